@@ -1,0 +1,67 @@
+# vlnpe: every command sets up what it needs first; nothing but Python, make and git is required.
+ROBOT      ?= aliengo
+CONTROLLER ?= path
+SCENE      ?= builtin
+EPISODES   ?= 6
+CAMERA     ?= ego
+LIGHT      ?= baked
+SEED       ?= 0
+
+PYTHON := $(shell command -v python3 || command -v python)
+BIN    := .venv/bin
+SETUP  := $(PYTHON) pipeline/bootstrap.py
+
+COLLECT = --robot "$(ROBOT)" --controller "$(CONTROLLER)" --scene "$(SCENE)" --episodes "$(EPISODES)" \
+          --camera "$(CAMERA)" --light "$(LIGHT)" --seed "$(SEED)" \
+          $(if $(SCENES),--scenes "$(SCENES)") $(if $(OUT),--out "$(OUT)") \
+          $(if $(WORKERS),--workers "$(WORKERS)")
+
+.DEFAULT_GOAL := help
+.PHONY: help setup collect train-gait test lint bench report verify doctor clean
+
+help:  ## Show this help
+	@echo "usage: make <target> [VARIABLE=value …]"
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@echo "variables of collect: ROBOT=$(ROBOT) CONTROLLER=$(CONTROLLER) SCENE=$(SCENE) EPISODES=$(EPISODES)"
+	@echo "  CAMERA=$(CAMERA) LIGHT=$(LIGHT) SEED=$(SEED) SCENES=<folder> OUT=<folder> WORKERS=<processes>"
+
+setup:  ## Install the core environment into .venv (collect does this by itself)
+	@$(SETUP) core
+
+collect:  ## Collect a dataset: make collect ROBOT=aliengo [SCENE=scan.glb EPISODES=8 OUT=…]
+	@$(SETUP) core
+	@$(BIN)/vlnpe collect $(COLLECT)
+
+train-gait:  ## Train a walking policy: make train-gait ROBOT=aliengo [OUT=folder]
+	@$(SETUP) full
+	@$(BIN)/python -m vlnpe.collectors.locomotion.train --robot "$(ROBOT)" $(if $(OUT),--out "$(OUT)")
+
+test:  ## Run all tests (installs the full environment with torch and lerobot)
+	@$(SETUP) full
+	@$(BIN)/python -m pytest
+
+lint:  ## Check style and types
+	@$(SETUP) full
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/pyright
+
+bench:  ## Measure speed and write benchmarks/README.md
+	@$(SETUP) full
+	@$(BIN)/python -m benchmarks
+
+report:  ## Write a run's report again: make report OUT=runs/<name>
+	@$(SETUP) core
+	@$(BIN)/vlnpe report "$(or $(OUT),runs/apartment-$(SEED))"
+
+verify:  ## Check a run's outputs: make verify OUT=runs/<name>
+	@$(SETUP) core
+	@$(BIN)/vlnpe verify "$(or $(OUT),runs/apartment-$(SEED))"
+
+doctor:  ## Say what this machine can do and what is missing
+	@$(SETUP) core
+	@$(BIN)/vlnpe doctor
+
+clean:  ## Remove the environment and caches; runs/ stays
+	rm -rf .venv .tools .pytest_cache .ruff_cache .hypothesis build dist *.egg-info
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,1 @@
+"""Robots, controllers, locomotion policies, physics replay and rendering (floor 2)."""

@@ -1,0 +1,1 @@
+"""Shared records, frames and every file format (floor 1: imports no other room)."""

@@ -1,0 +1,52 @@
+"""The Episode record: one instruction-following task in one scene, in the world frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Episode:
+    """Where a robot starts, where it must go, along which reference path, told in which words.
+
+    All positions are in the repaired scene's world frame (z up, metres) and lie on the floor.
+
+    Attributes:
+        episode_id: unique within its file.
+        trajectory_id: episodes of one path with different instructions share it.
+        scene_id: as in VLN-CE, e.g. `mp3d/<id>/<id>.glb`, or the scene's name.
+        split: `train`, `val_unseen`, …
+        level: index of the scene level the path lies on.
+        start_position_world_m: (3,) [m].
+        start_yaw_rad: heading, 0 = +x.
+        goal_position_world_m: (3,) [m].
+        reference_path_world_m: (P, 3) float64 [m], from start to goal.
+        geodesic_distance_m: length of the shortest collision-free path.
+        instruction: what the robot is told; empty before the instruct stage.
+        goal_radius_m: VLN-CE's success radius.
+        extra: further keys of the source file, kept as they are.
+    """
+
+    episode_id: str
+    trajectory_id: str
+    scene_id: str
+    split: str
+    level: int
+    start_position_world_m: NDArray[np.float64]
+    start_yaw_rad: float
+    goal_position_world_m: NDArray[np.float64]
+    reference_path_world_m: NDArray[np.float64]
+    geodesic_distance_m: float
+    instruction: str = ""
+    goal_radius_m: float = 3.0
+    extra: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def reference_length_m(self) -> float:
+        """Length of the reference path [m]."""
+        steps = np.diff(self.reference_path_world_m, axis=0)
+        return float(np.linalg.norm(steps, axis=1).sum())

@@ -1,0 +1,137 @@
+"""Every conversion between coordinate frames and quaternion orders.
+
+World: right-handed, z up, metres, radians. Quaternions are `quat_wxyz`, unit, w first.
+Habitat (VLN-CE): y up, the agent looks along −z at identity, quaternions xyzw.
+Cameras: *optical* frame: x right, y down, z forward (OpenCV, ROS and Foxglove).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+# Optical axes (x right, y down, z forward) expressed in a body frame (x forward, y left, z up).
+OPTICAL_IN_BODY = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+# MuJoCo and OpenGL cameras look along −z with y up.
+OPTICAL_TO_OPENGL = np.diag([1.0, -1.0, -1.0])
+
+
+def habitat_to_world_position(position_habitat_m: ArrayLike) -> Array:
+    """Habitat (x, y up, z) to world (x, −z, y). Shape (..., 3) [m], both ways alike."""
+    p = np.asarray(position_habitat_m, dtype=np.float64)
+    return np.stack([p[..., 0], -p[..., 2], p[..., 1]], axis=-1)
+
+
+def world_to_habitat_position(position_world_m: ArrayLike) -> Array:
+    """World (x, y, z up) to Habitat (x, z, −y). Shape (..., 3) [m]."""
+    p = np.asarray(position_world_m, dtype=np.float64)
+    return np.stack([p[..., 0], p[..., 2], -p[..., 1]], axis=-1)
+
+
+def habitat_to_world_yaw(rotation_xyzw: ArrayLike) -> float:
+    """Heading of a Habitat agent as a world yaw [rad] in (−π, π], 0 = looking along +x.
+
+    Habitat's rotation is about its y axis by θ; its agent looks along −z at θ = 0, which is
+    world +y, hence yaw = θ + 90° (the same offset as VLN-PE's public code).
+    """
+    x, y, z, w = np.asarray(rotation_xyzw, dtype=np.float64)
+    # Rotate the agent's forward (0, 0, −1); robust when pitch or roll are not exactly zero.
+    forward_habitat = -np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+    forward = habitat_to_world_position(forward_habitat)
+    return float(np.arctan2(forward[1], forward[0]))
+
+
+def world_to_habitat_rotation(yaw_rad: float) -> Array:
+    """Inverse of `habitat_to_world_yaw`: Habitat quaternion (4,) in xyzw order."""
+    half = 0.5 * (yaw_rad - 0.5 * np.pi)
+    return np.array([0.0, np.sin(half), 0.0, np.cos(half)])
+
+
+def wxyz_to_xyzw(quat_wxyz: ArrayLike) -> Array:
+    """Move w last; only for a format's edge. Shape (..., 4)."""
+    return np.roll(np.asarray(quat_wxyz, dtype=np.float64), -1, axis=-1)
+
+
+def xyzw_to_wxyz(quat_xyzw: ArrayLike) -> Array:
+    """Move w first; only for a format's edge. Shape (..., 4)."""
+    return np.roll(np.asarray(quat_xyzw, dtype=np.float64), 1, axis=-1)
+
+
+def quat_to_matrix(quat_wxyz: ArrayLike) -> Array:
+    """Unit quaternions (..., 4) to rotation matrices (..., 3, 3)."""
+    q = np.asarray(quat_wxyz, dtype=np.float64)
+    q = q / np.linalg.norm(q, axis=-1, keepdims=True)
+    w, x, y, z = np.moveaxis(q, -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def matrix_to_quat(rotation: ArrayLike) -> Array:
+    """Rotation matrices (..., 3, 3) to unit quaternions (..., 4), wxyz with w ≥ 0.
+
+    Builds the symmetric 4 × 4 matrix whose largest eigenvector is the quaternion (Bar-Itzhack,
+    "New method for extracting the quaternion from a rotation matrix", 2000): stable everywhere.
+    """
+    m = np.asarray(rotation, dtype=np.float64)
+    k = np.empty((*m.shape[:-2], 4, 4))
+    trace = m[..., 0, 0] + m[..., 1, 1] + m[..., 2, 2]
+    vector = np.stack(
+        [
+            m[..., 2, 1] - m[..., 1, 2],
+            m[..., 0, 2] - m[..., 2, 0],
+            m[..., 1, 0] - m[..., 0, 1],
+        ],
+        axis=-1,
+    )
+    k[..., 0, 0] = trace
+    k[..., 0, 1:] = k[..., 1:, 0] = vector
+    k[..., 1:, 1:] = m + np.swapaxes(m, -1, -2) - trace[..., None, None] * np.eye(3)
+    quat = np.linalg.eigh(k)[1][..., -1]
+    return np.where(quat[..., :1] < 0, -quat, quat)
+
+
+def quat_multiply(a_wxyz: ArrayLike, b_wxyz: ArrayLike) -> Array:
+    """Hamilton product a ⊗ b of quaternions (..., 4): rotate by b, then by a."""
+    aw, ax, ay, az = np.moveaxis(np.asarray(a_wxyz, dtype=np.float64), -1, 0)
+    bw, bx, by, bz = np.moveaxis(np.asarray(b_wxyz, dtype=np.float64), -1, 0)
+    return np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        axis=-1,
+    )
+
+
+def yaw_to_quat(yaw_rad: ArrayLike) -> Array:
+    """Rotation about world z by `yaw_rad` (...) as quat_wxyz (..., 4)."""
+    half = 0.5 * np.asarray(yaw_rad, dtype=np.float64)
+    zero = np.zeros_like(half)
+    return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)
+
+
+def quat_to_yaw(quat_wxyz: ArrayLike) -> Array:
+    """Heading of the body x axis about world z [rad], shape (...) from (..., 4)."""
+    w, x, y, z = np.moveaxis(np.asarray(quat_wxyz, dtype=np.float64), -1, 0)
+    return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+def quat_to_roll_pitch(quat_wxyz: ArrayLike) -> tuple[Array, Array]:
+    """Roll and pitch [rad] of z-y-x Euler angles, each (...), from (..., 4)."""
+    w, x, y, z = np.moveaxis(np.asarray(quat_wxyz, dtype=np.float64), -1, 0)
+    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
+    return roll, pitch
+
+
+def wrap_angle(angle_rad: ArrayLike) -> Array:
+    """Wrap angles (...) to [−π, π)."""
+    return (np.asarray(angle_rad, dtype=np.float64) + np.pi) % (2 * np.pi) - np.pi

@@ -1,0 +1,58 @@
+"""Regular horizontal grids over a level."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True)
+class GridSpec:
+    """A grid of square cells; arrays over it are indexed [row = y, column = x].
+
+    Attributes:
+        origin_xy_m: world (x, y) of the outer corner of cell (0, 0).
+        cell_m: side of a cell.
+        rows, columns: extent along y and x.
+    """
+
+    origin_xy_m: tuple[float, float]
+    cell_m: float
+    rows: int
+    columns: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns)."""
+        return self.rows, self.columns
+
+    def cell_of(self, xy_m: ArrayLike) -> NDArray[np.int64]:
+        """World points (..., 2) [m] to (row, column) of the cell they lie in, (..., 2) int64.
+
+        Points outside the grid give indices outside `shape`; see `inside`.
+        """
+        xy = np.asarray(xy_m, dtype=np.float64)
+        index = np.floor((xy - np.asarray(self.origin_xy_m)) / self.cell_m).astype(np.int64)
+        return index[..., ::-1]
+
+    def center_of(self, row_column: ArrayLike) -> NDArray[np.float64]:
+        """(row, column) (..., 2), fractional allowed, to world centres (..., 2) [m]."""
+        rc = np.asarray(row_column, dtype=np.float64)
+        return np.asarray(self.origin_xy_m) + (rc[..., ::-1] + 0.5) * self.cell_m
+
+    def inside(self, row_column: ArrayLike) -> NDArray[np.bool_]:
+        """Whether (row, column) (..., 2) lies in the grid, (...)."""
+        rc = np.asarray(row_column)
+        return np.all((rc >= 0) & (rc < np.asarray(self.shape)), axis=-1)
+
+    @staticmethod
+    def covering(lower_xy_m: ArrayLike, upper_xy_m: ArrayLike, cell_m: float) -> GridSpec:
+        """The grid aligned to multiples of `cell_m` that covers a box (2,), (2,) [m]."""
+        lower = np.floor(np.asarray(lower_xy_m, dtype=np.float64) / cell_m)
+        upper = np.ceil(np.asarray(upper_xy_m, dtype=np.float64) / cell_m)
+        columns, rows = np.maximum(upper - lower, 1).astype(int)
+        return GridSpec(
+            (float(lower[0] * cell_m), float(lower[1] * cell_m)), cell_m, int(rows), int(columns)
+        )

@@ -1,0 +1,134 @@
+"""The Rollout record: physics truth of one episode, sampled at 100 Hz, no pixels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum, StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .episode import Episode
+
+STATE_RATE_HZ = 100  # divisible by 4, 5, 10, 20, 25 and 50: every frame time is a sample
+
+
+class Action(IntEnum):
+    """VLN-CE's discrete actions: forward 0.25 m, turns of 15°."""
+
+    STOP = 0
+    FORWARD = 1
+    LEFT = 2
+    RIGHT = 3
+
+
+class EndReason(StrEnum):
+    """Why an episode ended; only `SUCCESS` counts as success."""
+
+    SUCCESS = "success"
+    STOPPED_FAR = "stopped_far"
+    FALL = "fall"
+    STUCK = "stuck"
+    TIMEOUT = "timeout"
+    COLLISION_START = "collision_start"
+    DIVERGED = "diverged"
+
+
+@dataclass(frozen=True)
+class ActionSpan:
+    """One executed discrete action and the sample interval [start, stop) it took."""
+
+    action: Action
+    start_sample: int
+    stop_sample: int
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something worth knowing at a time: a contact with an obstacle, a re-plan, a fall, …"""
+
+    time_s: float
+    kind: str
+    detail: str = ""
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """VLN metrics of one rollout (Anderson et al. 2018; nDTW: Ilharco et al. 2019).
+
+    Distances to the goal are geodesic on the freemap unless named otherwise.
+    """
+
+    trajectory_length_m: float
+    navigation_error_m: float
+    navigation_error_euclidean_m: float
+    success: bool
+    oracle_success: bool
+    spl: float
+    ndtw: float
+    fall: bool
+    stuck: bool
+    duration_s: float
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """State of the robot at every sample, and what it did.
+
+    T samples at `STATE_RATE_HZ`; sample 0 is the first after settling.
+
+    Attributes:
+        episode: what was asked.
+        robot, controller: registry names.
+        time_s: (T,) [s].
+        position_world_m: (T, 3) base position [m].
+        quat_wxyz: (T, 4) base orientation in the world.
+        linear_velocity_base_m_s: (T, 3) in the base frame.
+        angular_velocity_base_rad_s: (T, 3) in the base frame.
+        joint_names: J names, the order of the next three.
+        joint_position_rad, joint_velocity_rad_s, joint_torque_nm: (T, J).
+        command: (T, 3) commanded vx, vy [m/s] and yaw rate [rad/s], in the base frame.
+        foot_names: F names.
+        foot_contact: (T, F) bool.
+        imu: (T, 6) specific force [m/s²] and angular rate [rad/s] in the base frame.
+        floor_z_m: (T,) height of the floor under the base [m].
+        actions: executed discrete actions; empty when the controller knows none.
+        events: in time order.
+        end_reason: why it ended.
+        metrics: of the whole rollout.
+        facts: robot, physics and controller facts worth keeping with the data (JSON values).
+    """
+
+    episode: Episode
+    robot: str
+    controller: str
+    time_s: NDArray[np.float64]
+    position_world_m: NDArray[np.float64]
+    quat_wxyz: NDArray[np.float64]
+    linear_velocity_base_m_s: NDArray[np.float64]
+    angular_velocity_base_rad_s: NDArray[np.float64]
+    joint_names: tuple[str, ...]
+    joint_position_rad: NDArray[np.float64]
+    joint_velocity_rad_s: NDArray[np.float64]
+    joint_torque_nm: NDArray[np.float64]
+    command: NDArray[np.float64]
+    foot_names: tuple[str, ...]
+    foot_contact: NDArray[np.bool_]
+    imu: NDArray[np.float64]
+    floor_z_m: NDArray[np.float64]
+    actions: tuple[ActionSpan, ...]
+    events: tuple[Event, ...]
+    end_reason: EndReason
+    metrics: Metrics
+    facts: dict[str, object] = field(default_factory=dict)
+
+    def frame_samples(self, frames_per_second: int) -> NDArray[np.int64]:
+        """Sample index of each frame, (N,): every 100/fps-th sample from 0 on.
+
+        Raises:
+            ValueError: when the rate does not divide `STATE_RATE_HZ`.
+        """
+        if frames_per_second < 1 or STATE_RATE_HZ % frames_per_second:
+            valid = [r for r in range(1, STATE_RATE_HZ + 1) if STATE_RATE_HZ % r == 0]
+            raise ValueError(f"frame rate {frames_per_second} does not divide 100; valid: {valid}")
+        return np.arange(0, len(self.time_s), STATE_RATE_HZ // frames_per_second)

@@ -1,0 +1,1 @@
+"""Reference path and landmarks in, checked navigation instructions out (floor 2)."""

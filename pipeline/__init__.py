@@ -1,0 +1,1 @@
+"""Command line, configuration, stage runner, manifests and the report (floor 3)."""

@@ -1,0 +1,198 @@
+#!/usr/bin/env python
+"""Set up the project's environment on a machine that has only a Python, whichever it is.
+
+Runs before anything is installed and on any interpreter from 2.7 on, hence the old syntax: finds
+or installs uv, finds a Python 3.12 or 3.13 (on PATH, or under pyenv's `versions/`, which need not be
+on PATH) or lets uv fetch one, then syncs the committed lock into `.venv`. A stamp of the lock makes
+every further call a no-op.
+
+usage: python pipeline/bootstrap.py core|full
+"""
+
+from __future__ import print_function
+
+import glob
+import hashlib
+import json
+import os
+import platform
+import stat
+import subprocess
+import sys
+import zipfile
+
+try:
+    from urllib.request import urlopen
+except ImportError:  # Python 2
+    from urllib2 import urlopen
+
+ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+TOOLS = os.path.join(ROOT, ".tools")
+UV_VERSION = "0.13.8"
+UV_MINIMUM = (0, 8)
+PYTHONS = ((3, 12), (3, 13))
+SYNC = {
+    "core": ["--inexact"],  # never removes what `full` has already installed
+    "full": ["--extra", "train", "--group", "dev"],
+}
+
+
+def say(message):
+    print("setup: " + message, file=sys.stderr)
+
+
+def output_of(command):
+    """Standard output of a command, or None when it cannot run or fails."""
+    try:
+        with open(os.devnull, "w") as null:
+            return subprocess.check_output(command, stderr=null).decode("utf-8", "replace").strip()
+    except (OSError, subprocess.CalledProcessError):
+        return None
+
+
+def executable(*parts):
+    name = os.path.join(*parts)
+    return name + ".exe" if os.name == "nt" else name
+
+
+def uv_works(path):
+    text = output_of([path, "--version"])
+    if not text:
+        return False
+    try:
+        return tuple(int(p) for p in text.split()[1].split(".")[:2]) >= UV_MINIMUM
+    except (IndexError, ValueError):
+        return False
+
+
+def wheel_tags():
+    machine = platform.machine().lower()
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(machine, machine)
+    if sys.platform == "darwin":
+        return ["macosx", "arm64" if machine == "aarch64" else machine]
+    if os.name == "nt":
+        return ["win", "amd64" if machine == "x86_64" else "arm64"]
+    libc = "manylinux" if platform.libc_ver()[0] == "glibc" else "musllinux"
+    return [libc, machine]
+
+
+def download_uv():
+    """Unpack uv from its wheel on PyPI with the standard library alone, checked by its SHA-256."""
+    with_tags = wheel_tags()
+    page = json.loads(
+        urlopen("https://pypi.org/pypi/uv/%s/json" % UV_VERSION).read().decode("utf-8")
+    )
+    for entry in page["urls"]:
+        name = entry["filename"]
+        if name.endswith(".whl") and all(tag in name for tag in with_tags):
+            break
+    else:
+        raise RuntimeError("PyPI has no uv wheel for " + " ".join(with_tags))
+    data = urlopen(entry["url"]).read()
+    if hashlib.sha256(data).hexdigest() != entry["digests"]["sha256"]:
+        raise RuntimeError("the downloaded uv wheel does not match its SHA-256")
+    wheel = os.path.join(TOOLS, name)
+    with open(wheel, "wb") as stream:
+        stream.write(data)
+    target = executable(TOOLS, "bin", "uv")
+    folder = os.path.dirname(target)
+    if not os.path.isdir(folder):
+        os.makedirs(folder)
+    archive = zipfile.ZipFile(wheel)
+    for member in archive.namelist():
+        if os.path.splitext(os.path.basename(member))[0] in ("uv", "uvx"):
+            path = os.path.join(folder, os.path.basename(member))
+            with open(path, "wb") as stream:
+                stream.write(archive.read(member))
+            os.chmod(path, os.stat(path).st_mode | stat.S_IXUSR | stat.S_IXGRP | stat.S_IXOTH)
+    archive.close()
+    os.remove(wheel)
+    return target
+
+
+def find_uv():
+    candidates = [
+        executable(TOOLS, "bin", "uv"),
+        executable("uv"),
+        executable(os.path.expanduser("~"), ".local", "bin", "uv"),
+        executable(os.path.expanduser("~"), ".cargo", "bin", "uv"),
+    ]
+    for path in candidates:
+        if uv_works(path):
+            return path
+    if not os.path.isdir(TOOLS):
+        os.makedirs(TOOLS)
+    say("uv is not installed; installing uv %s into .tools" % UV_VERSION)
+    # pip first, because it knows the user's package index and certificates.
+    command = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    command += ["--no-warn-script-location", "--target", TOOLS, "uv==" + UV_VERSION]
+    if output_of(command) is not None and uv_works(candidates[0]):
+        return candidates[0]
+    say("this Python has no working pip; downloading uv's wheel from PyPI")
+    path = download_uv()
+    if not uv_works(path):
+        raise RuntimeError("the downloaded uv does not run: " + path)
+    return path
+
+
+def find_python():
+    """A Python 3.12 or 3.13, also one that is not on PATH; None lets uv fetch one."""
+    if os.environ.get("UV_PYTHON"):
+        return os.environ["UV_PYTHON"]
+    candidates = ["python%d.%d" % version for version in PYTHONS] + ["python3", "python"]
+    pyenv = os.environ.get("PYENV_ROOT") or os.path.join(os.path.expanduser("~"), ".pyenv")
+    for version in PYTHONS:
+        pattern = os.path.join(pyenv, "versions", "%d.%d.*" % version, "bin", "python3")
+        candidates += sorted(glob.glob(pattern), reverse=True)
+    question = "import sys; print('%d.%d|%s' % (sys.version_info[:2] + (sys.executable,)))"
+    for candidate in candidates:
+        answer = output_of([candidate, "-c", question])
+        version, _, path = (answer or "").partition("|")
+        if version in ("%d.%d" % v for v in PYTHONS) and os.path.exists(path):
+            return path
+    return None
+
+
+def digest():
+    """What the environment depends on: the lock, the package list and this script."""
+    state = hashlib.sha256()
+    for name in ("uv.lock", "pyproject.toml", os.path.join("pipeline", "bootstrap.py")):
+        with open(os.path.join(ROOT, name), "rb") as stream:
+            state.update(stream.read())
+    return state.hexdigest()
+
+
+def main(arguments):
+    if len(arguments) != 1 or arguments[0] not in SYNC:
+        say("usage: python pipeline/bootstrap.py " + "|".join(sorted(SYNC)))
+        return 2
+    kind = arguments[0]
+    # The stamp lives in the environment: deleting `.venv` deletes it too.
+    stamps = [os.path.join(ROOT, ".venv", ".vlnpe-" + name) for name in ("full", kind)]
+    wanted = digest()
+    for stamp in stamps:
+        if os.path.exists(stamp):
+            with open(stamp) as stream:
+                if stream.read() == wanted:
+                    return 0
+    try:
+        uv = find_uv()
+        python = find_python()
+        environment = dict(os.environ)
+        environment.pop("VIRTUAL_ENV", None)
+        if python:
+            environment["UV_PYTHON"] = python
+        say("syncing the %s environment (%s)" % (kind, python or "Python fetched by uv"))
+        command = [uv, "sync", "--project", ROOT, "--frozen"] + SYNC[kind]
+        code = subprocess.call(command, env=environment)
+    except (RuntimeError, EnvironmentError) as error:
+        say("failed: %s" % error)
+        return 1
+    if code == 0:
+        with open(stamps[1], "w") as stream:
+            stream.write(wanted)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,66 @@
+"""Digests that tell whether a work item must run again."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+PACKAGE_ROOT = Path(__file__).resolve().parents[1]
+ROOMS = (
+    "collectors",
+    "datasets",
+    "formats",
+    "instruction_gen",
+    "pipeline",
+    "scene_repair",
+    "trajectory_sampler",
+)
+CODE_SUFFIXES = {".py", ".xml", ".onnx", ".json"}
+
+
+def digest(*parts: Any) -> str:
+    """SHA-256 hex of any nesting of dataclasses, mappings, sequences, paths and JSON values."""
+    text = json.dumps([_plain(p) for p in parts], sort_keys=True, allow_nan=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 hex of a file's content."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+@cache
+def code_version(*folders: str) -> str:
+    """SHA-256 hex of the source, models and policies in some folders of the package.
+
+    Args:
+        folders: relative to the package, e.g. `formats` or `scene_repair/builtin`.
+    """
+    state = hashlib.sha256()
+    for folder in folders:
+        for path in sorted((PACKAGE_ROOT / folder).rglob("*")):
+            if path.suffix in CODE_SUFFIXES and path.is_file():
+                state.update(str(path.relative_to(PACKAGE_ROOT)).encode())
+                state.update(path.read_bytes())
+    return state.hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        fields = {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        return {"__type__": type(value).__qualname__, **fields}
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, set | frozenset):
+        return sorted(_plain(v) for v in value)
+    if isinstance(value, Path):
+        return str(value)
+    return value

@@ -1,0 +1,123 @@
+"""What a run has done: one row per work item, safe against being killed at any moment.
+
+`manifest.json` holds the rows; while a run is going, each finished item is appended to
+`manifest.journal.jsonl` at once (rewriting the manifest per item would cost quadratic time), and
+folded into the manifest at the next `save`.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from ..formats.atomic import write_json
+from ..formats.errors import FileFormatError
+
+MANIFEST_NAME = "manifest.json"
+JOURNAL_NAME = "manifest.journal.jsonl"
+QUARANTINE_NAME = "quarantine.json"
+
+Status = Literal["done", "quarantined"]
+
+
+@dataclass(frozen=True)
+class Row:
+    """The outcome of one work item.
+
+    Attributes:
+        stage, item: which one.
+        key: digest of config, inputs and code that made it.
+        status: `done`, or `quarantined` when it raised.
+        failed: done, but with a bad outcome (a fall, a stuck robot): data, and counted apart.
+        outputs: produced files and folders, relative to the ledger's folder.
+        seconds: wall time it took.
+        facts: whatever later stages and the report want to know (JSON values).
+        error: `type` and `reason` of a quarantined item.
+    """
+
+    stage: str
+    item: str
+    key: str
+    status: Status
+    failed: bool = False
+    outputs: tuple[str, ...] = ()
+    seconds: float = 0.0
+    facts: dict[str, Any] = field(default_factory=dict)
+    error: dict[str, str] = field(default_factory=dict)
+
+
+class Ledger:
+    """Rows of one folder, by (stage, item)."""
+
+    def __init__(self, root: Path):
+        """Open the ledger in `root`; a missing one is empty.
+
+        Raises:
+            FileFormatError: the manifest is not one of ours.
+        """
+        self.root = root
+        self._rows: dict[tuple[str, str], Row] = {}
+        manifest = root / MANIFEST_NAME
+        if manifest.exists():
+            try:
+                rows = json.loads(manifest.read_text())["rows"]
+                for row in rows:
+                    self._keep(_row(row))
+            except (KeyError, TypeError, ValueError) as error:
+                raise FileFormatError(manifest, f"not a vlnpe manifest: {error!r}") from error
+        journal = root / JOURNAL_NAME
+        if journal.exists():
+            for line in journal.read_text().splitlines():
+                try:
+                    self._keep(_row(json.loads(line)))
+                except (TypeError, ValueError):
+                    break  # the last line of a killed run may be cut short: its item runs again
+
+    def rows(self, stage: str | None = None) -> list[Row]:
+        """All rows, or those of one stage, in item order."""
+        return [self._rows[k] for k in sorted(self._rows) if stage in (None, k[0])]
+
+    def row(self, stage: str, item: str) -> Row | None:
+        """The row of one item, or None."""
+        return self._rows.get((stage, item))
+
+    def is_done(self, stage: str, item: str, key: str) -> bool:
+        """Whether the item was done with this key and its outputs are still there."""
+        row = self.row(stage, item)
+        return (
+            row is not None
+            and row.status == "done"
+            and row.key == key
+            and all((self.root / path).exists() for path in row.outputs)
+        )
+
+    def add(self, row: Row) -> None:
+        """Record a finished item durably."""
+        self._keep(row)
+        with (self.root / JOURNAL_NAME).open("a") as stream:
+            stream.write(json.dumps(asdict(row)) + "\n")
+            stream.flush()
+            os.fsync(stream.fileno())
+
+    def save(self) -> None:
+        """Fold the journal into the manifest, and list what is quarantined."""
+        if not self._rows:
+            return
+        write_json(self.root / MANIFEST_NAME, {"rows": [asdict(r) for r in self.rows()]})
+        bad = [
+            {"stage": r.stage, "item": r.item, **r.error}
+            for r in self.rows()
+            if r.status == "quarantined"
+        ]
+        write_json(self.root / QUARANTINE_NAME, {"count": len(bad), "items": bad})
+        (self.root / JOURNAL_NAME).unlink(missing_ok=True)
+
+    def _keep(self, row: Row) -> None:
+        self._rows[(row.stage, row.item)] = row
+
+
+def _row(value: dict[str, Any]) -> Row:
+    return Row(**{**value, "outputs": tuple(value["outputs"])})

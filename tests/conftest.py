@@ -1,0 +1,26 @@
+"""Fixtures shared by all tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.support.rooms import write_two_rooms
+from vlnpe.formats.scene_bundle import SceneBundle
+
+SHARED_SCENES = Path(__file__).resolve().parents[2] / "shared" / "scenes"
+
+
+@pytest.fixture(scope="session")
+def two_rooms(tmp_path_factory: pytest.TempPathFactory) -> SceneBundle:
+    """A known two-room scene; see `tests.support.rooms`."""
+    return write_two_rooms(tmp_path_factory.mktemp("two_rooms"))
+
+
+@pytest.fixture(scope="session")
+def shared_scenes() -> Path:
+    """Folder of real scans that may lie beside the repository."""
+    if not SHARED_SCENES.is_dir():
+        pytest.skip(f"no real scans at {SHARED_SCENES}")
+    return SHARED_SCENES
