@@ -1,0 +1,105 @@
+"""What a policy sees, computed by the same code in training and in replay.
+
+Only generalised positions and velocities enter: they are current after every physics step, while
+sensors and body poses lag one step behind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RobotState:
+    """State of N robots with J joints.
+
+    Attributes:
+        quat_wxyz: (N, 4) base orientation in the world.
+        linear_velocity_world_m_s: (N, 3).
+        angular_velocity_base_rad_s: (N, 3).
+        joint_rad: (N, J) joint positions.
+        joint_rad_s: (N, J) joint velocities.
+    """
+
+    quat_wxyz: Array
+    linear_velocity_world_m_s: Array
+    angular_velocity_base_rad_s: Array
+    joint_rad: Array
+    joint_rad_s: Array
+
+
+def layout(joints: int) -> list[tuple[str, int]]:
+    """Names and widths of the blocks of one observation, in order."""
+    return [
+        ("linear_velocity_base_m_s", 3),
+        ("angular_velocity_base_rad_s", 3),
+        ("gravity_base", 3),
+        ("command_vx_vy_yaw", 3),
+        ("gait_phase_sin_cos", 2),
+        ("joint_minus_default_rad", joints),
+        ("joint_velocity_rad_s", joints),
+        ("previous_action", joints),
+    ]
+
+
+def rotate_to_base(quat_wxyz: Array, vector_world: Array) -> Array:
+    """Express (N, 3) world vectors in base frames given by (N, 4) unit quaternions."""
+    w, axis = quat_wxyz[:, :1], quat_wxyz[:, 1:]
+    # v' = v − 2w (q × v) + 2 q × (q × v), the inverse rotation.
+    cross = _cross(axis, vector_world)
+    return vector_world - 2.0 * w * cross + 2.0 * _cross(axis, cross)
+
+
+def gravity_in_base(quat_wxyz: Array) -> Array:
+    """(N, 3) unit gravity in base frames: (0, 0, −1) when level."""
+    w, x, y, z = quat_wxyz.T
+    return np.stack(
+        [2.0 * (w * y - x * z), -2.0 * (w * x + y * z), 2.0 * (x * x + y * y) - 1.0], axis=1
+    )
+
+
+def observe(
+    state: RobotState,
+    default_joint_rad: Array,
+    command: Array,
+    phase: Array,
+    moving: NDArray[np.bool_],
+    previous_action: Array,
+) -> Array:
+    """Observations (N, D) in the order of `layout`.
+
+    Args:
+        state: of N robots.
+        default_joint_rad: (J,).
+        command: (N, 3) vx, vy [m/s] and yaw rate [rad/s] in the base frame.
+        phase: (N,) gait phase in cycles.
+        moving: (N,) a standing robot sees (0, 0) for its phase.
+        previous_action: (N, J) the policy's last output.
+    """
+    angle = 2.0 * np.pi * phase
+    clock = np.stack([np.sin(angle), np.cos(angle)], axis=1) * moving[:, None]
+    return np.concatenate(
+        [
+            rotate_to_base(state.quat_wxyz, state.linear_velocity_world_m_s),
+            state.angular_velocity_base_rad_s,
+            gravity_in_base(state.quat_wxyz),
+            command,
+            clock,
+            state.joint_rad - default_joint_rad,
+            state.joint_rad_s,
+            previous_action,
+        ],
+        axis=1,
+    )
+
+
+def _cross(a: Array, b: Array) -> Array:
+    # np.cross costs ten times as much for such small arrays.
+    ax, ay, az = a.T
+    bx, by, bz = b.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)

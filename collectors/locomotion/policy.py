@@ -1,0 +1,121 @@
+"""A trained gait at work: state and velocity command in, joint targets out, at 50 Hz."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import onnxruntime
+from numpy.typing import ArrayLike, NDArray
+
+from ...formats.errors import FileFormatError
+from ..robots import RobotHandles, RobotSpec
+from .card import POLICY_FOLDER, PolicyCard, PolicyMismatchError, load_card
+from .observation import RobotState, observe
+
+__all__ = ["GaitPolicy", "PolicyMismatchError"]
+
+
+class GaitPolicy:
+    """Velocity tracking for one robot in one simulation; keeps clock and last action.
+
+    Attributes:
+        robot: whom it moves.
+        card: what it was trained on.
+    """
+
+    def __init__(
+        self, robot: RobotSpec, card: PolicyCard, session: onnxruntime.InferenceSession
+    ) -> None:
+        self.robot, self.card, self._session = robot, card, session
+        self._default = robot.default_joint_rad
+        self._handles: tuple[mujoco.MjModel, RobotHandles] | None = None
+        self.reset()
+
+    @classmethod
+    def load(cls, robot: RobotSpec, folder: Path = POLICY_FOLDER) -> GaitPolicy:
+        """Read `<robot>.onnx` and its card `<robot>.json` from `folder`.
+
+        Raises:
+            FileFormatError: a file is missing, broken, or the ONNX file is not the card's.
+            PolicyMismatchError: trained on another model, joint order or observation layout.
+        """
+        card_path, onnx_path = folder / f"{robot.name}.json", folder / f"{robot.name}.onnx"
+        card = load_card(card_path)
+        card.check(robot, card_path)
+        if not onnx_path.is_file():
+            raise FileFormatError(onnx_path, "the policy's network is missing")
+        content = onnx_path.read_bytes()
+        if hashlib.sha256(content).hexdigest() != card.onnx_sha256:
+            raise PolicyMismatchError(onnx_path, f"is not the network that {card_path} describes")
+        return cls(robot, card, _session(content))
+
+    @property
+    def rate_hz(self) -> float:
+        """How often `act` must be called."""
+        return self.card.rate_hz
+
+    @property
+    def phase(self) -> float:
+        """Gait phase in cycles, 0 while standing."""
+        return float(self._phase[0])
+
+    def reset(self) -> None:
+        """Forget clock and last action; call at the start of every rollout."""
+        self._phase = np.zeros(1)
+        self._action = np.zeros((1, len(self.robot.joints)))
+
+    def act(self, data: mujoco.MjData, command: ArrayLike) -> NDArray[np.float64]:
+        """Joint position targets [rad] for the next 20 ms; write them to `ctrl` of the servos.
+
+        Args:
+            data: state after a physics step; the robot may be attached under any prefix.
+            command: (3,) vx, vy [m/s] and yaw rate [rad/s] in the base frame, clipped to the
+                robot's limits. Nearly zero means: stand still.
+
+        Returns:
+            (J,) in the order of `robot.joint_names`.
+        """
+        handles = self.handles(data.model)
+        wanted = self.robot.command_limits.clip(np.asarray(command, dtype=np.float64)[None])
+        moving = self.card.gait.moving(wanted)
+        self._phase = self.card.gait.advance(self._phase, moving, 1.0 / self.card.rate_hz)
+        observation = observe(
+            state_of(data, handles), self._default, wanted, self._phase, moving, self._action
+        )
+        (action,) = self._session.run(None, {"observation": observation.astype(np.float32)})
+        clip = self.card.action_clip
+        self._action = np.clip(np.asarray(action, dtype=np.float64), -clip, clip)
+        return self._default + self.card.action_scale_rad * self._action[0]
+
+    def handles(self, model: mujoco.MjModel) -> RobotHandles:
+        """Addresses of this robot in `model`, looked up once per model."""
+        if self._handles is None or self._handles[0] is not model:
+            self._handles = (model, RobotHandles.find(self.robot, model))
+        return self._handles[1]
+
+
+def state_of(data: mujoco.MjData, handles: RobotHandles) -> RobotState:
+    """The robot's state as a batch of one."""
+    q, v = handles.root_qpos, handles.root_dof
+    return RobotState(
+        quat_wxyz=data.qpos[None, q + 3 : q + 7],
+        linear_velocity_world_m_s=data.qvel[None, v : v + 3],
+        angular_velocity_base_rad_s=data.qvel[None, v + 3 : v + 6],
+        joint_rad=data.qpos[None, handles.joint_qpos],
+        joint_rad_s=data.qvel[None, handles.joint_dof],
+    )
+
+
+def _session(content: bytes) -> onnxruntime.InferenceSession:
+    options = onnxruntime.SessionOptions()
+    # One small network per worker: threads only cost, here.
+    options.intra_op_num_threads = 1
+    options.inter_op_num_threads = 1
+    options.log_severity_level = 3
+    try:
+        return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime's own exception types are not public
+        raise FileFormatError("policy", f"onnxruntime cannot read it: {error}") from error

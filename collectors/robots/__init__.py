@@ -1,0 +1,20 @@
+"""The robots: public facts, own MJCF models of primitive shapes, one registry."""
+
+from .handles import RobotHandles
+from .physics import POLICY_DECIMATION, TIMESTEP_S, apply_physics_options
+from .registry import ROBOTS, get_robot
+from .spec import CameraMount, CommandLimits, FallThresholds, JointFacts, RobotSpec
+
+__all__ = [
+    "POLICY_DECIMATION",
+    "ROBOTS",
+    "TIMESTEP_S",
+    "CameraMount",
+    "CommandLimits",
+    "FallThresholds",
+    "JointFacts",
+    "RobotHandles",
+    "RobotSpec",
+    "apply_physics_options",
+    "get_robot",
+]

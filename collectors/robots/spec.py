@@ -1,0 +1,200 @@
+"""What is known about a robot, as frozen records."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ...formats.camera import CameraModel
+from .physics import apply_physics_options
+
+
+@dataclass(frozen=True)
+class JointFacts:
+    """One actuated joint: limits, default pose and servo.
+
+    Attributes:
+        name: joint and actuator name.
+        default_rad: default joint position [rad], the zero of the policy's action.
+        range_rad: lower and upper limit [rad].
+        kp, kd: PD gains of the position servo [Nm/rad], [Nm·s/rad].
+        torque_nm: torque limit [Nm].
+    """
+
+    name: str
+    default_rad: float
+    range_rad: tuple[float, float]
+    kp: float
+    kd: float
+    torque_nm: float
+
+
+@dataclass(frozen=True)
+class CameraMount:
+    """An onboard camera fixed to a body.
+
+    Attributes:
+        name: camera name in the model.
+        body: name of the body that carries it.
+        position_body_m: (x, y, z) of the optical centre in that body's frame [m].
+        pitch_down_deg: downward tilt of the optical axis [deg].
+        model: the pinhole camera.
+    """
+
+    name: str
+    body: str
+    position_body_m: tuple[float, float, float]
+    pitch_down_deg: float
+    model: CameraModel
+
+
+@dataclass(frozen=True)
+class CommandLimits:
+    """Range of velocity commands in the base frame (x forward, y left), [m/s] and [rad/s]."""
+
+    vx_m_s: tuple[float, float]
+    vy_m_s: tuple[float, float]
+    yaw_rad_s: tuple[float, float]
+
+    def clip(self, command: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Clip (…, 3) commands (vx, vy, yaw rate) into the limits."""
+        limits = np.array([self.vx_m_s, self.vy_m_s, self.yaw_rad_s])
+        return np.clip(command, limits[:, 0], limits[:, 1])
+
+
+@dataclass(frozen=True)
+class FallThresholds:
+    """A robot has fallen when it leans or sinks beyond these (rule of the VLN-PE paper).
+
+    Attributes:
+        roll_rad, pitch_rad: largest absolute lean of the base [rad].
+        com_to_foot_m: least height of the centre of mass above the lowest foot [m].
+    """
+
+    com_to_foot_m: float
+    roll_rad: float = float(np.deg2rad(15.0))
+    pitch_rad: float = float(np.deg2rad(35.0))
+
+
+@dataclass(frozen=True)
+class RobotSpec:
+    """Facts of one robot and the recipe of its model.
+
+    Attributes:
+        name: registry name.
+        title: how a person calls it.
+        mass_kg: total mass.
+        link_mass_kg: mass of each body by body name.
+        joints: actuated joints in policy order.
+        action_scale_rad: joint target = default + scale × policy action.
+        root_body, root_joint: the floating base.
+        foot_geoms: collision geoms of the feet.
+        base_height_m: height of the base frame above the floor when it stands settled.
+        spawn_height_m: height of the base frame at which the default pose just touches the floor.
+        footprint_radius_m: radius of the disc that planners keep free.
+        camera: the ego camera.
+        fall: when it counts as fallen.
+        command_limits: velocities the controllers may ask for.
+        sources: where the facts come from, one line each.
+        build: makes a fresh `MjSpec` of the robot alone.
+    """
+
+    name: str
+    title: str
+    mass_kg: float
+    link_mass_kg: Mapping[str, float]
+    joints: tuple[JointFacts, ...]
+    action_scale_rad: float
+    root_body: str
+    root_joint: str
+    foot_geoms: tuple[str, ...]
+    base_height_m: float
+    spawn_height_m: float
+    footprint_radius_m: float
+    camera: CameraMount
+    fall: FallThresholds
+    command_limits: CommandLimits
+    sources: tuple[str, ...]
+    build: Callable[[RobotSpec], mujoco.MjSpec] = field(repr=False)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the actuated joints, in policy order."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def default_joint_rad(self) -> NDArray[np.float64]:
+        """(J,) default joint positions [rad]."""
+        return np.array([joint.default_rad for joint in self.joints])
+
+    def spec(self) -> mujoco.MjSpec:
+        """A fresh, attachable spec of the robot alone, its base at the origin."""
+        return self.build(self)
+
+    def build_model(self, floor: bool = True) -> mujoco.MjModel:
+        """Compile the robot alone, on an infinite plane at z = 0 unless `floor` is False."""
+        spec = self.spec()
+        apply_physics_options(spec)
+        spec.body(self.root_body).pos = [0.0, 0.0, self.spawn_height_m]
+        if floor:
+            spec.worldbody.add_geom(
+                name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 1.0]
+            )
+        return spec.compile()
+
+    def physics_hash(self) -> str:
+        """SHA-256 over everything in the compiled model that shapes the robot's motion.
+
+        Colours, cameras and visual shapes do not enter, so that a prettier robot keeps its policy;
+        masses, joints, servos and collision shapes do. Values are rounded to six significant
+        digits, which leaves room for the last bits of another compiler.
+        """
+        model = self.build_model(floor=False)
+        colliding = model.geom_contype + model.geom_conaffinity > 0
+        parts = {
+            **{key: getattr(model, key) for key in _DYNAMIC_FIELDS},
+            **{key: getattr(model, key)[colliding] for key in _COLLISION_FIELDS},
+        }
+        digest = hashlib.sha256("/".join(self.joint_names).encode())
+        for key, value in parts.items():
+            text = ",".join(f"{number:.6g}" for number in np.ravel(value) + 0.0)
+            digest.update(f"{key}={text};".encode())
+        return digest.hexdigest()
+
+
+_DYNAMIC_FIELDS = (
+    "body_parentid",
+    "body_pos",
+    "body_quat",
+    "body_mass",
+    "body_ipos",
+    "body_iquat",
+    "body_inertia",
+    "jnt_type",
+    "jnt_pos",
+    "jnt_axis",
+    "jnt_range",
+    "dof_armature",
+    "dof_damping",
+    "dof_frictionloss",
+    "actuator_gainprm",
+    "actuator_biasprm",
+    "actuator_forcerange",
+    "actuator_gear",
+)
+_COLLISION_FIELDS = (
+    "geom_bodyid",
+    "geom_type",
+    "geom_size",
+    "geom_pos",
+    "geom_quat",
+    "geom_friction",
+    "geom_solref",
+    "geom_solimp",
+    "geom_priority",
+)
