@@ -10,16 +10,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 PACKAGE_ROOT = Path(__file__).resolve().parents[1]
-ROOMS = (
-    "collectors",
-    "datasets",
-    "formats",
-    "instruction_gen",
-    "pipeline",
-    "scene_repair",
-    "trajectory_sampler",
-)
 CODE_SUFFIXES = {".py", ".xml", ".onnx", ".json"}
 
 
@@ -36,17 +29,23 @@ def file_digest(path: Path) -> str:
 
 
 @cache
-def code_version(*folders: str) -> str:
-    """SHA-256 hex of the source, models and policies in some folders of the package.
+def code_version(*places: str) -> str:
+    """SHA-256 hex of the source, models and policies in some files or folders of the package.
 
     Args:
-        folders: relative to the package, e.g. `formats` or `scene_repair/builtin`.
+        places: relative to the package, e.g. `formats` or `collectors/replay.py`.
+
+    Raises:
+        FileNotFoundError: a place does not exist (it was renamed, and the key would go blind).
     """
     state = hashlib.sha256()
-    for folder in folders:
-        for path in sorted((PACKAGE_ROOT / folder).rglob("*")):
+    for place in places:
+        root = PACKAGE_ROOT / place
+        if not root.exists():
+            raise FileNotFoundError(root)
+        for path in [root] if root.is_file() else sorted(root.rglob("*")):
             if path.suffix in CODE_SUFFIXES and path.is_file():
-                state.update(str(path.relative_to(PACKAGE_ROOT)).encode())
+                state.update(path.relative_to(PACKAGE_ROOT).as_posix().encode())
                 state.update(path.read_bytes())
     return state.hexdigest()
 
@@ -59,8 +58,8 @@ def _plain(value: Any) -> Any:
         return {str(k): _plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(v) for v in value]
-    if isinstance(value, set | frozenset):
-        return sorted(_plain(v) for v in value)
+    if isinstance(value, np.ndarray):
+        return value.tolist()
     if isinstance(value, Path):
         return str(value)
     return value

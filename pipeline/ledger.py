@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import asdict, dataclass, field
+from collections.abc import Collection
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -36,6 +37,8 @@ class Row:
         seconds: wall time it took.
         facts: whatever later stages and the report want to know (JSON values).
         error: `type` and `reason` of a quarantined item.
+        current: whether the latest run asked for it. Rows of earlier options stay, so that going
+            back to them costs nothing, but the report and the counts leave them out.
     """
 
     stage: str
@@ -47,6 +50,7 @@ class Row:
     seconds: float = 0.0
     facts: dict[str, Any] = field(default_factory=dict)
     error: dict[str, str] = field(default_factory=dict)
+    current: bool = True
 
 
 class Ledger:
@@ -77,8 +81,15 @@ class Ledger:
                     break  # the last line of a killed run may be cut short: its item runs again
 
     def rows(self, stage: str | None = None) -> list[Row]:
-        """All rows, or those of one stage, in item order."""
-        return [self._rows[k] for k in sorted(self._rows) if stage in (None, k[0])]
+        """Current rows, of all stages or of one, in item order."""
+        found = [self._rows[k] for k in sorted(self._rows) if stage in (None, k[0])]
+        return [row for row in found if row.current]
+
+    def select(self, stage: str, scope: str, names: Collection[str]) -> None:
+        """Make `names` the current items of a stage among those that start with `scope`."""
+        for (row_stage, item), row in self._rows.items():
+            if row_stage == stage and item.startswith(scope):
+                self._rows[(row_stage, item)] = replace(row, current=item in names)
 
     def row(self, stage: str, item: str) -> Row | None:
         """The row of one item, or None."""
@@ -106,7 +117,8 @@ class Ledger:
         """Fold the journal into the manifest, and list what is quarantined."""
         if not self._rows:
             return
-        write_json(self.root / MANIFEST_NAME, {"rows": [asdict(r) for r in self.rows()]})
+        rows = [asdict(self._rows[k]) for k in sorted(self._rows)]
+        write_json(self.root / MANIFEST_NAME, {"rows": rows})
         bad = [
             {"stage": r.stage, "item": r.item, **r.error}
             for r in self.rows()

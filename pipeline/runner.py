@@ -100,8 +100,17 @@ class Context:
     progress: bool = True
 
 
-def run_stage(context: Context, stage: str, items: Sequence[WorkItem]) -> StageSummary:
+def run_stage(
+    context: Context, stage: str, items: Sequence[WorkItem], scope: str = ""
+) -> StageSummary:
     """Run the items that are not done yet.
+
+    Args:
+        context: ledger and workers.
+        stage: its name in the ledger.
+        items: all that should exist when the stage has ended.
+        scope: earlier rows whose item starts with it and is not among `items` are no longer
+            current (the same stage may run once per robot; each run is its own scope).
 
     Raises:
         InputError: the output cannot be written, or every item failed for a reason that lies in
@@ -110,6 +119,7 @@ def run_stage(context: Context, stage: str, items: Sequence[WorkItem]) -> StageS
     started = time.perf_counter()
     summary = StageSummary(stage)
     ledger = context.ledger
+    ledger.select(stage, scope, {item.name for item in items})
     waiting: list[WorkItem] = []
     for item in items:
         if ledger.is_done(stage, item.name, item.key):

@@ -1,0 +1,34 @@
+"""Open a collected dataset with LeRobot, without any network (extra `train`)."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..formats.errors import FileFormatError, InputError
+
+if TYPE_CHECKING:
+    from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+
+def open_dataset(root: Path, **options: Any) -> LeRobotDataset:
+    """Open the LeRobot v3 dataset in folder `root`, offline.
+
+    Args:
+        root: a dataset folder, e.g. `runs/apartment-0/lerobot/aliengo-path-ego-256x256-baked`.
+        options: passed on to `LeRobotDataset`, e.g. `delta_timestamps`, `episodes`.
+
+    Raises:
+        FileFormatError: no dataset there.
+        InputError: the extra `train` is not installed.
+    """
+    if not (root / "meta" / "info.json").is_file():
+        raise FileFormatError(root, "no LeRobot dataset here (meta/info.json is missing)")
+    # LeRobot asks the hub for a dataset's version even when all its files are here.
+    os.environ.setdefault("HF_HUB_OFFLINE", "1")
+    try:
+        from lerobot.datasets.lerobot_dataset import LeRobotDataset
+    except ImportError as error:
+        raise InputError("lerobot is not installed; run: uv sync --inexact --extra train") from error
+    return LeRobotDataset(f"vlnpe/{root.name}", root=root, **options)

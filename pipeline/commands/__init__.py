@@ -1,0 +1,1 @@
+"""One module per group of commands: options in, stages run, an exit code out."""

@@ -1,0 +1,1 @@
+"""One module per stage: its work items and how one is processed."""

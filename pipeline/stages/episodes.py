@@ -1,0 +1,57 @@
+"""Stages `sample`, `align`, `filter` and `instruct`: what the robots will be asked to do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ...formats.episode import Episode
+from ...formats.scene_bundle import load_bundle
+from ...formats.vlnce import read_episodes, write_episodes
+from ...instruction_gen import InstructConfig, instruct_episodes
+from ...trajectory_sampler.sampling import SampleConfig, sample_episodes
+from ..keys import code_version, digest
+from ..ledger import Row
+from ..runner import ItemResult, WorkItem
+
+
+def sample_item(scene: Row, scenes: Path, out: Path, config: SampleConfig, seed: int) -> WorkItem:
+    """Sample trajectories in one repaired scene into the episode file `out`."""
+    key = digest("sample", scene.key, config, seed, code_version("trajectory_sampler", "formats"))
+    arguments = (scenes / scene.item, out, config, seed)
+    return WorkItem(scene.item, key, (out,), process_sample, arguments)
+
+
+def process_sample(scene: Path, out: Path, config: SampleConfig, seed: int) -> ItemResult:
+    """Sample one scene's episodes."""
+    result = sample_episodes(load_bundle(scene), config, np.random.default_rng(seed))
+    write_episodes(out, result.episodes)
+    return ItemResult({"episodes": len(result.episodes), "dropped": dict(result.dropped)})
+
+
+def instruct_item(
+    source: Row, scenes: Path, episodes: Path, out: Path, config: InstructConfig, seed: int
+) -> WorkItem:
+    """Write instructions for the episodes that have none, from `episodes` into `out`."""
+    code = code_version("instruction_gen", "formats")
+    key = digest("instruct", source.key, config, seed, code)
+    arguments = (scenes, episodes, out, config, seed)
+    return WorkItem(source.item, key, (out,), process_instruct, arguments)
+
+
+def process_instruct(
+    scenes: Path, episodes: Path, out: Path, config: InstructConfig, seed: int
+) -> ItemResult:
+    """Instruct one file's episodes."""
+    asked = read_episodes(episodes)
+    told = instruct_episodes(asked, scenes, config, np.random.default_rng(seed))
+    write_episodes(out, told.episodes)
+    return ItemResult({"episodes": len(told.episodes), "problems": told.problems})
+
+
+def merge(parts: list[Path], out: Path) -> list[Episode]:
+    """Join episode files into one, in order."""
+    episodes = [episode for part in parts for episode in read_episodes(part)]
+    write_episodes(out, episodes)
+    return episodes

@@ -1,0 +1,62 @@
+"""Stage `repair`: a scan in, a simulation-ready scene out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+from ...formats.atomic import atomic_folder
+from ...formats.errors import FileFormatError
+from ...scene_repair.repair import RepairConfig, repair_scene
+from ..keys import code_version, digest, file_digest
+from ..runner import ItemResult, WorkItem
+
+STAGE = "repair"
+# Formats that keep textures or geometry in further files beside them.
+MULTI_FILE = {".gltf", ".obj", ".usd", ".usda", ".usdc"}
+
+
+def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> list[WorkItem]:
+    """One item per scan; scene ids map to their files.
+
+    Raises:
+        FileFormatError: a source does not exist or is no file.
+    """
+    code = code_version("scene_repair", "formats")
+    result = []
+    for scene_id, source in sources.items():
+        key = digest(STAGE, scene_id, config, source_digest(source), code)
+        out = scenes / scene_id
+        result.append(WorkItem(scene_id, key, (out,), process, (source, out, scene_id, config)))
+    return result
+
+
+def process(source: Path, out: Path, scene_id: str, config: RepairConfig) -> ItemResult:
+    """Repair one scan."""
+    with atomic_folder(out) as temporary:
+        bundle = repair_scene(source, temporary, config, scene_id=scene_id)
+        log = json.loads((temporary / "repair.json").read_text())
+    return ItemResult({"levels": len(bundle.level_floor_z_m), **log.get("summary", {})})
+
+
+def source_digest(source: Path) -> str:
+    """Digest of a scan and of the files beside it that it may refer to.
+
+    Raises:
+        FileFormatError: missing, or not a file.
+    """
+    if not source.exists():
+        raise FileFormatError(source, "no such file; SCENE takes a mesh file or `builtin`")
+    if not source.is_file():
+        raise FileFormatError(source, "is a folder; SCENE takes one mesh file, SCENES a folder")
+    labels = source.with_name(f"{source.stem}.labels.json")
+    parts: list[object] = [source.name, file_digest(source)]
+    parts.append(file_digest(labels) if labels.is_file() else None)
+    if source.suffix.lower() in MULTI_FILE:
+        # Hashing gigabytes of textures at every start would be slower than what it saves.
+        for path in sorted(source.parent.rglob("*")):
+            if path.is_file():
+                stat = path.stat()
+                parts.append((str(path), stat.st_size, stat.st_mtime_ns))
+    return digest(parts)

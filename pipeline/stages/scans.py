@@ -1,0 +1,26 @@
+"""Stage `scan`: generate the built-in apartment and scan it virtually."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ...formats.atomic import atomic_folder
+from ...scene_repair.builtin import generate_scan
+from ..keys import code_version, digest
+from ..runner import ItemResult, WorkItem
+
+STAGE = "scan"
+
+
+def item(seed: int, folder: Path) -> WorkItem:
+    """The work item that writes the apartment of `seed` into `folder`."""
+    key = digest(STAGE, seed, code_version("scene_repair/builtin"))
+    return WorkItem(folder.name, key, (folder,), process, (seed, folder))
+
+
+def process(seed: int, folder: Path) -> ItemResult:
+    """Generate one scan."""
+    with atomic_folder(folder) as temporary:
+        scan = generate_scan(seed, temporary)
+        size = scan.stat().st_size
+    return ItemResult({"seed": seed, "scan": scan.name, "bytes": size})

@@ -1,0 +1,96 @@
+"""What the terminal shows when a chain has ended."""
+
+from __future__ import annotations
+
+import json
+import logging
+import shutil
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TextIO
+
+from .ledger import Ledger
+from .report.gather import RobotRow, robot_rows
+from .run_folder import RunFolder
+from .runner import StageSummary
+
+log = logging.getLogger(__name__)
+LEROBOT = "lerobot[viz]==0.6.1"
+NAVIGATION = ("episodes", "collected", "tl", "ne", "os", "sr", "spl", "fr", "str")
+
+
+def show_summary(
+    folder: RunFolder,
+    summaries: Sequence[StageSummary],
+    page: Path,
+    max_failed: int,
+    as_json: bool,
+    stream: TextIO = sys.stdout,
+) -> int:
+    """Write the closing table, or one JSON object, to `stream`; returns the exit code.
+
+    0: done; 1: more items are quarantined than `max_failed` allows.
+    """
+    quarantined = sum(s.quarantined for s in summaries)
+    rows = robot_rows(Ledger(folder.root))
+    code = int(quarantined > max_failed)
+    if as_json:
+        value = {
+            "out": str(folder.root),
+            "report": str(page),
+            "stages": {s.stage: s.counts() for s in summaries},
+            "robots": [vars(r) for r in rows],
+            "quarantined": quarantined,
+            "exit_code": code,
+        }
+        stream.write(json.dumps(value) + "\n")
+        return code
+    stream.write("\n" + stage_table(summaries) + "\n\n" + robot_table(rows) + "\n\n")
+    stream.write(looking_commands(folder, page) + "\n")
+    if code:
+        path = folder.root / "quarantine.json"
+        stream.write(f"\n{quarantined} items were quarantined; their reasons: {path}\n")
+    return code
+
+
+def stage_table(summaries: Sequence[StageSummary]) -> str:
+    """One line per stage with its counts."""
+    lines = [f"{'stage':<10}{'done':>7}{'reused':>8}{'failed':>8}{'quarantined':>13}{'seconds':>9}"]
+    lines += [
+        f"{s.stage:<10}{s.done:>7}{s.reused:>8}{s.failed:>8}{s.quarantined:>13}{s.seconds:>9.1f}"
+        for s in summaries
+    ]
+    return "\n".join(lines)
+
+
+def robot_table(rows: Sequence[RobotRow]) -> str:
+    """One line per robot and controller with the navigation metrics."""
+    header = f"{'robot':<9}{'controller':<12}{'episodes':>8}{'collected':>11}{'TL m':>8}{'NE m':>7}"
+    header += "".join(f"{name:>7}" for name in ("OS %", "SR %", "SPL %", "FR %", "StR %"))
+    lines = [header]
+    for r in rows:
+        line = f"{r.robot:<9}{r.controller:<12}{r.episodes:>8}{r.collected:>10.1f}%"
+        line += f"{r.tl:>8.2f}{r.ne:>7.2f}"
+        line += "".join(f"{v:>7.1f}" for v in (r.os, r.sr, r.spl, r.fr, r.str))
+        lines.append(line)
+    return "\n".join(lines)
+
+
+def looking_commands(folder: RunFolder, page: Path) -> str:
+    """The three commands that show the result: LeRobot's viewer, Foxglove, the report."""
+    datasets = sorted(p.parent.parent for p in folder.lerobot.glob("*/meta/info.json"))
+    episodes = sorted(folder.mcap.glob("*/*.mcap"))
+    own = Path(__file__).resolve().parents[1] / ".tools" / "bin" / "uvx"
+    uvx = "uvx" if shutil.which("uvx") or not own.exists() else str(own)
+    lines = ["Look at it:"]
+    if datasets:
+        data = datasets[0]
+        lines.append(
+            f"  LeRobot   {uvx} --from '{LEROBOT}' lerobot-dataset-viz"
+            f" --repo-id vlnpe/{data.name} --root {data} --episode-index 0"
+        )
+    if episodes:
+        lines.append(f"  Foxglove  foxglove-studio {episodes[0]}   (or drop it on app.foxglove.dev)")
+    lines.append(f"  report    python3 -m webbrowser file://{page}")
+    return "\n".join(lines)
