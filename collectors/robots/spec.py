@@ -157,6 +157,7 @@ class RobotSpec:
         model = self.build_model(floor=False)
         colliding = model.geom_contype + model.geom_conaffinity > 0
         parts = {
+            **{key: getattr(model.opt, key) for key in _OPTION_FIELDS},
             **{key: getattr(model, key) for key in _DYNAMIC_FIELDS},
             **{key: getattr(model, key)[colliding] for key in _COLLISION_FIELDS},
         }
@@ -167,6 +168,7 @@ class RobotSpec:
         return digest.hexdigest()
 
 
+_OPTION_FIELDS = ("timestep", "integrator", "cone", "impratio")
 _DYNAMIC_FIELDS = (
     "body_parentid",
     "body_pos",

@@ -1,0 +1,96 @@
+"""Ground to train and to test gaits on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Terrain:
+    """A square height field around the origin; None means an endless plane at z = 0.
+
+    Attributes:
+        height_m: (N, N) heights ≥ 0, row = y, column = x, or None.
+        size_m: side of the square.
+    """
+
+    height_m: Array | None = None
+    size_m: float = 0.0
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Add the ground geom `floor`."""
+        if self.height_m is None:
+            plane = mujoco.mjtGeom.mjGEOM_PLANE
+            spec.worldbody.add_geom(name="floor", type=plane, size=[0.0, 0.0, 1.0])
+            return
+        top = float(self.height_m.max())
+        rows, columns = self.height_m.shape
+        spec.add_hfield(
+            name="ground",
+            size=[0.5 * self.size_m, 0.5 * self.size_m, top, 0.5],
+            nrow=rows,
+            ncol=columns,
+            userdata=(self.height_m / top).ravel(),
+        )
+        spec.worldbody.add_geom(
+            name="floor", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="ground"
+        )
+
+    def at(self, xy_m: Array) -> Array:
+        """Height under points (..., 2), nearest sample [m]."""
+        if self.height_m is None:
+            return np.zeros(xy_m.shape[:-1])
+        last = len(self.height_m) - 1
+        cell = np.clip(np.rint((xy_m / self.size_m + 0.5) * last), 0, last).astype(int)
+        return self.height_m[cell[..., 1], cell[..., 0]]
+
+    @property
+    def half_m(self) -> float:
+        """Half the side of the usable square; robots beyond it have left the terrain."""
+        return np.inf if self.height_m is None else 0.5 * self.size_m - 1.0
+
+
+def noise(rng: np.random.Generator, cells: int, cell_m: float, amplitude_m: float) -> Array:
+    """Smooth bumps of 0…amplitude, about 15 cm wide."""
+    field = gaussian_filter(rng.normal(size=(cells, cells)), 0.06 / cell_m, mode="wrap")
+    low, high = np.quantile(field, (0.02, 0.98))
+    return amplitude_m * np.clip((field - low) / (high - low), 0.0, 1.0)
+
+
+def steps(rng: np.random.Generator, cells: int, cell_m: float, height_m: float) -> Array:
+    """Blocks of 0.5 m with random heights of 0…height."""
+    block = round(0.5 / cell_m)
+    count = -(-cells // block)
+    return np.kron(rng.uniform(0, height_m, (count, count)), np.ones((block, block)))[
+        :cells, :cells
+    ]
+
+
+def rough_terrain(rng: np.random.Generator, size_m: float = 24.0, cell_m: float = 0.05) -> Terrain:
+    """Tiles of 4 m: flat, noise of 1–6 cm and steps of 2–5 cm, in random order."""
+    tile = round(4.0 / cell_m)
+    count = round(size_m / 4.0)
+    height = np.zeros((count * tile, count * tile))
+    for row in range(count):
+        for column in range(count):
+            kind = rng.choice(["flat", "noise", "steps"], p=[0.25, 0.5, 0.25])
+            part = np.s_[row * tile : (row + 1) * tile, column * tile : (column + 1) * tile]
+            if kind == "noise":
+                height[part] = noise(rng, tile, cell_m, rng.uniform(0.01, 0.06))
+            elif kind == "steps":
+                height[part] = steps(rng, tile, cell_m, rng.uniform(0.02, 0.05))
+    return Terrain(height, size_m)
+
+
+def noise_terrain(
+    rng: np.random.Generator, amplitude_m: float, size_m: float = 30.0, cell_m: float = 0.05
+) -> Terrain:
+    """One field of bumps of 0…amplitude everywhere, for evaluation."""
+    return Terrain(noise(rng, round(size_m / cell_m), cell_m, amplitude_m), size_m)
