@@ -80,6 +80,17 @@ class Ledger:
                 except (TypeError, ValueError):
                     break  # the last line of a killed run may be cut short: its item runs again
 
+    @staticmethod
+    def existing(root: Path) -> Ledger:
+        """Open a ledger that must be there.
+
+        Raises:
+            FileFormatError: `root` holds no run.
+        """
+        if not (root / MANIFEST_NAME).is_file() and not (root / JOURNAL_NAME).is_file():
+            raise FileFormatError(root, f"no run here ({MANIFEST_NAME} is missing)")
+        return Ledger(root)
+
     def rows(self, stage: str | None = None) -> list[Row]:
         """Current rows, of all stages or of one, in item order."""
         found = [self._rows[k] for k in sorted(self._rows) if stage in (None, k[0])]

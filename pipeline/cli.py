@@ -1,0 +1,77 @@
+"""The `vlnpe` command."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any, Union
+
+import tyro
+
+from ..formats.errors import InputError, VlnpeError
+from .commands import chain, collect, look
+
+# Verb → (options record, function that runs it). Order is the chain's order.
+VERBS: dict[str, tuple[type, Callable[[Any], int]]] = {
+    "collect": (collect.Collect, collect.run),
+    "scan": (chain.Scan, chain.run_scan),
+    "repair": (chain.Repair, chain.run_repair),
+    "align": (chain.Align, chain.run_align),
+    "filter": (chain.Filter, chain.run_filter),
+    "sample": (chain.Sample, chain.run_sample),
+    "instruct": (chain.Instruct, chain.run_instruct),
+    "replay": (chain.Replay, chain.run_replay),
+    "render": (chain.Render, chain.run_render),
+    "export": (chain.Export, chain.run_export),
+    "verify": (look.Verify, look.run_verify),
+    "report": (look.Report, look.run_report),
+    "doctor": (look.Doctor, look.run_doctor),
+}
+
+DESCRIPTION = """Scanned buildings in, cross-embodiment VLN datasets out, collected by robots that walk.
+
+`vlnpe collect` runs the whole chain; every stage also runs alone. Exit codes: 0 done, 1 more items
+quarantined than --max-failed allows, 2 bad input."""
+
+
+def parse(arguments: Sequence[str] | None = None) -> Any:
+    """Options record of the verb on the command line; exits with code 2 on a bad call."""
+    verbs = [
+        Annotated[options, tyro.conf.subcommand(name=verb, prefix_name=False)]
+        for verb, (options, _) in VERBS.items()
+    ]
+    return tyro.cli(
+        Union[tuple(verbs)],  # type: ignore[arg-type]  # noqa: UP007 - built at run time
+        prog="vlnpe",
+        description=DESCRIPTION,
+        args=arguments,
+        config=(tyro.conf.OmitArgPrefixes, tyro.conf.FlagConversionOff)[:1],
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one verb; returns the exit code."""
+    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(message)s")
+    options = parse(arguments)
+    run = next(run for record, run in VERBS.values() if isinstance(options, record))
+    try:
+        return run(options)
+    except InputError as error:
+        _complain(error)
+        return 2
+    except VlnpeError as error:
+        _complain(error)
+        return 1
+    except KeyboardInterrupt:
+        _complain("interrupted; the same command goes on where this one stopped")
+        return 130
+
+
+def _complain(message: object) -> None:
+    line = " ".join(str(message).split())
+    sys.stderr.write(f"vlnpe: error: {line}\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

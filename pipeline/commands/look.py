@@ -1,0 +1,97 @@
+"""Commands that look at a run or at this machine: `verify`, `report`, `doctor`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from ..doctor import examine
+from ..executors import Workers
+from ..ledger import Ledger
+from ..run_folder import RunFolder
+from ..runner import Context
+from ..stages import report
+from ..verify import verify_run
+
+Json = Annotated[bool, tyro.conf.arg(name="json")]
+
+
+@dataclass(frozen=True)
+class Verify:
+    """Check a run's outputs: every file opens, counts agree, checksums hold."""
+
+    run: tyro.conf.Positional[Path]
+    """The run folder."""
+    json: Json = False
+    """Print one JSON object with the findings as the last line."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """Write a run's report page again."""
+
+    run: tyro.conf.Positional[Path]
+    """The run folder."""
+    json: Json = False
+    """Print one JSON object with the page's path as the last line."""
+
+
+@dataclass(frozen=True)
+class Doctor:
+    """Say what this machine can do, and the command that adds what is missing."""
+
+    out: Path = Path("runs")
+    """Where runs would be written."""
+    json: Json = False
+    """Print one JSON object with the findings as the last line."""
+
+
+def run_verify(options: Verify) -> int:
+    """Verify a run; exit code 1 when anything is wrong.
+
+    Raises:
+        InputError: no run there.
+    """
+    checks = verify_run(options.run)
+    bad = [c for c in checks if c.problem]
+    if options.json:
+        value = {"checked": len(checks), "problems": [asdict(c) for c in bad]}
+        sys.stdout.write(json.dumps(value) + "\n")
+    else:
+        for check in bad:
+            sys.stdout.write(f"BAD  {check.what}: {check.problem}\n")
+        sys.stdout.write(f"{len(checks)} outputs checked, {len(bad)} bad\n")
+    return int(bool(bad))
+
+
+def run_report(options: Report) -> int:
+    """Write the report of a run.
+
+    Raises:
+        InputError: no run there.
+    """
+    folder = RunFolder(options.run.resolve())
+    with Workers(1) as workers:
+        page = report.write(folder, Context(Ledger.existing(folder.root), workers))
+    sys.stdout.write((json.dumps({"report": str(page)}) if options.json else str(page)) + "\n")
+    return 0
+
+
+def run_doctor(options: Doctor) -> int:
+    """Print the findings."""
+    findings = examine(options.out)
+    if options.json:
+        sys.stdout.write(json.dumps([asdict(f) for f in findings]) + "\n")
+        return 0
+    for f in findings:
+        sys.stdout.write(f"{'ok  ' if f.good else '--  '}{f.subject:<17} {f.seen}\n")
+    remedies = sorted({f.remedy for f in findings if f.remedy})
+    if remedies:
+        sys.stdout.write("\nto add what is missing:\n")
+        sys.stdout.writelines(f"  {remedy}\n" for remedy in remedies)
+    return 0

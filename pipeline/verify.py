@@ -1,0 +1,106 @@
+"""`vlnpe verify`: open every output of a run with a reader, and say what does not hold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyarrow.parquet as pq
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+from tqdm import tqdm
+
+from ..formats.errors import VlnpeError
+from ..formats.mcap.rollout import read_rollout
+from ..formats.scene_bundle import load_bundle
+from ..formats.video import count_frames
+from ..formats.vlnce import read_episodes
+from .ledger import Ledger, Row
+
+
+@dataclass(frozen=True)
+class Check:
+    """One output and what is wrong with it; an empty problem means that it is sound."""
+
+    what: str
+    problem: str = ""
+
+
+def verify_run(root: Path) -> list[Check]:
+    """Check every current output of the run in `root`.
+
+    Raises:
+        FileFormatError: no run there.
+    """
+    ledger = Ledger.existing(root)
+    rows = [row for row in ledger.rows() if row.status == "done"]
+    checks = []
+    for row in tqdm(rows, desc="verify", unit="item"):
+        checks.append(Check(f"{row.stage} {row.item}", _problem(root, row)))
+    return checks
+
+
+def _problem(root: Path, row: Row) -> str:
+    for output in row.outputs:
+        path = root / output
+        if not path.exists():
+            return f"{output} is missing"
+        try:
+            READERS.get(row.stage, _exists)(path)
+        except (VlnpeError, McapError, OSError, ValueError, KeyError) as error:
+            return f"{output}: {error}"
+    return ""
+
+
+def _exists(path: Path) -> None:
+    if path.is_file() and path.stat().st_size == 0:
+        raise ValueError("empty")
+
+
+def _scene(path: Path) -> None:
+    bundle = load_bundle(path)
+    bundle.visual()
+    for level in range(len(bundle.level_floor_z_m)):
+        bundle.floor(level)
+        bundle.obstacles(level)
+        bundle.freemap(level)
+
+
+def _mcap(path: Path) -> None:
+    with path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        summary = reader.get_summary()
+        if summary is None or summary.statistics is None:
+            raise ValueError("no index")
+        count = sum(1 for _ in reader.iter_messages())
+        if count != summary.statistics.message_count:
+            raise ValueError(f"{count} messages, its index says {summary.statistics.message_count}")
+
+
+def _dataset(path: Path) -> None:
+    """Frames in the tables, in the episode index and in each video must agree."""
+    frames = sum(pq.read_metadata(p).num_rows for p in path.glob("data/*/*.parquet"))
+    lengths = [
+        n
+        for p in sorted(path.glob("meta/episodes/*/*.parquet"))
+        for n in pq.read_table(p, columns=["length"])["length"].to_pylist()
+    ]
+    if sum(lengths) != frames:
+        raise ValueError(f"{frames} frames in data, {sum(lengths)} in meta/episodes")
+    for key in sorted(p for p in (path / "videos").iterdir() if p.is_dir()):
+        shown = sum(count_frames(p) for p in key.glob("*/*.mp4"))
+        if shown != frames:
+            raise ValueError(f"{frames} frames in data, {shown} in {key.name}")
+
+
+READERS: dict[str, Callable[[Path], object]] = {
+    "repair": _scene,
+    "sample": read_episodes,
+    "align": read_episodes,
+    "filter": read_episodes,
+    "instruct": read_episodes,
+    "replay": read_rollout,
+    "mcap": _mcap,
+    "dataset": _dataset,
+}

@@ -1,0 +1,38 @@
+"""Work items for the runner's tests; at module level, because workers are spawned."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from vlnpe.formats.atomic import atomic_file
+from vlnpe.formats.errors import SceneError
+from vlnpe.pipeline.runner import ItemResult
+
+
+def write(path: Path, text: str) -> ItemResult:
+    with atomic_file(path) as temporary:
+        temporary.write_text(text)
+    return ItemResult({"length": len(text)}, failed=text == "fell")
+
+
+def refuse(path: Path) -> ItemResult:
+    raise SceneError(f"{path.name} has no floor")
+
+
+def crash(path: Path) -> ItemResult:
+    raise ZeroDivisionError("a bug")
+
+
+def write_half(path: Path) -> ItemResult:
+    with atomic_file(path) as temporary:
+        temporary.write_text("half")
+        raise ValueError("broke in the middle")
+
+
+def die(path: Path) -> ItemResult:
+    os._exit(9)
+
+
+def fill_disk(path: Path) -> ItemResult:
+    raise OSError(28, "No space left on device", str(path))

@@ -1,0 +1,164 @@
+"""The whole chain as a user runs it, and its outputs through readers that are not ours."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vlnpe.formats.mcap.rollout import read_rollout
+from vlnpe.formats.vlnce import read_episodes
+from vlnpe.pipeline.ledger import Ledger
+
+VIEW = "ego-256x256-baked"
+EPISODES = 3
+
+
+def vlnpe(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run the command in a fresh process, as a user would."""
+    return subprocess.run(
+        [sys.executable, "-m", "vlnpe.pipeline.cli", *map(str, arguments)],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def last_json(done: subprocess.CompletedProcess[str]) -> dict:
+    assert done.returncode == 0, done.stderr[-2000:]
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@pytest.fixture(scope="session")
+def run_root(tmp_path_factory) -> Path:
+    """One collected run on the built-in scene, shared by the tests below (they only read it)."""
+    cwd = tmp_path_factory.mktemp("user")
+    done = vlnpe("collect", "--episodes", EPISODES, "--out", "run", cwd=cwd)
+    assert done.returncode == 0, done.stderr[-3000:]
+    for word in ("LeRobot", "Foxglove", "report", "aliengo"):
+        assert word in done.stdout
+    return cwd / "run"
+
+
+def test_every_episode_is_collected_by_walking(run_root):
+    rows = Ledger(run_root).rows("replay")
+    assert len(rows) == EPISODES
+    for row in rows:
+        assert row.facts["end_reason"] == "success", row.facts
+        assert row.facts["metrics"]["trajectory_length_m"] > 4.5
+        rollout = read_rollout(run_root / row.outputs[0])
+        # Nobody teleports: no step of 10 ms moves the base faster than a robot can.
+        steps = np.linalg.norm(np.diff(rollout.position_world_m, axis=0), axis=1)
+        assert steps.max() < 0.03
+        # Feet leave the floor and come down again, each many times.
+        lifts = np.abs(np.diff(rollout.foot_contact.astype(int), axis=0)).sum(axis=0)
+        assert (lifts > 10).all()
+
+
+def test_real_lerobot_loads_the_dataset_offline(run_root):
+    code = f"""
+import json, torch
+from vlnpe.datasets.local import open_dataset
+from pathlib import Path
+ds = open_dataset(Path({str(run_root / "lerobot" / f"aliengo-path-{VIEW}")!r}))
+frame = ds[len(ds) // 2]
+print(json.dumps({{
+    "episodes": ds.num_episodes, "frames": len(ds), "fps": ds.fps, "task": frame["task"],
+    "robot": ds.meta.robot_type,
+    "shapes": {{k: list(v.shape) for k, v in frame.items() if torch.is_tensor(v)}},
+    "depth": [float(frame["observation.images.depth"].min()), float(frame["observation.images.depth"].max())],
+    "rgb_std": float(frame["observation.images.rgb"].std()),
+    "last_action": int(ds[int(ds.meta.episodes[0]["dataset_to_index"]) - 1]["action.discrete"]),
+}}))
+"""
+    environment = {**os.environ, "HF_HUB_OFFLINE": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False
+    )
+    seen = last_json(done)
+    told = {e.instruction for e in read_episodes(run_root / "episodes" / "train.json.gz")}
+    assert seen["episodes"] == EPISODES
+    assert seen["frames"] > EPISODES * 20
+    assert seen["fps"] == 4
+    assert seen["task"] in told
+    assert seen["robot"] == "aliengo"
+    assert seen["shapes"]["observation.images.rgb"] == [3, 256, 256]
+    assert seen["shapes"]["observation.images.depth"][-2:] == [256, 256]
+    assert seen["shapes"]["observation.state"] == [13]
+    assert seen["shapes"]["action"] == [3]
+    assert 0.1 < seen["depth"][1] <= 20
+    assert seen["rgb_std"] > 0.02
+    assert seen["last_action"] == 0
+
+
+def test_mcap_opens_in_its_own_reader_with_every_topic(run_root):
+    from mcap.reader import make_reader
+
+    files = sorted((run_root / "mcap" / f"aliengo-path-{VIEW}").glob("*.mcap"))
+    assert len(files) == EPISODES
+    with files[0].open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        schemas = {s.name for s in summary.schemas.values()}
+        times = [m.log_time for _, _, m in reader.iter_messages()]
+        metadata = [m for m in reader.iter_metadata()]
+    assert {
+        "foxglove.CameraCalibration",
+        "foxglove.RawImage",
+        "foxglove.FrameTransforms",
+        "foxglove.PoseInFrame",
+    } <= schemas
+    assert schemas & {"foxglove.CompressedImage", "foxglove.CompressedVideo"}
+    assert times == sorted(times)
+    instructions = [v for m in metadata for k, v in m.metadata.items() if k == "instruction"]
+    assert instructions and instructions[0]
+
+
+def test_report_is_one_file_with_everything(run_root):
+    page = (run_root / "report" / "index.html").read_text()
+    assert "http://" not in page.replace("http://www.w3.org", "").replace("http://purl.org", "").replace("http://creativecommons.org", "")
+    for episode in read_episodes(run_root / "episodes" / "train.json.gz"):
+        assert episode.episode_id in page
+        assert episode.instruction.split(".")[0] in page
+    assert page.count("data:image/jpeg;base64,") >= 4  # map, before, after, film strip
+    for word in ("SPL", "nDTW", "FR", "StR", "Instruction"):
+        assert word in page
+
+
+def test_running_again_does_nothing_and_one_option_redoes_what_depends_on_it(run_root):
+    again = last_json(
+        vlnpe("collect", "--episodes", EPISODES, "--out", run_root, "--json", cwd=run_root)
+    )
+    assert all(stage["done"] == 0 for stage in again["stages"].values()), again["stages"]
+    other = last_json(
+        vlnpe(
+            *("collect", "--episodes", EPISODES, "--out", run_root, "--json"),
+            *("--frames-per-second", 5),
+            cwd=run_root,
+        )
+    )
+    redone = {name for name, stage in other["stages"].items() if stage["done"]}
+    assert redone == {"render", "export", "mcap", "dataset", "report"}
+
+
+def test_verify_finds_a_flipped_bit(run_root):
+    sound = vlnpe("verify", run_root, cwd=run_root)
+    assert sound.returncode == 0, sound.stdout
+    victim = sorted((run_root / "rollouts").rglob("*.mcap"))[0]
+    content = bytearray(victim.read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    saved = victim.read_bytes()
+    try:
+        victim.write_bytes(content)
+        broken = vlnpe("verify", run_root, cwd=run_root)
+    finally:
+        victim.write_bytes(saved)
+    assert broken.returncode == 1
+    assert victim.name in broken.stdout
