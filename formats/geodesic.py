@@ -1,0 +1,109 @@
+"""Any-angle single-source shortest distances on a grid (compiled).
+
+Dijkstra's order with Theta* relaxation (Nash, Daniel, Koenig and Felner, "Theta*: any-angle path
+planning on grids", AAAI 2007): a cell's parent may be any cell it can see, so that distances are
+those of taut strings, not of staircases. Plain 8-connected distances are up to 8.2 % too long,
+which would bias SPL by as much.
+"""
+
+from __future__ import annotations
+
+import heapq
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+
+@njit(cache=True)
+def line_is_free(
+    free: NDArray[np.bool_], row: int, column: int, to_row: int, to_column: int
+) -> bool:
+    """Whether every cell that the segment between two cell centres touches is free.
+
+    Walks the supercover of the segment in integer arithmetic: at an exact corner crossing both
+    side cells must be free, so that nothing slips between two diagonal obstacles.
+    """
+    rows, columns = abs(to_row - row), abs(to_column - column)
+    step_row = 1 if to_row > row else -1
+    step_column = 1 if to_column > column else -1
+    error = columns - rows
+    if not free[row, column]:
+        return False
+    while row != to_row or column != to_column:
+        if error > 0:
+            column += step_column
+            error -= 2 * rows
+        elif error < 0:
+            row += step_row
+            error += 2 * columns
+        else:
+            if not (free[row + step_row, column] and free[row, column + step_column]):
+                return False
+            row += step_row
+            column += step_column
+            error += 2 * (columns - rows)
+        if not free[row, column]:
+            return False
+    return True
+
+
+@njit(cache=True)
+def taut_distances(
+    free: NDArray[np.bool_], row: int, column: int, offset_row: float, offset_column: float
+) -> NDArray[np.float64]:
+    """Distances [cells] from one point to all cells' centres; inf = unreachable.
+
+    Args:
+        free: (rows, columns) bool: the cells that may be entered.
+        row: row of the source point's cell, which must be free.
+        column: column of the source point's cell.
+        offset_row: where the point lies from its cell's centre [cells]; within ±0.5.
+        offset_column: likewise along the columns.
+
+    Returns:
+        (rows, columns) float64.
+    """
+    rows, columns = free.shape
+    distance = np.full((rows, columns), np.inf)
+    parent_row = np.full((rows, columns), -1, np.int32)
+    parent_column = np.full((rows, columns), -1, np.int32)
+    closed = np.zeros((rows, columns), np.bool_)
+    distance[row, column] = np.hypot(offset_row, offset_column)
+    parent_row[row, column] = row
+    parent_column[row, column] = column
+    heap = [(distance[row, column], row, column)]
+    while len(heap) > 0:
+        _, r, c = heapq.heappop(heap)
+        if closed[r, c]:
+            continue
+        closed[r, c] = True
+        pr, pc = parent_row[r, c], parent_column[r, c]
+        # Distances run from the parent's centre, or from the source point itself.
+        base, from_row, from_column = distance[pr, pc], float(pr), float(pc)
+        if pr == row and pc == column:
+            base, from_row, from_column = 0.0, row + offset_row, column + offset_column
+        for dr in range(-1, 2):
+            for dc in range(-1, 2):
+                nr, nc = r + dr, c + dc
+                if not (0 <= nr < rows and 0 <= nc < columns):
+                    continue
+                if closed[nr, nc] or not free[nr, nc]:
+                    continue
+                if dr != 0 and dc != 0 and not (free[nr, c] and free[r, nc]):
+                    continue
+                # The straight line is never longer than the detour by (r, c): look only if it wins.
+                direct = base + np.hypot(nr - from_row, nc - from_column)
+                if direct >= distance[nr, nc]:
+                    continue
+                if line_is_free(free, pr, pc, nr, nc):
+                    distance[nr, nc] = direct
+                    parent_row[nr, nc], parent_column[nr, nc] = pr, pc
+                else:
+                    through = distance[r, c] + np.hypot(dr, dc)
+                    if through >= distance[nr, nc]:
+                        continue
+                    distance[nr, nc] = through
+                    parent_row[nr, nc], parent_column[nr, nc] = r, c
+                heapq.heappush(heap, (distance[nr, nc], nr, nc))
+    return distance

@@ -1,0 +1,164 @@
+"""Draw candidate paths on one level, and say why one is dropped."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from skimage.measure import label
+
+from ..formats.freemap import DistanceField, Freemap
+from ..formats.planning import (
+    PlanConfig,
+    path_length,
+    plan_path,
+    segments_free,
+    simplify_path,
+)
+from ..formats.regions import Crossing, RegionMap, crossings, region_map
+from ..formats.scene_bundle import SceneBundle
+from .config import SampleConfig
+from .similarity import path_gap
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A path that could become an episode.
+
+    Attributes:
+        level: index of its level.
+        reference_m: (P, 3) waypoints; every straight segment between them is safe [m].
+        geodesic_m: length of the shortest way [m].
+        crossed: its steps from room to room, in order.
+        rooms: names of the rooms it visits, in order; "" where nobody knows.
+    """
+
+    level: int
+    reference_m: NDArray[np.float64]
+    geodesic_m: float
+    crossed: tuple[Crossing, ...]
+    rooms: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Level:
+    """One level with what sampling needs of it.
+
+    Attributes:
+        index: of the level.
+        freemap: its planning map.
+        regions: its rooms.
+        cells: (N, 2) cells where an episode may start or end.
+        rooms: (N,) room index of each of them.
+        area_m2: size of the connected floor they lie on [m²].
+        min_crossings: how many times a path must pass between rooms here.
+    """
+
+    index: int
+    freemap: Freemap
+    regions: RegionMap
+    cells: NDArray[np.int64]
+    rooms: NDArray[np.int32]
+    area_m2: float
+    min_crossings: int
+
+
+def open_level(bundle: SceneBundle, index: int, config: SampleConfig) -> Level:
+    """Prepare a level; only its largest connected free floor is used.
+
+    On a level that is a single room no path can pass between rooms, so none is asked to.
+    """
+    freemap = bundle.freemap(index)
+    regions = region_map(bundle, index)
+    parts = np.asarray(label(freemap.free(config.robot_radius_m), connectivity=2))
+    cells = np.zeros((0, 2), dtype=np.int64)
+    area = 0.0
+    if parts.any():
+        sizes = np.bincount(parts.ravel())[1:]
+        largest = parts == 1 + int(np.argmax(sizes))
+        cells = np.argwhere(largest & freemap.free(config.end_clearance_m))
+        area = float(sizes.max()) * freemap.grid.cell_m**2
+    rooms = regions.at(freemap.grid.center_of(cells)).reshape(-1)
+    cells, rooms = cells[rooms >= 0], rooms[rooms >= 0]
+    wanted = config.min_crossings if len(np.unique(rooms)) > 1 else 0
+    return Level(index, freemap, regions, cells, rooms, area, wanted)
+
+
+def from_one_start(
+    level: Level,
+    visits: Counter[tuple[int, int]],
+    kept: Sequence[NDArray[np.float64]],
+    config: SampleConfig,
+    rng: np.random.Generator,
+) -> Iterator[Candidate | str]:
+    """Draw one start and try goals from it: candidates, or the reason why one is dropped.
+
+    Args:
+        level: where.
+        visits: how many kept episodes go from one room to another, by (room, room).
+        kept: reference paths (P, 3) of this level's kept episodes [m].
+        config: what is wanted.
+        rng: the source of randomness.
+    """
+    grid = level.freemap.grid
+    left = Counter(from_room for from_room, _ in visits.elements())
+    room = _least(np.unique(level.rooms), left, rng)
+    start = grid.center_of(rng.choice(level.cells[level.rooms == room]))
+    field = level.freemap.distance_field(start, config.robot_radius_m)
+    way = field.distance_m[level.cells[:, 0], level.cells[:, 1]]
+    fits = (way >= config.min_length_m) & (way <= config.max_length_m)
+    if level.min_crossings:
+        fits &= level.rooms != room
+    for _ in range(config.goals_per_start):
+        if not fits.any():
+            yield "no_goal_in_range"
+            return
+        goal_rooms = np.unique(level.rooms[fits])
+        used = Counter({r: visits[room, r] + visits[r, room] for r in goal_rooms.tolist()})
+        goal_room = _least(goal_rooms, used, rng)
+        choices = level.cells[fits & (level.rooms == goal_room)]
+        yield _judge(level, start, grid.center_of(rng.choice(choices)), field, kept, config)
+
+
+def _judge(
+    level: Level,
+    start: NDArray[np.float64],
+    goal: NDArray[np.float64],
+    field: DistanceField,
+    kept: Sequence[NDArray[np.float64]],
+    config: SampleConfig,
+) -> Candidate | str:
+    plan = PlanConfig(comfort_m=config.comfort_m, comfort_weight=config.clearance_preference)
+    path = plan_path(level.freemap, start, goal, config.robot_radius_m, plan)
+    if path is None:
+        return "unreachable"
+    radius, spacing = config.robot_radius_m, config.waypoint_spacing_m
+    reference = simplify_path(level.freemap, path, radius, spacing, tolerance_m=0.03)
+    length = path_length(reference)
+    geodesic = float(field.at(goal))
+    if length < config.min_length_m:
+        return "too_short"
+    if length > config.max_length_m:
+        return "too_long"
+    if length > config.max_detour * geodesic:
+        return "detour"
+    crossed = tuple(crossings(level.regions, reference))
+    if len(crossed) < level.min_crossings:
+        return "same_room"
+    if path_gap(reference, kept) < config.min_gap_m:
+        return "too_similar"
+    if not segments_free(level.freemap.grid, level.freemap.free(radius), reference).all():
+        return "unsafe"
+    first = crossed[0].from_region if crossed else int(level.regions.at(start))
+    rooms = (first, *(c.to_region for c in crossed))
+    names = tuple(level.regions.names[r] for r in rooms)
+    return Candidate(level.index, reference, geodesic, crossed, names)
+
+
+def _least(rooms: NDArray[np.int32], used: Counter[int], rng: np.random.Generator) -> int:
+    """One of the rooms used least so far, at random."""
+    counts = np.array([used[int(r)] for r in rooms])
+    return int(rng.choice(rooms[counts == counts.min()]))

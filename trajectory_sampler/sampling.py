@@ -1,0 +1,143 @@
+"""Sample distinct episodes that pass between rooms of a repaired scene."""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..formats.episode import Episode
+from ..formats.errors import SceneError
+from ..formats.frames import wrap_angle
+from ..formats.planning import point_along
+from ..formats.scene_bundle import SceneBundle
+from .candidates import Candidate, from_one_start, open_level
+from .config import SampleConfig
+
+logger = logging.getLogger(__name__)
+
+_DOORWAY_M = 1.8  # a passage at most this wide between two rooms is called a doorway
+_LOOK_AHEAD_M = 0.75  # a start's heading is that of the path over this length
+
+
+@dataclass(frozen=True)
+class SampleResult:
+    """Sampled episodes, and why other candidates were dropped.
+
+    Attributes:
+        episodes: at most as many as asked for.
+        requested: how many were asked for.
+        dropped: number of dropped candidates by reason: `no_goal_in_range`, `unreachable`,
+            `too_short`, `too_long`, `detour`, `same_room`, `too_similar`, `unsafe`.
+    """
+
+    episodes: list[Episode]
+    requested: int
+    dropped: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def summary(self) -> str:
+        """One line for logs."""
+        reasons = ", ".join(f"{k} {v}" for k, v in sorted(self.dropped.items())) or "none"
+        return f"{len(self.episodes)} of {self.requested} episodes; dropped candidates: {reasons}"
+
+
+def sample_episodes(
+    bundle: SceneBundle, config: SampleConfig, rng: np.random.Generator
+) -> SampleResult:
+    """Sample up to `config.count` distinct episodes over all levels of a scene.
+
+    Starts are spread over the rooms, and goals over the rooms least reached from there, so that
+    few episodes already see the whole scene. Levels are served in turn. When the scene does not
+    hold as many distinct episodes, those found are returned and the result says why.
+
+    Args:
+        bundle: the repaired scene.
+        config: what is wanted.
+        rng: the only source of randomness.
+
+    Raises:
+        SceneError: not a single episode can be found; the message counts the reasons.
+    """
+    levels = [open_level(bundle, k, config) for k in range(len(bundle.level_floor_z_m))]
+    open_floor_m2 = sum(level.area_m2 for level in levels)
+    levels = [level for level in levels if len(level.cells)]
+    for level in levels:
+        if level.min_crossings < config.min_crossings:
+            logger.warning(
+                "%s level %d is a single room: its episodes cannot pass between rooms",
+                bundle.scene_id,
+                level.index,
+            )
+    dropped: Counter[str] = Counter()
+    kept: list[Candidate] = []
+    visits: list[Counter[tuple[int, int]]] = [Counter() for _ in levels]
+    starts_left = config.count * config.starts_per_episode if levels else 0
+    while len(kept) < config.count and starts_left > 0:
+        k = starts_left % len(levels)
+        starts_left -= 1
+        level = levels[k]
+        paths = [c.reference_m for c in kept if c.level == level.index]
+        for outcome in from_one_start(level, visits[k], paths, config, rng):
+            if isinstance(outcome, str):
+                dropped[outcome] += 1
+                continue
+            ends = level.regions.at(outcome.reference_m[[0, -1], :2])
+            visits[k][int(ends[0]), int(ends[1])] += 1
+            kept.append(outcome)
+            break
+    episodes = [_episode(bundle, c, k, config, rng) for k, c in enumerate(kept)]
+    result = SampleResult(episodes, config.count, dict(dropped))
+    if not episodes:
+        raise SceneError(
+            f"{bundle.scene_id}: no episode of {config.min_length_m:g} … {config.max_length_m:g} m "
+            f"for a robot of radius {config.robot_radius_m:g} m on {open_floor_m2:.1f} m² of "
+            f"connected free floor; {result.summary}"
+        )
+    if len(episodes) < config.count:
+        logger.warning("%s: %s", bundle.scene_id, result.summary)
+    return result
+
+
+def _episode(
+    bundle: SceneBundle,
+    candidate: Candidate,
+    number: int,
+    config: SampleConfig,
+    rng: np.random.Generator,
+) -> Episode:
+    path = candidate.reference_m
+    noise = float(rng.uniform(-1.0, 1.0)) * config.heading_noise_rad
+    name = f"{bundle.scene_id}-{number:04d}"
+    return Episode(
+        episode_id=name,
+        trajectory_id=name,
+        scene_id=bundle.scene_id,
+        split=config.split,
+        level=candidate.level,
+        start_position_world_m=path[0].copy(),
+        start_yaw_rad=float(wrap_angle(_initial_heading(path) + noise)),
+        goal_position_world_m=path[-1].copy(),
+        reference_path_world_m=path,
+        geodesic_distance_m=candidate.geodesic_m,
+        extra={
+            "rooms": list(candidate.rooms),
+            "crossings": [
+                {
+                    "along_m": round(c.along_m, 3),
+                    "position_xy_m": [round(float(v), 3) for v in c.position_xy_m],
+                    "width_m": round(c.width_m, 3),
+                    "doorway": c.width_m <= _DOORWAY_M,
+                }
+                for c in candidate.crossed
+            ],
+        },
+    )
+
+
+def _initial_heading(path_m: NDArray[np.float64]) -> float:
+    ahead = point_along(path_m, _LOOK_AHEAD_M) - path_m[0]
+    return float(np.arctan2(ahead[1], ahead[0]))
