@@ -1,0 +1,93 @@
+"""Anti-aliasing: which pixels need more rays, and linear light to sRGB bytes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+F32 = NDArray[np.float32]
+
+
+@njit(cache=True)
+def encode_srgb(linear: F32, table: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
+    """Linear light (N, 3) to sRGB bytes (N, 3) through `table` (see `srgb.encode_table`)."""
+    steps = table.shape[0] - 1
+    for i in range(linear.shape[0]):
+        for k in range(3):
+            x = min(max(linear[i, k], np.float32(0.0)), np.float32(1.0))
+            out[i, k] = table[int(x * steps + 0.5)]
+
+
+@njit(cache=True)
+def _contrast(rgb: NDArray[np.uint8], i: int, j: int) -> int:
+    biggest = 0
+    for k in range(3):
+        biggest = max(biggest, abs(int(rgb[i, k]) - int(rgb[j, k])))
+    return biggest
+
+
+@njit(cache=True)
+def find_edges(
+    rgb: NDArray[np.uint8],
+    depth: F32,
+    surface: NDArray[np.int32],
+    width: int,
+    height: int,
+    relative_bend: float,
+    min_contrast: int,
+) -> NDArray[np.int64]:
+    """Pixels on a visible geometric edge, (K,) row-major indices.
+
+    An edge is where neighbours look different and lie on different surfaces, or where inverse
+    depth bends: along a plane it is linear in the image, so that its second difference is zero
+    however flat the angle.
+
+    Args:
+        rgb: (N, 3) uint8 sRGB of the pixels' centres.
+        depth: (N,) planar depth, 0 = nothing.
+        surface: (N,) id of what was hit (material, robot, nothing).
+        width: image width [px].
+        height: image height [px].
+        relative_bend: second difference of inverse depth, relative to it, that counts as a bend.
+        min_contrast: smallest difference in sRGB bytes that counts as visible.
+    """
+    marked = np.zeros(width * height, dtype=np.bool_)
+    for direction in range(2):
+        step = 1 if direction == 0 else width
+        columns = width - 1 if direction == 0 else width
+        rows = height if direction == 0 else height - 1
+        for row in range(rows):
+            for column in range(columns):
+                i = row * width + column
+                j = i + step
+                if _contrast(rgb, i, j) < min_contrast:
+                    continue
+                edge = surface[i] != surface[j]
+                if not edge and depth[i] > 0.0 and depth[j] > 0.0:
+                    here, there = 1.0 / depth[i], 1.0 / depth[j]
+                    before = i - step
+                    after = j + step
+                    has_before = column > 0 if direction == 0 else row > 0
+                    has_after = column + 2 < width if direction == 0 else row + 2 < height
+                    if has_before and depth[before] > 0.0:
+                        bend = 1.0 / depth[before] - 2.0 * here + there
+                        edge = abs(bend) > relative_bend * here
+                    if not edge and has_after and depth[after] > 0.0:
+                        bend = here - 2.0 * there + 1.0 / depth[after]
+                        edge = abs(bend) > relative_bend * there
+                if edge:
+                    marked[i] = True
+                    marked[j] = True
+    return np.flatnonzero(marked)
+
+
+@njit(cache=True)
+def average_samples(samples: F32, count: int, pixels: NDArray[np.int64], out: F32) -> None:
+    """Write the mean of each pixel's `count` samples (K · count, 3) to `out[pixels]`."""
+    for i in range(pixels.shape[0]):
+        for k in range(3):
+            total = np.float32(0.0)
+            for s in range(count):
+                total += samples[i * count + s, k]
+            out[pixels[i], k] = total / count

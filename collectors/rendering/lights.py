@@ -1,0 +1,59 @@
+"""Lights by name, as the few numbers that the shading kernels need."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...formats.errors import UnknownNameError
+
+
+@dataclass(frozen=True)
+class Light:
+    """How surfaces are lit.
+
+    A texture of a scan already holds the light of its room, so it is shown as it is. A surface
+    with a plain colour would be a flat patch in which no shape can be seen; it gets the mild fixed
+    shading of a room: brighter from above than from below (`sky`, `ground`), a soft directional
+    part (`key`) that tells walls apart, and a little light from the viewer (`head`).
+
+    Attributes:
+        name: registry name.
+        sky, ground: irradiance on plain surfaces facing straight up and down.
+        key: strength of the directional part.
+        key_direction: (3,) towards it, world; normalised when used.
+        head: strength of the part that falls off with the angle between surface and view ray.
+        background_linear: colour (linear light) where nothing is hit.
+    """
+
+    name: str
+    sky: float = 0.86
+    ground: float = 0.58
+    key: float = 0.22
+    key_direction: tuple[float, float, float] = (0.45, 0.8, 0.4)
+    head: float = 0.08
+    background_linear: tuple[float, float, float] = (0.40, 0.47, 0.56)
+
+    def parameters(self) -> NDArray[np.float32]:
+        """(10,) float32: sky, ground, key, head, key direction (3), background (3)."""
+        direction = np.asarray(self.key_direction) / np.linalg.norm(self.key_direction)
+        return np.array(
+            [self.sky, self.ground, self.key, self.head, *direction, *self.background_linear],
+            dtype=np.float32,
+        )
+
+
+LIGHTS: dict[str, Light] = {light.name: light for light in (Light("baked"),)}
+
+
+def get_light(name: str) -> Light:
+    """The light called `name`.
+
+    Raises:
+        UnknownNameError: there is none; the message lists the valid names.
+    """
+    if name not in LIGHTS:
+        raise UnknownNameError("light", name, LIGHTS)
+    return LIGHTS[name]

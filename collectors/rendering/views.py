@@ -1,0 +1,155 @@
+"""Where cameras are during a rollout: the robot's own, one that follows it, one from above."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...formats.camera import CameraModel
+from ...formats.errors import UnknownNameError
+from ...formats.frames import matrix_to_quat
+from ...formats.rollout import Rollout
+from ..robots import RobotSpec, get_robot
+from .chase import chase_poses
+from .interface import Renderer
+from .robot_body import RobotBody
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CameraPath:
+    """Camera poses of N frames.
+
+    Attributes:
+        position_world_m: (N, 3) optical centre [m].
+        quat_wxyz: (N, 4) optical frame to world.
+        cut_above_m: (N,) world z above which the scene is left out; inf = nothing.
+    """
+
+    position_world_m: Array
+    quat_wxyz: Array
+    cut_above_m: Array
+
+
+@dataclass(frozen=True)
+class Shot:
+    """What a view kind may look at to place its camera."""
+
+    rollout: Rollout
+    samples: NDArray[np.int64]
+    camera: CameraModel
+    robot: RobotSpec
+    body: RobotBody
+    renderer: Renderer
+
+
+@dataclass(frozen=True)
+class ViewKind:
+    """How one kind of view is made.
+
+    Attributes:
+        default_camera: intrinsics for a robot, unless the user says otherwise.
+        path: places the camera.
+    """
+
+    default_camera: Callable[[RobotSpec], CameraModel]
+    path: Callable[[Shot], CameraPath]
+
+
+@dataclass(frozen=True)
+class View:
+    """One way to look at rollouts.
+
+    Attributes:
+        kind: key of `VIEWS`.
+        camera: intrinsics.
+        light: light name.
+        renderer: renderer name.
+    """
+
+    kind: str
+    camera: CameraModel
+    light: str = "baked"
+    renderer: str = "embree"
+
+    @property
+    def name(self) -> str:
+        """Folder name: kind, resolution, field of view and light."""
+        c = self.camera
+        return f"{self.kind}-{c.width_px}x{c.height_px}-{c.hfov_deg:g}deg-{self.light}"
+
+
+def make_view(
+    kind: str,
+    robot: str,
+    width_px: int | None = None,
+    height_px: int | None = None,
+    hfov_deg: float | None = None,
+    light: str = "baked",
+    renderer: str = "embree",
+) -> View:
+    """A view of kind `kind` of robot `robot`; what is None is the kind's default.
+
+    Raises:
+        UnknownNameError: no such kind or robot; the message lists the valid names.
+    """
+    if kind not in VIEWS:
+        raise UnknownNameError("view", kind, VIEWS)
+    default = VIEWS[kind].default_camera(get_robot(robot))
+    camera = CameraModel(
+        name=kind,
+        width_px=width_px or default.width_px,
+        height_px=height_px or default.height_px,
+        hfov_deg=hfov_deg or default.hfov_deg,
+    )
+    return View(kind, camera, light, renderer)
+
+
+def _ego_path(shot: Shot) -> CameraPath:
+    poses = [
+        shot.body.camera_pose(
+            shot.robot.camera.name,
+            shot.rollout.position_world_m[i],
+            shot.rollout.quat_wxyz[i],
+            shot.rollout.joint_position_rad[i],
+        )
+        for i in shot.samples
+    ]
+    return CameraPath(
+        np.array([p for p, _ in poses]),
+        np.array([q for _, q in poses]),
+        np.full(len(poses), np.inf),
+    )
+
+
+def _chase_path(shot: Shot) -> CameraPath:
+    position, quat = chase_poses(
+        shot.rollout, shot.samples, shot.robot.base_height_m, shot.camera, shot.renderer
+    )
+    return CameraPath(position, quat, np.full(len(position), np.inf))
+
+
+TOP_HEIGHT_M = 9.0
+# Below the lintels of most doors, so that one sees through them from above.
+TOP_CUT_M = 2.0
+# Looking straight down, north (+y) up in the image.
+DOWN = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
+
+
+def _top_path(shot: Shot) -> CameraPath:
+    rollout, samples = shot.rollout, shot.samples
+    floor = rollout.floor_z_m[samples]
+    position = rollout.position_world_m[samples].copy()
+    position[:, 2] = floor + TOP_HEIGHT_M
+    return CameraPath(position, np.tile(matrix_to_quat(DOWN), (len(samples), 1)), floor + TOP_CUT_M)
+
+
+VIEWS: dict[str, ViewKind] = {
+    "ego": ViewKind(lambda robot: robot.camera.model, _ego_path),
+    "chase": ViewKind(lambda robot: CameraModel("chase", 640, 480, 75.0), _chase_path),
+    "top": ViewKind(lambda robot: CameraModel("top", 480, 480, 50.0), _top_path),
+}
