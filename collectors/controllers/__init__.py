@@ -1,0 +1,23 @@
+"""What drives a robot along an episode: one registry of controllers."""
+
+from .flash import FlashConfig
+from .interface import STOPPED, Controller, Decision, Jump, Pose, Task, Teleporter
+from .path import PathConfig
+from .registry import CONTROLLERS, ControllerEntry, get_controller
+from .speed import SpeedConfig
+
+__all__ = [
+    "CONTROLLERS",
+    "STOPPED",
+    "Controller",
+    "ControllerEntry",
+    "Decision",
+    "FlashConfig",
+    "Jump",
+    "PathConfig",
+    "Pose",
+    "SpeedConfig",
+    "Task",
+    "Teleporter",
+    "get_controller",
+]

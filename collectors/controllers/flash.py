@@ -1,0 +1,51 @@
+"""Flash: instantly at the target pose, no physics between; what disembodied collection does.
+
+The only controller that places the robot. It is the reference for what embodiment costs.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from ...formats.rollout import Action
+from .expert import FORWARD_M, TURN_RAD, Expert, ExpertConfig
+from .geometry import wrap_angle
+from .interface import Jump, Pose, Task
+from .route import plan_route
+
+
+@dataclass(frozen=True)
+class FlashConfig:
+    """How jumps are made.
+
+    Attributes:
+        steps_per_action: physics steps that one action stands for in the record; 50 is VLN-PE's.
+        refuse_collisions: stay at the last free pose, which ends the episode as stuck, instead of
+            jumping into obstacles and flagging each such target.
+        expert: how actions are chosen.
+    """
+
+    steps_per_action: int = 50
+    refuse_collisions: bool = False
+    expert: ExpertConfig = field(default_factory=ExpertConfig)
+
+
+class FlashController:
+    """See the module; satisfies `Teleporter`."""
+
+    def __init__(self, task: Task, config: FlashConfig) -> None:
+        self.config = config
+        self._expert = Expert(
+            plan_route(task.freemap, task.reference_xy_m, task.radius_m), config.expert
+        )
+
+    def jump(self, pose: Pose) -> Jump:
+        """See `Teleporter.jump`."""
+        action = self._expert.next_action(pose)
+        if action is Action.FORWARD:
+            x = pose.x_m + FORWARD_M * math.cos(pose.yaw_rad)
+            y = pose.y_m + FORWARD_M * math.sin(pose.yaw_rad)
+            return Jump(action, Pose(x, y, pose.yaw_rad))
+        turn = {Action.LEFT: TURN_RAD, Action.RIGHT: -TURN_RAD, Action.STOP: 0.0}[action]
+        return Jump(action, Pose(pose.x_m, pose.y_m, wrap_angle(pose.yaw_rad + turn)))

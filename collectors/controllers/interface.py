@@ -1,0 +1,106 @@
+"""What every controller is given and gives back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...formats.freemap import Freemap
+from ...formats.rollout import Action
+from ..robots import CommandLimits
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a controller must do.
+
+    Attributes:
+        reference_xy_m: (P, 2) the episode's reference path, world [m].
+        goal_xy_m: (2,) where to stop [m].
+        freemap: where the robot may be.
+        radius_m: disc around the base that must stay free [m].
+        limits: commands the robot understands.
+        goal_tolerance_m: a stop within this distance of the goal is a success [m].
+    """
+
+    reference_xy_m: NDArray[np.float64]
+    goal_xy_m: NDArray[np.float64]
+    freemap: Freemap
+    radius_m: float
+    limits: CommandLimits
+    goal_tolerance_m: float
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where the base is: world [m], heading [rad]."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What the robot shall do until the next control step.
+
+    Attributes:
+        command: vx, vy [m/s], yaw rate [rad/s] in the base frame, within the robot's limits.
+        action: the discrete action that starts with this step; None while one goes on, and for
+            controllers that know none.
+        done: the controller has stopped the robot for good.
+        notes: (kind, detail) of events worth recording, e.g. a re-plan.
+    """
+
+    command: tuple[float, float, float]
+    action: Action | None = None
+    done: bool = False
+    notes: tuple[tuple[str, str], ...] = ()
+
+
+STOPPED = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Jump:
+    """One discrete action done at once, without physics.
+
+    Attributes:
+        action: what it stands for.
+        pose: where the robot is afterwards.
+    """
+
+    action: Action
+    pose: Pose
+
+
+class Teleporter(Protocol):
+    """Chooses pose after pose, for robots that jump from one to the next."""
+
+    def jump(self, pose: Pose) -> Jump:
+        """The next pose after `pose`; STOP, with the same pose, at the end."""
+        ...
+
+
+class Controller(Protocol):
+    """Turns true poses into velocity commands; one object serves one episode."""
+
+    @property
+    def rate_hz(self) -> int:
+        """How often `step` wants to be called: a divisor of the record's 100 Hz."""
+        ...
+
+    @property
+    def nominal_s(self) -> float:
+        """How long the task takes when nothing goes wrong [s]."""
+        ...
+
+    def step(self, time_s: float, pose: Pose) -> Decision:
+        """Decide at `time_s`, counted from the start of the episode.
+
+        Called at `rate_hz` until a decision is done.
+        """
+        ...

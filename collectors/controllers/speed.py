@@ -1,0 +1,107 @@
+"""Move-by-speed: discrete actions carried out as velocity commands.
+
+Timing is VLN-PE's by default: 1.0 m/s and 60°/s over 50 physics steps per action, whatever the
+robot made of it; the expert corrects with the next action. With `end_on_displacement` an action
+also waits, up to `longest_steps`, until its 0.25 m or 15° are reached.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from ...formats.rollout import Action
+from ..robots import TIMESTEP_S
+from .expert import FORWARD_M, TURN_RAD, Expert, ExpertConfig
+from .geometry import clip, wrap_angle
+from .interface import STOPPED, Decision, Pose, Task
+from .route import plan_route
+
+
+@dataclass(frozen=True)
+class SpeedConfig:
+    """How discrete actions are carried out.
+
+    Attributes:
+        linear_m_s, yaw_rad_s: commanded while walking and while turning.
+        steps_per_action: physics steps of one action.
+        end_on_displacement: actions may last longer, until their displacement is reached.
+        longest_steps: physics steps after which an action ends in any case.
+        replan_off_m: distance from the route that calls for a new one.
+        expert: how actions are chosen.
+    """
+
+    linear_m_s: float = 1.0
+    yaw_rad_s: float = math.radians(60.0)
+    steps_per_action: int = 50
+    end_on_displacement: bool = False
+    longest_steps: int = 100
+    replan_off_m: float = 0.5
+    expert: ExpertConfig = field(default_factory=ExpertConfig)
+
+
+class SpeedController:
+    """See the module; satisfies `Controller`."""
+
+    def __init__(self, task: Task, config: SpeedConfig) -> None:
+        self._task, self._config = task, config
+        route = plan_route(task.freemap, task.reference_xy_m, task.radius_m)
+        self._notes = [("unplannable", problem) for problem in route.problems]
+        self._nominal = (route.length_m / FORWARD_M + route.turning_rad / TURN_RAD + 6) * (
+            config.steps_per_action * TIMESTEP_S
+        )
+        self._expert = Expert(route, config.expert)
+        self._action: Action | None = None
+        self._start_s, self._start = 0.0, Pose(0.0, 0.0, 0.0)
+
+    rate_hz = 100
+
+    @property
+    def nominal_s(self) -> float:
+        """All forward steps and turns of the route, and half a right angle at the start."""
+        return self._nominal
+
+    def step(self, time_s: float, pose: Pose) -> Decision:
+        """See `Controller.step`."""
+        started = None
+        if self._action is None or self._over(time_s, pose):
+            started = self._action = self._expert.next_action(pose)
+            self._start_s, self._start = time_s, pose
+            if self._expert.off_route_m > self._config.replan_off_m:
+                self._replan(pose)
+        notes, self._notes = tuple(self._notes), []
+        return Decision(
+            self._command(self._action), started, done=self._action is Action.STOP, notes=notes
+        )
+
+    def _over(self, time_s: float, pose: Pose) -> bool:
+        config = self._config
+        steps = round((time_s - self._start_s) / TIMESTEP_S)
+        if not config.end_on_displacement:
+            return steps >= config.steps_per_action
+        return steps >= config.longest_steps or self._displaced(pose)
+
+    def _displaced(self, pose: Pose) -> bool:
+        start = self._start
+        if self._action is Action.FORWARD:
+            dx, dy = pose.x_m - start.x_m, pose.y_m - start.y_m
+            return dx * math.cos(start.yaw_rad) + dy * math.sin(start.yaw_rad) >= FORWARD_M
+        sign = 1.0 if self._action is Action.LEFT else -1.0
+        return sign * wrap_angle(pose.yaw_rad - start.yaw_rad) >= TURN_RAD
+
+    def _command(self, action: Action) -> tuple[float, float, float]:
+        config, limits = self._config, self._task.limits
+        if action is Action.FORWARD:
+            return clip(config.linear_m_s, *limits.vx_m_s), 0.0, 0.0
+        if action is Action.STOP:
+            return STOPPED
+        sign = 1.0 if action is Action.LEFT else -1.0
+        return 0.0, 0.0, clip(sign * config.yaw_rad_s, *limits.yaw_rad_s)
+
+    def _replan(self, pose: Pose) -> None:
+        task = self._task
+        route = plan_route(
+            task.freemap, [(pose.x_m, pose.y_m), tuple(task.goal_xy_m)], task.radius_m
+        )
+        self._notes.append(("replan", f"{self._expert.off_route_m:.2f} m off the route"))
+        self._expert = Expert(route, self._config.expert)

@@ -1,0 +1,116 @@
+"""VLN metrics of one executed path.
+
+TL, NE, SR, OS, SPL: Anderson et al., "On Evaluation of Embodied Navigation Agents", 2018, and
+Anderson et al., "Vision-and-Language Navigation", CVPR 2018. nDTW: Ilharco et al., "General
+Evaluation for Instruction Conditioned Navigation using Dynamic Time Warping", 2019.
+
+A legged base sways with every step, so that the length of its 100 Hz track grows with the gait.
+As in VLN-CE, paths are therefore measured at action boundaries, four times a second.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.distance import cdist
+
+from ..formats.episode import Episode
+from ..formats.freemap import DistanceField, Freemap
+from ..formats.rollout import STATE_RATE_HZ, EndReason, Metrics
+
+ACTION_RATE_HZ = 4
+NDTW_THRESHOLD_M = 3.0
+REFERENCE_STEP_M = 0.25  # one FORWARD action
+
+_STOPPED = (EndReason.SUCCESS, EndReason.STOPPED_FAR)
+
+
+def path_length(points_m: ArrayLike) -> float:
+    """Length [m] of a polyline of points (N, D) [m]; 0 for fewer than two points."""
+    return float(
+        np.linalg.norm(np.diff(np.asarray(points_m, dtype=np.float64), axis=0), axis=1).sum()
+    )
+
+
+def resample(points_m: ArrayLike, step_m: float) -> NDArray[np.float64]:
+    """Points about `step_m` apart along a polyline (N, D), its two ends kept: (M, D), M ≥ 1.
+
+    The spacing is the largest one not above `step_m` that divides the length evenly.
+    """
+    points = np.asarray(points_m, dtype=np.float64)
+    at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    if at[-1] == 0.0:
+        return points[:1]
+    wanted = np.linspace(0.0, at[-1], max(math.ceil(at[-1] / step_m - 1e-9), 1) + 1)
+    return np.stack([np.interp(wanted, at, column) for column in points.T], axis=1)
+
+
+def dtw(a_m: ArrayLike, b_m: ArrayLike) -> float:
+    """Dynamic time warping cost [m] of two point sequences (N, D), (M, D), both non-empty.
+
+    The exact minimum over all monotone alignments of the summed Euclidean distances.
+    """
+    cost = cdist(np.asarray(a_m, dtype=np.float64), np.asarray(b_m, dtype=np.float64))
+    previous = np.cumsum(cost[0]).tolist()
+    for row in cost[1:].tolist():
+        current = [row[0] + previous[0]]
+        for j in range(1, len(row)):
+            current.append(row[j] + min(previous[j], previous[j - 1], current[j - 1]))
+        previous = current
+    return float(previous[-1])
+
+
+def ndtw(path_m: ArrayLike, reference_m: ArrayLike, threshold_m: float = NDTW_THRESHOLD_M) -> float:
+    """exp(−DTW / (|reference| · threshold)), in (0, 1]; 1 when the sequences coincide."""
+    return math.exp(-dtw(path_m, reference_m) / (len(np.asarray(reference_m)) * threshold_m))
+
+
+def rollout_metrics(
+    episode: Episode,
+    freemap: Freemap,
+    position_world_m: NDArray[np.float64],
+    end_reason: EndReason,
+    field: DistanceField | None = None,
+) -> Metrics:
+    """Metrics of a base track (T, 3) [m] at `STATE_RATE_HZ`, T ≥ 1.
+
+    Geodesic distances are those of a point, not of the robot's footprint, so that robots of
+    different size are comparable. `success` is the VLN one: the robot stopped by itself, and less
+    than the goal's radius (3 m) away; the stricter rule for collection (stopped within 0.25 m) is
+    `end_reason == "success"`. SPL uses the episode's geodesic distance as the shortest length.
+    nDTW compares the track four times a second with the reference path every 0.25 m.
+
+    Args:
+        episode: what was asked.
+        freemap: the level's.
+        position_world_m: where the base was.
+        end_reason: why it ended.
+        field: distances to the episode's goal on `freemap`, when already at hand.
+    """
+    stride = STATE_RATE_HZ // ACTION_RATE_HZ
+    last = len(position_world_m) - 1
+    ticks = np.unique(np.append(np.arange(0, last + 1, stride), last))
+    track = position_world_m[ticks, :2]
+    goal = episode.goal_position_world_m[:2]
+    if field is None:
+        field = freemap.distance_field(goal)
+    distance = field.at(track)
+    length = path_length(track)
+    success = end_reason in _STOPPED and bool(distance[-1] < episode.goal_radius_m)
+    shortest = episode.geodesic_distance_m
+    longest = max(length, shortest)
+    reference = resample(episode.reference_path_world_m[:, :2], REFERENCE_STEP_M)
+    return Metrics(
+        trajectory_length_m=length,
+        navigation_error_m=float(distance[-1]),
+        navigation_error_euclidean_m=float(np.linalg.norm(track[-1] - goal)),
+        success=success,
+        oracle_success=bool((distance < episode.goal_radius_m).any()),
+        spl=float(success) * (shortest / longest if longest > 0 else 1.0),
+        ndtw=ndtw(track, reference),
+        fall=end_reason is EndReason.FALL,
+        stuck=end_reason is EndReason.STUCK,
+        duration_s=last / STATE_RATE_HZ,
+    )

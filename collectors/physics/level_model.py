@@ -1,0 +1,221 @@
+"""Scene level + robot → one compiled MuJoCo model.
+
+Geoms are laid out for speed (measured with 1,500 boxes and a 13-body robot: 14 k steps/s with the
+boxes in a body of their own, 27 k as below, 36 k with sleeping):
+
+- Obstacle boxes hang directly on the world body: MuJoCo then walks its bounding-volume tree and
+  skips the broad phase, which would visit every geom of the body in every step.
+- The floor is a geom of another body; an infinite or huge geom would spoil that tree.
+- Static trees are put to sleep, which saves updating their poses. The robot never sleeps.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ...formats.atomic import atomic_file
+from ...formats.freemap import Freemap
+from ...formats.scene_bundle import Obstacles, SceneBundle
+from ..robots import RobotSpec, apply_physics_options
+from .floor_surface import FloorSurface
+from .obstacle_boxes import robot_obstacles
+
+log = logging.getLogger(__name__)
+
+FLOOR_GEOM = "floor"
+ROBOT_PREFIX = "robot/"
+REACH_MARGIN_M = 0.25
+_CODE = ("level_model.py", "floor_surface.py", "obstacle_boxes.py")
+
+
+@dataclass(frozen=True)
+class LevelModelConfig:
+    """How a level becomes physics.
+
+    Attributes:
+        flat_within_m: a floor whose reachable part varies by less is a plane, which is faster.
+        void_depth_m: how far the floor drops where there is none.
+        friction: sliding friction of floor and obstacles; feet bring their own, with priority.
+        headroom_m: how far the robot may rise above its standing height and still be stopped.
+    """
+
+    flat_within_m: float = 0.002
+    void_depth_m: float = 1.0
+    friction: float = 0.8
+    headroom_m: float = 0.15
+
+
+def level_model(
+    bundle: SceneBundle,
+    level: int,
+    robot: RobotSpec,
+    config: LevelModelConfig | None = None,
+    cache_dir: Path | None = None,
+) -> mujoco.MjModel:
+    """The compiled model of a level with a robot, from `cache_dir` when it was built before.
+
+    The cache's key covers the level's files, the robot's physics, the configuration, this code and
+    MuJoCo's version.
+
+    Raises:
+        ValueError: no such level.
+        FileFormatError: the level's files are missing.
+    """
+    config = config or LevelModelConfig()
+    if cache_dir is None:
+        return build_level_model(bundle, level, robot, config)
+    path = cache_dir / f"{_key(bundle, level, robot, config)}.mjb"
+    if path.is_file():
+        return mujoco.MjModel.from_binary_path(str(path))
+    model = build_level_model(bundle, level, robot, config)
+    with atomic_file(path) as temporary:
+        mujoco.mj_saveModel(model, str(temporary), None)
+    return model
+
+
+def build_level_model(
+    bundle: SceneBundle, level: int, robot: RobotSpec, config: LevelModelConfig | None = None
+) -> mujoco.MjModel:
+    """Compile a level with `robot` at the origin, its names under `ROBOT_PREFIX`.
+
+    The floor is a plane at the median height when its reachable part is flat within
+    `config.flat_within_m`, otherwise a height field through the heights at the cell centres. The
+    height field drops by `config.void_depth_m` more than `SKIRT_M` outside the covered cells, so
+    that nothing walks outside the building; over a plane, replay checks for the same border.
+
+    Raises:
+        ValueError: no such level.
+        FileFormatError: the level's files are missing.
+    """
+    config = config or LevelModelConfig()
+    surface, freemap = FloorSurface(bundle.floor(level)), bundle.freemap(level)
+    reach_m, height_m = _extent(robot)
+    scene = mujoco.MjSpec()
+    scene.modelname = f"{bundle.scene_id}-{level}-{robot.name}"
+    apply_physics_options(scene)
+    scene.option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
+    # Broken physics shall be seen and end the episode, not silently start over.
+    scene.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    walked = _walked_heights(surface, freemap)
+    kind = _add_floor(scene, surface, walked, config)
+    top_m = float(walked.max(initial=bundle.level_floor_z_m[level])) + height_m
+    boxes = robot_obstacles(bundle.obstacles(level), freemap, reach_m, top_m + config.headroom_m)
+    _add_boxes(scene, boxes, config)
+    body = robot.spec().body(robot.root_body)
+    scene.worldbody.add_frame().attach_body(body, ROBOT_PREFIX, "")
+    scene.body(ROBOT_PREFIX + robot.root_body).sleep = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
+    model = scene.compile()
+    log.debug(
+        "level %d of %s for %s: floor %s, %d of %d boxes",
+        level,
+        bundle.scene_id,
+        robot.name,
+        kind,
+        len(boxes.center_m),
+        len(bundle.obstacles(level).center_m),
+    )
+    return model
+
+
+def _add_floor(
+    scene: mujoco.MjSpec,
+    surface: FloorSurface,
+    walked: NDArray[np.float32],
+    config: LevelModelConfig,
+) -> str:
+    body = scene.worldbody.add_body(name="ground")
+    friction = [config.friction, 0.02, 0.01]
+    if not len(walked) or np.ptp(walked) < config.flat_within_m:
+        z = float(np.median(walked)) if len(walked) else float(np.median(surface.floor.height_m))
+        body.add_geom(
+            name=FLOOR_GEOM,
+            type=mujoco.mjtGeom.mjGEOM_PLANE,
+            size=[0.0, 0.0, 1.0],
+            pos=[0.0, 0.0, z],
+            friction=friction,
+        )
+        return "plane"
+    grid, solid = surface.floor.grid, surface.solid
+    height = surface.floor.height_m.astype(np.float64)
+    low = float(height[solid].min())
+    if not solid.all():
+        height = np.where(solid, height, low - config.void_depth_m)
+        low -= config.void_depth_m
+    top = float(height.max())
+    # Samples lie at the cell centres, so the field ends half a cell inside the grid.
+    half = 0.5 * grid.cell_m * np.array([grid.columns - 1, grid.rows - 1])
+    middle = np.asarray(grid.origin_xy_m) + 0.5 * grid.cell_m * np.array([grid.columns, grid.rows])
+    scene.add_hfield(
+        name="ground",
+        nrow=grid.rows,
+        ncol=grid.columns,
+        size=[*half, top - low, 0.5],
+        userdata=((height - low) / (top - low)).ravel(),
+    )
+    body.add_geom(
+        name=FLOOR_GEOM,
+        type=mujoco.mjtGeom.mjGEOM_HFIELD,
+        hfieldname="ground",
+        pos=[*middle, low],
+        friction=friction,
+    )
+    return "height field"
+
+
+def _walked_heights(surface: FloorSurface, freemap: Freemap) -> NDArray[np.float32]:
+    """Heights of the covered floor cells [m] whose centres are traversable, (N,)."""
+    rows, columns = np.nonzero(surface.floor.covered)
+    xy = surface.floor.grid.center_of(np.stack([rows, columns], axis=1))
+    cells = freemap.grid.cell_of(xy)
+    inside = freemap.grid.inside(cells)
+    walked = np.zeros(len(xy), dtype=bool)
+    walked[inside] = freemap.traversable[tuple(cells[inside].T)]
+    return surface.floor.height_m[rows[walked], columns[walked]]
+
+
+def _add_boxes(scene: mujoco.MjSpec, boxes: Obstacles, config: LevelModelConfig) -> None:
+    for k, (center, half) in enumerate(zip(boxes.center_m, boxes.half_m, strict=True)):
+        scene.worldbody.add_geom(
+            name=f"obstacle_{k}",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=center,
+            size=half,
+            friction=[config.friction, 0.02, 0.01],
+        )
+
+
+def _extent(robot: RobotSpec) -> tuple[float, float]:
+    """Reach of any part from the base axis, and height of the standing robot [m]."""
+    model = robot.build_model(floor=False)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    solid = np.flatnonzero((model.geom_contype | model.geom_conaffinity) > 0)
+    rotation = data.geom_xmat[solid].reshape(-1, 3, 3)
+    local = model.geom_aabb[solid]
+    center = data.geom_xpos[solid] + np.einsum("gij,gj->gi", rotation, local[:, :3])
+    half = np.einsum("gij,gj->gi", np.abs(rotation), local[:, 3:])
+    lower, upper = center - half, center + half
+    base = data.xpos[model.body(robot.root_body).id]
+    out = np.linalg.norm(np.maximum(upper - base, base - lower)[:, :2], axis=1).max()
+    # Joints swing limbs about: a leg kicked out reaches no farther than it hangs down.
+    reach = max(float(out), float(base[2] - lower[:, 2].min())) + REACH_MARGIN_M
+    return reach, float(upper[:, 2].max() - lower[:, 2].min())
+
+
+def _key(bundle: SceneBundle, level: int, robot: RobotSpec, config: LevelModelConfig) -> str:
+    digest = hashlib.sha256()
+    folder = bundle.level_folder(level)
+    for name in ("floor.npz", "obstacles.npz", "freemap.npz"):
+        digest.update((folder / name).read_bytes())
+    for name in _CODE:
+        digest.update((Path(__file__).parent / name).read_bytes())
+    facts = (robot.name, robot.physics_hash(), robot.camera, asdict(config), mujoco.__version__)
+    digest.update(repr(facts).encode())
+    return digest.hexdigest()[:32]

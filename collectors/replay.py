@@ -1,0 +1,316 @@
+"""Replay an episode in physics and record it: one robot, one controller, no pixels.
+
+After spawning, nothing but joint servos moves a robot: no write to qpos or qvel, no external
+force, no weld. The one exception is the controller `flash`, which is there to show what that
+costs.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import asdict, dataclass, field
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, cast
+
+import mujoco
+import numpy as np
+
+from ..formats.episode import Episode
+from ..formats.rollout import (
+    STATE_RATE_HZ,
+    Action,
+    ActionSpan,
+    EndReason,
+    Event,
+    Rollout,
+)
+from ..formats.scene_bundle import SceneBundle
+from .controllers import (
+    STOPPED,
+    Controller,
+    FlashConfig,
+    PathConfig,
+    Pose,
+    SpeedConfig,
+    Task,
+    Teleporter,
+    get_controller,
+)
+from .metrics import rollout_metrics
+from .outcome import OutcomeConfig, OutcomeWatch
+from .physics import LevelModelConfig
+from .recorder import Recorder
+from .robots import POLICY_DECIMATION, TIMESTEP_S, get_robot
+from .world import World, open_world
+
+log = logging.getLogger(__name__)
+
+STEPS_PER_SAMPLE = round(1.0 / (STATE_RATE_HZ * TIMESTEP_S))
+SAMPLES_PER_POLICY = POLICY_DECIMATION // STEPS_PER_SAMPLE
+
+
+@dataclass(frozen=True)
+class ReplayConfig:
+    """How episodes are replayed.
+
+    Attributes:
+        robot, controller: registry names.
+        seed: of the small random joint offsets at spawn, together with the episode's id.
+        path, speed, flash: settings of each controller.
+        outcome: limits beyond which an episode ends.
+        physics: how the level becomes physics.
+        spawn_joint_noise_rad: standard deviation of the joint offsets; no two starts are alike.
+        settle_least_s, settle_most_s: bounds of the time to settle before the first sample.
+        settled_m_s, settled_rad_s: base and joint speeds below which a robot is at rest.
+        rest_s: standing still, recorded, after STOP; at least a frame at 4 frames/s.
+        after_fall_s: what is still recorded once a robot has fallen.
+    """
+
+    robot: str = "aliengo"
+    controller: str = "path"
+    seed: int = 0
+    path: PathConfig = field(default_factory=PathConfig)
+    speed: SpeedConfig = field(default_factory=SpeedConfig)
+    flash: FlashConfig = field(default_factory=FlashConfig)
+    outcome: OutcomeConfig = field(default_factory=OutcomeConfig)
+    physics: LevelModelConfig = field(default_factory=LevelModelConfig)
+    spawn_joint_noise_rad: float = 0.01
+    settle_least_s: float = 0.5
+    settle_most_s: float = 1.5
+    settled_m_s: float = 0.05
+    settled_rad_s: float = 0.5
+    rest_s: float = 0.5
+    after_fall_s: float = 0.5
+
+
+def replay_episode(
+    bundle: SceneBundle, episode: Episode, config: ReplayConfig, cache_dir: Path | None = None
+) -> Rollout:
+    """Open the episode's level with the configured robot and replay the episode in it.
+
+    To replay many episodes of one level, `open_world` once and call `replay_in`.
+
+    Args:
+        bundle: the repaired scene.
+        episode: what to do.
+        config: how.
+        cache_dir: where compiled models are kept; none are when None.
+
+    Raises:
+        UnknownNameError: no such robot or controller.
+        ValueError: the scene has no such level.
+        FileFormatError: the level's or the policy's files are missing or broken.
+    """
+    get_controller(config.controller)
+    robot = get_robot(config.robot)
+    world = open_world(bundle, episode.level, robot, None, config.physics, cache_dir)
+    return replay_in(world, episode, config)
+
+
+def replay_in(world: World, episode: Episode, config: ReplayConfig) -> Rollout:
+    """Replay an episode in an opened world. The same world, episode and config give the same bits.
+
+    Whatever happens to the robot is an outcome, not an error: exploding physics gives a rollout
+    that ends as `diverged`, its last state among the facts.
+
+    Raises:
+        UnknownNameError: no such controller.
+    """
+    return _Run(world, episode, config).rollout()
+
+
+class _Run:
+    """One episode in progress."""
+
+    def __init__(self, world: World, episode: Episode, config: ReplayConfig) -> None:
+        self.world, self.episode, self.config = world, episode, config
+        self.entry = get_controller(config.controller)
+        self.controller_config = getattr(config, config.controller)
+        self.recorder = Recorder(world)
+        self.watch = OutcomeWatch(world, config.outcome)
+        self.events: list[Event] = []
+        self.actions: list[tuple[Action, int]] = []
+        self.facts: dict[str, object] = {}
+        self._touched: dict[str, int] = {}
+
+    def rollout(self) -> Rollout:
+        x, y, _ = self.episode.start_position_world_m.tolist()
+        task = Task(
+            reference_xy_m=self.episode.reference_path_world_m[:, :2],
+            goal_xy_m=self.episode.goal_position_world_m[:2],
+            freemap=self.world.freemap,
+            radius_m=self.world.robot.footprint_radius_m,
+            limits=self.world.robot.command_limits,
+            goal_tolerance_m=self.config.outcome.success_m,
+        )
+        self.world.gait.reset()
+        self.world.spawn(Pose(x, y, self.episode.start_yaw_rad), self._joint_noise())
+        stuck_in = self.world.in_collision()
+        if stuck_in:
+            self.recorder.sample(STOPPED)
+            self._note("collision_start", ", ".join(sorted(stuck_in)))
+            return self._finish(EndReason.COLLISION_START)
+        driver = self.entry.build(task, self.controller_config)
+        if self.entry.teleports:
+            return self._finish(self._jump(cast(Teleporter, driver)))
+        self._settle()
+        return self._finish(self._drive(cast(Controller, driver)))
+
+    def _joint_noise(self) -> np.ndarray:
+        text = f"{self.config.seed}/{self.episode.episode_id}".encode()
+        rng = np.random.default_rng(np.frombuffer(sha256(text).digest(), dtype=np.uint32))
+        return rng.normal(0.0, self.config.spawn_joint_noise_rad, len(self.world.robot.joints))
+
+    def _settle(self) -> None:
+        """Stand under zero command until quiet; nothing is recorded."""
+        world, config = self.world, self.config
+        data, handles = world.data, world.handles
+        period_s = POLICY_DECIMATION * TIMESTEP_S
+        for k in range(round(config.settle_most_s / period_s)):
+            if k * period_s >= config.settle_least_s:
+                base = data.qvel[handles.root_dof : handles.root_dof + 3]
+                joints = data.qvel[handles.joint_dof]
+                quiet = np.abs(base).max() < config.settled_m_s
+                if quiet and np.abs(joints).max() < config.settled_rad_s:
+                    break
+            data.ctrl[handles.actuators] = world.gait.act(data, STOPPED)
+            mujoco.mj_step(world.model, data, nstep=POLICY_DECIMATION)
+        self.facts["settle_s"] = round(float(data.time), 3)
+
+    def _drive(self, controller: Controller) -> EndReason:
+        world, config = self.world, self.config
+        model, data, actuators = world.model, world.data, world.handles.actuators
+        control_every = STATE_RATE_HZ // controller.rate_hz
+        limit = round(config.outcome.timeout_factor * controller.nominal_s * STATE_RATE_HZ)
+        self.facts["nominal_s"] = round(controller.nominal_s, 3)
+        command = STOPPED
+        end: EndReason | None = None
+        tick, last = 0, math.inf
+        while tick < last:
+            if end is None and tick % control_every == 0:
+                decision = controller.step(tick / STATE_RATE_HZ, world.pose)
+                command = decision.command
+                for kind, detail in decision.notes:
+                    self._note(kind, detail)
+                if decision.action is not None:
+                    self.actions.append((decision.action, tick))
+                if decision.done:
+                    end, last = self._stop(), tick + round(config.rest_s * STATE_RATE_HZ)
+                elif tick >= limit or len(self.actions) > config.outcome.timeout_actions:
+                    self._note("timeout", f"{tick / STATE_RATE_HZ:.1f} s")
+                    return EndReason.TIMEOUT
+            self.recorder.sample(command)
+            if tick % SAMPLES_PER_POLICY == 0:
+                data.ctrl[actuators] = world.gait.act(data, command)
+            mujoco.mj_step(model, data, nstep=STEPS_PER_SAMPLE)
+            tick += 1
+            if tick % SAMPLES_PER_POLICY:
+                continue
+            self._watch_contacts(tick)
+            verdict = self.watch.diverged() if end is EndReason.FALL else self.watch.check()
+            if verdict is None:
+                continue
+            reason, detail = verdict
+            if end is None or reason in (EndReason.FALL, EndReason.DIVERGED):
+                self._note(reason.value, detail)
+            if reason is EndReason.DIVERGED:
+                self._dump_state()
+                return reason
+            if reason is EndReason.FALL:
+                end, command = reason, STOPPED
+                last = tick + round(config.after_fall_s * STATE_RATE_HZ)
+            elif end is None:
+                return reason
+        assert end is not None
+        if end in (EndReason.SUCCESS, EndReason.STOPPED_FAR):
+            # A robot coasts while it comes to rest; where it rests is what counts.
+            end = self._stop()
+        self.recorder.sample(STOPPED)
+        return end
+
+    def _stop(self) -> EndReason:
+        """Whether a stop here is a success."""
+        pose = self.world.pose
+        x, y = self.episode.goal_position_world_m[:2].tolist()
+        near = math.hypot(pose.x_m - x, pose.y_m - y) <= self.config.outcome.success_m
+        return EndReason.SUCCESS if near else EndReason.STOPPED_FAR
+
+    def _jump(self, teleporter: Teleporter) -> EndReason:
+        """Place the robot pose by pose; there is no physics in between."""
+        world, config = self.world, self.config
+        flash = config.flash
+        hold = flash.steps_per_action // STEPS_PER_SAMPLE
+        pose = world.pose
+        for _ in range(config.outcome.timeout_actions + 1):
+            jump = teleporter.jump(pose)
+            self.actions.append((jump.action, len(self.recorder)))
+            self.recorder.sample(STOPPED)
+            self.recorder.repeat(hold - 1)
+            if jump.action is Action.STOP:
+                return self._stop()
+            world.spawn(jump.pose)
+            inside = world.in_collision()
+            if inside:
+                self._note("collision_target", ", ".join(sorted(inside)))
+                if flash.refuse_collisions:
+                    return EndReason.STUCK
+            pose = jump.pose
+        return EndReason.TIMEOUT
+
+    def _watch_contacts(self, tick: int) -> None:
+        """Note when a part of the robot begins to touch an obstacle, not while it goes on."""
+        for part in sorted(self.world.touched_parts()):
+            if tick - self._touched.get(part, -STATE_RATE_HZ) > 0.2 * STATE_RATE_HZ:
+                self._note("contact", part)
+            self._touched[part] = tick
+
+    def _note(self, kind: str, detail: str) -> None:
+        self.events.append(Event(len(self.recorder) / STATE_RATE_HZ, kind, detail))
+
+    def _dump_state(self) -> None:
+        """Keep what blew up; JSON knows no NaN, so numbers go as text."""
+        data = self.world.data
+        self.facts["diverged_state"] = {
+            "qpos": [repr(v) for v in data.qpos.tolist()],
+            "qvel": [repr(v) for v in data.qvel.tolist()],
+            "ctrl": [repr(v) for v in data.ctrl.tolist()],
+        }
+
+    def _finish(self, end: EndReason) -> Rollout:
+        arrays = self.recorder.arrays()
+        world, config, count = self.world, self.config, len(self.recorder)
+        stops = [start for _, start in self.actions[1:]] + [count]
+        spans = [
+            ActionSpan(action, start, stop)
+            for (action, start), stop in zip(self.actions, stops, strict=bool(self.actions))
+        ]
+        return Rollout(
+            episode=self.episode,
+            robot=world.robot.name,
+            controller=config.controller,
+            joint_names=world.robot.joint_names,
+            foot_names=world.robot.foot_geoms,
+            actions=tuple(spans),
+            events=tuple(self.events),
+            end_reason=end,
+            metrics=rollout_metrics(self.episode, world.freemap, arrays["position_world_m"], end),
+            facts={**self._common_facts(), **self.facts},
+            **arrays,
+        )
+
+    def _common_facts(self) -> dict[str, Any]:
+        world, config = self.world, self.config
+        floor = mujoco.mjtGeom(int(world.model.geom("floor").type[0]))
+        return {
+            "seed": config.seed,
+            "robot_mass_kg": world.robot.mass_kg,
+            "robot_physics": world.physics_hash,
+            "controller_config": asdict(self.controller_config),
+            "timestep_s": TIMESTEP_S,
+            "policy_rate_hz": 1.0 / (TIMESTEP_S * POLICY_DECIMATION),
+            "mujoco": mujoco.__version__,
+            "floor": floor.name.removeprefix("mjGEOM_").lower(),
+            "obstacle_boxes": world.obstacles,
+        }

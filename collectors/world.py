@@ -1,0 +1,148 @@
+"""A scene level with a robot in it, ready to replay any number of episodes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..formats.freemap import Freemap
+from ..formats.scene_bundle import SceneBundle
+from .controllers import Pose
+from .locomotion.policy import GaitPolicy
+from .physics import FloorSurface, LevelModelConfig, level_model
+from .robots import RobotHandles, RobotSpec
+
+SPAWN_GAP_M = 0.003  # between the lowest foot and the floor
+TOUCHING_M = -0.001  # a start is in collision when something is deeper inside an obstacle
+
+
+class Gait(Protocol):
+    """What moves the joints; `GaitPolicy` is one."""
+
+    def reset(self) -> None:
+        """Forget everything; called at the start of every rollout."""
+        ...
+
+    def act(self, data: mujoco.MjData, command: ArrayLike) -> NDArray[np.float64]:
+        """Joint targets for the next 20 ms; see `GaitPolicy.act`."""
+        ...
+
+
+@dataclass(frozen=True)
+class World:
+    """Everything that episodes of one level and one robot share.
+
+    Attributes:
+        bundle: the scene.
+        level: which of its levels.
+        robot: whom.
+        model, data: compiled physics and its state; `data` is reused by every episode.
+        handles: where the robot's state lies in them.
+        gait: what moves the joints.
+        surface: the floor.
+        freemap: where robots may be.
+        obstacles: number of obstacle geoms, which come first in the model.
+        physics_hash: of the robot; see `RobotSpec.physics_hash`.
+    """
+
+    bundle: SceneBundle
+    level: int
+    robot: RobotSpec
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    handles: RobotHandles
+    gait: Gait
+    surface: FloorSurface
+    freemap: Freemap
+    obstacles: int
+    physics_hash: str
+
+    @property
+    def pose(self) -> Pose:
+        """The base's true pose."""
+        x, y, _, w, i, j, k = self.data.qpos[
+            self.handles.root_qpos : self.handles.root_qpos + 7
+        ].tolist()
+        return Pose(x, y, math.atan2(2 * (w * k + i * j), 1 - 2 * (j * j + k * k)))
+
+    def spawn(self, pose: Pose, joint_noise_rad: NDArray[np.float64] | None = None) -> None:
+        """Reset physics and stand the robot on the floor, its feet a few mm above it.
+
+        Args:
+            pose: where.
+            joint_noise_rad: (J,) added to the default joint positions.
+        """
+        mujoco.mj_resetData(self.model, self.data)
+        floor_z = float(self.surface.height_at((pose.x_m, pose.y_m)))
+        self.handles.spawn(self.data, pose.x_m, pose.y_m, floor_z, pose.yaw_rad)
+        mujoco.mj_kinematics(self.model, self.data)
+        feet = self.data.geom_xpos[self.handles.foot_geoms]
+        radius = self.model.geom_rbound[self.handles.foot_geoms]
+        ring = np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])
+        under = feet[:, None, :2] + radius[:, None, None] * ring
+        gap = (feet[:, 2] - radius)[:, None] - self.surface.height_at(under)
+        raised_z = floor_z + SPAWN_GAP_M - float(gap.min())
+        self.handles.spawn(self.data, pose.x_m, pose.y_m, raised_z, pose.yaw_rad)
+        if joint_noise_rad is not None:
+            self.data.qpos[self.handles.joint_qpos] += joint_noise_rad
+        mujoco.mj_forward(self.model, self.data)
+
+    def touched_parts(self, deeper_than_m: float = 0.0) -> frozenset[str]:
+        """Names of the robot's bodies that touch an obstacle now."""
+        if not self.data.ncon:
+            return frozenset()
+        geoms = self.data.contact.geom
+        if geoms.min() >= self.obstacles:
+            return frozenset()
+        hits = (geoms.min(axis=1) < self.obstacles) & (self.data.contact.dist <= deeper_than_m)
+        bodies = self.model.geom_bodyid[geoms[hits].max(axis=1)]
+        prefix = self.handles.prefix
+        return frozenset(self.model.body(int(b)).name.removeprefix(prefix) for b in bodies)
+
+    def in_collision(self) -> frozenset[str]:
+        """Names of the robot's bodies that are inside an obstacle."""
+        return self.touched_parts(TOUCHING_M)
+
+
+def open_world(
+    bundle: SceneBundle,
+    level: int,
+    robot: RobotSpec,
+    gait: Gait | None = None,
+    config: LevelModelConfig | None = None,
+    cache_dir: Path | None = None,
+) -> World:
+    """Build or load the physics of a level with `robot` and its trained gait.
+
+    Args:
+        bundle: the scene.
+        level: which of its levels.
+        robot: whom.
+        gait: what moves the joints; the robot's committed policy when None.
+        config: how the level becomes physics.
+        cache_dir: where compiled models are kept; none are when None.
+
+    Raises:
+        ValueError: no such level.
+        FileFormatError: the level's or the policy's files are missing or broken.
+    """
+    model = level_model(bundle, level, robot, config, cache_dir)
+    return World(
+        bundle=bundle,
+        level=level,
+        robot=robot,
+        model=model,
+        data=mujoco.MjData(model),
+        handles=RobotHandles.find(robot, model),
+        gait=gait or GaitPolicy.load(robot),
+        surface=FloorSurface(bundle.floor(level)),
+        freemap=bundle.freemap(level),
+        obstacles=int(np.count_nonzero(model.geom_bodyid == 0)),
+        physics_hash=robot.physics_hash(),
+    )

@@ -1,0 +1,117 @@
+"""A stand-in robot for tests of replay: a two-wheeled cart on a free base, and its "gait".
+
+It has what any robot of the registry has (free base, servos, foot geoms with touch sensors, an
+IMU, an ego camera), and drives by wheel speeds, so tests need no trained policy.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from vlnpe.collectors.robots import (
+    CameraMount,
+    CommandLimits,
+    FallThresholds,
+    JointFacts,
+    RobotSpec,
+)
+from vlnpe.formats.camera import CameraModel
+
+WHEEL_M, TRACK_M, CASTER_M, MAST_M = 0.1, 0.3, 0.05, 0.4
+FEET = ("left_wheel", "right_wheel", "front_caster", "rear_caster")
+
+
+def build_cart(robot: RobotSpec) -> mujoco.MjSpec:
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    base = spec.worldbody.add_body(name=robot.root_body)
+    base.add_freejoint(name=robot.root_joint)
+    sphere, box = mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_BOX
+    base.add_geom(name="chassis", type=box, size=[0.2, 0.12, 0.05], mass=10.0, pos=[0, 0, 0.05])
+    top = robot.link_mass_kg["mast"]
+    base.add_geom(name="mast", type=sphere, size=[0.05, 0, 0], pos=[0, 0, MAST_M], mass=top)
+    for name, x in (("front_caster", 0.17), ("rear_caster", -0.17)):
+        base.add_geom(
+            name=name,
+            type=sphere,
+            size=[CASTER_M, 0, 0],
+            pos=[x, 0, CASTER_M - WHEEL_M],
+            mass=0.1,
+            friction=[0.01, 0, 0],
+            priority=1,
+        )
+        _touch(spec, base, name, [x, 0, CASTER_M - WHEEL_M], CASTER_M)
+    for name, y in (("left_wheel", TRACK_M / 2), ("right_wheel", -TRACK_M / 2)):
+        wheel = base.add_body(name=name, pos=[0, y, 0])
+        wheel.add_joint(name=name, axis=[0, 1, 0], damping=0.01, armature=0.03)
+        wheel.add_geom(name=name, type=sphere, size=[WHEEL_M, 0, 0], mass=1.0, friction=[1, 0, 0])
+        _touch(spec, wheel, name, [0, 0, 0], WHEEL_M)
+    for joint in robot.joints:
+        servo = spec.add_actuator(
+            name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
+        )
+        servo.set_to_velocity(kv=joint.kd)
+        servo.forcerange = [-joint.torque_nm, joint.torque_nm]
+    base.add_site(name="imu")
+    for name, kind in (
+        ("gyro", mujoco.mjtSensor.mjSENS_GYRO),
+        ("accelerometer", mujoco.mjtSensor.mjSENS_ACCELEROMETER),
+    ):
+        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="imu")
+    base.add_camera(name="ego", pos=[0.2, 0, 0.2])
+    return spec
+
+
+def _touch(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, pos: list[float], radius: float
+) -> None:
+    body.add_site(name=name, pos=pos, size=[radius + 0.005, 0, 0])
+    spec.add_sensor(
+        name=f"{name}_touch",
+        type=mujoco.mjtSensor.mjSENS_TOUCH,
+        objtype=mujoco.mjtObj.mjOBJ_SITE,
+        objname=name,
+    )
+
+
+def make_cart(mast_kg: float = 0.1) -> RobotSpec:
+    """The cart; a heavy mast makes it fall over when it brakes or hits something."""
+    return RobotSpec(
+        name="cart",
+        title="Cart",
+        mass_kg=12.2 + mast_kg,
+        link_mass_kg={"mast": mast_kg},
+        joints=tuple(
+            JointFacts(name, 0.0, (-1e9, 1e9), 0.0, 3.0, 40.0)
+            for name in ("left_wheel", "right_wheel")
+        ),
+        action_scale_rad=1.0,
+        root_body="base",
+        root_joint="root",
+        foot_geoms=FEET,
+        base_height_m=WHEEL_M,
+        spawn_height_m=WHEEL_M,
+        footprint_radius_m=0.28,
+        camera=CameraMount("ego", "base", (0.2, 0.0, 0.2), 0.0, CameraModel("ego", 64, 64, 90.0)),
+        fall=FallThresholds(com_to_foot_m=0.02),
+        command_limits=CommandLimits((-0.3, 1.0), (0.0, 0.0), (-1.5, 1.5)),
+        sources=(),
+        build=build_cart,
+    )
+
+
+class CartGait:
+    """Wheel speeds [rad/s] from a velocity command; logs what it was asked and what it did."""
+
+    def __init__(self) -> None:
+        self.targets: list[NDArray[np.float64]] = []
+
+    def reset(self) -> None:
+        self.targets = []
+
+    def act(self, data: mujoco.MjData, command: ArrayLike) -> NDArray[np.float64]:
+        vx, _, yaw = np.asarray(command, dtype=float)
+        target = np.array([vx - yaw * TRACK_M / 2, vx + yaw * TRACK_M / 2]) / WHEEL_M
+        self.targets.append(target)
+        return target
