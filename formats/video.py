@@ -26,6 +26,7 @@ from .atomic import atomic_file
 from .camera import DepthRange
 from .depth_codes import DEPTH_PIXEL_FORMAT, codes_to_depth, depth_to_codes
 from .errors import FileFormatError, UnknownNameError
+from .image_counts import add_depth_codes, add_rgb
 
 GROUP_OF_PICTURES = 2  # key frame distance, LeRobot's own choice
 
@@ -86,8 +87,17 @@ def write_rgb_video(
     frames: Iterable[NDArray[np.uint8]],
     frames_per_second: int,
     codec: str = "h264",
+    counts: NDArray[np.int64] | None = None,
 ) -> int:
     """Encode RGB `frames`, each (H, W, 3) uint8, H and W even; return their number.
+
+    Args:
+        path: output, MP4.
+        frames: the images.
+        frames_per_second: frame rate.
+        codec: key of `RGB_CODECS`.
+        counts: (3, 256); how often each value occurs in each channel is added to it, so that
+            statistics need no decoding (see `image_counts`).
 
     Raises:
         ValueError: no frame, or a frame of another shape, type or odd size.
@@ -105,6 +115,8 @@ def write_rgb_video(
             raise ValueError(
                 f"frame size {frame.shape[1]} x {frame.shape[0]}; both must be even for yuv420p"
             )
+        if counts is not None:
+            add_rgb(counts, frame)
         return av.VideoFrame.from_ndarray(np.ascontiguousarray(frame), format="rgb24")
 
     return _encode(path, frames, frames_per_second, RGB_CODECS[codec], convert)
@@ -115,12 +127,19 @@ def write_depth_video(
     frames_m: Iterable[NDArray[np.float32]],
     frames_per_second: int,
     depth_range: DepthRange,
+    counts: NDArray[np.int64] | None = None,
 ) -> int:
-    """Encode planar depth `frames_m`, each (H, W) float32 [m], losslessly quantised to 12 bits.
+    """Encode planar depth losslessly, quantised to 12 bits; return the number of frames.
 
     Depth is quantised as LeRobot's `quantize_depth` does with `depth_min = 0` and `depth_max =
     far_m` (see `depth_codes`). Readings outside `depth_range` or not finite become 0, invalid.
-    Returns the number of frames.
+
+    Args:
+        path: output, MP4.
+        frames_m: the images, each (H, W) float32 [m].
+        frames_per_second: frame rate.
+        depth_range: valid depths.
+        counts: (4096,); how often each depth code occurs is added to it.
 
     Raises:
         ValueError: no frame, or a frame of another shape.
@@ -130,6 +149,8 @@ def write_depth_video(
         if depth_m.ndim != 2:
             raise ValueError(f"depth frame of shape {depth_m.shape}; valid: (H, W)")
         codes = depth_to_codes(depth_m, depth_range)
+        if counts is not None:
+            add_depth_codes(counts, codes)
         height, width = codes.shape
         frame = av.VideoFrame(width, height, DEPTH_PIXEL_FORMAT)
         plane = frame.planes[0]
@@ -141,18 +162,18 @@ def write_depth_video(
     return _encode(path, frames_m, frames_per_second, DEPTH_CODEC, convert)
 
 
-def read_rgb_video(path: Path) -> NDArray[np.uint8]:
-    """Decode a whole RGB video, (T, H, W, 3) uint8.
+def iterate_rgb_video(path: Path) -> Iterator[NDArray[np.uint8]]:
+    """Decode an RGB video frame by frame, each (H, W, 3) uint8.
 
     Raises:
         FileFormatError: missing, truncated or corrupt.
     """
-    frames = [frame.to_ndarray(format="rgb24") for frame in _decode(path)]
-    return cast(NDArray[np.uint8], np.stack(frames))
+    for frame in _decode(path):
+        yield cast(NDArray[np.uint8], frame.to_ndarray(format="rgb24"))
 
 
-def read_depth_video(path: Path, depth_range: DepthRange) -> NDArray[np.float32]:
-    """Decode a whole depth video, (T, H, W) float32 [m], 0 = invalid.
+def iterate_depth_video(path: Path, depth_range: DepthRange) -> Iterator[NDArray[np.float32]]:
+    """Decode a depth video frame by frame, each (H, W) float32 [m], 0 = invalid.
 
     Args:
         path: the video.
@@ -161,14 +182,23 @@ def read_depth_video(path: Path, depth_range: DepthRange) -> NDArray[np.float32]
     Raises:
         FileFormatError: missing, truncated, corrupt, or no depth video.
     """
-    codes = []
     for frame in _decode(path):
         if frame.format.name != DEPTH_PIXEL_FORMAT:
             raise FileFormatError(
                 path, f"pixel format {frame.format.name}, a depth video has {DEPTH_PIXEL_FORMAT}"
             )
-        codes.append(frame.to_ndarray(format=DEPTH_PIXEL_FORMAT))
-    return codes_to_depth(np.stack(codes), depth_range)
+        codes = cast(NDArray[np.uint16], frame.to_ndarray(format=DEPTH_PIXEL_FORMAT))
+        yield codes_to_depth(codes, depth_range)
+
+
+def read_rgb_video(path: Path) -> NDArray[np.uint8]:
+    """Decode a whole RGB video, (T, H, W, 3) uint8; raises as `iterate_rgb_video`."""
+    return np.stack(list(iterate_rgb_video(path)))
+
+
+def read_depth_video(path: Path, depth_range: DepthRange) -> NDArray[np.float32]:
+    """Decode a whole depth video, (T, H, W) float32 [m]; raises as `iterate_depth_video`."""
+    return np.stack(list(iterate_depth_video(path, depth_range)))
 
 
 @dataclass(frozen=True)

@@ -66,7 +66,7 @@ def make_rollout(
     joints = len(JOINTS)
     spans = [ActionSpan(Action(1 + k % 3), 25 * k, 25 * (k + 1)) for k in range((count - 1) // 25)]
     if discrete:
-        spans.append(ActionSpan(Action.STOP, spans[-1].stop_sample, count))
+        spans.append(ActionSpan(Action.STOP, 25 * len(spans), count))
     end = EndReason.FALL if fall else EndReason.SUCCESS
     return Rollout(
         episode=episode,

@@ -1,0 +1,18 @@
+"""LeRobot v3.0 datasets, written without lerobot or torch; LeRobot 0.6.1 reads them as its own.
+
+Two steps: `write_episode_unit` makes each episode an atomic folder, in parallel as one likes;
+`assemble_dataset` joins the folders by copying streams.
+"""
+
+from .assemble import DatasetSummary, assemble_dataset
+from .layout import FileLimits
+from .unit import EpisodeUnit, read_episode_unit, write_episode_unit
+
+__all__ = [
+    "DatasetSummary",
+    "EpisodeUnit",
+    "FileLimits",
+    "assemble_dataset",
+    "read_episode_unit",
+    "write_episode_unit",
+]

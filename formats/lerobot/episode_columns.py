@@ -1,0 +1,91 @@
+"""What meta/episodes tells of each episode beyond LeRobot's own columns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, fields
+from typing import Any
+
+import pyarrow as pa
+
+from ..camera import CameraModel, DepthRange
+from ..frame_table import FrameTable, StartFrame
+from ..rollout import Metrics, Rollout
+
+_FLOATS = pa.list_(pa.field("element", pa.float64()))
+_STRINGS = pa.list_(pa.field("element", pa.string()))
+_SCALARS = {"float": pa.float64(), "bool": pa.bool_(), "int": pa.int64()}
+
+EPISODE_COLUMNS: dict[str, pa.DataType] = {
+    "episode_uid": pa.string(),  # split/scene/id: the same for every robot, controller and view
+    "episode_id": pa.string(),
+    "trajectory_id": pa.string(),
+    "scene_id": pa.string(),
+    "level": pa.int64(),
+    "split": pa.string(),
+    "instructions": _STRINGS,
+    "reference_path_world_m": _FLOATS,  # x, y, z of each point in turn
+    "start_position_world_m": _FLOATS,
+    "start_yaw_world_rad": pa.float64(),
+    "goal_position_world_m": _FLOATS,
+    "goal_radius_m": pa.float64(),
+    "geodesic_distance_m": pa.float64(),
+    "start_frame_origin_world_m": _FLOATS,  # with the yaw: start frame → world
+    "start_frame_yaw_world_rad": pa.float64(),
+    "robot": pa.string(),
+    "controller": pa.string(),
+    "light": pa.string(),
+    "outcome": pa.string(),
+    "action_discrete_derived": pa.bool_(),
+    "camera_name": pa.string(),
+    "camera_width_px": pa.int64(),
+    "camera_height_px": pa.int64(),
+    "camera_hfov_deg": pa.float64(),
+    "camera_intrinsics": _FLOATS,  # K row by row
+    "depth_near_m": pa.float64(),
+    "depth_far_m": pa.float64(),
+    **{f"metrics/{f.name}": _SCALARS[str(f.type)] for f in fields(Metrics)},
+}
+
+
+def episode_columns(
+    rollout: Rollout,
+    table: FrameTable,
+    camera: CameraModel,
+    depth_range: DepthRange,
+    light: str,
+    instructions: Sequence[str],
+) -> dict[str, Any]:
+    """Values of `EPISODE_COLUMNS` for one rollout, as JSON values."""
+    episode = rollout.episode
+    start = StartFrame.of(rollout)
+    return {
+        "episode_uid": f"{episode.split}/{episode.scene_id}/{episode.episode_id}",
+        "episode_id": episode.episode_id,
+        "trajectory_id": episode.trajectory_id,
+        "scene_id": episode.scene_id,
+        "level": episode.level,
+        "split": episode.split,
+        "instructions": list(instructions),
+        "reference_path_world_m": episode.reference_path_world_m.ravel().tolist(),
+        "start_position_world_m": episode.start_position_world_m.tolist(),
+        "start_yaw_world_rad": float(episode.start_yaw_rad),
+        "goal_position_world_m": episode.goal_position_world_m.tolist(),
+        "goal_radius_m": float(episode.goal_radius_m),
+        "geodesic_distance_m": float(episode.geodesic_distance_m),
+        "start_frame_origin_world_m": start.origin_world_m.tolist(),
+        "start_frame_yaw_world_rad": start.yaw_rad,
+        "robot": rollout.robot,
+        "controller": rollout.controller,
+        "light": light,
+        "outcome": rollout.end_reason.value,
+        "action_discrete_derived": table.discrete_derived,
+        "camera_name": camera.name,
+        "camera_width_px": camera.width_px,
+        "camera_height_px": camera.height_px,
+        "camera_hfov_deg": float(camera.hfov_deg),
+        "camera_intrinsics": camera.intrinsics.ravel().tolist(),
+        "depth_near_m": depth_range.near_m,
+        "depth_far_m": depth_range.far_m,
+        **{f"metrics/{key}": value for key, value in asdict(rollout.metrics).items()},
+    }

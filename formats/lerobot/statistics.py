@@ -1,0 +1,127 @@
+"""Feature statistics, numerically those of LeRobot 0.6.1's own writer.
+
+Per episode: minimum, maximum, mean, standard deviation, count, and the 1, 10, 50, 90 and 99 %
+quantiles, read from a histogram of 5,000 bins between minimum and maximum with linear
+interpolation inside a bin. Over a dataset: counts weigh means, variances and quantiles.
+Computation keeps each column's own precision, because bins are decided by it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
+MOMENTS = ("min", "max", "mean", "std", "count")
+BINS = 5000
+PADDING = 1e-10
+
+Statistics = dict[str, NDArray[Any]]
+
+
+def column_statistics(values: NDArray[Any]) -> Statistics:
+    """Statistics of a column (N, D) or (N,); each entry (D,), `count` (1,)."""
+    columns = values.reshape(len(values), -1)
+    columns = columns.astype(np.result_type(columns.dtype, np.float32), copy=False)
+    lower, upper = columns.min(axis=0), columns.max(axis=0)
+    mean: NDArray[Any] = columns.mean(axis=0)
+    result: Statistics = {
+        "min": lower,
+        "max": upper,
+        "mean": mean,
+        "count": np.array([len(values)]),
+    }
+    if len(values) == 1:
+        result["std"] = np.zeros_like(mean)
+        return result | dict.fromkeys(QUANTILES, mean)
+    result["std"] = np.sqrt(np.maximum(0, (columns**2).mean(axis=0) - mean**2))
+    ones = np.ones(len(values))
+    quantiles = np.stack([_quantiles(np.sort(column), ones) for column in columns.T])
+    return result | dict(zip(QUANTILES, quantiles.T, strict=True))
+
+
+def image_statistics(
+    values: NDArray[np.float32], counts: NDArray[np.int64], frames: int
+) -> Statistics:
+    """Statistics of images from how often each value occurs.
+
+    Args:
+        values: (K,) ascending pixel values.
+        counts: (C, K) occurrences in each channel; each channel has at least one.
+        frames: number of images.
+
+    Returns:
+        Entries of shape (C, 1, 1); `count` (1,) is the number of images.
+    """
+    channels = []
+    for weights in counts:
+        seen = weights > 0
+        x, n = values[seen], weights[seen].astype(np.float64)
+        mean = np.average(x.astype(np.float64), weights=n)
+        variance = np.average((x - mean) ** 2, weights=n)
+        quantiles = _quantiles(x, n)
+        channels.append([x[0], x[-1], mean, np.sqrt(variance), *quantiles])
+    table = np.array(channels, dtype=np.float64).T[:, :, None, None]
+    result: Statistics = dict(zip(["min", "max", "mean", "std", *QUANTILES], table, strict=True))
+    return result | {"count": np.array([frames])}
+
+
+class StatisticsSum:
+    """Statistics of a whole dataset, added up episode by episode in constant memory."""
+
+    def __init__(self) -> None:
+        self._features: dict[str, Statistics] = {}
+
+    def add(self, episode: dict[str, Statistics]) -> None:
+        """Add the statistics of one episode's features."""
+        for key, new in episode.items():
+            old = self._features.get(key)
+            self._features[key] = new if old is None else _merge(old, new)
+
+    def result(self) -> dict[str, dict[str, Any]]:
+        """Return the statistics as JSON values."""
+        return {key: statistics_to_json(value) for key, value in self._features.items()}
+
+
+def statistics_to_json(statistics: Statistics) -> dict[str, Any]:
+    """Arrays to nested lists, in LeRobot's order."""
+    return {key: np.asarray(statistics[key]).tolist() for key in (*MOMENTS, *QUANTILES)}
+
+
+def statistics_from_json(statistics: dict[str, Any]) -> Statistics:
+    """Nested lists to arrays."""
+    return {key: np.asarray(value) for key, value in statistics.items()}
+
+
+def _merge(a: Statistics, b: Statistics) -> Statistics:
+    count = a["count"] + b["count"]
+    share = b["count"][0] / count[0]
+    delta = b["mean"] - a["mean"]
+    # Chan et al.'s parallel variance.
+    variance = (1 - share) * a["std"] ** 2 + share * b["std"] ** 2 + share * (1 - share) * delta**2
+    merged: Statistics = {
+        "min": np.minimum(a["min"], b["min"]),
+        "max": np.maximum(a["max"], b["max"]),
+        "mean": a["mean"] + share * delta,
+        "std": np.sqrt(variance),
+        "count": count,
+    }
+    return merged | {key: (1 - share) * a[key] + share * b[key] for key in QUANTILES}
+
+
+def _quantiles(values: NDArray[Any], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Histogram quantiles of ascending `values` (N,) that occur `weights` (N,) times."""
+    edges = np.linspace(values[0] - PADDING, values[-1] + PADDING, BINS + 1)
+    bins = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, BINS - 1)
+    first = np.flatnonzero(np.diff(bins, prepend=-1))  # first value of each occupied bin
+    occupied = bins[first]
+    in_bin = np.add.reduceat(weights, first)
+    cumulated = np.cumsum(in_bin)
+    targets = np.array(list(QUANTILES.values())) * cumulated[-1]
+    at = np.searchsorted(cumulated, targets)
+    fraction = (targets - (cumulated[at] - in_bin[at])) / in_bin[at]
+    lower, upper = edges[occupied[at]], edges[occupied[at] + 1]
+    # LeRobot does not interpolate in the very first bin.
+    return np.where(occupied[at] == 0, edges[0], lower + fraction * (upper - lower))

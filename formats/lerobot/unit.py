@@ -1,0 +1,242 @@
+"""One episode as one atomic folder, ready to be copied into a LeRobot dataset.
+
+    <unit>/
+      rows.parquet   frame rows without the columns that depend on the place in a dataset
+      observation.images.rgb.mp4, observation.images.depth.mp4
+      unit.json      features, task, statistics, episode columns
+
+Units are independent, so any number of processes may write them; a unit is whole or absent.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from ..atomic import atomic_folder
+from ..camera import CameraModel, DepthRange
+from ..depth_codes import MAX_CODE, codes_to_depth, depth_to_codes
+from ..errors import FileFormatError
+from ..frame_table import FrameTable, build_frame_table
+from ..image_counts import add_depth_codes, add_rgb, new_depth_counts, new_rgb_counts
+from ..rollout import Rollout
+from ..video import VideoFacts, iterate_depth_video, iterate_rgb_video, probe_video
+from .episode_columns import EPISODE_COLUMNS, episode_columns
+from .features import dataset_features
+from .layout import DATASET_ROWS, DEPTH_KEY, RGB_KEY, Features, row_schema
+from .statistics import (
+    Statistics,
+    column_statistics,
+    image_statistics,
+    statistics_from_json,
+    statistics_to_json,
+)
+
+UNIT_INDEX = "unit.json"
+UNIT_VERSION = 1
+ROWS = "rows.parquet"
+
+
+@dataclass(frozen=True)
+class EpisodeUnit:
+    """The index of a unit on disk.
+
+    Attributes:
+        folder: where it lies.
+        frames_per_second, robot: must agree within a dataset.
+        features: entries of info.json.
+        task: the instruction.
+        length: number of frames.
+        statistics: per feature, but for the columns that depend on the place in a dataset.
+        columns: values of `EPISODE_COLUMNS`.
+    """
+
+    folder: Path
+    frames_per_second: int
+    robot: str
+    features: Features
+    task: str
+    length: int
+    statistics: dict[str, Statistics]
+    columns: dict[str, Any]
+
+    def video(self, key: str) -> Path:
+        """Return the path of a video."""
+        return self.folder / f"{key}.mp4"
+
+    def rows(self) -> pa.Table:
+        """Load the frame rows.
+
+        Raises:
+            FileFormatError: missing, corrupt, or of another length than the index says.
+        """
+        path = self.folder / ROWS
+        try:
+            table = pq.read_table(path)
+        except (OSError, pa.ArrowException) as error:
+            raise FileFormatError(path, f"not readable ({error})") from error
+        if table.num_rows != self.length:
+            raise FileFormatError(path, f"{table.num_rows} rows, its index says {self.length}")
+        return table
+
+
+def write_episode_unit(
+    folder: Path,
+    rollout: Rollout,
+    frames: Mapping[str, NDArray[Any]],
+    frames_per_second: int,
+    *,
+    rgb_video: Path,
+    depth_video: Path,
+    camera: CameraModel,
+    depth_range: DepthRange,
+    light: str,
+    rgb_codec: str = "h264",
+    instructions: Sequence[str] | None = None,
+) -> None:
+    """Write one episode, whatever its outcome.
+
+    Args:
+        folder: the unit's folder; replaced as a whole.
+        rollout: physics truth.
+        frames: the render stage's arrays, see `build_frame_table`; `rgb_counts` (3, 256) and
+            `depth_counts` (4096,), if there, save decoding the videos for their statistics.
+        frames_per_second: frame rate, as the videos'.
+        rgb_video: as `write_rgb_video` wrote it; it is linked, or copied where that is impossible.
+        depth_video: as `write_depth_video` wrote it; likewise.
+        camera: the view.
+        depth_range: of the depth video.
+        light: lighting name.
+        rgb_codec: the codec `rgb_video` was written with.
+        instructions: all instructions of the path; by default the episode's own.
+
+    Raises:
+        ValueError: the frames do not belong to the rollout.
+        FileFormatError: a video is damaged, or has another length, rate or size.
+    """
+    table = build_frame_table(rollout, frames, frames_per_second)
+    rgb = _checked_video(rgb_video, table, camera)
+    depth = _checked_video(depth_video, table, camera)
+    features = dataset_features(table, rgb, depth, rgb_codec, depth_range)
+    index = np.arange(len(table))
+    columns = table.columns | {"timestamp": index / frames_per_second, "frame_index": index}
+    statistics = {key: column_statistics(values) for key, values in columns.items()}
+    statistics |= _image_statistics(frames, rgb_video, depth_video, depth_range, len(table))
+    own = instructions or rollout.episode.extra.get("instructions") or [rollout.episode.instruction]
+    with atomic_folder(folder) as temporary:
+        pq.write_table(_rows(columns, features), temporary / ROWS)
+        _link(rgb_video, temporary / f"{RGB_KEY}.mp4")
+        _link(depth_video, temporary / f"{DEPTH_KEY}.mp4")
+        unit = {
+            "unit_version": UNIT_VERSION,
+            "frames_per_second": frames_per_second,
+            "robot": rollout.robot,
+            "features": features,
+            "task": rollout.episode.instruction,
+            "length": len(table),
+            "statistics": {k: statistics_to_json(v) for k, v in statistics.items()},
+            "columns": episode_columns(rollout, table, camera, depth_range, light, own),
+        }
+        (temporary / UNIT_INDEX).write_text(json.dumps(unit))
+
+
+def read_episode_unit(folder: Path) -> EpisodeUnit:
+    """Open a unit.
+
+    Raises:
+        FileFormatError: it is missing, incomplete, corrupt or of another version.
+    """
+    path = folder / UNIT_INDEX
+    try:
+        index = json.loads(path.read_text())
+        if index["unit_version"] != UNIT_VERSION:
+            raise FileFormatError(
+                path, f"unit version {index['unit_version']}, this code reads {UNIT_VERSION}"
+            )
+        missing = set(EPISODE_COLUMNS) - set(index["columns"])
+        if missing:
+            raise FileFormatError(path, f"episode columns {sorted(missing)} are missing")
+        return EpisodeUnit(
+            folder=folder,
+            frames_per_second=index["frames_per_second"],
+            robot=index["robot"],
+            features=index["features"],
+            task=index["task"],
+            length=index["length"],
+            statistics={k: statistics_from_json(v) for k, v in index["statistics"].items()},
+            columns=index["columns"],
+        )
+    except FileNotFoundError as error:
+        raise FileFormatError(path, "missing; no episode unit lies here") from error
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise FileFormatError(path, f"not an episode unit: {error!r}") from error
+
+
+def _checked_video(path: Path, table: FrameTable, camera: CameraModel) -> VideoFacts:
+    facts = probe_video(path)
+    found = (facts.frames, facts.frames_per_second, facts.width_px, facts.height_px)
+    expected = (len(table), table.frames_per_second, camera.width_px, camera.height_px)
+    if found != expected:
+        raise FileFormatError(path, f"frames, rate, width, height {found}; expected {expected}")
+    return facts
+
+
+def _rows(columns: Mapping[str, NDArray[Any]], features: Features) -> pa.Table:
+    schema = row_schema(features, without=tuple(DATASET_ROWS))
+    arrays = []
+    for field in schema:
+        values = columns[field.name]
+        if pa.types.is_fixed_size_list(field.type):
+            flat = pa.array(np.ascontiguousarray(values).ravel(), field.type.value_type)
+            arrays.append(pa.FixedSizeListArray.from_arrays(flat, type=field.type))
+        else:
+            arrays.append(pa.array(values.reshape(-1)).cast(field.type))
+    return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def _image_statistics(
+    frames: Mapping[str, NDArray[Any]],
+    rgb_video: Path,
+    depth_video: Path,
+    depth_range: DepthRange,
+    length: int,
+) -> dict[str, Statistics]:
+    if "rgb_counts" in frames and "depth_counts" in frames:
+        rgb_counts, depth_counts = frames["rgb_counts"], frames["depth_counts"]
+    else:
+        rgb_counts, depth_counts = new_rgb_counts(), new_depth_counts()
+        _count(iterate_rgb_video(rgb_video), lambda image: add_rgb(rgb_counts, image))
+        _count(
+            iterate_depth_video(depth_video, depth_range),
+            lambda image: add_depth_codes(depth_counts, depth_to_codes(image, depth_range)),
+        )
+    rgb_values = np.arange(256, dtype=np.float32)
+    rgb = image_statistics(rgb_values, rgb_counts, length)
+    depth_values = codes_to_depth(np.arange(MAX_CODE + 1, dtype=np.uint16), depth_range)
+    return {
+        # LeRobot scales colours to 0 … 1 and leaves depth in its unit.
+        RGB_KEY: {k: v if k == "count" else v / 255.0 for k, v in rgb.items()},
+        DEPTH_KEY: image_statistics(depth_values, depth_counts[None], length),
+    }
+
+
+def _count(images: Iterable[NDArray[Any]], add: Any) -> None:
+    for image in images:
+        add(image)
+
+
+def _link(source: Path, target: Path) -> None:
+    try:
+        os.link(source, target)
+    except OSError:  # another file system, or one without links
+        shutil.copyfile(source, target)

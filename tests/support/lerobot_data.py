@@ -1,0 +1,130 @@
+"""Datasets of made-up episodes, by our writer and by LeRobot's own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from vlnpe.formats.camera import CameraModel, DepthRange
+from vlnpe.formats.frame_table import build_frame_table
+from vlnpe.formats.image_counts import new_depth_counts, new_rgb_counts
+from vlnpe.formats.lerobot import write_episode_unit
+from vlnpe.formats.rollout import Rollout
+from vlnpe.formats.video import DEPTH_CODEC, RGB_CODECS, write_depth_video, write_rgb_video
+
+from tests.support.rollouts import make_frames, make_images, make_rollout
+
+RANGE = DepthRange(0.05, 20.0)
+CAMERA = CameraModel("front", 96, 64, 90.0)
+
+
+def write_unit(
+    root: Path,
+    rollout: Rollout,
+    number: int = 0,
+    frames_per_second: int = 4,
+    counted: bool = True,
+    images: tuple[np.ndarray, np.ndarray] | None = None,
+) -> Path:
+    """Encode images and write the unit `root/unit-<number>`."""
+    frames: dict[str, Any] = make_frames(rollout, frames_per_second)
+    rgb, depth = images or make_images(len(frames["sample_index"]), number)
+    rgb_counts, depth_counts = new_rgb_counts(), new_depth_counts()
+    rgb_path, depth_path = root / f"rgb-{number}.mp4", root / f"depth-{number}.mp4"
+    write_rgb_video(rgb_path, rgb, frames_per_second, counts=rgb_counts)
+    write_depth_video(depth_path, depth, frames_per_second, RANGE, counts=depth_counts)
+    if counted:
+        frames |= {"rgb_counts": rgb_counts, "depth_counts": depth_counts}
+    camera = CameraModel("front", rgb.shape[2], rgb.shape[1], 90.0)
+    folder = root / f"unit-{number}"
+    write_episode_unit(
+        folder,
+        rollout,
+        frames,
+        frames_per_second,
+        rgb_video=rgb_path,
+        depth_video=depth_path,
+        camera=camera,
+        depth_range=RANGE,
+        light="baked",
+    )
+    return folder
+
+
+def write_units(root: Path, seconds: Sequence[float], frames_per_second: int = 4) -> list[Path]:
+    """Episodes of given lengths; every second executes discrete actions, the last falls."""
+    return [
+        write_unit(
+            root,
+            make_rollout(s, n, discrete=n % 2 == 1, fall=n == len(seconds) - 1),
+            n,
+            frames_per_second,
+        )
+        for n, s in enumerate(seconds)
+    ]
+
+
+def write_reference(root: Path, seconds: Sequence[float], frames_per_second: int = 4) -> None:
+    """Write the dataset of `write_units` with LeRobot's own writer and the same encoders."""
+    from lerobot.configs import DepthEncoderConfig, RGBEncoderConfig
+    from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+    dataset = None
+    for n, length in enumerate(seconds):
+        rollout = make_rollout(length, n, discrete=n % 2 == 1, fall=n == len(seconds) - 1)
+        table = build_frame_table(
+            rollout, make_frames(rollout, frames_per_second), frames_per_second
+        )
+        rgb, depth = make_images(len(table), n)
+        if dataset is None:
+            features: dict[str, Any] = {
+                key: {
+                    "dtype": str(values.dtype),
+                    "shape": (values.shape[1],),
+                    "names": table.column_names[key],
+                }
+                for key, values in table.columns.items()
+            }
+            names = ["height", "width", "channels"]
+            shape = rgb.shape[1:3]
+            features["observation.images.rgb"] = {
+                "dtype": "video",
+                "shape": (*shape, 3),
+                "names": names,
+            }
+            features["observation.images.depth"] = {
+                "dtype": "video",
+                "shape": (*shape, 1),
+                "names": names,
+                "info": {"is_depth_map": True},
+            }
+            h264 = RGB_CODECS["h264"]
+            dataset = LeRobotDataset.create(
+                "vlnpe/reference",
+                frames_per_second,
+                features,
+                root=root,
+                robot_type="aliengo",
+                rgb_encoder=RGBEncoderConfig(
+                    vcodec="h264",
+                    crf=h264.crf,
+                    preset=h264.preset,
+                    extra_options=dict(h264.extra_options),
+                ),
+                depth_encoder=DepthEncoderConfig(
+                    depth_min=0.0,
+                    depth_max=RANGE.far_m,
+                    preset=DEPTH_CODEC.preset,
+                    extra_options=dict(DEPTH_CODEC.extra_options),
+                ),
+            )
+        for i in range(len(table)):
+            frame = {key: values[i] for key, values in table.columns.items()}
+            frame["observation.images.rgb"] = rgb[i]
+            frame["observation.images.depth"] = depth[i][..., None]
+            dataset.add_frame(frame | {"task": rollout.episode.instruction})
+        dataset.save_episode(parallel_encoding=False)
+    assert dataset is not None
+    dataset.finalize()
