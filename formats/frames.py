@@ -16,6 +16,16 @@ Array = NDArray[np.float64]
 OPTICAL_IN_BODY = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 # MuJoCo and OpenGL cameras look along −z with y up.
 OPTICAL_TO_OPENGL = np.diag([1.0, -1.0, -1.0])
+# Habitat coordinates to a world that was not levelled: (x, y, z) → (x, −z, y).
+HABITAT_TO_WORLD = np.array(
+    [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+)
+
+
+def transform_points(transform: ArrayLike, points_m: ArrayLike) -> Array:
+    """Apply a (4, 4) affine transform to points (..., 3) [m]."""
+    matrix = np.asarray(transform, dtype=np.float64)
+    return np.asarray(points_m, dtype=np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def habitat_to_world_position(position_habitat_m: ArrayLike) -> Array:

@@ -220,7 +220,7 @@ def _pull_taut(path: Array, grid: GridSpec, free: Mask, cost: Array) -> Array:
         starts = points[low:j]
         ends = np.broadcast_to(points[j], starts.shape)
         cells = _samples(starts, ends, grid)
-        linked = free[cells[..., 0], cells[..., 1]].all(axis=1)
+        linked = np.all(free[cells[..., 0], cells[..., 1]], axis=1)
         linked[-1] = True  # neighbours on the path are linked by construction
         mean = cost[cells[..., 0], cells[..., 1]].mean(axis=1)
         length = np.linalg.norm(ends - starts, axis=1)

@@ -13,7 +13,7 @@ import math
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,20 @@ from .vocabulary import Vocabulary
 OUR_KEY = "vlnpe"
 FORMAT_VERSION = 1
 _TOKENS = 200  # VLN-CE pads or cuts every instruction to this many tokens
+_SCENE_SUFFIXES = frozenset(
+    (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".usd", ".usda", ".usdc", ".usdz")
+)
+    ".glb",
+    ".gltf",
+    ".obj",
+    ".ply",
+    ".stl",
+    ".dae",
+    ".usd",
+    ".usda",
+    ".usdc",
+    ".usdz",
+}
 _KNOWN = {
     "episode_id",
     "trajectory_id",
@@ -85,8 +99,8 @@ class VlnceEpisode:
 
     @property
     def scene_stem(self) -> str:
-        """The scene's name without folders and suffix: `mp3d/X/X.glb` → `X`."""
-        return Path(self.scene_id).stem
+        """The scene's name without folders and file type: `mp3d/X/X.glb` → `X`."""
+        return scene_stem(self.scene_id)
 
     @property
     def in_repaired_world(self) -> bool:
@@ -109,6 +123,12 @@ class VlnceFile:
     episodes: tuple[VlnceEpisode, ...]
     vocabulary: dict[str, Any] | None = None
     extra: dict[str, Any] = field(default_factory=dict)
+
+
+def scene_stem(scene_id: str) -> str:
+    """A scene's name without folders and file type: `mp3d/X/X.glb` → `X`, `home.v2` → itself."""
+    path = PurePosixPath(scene_id)
+    return path.stem if path.suffix.lower() in _SCENE_SUFFIXES else path.name
 
 
 def read_vlnce(path: Path | str) -> VlnceFile:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..formats.errors import InputError
+
 
 @dataclass(frozen=True)
 class SampleConfig:
@@ -46,13 +48,13 @@ class SampleConfig:
 
     def __post_init__(self):
         if self.count < 1:
-            raise ValueError(f"count is {self.count}; valid: 1 or more")
+            raise InputError(f"count is {self.count}; valid: 1 or more")
         if not 0 < self.min_length_m < self.max_length_m:
-            raise ValueError(
+            raise InputError(
                 f"lengths {self.min_length_m} … {self.max_length_m} m; valid: 0 < min < max"
             )
         if not 0 < self.robot_radius_m <= self.end_clearance_m:
-            raise ValueError(
+            raise InputError(
                 f"robot radius {self.robot_radius_m} m and end clearance {self.end_clearance_m} m; "
                 "valid: 0 < radius ≤ end clearance"
             )
