@@ -32,20 +32,7 @@ from .vocabulary import Vocabulary
 OUR_KEY = "vlnpe"
 FORMAT_VERSION = 1
 _TOKENS = 200  # VLN-CE pads or cuts every instruction to this many tokens
-_SCENE_SUFFIXES = frozenset(
-    (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".usd", ".usda", ".usdc", ".usdz")
-)
-    ".glb",
-    ".gltf",
-    ".obj",
-    ".ply",
-    ".stl",
-    ".dae",
-    ".usd",
-    ".usda",
-    ".usdc",
-    ".usdz",
-}
+_SCENE_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".usd", ".usda", ".usdc")
 _KNOWN = {
     "episode_id",
     "trajectory_id",

@@ -1,0 +1,130 @@
+"""A reference path as the sequence of things one does along it: turns and room changes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from skimage.measure import approximate_polygon
+
+from ..formats.episode import Episode
+from ..formats.frames import wrap_angle
+from ..formats.planning import path_length
+from ..formats.regions import RegionMap, crossings
+
+# A path is straight as far as it stays this close to a line; corners nearer than a bend's length
+# to each other, the same way round, are one bend.
+_STRAIGHT_M = 0.25
+_BEND_M = 1.6
+MIN_TURN_RAD = np.deg2rad(28.0)
+DOORWAY_M = 1.8  # a passage between rooms at most this wide is called a doorway
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A change of heading.
+
+    Attributes:
+        along_m: distance along the path of its middle [m].
+        angle_rad: how far, left is positive [rad].
+    """
+
+    along_m: float
+    angle_rad: float
+
+    @property
+    def direction(self) -> str:
+        """`left` or `right`."""
+        return "left" if self.angle_rad > 0 else "right"
+
+
+@dataclass(frozen=True)
+class RoomChange:
+    """A step from one room into the next.
+
+    Attributes:
+        along_m: distance along the path [m].
+        from_room: name of the room left, "" when unknown.
+        to_room: name of the room entered, "" when unknown.
+        doorway: through a doorway rather than a wide opening.
+    """
+
+    along_m: float
+    from_room: str
+    to_room: str
+    doorway: bool
+
+
+@dataclass(frozen=True)
+class Route:
+    """What happens along a path.
+
+    Attributes:
+        path_xy_m: (P, 2) the path [m].
+        length_m: of the path [m].
+        turns: in order; the first may be a turn on the spot at the start.
+        changes: room changes, in order.
+        goal_room: name of the room of the goal, "" when unknown.
+    """
+
+    path_xy_m: NDArray[np.float64]
+    length_m: float
+    turns: tuple[Turn, ...]
+    changes: tuple[RoomChange, ...]
+    goal_room: str
+
+
+def route_of(episode: Episode, regions: RegionMap) -> Route:
+    """Analyse an episode's reference path."""
+    path = episode.reference_path_world_m[:, :2]
+    changes = tuple(
+        RoomChange(
+            c.along_m,
+            regions.names[c.from_region],
+            regions.names[c.to_region],
+            c.width_m <= DOORWAY_M,
+        )
+        for c in crossings(regions, path)
+    )
+    goal_room = changes[-1].to_room if changes else regions.name_at(path[-1])
+    turns = find_turns(path, episode.start_yaw_rad)
+    return Route(path, path_length(path), turns, changes, goal_room)
+
+
+def find_turns(
+    path_xy_m: NDArray[np.float64],
+    start_yaw_rad: float | None,
+    min_turn_rad: float = MIN_TURN_RAD,
+) -> tuple[Turn, ...]:
+    """Turns along a path (P, 2) [m], by its simplified shape.
+
+    Args:
+        path_xy_m: the path.
+        start_yaw_rad: heading at the start; a path that sets off in another direction begins
+            with a turn. None means that it looks along the path.
+        min_turn_rad: smaller changes of heading are no turns.
+    """
+    corners = approximate_polygon(path_xy_m, _STRAIGHT_M)
+    legs = np.diff(corners, axis=0)
+    lengths = np.linalg.norm(legs, axis=1)
+    headings = np.arctan2(legs[:, 1], legs[:, 0])
+    along = np.cumsum(lengths)
+    found: list[Turn] = []
+    for k, (before, after) in enumerate(pairwise(headings)):
+        angle = float(wrap_angle(after - before))
+        last = found[-1] if found else None
+        near = last is not None and float(along[k]) - last.along_m < _BEND_M
+        if last is not None and near and np.sign(last.angle_rad) == np.sign(angle):
+            total = last.angle_rad + angle
+            middle = (last.along_m * last.angle_rad + float(along[k]) * angle) / total
+            found[-1] = Turn(middle, total)
+        else:
+            found.append(Turn(float(along[k]), angle))
+    if start_yaw_rad is not None:
+        angle = float(wrap_angle(headings[0] - start_yaw_rad))
+        # The first leg's chord cuts the path's bend: only a clear difference is a turn.
+        if abs(angle) > 2 * MIN_TURN_RAD:
+            found.insert(0, Turn(0.0, angle))
+    return tuple(t for t in found if abs(t.angle_rad) >= min_turn_rad)

@@ -1,0 +1,233 @@
+"""The offline composer: instructions from the path's geometry and the scene's labels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from ..formats.episode import Episode
+from ..formats.regions import RegionMap, region_map
+from ..formats.scene_bundle import SceneBundle
+from . import phrases
+from .actions import RoomChange, Route, Turn, route_of
+from .landmarks import STOP_M, Sighting, sightings
+from .records import Instruction, Mention
+
+OFFLINE = "offline"
+_TOGETHER_M = 0.9  # a turn this close to a doorway is one step with it
+_AT_TURN_M = 1.3  # a landmark this close to a turn marks it
+
+
+@dataclass(frozen=True)
+class _Step:
+    """A clause to be: where along the path, its words, its action, the thing it names."""
+
+    along_m: float
+    text: str
+    action: str
+    mention: Mention | None = None
+
+
+def compose_instruction(
+    episode: Episode,
+    bundle: SceneBundle,
+    rng: np.random.Generator,
+    style: str = "detailed",
+    regions: RegionMap | None = None,
+) -> Instruction:
+    """Tell how to follow an episode's reference path.
+
+    Turns, room changes and the place to stop are always told; landmarks passed on the way where
+    they help, and distances where there is nothing better to go by.
+
+    Args:
+        episode: its path and start are described; its own instruction is not looked at.
+        bundle: the scene with its labels; a scene without any works too.
+        rng: chooses among phrasings.
+        style: `concise` names fewer things than `detailed`.
+        regions: rooms of the episode's level, when they are at hand already.
+    """
+    regions = regions or region_map(bundle, episode.level)
+    route = route_of(episode, regions)
+    seen = sightings(route.path_xy_m, bundle, episode.level, regions)
+    last = _stop(route, seen, rng)
+    steps = _steps(route, seen, last, rng, style)
+    steps.append(last)
+    return Instruction(
+        text=_sentences(steps, rng),
+        landmarks=tuple(s.mention for s in steps if s.mention),
+        actions=tuple(s.action for s in steps),
+        composer=OFFLINE,
+        style=style,
+    )
+
+
+def _steps(
+    route: Route, seen: list[Sighting], last: _Step, rng: np.random.Generator, style: str
+) -> list[_Step]:
+    """Everything before the stop, in order."""
+    steps: list[_Step] = []
+    named = {last.mention.name} if last.mention else set()
+    changes = list(route.changes)
+    for k, turn in enumerate(route.turns):
+        partner = next((c for c in changes if abs(c.along_m - turn.along_m) < _TOGETHER_M), None)
+        if partner is not None and k + len(steps) > 0:
+            changes.remove(partner)
+            steps.append(_turn_and_enter(turn, partner, rng))
+        else:
+            steps.append(_turn(turn, seen, named, rng))
+    for k, change in enumerate(changes):
+        first = k == 0 and change is route.changes[0]
+        steps.append(_change(change, first and bool(change.from_room), rng))
+    steps.sort(key=lambda s: s.along_m)
+    steps = _add_passed(steps, route, seen, named, rng, style)
+    return _add_distances(steps, route, last, rng)
+
+
+def _turn(turn: Turn, seen: list[Sighting], named: set[str], rng: np.random.Generator) -> _Step:
+    words = phrases.turn(rng, turn)
+    near = [
+        s
+        for s in seen
+        if s.name not in named
+        and abs(s.along_m - turn.along_m) <= _AT_TURN_M
+        and s.distance_m <= _AT_TURN_M
+    ]
+    action = f"turn {turn.direction}"
+    if not near or turn.along_m < 0.5 or abs(turn.angle_rad) > np.deg2rad(150):
+        return _Step(turn.along_m, words, action)
+    mark = max(near, key=lambda s: s.salience)
+    named.add(mark.name)
+    what = phrases.thing(mark.category, mark.plural)
+    inner = mark.side == turn.direction
+    text = f"{words} around {what}" if inner else f"{words} at {what}"
+    return _Step(turn.along_m, text, action, _mention(mark, "turn", ""))
+
+
+def _turn_and_enter(turn: Turn, change: RoomChange, rng: np.random.Generator) -> _Step:
+    words = phrases.turn(rng, turn)
+    through = "through the doorway " if change.doorway else ""
+    into = phrases.room(change.to_room, "the next room")
+    action = f"turn {turn.direction} into {change.to_room or 'next room'}"
+    return _Step(min(turn.along_m, change.along_m), f"{words} {through}into {into}", action)
+
+
+def _change(change: RoomChange, leaving: bool, rng: np.random.Generator) -> _Step:
+    to_room = change.to_room or "next room"
+    if not leaving:
+        text = phrases.enter(rng, change.to_room, change.doorway)
+        return _Step(change.along_m, text, f"enter {to_room}")
+    text = phrases.leave(rng, change.from_room, change.doorway)
+    if change.to_room:
+        text += f" into {phrases.room(change.to_room)}"
+    return _Step(change.along_m, text, f"leave {change.from_room} into {to_room}")
+
+
+def _add_passed(
+    steps: list[_Step],
+    route: Route,
+    seen: list[Sighting],
+    named: set[str],
+    rng: np.random.Generator,
+    style: str,
+) -> list[_Step]:
+    """Name the most salient thing passed on each stretch between the steps."""
+    gap = 2.0 if style == "detailed" else 4.0
+    result = list(steps)
+    edges = [0.0, *(s.along_m for s in steps), route.length_m]
+    used = {s.mention.category for s in steps if s.mention}
+    for low, high in pairwise(edges):
+        if high - low < gap:
+            continue
+        beside = [
+            s
+            for s in seen
+            if s.name not in named
+            and s.category not in used
+            and s.side
+            and low + 0.5 <= s.along_m <= high - 0.5
+        ]
+        if not beside:
+            continue
+        mark = max(beside, key=lambda s: s.salience / (0.5 + s.distance_m))
+        named.add(mark.name)
+        used.add(mark.category)
+        side = mark.side if style == "detailed" or rng.random() < 0.4 else ""
+        text = phrases.passing(rng, phrases.thing(mark.category, mark.plural), side)
+        action = f"pass {mark.category}"
+        result.append(_Step(mark.along_m, text, action, _mention(mark, "pass", side)))
+    return sorted(result, key=lambda s: s.along_m)
+
+
+def _add_distances(
+    steps: list[_Step], route: Route, last: _Step, rng: np.random.Generator
+) -> list[_Step]:
+    """Say how far to walk before a turn that nothing else announces."""
+    result: list[_Step] = []
+    before = 0.0
+    for step in steps:
+        bare_turn = step.action.startswith("turn") and step.mention is None
+        if bare_turn and "into" not in step.action and step.along_m - before > 1.5:
+            far = step.along_m - before
+            result.append(_Step(before, phrases.straight(rng, far), f"walk {far:.1f} m"))
+        result.append(step)
+        before = step.along_m
+    rest = route.length_m - before
+    if last.mention is None and rest > 1.5 and route.goal_room == "":
+        result.append(_Step(before, phrases.straight(rng, rest), f"walk {rest:.1f} m"))
+    elif not result:
+        result.append(_Step(0.0, phrases.straight(rng, rest), f"walk {rest:.1f} m"))
+    return result
+
+
+def _stop(route: Route, seen: list[Sighting], rng: np.random.Generator) -> _Step:
+    """Where to stop: at a thing, else in a room, else where one is by then."""
+    near = [s for s in seen if s.goal_distance_m <= STOP_M]
+    if near:
+        mark = max(near, key=lambda s: s.salience / (0.4 + s.goal_distance_m))
+        what = phrases.thing(mark.category, mark.plural)
+        ahead = abs(mark.goal_bearing_rad) < np.deg2rad(35)
+        if ahead:
+            where = phrases.pick(rng, [f"in front of {what}", f"just before you reach {what}"])
+        elif mark.goal_distance_m <= 1.0:
+            where = phrases.pick(rng, [f"next to {what}", f"beside {what}", f"by {what}"])
+        else:
+            where = phrases.pick(rng, [f"near {what}", f"close to {what}"])
+        mention = replace(_mention(mark, "stop", ""), along_m=route.length_m)
+        return _Step(route.length_m, phrases.stop(rng, where), f"stop at {mark.category}", mention)
+    if route.goal_room:
+        inside = route.length_m - route.changes[-1].along_m if route.changes else np.inf
+        where = "just inside " if inside < 1.8 else "in "
+        text = phrases.stop(rng, where + phrases.room(route.goal_room))
+        return _Step(route.length_m, text, f"stop in {route.goal_room}")
+    where = "just inside the room" if route.changes else "there"
+    if route.changes and route.length_m - route.changes[-1].along_m > 1.8:
+        where = "there"
+    return _Step(route.length_m, phrases.stop(rng, where), "stop")
+
+
+def _mention(mark: Sighting, role: str, side: str) -> Mention:
+    return Mention(mark.name, mark.category, role, side, mark.along_m)
+
+
+def _sentences(steps: list[_Step], rng: np.random.Generator) -> str:
+    """Join clauses into sentences of one to three."""
+    clauses = [s.text for s in steps]
+    result = []
+    while clauses:
+        size = int(rng.integers(1, 4)) if len(clauses) > 3 else min(len(clauses), 3)
+        if len(clauses) - size == 0 and len(clauses) > 2:
+            size = len(clauses) - 1 if rng.random() < 0.5 else len(clauses)
+        part, clauses = clauses[:size], clauses[size:]
+        if len(part) == 1:
+            text = part[0]
+        elif len(part) == 2:
+            text = part[0] + phrases.pick(rng, [" and ", ", then ", " and then "]) + part[1]
+        else:
+            text = f"{part[0]}, {part[1]}" + phrases.pick(rng, [" and ", ", then "]) + part[2]
+        if result and len(part) == 1 and rng.random() < 0.4:
+            text = "then " + text
+        result.append(text[0].upper() + text[1:] + ".")
+    return " ".join(result)
