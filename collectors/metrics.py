@@ -80,7 +80,8 @@ def rollout_metrics(
     different size are comparable. `success` is the VLN one: the robot stopped by itself, and less
     than the goal's radius (3 m) away; the stricter rule for collection (stopped within 0.25 m) is
     `end_reason == "success"`. SPL uses the episode's geodesic distance as the shortest length.
-    nDTW compares the track four times a second with the reference path every 0.25 m.
+    nDTW compares both paths every 0.25 m of way, one FORWARD action, so that it does not depend on
+    the robot's speed.
 
     Args:
         episode: what was asked.
@@ -109,7 +110,7 @@ def rollout_metrics(
         success=success,
         oracle_success=bool((distance < episode.goal_radius_m).any()),
         spl=float(success) * (shortest / longest if longest > 0 else 1.0),
-        ndtw=ndtw(track, reference),
+        ndtw=ndtw(resample(track, REFERENCE_STEP_M), reference),
         fall=end_reason is EndReason.FALL,
         stuck=end_reason is EndReason.STUCK,
         duration_s=last / STATE_RATE_HZ,
