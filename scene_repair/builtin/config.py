@@ -1,0 +1,68 @@
+"""Options of the built-in apartment and of its virtual scan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class ScanConfig:
+    """How the apartment is scanned and how the scan is textured.
+
+    Attributes:
+        voxel_m: side of a fusion voxel.
+        view_px: width and height of one depth view.
+        view_hfov_deg: its horizontal field of view.
+        station_spacing_m: distance between the places where the scanner stops.
+        noise_m, noise_per_m2: standard deviation of a depth reading at distance d is
+            `noise_m + noise_per_m2 * d²`.
+        pose_noise_m, pose_noise_deg: standard deviation of the error of each view's pose.
+        target_faces: the fused mesh is decimated to about so many triangles.
+        texel_m: side of a texel on walls and furniture.
+        floor_texel_m: side of a texel on floors.
+        page_px: largest side of a texture page.
+        jpeg_quality: of the embedded pages.
+        light_rays: hemisphere rays per point of the baked light.
+    """
+
+    voxel_m: float = 0.03
+    view_px: tuple[int, int] = (256, 192)
+    view_hfov_deg: float = 92.0
+    station_spacing_m: float = 1.9
+    noise_m: float = 0.0015
+    noise_per_m2: float = 0.0018
+    pose_noise_m: float = 0.003
+    pose_noise_deg: float = 0.12
+    target_faces: int = 240_000
+    texel_m: float = 0.007
+    floor_texel_m: float = 0.005
+    page_px: int = 4096
+    jpeg_quality: int = 90
+    light_rays: int = 48
+
+
+@dataclass(frozen=True)
+class ApartmentConfig:
+    """How the apartment is built and scanned.
+
+    Attributes:
+        area_m2: least and greatest floor area of a home.
+        door_width_m: least and greatest clear width of a doorway.
+        door_height_m: clear height of a doorway.
+        ceiling_m: least and greatest room height.
+        wall_m: thickness of a wall.
+        robot_radius_m: every room is reachable for a disc of this radius.
+        scan_tilt_deg: the scanner's vertical leans by this angle about world x.
+        scan_offset_m: the scanner's origin lies here in world coordinates.
+        scan: how it is scanned.
+    """
+
+    area_m2: tuple[float, float] = (82.0, 135.0)
+    door_width_m: tuple[float, float] = (0.9, 1.0)
+    door_height_m: float = 2.05
+    ceiling_m: tuple[float, float] = (2.5, 2.8)
+    wall_m: float = 0.12
+    robot_radius_m: float = 0.35
+    scan_tilt_deg: float = 0.0
+    scan_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    scan: ScanConfig = field(default_factory=ScanConfig)

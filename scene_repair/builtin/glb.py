@@ -1,0 +1,116 @@
+"""Writes a binary glTF of textured, named nodes.
+
+trimesh's exporter compresses embedded JPEG images again at its default quality; here the pages go
+into the file as they were encoded.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+_FLOAT, _UINT = 5126, 5125
+_ARRAY, _ELEMENTS = 34962, 34963
+
+
+@dataclass(frozen=True)
+class GlbNode:
+    """A mesh with one texture.
+
+    Attributes:
+        name: of the node and its mesh.
+        vertices: (V, 3) float32 [m], y up.
+        uv: (V, 2) float32, v down from the image's top as glTF has it.
+        faces: (F, 3) uint32.
+        page: index of its image.
+    """
+
+    name: str
+    vertices: NDArray[np.float32]
+    uv: NDArray[np.float32]
+    faces: NDArray[np.uint32]
+    page: int
+
+
+class _Buffer:
+    def __init__(self) -> None:
+        self.data = bytearray()
+        self.views: list[dict] = []
+        self.accessors: list[dict] = []
+
+    def view(self, raw: bytes, target: int | None = None) -> int:
+        self.data += b"\0" * (-len(self.data) % 4)
+        entry = {"buffer": 0, "byteOffset": len(self.data), "byteLength": len(raw)}
+        if target is not None:
+            entry["target"] = target
+        self.data += raw
+        self.views.append(entry)
+        return len(self.views) - 1
+
+    def accessor(self, array: NDArray, kind: str, component: int, target: int) -> int:
+        entry = {
+            "bufferView": self.view(np.ascontiguousarray(array).tobytes(), target),
+            "componentType": component,
+            "count": int(array.size if kind == "SCALAR" else len(array)),
+            "type": kind,
+        }
+        if kind == "VEC3":
+            entry["min"], entry["max"] = array.min(0).tolist(), array.max(0).tolist()
+        self.accessors.append(entry)
+        return len(self.accessors) - 1
+
+
+def write_glb(path: Path, nodes: list[GlbNode], pages: list[bytes], extras: dict) -> None:
+    """Write `nodes` with JPEG `pages` to `path`; `extras` go into the asset's header."""
+    buffer = _Buffer()
+    meshes = []
+    for node in nodes:
+        position = buffer.accessor(node.vertices.astype("<f4"), "VEC3", _FLOAT, _ARRAY)
+        uv = buffer.accessor(node.uv.astype("<f4"), "VEC2", _FLOAT, _ARRAY)
+        index = buffer.accessor(node.faces.astype("<u4").ravel(), "SCALAR", _UINT, _ELEMENTS)
+        primitive = {
+            "attributes": {"POSITION": position, "TEXCOORD_0": uv},
+            "indices": index,
+            "material": node.page,
+        }
+        meshes.append({"name": node.name, "primitives": [primitive]})
+    images = [{"bufferView": buffer.view(page), "mimeType": "image/jpeg"} for page in pages]
+    materials = [
+        {
+            "name": f"page_{k}",
+            "doubleSided": True,
+            "pbrMetallicRoughness": {
+                "baseColorTexture": {"index": k},
+                "metallicFactor": 0.0,
+                "roughnessFactor": 1.0,
+            },
+        }
+        for k in range(len(pages))
+    ]
+    tree = {
+        "asset": {"version": "2.0", "generator": "vlnpe", "extras": extras},
+        "scene": 0,
+        "scenes": [{"nodes": list(range(len(nodes)))}],
+        "nodes": [{"name": node.name, "mesh": k} for k, node in enumerate(nodes)],
+        "meshes": meshes,
+        "materials": materials,
+        "textures": [{"source": k, "sampler": 0} for k in range(len(pages))],
+        "samplers": [{"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}],
+        "images": images,
+        "accessors": buffer.accessors,
+        "bufferViews": buffer.views,
+        "buffers": [{"byteLength": len(buffer.data) + (-len(buffer.data) % 4)}],
+    }
+    text = json.dumps(tree, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    body = bytes(buffer.data) + b"\0" * (-len(buffer.data) % 4)
+    total = 12 + 8 + len(text) + 8 + len(body)
+    with path.open("wb") as file:
+        file.write(struct.pack("<III", 0x46546C67, 2, total))
+        file.write(struct.pack("<II", len(text), 0x4E4F534A) + text)
+        file.write(struct.pack("<II", len(body), 0x004E4942) + body)

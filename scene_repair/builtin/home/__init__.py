@@ -1,0 +1,1 @@
+"""The exact apartment: plan, walls, furniture."""

@@ -1,0 +1,185 @@
+"""What stands in each kind of room."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..looks.kit import Kit
+from .furniture import bath, beds, decor, kitchen, seating, storage, tables
+from .furniture.piece import Arrangement, Piece, alone
+from .space import RoomSpace, try_middle, try_wall
+
+Furnisher = Callable[[RoomSpace, Kit, np.random.Generator], list[Piece]]
+
+
+def _put(space: RoomSpace, rng: np.random.Generator, items: list[Arrangement]) -> list[Piece]:
+    """Place at walls those of `items` that fit, in order."""
+    pieces: list[Piece] = []
+    for item in items:
+        found = try_wall(space, rng, item)
+        if found is not None:
+            pieces += found[3].pieces
+    return pieces
+
+
+def _rug(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
+    """A rug in the free middle of the room."""
+    size = np.minimum(space.room.size_m * rng.uniform(0.35, 0.5, 2), (2.4, 2.4))
+    item = Arrangement((decor.rug(kit, rng, float(size[0]), float(size[1])),), 0.0, wall=False)
+    center = space.bounds.mean(0)
+    return list(item.moved(0.0, float(center[0]), float(center[1])).pieces)
+
+
+def _corner_things(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
+    items = [alone(decor.plant(kit, rng), 0.1, on_window=True) for _ in range(rng.integers(1, 3))]
+    if rng.random() < 0.7:
+        items.append(alone(decor.floor_lamp(kit, rng), 0.1))
+    return _put(space, rng, items)
+
+
+def living_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
+    """Sofa with coffee table and rug, television opposite, shelf, armchair, perhaps dining."""
+    pieces: list[Piece] = []
+    for seats in (3, 2):
+        couch = seating.sofa(kit, rng, seats)
+        depth = float(couch.shape.bounds()[1, 1])
+        table = tables.coffee_table(kit, rng).moved(0.0, 0.0, depth + 0.7)
+        carpet = decor.rug(kit, rng, 2.3, 1.5).moved(0.0, 0.0, depth + 0.55)
+        found = try_wall(space, rng, Arrangement((couch, table, carpet), 0.5, on_window=True))
+        if found is not None:
+            pieces += found[3].pieces
+            axis, sign, along, _ = found
+            screen = Arrangement(tuple(storage.tv_stand(kit, rng)), 0.5)
+            opposite = try_wall(space, rng, screen, [(axis, -sign)], along) or try_wall(
+                space, rng, screen
+            )
+            pieces += opposite[3].pieces if opposite else ()
+            break
+    if space.room.area_m2 > 21:
+        dining = try_middle(space, rng, tables.dining_set(kit, rng, 4))
+        pieces += dining.pieces if dining else ()
+    items = [alone(storage.bookshelf(kit, rng), 0.4)]
+    if rng.random() < 0.8:
+        items.append(alone(seating.armchair(kit, rng), 0.4, on_window=True))
+    if rng.random() < 0.6:
+        items.append(alone(storage.sideboard(kit, rng), 0.4))
+    pieces += _put(space, rng, items)
+    return pieces + _corner_things(space, kit, rng)
+
+
+def kitchen_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
+    """A run of cupboards and a table with chairs."""
+    pieces: list[Piece] = []
+    longest = float(space.room.size_m.max())
+    for width in (3.8, 3.3, 2.8, 2.4):
+        if width > longest - 0.05:
+            continue
+        for upper in (True, False):
+            run = kitchen.counter(kit, rng, width, upper)
+            found = try_wall(space, rng, run, tries=20)
+            if found is not None:
+                pieces += found[3].pieces
+                break
+        if pieces:
+            break
+    for seats in (6, 4) if rng.random() < 0.4 else (4,):
+        dining = try_middle(space, rng, tables.dining_set(kit, rng, seats), 24)
+        if dining is not None:
+            pieces += dining.pieces
+            break
+    items = [alone(storage.sideboard(kit, rng), 0.4)] if rng.random() < 0.5 else []
+    items.append(alone(storage.bin_(kit, rng), 0.1))
+    return pieces + _put(space, rng, items) + _corner_things(space, kit, rng)[:1]
+
+
+def dining_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
+    """A large table and a sideboard."""
+    pieces: list[Piece] = []
+    for seats in (6, 4):
+        dining = try_middle(space, rng, tables.dining_set(kit, rng, seats), 24)
+        if dining is not None:
+            pieces += dining.pieces
+            break
+    pieces += _put(
+        space, rng, [alone(storage.sideboard(kit, rng)), alone(storage.bookshelf(kit, rng))]
+    )
+    return pieces + _corner_things(space, kit, rng)
+
+
+def bedroom(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
+    """A double bed with nightstands, wardrobe, dresser, rug, a chair."""
+    pieces: list[Piece] = []
+    for width, stands in ((1.7, 2), (1.5, 2), (1.5, 1), (1.0, 1), (0.95, 0)):
+        found = try_wall(space, rng, beds.bed_set(kit, rng, width, stands))
+        if found is not None:
+            pieces += found[3].pieces
+            break
+    pieces += _put(
+        space, rng, [alone(storage.wardrobe(kit, rng), 0.6), alone(storage.dresser(kit, rng), 0.5)]
+    )
+    extra = [seating.armchair, seating.pouf][int(rng.integers(2))](kit, rng)
+    pieces += _put(space, rng, [alone(extra, 0.3, on_window=True)])
+    return pieces + _rug(space, kit, rng) + _corner_things(space, kit, rng)
+
+
+def childrens_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
+    """A single bed, desk, bright shelf, toys."""
+    items = [
+        beds.bed_set(kit, rng, 0.95, 1),
+        tables.desk_set(kit, rng),
+        alone(storage.toy_shelf(kit, rng), 0.4),
+        alone(storage.wardrobe(kit, rng), 0.5),
+        alone(seating.pouf(kit, rng), 0.2, on_window=True),
+    ]
+    return _put(space, rng, items) + _rug(space, kit, rng)
+
+
+def study(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
+    """A desk, shelves of books, an armchair or a day bed."""
+    items = [tables.desk_set(kit, rng)]
+    items += [alone(storage.bookshelf(kit, rng)) for _ in range(2)]
+    if rng.random() < 0.5:
+        items.append(alone(seating.sofa(kit, rng, 2), 0.4, on_window=True))
+    items.append(alone(seating.armchair(kit, rng), 0.3, on_window=True))
+    pieces = _put(space, rng, items) + _rug(space, kit, rng)
+    return pieces + _corner_things(space, kit, rng)
+
+
+def bathroom(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
+    """Tub, toilet, washbasin with mirror, washing machine, towels."""
+    items = [
+        alone(bath.bathtub(kit, rng), 0.5, on_window=True),
+        Arrangement(tuple(bath.washbasin(kit, rng)), 0.5),
+        alone(bath.toilet(kit, rng), 0.5, on_window=True),
+        alone(bath.washing_machine(kit, rng), 0.5),
+        alone(bath.towel_rail(kit, rng), 0.2),
+        alone(storage.basket(kit, rng), 0.1),
+    ]
+    mat = decor.rug(kit, rng, 0.85, 0.55)
+    center = space.bounds.mean(0)
+    return [*_put(space, rng, items), mat.moved(0.0, float(center[0]), float(center[1]))]
+
+
+def hallway(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
+    """Shallow things only: shoe cabinet, bench; a runner rug."""
+    items = [alone(storage.shoe_cabinet(kit, rng), 0.5), alone(seating.bench(kit, rng), 0.5)]
+    size = space.room.size_m
+    long = int(size[1] > size[0])
+    length, width = float(min(size.max() * 0.6, 3.0)), float(min(0.45 * size.min(), 0.8))
+    runner = decor.rug(kit, rng, length, width).moved(long * np.pi / 2)
+    center = space.bounds.mean(0)
+    return [*_put(space, rng, items), runner.moved(0.0, float(center[0]), float(center[1]))]
+
+
+FURNISHERS: dict[str, Furnisher] = {
+    "living room": living_room,
+    "kitchen": kitchen_room,
+    "dining room": dining_room,
+    "bedroom": bedroom,
+    "children's room": childrens_room,
+    "study": study,
+    "bathroom": bathroom,
+    "hallway": hallway,
+}

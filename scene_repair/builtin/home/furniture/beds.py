@@ -1,0 +1,52 @@
+"""Beds with their nightstands."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...looks.kit import Kit
+from ..shapes import box, join, soft_box
+from .piece import Arrangement, Piece
+from .storage import nightstand
+
+
+def bed(kit: Kit, rng: np.random.Generator, width: float) -> Piece:
+    """A bed: frame, headboard, mattress, duvet hanging over the sides, pillows, blanket."""
+    k, style = int(rng.integers(8)), int(rng.integers(4))
+    wood, linen = kit.wood(k), kit.linen(k, style)
+    w, length = width / 2, 2.05
+    padded = rng.random() < 0.5
+    head_height = float(rng.uniform(0.95, 1.2))
+    headboard = (
+        soft_box((-w - 0.04, 0.0, 0.05), (w + 0.04, 0.11, head_height), 0.05, kit.cloth(k + 1))
+        if padded
+        else box((-w - 0.03, 0.0, 0.0), (w + 0.03, 0.06, head_height), wood)
+    )
+    parts = [
+        headboard,
+        box((-w, 0.06, 0.1), (w, length, 0.28), wood),
+        *(box((x - 0.04, y - 0.04, 0.0), (x + 0.04, y + 0.04, 0.12), wood)
+          for x in (-w + 0.08, w - 0.08) for y in (0.2, length - 0.08)),
+        soft_box((-w + 0.02, 0.09, 0.26), (w - 0.02, length - 0.02, 0.48), 0.05, kit.plain("sheet", (236, 235, 230))),
+        soft_box((-w - 0.02, 0.62, 0.3), (w + 0.02, length + 0.02, 0.56), 0.06, linen, 0.03, 8),
+        box((-w - 0.035, length - 0.62, 0.3), (w + 0.035, length - 0.22, 0.575), kit.blanket(k + 2)),
+    ]  # fmt: skip
+    pillows = [0.0] if width < 1.2 else [-w / 2, w / 2]
+    for x in pillows:
+        half = min(0.32, w - 0.08)
+        parts.append(
+            soft_box(
+                (x - half, 0.14, 0.46), (x + half, 0.56, 0.62), 0.07, kit.linen(k, style), 0.03
+            )
+        )
+        parts.append(soft_box((x - 0.2, 0.42, 0.52), (x + 0.2, 0.6, 0.78), 0.07, kit.cloth(k + 2)))
+    return Piece("Bed", "bed", join(parts))
+
+
+def bed_set(kit: Kit, rng: np.random.Generator, width: float, stands: int) -> Arrangement:
+    """A bed with `stands` (0–2) nightstands beside its head."""
+    pieces = [bed(kit, rng, width)]
+    k = int(rng.integers(3))
+    for side in (-1, 1)[:stands]:
+        pieces.append(nightstand(kit, rng, k).moved(0.0, side * (width / 2 + 0.3), 0.0))
+    return Arrangement(tuple(pieces), 0.55)

@@ -1,0 +1,149 @@
+"""Plants, lamps, rugs, pictures, curtains, radiators."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...looks import pictures
+from ...looks.fabrics import rug as rug_image
+from ...looks.kit import Kit
+from ..shapes import box, cylinder, ellipsoid, join, quad, rod, turned
+from .piece import Piece
+
+
+def plant(kit: Kit, rng: np.random.Generator) -> Piece:
+    """A pot plant: trunk, a crown of leafy lumps."""
+    height = float(rng.uniform(0.9, 1.6))
+    color = [(206, 200, 190), (160, 92, 66), (70, 76, 84)][int(rng.integers(3))]
+    pot = turned(
+        [(0.11, 0.0), (0.15, 0.28), (0.16, 0.3), (0.14, 0.3), (0.13, 0.26), (0.001, 0.26)],
+        (0.0, 0.24),
+        kit.plain(f"pot {color}", color),
+    )
+    parts = [pot, cylinder((0.0, 0.24), 0.25, 0.7 * height, 0.03, kit.wood(1), 8)]
+    for _ in range(int(rng.integers(9, 14))):
+        a, r = rng.uniform(0, 2 * np.pi), rng.uniform(0.03, 0.13)
+        z = rng.uniform(0.55, 1.0) * height
+        size = rng.uniform(0.07, 0.12)
+        parts.append(
+            ellipsoid(
+                (r * np.cos(a), 0.24 + r * np.sin(a), z), (size, size, 1.25 * size), kit.foliage, 6
+            )
+        )
+    return Piece("Plant", "plant", join(parts))
+
+
+def floor_lamp(kit: Kit, rng: np.random.Generator) -> Piece:
+    """A standing lamp."""
+    parts = [
+        cylinder((0.0, 0.2), 0.0, 0.035, 0.15, kit.black, 18),
+        cylinder((0.0, 0.2), 0.03, 1.35, 0.024, kit.black, 8),
+        turned([(0.2, 1.28), (0.13, 1.58)], (0.0, 0.2), kit.shade),
+    ]
+    return Piece("Floor_lamp", "floor lamp", join(parts))
+
+
+def pendant(kit: Kit, rng: np.random.Generator, ceiling_m: float) -> Piece:
+    """A ceiling lamp, high enough to walk under."""
+    z = ceiling_m - float(rng.uniform(0.22, 0.3))
+    if rng.random() < 0.5:
+        parts = [turned([(0.24, z - 0.1), (0.2, z + 0.06), (0.001, z + 0.08)], (0, 0), kit.shade)]
+        parts.append(cylinder((0, 0), z + 0.05, ceiling_m, 0.02, kit.black, 6))
+    else:
+        parts = [
+            cylinder((0, 0), ceiling_m - 0.09, ceiling_m, 0.22, kit.shade, 20),
+            cylinder((0, 0), ceiling_m - 0.03, ceiling_m, 0.24, kit.brass, 20),
+        ]
+    return Piece("Ceiling_lamp", "ceiling lamp", join(parts))
+
+
+def rug(kit: Kit, rng: np.random.Generator, width: float, depth: float) -> Piece:
+    """A flat rug centred on the origin."""
+    start = int(rng.integers(8))
+    colors = [kit.cloth_color(start + k) for k in (0, 2, 5)]
+    image = kit.palette.unique("rug", lambda r, s: rug_image(r, s, colors), (width, depth))
+    top = quad((-width / 2, -depth / 2, 0.008), (width, 0, 0), (0, depth, 0), image)
+    edge = box(
+        (-width / 2, -depth / 2, 0.0),
+        (width / 2, depth / 2, 0.007),
+        kit.plain("rug back", colors[0]),
+    )
+    return Piece("Rug", "rug", join([edge, top]))
+
+
+def picture(kit: Kit, rng: np.random.Generator) -> Piece:
+    """A framed picture; its back is at y = 0, its centre at height 0."""
+    w, h = rng.uniform(0.2, 0.45), rng.uniform(0.2, 0.36)
+    frame = kit.black if rng.random() < 0.5 else kit.wood(int(rng.integers(3)))
+    image = kit.palette.unique("picture", pictures.painting, (2 * w, 2 * h))
+    parts = [
+        box((-w - 0.03, 0.0, -h - 0.03), (w + 0.03, 0.022, h + 0.03), frame),
+        quad((w, 0.024, -h), (-2 * w, 0, 0), (0, 0, 2 * h), image),
+    ]
+    return Piece("Picture", "picture", join(parts))
+
+
+def clock(kit: Kit, rng: np.random.Generator) -> Piece:
+    """A wall clock, centred at height 0."""
+    face = kit.palette.unique("clock", pictures.clock, (0.34, 0.34))
+    parts = [
+        box((-0.18, 0.0, -0.18), (0.18, 0.03, 0.18), kit.black),
+        quad((0.17, 0.032, -0.17), (-0.34, 0, 0), (0, 0, 0.34), face),
+    ]
+    return Piece("Clock", "clock", join(parts))
+
+
+def mirror(kit: Kit, rng: np.random.Generator) -> Piece:
+    """A tall mirror, centred at height 0."""
+    glass = kit.palette.unique("mirror", pictures.mirror, (0.5, 1.3))
+    parts = [
+        box((-0.28, 0.0, -0.68), (0.28, 0.025, 0.68), kit.wood()),
+        quad((0.25, 0.028, -0.65), (-0.5, 0, 0), (0, 0, 1.3), glass),
+    ]
+    return Piece("Mirror", "mirror", join(parts))
+
+
+def coat_rack(kit: Kit, rng: np.random.Generator) -> Piece:
+    """Hooks with coats, centred at height 0."""
+    parts = [box((-0.5, 0.0, -0.06), (0.5, 0.025, 0.06), kit.wood())]
+    for k, x in enumerate(np.linspace(-0.4, 0.4, 5)):
+        parts.append(rod((x, 0.02, 0.0), (x, 0.08, 0.02), 0.025, kit.black))
+        if rng.random() < 0.65:
+            length = float(rng.uniform(0.6, 0.95))
+            parts.append(
+                ellipsoid((x, 0.08, -length / 2), (0.11, 0.065, length / 2), kit.cloth(k + 1))
+            )
+    return Piece("Coat_rack", "coat rack", join(parts))
+
+
+def curtain(kit: Kit, width: float, bottom: float, top: float, k: int) -> Piece:
+    """A gathered curtain centred on x = 0, 5–11 cm before the wall."""
+    x = np.linspace(-width / 2, width / 2, 33)
+    y = 0.075 + 0.03 * np.cos(np.linspace(0, 2 * np.pi * max(round(width / 0.12), 2), 33))
+    cloth = kit.cloth(k)
+    parts = [
+        quad((x[i + 1], y[i + 1], bottom), (x[i] - x[i + 1], y[i] - y[i + 1], 0.0), (0, 0, top - bottom), cloth)
+        for i in range(32)
+    ]  # fmt: skip
+    return Piece("Curtain", "curtain", join(parts))
+
+
+def curtain_rod(kit: Kit, width: float, z: float) -> Piece:
+    """The rod above a window."""
+    return Piece(
+        "Curtain_rod",
+        "curtain rod",
+        rod((-width / 2, 0.075, z), (width / 2, 0.075, z), 0.035, kit.brass),
+    )
+
+
+def radiator(kit: Kit, width: float, top: float) -> Piece:
+    """A ribbed radiator under a window."""
+    count = max(int(width / 0.09), 3)
+    xs = np.linspace(-width / 2, width / 2, count + 1)
+    parts = [
+        box((x0 + 0.012, 0.03, 0.12), (x1 - 0.012, 0.13, top), kit.white)
+        for x0, x1 in zip(xs[:-1], xs[1:], strict=True)
+    ]
+    parts.append(box((-width / 2, 0.05, 0.14), (width / 2, 0.11, top - 0.02), kit.white))
+    return Piece("Radiator", "radiator", join(parts))

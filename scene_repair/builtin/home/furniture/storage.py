@@ -1,0 +1,208 @@
+"""Cupboards, shelves and what is in them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...looks import pictures
+from ...looks.kit import Kit
+from ..shapes import Triangles, box, cylinder, join, quad, turned
+from .piece import Piece
+from .tables import books, vase
+
+
+def _front(width: float, y: float, z0: float, height: float, material: int) -> Triangles:
+    # Seen from +y, right is −x.
+    return quad((width / 2, y, z0), (-width, 0.0, 0.0), (0.0, 0.0, height), material)
+
+
+def bookshelf(kit: Kit, rng: np.random.Generator) -> Piece:
+    """Open shelves filled with books, boxes and a vase or two."""
+    k = int(rng.integers(3))
+    wood = kit.wood(k) if rng.random() < 0.7 else kit.white
+    width, depth = float(rng.uniform(0.8, 1.3)), 0.3
+    shelves = int(rng.integers(4, 6))
+    step = float(rng.uniform(0.33, 0.38))
+    w, height = width / 2, 0.08 + shelves * step
+    parts = [
+        box((-w, 0.0, 0.0), (-w + 0.03, depth, height), wood),
+        box((w - 0.03, 0.0, 0.0), (w, depth, height), wood),
+        box((-w, 0.0, 0.0), (w, 0.015, height), wood),
+        box((-w, 0.0, 0.0), (w, depth - 0.02, 0.08), wood),
+    ]
+    for s in range(shelves + 1):
+        z = 0.06 + s * step
+        parts.append(box((-w, 0.0, z), (w, depth, z + 0.03), wood))
+        if s == shelves:
+            break
+        x, gap = -w + 0.04, step - 0.05
+        while x < w - 0.2:
+            length = min(float(rng.uniform(0.25, 0.6)), w - 0.04 - x)
+            kind = rng.random()
+            if kind < 0.68:
+                spines = kit.palette.unique(
+                    "books",
+                    lambda r, sh: pictures.book_spines(r, sh, (150, 130, 110)),
+                    (length, gap),
+                )
+                face = 0.06 + float(rng.uniform(0.12, 0.17))
+                parts.append(
+                    quad((x + length, face, z + 0.03), (-length, 0, 0), (0, 0, gap), spines)
+                )
+                parts.append(
+                    box((x, 0.02, z + 0.03), (x + length, face - 0.004, z + 0.03 + 0.62 * gap), kit.plain("pages", (226, 218, 200)))
+                )  # fmt: skip
+            elif kind < 0.84:
+                parts.append(
+                    box((x + 0.02, 0.03, z + 0.03), (x + length - 0.02, depth - 0.03, z + 0.03 + 0.65 * gap), kit.wicker)
+                )  # fmt: skip
+            x += length + 0.02
+    parts += vase(kit, 0.3 * w, 0.14, height + 0.01)
+    return Piece("Bookshelf", "bookshelf", join(parts))
+
+
+def wardrobe(kit: Kit, rng: np.random.Generator) -> Piece:
+    """A tall wardrobe."""
+    k, doors = int(rng.integers(6)), int(rng.integers(2, 5))
+    width, depth, height = 0.5 * doors, 0.58, float(rng.uniform(2.0, 2.2))
+    wooden = rng.random() < 0.5
+    body = kit.wood(k) if wooden else kit.front_color(k)
+    parts = [
+        box((-width / 2, 0.0, 0.0), (width / 2, depth, height), body),
+        _front(width, depth + 0.004, 0.06, height - 0.06, kit.front(width, height - 0.06, 1, doors, k, wooden)),
+        box((-width / 2 - 0.015, 0.0, height), (width / 2 + 0.015, depth + 0.02, height + 0.035), body),
+    ]  # fmt: skip
+    if rng.random() < 0.6:
+        parts.append(box((-0.3, 0.1, height + 0.035), (0.15, 0.45, height + 0.24), kit.wicker))
+    return Piece("Wardrobe", "wardrobe", join(parts))
+
+
+def dresser(kit: Kit, rng: np.random.Generator) -> Piece:
+    """A chest of drawers with things on it."""
+    k, width, height = int(rng.integers(6)), float(rng.uniform(0.85, 1.15)), 0.82
+    wooden = rng.random() < 0.6
+    body = kit.wood(k) if wooden else kit.front_color(k)
+    parts = [
+        box((-width / 2, 0.0, 0.08), (width / 2, 0.44, height), body),
+        *(box((x - 0.03, y, 0.0), (x + 0.03, y + 0.06, 0.1), body)
+          for x in (-width / 2 + 0.05, width / 2 - 0.05) for y in (0.02, 0.37)),
+        _front(width - 0.04, 0.445, 0.1, height - 0.13, kit.front(width - 0.04, height - 0.13, 3, 2, k, wooden)),
+        *vase(kit, -0.3 * width, 0.2, height),
+        *books(kit, rng, 0.25 * width, 0.22, height),
+    ]  # fmt: skip
+    return Piece("Dresser", "dresser", join(parts))
+
+
+def sideboard(kit: Kit, rng: np.random.Generator) -> Piece:
+    """A low, long cupboard with a table lamp."""
+    k, width, height = int(rng.integers(6)), float(rng.uniform(1.3, 1.7)), 0.78
+    wooden = rng.random() < 0.7
+    body = kit.wood(k) if wooden else kit.front_color(k)
+    x = 0.36 * width
+    parts = [
+        box((-width / 2, 0.0, 0.12), (width / 2, 0.42, height), body),
+        *(box((sx * (width / 2 - 0.08) - 0.03, y, 0.0), (sx * (width / 2 - 0.08) + 0.03, y + 0.06, 0.13), kit.black)
+          for sx in (-1, 1) for y in (0.03, 0.33)),
+        _front(width - 0.04, 0.425, 0.14, height - 0.17, kit.front(width - 0.04, height - 0.17, 1, 4, k, wooden)),
+        *table_lamp_parts(kit, x, 0.2, height),
+        *books(kit, rng, -0.1, 0.2, height),
+        *vase(kit, -0.36 * width, 0.2, height),
+    ]  # fmt: skip
+    return Piece("Sideboard", "sideboard", join(parts))
+
+
+def tv_stand(kit: Kit, rng: np.random.Generator) -> list[Piece]:
+    """A low board and the television on it."""
+    k, width = int(rng.integers(6)), float(rng.uniform(1.5, 1.9))
+    wooden = rng.random() < 0.6
+    body = kit.wood(k) if wooden else kit.front_color(k)
+    board = [
+        box((-width / 2, 0.0, 0.1), (width / 2, 0.4, 0.48), body),
+        *(box((sx * (width / 2 - 0.12) - 0.03, y, 0.0), (sx * (width / 2 - 0.12) + 0.03, y + 0.06, 0.11), kit.black)
+          for sx in (-1, 1) for y in (0.04, 0.3)),
+        _front(width - 0.04, 0.405, 0.12, 0.34, kit.front(width - 0.04, 0.34, 1, 3, k, wooden)),
+        box((0.34 * width, 0.08, 0.48), (0.34 * width + 0.2, 0.3, 0.56), kit.black),
+    ]  # fmt: skip
+    tw, th = float(rng.uniform(1.1, 1.35)), 0.68
+    picture = kit.palette.unique("tv", pictures.screen, (tw, th))
+    screen = [
+        box((-tw / 2, 0.12, 0.56), (tw / 2, 0.17, 0.56 + th), kit.black),
+        _front(tw, 0.174, 0.56, th, picture),
+        box((-0.2, 0.08, 0.48), (0.2, 0.26, 0.5), kit.black),
+        box((-0.04, 0.11, 0.48), (0.04, 0.15, 0.6), kit.black),
+    ]
+    return [
+        Piece("TV_stand", "tv stand", join(board)),
+        Piece("Television", "television", join(screen)),
+    ]
+
+
+def shoe_cabinet(kit: Kit, rng: np.random.Generator) -> Piece:
+    """A shallow cabinet for a hallway, with a bowl for keys."""
+    k, width = int(rng.integers(6)), float(rng.uniform(0.75, 1.0))
+    parts = [
+        box((-width / 2, 0.0, 0.0), (width / 2, 0.24, 0.98), kit.white),
+        _front(width - 0.03, 0.244, 0.06, 0.9, kit.front(width - 0.03, 0.9, 3, 1, k)),
+        box((-width / 2 - 0.01, 0.0, 0.98), (width / 2 + 0.01, 0.25, 1.0), kit.wood()),
+        turned([(0.05, 1.0), (0.1, 1.05), (0.09, 1.05), (0.04, 1.01)], (0.2, 0.12), kit.brass),
+    ]
+    return Piece("Shoe_cabinet", "shoe cabinet", join(parts))
+
+
+def nightstand(kit: Kit, rng: np.random.Generator, k: int) -> Piece:
+    """A bedside cabinet with a lamp and books."""
+    wood = kit.wood(k)
+    parts = [
+        box((-0.23, 0.0, 0.1), (0.23, 0.38, 0.52), wood),
+        *(box((x, y, 0.0), (x + 0.045, y + 0.045, 0.11), wood)
+          for x in (-0.22, 0.175) for y in (0.01, 0.32)),
+        _front(0.42, 0.384, 0.13, 0.36, kit.front(0.42, 0.36, 2, 1, k, True)),
+        *table_lamp_parts(kit, -0.05, 0.16, 0.52),
+        *books(kit, rng, 0.12, 0.26, 0.52),
+    ]  # fmt: skip
+    return Piece("Nightstand", "nightstand", join(parts))
+
+
+def table_lamp_parts(kit: Kit, x: float, y: float, z: float) -> list[Triangles]:
+    """A lamp with a ceramic foot and a lit shade."""
+    return [
+        turned([(0.06, z), (0.075, z + 0.07), (0.03, z + 0.18), (0.02, z + 0.25)], (x, y), kit.plain("foot", (92, 120, 124)), 12),
+        turned([(0.13, z + 0.22), (0.085, z + 0.42)], (x, y), kit.shade),
+    ]  # fmt: skip
+
+
+def basket(kit: Kit, rng: np.random.Generator) -> Piece:
+    """A laundry basket."""
+    shape = turned(
+        [(0.001, 0.02), (0.17, 0.0), (0.21, 0.5), (0.2, 0.52), (0.19, 0.46), (0.001, 0.42)],
+        (0.0, 0.22),
+        kit.wicker,
+    )
+    return Piece("Basket", "basket", shape)
+
+
+def bin_(kit: Kit, rng: np.random.Generator) -> Piece:
+    """A waste bin."""
+    return Piece("Bin", "bin", cylinder((0.0, 0.14), 0.0, 0.4, 0.13, kit.metal))
+
+
+def toy_shelf(kit: Kit, rng: np.random.Generator) -> Piece:
+    """A low children's shelf with bright boxes."""
+    parts = [
+        box((-0.6, 0.0, 0.0), (0.6, 0.02, 0.8), kit.white),
+        *(box((x - 0.015, 0.0, 0.0), (x + 0.015, 0.34, 0.8), kit.white) for x in np.linspace(-0.585, 0.585, 4)),
+        *(box((-0.6, 0.0, z), (0.6, 0.34, z + 0.03), kit.white) for z in (0.02, 0.4, 0.78)),
+    ]  # fmt: skip
+    colors = ((216, 84, 72), (84, 148, 196), (240, 190, 72), (112, 172, 104))
+    for row, z in enumerate((0.05, 0.43)):
+        for column in range(3):
+            color = colors[(row * 3 + column + int(rng.integers(2))) % 4]
+            x = -0.39 + 0.39 * column
+            parts.append(
+                box(
+                    (x - 0.16, 0.03, z),
+                    (x + 0.16, 0.31, z + 0.24),
+                    kit.plain(f"toy {color}", color),
+                )
+            )
+    return Piece("Toy_shelf", "shelf", join(parts))

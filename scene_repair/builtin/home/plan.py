@@ -1,0 +1,106 @@
+"""The floor plan: rooms, doorways, windows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+# The four sides of a room: (axis the wall is perpendicular to, sign of its outward normal).
+SIDES = ((0, -1), (0, 1), (1, -1), (1, 1))
+
+
+@dataclass(frozen=True)
+class Room:
+    """A rectangular room.
+
+    Attributes:
+        kind: `kitchen`, `living room`, ….
+        lower_m, upper_m: (2,) corners of its floor, inside the walls [m].
+    """
+
+    kind: str
+    lower_m: tuple[float, float]
+    upper_m: tuple[float, float]
+
+    @property
+    def size_m(self) -> NDArray[np.float64]:
+        """(2,) extent along x and y."""
+        return np.asarray(self.upper_m) - np.asarray(self.lower_m)
+
+    @property
+    def area_m2(self) -> float:
+        """Floor area."""
+        return float(np.prod(self.size_m))
+
+    def wall_at(self, axis: int, sign: int) -> float:
+        """Coordinate along `axis` of the inner face of the wall on that side."""
+        return self.upper_m[axis] if sign > 0 else self.lower_m[axis]
+
+    def span(self, axis: int) -> tuple[float, float]:
+        """Extent along the wall perpendicular to `axis`."""
+        return self.lower_m[1 - axis], self.upper_m[1 - axis]
+
+
+@dataclass(frozen=True)
+class Opening:
+    """A hole in one wall of one room: a doorway, a window or the entry door.
+
+    Attributes:
+        kind: `door`, `window` or `entry`.
+        room: index of the room.
+        axis, sign: the side of the room (see `SIDES`).
+        start_m, end_m: extent along the wall.
+        bottom_m, top_m: extent in height.
+        other_room: for a door, the room behind it; otherwise −1.
+    """
+
+    kind: str
+    room: int
+    axis: int
+    sign: int
+    start_m: float
+    end_m: float
+    bottom_m: float
+    top_m: float
+    other_room: int = -1
+
+
+@dataclass(frozen=True)
+class FloorPlan:
+    """Rooms and the openings in their walls; each doorway appears once per room it joins.
+
+    Attributes:
+        rooms: the rooms.
+        openings: holes in their walls.
+        wall_m: thickness of the walls.
+        ceiling_m: room height.
+    """
+
+    rooms: tuple[Room, ...]
+    openings: tuple[Opening, ...]
+    wall_m: float
+    ceiling_m: float
+
+    def side(self, room: int, axis: int, sign: int) -> list[Opening]:
+        """The openings on one side of a room."""
+        return [o for o in self.openings if o.room == room and o.axis == axis and o.sign == sign]
+
+    def doors_of(self, room: int) -> list[Opening]:
+        """Doorways and entry door of a room."""
+        return [o for o in self.openings if o.room == room and o.kind != "window"]
+
+    @property
+    def area_m2(self) -> float:
+        """Sum of the rooms' floors."""
+        return sum(room.area_m2 for room in self.rooms)
+
+    def bounds(self) -> NDArray[np.float64]:
+        """(2, 2) lower and upper corner of all rooms [m]."""
+        return np.array(
+            [
+                np.min([r.lower_m for r in self.rooms], axis=0),
+                np.max([r.upper_m for r in self.rooms], axis=0),
+            ]
+        )

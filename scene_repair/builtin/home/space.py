@@ -1,0 +1,199 @@
+"""Room for furniture: what is taken, what must stay free, where a robot can still go."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, label
+
+from .furniture.piece import Arrangement
+from .plan import SIDES, FloorPlan
+
+Rect = NDArray[np.float64]
+
+_CELL_M = 0.05
+_DOOR_DEPTH_M, _DOOR_SIDE_M = 0.9, 0.12
+_WALL_GAP_M = 0.02
+
+
+def wall_yaw(axis: int, sign: int) -> float:
+    """Yaw [rad] that turns a piece's back (−y) to the wall on that side."""
+    return {(0, 1): 0.5 * np.pi, (0, -1): -0.5 * np.pi, (1, 1): np.pi, (1, -1): 0.0}[axis, sign]
+
+
+def overlaps(a: Rect, b: Rect, gap_m: float = 0.0) -> bool:
+    """Whether two (2, 2) rectangles come nearer than `gap_m`."""
+    return bool(np.all(a[0] < b[1] + gap_m) and np.all(b[0] < a[1] + gap_m))
+
+
+class RoomSpace:
+    """One room being furnished."""
+
+    def __init__(self, plan: FloorPlan, index: int, radius_m: float):
+        self.plan, self.index, self.room = plan, index, plan.rooms[index]
+        self.radius_m = radius_m
+        self.bounds = np.array([self.room.lower_m, self.room.upper_m])
+        self.solids: list[Rect] = []
+        self.kept: list[Rect] = []
+        self.entrances: list[NDArray[np.float64]] = []
+        for door in plan.doors_of(index):
+            self._keep_door(door.axis, door.sign, door.start_m, door.end_m)
+        self.tops: list[tuple[Rect, float]] = []
+
+    def _keep_door(self, axis: int, sign: int, start: float, end: float) -> None:
+        face = self.room.wall_at(axis, sign)
+        depth = min(_DOOR_DEPTH_M, 0.8 * float(self.room.size_m[axis]))
+        zone = np.empty((2, 2))
+        zone[:, axis] = sorted((face, face - sign * depth))
+        zone[:, 1 - axis] = start - _DOOR_SIDE_M, end + _DOOR_SIDE_M
+        self.kept.append(zone)
+        point = np.empty(2)
+        point[axis], point[1 - axis] = face - sign * 0.45, (start + end) / 2
+        self.entrances.append(point)
+
+    def fits(self, item: Arrangement) -> bool:
+        """Whether `item`, already in place, respects walls, doors, windows and other furniture."""
+        bounds = item.bounds()
+        flat = bounds[:, :2]
+        if np.any(flat[0] < self.bounds[0]) or np.any(flat[1] > self.bounds[1]):
+            return False
+        solids = item.footprints()
+        for solid in solids:
+            if any(overlaps(solid, zone) for zone in self.kept):
+                return False
+            if any(overlaps(solid, other, 0.06) for other in self.solids):
+                return False
+        if not item.on_window and self._hides_window(flat, float(bounds[1, 2])):
+            return False
+        return self.passable(solids)
+
+    def _hides_window(self, flat: Rect, top_m: float) -> bool:
+        for axis, sign in SIDES:
+            near = abs(flat[int(sign > 0), axis] - self.room.wall_at(axis, sign)) < 0.25
+            for hole in self.plan.side(self.index, axis, sign):
+                inside = flat[0, 1 - axis] < hole.end_m and flat[1, 1 - axis] > hole.start_m
+                if hole.kind == "window" and near and inside and top_m > hole.bottom_m + 0.05:
+                    return True
+        return False
+
+    def place(self, item: Arrangement) -> None:
+        """Take the space of `item`, already in place."""
+        self.solids += item.footprints()
+        for piece in item.pieces:
+            bounds = piece.shape.bounds()
+            self.tops.append((bounds[:, :2], float(bounds[1, 2])))
+
+    def keep(self, zone: Rect) -> None:
+        """Keep a (2, 2) zone free from now on."""
+        self.kept.append(zone)
+
+    def free_cells(self, more: list[Rect]) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+        """Cells a robot's centre may take with `more` furniture; and the (2,) grid origin."""
+        shape = np.ceil((self.bounds[1] - self.bounds[0]) / _CELL_M).astype(int) + 2
+        blocked = np.ones(shape, dtype=bool)
+        blocked[1:-1, 1:-1] = False
+        origin = self.bounds[0] - _CELL_M
+        for solid in [*self.solids, *more]:
+            low = np.floor((solid[0] - origin) / _CELL_M).astype(int)
+            high = np.ceil((solid[1] - origin) / _CELL_M).astype(int)
+            low, high = np.maximum(low, 0), np.maximum(high, 0)
+            blocked[low[0] : high[0], low[1] : high[1]] = True
+        distance = np.asarray(distance_transform_edt(~blocked)) - 0.5
+        return distance * _CELL_M >= self.radius_m, origin
+
+    def passable(self, more: list[Rect]) -> bool:
+        """Whether all doors stay joined and a good part of the room can be walked."""
+        free, origin = self.free_cells(more)
+        groups, _ = label(free)
+        ids = set()
+        for point in self.entrances:
+            i, j = ((point - origin) / _CELL_M).astype(int)
+            ids.add(int(groups[i, j]))
+        if 0 in ids or len(ids) > 1:
+            return False
+        reached = np.count_nonzero(groups == ids.pop()) * _CELL_M**2
+        # A narrow corridor leaves little room for the centre of a disc even when it is empty.
+        narrow = max(float(self.room.size_m.min()) - 2 * self.radius_m, 0.1)
+        return reached >= 0.25 * narrow * (float(self.room.size_m.max()) - 2 * self.radius_m)
+
+
+def at_wall(
+    space: RoomSpace, item: Arrangement, axis: int, sign: int, along_m: float
+) -> Arrangement:
+    """`item` with its back to a wall and its x = 0 at `along_m`."""
+    xy = np.empty(2)
+    xy[axis] = space.room.wall_at(axis, sign) - sign * _WALL_GAP_M
+    xy[1 - axis] = along_m
+    return item.moved(wall_yaw(axis, sign), float(xy[0]), float(xy[1]))
+
+
+def front_zone(space: RoomSpace, placed: Arrangement, axis: int, sign: int) -> Rect:
+    """The rectangle that must stay free before an arrangement at a wall."""
+    flat = placed.bounds()[:, :2].copy()
+    if sign > 0:
+        flat[1, axis] = flat[0, axis]
+        flat[0, axis] -= placed.front_m
+    else:
+        flat[0, axis] = flat[1, axis]
+        flat[1, axis] += placed.front_m
+    return flat
+
+
+def try_wall(
+    space: RoomSpace,
+    rng: np.random.Generator,
+    item: Arrangement,
+    sides: list[tuple[int, int]] | None = None,
+    along_m: float | None = None,
+    tries: int = 14,
+) -> tuple[int, int, float, Arrangement] | None:
+    """Place `item` at some wall; (axis, sign, along, placed), or None if nothing fits.
+
+    Corners and the stretch near `along_m` are tried first.
+    """
+    low_x, high_x = item.bounds()[:, 0]
+    options: list[tuple[int, int, float]] = []
+    for axis, sign in sides or SIDES:
+        start, end = space.room.span(axis)
+        # Which way local x runs along the wall decides where its extent may lie.
+        before, after = (high_x, -low_x) if _mirrored(axis, sign) else (-low_x, high_x)
+        first, last = start + before + 0.02, end - after - 0.02
+        if first > last:
+            continue
+        middle = [along_m] if along_m is not None else []
+        for s in [*middle, first, last, *rng.uniform(first, last, 4)]:
+            options.append((axis, sign, float(np.clip(s, first, last))))
+    if along_m is None:
+        options = [options[k] for k in rng.permutation(len(options))]
+    for axis, sign, along in options[: tries * 2]:
+        placed = at_wall(space, item, axis, sign, along)
+        zone = front_zone(space, placed, axis, sign)
+        if any(overlaps(zone, solid) for solid in space.solids):
+            continue
+        if space.fits(placed):
+            space.place(placed)
+            space.keep(zone)
+            return axis, sign, along, placed
+    return None
+
+
+def _mirrored(axis: int, sign: int) -> bool:
+    """Whether a piece's +x runs against the wall's coordinate."""
+    yaw = wall_yaw(axis, sign)
+    direction = np.array([np.cos(yaw), np.sin(yaw)])
+    return bool(direction[1 - axis] < 0)
+
+
+def try_middle(
+    space: RoomSpace, rng: np.random.Generator, item: Arrangement, tries: int = 16
+) -> Arrangement | None:
+    """Place `item` free in the room, near its centre first."""
+    for k in range(tries):
+        turned = item.moved(0.5 * np.pi * int(rng.integers(2)), 0.0, 0.0)
+        spread = 0.08 + 0.5 * k / tries
+        center = space.bounds.mean(0) + rng.uniform(-0.5, 0.5, 2) * spread * space.room.size_m
+        placed = turned.moved(0.0, float(center[0]), float(center[1]))
+        if space.fits(placed):
+            space.place(placed)
+            return placed
+    return None

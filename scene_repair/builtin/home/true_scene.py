@@ -1,0 +1,80 @@
+"""The exact apartment as labelled, textured triangles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..looks.palette import Material, Palette
+from .furniture.piece import Piece
+from .plan import FloorPlan
+from .shapes import Triangles, join
+
+
+@dataclass(frozen=True)
+class TrueObject:
+    """A named thing.
+
+    Attributes:
+        name: unique, e.g. `Sofa_1`.
+        category: e.g. `sofa`, `wall`.
+        lower_m, upper_m: (3,) bounds, world z up [m].
+    """
+
+    name: str
+    category: str
+    lower_m: tuple[float, float, float]
+    upper_m: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class TrueScene:
+    """Everything there is, exactly.
+
+    Attributes:
+        plan: rooms and openings.
+        shape: all triangles, world z up [m].
+        face_object: (F,) int32 index into `objects`.
+        objects: the things.
+        materials: looks that `shape.material` refers to.
+        lamps_m: (L, 3) centres of the ceiling lamps.
+    """
+
+    plan: FloorPlan
+    shape: Triangles
+    face_object: NDArray[np.int32]
+    objects: tuple[TrueObject, ...]
+    materials: tuple[Material, ...]
+    lamps_m: NDArray[np.float64]
+
+
+class SceneBuilder:
+    """Collects pieces under unique names."""
+
+    def __init__(self, palette: Palette):
+        self.palette = palette
+        self._shapes: list[Triangles] = []
+        self._objects: list[TrueObject] = []
+        self._counts: dict[str, int] = {}
+
+    def add(self, piece: Piece) -> None:
+        """Add a piece as the next object of its name."""
+        number = self._counts[piece.name] = self._counts.get(piece.name, 0) + 1
+        (x0, y0, z0), (x1, y1, z1) = piece.shape.bounds().tolist()
+        name = f"{piece.name}_{number}"
+        self._objects.append(TrueObject(name, piece.category, (x0, y0, z0), (x1, y1, z1)))
+        self._shapes.append(piece.shape)
+
+    def build(self, plan: FloorPlan, lamps_m: list[tuple[float, float, float]]) -> TrueScene:
+        """The finished scene."""
+        counts = [len(s.material) for s in self._shapes]
+        return TrueScene(
+            plan,
+            join(self._shapes),
+            np.repeat(np.arange(len(counts)), counts).astype(np.int32),
+            tuple(self._objects),
+            tuple(self.palette.materials),
+            np.asarray(lamps_m, dtype=np.float64).reshape(-1, 3),
+        )

@@ -1,0 +1,1 @@
+"""Procedural textures and the choice of materials."""

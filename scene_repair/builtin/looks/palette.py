@@ -1,0 +1,64 @@
+"""Materials and the palette that collects those a home uses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .noise import Image
+
+
+@dataclass(frozen=True)
+class Material:
+    """An image and how large it is on the surface; it repeats beyond that.
+
+    Attributes:
+        name: unique.
+        image: (rows, columns, 3) uint8 sRGB.
+        size_m: width and height that the image covers.
+        emissive: shines by itself (a window, a lamp): shading is not applied.
+    """
+
+    name: str
+    image: Image
+    size_m: tuple[float, float]
+    emissive: bool = False
+
+
+PAINTER = Callable[[np.random.Generator, tuple[int, int]], Image]
+
+
+class Palette:
+    """Makes each material once, in the order of first use, from its own random stream."""
+
+    def __init__(self, rng: np.random.Generator):
+        self._rng = rng
+        self._index: dict[str, int] = {}
+        self.materials: list[Material] = []
+
+    def get(
+        self,
+        name: str,
+        paint: PAINTER,
+        size_m: tuple[float, float],
+        pixels_per_m: float = 250.0,
+        emissive: bool = False,
+    ) -> int:
+        """Index of material `name`; painted by `paint(rng, (rows, columns))` when new."""
+        if name not in self._index:
+            shape = (
+                max(round(size_m[1] * pixels_per_m), 8),
+                max(round(size_m[0] * pixels_per_m), 8),
+            )
+            image = paint(self._rng.spawn(1)[0], shape)
+            self._index[name] = len(self.materials)
+            self.materials.append(Material(name, image, size_m, emissive))
+        return self._index[name]
+
+    def unique(
+        self, stem: str, paint: PAINTER, size_m: tuple[float, float], emissive: bool = False
+    ) -> int:
+        """A new material that nothing else shares (a painting, a front)."""
+        return self.get(f"{stem} {len(self.materials)}", paint, size_m, emissive=emissive)

@@ -1,0 +1,220 @@
+"""Which floor and walls a room gets, so that rooms of one home are told apart at a glance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import floors, walls
+from .palette import Palette
+
+Color = tuple[int, int, int]
+
+WALL_COLORS: dict[str, Color] = {
+    "white": (232, 229, 222),
+    "cream": (232, 219, 190),
+    "sage": (186, 199, 170),
+    "sky": (184, 204, 218),
+    "blush": (228, 199, 186),
+    "sand": (214, 196, 164),
+    "mint": (196, 218, 204),
+    "lilac": (206, 198, 218),
+    "grey": (198, 200, 202),
+    "butter": (238, 222, 160),
+    "clay": (206, 158, 128),
+}
+ACCENTS: dict[str, Color] = {
+    "petrol": (54, 92, 104),
+    "olive": (112, 118, 76),
+    "terracotta": (178, 98, 70),
+    "navy": (62, 76, 112),
+    "ochre": (206, 158, 74),
+    "burgundy": (116, 54, 62),
+    "fir": (64, 92, 76),
+}
+WOOD_TONES: dict[str, Color] = {
+    "light oak": (196, 160, 116),
+    "honey": (184, 132, 80),
+    "walnut": (112, 78, 54),
+    "grey oak": (158, 146, 130),
+    "cherry": (150, 88, 56),
+    "bleached": (208, 188, 158),
+}
+TILE_COLORS: list[Color] = [(206, 198, 184), (168, 164, 158), (222, 218, 210), (150, 120, 98)]
+
+
+@dataclass(frozen=True)
+class RoomStyle:
+    """Materials of a room's shell.
+
+    Attributes:
+        floor, ceiling, trim: material indices; trim is baseboards and door frames.
+        wall: material of plain walls.
+        accent: material of the accent wall.
+        accent_side: 0–3, index into the plan's sides; −1 = none.
+        lower: material of the lower part of the walls (tiles, panelling); −1 = none.
+        lower_m: its height.
+    """
+
+    floor: int
+    ceiling: int
+    trim: int
+    wall: int
+    accent: int
+    accent_side: int
+    lower: int = -1
+    lower_m: float = 0.0
+
+
+class Stylist:
+    """Draws a style per room without repeating floors or wall colours if it can."""
+
+    def __init__(self, rng: np.random.Generator, palette: Palette):
+        self.rng, self.palette = rng, palette
+        self.wall_names = self._shuffle(list(WALL_COLORS))
+        self.accent_names = self._shuffle(list(ACCENTS))
+        self.wood_names = self._shuffle(list(WOOD_TONES))
+        self.trim_color: Color = [(238, 236, 230), (238, 236, 230), (150, 106, 68), (84, 66, 52)][
+            int(rng.integers(4))
+        ]
+        self.used = 0
+        self.bedrooms = 0
+
+    def _shuffle(self, names: list[str]) -> list[str]:
+        return [names[k] for k in self.rng.permutation(len(names))]
+
+    def style(self, kind: str) -> RoomStyle:
+        """The next room's style."""
+        rng, k = self.rng, self.used
+        self.used += 1
+        name = self.wall_names[k % len(self.wall_names)]
+        wall = self._plaster(name, WALL_COLORS[name])
+        accent, side = wall, -1
+        lower, lower_m = -1, 0.0
+        if kind == "bathroom":
+            lower, lower_m = self._wall_tiles(), float(rng.choice([1.25, 2.05]))
+        elif kind != "hallway" and rng.random() < 0.75:
+            accent, side = self._accent(k, WALL_COLORS[name]), int(rng.integers(4))
+        if kind in ("dining room", "hallway") and rng.random() < 0.5:
+            lower, lower_m = self._panels(), 0.95
+        return RoomStyle(
+            self._floor(kind),
+            self._plaster("ceiling", (236, 235, 231)),
+            self.palette.get(
+                "trim", lambda r, s: walls.paint(s, r, self.trim_color), (1.0, 1.0), 120.0
+            ),
+            wall,
+            accent,
+            side,
+            lower,
+            lower_m,
+        )
+
+    def _plaster(self, name: str, color: Color) -> int:
+        return self.palette.get(
+            f"plaster {name}", lambda r, s: walls.plaster(r, s, color), (2.5, 2.5), 200.0
+        )
+
+    def _accent(self, k: int, base: Color) -> int:
+        name = self.accent_names[k % len(self.accent_names)]
+        color = ACCENTS[name]
+        soft = tuple(int(0.6 * b + 0.4 * c) for b, c in zip(base, color, strict=True))
+        kind = int(self.rng.integers(5))
+        if kind == 0:
+            brick = [(164, 92, 70), (196, 186, 174), (140, 104, 86)][k % 3]
+            return self.palette.get(
+                f"brick {brick}", lambda r, s: walls.bricks(r, s, brick), (1.5, 1.5), 330.0
+            )
+        if kind == 1:
+            return self.palette.get(
+                f"stripes {name}", lambda r, s: walls.stripes(r, s, base, soft, 10), (1.6, 1.6)
+            )
+        if kind == 2:
+            return self.palette.get(
+                f"damask {name}", lambda r, s: walls.damask(r, s, base, soft, 5), (1.6, 1.6)
+            )
+        return self._plaster(name, color)
+
+    def _panels(self) -> int:
+        color = self.trim_color if self.rng.random() < 0.5 else (214, 218, 212)
+        return self.palette.get(
+            f"panelling {color}", lambda r, s: walls.panelling(r, s, color, 12), (1.2, 1.2)
+        )
+
+    def _wall_tiles(self) -> int:
+        color = [
+            (222, 226, 226),
+            (150, 184, 190),
+            (176, 200, 182),
+            (216, 206, 190),
+            (92, 122, 140),
+        ][int(self.rng.integers(5))]
+        brick = bool(self.rng.random() < 0.5)
+        count = (12, 6) if brick else (6, 6)
+        return self.palette.get(
+            f"wall tiles {color}",
+            lambda r, s: floors.tiles(
+                r, s, count, color, grout=(236, 236, 232), offset=brick, grout_px=1.3
+            ),
+            (1.2, 1.2),
+        )
+
+    def _floor(self, kind: str) -> int:
+        if kind == "bathroom":
+            return self._floor_tiles(0.2 if self.rng.random() < 0.5 else 0.33)
+        if kind == "kitchen":
+            draw = self.rng.random()
+            if draw < 0.25:
+                return self.palette.get(
+                    "terrazzo",
+                    lambda r, s: floors.terrazzo(r, s, (206, 201, 192)),
+                    (2.0, 2.0),
+                    320.0,
+                )
+            return self._floor_tiles(0.4, checker=draw < 0.55)
+        if kind in ("living room", "hallway", "dining room"):
+            return self._wood(0 if kind != "dining room" else 1)
+        self.bedrooms += 1
+        if self.rng.random() < 0.4:
+            name = self.wall_names[-1 - self.bedrooms]
+            base = tuple(int(0.72 * c) for c in WALL_COLORS[name])
+            return self.palette.get(
+                f"carpet {name}", lambda r, s: floors.carpet(r, s, base), (2.0, 2.0), 320.0
+            )
+        if self.rng.random() < 0.2:
+            return self.palette.get(
+                "concrete", lambda r, s: floors.concrete(r, s, (158, 155, 150)), (3.0, 3.0), 256.0
+            )
+        return self._wood(self.bedrooms)
+
+    def _wood(self, k: int) -> int:
+        name = self.wood_names[k % len(self.wood_names)]
+        base = WOOD_TONES[name]
+        if (len(name) + k) % 3 == 0:
+            return self.palette.get(
+                f"herringbone {name}",
+                lambda r, s: floors.herringbone(r, s, s[0] // 24, base),
+                (2.4, 2.4),
+                320.0,
+            )
+        return self.palette.get(
+            f"planks {name}", lambda r, s: floors.planks(r, s, 16, 3, base), (3.2, 2.4), 320.0
+        )
+
+    def _floor_tiles(self, side_m: float, checker: bool = False) -> int:
+        color = TILE_COLORS[int(self.rng.integers(len(TILE_COLORS)))]
+        other: Color | None = None
+        if checker:
+            color, other = (
+                (220, 216, 206),
+                [(66, 68, 72), (110, 128, 118), (150, 96, 74)][int(self.rng.integers(3))],
+            )
+        veins = 0.12 if self.rng.random() < 0.5 else 0.0
+        count = 6
+        return self.palette.get(
+            f"floor tiles {color} {other} {side_m}",
+            lambda r, s: floors.tiles(r, s, (count, count), color, other, veins=veins),
+            (count * side_m, count * side_m),
+            min(320.0, 768 / (count * side_m)),
+        )

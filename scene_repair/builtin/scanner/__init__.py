@@ -1,0 +1,1 @@
+"""The virtual scanner: depth views, fusion, texture."""

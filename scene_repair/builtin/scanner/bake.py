@@ -1,0 +1,137 @@
+"""Paints the texture pages: exact colour times baked light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..config import ScanConfig
+from ..home.true_scene import TrueScene
+from .appearance import Appearance
+from .charts import Charts
+from .light import Lighting, Lights
+from .lookup import exact_surface
+from .packing import Packing
+from .raster import rasterize
+from .scan import unit_normals
+from .surface import ScanMesh
+from .tracing import Tracer
+
+_CHUNK = 1 << 20
+
+
+@dataclass(frozen=True)
+class ChartVertices:
+    """The mesh's vertices once per chart they occur in.
+
+    Attributes:
+        vertex: (N,) vertex of the mesh.
+        face: (F, 3) int32 index into these.
+        normal: (N, 3) float32 unit normals within the chart.
+    """
+
+    vertex: NDArray[np.int64]
+    face: NDArray[np.int32]
+    normal: NDArray[np.float32]
+
+
+def chart_vertices(mesh: ScanMesh, charts: Charts) -> ChartVertices:
+    """Split vertices at chart borders."""
+    count = len(mesh.vertices)
+    key = charts.chart[:, None].astype(np.int64) * count + mesh.faces
+    unique, index = np.unique(key, return_inverse=True)
+    face = index.reshape(-1, 3).astype(np.int32)
+    _, area = mesh.normals()
+    normal = np.zeros((len(unique), 3))
+    for axis in range(3):
+        weighted = np.repeat(charts.normal[:, axis] * area, 3)
+        normal[:, axis] = np.bincount(face.ravel(), weighted, minlength=len(unique))
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    return ChartVertices(unique % count, face, normal.astype(np.float32))
+
+
+class Baker:
+    """Bakes the pages of one scan."""
+
+    def __init__(
+        self, rng: np.random.Generator, scene: TrueScene, tracer: Tracer, config: ScanConfig
+    ):
+        self._tracer, self._rays = tracer, config.light_rays
+        self._looks = Appearance.of(scene)
+        self._normals = unit_normals(scene.shape.corners)
+        panes = self._looks.emissive[scene.shape.material]
+        open_tracer = Tracer(scene.shape.corners[~panes])
+        lights = Lights.of(rng, scene)
+        self._light = Lighting(tracer, open_tracer, self._looks, lights)
+        self._rng = rng
+
+    def vertex_light(self, mesh: ScanMesh, split: ChartVertices) -> NDArray[np.float32]:
+        """(N, 3) soft light at chart vertices, smoothed once along the mesh."""
+        points = mesh.vertices[split.vertex].astype(np.float32)
+        light = self._light.soft(self._rng, points, split.normal, self._rays)
+        for _ in range(2):
+            total = light * 2.0
+            weight = np.full(len(light), 2.0)
+            for a, b in ((0, 1), (1, 2), (2, 0)):
+                i, j = split.face[:, a], split.face[:, b]
+                for axis in range(3):
+                    total[:, axis] += np.bincount(i, light[j, axis], minlength=len(light))
+                    total[:, axis] += np.bincount(j, light[i, axis], minlength=len(light))
+                weight += np.bincount(i, minlength=len(light)) + np.bincount(
+                    j, minlength=len(light)
+                )
+            light = (total / weight[:, None]).astype(np.float32)
+        return light
+
+    def page(
+        self,
+        mesh: ScanMesh,
+        charts: Charts,
+        split: ChartVertices,
+        light: NDArray[np.float32],
+        packing: Packing,
+        page: int,
+    ) -> NDArray[np.uint8]:
+        """The image (height, width, 3) of one page."""
+        mine = np.flatnonzero(packing.page[charts.chart] == page)
+        corner = page_corners(charts, packing)[mine]
+        face, bary = rasterize(corner, packing.page_size[page])
+        image = np.zeros((*face.shape, 3), dtype=np.uint8)
+        flat_image, flat_face = image.reshape(-1, 3), face.ravel()
+        flat_bary = bary.reshape(-1, 2)
+        filled = np.flatnonzero(flat_face >= 0)
+        points = mesh.vertices[mesh.faces[mine]].astype(np.float32)
+        corner_light = light[split.face[mine]]
+        normals = charts.normal[mine]
+        for first in range(0, len(filled), _CHUNK):
+            part = filled[first : first + _CHUNK]
+            which, b = flat_face[part], flat_bary[part]
+            weight = np.stack([1 - b[:, 0] - b[:, 1], b[:, 0], b[:, 1]], axis=1)
+            position = np.einsum("nk,nki->ni", weight, points[which])
+            shade = np.einsum("nk,nki->ni", np.clip(weight, 0, 1), corner_light[which])
+            flat_image[part] = self._texels(position, normals[which], shade)
+        image[face < 0] = image[face >= 0].mean(0) if len(filled) else 0
+        return image
+
+    def _texels(
+        self,
+        position: NDArray[np.float32],
+        normal: NDArray[np.float32],
+        shade: NDArray[np.float32],
+    ) -> NDArray[np.uint8]:
+        hits = exact_surface(self._tracer, position, normal)
+        color = self._looks.color(hits.face, hits.bary).astype(np.float32)
+        exact = self._normals[hits.face]
+        exact *= np.sign(np.einsum("ij,ij->i", exact, normal) + 1e-9)[:, None]
+        shade = shade + self._light.sun(position, exact)
+        # Light adds up linearly while the textures are gamma-coded.
+        factor = np.clip(shade, 0.02, 2.2) ** np.float32(1 / 2.2)
+        factor[self._looks.emissive[self._looks.material[hits.face]]] = 1.0
+        return np.clip(color * factor, 0, 255).astype(np.uint8)
+
+
+def page_corners(charts: Charts, packing: Packing) -> NDArray[np.float64]:
+    """(F, 3, 2) corners on their pages [texels, y down]."""
+    return charts.corner + packing.origin[charts.chart][:, None]

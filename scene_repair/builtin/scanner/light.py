@@ -1,0 +1,196 @@
+"""Soft light: daylight from windows, ceiling lamps, and what the room itself reflects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..home.true_scene import TrueScene
+from .appearance import Appearance
+from .tracing import Tracer
+
+_LIFT_M = 0.03
+_SKY = np.array([0.92, 0.98, 1.06], dtype=np.float32)
+_LAMP = np.array([1.08, 0.98, 0.84], dtype=np.float32)
+_SUN = np.array([1.0, 0.93, 0.8], dtype=np.float32)
+_WINDOW_SAMPLES, _NEAR_WINDOWS, _LAMP_SAMPLES, _NEAR_LAMPS = 4, 3, 3, 2
+
+
+@dataclass(frozen=True)
+class Lights:
+    """The light sources of a home.
+
+    Attributes:
+        window_m: (W, 2, 3) lower and upper corner of each pane.
+        window_normal: (W, 3) pointing into the room.
+        lamp_m: (L, 3).
+        sun: (3,) unit direction towards the sun.
+    """
+
+    window_m: NDArray[np.float64]
+    window_normal: NDArray[np.float64]
+    lamp_m: NDArray[np.float64]
+    sun: NDArray[np.float64]
+
+    @staticmethod
+    def of(rng: np.random.Generator, scene: TrueScene) -> Lights:
+        """The windows and lamps of `scene`, and a sun that stands before one of its windows."""
+        boxes, normals = [], []
+        for o in (o for o in scene.plan.openings if o.kind == "window"):
+            box = np.empty((2, 3))
+            box[:, o.axis] = scene.plan.rooms[o.room].wall_at(o.axis, o.sign) + o.sign * 0.13
+            box[:, 1 - o.axis] = o.start_m, o.end_m
+            box[:, 2] = o.bottom_m, o.top_m
+            normal = np.zeros(3)
+            normal[o.axis] = -o.sign
+            boxes.append(box)
+            normals.append(normal)
+        outward = -normals[int(rng.integers(len(normals)))] if normals else np.array([1.0, 0, 0])
+        azimuth = np.arctan2(outward[1], outward[0]) + rng.uniform(-0.7, 0.7)
+        height = rng.uniform(0.5, 0.85)
+        sun = np.array(
+            [np.cos(azimuth) * np.cos(height), np.sin(azimuth) * np.cos(height), np.sin(height)]
+        )
+        return Lights(
+            np.array(boxes).reshape(-1, 2, 3), np.array(normals).reshape(-1, 3), scene.lamps_m, sun
+        )
+
+
+class Lighting:
+    """Irradiance at points of one home; 1 is a well-lit floor."""
+
+    def __init__(self, tracer: Tracer, open_tracer: Tracer, looks: Appearance, lights: Lights):
+        self._tracer, self._open, self._looks, self._lights = tracer, open_tracer, looks, lights
+
+    def soft(
+        self,
+        rng: np.random.Generator,
+        points_m: NDArray[np.float32],
+        normals: NDArray[np.float32],
+        rays: int,
+    ) -> NDArray[np.float32]:
+        """(N, 3) irradiance without direct sun at points (N, 3) with unit normals (N, 3)."""
+        start = points_m + np.float32(_LIFT_M) * normals
+        total = self._reflected(rng, start, normals, rays)
+        total += self._windows(rng, start, normals)
+        return total + self._lamps(rng, start, normals)
+
+    def sun(
+        self, points_m: NDArray[np.float32], normals: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """(N, 3) irradiance of direct sun, with sharp shadows."""
+        direction = self._lights.sun.astype(np.float32)
+        cosine = normals @ direction
+        lit = np.flatnonzero(cosine > 0.02)
+        result = np.zeros((len(points_m), 3), dtype=np.float32)
+        start = points_m[lit] + np.float32(0.012) * normals[lit]
+        shadow = self._open.blocked(
+            start, np.tile(direction, (len(lit), 1)), np.full(len(lit), 40, np.float32)
+        )
+        seen = lit[~shadow]
+        result[seen] = 1.5 * cosine[seen, None] * _SUN
+        return result
+
+    def _reflected(
+        self,
+        rng: np.random.Generator,
+        start: NDArray[np.float32],
+        normals: NDArray[np.float32],
+        rays: int,
+    ) -> NDArray[np.float32]:
+        """Ambient light: near surfaces hide it and lend it their colour."""
+        total = np.zeros_like(start)
+        across, beside = _tangents(normals)
+        turn = rng.random(len(start), dtype=np.float32)
+        reach = 2.5
+        for k in range(rays):
+            # Cosine-weighted Fibonacci points, turned at random for each point.
+            radius = np.float32(np.sqrt((k + 0.5) / rays))
+            angle = 2 * np.pi * (turn + np.float32(k * 0.61803398875))
+            x, y = radius * np.cos(angle), radius * np.sin(angle)
+            direction = x[:, None] * across + y[:, None] * beside + np.sqrt(1 - radius**2) * normals
+            hits = self._tracer.first(start, direction, reach)
+            near = hits.face >= 0
+            openness = np.where(near, 0.28 + 0.72 * hits.distance_m / reach, 1.0)
+            material = self._looks.material[hits.face]
+            tint = np.where(near[:, None], 0.45 + 0.65 * self._looks.mean[material], 0.92)
+            glow = near & self._looks.emissive[material]
+            total += np.where(glow, 1.3, openness)[:, None] * tint
+        return total * np.float32(0.62 / rays)
+
+    def _windows(
+        self, rng: np.random.Generator, start: NDArray[np.float32], normals: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        result = np.zeros_like(start)
+        boxes, facing = self._lights.window_m, self._lights.window_normal
+        if not len(boxes):
+            return result
+        middle = boxes.mean(1)
+        away = start[:, None] - middle.astype(np.float32)
+        gap = np.linalg.norm(away, axis=2)
+        behind = np.einsum("nwi,wi->nw", away, facing.astype(np.float32)) < 0.02
+        score = np.where(behind, 99.0, gap)
+        count = min(_NEAR_WINDOWS, len(boxes))
+        nearest = np.argsort(score, axis=1)[:, :count]
+        for k in range(count):
+            which = nearest[:, k]
+            use = np.flatnonzero(np.take_along_axis(score, nearest, 1)[:, k] < 9.0)
+            low, span = boxes[which[use], 0], boxes[which[use], 1] - boxes[which[use], 0]
+            size = np.prod(np.where(span > 1e-6, span, 1.0), axis=1)
+            axis = facing[which[use]]
+            for s in range(_WINDOW_SAMPLES):
+                spot = rng.random((len(use), 3))
+                spot[:, 2] = (s + spot[:, 2]) / _WINDOW_SAMPLES
+                # A hand's breadth before the pane, clear of reveal and frame.
+                target = low + spot * span + 0.03 * axis
+                add = self._from(start[use], normals[use], target, axis)
+                result[use] += (add * size * (0.75 / _WINDOW_SAMPLES))[:, None] * _SKY
+        return result
+
+    def _lamps(
+        self, rng: np.random.Generator, start: NDArray[np.float32], normals: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        result = np.zeros_like(start)
+        lamps = self._lights.lamp_m
+        gap = np.linalg.norm(start[:, None] - lamps.astype(np.float32), axis=2)
+        count = min(_NEAR_LAMPS, len(lamps))
+        nearest = np.argsort(gap, axis=1)[:, :count]
+        down = np.array([[0.0, 0.0, -1.0]])
+        for k in range(count):
+            for _ in range(_LAMP_SAMPLES):
+                target = lamps[nearest[:, k]] + rng.uniform(-1, 1, start.shape) * (0.2, 0.2, 0.01)
+                add = self._from(start, normals, target, down, 0.35)
+                result += (add * (0.9 / _LAMP_SAMPLES))[:, None] * _LAMP
+        return result
+
+    def _from(
+        self,
+        start: NDArray[np.float32],
+        normals: NDArray[np.float32],
+        target: NDArray[np.float64],
+        axis: NDArray[np.float64],
+        spill: float = 0.0,
+    ) -> NDArray[np.float32]:
+        """(N,) irradiance from unit patches at `target` that shine along `axis`."""
+        ray = (target - start).astype(np.float32)
+        distance = np.linalg.norm(ray, axis=1)
+        ray /= np.maximum(distance, 1e-6)[:, None]
+        receive = np.maximum(np.einsum("ij,ij->i", ray, normals), 0)
+        send = np.maximum(-(ray * axis).sum(1), 0) * (1 - spill) + spill
+        strength = receive * send / (np.pi * np.maximum(distance, 0.5) ** 2)
+        useful = np.flatnonzero(strength > 2e-4)
+        hidden = self._tracer.blocked(start[useful], ray[useful], distance[useful] - 0.02)
+        strength[useful[hidden]] = 0
+        return strength.astype(np.float32)
+
+
+def _tangents(
+    normals: NDArray[np.float32],
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Two unit vectors (N, 3) that complete unit normals (N, 3) to right-handed frames."""
+    helper = np.where(np.abs(normals[:, 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+    across = np.cross(helper.astype(np.float32), normals)
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    return across, np.cross(normals, across)

@@ -1,0 +1,115 @@
+"""The triangle mesh of a fused volume: only where all of a cell was really seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import fast_simplification
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from skimage.measure import marching_cubes
+
+from .fusion import DistanceVolume
+
+_LEAST_WEIGHT = 0.35
+# A true surface changes the field by at most √3 / 3 across a cell; more is two views that
+# contradict each other (the far side of something thin), not a surface.
+_STEEPEST = 1.25
+_SMALLEST_PATCH = 60
+
+
+@dataclass(frozen=True)
+class ScanMesh:
+    """A triangle mesh.
+
+    Attributes:
+        vertices: (V, 3) float64 world [m].
+        faces: (F, 3) int32, counter-clockwise seen from where the scanner was.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+
+    def normals(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(F, 3) unit normals and (F,) areas [m²]."""
+        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
+        cross = np.cross(b - a, c - a)
+        length = np.linalg.norm(cross, axis=1)
+        return cross / np.maximum(length, 1e-12)[:, None], length / 2
+
+
+def extract(volume: DistanceVolume, target_faces: int) -> ScanMesh:
+    """Marching cubes over fully seen cells, without specks, decimated to `target_faces`."""
+    mesh = _march(volume)
+    mesh = without_specks(mesh, _SMALLEST_PATCH)
+    reduction = 1.0 - target_faces / max(len(mesh.faces), 1)
+    if reduction > 0:
+        points, faces = fast_simplification.simplify(
+            mesh.vertices.astype(np.float32), mesh.faces, float(reduction)
+        )[:2]
+        mesh = ScanMesh(np.asarray(points, dtype=np.float64), np.asarray(faces, dtype=np.int32))
+    return without_specks(_tidy(mesh), 12)
+
+
+def _march(volume: DistanceVolume) -> ScanMesh:
+    seen = volume.weight > _LEAST_WEIGHT
+    high = np.where(seen, volume.value, np.float32(9))
+    low = np.where(seen, volume.value, np.float32(-9))
+    for axis in range(3):
+        high = np.maximum(_lead(high, axis), _trail(high, axis))
+        low = np.minimum(_lead(low, axis), _trail(low, axis))
+    good = (high - low < _STEEPEST) & (high > 0) & (low < 0)
+    mask = np.zeros(volume.value.shape, dtype=bool)
+    # scikit-image looks at the mask of a cell's last corner.
+    mask[1:, 1:, 1:] = good
+    points, faces, *_ = marching_cubes(
+        volume.value, 0.0, mask=mask, gradient_direction="descent", allow_degenerate=False
+    )
+    return ScanMesh(
+        points.astype(np.float64) * volume.voxel_m + volume.origin_m, faces.astype(np.int32)
+    )
+
+
+def _lead(field: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
+    return field[tuple(slice(None, -1) if k == axis else slice(None) for k in range(3))]
+
+
+def _trail(field: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
+    return field[tuple(slice(1, None) if k == axis else slice(None) for k in range(3))]
+
+
+def _tidy(mesh: ScanMesh) -> ScanMesh:
+    """Without degenerate and doubled triangles."""
+    faces = mesh.faces
+    _, area = mesh.normals()
+    ordered = np.sort(faces, axis=1)
+    _, first = np.unique(ordered, axis=0, return_index=True)
+    keep = np.zeros(len(faces), dtype=bool)
+    keep[first] = True
+    keep &= (area > 1e-9) & (ordered[:, 0] != ordered[:, 1]) & (ordered[:, 1] != ordered[:, 2])
+    return _compact(mesh.vertices, faces[keep])
+
+
+def without_specks(mesh: ScanMesh, least_faces: int) -> ScanMesh:
+    """Without connected pieces of fewer than `least_faces` triangles."""
+    faces = mesh.faces
+    count = len(mesh.vertices)
+    rows, columns = faces[:, [0, 1]].T
+    more_rows, more_columns = faces[:, [1, 2]].T
+    graph = coo_matrix(
+        (
+            np.ones(2 * len(faces), dtype=np.int8),
+            (np.r_[rows, more_rows], np.r_[columns, more_columns]),
+        ),
+        shape=(count, count),
+    )
+    _, piece = connected_components(graph, directed=False)
+    size = np.bincount(piece[faces[:, 0]], minlength=piece.max(initial=0) + 1)
+    return _compact(mesh.vertices, faces[size[piece[faces[:, 0]]] >= least_faces])
+
+
+def _compact(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> ScanMesh:
+    used, inverse = np.unique(faces, return_inverse=True)
+    return ScanMesh(vertices[used], inverse.reshape(-1, 3).astype(np.int32))

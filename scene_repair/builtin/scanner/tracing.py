@@ -1,0 +1,109 @@
+"""Rays through the exact apartment, on all cores."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from numpy.typing import NDArray
+
+_CHUNK = 1 << 18
+
+
+@dataclass(frozen=True)
+class Hits:
+    """What rays hit first.
+
+    Attributes:
+        face: (N,) int32 triangle, −1 = nothing.
+        distance_m: (N,) float32 along the (unit) direction; only meaningful where hit.
+        bary: (N, 2) float32 weights of the triangle's second and third corner.
+    """
+
+    face: NDArray[np.int32]
+    distance_m: NDArray[np.float32]
+    bary: NDArray[np.float32]
+
+
+class Tracer:
+    """Rays against a triangle soup (F, 3, 3) [m]."""
+
+    def __init__(self, corners_m: NDArray[np.float64]):
+        self._scene = EmbreeScene()
+        # The scene keeps only a pointer: the arrays must live as long as it does.
+        self._corners = np.ascontiguousarray(corners_m, dtype=np.float32)
+        self._mesh = TriangleMesh(self._scene, self._corners)
+        self._scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
+        self._workers = max(min(os.cpu_count() or 1, 4), 1)
+
+    def _chunks(self, count: int) -> list[slice]:
+        return [slice(a, min(a + _CHUNK, count)) for a in range(0, count, _CHUNK)]
+
+    def first(
+        self, origins_m: NDArray[np.float32], directions: NDArray[np.float32], reach_m: float
+    ) -> Hits:
+        """First hits of rays (N, 3), (N, 3) within `reach_m`."""
+        count = len(origins_m)
+        face = np.full(count, -1, dtype=np.int32)
+        distance = np.zeros(count, dtype=np.float32)
+        bary = np.zeros((count, 2), dtype=np.float32)
+
+        def work(part: slice) -> None:
+            o = np.ascontiguousarray(origins_m[part], dtype=np.float32)
+            d = np.ascontiguousarray(directions[part], dtype=np.float32)
+            found = self._scene.run(o, d, dists=np.full(len(o), reach_m, np.float32), output=1)
+            face[part] = found["primID"]
+            distance[part] = found["tfar"]
+            bary[part, 0], bary[part, 1] = found["u"], found["v"]
+
+        self._run(work, count)
+        return Hits(face, distance, bary)
+
+    def distance(
+        self, origins_m: NDArray[np.float32], directions: NDArray[np.float32], reach_m: float
+    ) -> NDArray[np.float32]:
+        """(N,) [m] distance to the first hit, `reach_m` where there is none."""
+        count = len(origins_m)
+        result = np.empty(count, dtype=np.float32)
+
+        def work(part: slice) -> None:
+            o = np.ascontiguousarray(origins_m[part], dtype=np.float32)
+            d = np.ascontiguousarray(directions[part], dtype=np.float32)
+            reach = np.full(len(o), reach_m, np.float32)
+            result[part] = np.minimum(self._scene.run(o, d, dists=reach, query="DISTANCE"), reach_m)
+
+        self._run(work, count)
+        return result
+
+    def blocked(
+        self,
+        origins_m: NDArray[np.float32],
+        directions: NDArray[np.float32],
+        reach_m: NDArray[np.float32],
+    ) -> NDArray[np.bool_]:
+        """(N,) whether anything lies within `reach_m` (N,) along each ray."""
+        count = len(origins_m)
+        result = np.empty(count, dtype=bool)
+
+        def work(part: slice) -> None:
+            o = np.ascontiguousarray(origins_m[part], dtype=np.float32)
+            d = np.ascontiguousarray(directions[part], dtype=np.float32)
+            reach = np.ascontiguousarray(reach_m[part], dtype=np.float32)
+            result[part] = self._scene.run(o, d, dists=reach, query="OCCLUDED") != -1
+
+        self._run(work, count)
+        return result
+
+    def _run(self, work, count: int) -> None:
+        chunks = self._chunks(count)
+        if len(chunks) == 1 or self._workers == 1:
+            for part in chunks:
+                work(part)
+            return
+        with ThreadPoolExecutor(self._workers) as pool:
+            for _ in pool.map(work, chunks):
+                pass
