@@ -134,7 +134,7 @@ def region_map(bundle: SceneBundle, level: int) -> RegionMap:
     return RegionMap(grid, _extend(region, open_floor, grid.cell_m), names, width)
 
 
-def crossings(regions: RegionMap, path_m: ArrayLike, settle_m: float = 0.6) -> list[Crossing]:
+def crossings(regions: RegionMap, path_m: ArrayLike, settle_m: float = 1.0) -> list[Crossing]:
     """Where a path (P, 2 or 3) [m] passes from one room into another, in order.
 
     A visit shorter than `settle_m` is no visit: brushing past a corner of another room, or the

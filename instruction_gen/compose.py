@@ -52,9 +52,9 @@ def compose_instruction(
     regions = regions or region_map(bundle, episode.level)
     route = route_of(episode, regions)
     seen = sightings(route.path_xy_m, bundle, episode.level, regions)
-    last = _stop(route, seen, rng)
+    last = _stop_at(route, seen, rng)
     steps = _steps(route, seen, last, rng, style)
-    steps.append(last)
+    steps.append(last or _stop_after(route, steps, rng))
     return Instruction(
         text=_sentences(steps, rng),
         landmarks=tuple(s.mention for s in steps if s.mention),
@@ -65,15 +65,19 @@ def compose_instruction(
 
 
 def _steps(
-    route: Route, seen: list[Sighting], last: _Step, rng: np.random.Generator, style: str
+    route: Route,
+    seen: list[Sighting],
+    last: _Step | None,
+    rng: np.random.Generator,
+    style: str,
 ) -> list[_Step]:
     """Everything before the stop, in order."""
     steps: list[_Step] = []
-    named = {last.mention.name} if last.mention else set()
+    named = {last.mention.name} if last and last.mention else set()
     changes = list(route.changes)
-    for k, turn in enumerate(route.turns):
+    for turn in route.turns:
         partner = next((c for c in changes if abs(c.along_m - turn.along_m) < _TOGETHER_M), None)
-        if partner is not None and k + len(steps) > 0:
+        if partner is not None and turn.along_m > 0.5:
             changes.remove(partner)
             steps.append(_turn_and_enter(turn, partner, rng))
         else:
@@ -83,7 +87,11 @@ def _steps(
         steps.append(_change(change, first and bool(change.from_room), rng))
     steps.sort(key=lambda s: s.along_m)
     steps = _add_passed(steps, route, seen, named, rng, style)
-    return _add_distances(steps, route, last, rng)
+    steps = _add_distances(steps, rng)
+    if last and not steps:
+        text = phrases.straight(rng, route.length_m)
+        steps.append(_Step(0.0, text, f"walk {route.length_m:.1f} m"))
+    return steps
 
 
 def _turn(turn: Turn, seen: list[Sighting], named: set[str], rng: np.random.Generator) -> _Step:
@@ -119,9 +127,7 @@ def _change(change: RoomChange, leaving: bool, rng: np.random.Generator) -> _Ste
     if not leaving:
         text = phrases.enter(rng, change.to_room, change.doorway)
         return _Step(change.along_m, text, f"enter {to_room}")
-    text = phrases.leave(rng, change.from_room, change.doorway)
-    if change.to_room:
-        text += f" into {phrases.room(change.to_room)}"
+    text = phrases.leave(rng, change.from_room, change.to_room, change.doorway)
     return _Step(change.along_m, text, f"leave {change.from_room} into {to_room}")
 
 
@@ -161,51 +167,46 @@ def _add_passed(
     return sorted(result, key=lambda s: s.along_m)
 
 
-def _add_distances(
-    steps: list[_Step], route: Route, last: _Step, rng: np.random.Generator
-) -> list[_Step]:
+def _add_distances(steps: list[_Step], rng: np.random.Generator) -> list[_Step]:
     """Say how far to walk before a turn that nothing else announces."""
     result: list[_Step] = []
     before = 0.0
     for step in steps:
         bare_turn = step.action.startswith("turn") and step.mention is None
-        if bare_turn and "into" not in step.action and step.along_m - before > 1.5:
-            far = step.along_m - before
+        far = step.along_m - before
+        if bare_turn and "into" not in step.action and far > 1.5:
             result.append(_Step(before, phrases.straight(rng, far), f"walk {far:.1f} m"))
         result.append(step)
         before = step.along_m
-    rest = route.length_m - before
-    if last.mention is None and rest > 1.5 and route.goal_room == "":
-        result.append(_Step(before, phrases.straight(rng, rest), f"walk {rest:.1f} m"))
-    elif not result:
-        result.append(_Step(0.0, phrases.straight(rng, rest), f"walk {rest:.1f} m"))
     return result
 
 
-def _stop(route: Route, seen: list[Sighting], rng: np.random.Generator) -> _Step:
-    """Where to stop: at a thing, else in a room, else where one is by then."""
+def _stop_at(route: Route, seen: list[Sighting], rng: np.random.Generator) -> _Step | None:
+    """The thing to stop at, if one is near the goal."""
     near = [s for s in seen if s.goal_distance_m <= STOP_M]
-    if near:
-        mark = max(near, key=lambda s: s.salience / (0.4 + s.goal_distance_m))
-        what = phrases.thing(mark.category, mark.plural)
-        ahead = abs(mark.goal_bearing_rad) < np.deg2rad(35)
-        if ahead:
-            where = phrases.pick(rng, [f"in front of {what}", f"just before you reach {what}"])
-        elif mark.goal_distance_m <= 1.0:
-            where = phrases.pick(rng, [f"next to {what}", f"beside {what}", f"by {what}"])
-        else:
-            where = phrases.pick(rng, [f"near {what}", f"close to {what}"])
-        mention = replace(_mention(mark, "stop", ""), along_m=route.length_m)
-        return _Step(route.length_m, phrases.stop(rng, where), f"stop at {mark.category}", mention)
-    if route.goal_room:
-        inside = route.length_m - route.changes[-1].along_m if route.changes else np.inf
-        where = "just inside " if inside < 1.8 else "in "
-        text = phrases.stop(rng, where + phrases.room(route.goal_room))
-        return _Step(route.length_m, text, f"stop in {route.goal_room}")
-    where = "just inside the room" if route.changes else "there"
-    if route.changes and route.length_m - route.changes[-1].along_m > 1.8:
-        where = "there"
-    return _Step(route.length_m, phrases.stop(rng, where), "stop")
+    if not near:
+        return None
+    mark = max(near, key=lambda s: s.salience / (0.4 + s.goal_distance_m))
+    what = phrases.thing(mark.category, mark.plural)
+    if abs(mark.goal_bearing_rad) < np.deg2rad(35):
+        where = phrases.pick(rng, [f"in front of {what}", f"just before you reach {what}"])
+    elif mark.goal_distance_m <= 1.0:
+        where = phrases.pick(rng, [f"next to {what}", f"beside {what}", f"by {what}"])
+    else:
+        where = phrases.pick(rng, [f"near {what}", f"close to {what}"])
+    mention = replace(_mention(mark, "stop", ""), along_m=route.length_m)
+    return _Step(route.length_m, phrases.stop(rng, where), f"stop at {mark.category}", mention)
+
+
+def _stop_after(route: Route, steps: list[_Step], rng: np.random.Generator) -> _Step:
+    """Where to stop when nothing stands there: just inside a room, else after a distance."""
+    rest = route.length_m - (steps[-1].along_m if steps else 0.0)
+    entered = bool(route.changes) and route.length_m - route.changes[-1].along_m < 1.8
+    if entered:
+        text = phrases.stop(rng, "just inside " + phrases.room(route.goal_room))
+        return _Step(route.length_m, text, f"stop in {route.goal_room or 'room'}")
+    text = phrases.stop_after(rng, rest, first=not steps)
+    return _Step(route.length_m, text, f"stop after {rest:.1f} m")
 
 
 def _mention(mark: Sighting, role: str, side: str) -> Mention:
@@ -215,18 +216,18 @@ def _mention(mark: Sighting, role: str, side: str) -> Mention:
 def _sentences(steps: list[_Step], rng: np.random.Generator) -> str:
     """Join clauses into sentences of one to three."""
     clauses = [s.text for s in steps]
+    # One cannot "continue" before having begun.
+    for word, instead in (("continue", "walk"), ("keep going", "walk")):
+        clauses[0] = clauses[0].replace(word, instead, 1)
     result = []
     while clauses:
         size = int(rng.integers(1, 4)) if len(clauses) > 3 else min(len(clauses), 3)
         if len(clauses) - size == 0 and len(clauses) > 2:
             size = len(clauses) - 1 if rng.random() < 0.5 else len(clauses)
         part, clauses = clauses[:size], clauses[size:]
-        if len(part) == 1:
-            text = part[0]
-        elif len(part) == 2:
-            text = part[0] + phrases.pick(rng, [" and ", ", then ", " and then "]) + part[1]
-        else:
-            text = f"{part[0]}, {part[1]}" + phrases.pick(rng, [" and ", ", then "]) + part[2]
+        double = any(" and " in clause for clause in part)
+        joint = ", then " if double else phrases.pick(rng, [" and ", ", then ", " and then "])
+        text = ", ".join(part[:-1]) + joint + part[-1] if len(part) > 1 else part[0]
         if result and len(part) == 1 and rng.random() < 0.4:
             text = "then " + text
         result.append(text[0].upper() + text[1:] + ".")

@@ -12,14 +12,14 @@ from ..formats.regions import ROOM_PREFIX, RegionMap
 from ..formats.scene_bundle import LabeledObject, SceneBundle
 
 # Parts of the building, things too common or too flat to steer by, and collections of parts.
-NO_LANDMARKS = frozenset(
-    name.strip()
-    for name in """
-    beam, board, carpet, ceiling, chandelier, column, curtain, door, door frame, doorway, floor,
-    global mesh, handle, invisible wall face, lamp, light, mat, misc, object, opening, other,
-    picture, roof, rug, tableware, unknown, wall, wall face, window, window frame
-    """.split(",")
-)
+# fmt: off
+NO_LANDMARKS = frozenset([
+    "beam", "board", "carpet", "ceiling", "chandelier", "column", "curtain", "door",
+    "door frame", "doorway", "floor", "global mesh", "handle", "invisible wall face", "lamp",
+    "light", "mat", "misc", "object", "opening", "other", "picture", "roof", "rug", "tableware",
+    "unknown", "wall", "wall face", "window", "window frame",
+])
+# fmt: on
 
 NEAR_M = 1.6  # a thing at most this far beside the path is passed by it
 STOP_M = 1.8  # a thing at most this far from the goal can say where to stop
@@ -100,7 +100,10 @@ def sightings(
         if not _in_sight(points[from_point], edge[from_point], regions):
             continue
         center = (low + high) / 2
-        twins = [t for t in things if t.category == thing.category and t.name != thing.name]
+        kind = [t for t in things if t.category == thing.category and t.name != thing.name]
+        if any(_part_of(thing, t) for t in kind):
+            continue
+        twins = [t for t in kind if not _part_of(t, thing)]
         together = [t for t in twins if _between(t, thing) < 1.5]
         size = np.subtract(thing.upper_m, thing.lower_m)
         salience = float(np.sqrt(size[:2].max() * size[2])) / (1.0 + 0.5 * len(twins))
@@ -136,6 +139,16 @@ def _between(a: LabeledObject, b: LabeledObject) -> float:
     """Horizontal distance of two boxes [m]."""
     gap = np.maximum(np.subtract(a.lower_m, b.upper_m), np.subtract(b.lower_m, a.upper_m))[:2]
     return float(np.linalg.norm(np.maximum(gap, 0.0)))
+
+
+def _part_of(small: LabeledObject, large: LabeledObject) -> bool:
+    """Whether a box lies mostly over another: scenes come with the parts of one thing as many."""
+    size = np.prod(np.subtract(small.upper_m, small.lower_m)[:2])
+    other = np.prod(np.subtract(large.upper_m, large.lower_m)[:2])
+    low = np.maximum(small.lower_m, large.lower_m)[:2]
+    high = np.minimum(small.upper_m, large.upper_m)[:2]
+    shared = np.prod(np.maximum(high - low, 0.0))
+    return bool(shared > 0.5 * size and (size, small.name) < (other, large.name))
 
 
 def _in_sight(point: NDArray[np.float64], edge: NDArray[np.float64], regions: RegionMap) -> bool:

@@ -100,15 +100,47 @@ def enter(rng: np.random.Generator, to_room: str, doorway: bool) -> str:
     return pick(rng, [f"walk into {into}", f"enter {into}", f"continue into {into}"])
 
 
-def leave(rng: np.random.Generator, from_room: str, doorway: bool) -> str:
-    """Set off by leaving a room."""
+def leave(rng: np.random.Generator, from_room: str, to_room: str, doorway: bool) -> str:
+    """Set off by leaving a room; `to_room` may be empty."""
     out = room(from_room)
-    through = " through the doorway" if doorway and rng.random() < 0.5 else ""
+    through = " through the doorway" if doorway and rng.random() < 0.6 else ""
+    if not to_room:
+        return f"{pick(rng, ['leave', 'exit', 'walk out of'])} {out}{through}"
+    into = room(to_room)
     return pick(
-        rng, [f"leave {out}{through}", f"exit {out}{through}", f"walk out of {out}{through}"]
+        rng,
+        [
+            f"walk out of {out}{through} into {into}",
+            f"leave {out}{through} and enter {into}",
+            f"exit {out}{through} and walk into {into}",
+            f"go from {out}{through} into {into}",
+        ],
     )
 
 
 def stop(rng: np.random.Generator, where: str) -> str:
     """The last step."""
-    return f"{pick(rng, ['stop', 'wait', 'come to a stop', 'stop and wait'])} {where}"
+    return f"{pick(rng, ['stop', 'wait', 'come to a stop', 'stop'])} {where}"
+
+
+def stop_after(rng: np.random.Generator, distance_m: float, first: bool) -> str:
+    """The last step, where only a distance says when to stop."""
+    far = metres(distance_m)
+    if first:
+        return pick(
+            rng,
+            [
+                f"walk straight ahead for about {far}, then stop there",
+                f"go forward about {far} and come to a stop there",
+            ],
+        )
+    if distance_m < 0.7:
+        return pick(rng, ["stop right there", "stop there"])
+    return pick(
+        rng,
+        [
+            f"walk about {far} further and stop",
+            f"stop after about {far}",
+            f"go on for about {far}, then stop there",
+        ],
+    )
