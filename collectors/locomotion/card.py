@@ -29,7 +29,7 @@ class PolicyCard:
         physics_hash: `RobotSpec.physics_hash()` of the model it was trained on.
         observation: blocks (name, width) in order, as `observation.layout`.
         joints: joint order of action and observation.
-        action_scale_rad: joint target = default + scale × action.
+        action_scale_rad: joint target = default + gait reference + scale × action.
         action_clip: actions are clipped to ± this.
         default_joint_rad, kp, kd, torque_nm: per joint.
         rate_hz: calls per second.
@@ -88,9 +88,12 @@ def load_card(path: Path) -> PolicyCard:
     try:
         values = json.loads(path.read_text())
         values = {f.name: values[f.name] for f in fields(PolicyCard)}
-        values["gait"] = GaitClock(
-            **{**values["gait"], "foot_offsets": tuple(values["gait"]["foot_offsets"])}
-        )
+        gait = values["gait"]
+        for key in ("foot_offsets", "stand_rad"):
+            gait[key] = tuple(gait[key])
+        for key in ("swing_rad", "stance_rad", "forward_rad", "left_rad", "foot_xy_m"):
+            gait[key] = tuple(tuple(row) for row in gait[key])
+        values["gait"] = GaitClock(**gait)
         values["observation"] = [(str(n), int(w)) for n, w in values["observation"]]
         for key in ("joints", "default_joint_rad", "kp", "kd", "torque_nm"):
             values[key] = tuple(values[key])

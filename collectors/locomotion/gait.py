@@ -12,17 +12,35 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class GaitClock:
-    """A periodic schedule of foot swings, stopped while the robot shall stand.
+    """A periodic schedule of foot swings with a plain stepping motion, stopped for standing.
+
+    The stepping is open-loop and would fall alone; the policy's actions come on top of it. It
+    spares the policy a long search for how legs move.
 
     Attributes:
         frequency_hz: gait cycles per second.
         foot_offsets: (F,) phase offset of each foot, in cycles; a foot swings while its phase is
             in the first half of its cycle.
+        stand_rad: (J,) joint offsets [rad] that hold the weight of a standing robot: its servos
+            are springs and would sag.
+        swing_rad: F rows of J joint offsets [rad] at the top of each foot's swing.
+        stance_rad: the same in the middle of each foot's stance.
+        forward_rad, left_rad: F rows of J joint offsets [rad per m/s] at the start of each foot's
+            swing for a stance that carries the foot backwards or to the right.
+        foot_xy_m: (F, 2) where the feet stand under the base, for turning.
+        lead_cycles: how far the reference runs ahead of the clock, because soft servos lag.
         stand_linear_m_s, stand_yaw_rad_s: commands below both mean "stand still".
     """
 
     frequency_hz: float
     foot_offsets: tuple[float, ...]
+    stand_rad: tuple[float, ...]
+    swing_rad: tuple[tuple[float, ...], ...]
+    stance_rad: tuple[tuple[float, ...], ...]
+    forward_rad: tuple[tuple[float, ...], ...]
+    left_rad: tuple[tuple[float, ...], ...]
+    foot_xy_m: tuple[tuple[float, float], ...]
+    lead_cycles: float
     stand_linear_m_s: float = 0.03
     stand_yaw_rad_s: float = 0.05
 
@@ -39,8 +57,43 @@ class GaitClock:
         """(N, F) phase of each foot in [0, 1), swing below one half."""
         return (phase[:, None] + np.asarray(self.foot_offsets)) % 1.0
 
+    def reference(self, phase: Array, moving: NDArray[np.bool_], command: Array) -> Array:
+        """(N, J) joint offsets [rad] of the reference at phases (N,) for commands (N, 3)."""
+        foot_phase = self.foot_phase(phase + self.lead_cycles)
+        bump = np.sin(2.0 * np.pi * foot_phase) ** 2 * moving[:, None]
+        swing = bump * (foot_phase < 0.5)
+        # Half a stride ahead of the rest position at touch-down, half a stride behind at lift-off.
+        sweep = np.cos(2.0 * np.pi * foot_phase) * moving[:, None]
+        x, y = np.asarray(self.foot_xy_m).T
+        forward = command[:, :1] - command[:, 2:] * y
+        left = command[:, 1:2] + command[:, 2:] * x
+        return (
+            np.asarray(self.stand_rad)
+            + swing @ np.asarray(self.swing_rad)
+            + (bump - swing) @ np.asarray(self.stance_rad)
+            + (sweep * forward) @ np.asarray(self.forward_rad)
+            + (sweep * left) @ np.asarray(self.left_rad)
+        )
 
-# Diagonal pairs together (order FL, FR, RL, RR).
-TROT = GaitClock(frequency_hz=2.0, foot_offsets=(0.0, 0.5, 0.5, 0.0))
+
+def _per_leg(hip: float, thigh: float, calf: float) -> tuple[tuple[float, ...], ...]:
+    """Rows of a block-diagonal (4, 12) matrix: each foot moves the joints of its own leg."""
+    leg = (hip, thigh, calf)
+    return tuple((0.0,) * 3 * foot + leg + (0.0,) * 3 * (3 - foot) for foot in range(4))
+
+
+# Diagonal pairs together (order FL, FR, RL, RR), each leg folding by thigh and calf.
+TROT = GaitClock(
+    frequency_hz=2.0,
+    foot_offsets=(0.0, 0.5, 0.5, 0.0),
+    stand_rad=(0.0, 0.04, 0.1) * 4,
+    swing_rad=_per_leg(0.0, 0.25, -0.5),
+    stance_rad=_per_leg(0.0, 0.0, 0.3),
+    # A stance of 0.25 s under a leg of 0.33 m: 0.125 s × v / 0.33 m to either side.
+    forward_rad=_per_leg(0.0, 0.38, 0.0),
+    left_rad=_per_leg(-0.38, 0.0, 0.0),
+    foot_xy_m=((0.24, 0.134), (0.24, -0.134), (-0.24, 0.134), (-0.24, -0.134)),
+    lead_cycles=0.12,
+)
 
 GAITS: dict[str, GaitClock] = {"aliengo": TROT}

@@ -85,10 +85,15 @@ class GaitPolicy:
         observation = observe(
             state_of(data, handles), self._default, wanted, self._phase, moving, self._action
         )
+        self._action = self.infer(observation)
+        reference = self.card.gait.reference(self._phase, moving, wanted)
+        return (self._default + reference + self.card.action_scale_rad * self._action)[0]
+
+    def infer(self, observation: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Actions (N, J) for observations (N, D) in the layout of `observation.py`; stateless."""
         (action,) = self._session.run(None, {"observation": observation.astype(np.float32)})
         clip = self.card.action_clip
-        self._action = np.clip(np.asarray(action, dtype=np.float64), -clip, clip)
-        return self._default + self.card.action_scale_rad * self._action[0]
+        return np.clip(np.asarray(action, dtype=np.float64), -clip, clip)
 
     def handles(self, model: mujoco.MjModel) -> RobotHandles:
         """Addresses of this robot in `model`, looked up once per model."""

@@ -11,6 +11,10 @@ from .training_config import TrainingConfig
 
 Array = NDArray[np.float64]
 
+SMOOTHNESS_TERMS = frozenset(
+    {"torque", "joint_acceleration", "action_rate", "action_jerk", "roll_pitch_rate"}
+)
+
 
 @dataclass(frozen=True)
 class StepFacts:
@@ -65,10 +69,10 @@ def reward_terms(s: StepFacts, body: BodyFacts, config: TrainingConfig) -> dict[
     beyond = np.maximum(low + margin - s.joint_rad, 0) + np.maximum(s.joint_rad - high + margin, 0)
     still = ~s.moving
     return {
-        "track_linear": np.exp(-linear_error / 0.1),
-        "track_yaw": np.exp(-yaw_error / 0.1),
-        "track_linear_mean": np.exp(-linear_mean_error / 0.005),
-        "track_yaw_mean": np.exp(-yaw_mean_error / 0.01),
+        "track_linear": np.exp(-linear_error / 0.25),
+        "track_yaw": np.exp(-yaw_error / 0.25),
+        "track_linear_mean": np.exp(-linear_mean_error / 0.01),
+        "track_yaw_mean": np.exp(-yaw_mean_error / 0.02),
         "alive": np.ones(len(s.moving)),
         "vertical_velocity": s.linear_velocity[:, 2] ** 2,
         "roll_pitch_rate": np.sum(s.angular_velocity[:, :2] ** 2, axis=1),

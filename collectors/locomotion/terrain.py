@@ -68,9 +68,8 @@ def steps(rng: np.random.Generator, cells: int, cell_m: float, height_m: float) 
     """Blocks of 0.5 m with random heights of 0…height."""
     block = round(0.5 / cell_m)
     count = -(-cells // block)
-    return np.kron(rng.uniform(0, height_m, (count, count)), np.ones((block, block)))[
-        :cells, :cells
-    ]
+    heights = rng.uniform(0.0, height_m, (count, count))
+    return heights.repeat(block, axis=0).repeat(block, axis=1)[:cells, :cells]
 
 
 def rough_terrain(rng: np.random.Generator, size_m: float = 24.0, cell_m: float = 0.05) -> Terrain:

@@ -12,7 +12,7 @@ import time
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import torch
@@ -81,8 +81,9 @@ def train(
             runner.load(str(checkpoint))
         while done < last:
             started = time.monotonic()
-            # Robots first learn to walk, then to be kicked.
+            # Robots first learn to walk, then to walk smoothly and to be kicked.
             env.push_scale = min(1.0, max(0.0, (done - 100) / 300))
+            env.smoothness_scale = min(1.0, 0.2 + done / 300)
             runner.learn(min(CHUNK, last - done))
             done += min(CHUNK, last - done)
             samples += CHUNK * phase.envs * phase.steps
@@ -91,17 +92,21 @@ def train(
             progress = {"iterations": done, "samples": samples, "wall_s": wall_s}
             with atomic_file(checkpoint) as temporary:
                 runner.save(str(temporary), progress)
-        facts = {
-            "algorithm": "PPO (rsl-rl-lib)",
-            "seed": seed,
-            "samples": samples,
-            "wall_s": round(wall_s),
-            "iterations": done,
-            "phases": [{**asdict(p), "iterations": count} for p, count in PHASES[robot.name]],
-            "versions": {name: version(name) for name in ("mujoco", "rsl-rl-lib", "torch")},
-        }
-        write_policy(robot, phase, runner.alg.get_policy(), facts, out)
+            if done % 50 == 0 or done == last:
+                write_policy(
+                    robot, phase, runner.alg.get_policy(), _facts(robot, seed, progress), out
+                )
         first = last
+
+
+def _facts(robot: RobotSpec, seed: int, progress: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "algorithm": "PPO (rsl-rl-lib) over mujoco.batch",
+        "seed": seed,
+        **progress,
+        "phases": [{**asdict(p), "iterations": count} for p, count in PHASES[robot.name]],
+        "versions": {name: version(name) for name in ("mujoco", "rsl-rl-lib", "torch")},
+    }
 
 
 def _write_curve(

@@ -17,7 +17,7 @@ from .commands import sample_commands
 from .gait import GAITS
 from .observation import RobotState, gravity_in_base, layout, observe, rotate_to_base
 from .randomize import randomize_models
-from .rewards import BodyFacts, StepFacts, reward_terms
+from .rewards import SMOOTHNESS_TERMS, BodyFacts, StepFacts, reward_terms
 from .terrain import Terrain
 from .training_config import TrainingConfig
 
@@ -81,6 +81,7 @@ class GaitEnv(VecEnv):
     def _allocate(self) -> None:
         n, j, f = self.num_envs, self.num_actions, len(self.robot.foot_geoms)
         self._action, self._previous, self._older = (np.zeros((n, j)) for _ in range(3))
+        self._target = np.tile(self.robot.default_joint_rad, (n, 1))
         self._command, self._phase = np.zeros((n, 3)), np.zeros(n)
         self._moving = np.zeros(n, dtype=bool)
         self._next_command, self._next_push = np.zeros(n), np.zeros(n)
@@ -89,7 +90,7 @@ class GaitEnv(VecEnv):
         self._foot_contact = np.ones((n, f), dtype=bool)
         self._foot_height, self._height = np.zeros((n, f)), np.zeros(n)
         self._age = np.zeros(n, dtype=np.int64)
-        self.push_scale = 1.0
+        self.push_scale = self.smoothness_scale = 1.0
         self.statistics: dict[str, list[float]] = {}
 
     def get_observations(self) -> TensorDict:
@@ -131,7 +132,7 @@ class GaitEnv(VecEnv):
         self._age += 1
         facts = self._measure()
         terms = reward_terms(facts, self._body, self.config)
-        reward = sum(getattr(self.config.rewards, name) * value for name, value in terms.items())
+        reward = sum(self._weight(name) * value for name, value in terms.items())
         reward = np.clip(np.nan_to_num(np.asarray(reward)), -20.0, 20.0) * STEP_S
 
         fallen = self._fallen(facts)
@@ -153,10 +154,18 @@ class GaitEnv(VecEnv):
             {"time_outs": torch.from_numpy(time_out)},
         )
 
+    def _weight(self, name: str) -> float:
+        # Punished for every jerk from the start, a robot would learn to stand still.
+        scale = self.smoothness_scale if name in SMOOTHNESS_TERMS else 1.0
+        return scale * getattr(self.config.rewards, name)
+
     def _advance_physics(self) -> None:
-        scale, default = self.robot.action_scale_rad, self.robot.default_joint_rad
-        target = default + scale * self._action
-        late = default + scale * self._previous
+        late = self._target
+        self._target = target = (
+            self.robot.default_joint_rad
+            + self.gait.reference(self._phase, self._moving, self._command)
+            + self.robot.action_scale_rad * self._action
+        )
         # Each simulation applies the new target some physics steps late.
         fresh = np.arange(POLICY_DECIMATION) >= self._latency[:, None]
         control = np.where(fresh[..., None], target[:, None], late[:, None])
@@ -262,6 +271,7 @@ class GaitEnv(VecEnv):
         self._qpos[np.ix_(ids, h.joint_qpos)] = joints
         self._qvel[ids, v : v + 6] = rng.uniform(-0.2, 0.2, (n, 6))
         self._age[ids] = 0
+        self._target[ids] = self.robot.default_joint_rad
         for array in (self._action, self._previous, self._older, self._linear_mean):
             array[ids] = 0.0
         self._phase[ids], self._yaw_mean[ids], self._joint_velocity[ids] = 0.0, 0.0, 0.0
@@ -288,7 +298,7 @@ class GaitEnv(VecEnv):
             "yaw_error": _mean(np.abs(facts.yaw_mean - facts.command[:, 2]), walking),
         }
         for name, value in terms.items():
-            note[f"term_{name}"] = float(value.mean()) * getattr(self.config.rewards, name)
+            note[f"term_{name}"] = float(value.mean()) * self._weight(name)
         for name, value in note.items():
             self.statistics.setdefault(name, []).append(value)
 

@@ -120,7 +120,7 @@ ALIENGO = RobotSpec(
         }
     ),
     joints=tuple(joint for leg in LEGS for joint in _leg_joints(leg)),
-    action_scale_rad=0.25,
+    action_scale_rad=0.5,
     root_body="base",
     root_joint="root",
     foot_geoms=tuple(f"{leg}_foot" for leg in LEGS),
