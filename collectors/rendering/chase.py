@@ -15,8 +15,9 @@ Array = NDArray[np.float64]
 HEADING_TIME_S = 0.6  # gait and corrections must not swing the camera
 TURN_TIME_S = 0.5
 WALL_GAP_M = 0.15
-# Detours to the side and upwards, in the order of their cost in metres of free sight.
-AZIMUTHS_RAD = np.deg2rad([0.0, 25.0, -25.0, 55.0, -55.0, 90.0, -90.0])
+# Directions back from the robot's heading, the wished one first: a little to the side shows more of
+# the robot than straight from behind.
+AZIMUTHS_RAD = np.deg2rad([20.0, 0.0, -20.0, 50.0, -50.0, 85.0, -85.0])
 ELEVATIONS_RAD = np.deg2rad([24.0, 38.0, 55.0])
 AZIMUTH_COST = 0.5  # share of the distance that a detour by 1 rad must win
 ELEVATION_COST = 0.5
@@ -86,7 +87,9 @@ def _best_direction(
             azimuth = heading + np.pi + offset
             free = renderer.first_hit_m(pivot, _direction(azimuth, elevation)) - WALL_GAP_M
             score = min(free, distance) / distance
-            score -= AZIMUTH_COST * abs(offset) + ELEVATION_COST * (elevation - ELEVATIONS_RAD[0])
+            score -= AZIMUTH_COST * abs(offset - AZIMUTHS_RAD[0]) + ELEVATION_COST * (
+                elevation - ELEVATIONS_RAD[0]
+            )
             if score > best_score:
                 best, best_score = (azimuth, float(elevation)), score
     return best

@@ -20,10 +20,11 @@ def encode_srgb(linear: F32, table: NDArray[np.uint8], out: NDArray[np.uint8]) -
 
 
 @njit(cache=True)
-def _contrast(rgb: NDArray[np.uint8], i: int, j: int) -> int:
-    biggest = 0
+def _contrast(rgb: NDArray[np.uint8], i: int, j: int) -> np.int32:
+    biggest = np.int32(0)
     for k in range(3):
-        biggest = max(biggest, abs(int(rgb[i, k]) - int(rgb[j, k])))
+        # Bytes are unsigned: their bare difference would wrap around.
+        biggest = max(biggest, abs(np.int32(rgb[i, k]) - np.int32(rgb[j, k])))
     return biggest
 
 
@@ -83,11 +84,11 @@ def find_edges(
 
 
 @njit(cache=True)
-def average_samples(samples: F32, count: int, pixels: NDArray[np.int64], out: F32) -> None:
-    """Write the mean of each pixel's `count` samples (K · count, 3) to `out[pixels]`."""
+def add_samples(samples: F32, count: int, pixels: NDArray[np.int64], out: F32) -> None:
+    """Average each pixel's own colour with its `count` samples (K · count, 3), into `out`."""
     for i in range(pixels.shape[0]):
         for k in range(3):
-            total = np.float32(0.0)
+            total = out[pixels[i], k]
             for s in range(count):
                 total += samples[i * count + s, k]
-            out[pixels[i], k] = total / count
+            out[pixels[i], k] = total / np.float32(count + 1)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...formats.camera import CameraModel
 from ...formats.frames import quat_to_matrix
 from ...formats.scene_bundle import SceneBundle
-from .edges import average_samples, encode_srgb, find_edges
+from .edges import add_samples, encode_srgb, find_edges
 from .lights import get_light
 from .rays import SUBPIXELS, fill_directions, subpixel_directions
 from .robot_body import RobotGeometryPose
@@ -22,14 +22,14 @@ from .textures import load_materials
 
 F32 = NDArray[np.float32]
 
-MIN_CONTRAST = 8  # sRGB bytes; less is not seen as a stair
+MIN_CONTRAST = 14  # sRGB bytes; less is not seen as a stair
 EDGE_BEND = 0.4  # creases sharper than about 25° count as edges
 
 
 class SceneRenderer:
     """RGB and depth of one scene; see `interface.Renderer`.
 
-    One ray per pixel gives depth and colour; pixels on visible edges get four rays more for their
+    One ray per pixel gives depth and colour; pixels on visible edges get three rays more for their
     colour, while their depth stays that of the centre.
     """
 
@@ -45,10 +45,10 @@ class SceneRenderer:
         self.light = light
         self._light = get_light(light).parameters()
         mesh = bundle.visual()
-        self._arrays = scene_arrays(mesh, load_materials(bundle))
         self._encode = encode_table()
         self._scene = EmbreeScene()
         TriangleMesh(self._scene, mesh.vertices, mesh.faces)
+        self._arrays = scene_arrays(mesh, load_materials(bundle), self._scene)
         self._directions = np.empty((0, 3), dtype=np.float32)
         self._robot = RobotTracer(())
 
@@ -93,7 +93,7 @@ class SceneRenderer:
                 inside = (rows >= top) & (rows < bottom) & (columns >= left) & (columns < right)
                 rays = np.flatnonzero(inside)
                 self._robot.trace(geom, rays, directions, self._light, *samples)
-            average_samples(samples[0], len(SUBPIXELS), edges, color)
+            add_samples(samples[0], len(SUBPIXELS), edges, color)
             encode_srgb(color, self._encode, rgb)
         return rgb.reshape(height, width, 3), depth.reshape(height, width)
 

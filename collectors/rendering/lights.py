@@ -25,22 +25,32 @@ class Light:
         key: strength of the directional part.
         key_direction: (3,) towards it, world; normalised when used.
         head: strength of the part that falls off with the angle between surface and view ray.
+        corner: how much closed corners are darkened, 0–1 (see `openness.py`).
         background_linear: colour (linear light) where nothing is hit.
     """
 
     name: str
-    sky: float = 0.86
-    ground: float = 0.58
-    key: float = 0.22
+    sky: float = 0.9
+    ground: float = 0.6
+    key: float = 0.28
     key_direction: tuple[float, float, float] = (0.45, 0.8, 0.4)
     head: float = 0.08
+    corner: float = 0.9
     background_linear: tuple[float, float, float] = (0.40, 0.47, 0.56)
 
     def parameters(self) -> NDArray[np.float32]:
-        """(10,) float32: sky, ground, key, head, key direction (3), background (3)."""
+        """(11,) float32: sky, ground, key, head, key direction (3), background (3), corner."""
         direction = np.asarray(self.key_direction) / np.linalg.norm(self.key_direction)
         return np.array(
-            [self.sky, self.ground, self.key, self.head, *direction, *self.background_linear],
+            [
+                self.sky,
+                self.ground,
+                self.key,
+                self.head,
+                *direction,
+                *self.background_linear,
+                self.corner,
+            ],
             dtype=np.float32,
         )
 

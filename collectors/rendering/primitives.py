@@ -12,8 +12,8 @@ Array = NDArray[np.floating]
 # Corners (F, 3, 3) and unit normals at the corners (F, 3, 3).
 Surface = tuple[Array, Array]
 
-AROUND = 20  # segments around an axis; normals are smooth, so only silhouettes show them
-ALONG = 5  # rings per quarter of a meridian
+AROUND = 28  # segments around an axis; normals are smooth, so only silhouettes show them
+ALONG = 7  # rings per quarter of a meridian
 
 
 def _grid_surface(points: Array, normals: Array) -> Surface:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
 from ...formats.scene_bundle import VisualMesh
+from .openness import open_everywhere, trace_openness
 from .shading import SceneArrays
 from .textures import MaterialTable
 
@@ -14,15 +16,16 @@ from .textures import MaterialTable
 MAX_ATLAS_COVER = 1.5
 
 
-def scene_arrays(mesh: VisualMesh, materials: MaterialTable) -> SceneArrays:
+def scene_arrays(mesh: VisualMesh, materials: MaterialTable, scene: EmbreeScene) -> SceneArrays:
     """Gather the arrays and decide which materials the renderer lights.
 
     Plain colours are always lit. Textures hold the light of a scanned room and are shown as they
     are, unless most of the scene's textured area cannot hold any: then it is a drawn scene whose
-    textures are bare colours, and all of it is lit.
+    textures are bare colours, and all of it is lit. `scene` holds the mesh for the corners' rays.
     """
     textured = materials.texture >= 0
     drawn = drawn_share(mesh, materials) > 0.5
+    shaded = ~textured | drawn
     return SceneArrays(
         vertices=np.ascontiguousarray(mesh.vertices, dtype=np.float32),
         faces=np.ascontiguousarray(mesh.faces, dtype=np.int32),
@@ -30,8 +33,9 @@ def scene_arrays(mesh: VisualMesh, materials: MaterialTable) -> SceneArrays:
         face_material=np.ascontiguousarray(mesh.face_material, dtype=np.int32),
         base_linear=materials.base_linear,
         texture=materials.texture,
-        shaded=~textured | drawn,
+        shaded=shaded,
         pack=materials.pack,
+        openness=trace_openness(scene, mesh.vertices) if shaded.any() else open_everywhere(),
     )
 
 

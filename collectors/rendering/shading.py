@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from .openness import OpennessGrid, openness_at
 from .sampling import sample_texture
 from .textures import TexturePack
 
@@ -24,6 +25,7 @@ class SceneArrays(NamedTuple):
         texture: (M,) int32 index of the texture, −1 = none.
         shaded: (M,) bool: lit by the room light; otherwise shown as it is.
         pack: the textures.
+        openness: darkens corners of what is lit by the room light.
     """
 
     vertices: F32
@@ -34,6 +36,7 @@ class SceneArrays(NamedTuple):
     texture: NDArray[np.int32]
     shaded: NDArray[np.bool_]
     pack: TexturePack
+    openness: OpennessGrid
 
 
 class Hits(NamedTuple):
@@ -151,7 +154,20 @@ def shade_scene(directions: F32, pixel: F32, hits: Hits, scene: SceneArrays, lig
             if along > f32(0.0):
                 flip = -flip
             cosine = np.abs(along * flip) / np.sqrt(dx * dx + dy * dy + dz * dz)
-            factor = room_light(nx * flip, ny * flip, nz * flip, cosine, light)
+            nx *= flip
+            ny *= flip
+            nz *= flip
+            free = openness_at(
+                scene.openness,
+                ax + hits.u[i] * ex + hits.v[i] * gx,
+                ay + hits.u[i] * ey + hits.v[i] * gy,
+                az + hits.u[i] * ez + hits.v[i] * gz,
+                nx,
+                ny,
+                nz,
+            )
+            factor = room_light(nx, ny, nz, cosine, light)
+            factor *= f32(1.0) - light[10] * (f32(1.0) - free)
             red *= factor
             green *= factor
             blue *= factor

@@ -1,0 +1,139 @@
+"""Pictures for people: film strips, maps from above, third-person clips."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from ...formats.atomic import atomic_file
+from ...formats.rollout import Rollout
+from ...formats.video import write_rgb_video
+from .interface import Renderer
+from .rollout_views import RolloutFrames
+from .views import make_view
+
+Picture = NDArray[np.uint8]
+
+GAP_PX = 4
+PAPER = 255
+DEPTH_SHOWN_M = 8.0
+
+
+def film_strip(
+    path: Path, renderer: Renderer, rollout: Rollout, columns: int = 6, tile_px: int = 240
+) -> Picture:
+    """Write one picture of a rollout: `columns` moments from start to end, side by side.
+
+    Rows: what the robot sees, its depth (warm = near), and the robot seen from behind.
+
+    Args:
+        path: `.png` or `.jpg`.
+        renderer: of the rollout's scene.
+        rollout: recorded states.
+        columns: number of moments.
+        tile_px: width of a moment [px].
+
+    Returns:
+        The picture, (H, W, 3) uint8 sRGB.
+    """
+    samples = np.linspace(0, len(rollout.time_s) - 1, columns).round().astype(np.int64)
+    rows: list[list[Picture]] = []
+    ego = make_view("ego", rollout.robot, light=renderer.light, renderer=renderer.name)
+    aspect = ego.camera.height_px / ego.camera.width_px
+    ego = make_view(
+        "ego",
+        rollout.robot,
+        width_px=tile_px,
+        height_px=round(tile_px * aspect),
+        light=renderer.light,
+        renderer=renderer.name,
+    )
+    frames = list(RolloutFrames.plan(renderer, rollout, ego, samples).render(renderer))
+    rows.append([rgb for rgb, _ in frames])
+    rows.append([depth_picture(depth) for _, depth in frames])
+    chase = make_view(
+        "chase",
+        rollout.robot,
+        width_px=tile_px,
+        height_px=round(tile_px * 0.75),
+        light=renderer.light,
+        renderer=renderer.name,
+    )
+    seen = RolloutFrames.plan(renderer, rollout, chase, samples)
+    rows.append([rgb for rgb, _ in seen.render(renderer)])
+    for tile, sample in zip(rows[0], samples, strict=True):
+        _stamp(tile, f"{rollout.time_s[sample]:.1f} s")
+    picture = _grid(rows)
+    save_picture(path, picture)
+    return picture
+
+
+def third_person_clip(
+    path: Path,
+    renderer: Renderer,
+    rollout: Rollout,
+    frames_per_second: int = 20,
+    width_px: int = 640,
+    height_px: int = 480,
+    codec: str = "h264",
+) -> int:
+    """Write an `.mp4` of the rollout seen from behind the robot; return the number of frames.
+
+    Raises:
+        ValueError: the frame rate does not divide 100.
+    """
+    view = make_view(
+        "chase",
+        rollout.robot,
+        width_px=width_px,
+        height_px=height_px,
+        light=renderer.light,
+        renderer=renderer.name,
+    )
+    samples = rollout.frame_samples(frames_per_second)
+    frames = RolloutFrames.plan(renderer, rollout, view, samples).render(renderer)
+    return write_rgb_video(path, (rgb for rgb, _ in frames), frames_per_second, codec)
+
+
+def depth_picture(depth_m: NDArray[np.float32], far_m: float = DEPTH_SHOWN_M) -> Picture:
+    """Colour depth (H, W) [m]: warm is near, dark blue is `far_m` or more, black is invalid."""
+    level = np.round(255 * (1.0 - np.clip(depth_m / far_m, 0.0, 1.0))).astype(np.uint8)
+    colors = cv2.applyColorMap(level, cv2.COLORMAP_TURBO)[..., ::-1].copy()
+    colors[depth_m <= 0] = 0
+    return colors.astype(np.uint8)
+
+
+def save_picture(path: Path, picture: Picture) -> None:
+    """Write (H, W, 3) uint8 as PNG or JPEG, by the path's suffix."""
+    with atomic_file(path) as temporary:
+        Image.fromarray(picture).save(temporary, quality=88)
+
+
+def _stamp(tile: Picture, text: str) -> None:
+    """Write `text` into the tile's lower left corner, in place."""
+    size = max(10, tile.shape[1] // 16)
+    image = Image.fromarray(tile)
+    draw = ImageDraw.Draw(image, "RGBA")
+    font = ImageFont.load_default(size=size)
+    left, top, right, bottom = draw.textbbox((0, 0), text, font=font)
+    box = (0, tile.shape[0] - (bottom - top) - size, right - left + size, tile.shape[0])
+    draw.rectangle(box, fill=(0, 0, 0, 140))
+    draw.text((0.5 * size - left, box[1] + 0.5 * size - top), text, font=font, fill="white")
+    tile[:] = np.asarray(image)
+
+
+def _grid(rows: list[list[Picture]]) -> Picture:
+    across = np.full((1, GAP_PX, 3), PAPER, dtype=np.uint8)
+    strips: list[Picture] = []
+    for row in rows:
+        gap = np.repeat(across, row[0].shape[0], axis=0)
+        parts = [part for tile in row for part in (gap, tile)][1:]
+        strip = np.concatenate(parts, axis=1)
+        if strips:
+            strips.append(np.full((GAP_PX, strip.shape[1], 3), PAPER, dtype=np.uint8))
+        strips.append(strip)
+    return np.concatenate(strips, axis=0)
