@@ -1,0 +1,1 @@
+"""MCAP files: rollouts (physics truth) and episodes with images, both open in Foxglove."""

@@ -1,0 +1,142 @@
+"""What every MCAP file shows of a robot, in Foxglove's own schemas."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import foxglove
+from foxglove.channels import (
+    FrameTransformsChannel,
+    JointStatesChannel,
+    LogChannel,
+    PoseInFrameChannel,
+)
+from foxglove.messages import (
+    FrameTransform,
+    FrameTransforms,
+    JointState,
+    JointStates,
+    Log,
+    LogLevel,
+    Pose,
+    PoseInFrame,
+    Quaternion,
+    Vector3,
+)
+from numpy.typing import NDArray
+
+from ..rollout import EndReason, Rollout
+from .recording import Recording, nanoseconds, timestamp
+from .state import SCHEMA_NAME, encode_states, state_schema
+
+WORLD_FRAME, BASE_FRAME, CAMERA_FRAME = "world", "base", "camera_optical"
+STATE_TOPIC = "/state"
+TRANSFORM_TOPIC = "/tf"
+POSE_TOPIC = "/base/pose"
+JOINT_TOPIC = "/joint_states"
+LOG_TOPIC = "/events"
+
+# A message to write: when, and how.
+Write = tuple[int, Callable[[], None]]
+
+
+def vector(values: NDArray) -> Vector3:
+    """(3,) array to a message."""
+    return Vector3(x=float(values[0]), y=float(values[1]), z=float(values[2]))
+
+
+def quaternion(quat_wxyz: NDArray) -> Quaternion:
+    """Quaternion wxyz to a message, which names its parts."""
+    w, x, y, z = (float(v) for v in quat_wxyz)
+    return Quaternion(x=x, y=y, z=z, w=w)
+
+
+def write_in_order(*streams: Iterator[Write]) -> None:
+    """Write messages in order of time; of those at one time, earlier streams first."""
+    merged = sorted((item for stream in streams for item in stream), key=lambda item: item[0])
+    for _, write in merged:
+        write()
+
+
+def state_messages(recording: Recording, rollout: Rollout) -> Iterator[Write]:
+    """Exact state of every sample."""
+    channel = foxglove.Channel(
+        STATE_TOPIC,
+        schema=foxglove.Schema(name=SCHEMA_NAME, encoding="protobuf", data=state_schema()),
+        message_encoding="protobuf",
+        context=recording.context,
+    )
+    for time_s, data in zip(rollout.time_s, encode_states(rollout), strict=True):
+        at = nanoseconds(time_s)
+        yield at, lambda data=data, at=at: channel.log(data, log_time=at)
+
+
+def motion_messages(recording: Recording, rollout: Rollout, every: int) -> Iterator[Write]:
+    """Transform world → base, base pose and joint states of every `every`-th sample."""
+    transforms = FrameTransformsChannel(TRANSFORM_TOPIC, context=recording.context)
+    poses = PoseInFrameChannel(POSE_TOPIC, context=recording.context)
+    joints = JointStatesChannel(JOINT_TOPIC, context=recording.context)
+
+    def write(i: int, at: int) -> None:
+        stamp = timestamp(rollout.time_s[i])
+        position = vector(rollout.position_world_m[i])
+        rotation = quaternion(rollout.quat_wxyz[i])
+        transforms.log(
+            FrameTransforms(
+                transforms=[
+                    FrameTransform(
+                        timestamp=stamp,
+                        parent_frame_id=WORLD_FRAME,
+                        child_frame_id=BASE_FRAME,
+                        translation=position,
+                        rotation=rotation,
+                    )
+                ]
+            ),
+            log_time=at,
+        )
+        poses.log(
+            PoseInFrame(
+                timestamp=stamp,
+                frame_id=WORLD_FRAME,
+                pose=Pose(position=position, orientation=rotation),
+            ),
+            log_time=at,
+        )
+        joints.log(
+            JointStates(
+                timestamp=stamp,
+                joints=[
+                    JointState(name=name, position=q, velocity=v, effort=t)
+                    for name, q, v, t in zip(
+                        rollout.joint_names,
+                        rollout.joint_position_rad[i].tolist(),
+                        rollout.joint_velocity_rad_s[i].tolist(),
+                        rollout.joint_torque_nm[i].tolist(),
+                        strict=True,
+                    )
+                ],
+            ),
+            log_time=at,
+        )
+
+    for i in range(0, len(rollout.time_s), every):
+        at = nanoseconds(rollout.time_s[i])
+        yield at, lambda i=i, at=at: write(i, at)
+
+
+def event_messages(recording: Recording, rollout: Rollout) -> Iterator[Write]:
+    """Events as log messages; the last one tells how the episode ended."""
+    channel = LogChannel(LOG_TOPIC, context=recording.context)
+
+    def log(time_s: float, level: LogLevel, text: str, name: str) -> Write:
+        at = nanoseconds(time_s)
+        message = Log(timestamp=timestamp(time_s), level=level, message=text, name=name)
+        return at, lambda: channel.log(message, log_time=at)
+
+    for event in rollout.events:
+        text = f"{event.kind}: {event.detail}" if event.detail else event.kind
+        yield log(event.time_s, LogLevel.Warning, text, event.kind)
+    ended = rollout.end_reason
+    level = LogLevel.Info if ended is EndReason.SUCCESS else LogLevel.Error
+    yield log(rollout.time_s[-1], level, f"end: {ended.value}", "end")
