@@ -45,7 +45,7 @@ class ActionSpan:
 
 @dataclass(frozen=True)
 class Event:
-    """Something worth knowing at a time: a contact with an obstacle, a re-plan, a fall, …"""
+    """Something worth knowing at a time: a contact with an obstacle, a re-plan or a fall."""
 
     time_s: float
     kind: str

@@ -2,9 +2,9 @@
 """Set up the project's environment on a machine that has only a Python, whichever it is.
 
 Runs before anything is installed and on any interpreter from 2.7 on, hence the old syntax: finds
-or installs uv, finds a Python 3.12 or 3.13 (on PATH, or under pyenv's `versions/`, which need not be
-on PATH) or lets uv fetch one, then syncs the committed lock into `.venv`. A stamp of the lock makes
-every further call a no-op.
+or installs uv, finds a Python 3.12 or 3.13 (on PATH, or under pyenv's `versions/`, which need not
+be on PATH) or lets uv fetch one, then syncs the committed lock into `.venv`. A stamp of the lock
+makes every further call a no-op.
 
 usage: python pipeline/bootstrap.py core|full
 """
@@ -24,7 +24,7 @@ import zipfile
 try:
     from urllib.request import urlopen
 except ImportError:  # Python 2
-    from urllib2 import urlopen
+    from urllib2 import urlopen  # pyright: ignore[reportMissingImports]
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 TOOLS = os.path.join(ROOT, ".tools")

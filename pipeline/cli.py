@@ -10,7 +10,7 @@ from typing import Annotated, Any, Union
 import tyro
 
 from ..formats.errors import InputError, VlnpeError
-from .commands import chain, collect, look
+from .commands import chain, collect, look, rollouts
 
 # Verb → (options record, function that runs it). Order is the chain's order.
 VERBS: dict[str, tuple[type, Callable[[Any], int]]] = {
@@ -21,15 +21,15 @@ VERBS: dict[str, tuple[type, Callable[[Any], int]]] = {
     "filter": (chain.Filter, chain.run_filter),
     "sample": (chain.Sample, chain.run_sample),
     "instruct": (chain.Instruct, chain.run_instruct),
-    "replay": (chain.Replay, chain.run_replay),
-    "render": (chain.Render, chain.run_render),
-    "export": (chain.Export, chain.run_export),
+    "replay": (rollouts.Replay, rollouts.run_replay),
+    "render": (rollouts.Render, rollouts.run_render),
+    "export": (rollouts.Export, rollouts.run_export),
     "verify": (look.Verify, look.run_verify),
     "report": (look.Report, look.run_report),
     "doctor": (look.Doctor, look.run_doctor),
 }
 
-DESCRIPTION = """Scanned buildings in, cross-embodiment VLN datasets out, collected by robots that walk.
+DESCRIPTION = """Scanned buildings in, cross-embodiment VLN datasets out, by robots that walk.
 
 `vlnpe collect` runs the whole chain; every stage also runs alone. Exit codes: 0 done, 1 more items
 quarantined than --max-failed allows, 2 bad input."""

@@ -33,7 +33,9 @@ def examine(out: Path) -> list[Finding]:
         Finding("cores", True, f"{available_cores()} usable, {_memory()}"),
         _disk(out),
         Finding("physics", True, f"MuJoCo {version('mujoco')}"),
-        Finding("renderer embree", True, f"embreex {version('embreex')} (no GPU or display needed)"),
+        Finding(
+            "renderer embree", True, f"embreex {version('embreex')} (no GPU or display needed)"
+        ),
         _guarded("renderer gl", _gl, "install a GPU driver with EGL, or the system's libegl1"),
         _guarded("GPU", _gpu, ""),
         _guarded("video", _codecs, ""),

@@ -29,9 +29,7 @@ class Workers:
         """Run `function(*arguments)` in a worker."""
         if self._pool is None:
             context = multiprocessing.get_context("spawn")
-            self._pool = ProcessPoolExecutor(
-                self.count, mp_context=context, initializer=_start
-            )
+            self._pool = ProcessPoolExecutor(self.count, mp_context=context, initializer=_start)
         return self._pool.submit(function, *arguments)
 
     def restart(self) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import os
 import re
 import shutil
 import tempfile
@@ -91,4 +90,4 @@ def open_run_folder(root: Path) -> RunFolder:
         raise InputError(
             f"output folder {root}: {existing} is not writable ({reason}); choose another OUT"
         ) from error
-    return RunFolder(Path(os.path.abspath(root)))
+    return RunFolder(root.resolve())

@@ -1,4 +1,4 @@
-"""Runs a stage's work items: skip what is done, run the rest in parallel, quarantine what breaks."""
+"""Runs a stage's items: skips what is done, runs the rest in parallel, quarantines what breaks."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from typing import Any
 from tqdm import tqdm
 
 from ..formats.errors import InputError, VlnpeError
-from .executors import Workers
+from .executors import Workers, available_cores
 from .ledger import Ledger, Row
 
 log = logging.getLogger(__name__)
@@ -242,7 +242,7 @@ def _timed(
 ) -> tuple[ItemResult, float]:
     import numba
 
-    numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
+    numba.set_num_threads(min(threads, available_cores()))
     started = time.perf_counter()
     result = process(*arguments)
     return result, time.perf_counter() - started

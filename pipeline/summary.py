@@ -91,6 +91,8 @@ def looking_commands(folder: RunFolder, page: Path) -> str:
             f" --repo-id vlnpe/{data.name} --root {data} --episode-index 0"
         )
     if episodes:
-        lines.append(f"  Foxglove  foxglove-studio {episodes[0]}   (or drop it on app.foxglove.dev)")
+        lines.append(
+            f"  Foxglove  foxglove-studio {episodes[0]}   (or drop it on app.foxglove.dev)"
+        )
     lines.append(f"  report    python3 -m webbrowser file://{page}")
     return "\n".join(lines)

@@ -14,7 +14,7 @@ from tqdm import tqdm
 from ..formats.errors import VlnpeError
 from ..formats.mcap.rollout import read_rollout
 from ..formats.scene_bundle import load_bundle
-from ..formats.video import count_frames
+from ..formats.video import probe_video
 from ..formats.vlnce import read_episodes
 from .ledger import Ledger, Row
 
@@ -89,7 +89,7 @@ def _dataset(path: Path) -> None:
     if sum(lengths) != frames:
         raise ValueError(f"{frames} frames in data, {sum(lengths)} in meta/episodes")
     for key in sorted(p for p in (path / "videos").iterdir() if p.is_dir()):
-        shown = sum(count_frames(p) for p in key.glob("*/*.mp4"))
+        shown = sum(probe_video(p).frames for p in key.glob("*/*.mp4"))
         if shown != frames:
             raise ValueError(f"{frames} frames in data, {shown} in {key.name}")
 

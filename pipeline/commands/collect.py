@@ -2,33 +2,29 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Iterator, Sequence
+import shutil
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from ...collectors.controllers import CONTROLLERS
-from ...collectors.rendering import VIEWS
-from ...collectors.replay import ReplayConfig
+from ...collectors.controllers import get_controller
+from ...collectors.rendering.lights import get_light
+from ...collectors.rendering.views import make_view
 from ...collectors.robots import ROBOTS
-from ...formats.episode import Episode
 from ...formats.errors import InputError, UnknownNameError
-from ...instruction_gen import InstructConfig
-from ...scene_repair.repair import RepairConfig
-from ...trajectory_sampler.sampling import SampleConfig
+from ...formats.rollout import STATE_RATE_HZ
+from ...formats.vlnce import read_vlnce
+from ..chain import Chain
 from ..executors import Workers, available_cores
-from ..ledger import Ledger, Row
+from ..ledger import MANIFEST_NAME, QUARANTINE_NAME, Ledger
 from ..run_folder import RunFolder, open_run_folder, safe_name
-from ..runner import Context, StageSummary, WorkItem, run_stage
-from ..stages import align, episodes, export, render, repair, replay, scans
-from ..stages.report import write_report
+from ..runner import Context
+from ..stages import repair, report
 from ..summary import show_summary
-
-log = logging.getLogger(__name__)
 
 BUILTIN = "builtin"
 ALL = "all"
@@ -46,15 +42,15 @@ class Collect:
     robot: str = "aliengo"
     """Which robot walks; `all` collects the same episodes with every robot."""
     controller: str = "path"
-    """How it is driven."""
+    """How it is driven: path, speed or flash."""
     scene: str = BUILTIN
-    """A scan to collect in (.glb .gltf .obj .ply .stl), or `builtin` for the generated apartment."""
+    """A scan to collect in (.glb .gltf .obj .ply .stl), or `builtin` for a generated apartment."""
     scenes: Path | None = None
     """A folder of scans: all of them, or those that a VLN-CE file's scene ids name."""
     episodes: str = "6"
     """How many episodes to sample per scene, or a VLN-CE file (.json.gz)."""
     camera: str = "ego"
-    """Which view to render."""
+    """Which view to render: ego, chase or top."""
     light: str = "baked"
     """Which lighting to render."""
     out: Path | None = None
@@ -78,89 +74,61 @@ def run(options: Collect) -> int:
         InputError: any option is unusable; checked before anything is written.
     """
     robots = _robots(options.robot)
-    if options.controller not in CONTROLLERS:
-        raise UnknownNameError("controller", options.controller, CONTROLLERS)
-    view = render.view_of(options.camera, options.light, options.frames_per_second)
-    sources = _sources(options)
+    get_controller(options.controller)
+    get_light(options.light)
+    views = {r: make_view(options.camera, r, light=options.light) for r in robots}
+    check_frame_rate(options.frames_per_second)
     count, episode_file = _episodes(options.episodes)
-    folder = open_run_folder(options.out or Path("runs") / _run_name(options, sources))
-    with _context(folder, options.workers) as context:
-        chain = _Chain(folder, context)
-        scenes = chain.scenes(options, sources)
+    sources = _sources(options, episode_file)
+    with opened(
+        options.out or Path("runs") / _run_name(options, sources), options.workers
+    ) as context:
+        folder = RunFolder(context.ledger.root)
+        chain = Chain(folder, context, options.seed)
+        scenes = chain.scenes(sources)
         if episode_file:
-            asked = chain.aligned(episode_file, scenes, options.seed)
+            asked = chain.aligned(episode_file, scenes)
         else:
-            asked = chain.sampled(scenes, SampleConfig(count=count), options.seed)
+            asked = chain.sampled(count, scenes)
         for robot in robots:
-            config = ReplayConfig(robot=robot, controller=options.controller, seed=options.seed)
-            chain.collected(asked, scenes, config, view)
-        page = write_report(folder, context.ledger)
+            chain.collected(
+                asked,
+                scenes,
+                robot,
+                options.controller,
+                views[robot],
+                options.frames_per_second,
+                {k: str(v) for k, v in asdict(options).items() if k not in ("out", "json")},
+            )
+        page = report.write(folder, context, chain.summaries)
     return show_summary(folder, chain.summaries, page, options.max_failed, options.json)
 
 
-class _Chain:
-    """The stages of one run, in order, remembering their summaries."""
+def check_frame_rate(rate: int) -> None:
+    """Raise InputError for a frame rate that does not divide the state rate."""
+    if rate < 1 or STATE_RATE_HZ % rate:
+        raise InputError(f"--frames-per-second {rate}: valid: 4, 5, 10, 20, 25, 50")
 
-    def __init__(self, folder: RunFolder, context: Context):
-        self.folder = folder
-        self.context = context
-        self.summaries: list[StageSummary] = []
 
-    def stage(self, name: str, items: Sequence[WorkItem], scope: str = "") -> StageSummary:
-        summary = run_stage(self.context, name, items, scope)
-        self.summaries.append(summary)
-        return summary
+@contextmanager
+def opened(root: Path, workers: int) -> Iterator[Context]:
+    """Open an output folder with its ledger, and worker processes.
 
-    def scenes(self, options: Collect, sources: dict[str, Path]) -> dict[str, Row]:
-        if not sources:
-            scan = self.folder.scan(f"apartment-{options.seed}")
-            self.stage(scans.STAGE, [scans.item(options.seed, scan)])
-            sources = {scan.name: scan / "scan.glb"}
-        items = repair.items(sources, RepairConfig(), self.folder.scenes)
-        return self.stage(repair.STAGE, items).good()
-
-    def sampled(self, scenes: dict[str, Row], config: SampleConfig, seed: int) -> list[Episode]:
-        parts = {s: self.folder.episodes(f"sampled/{s}") for s in scenes}
-        items = [
-            episodes.sample_item(row, self.folder.scenes, parts[s], config, seed)
-            for s, row in scenes.items()
-        ]
-        return self._instructed(self.stage("sample", items), parts, config.split, seed)
-
-    def aligned(self, file: Path, scenes: dict[str, Row], seed: int) -> list[Episode]:
-        split = file.name.split(".")[0]
-        parts = {s: self.folder.episodes(f"aligned/{s}") for s in scenes}
-        summary = self.stage(align.STAGE, align.items(file, scenes, self.folder.scenes, parts))
-        align.record_rejected(self.context.ledger, summary, file, scenes)
-        return self._instructed(summary, parts, split, seed)
-
-    def _instructed(
-        self, source: StageSummary, parts: dict[str, Path], split: str, seed: int
-    ) -> list[Episode]:
-        told = {s: self.folder.episodes(f"told/{s}") for s in source.good()}
-        items = [
-            episodes.instruct_item(
-                row, self.folder.scenes, parts[s], told[s], InstructConfig(), seed
-            )
-            for s, row in source.good().items()
-        ]
-        done = self.stage("instruct", items).good()
-        return episodes.merge([told[s] for s in done], self.folder.episodes(split))
-
-    def collected(
-        self,
-        asked: list[Episode],
-        scenes: dict[str, Row],
-        config: ReplayConfig,
-        view: render.View,
-    ) -> None:
-        folder = self.folder
-        items = replay.items(asked, scenes, folder.scenes, folder.rollouts, config)
-        rollouts = self.stage(replay.STAGE, items)
-        items = render.items(rollouts.good(), scenes, folder, view)
-        frames = self.stage(render.STAGE, items)
-        units = self.stage(export.STAGE, export.items(frames.good(), folder, view))
-        self.stage(export.DATASET_STAGE, export.dataset_items(units.good(), scenes, folder, view))
+    Raises:
+        InputError: the folder cannot be used, or `workers` is negative.
+    """
+    if workers < 0:
+        raise InputError(f"WORKERS={workers}: valid: 0 (one per core) and above")
+    new = not root.exists()
+    folder = open_run_folder(root)
+    try:
+        with Workers(workers or available_cores()) as pool:
+            yield Context(Ledger(folder.root), pool)
+    except InputError:
+        left = {p.name for p in folder.root.rglob("*") if p.is_file()}
+        if new and left <= {MANIFEST_NAME, QUARANTINE_NAME}:
+            shutil.rmtree(folder.root)
+        raise
 
 
 def _robots(name: str) -> list[str]:
@@ -171,21 +139,29 @@ def _robots(name: str) -> list[str]:
     return [name]
 
 
-def _sources(options: Collect) -> dict[str, Path]:
+def _sources(options: Collect, episode_file: Path | None) -> dict[str, Path]:
     """Scene id → scan; empty for the built-in apartment."""
-    if options.scenes is not None:
-        if not options.scenes.is_dir():
-            raise InputError(f"SCENES={options.scenes}: no such folder")
-        files = sorted(p for p in options.scenes.rglob("*") if p.suffix.lower() in MESH_SUFFIXES)
-        if not files:
-            valid = " ".join(sorted(MESH_SUFFIXES))
-            raise InputError(f"SCENES={options.scenes}: no scan in it; valid: {valid}")
-        return {safe_name(p.stem): p for p in files}
-    if options.scene == BUILTIN:
-        return {}
-    source = Path(options.scene)
-    repair.source_digest(source)  # says at once when the file is not there
-    return {safe_name(source.stem): source}
+    if options.scenes is None:
+        if options.scene == BUILTIN:
+            return {}
+        source = Path(options.scene)
+        repair.source_digest(source)  # says at once when the file is not there
+        return {safe_name(source.stem): source}
+    if not options.scenes.is_dir():
+        raise InputError(f"SCENES={options.scenes}: no such folder")
+    files = sorted(p for p in options.scenes.rglob("*") if p.suffix.lower() in MESH_SUFFIXES)
+    found = {safe_name(p.stem): p for p in files}
+    if len(found) < len(files):
+        twice = next(p for p in files if found[safe_name(p.stem)] != p)
+        raise InputError(f"SCENES={options.scenes}: two scans are named {twice.stem}")
+    if episode_file:
+        named = {episode.scene_stem for episode in read_vlnce(episode_file).episodes}
+        found = {name: path for name, path in found.items() if name in named}
+    if not found:
+        what = "none of the episodes' scans" if episode_file else "no scan"
+        valid = " ".join(sorted(MESH_SUFFIXES))
+        raise InputError(f"SCENES={options.scenes}: {what} in it; valid: {valid}")
+    return found
 
 
 def _episodes(text: str) -> tuple[int, Path | None]:
@@ -201,11 +177,3 @@ def _run_name(options: Collect, sources: dict[str, Path]) -> str:
     if options.scenes is not None:
         return safe_name(options.scenes.resolve().name)
     return next(iter(sources), f"apartment-{options.seed}")
-
-
-@contextmanager
-def _context(folder: RunFolder, workers: int) -> Iterator[Context]:
-    if workers < 0:
-        raise InputError(f"WORKERS={workers}: valid: 0 (one per core) and above")
-    with Workers(workers or available_cores()) as pool:
-        yield Context(Ledger(folder.root), pool)

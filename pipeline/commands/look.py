@@ -77,7 +77,7 @@ def run_report(options: Report) -> int:
     """
     folder = RunFolder(options.run.resolve())
     with Workers(1) as workers:
-        page = report.write(folder, Context(Ledger.existing(folder.root), workers))
+        page = report.write(folder, Context(Ledger.existing(folder.root), workers), [])
     sys.stdout.write((json.dumps({"report": str(page)}) if options.json else str(page)) + "\n")
     return 0
 

@@ -29,6 +29,7 @@ def histogram(values: Sequence[float], label: str, caption: str) -> Plot:
     # Text stays text and ids stay the same, so that equal runs give equal pages.
     matplotlib.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "vlnpe"})
     from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
 
     figure = Figure(figsize=(5.4, 3.0), layout="constrained")
     axes = figure.subplots()
@@ -39,7 +40,7 @@ def histogram(values: Sequence[float], label: str, caption: str) -> Plot:
         axes.text(0.5, 0.5, "no data", ha="center", transform=axes.transAxes)
     axes.set_xlabel(label)
     axes.set_ylabel("episodes")
-    axes.yaxis.get_major_locator().set_params(integer=True)
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     axes.spines[["top", "right"]].set_visible(False)
     stream = io.StringIO()
     figure.savefig(stream, format="svg", metadata={"Date": None})

@@ -9,7 +9,8 @@ import numpy as np
 from ...formats.episode import Episode
 from ...formats.scene_bundle import load_bundle
 from ...formats.vlnce import read_episodes, write_episodes
-from ...instruction_gen import InstructConfig, instruct_episodes
+from ...instruction_gen.instruct import instruct_episodes
+from ...instruction_gen.records import InstructConfig
 from ...trajectory_sampler.sampling import SampleConfig, sample_episodes
 from ..keys import code_version, digest
 from ..ledger import Row

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from ...formats.atomic import atomic_folder
 from ...formats.errors import FileFormatError
-from ...scene_repair.repair import RepairConfig, repair_scene
+from ...scene_repair.config import RepairConfig
+from ...scene_repair.repair import repair_scene
 from ..keys import code_version, digest, file_digest
 from ..runner import ItemResult, WorkItem
 
@@ -26,16 +28,17 @@ def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> li
     code = code_version("scene_repair", "formats")
     result = []
     for scene_id, source in sources.items():
-        key = digest(STAGE, scene_id, config, source_digest(source), code)
+        named = replace(config, scene_id=scene_id)
+        key = digest(STAGE, named, source_digest(source), code)
         out = scenes / scene_id
-        result.append(WorkItem(scene_id, key, (out,), process, (source, out, scene_id, config)))
+        result.append(WorkItem(scene_id, key, (out,), process, (source, out, named)))
     return result
 
 
-def process(source: Path, out: Path, scene_id: str, config: RepairConfig) -> ItemResult:
+def process(source: Path, out: Path, config: RepairConfig) -> ItemResult:
     """Repair one scan."""
     with atomic_folder(out) as temporary:
-        bundle = repair_scene(source, temporary, config, scene_id=scene_id)
+        bundle = repair_scene(source, temporary, config)
         log = json.loads((temporary / "repair.json").read_text())
     return ItemResult({"levels": len(bundle.level_floor_z_m), **log.get("summary", {})})
 

@@ -7,11 +7,15 @@ from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
 
-from ...collectors.replay import ReplayConfig, replay_episode
+from ...collectors.replay import ReplayConfig, replay_in
+from ...collectors.robots import get_robot
+from ...collectors.world import World, open_world
+from ...formats.atomic import write_json
 from ...formats.episode import Episode
+from ...formats.errors import VlnpeError
 from ...formats.mcap.rollout import write_rollout
 from ...formats.rollout import EndReason
-from ...formats.scene_bundle import SceneBundle, load_bundle
+from ...formats.scene_bundle import load_bundle
 from ..keys import code_version, digest
 from ..ledger import Row
 from ..run_folder import safe_name
@@ -23,7 +27,11 @@ CODE = (
     "collectors/locomotion",
     "collectors/physics",
     "collectors/controllers",
+    "collectors/metrics.py",
+    "collectors/outcome.py",
+    "collectors/recorder.py",
     "collectors/replay.py",
+    "collectors/world.py",
     "formats",
 )
 
@@ -48,12 +56,20 @@ def items(
 
 
 def process(scene: Path, episode: Episode, config: ReplayConfig, out: Path) -> ItemResult:
-    """Replay one episode."""
-    rollout = replay_episode(_bundle(scene), episode, config)
+    """Replay one episode.
+
+    Raises:
+        DivergedError: physics exploded; the last state lies beside where the rollout would be.
+    """
+    rollout = replay_in(_world(scene, episode.level, config), episode, config)
+    if rollout.end_reason is EndReason.DIVERGED:
+        dump = out.with_suffix(".diverged.json")
+        write_json(dump, {"config": asdict(config), "facts": rollout.facts})
+        raise DivergedError(f"physics diverged; its last state: {dump}")
     write_rollout(out, rollout)
     facts = {
         "episode": episode.episode_id,
-        "scene": episode.scene_id,
+        "scene": scene.name,
         "robot": rollout.robot,
         "controller": rollout.controller,
         "end_reason": str(rollout.end_reason),
@@ -62,6 +78,12 @@ def process(scene: Path, episode: Episode, config: ReplayConfig, out: Path) -> I
     return ItemResult(facts, failed=rollout.end_reason is not EndReason.SUCCESS)
 
 
-@lru_cache(maxsize=2)
-def _bundle(scene: Path) -> SceneBundle:
-    return load_bundle(scene)
+class DivergedError(VlnpeError):
+    """Physics produced NaN or exploded."""
+
+
+# Compiling a level takes as long as walking several episodes; a worker keeps the last ones.
+@lru_cache(maxsize=4)
+def _world(scene: Path, level: int, config: ReplayConfig) -> World:
+    robot = get_robot(config.robot)
+    return open_world(load_bundle(scene), level, robot, None, config.physics)

@@ -1,0 +1,122 @@
+"""The stages of one run, in order."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from ..collectors.rendering.views import View
+from ..collectors.replay import ReplayConfig
+from ..formats.episode import Episode
+from ..instruction_gen.records import InstructConfig
+from ..scene_repair.config import RepairConfig
+from ..trajectory_sampler.sampling import SampleConfig
+from .ledger import Row
+from .run_folder import RunFolder
+from .runner import Context, StageSummary, WorkItem, run_stage
+from .stages import align, episodes, export, render, repair, replay, scans
+
+SPLIT = "train"
+
+
+class Chain:
+    """Runs stages one after another and remembers their summaries.
+
+    Attributes:
+        summaries: of every stage that ran, in order.
+    """
+
+    def __init__(self, folder: RunFolder, context: Context, seed: int):
+        """Args: folder: of the run; context: ledger and workers; seed: of all randomness."""
+        self.folder = folder
+        self.context = context
+        self.seed = seed
+        self.summaries: list[StageSummary] = []
+
+    def scenes(self, sources: Mapping[str, Path]) -> dict[str, Row]:
+        """Repair the scans, by scene id; without any, generate and scan an apartment first."""
+        if not sources:
+            scan = self.folder.scan(f"apartment-{self.seed}")
+            self._stage(scans.STAGE, [scans.item(self.seed, scan)])
+            sources = {scan.name: scan / "scan.glb"}
+        items = repair.items(sources, RepairConfig(), self.folder.scenes)
+        return self._stage(repair.STAGE, items).good()
+
+    def sampled(self, count: int, scenes: Mapping[str, Row]) -> list[Episode]:
+        """Sample `count` episodes per scene and instruct them."""
+        config = SampleConfig(count=count, split=SPLIT)
+        parts = {s: self.folder.episodes(f"sampled/{s}") for s in scenes}
+        items = [
+            episodes.sample_item(row, self.folder.scenes, parts[s], config, self.seed)
+            for s, row in scenes.items()
+        ]
+        return self._instructed(self._stage("sample", items), parts, SPLIT)
+
+    def aligned(self, source: Path, scenes: Mapping[str, Row]) -> list[Episode]:
+        """Filter and align a VLN-CE file's episodes; instruct those that have no words."""
+        split = source.name.split(".")[0]
+        kept = self.folder.episodes(f"filtered/{split}")
+        filtered = self._stage(align.FILTER_STAGE, [align.filter_item(source, kept)])
+        parts = {s: self.folder.episodes(f"aligned/{s}") for s in scenes}
+        row = next(iter(filtered.good().values()))
+        items = align.items(kept, row, scenes, self.folder.scenes, parts)
+        summary = self._stage(align.STAGE, items)
+        align.record_rejected(self.context.ledger, summary, kept, scenes)
+        return self._instructed(summary, parts, split)
+
+    def collected(
+        self,
+        asked: Sequence[Episode],
+        scenes: Mapping[str, Row],
+        robot: str,
+        controller: str,
+        view: View,
+        frames_per_second: int,
+        facts: Mapping[str, str],
+    ) -> None:
+        """Replay, render and export the episodes with one robot; `facts` go to the provenance."""
+        folder = self.folder
+        scope = f"{robot}/{controller}/"
+        config = ReplayConfig(robot=robot, controller=controller, seed=self.seed)
+        items = replay.items(asked, scenes, folder.scenes, folder.rollouts, config)
+        rollouts = self._stage(replay.STAGE, items, scope).good()
+        items = render.items(
+            rollouts,
+            scenes,
+            folder.root,
+            folder.scenes,
+            folder.frames,
+            view,
+            frames_per_second,
+        )
+        scope += f"{view.name}/"
+        frames = self._stage(render.STAGE, items, scope).good()
+        dataset = export.Dataset.under(folder.root, robot, controller, view.name)
+        items = export.unit_items(frames, folder.root, dataset)
+        units = self._stage(export.STAGE, items, scope).good()
+        items = export.mcap_items(frames, folder.root, folder.scenes, dataset)
+        self._stage(export.MCAP_STAGE, items, scope)
+        used = {
+            str(row.facts["scene"]): folder.scenes / str(row.facts["scene"])
+            for row in units.values()
+        }
+        item = export.dataset_item(units, folder.root, used, dataset, {"options": dict(facts)})
+        self._stage(export.DATASET_STAGE, [item], dataset.name)
+
+    def _instructed(
+        self, source: StageSummary, parts: Mapping[str, Path], split: str
+    ) -> list[Episode]:
+        told = {s: self.folder.episodes(f"told/{s}") for s in parts}
+        items = [
+            episodes.instruct_item(
+                row, self.folder.scenes, parts[s], told[s], InstructConfig(), self.seed
+            )
+            for s, row in source.good().items()
+        ]
+        done = self._stage("instruct", items).good()
+        return episodes.merge([told[s] for s in done], self.folder.episodes(split))
+
+    def _stage(self, name: str, items: Sequence[WorkItem], scope: str = "") -> StageSummary:
+        summary = run_stage(self.context, name, items, scope)
+        self.summaries.append(summary)
+        return summary

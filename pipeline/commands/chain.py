@@ -1,0 +1,208 @@
+"""The chain's first stages, each alone on files the user names: scans, scenes, episodes."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from ...formats.errors import InputError
+from ...formats.scene_bundle import INDEX_NAME
+from ...instruction_gen.records import InstructConfig
+from ...scene_repair.config import RepairConfig
+from ...trajectory_sampler.sampling import SampleConfig
+from ..stages import align, episodes, repair, scans
+
+Json = Annotated[bool, tyro.conf.arg(name="json")]
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Generate a furnished apartment and scan it virtually."""
+
+    seed: tyro.conf.Positional[int] = 0
+    """Which apartment: the same seed gives the same home."""
+    out: Path = Path("scan")
+    """Folder to write scan.glb, its labels and the true floor into."""
+    json: Json = False
+    """Print one JSON object with the summary as the last line."""
+
+
+@dataclass(frozen=True)
+class Repair:
+    """Turn a scan into a simulation-ready scene: fill the floor's holes, build collision."""
+
+    scan: tyro.conf.Positional[Path]
+    """The scan: .glb .gltf .obj .ply .stl, with an optional <scan>.labels.json beside it."""
+    out: Path = Path("scene")
+    """Folder to write the scene into."""
+    up: str = "auto"
+    """The scan's up axis: x y z -x -y -z, or auto."""
+    unit: str = "auto"
+    """The scan's unit of length: m cm mm in ft, or auto."""
+    json: Json = False
+    """Print one JSON object with the summary as the last line."""
+
+
+@dataclass(frozen=True)
+class Align:
+    """Bring VLN-CE episodes into the frame of repaired scenes, onto the floor, out of walls."""
+
+    episodes: tyro.conf.Positional[Path]
+    """VLN-CE episode file."""
+    scenes: Path
+    """Folder of repaired scenes, one folder each, named as the scan."""
+    out: Path = Path("aligned.json.gz")
+    """Episode file to write."""
+    max_failed: int = 0
+    """Exit with code 1 when more episodes than this are rejected."""
+    json: Json = False
+    """Print one JSON object with the summary as the last line."""
+
+
+@dataclass(frozen=True)
+class Filter:
+    """Drop episodes that climb stairs: a height step of the reference path above a threshold."""
+
+    episodes: tyro.conf.Positional[Path]
+    """VLN-CE episode file."""
+    out: Path = Path("kept.json.gz")
+    """Episode file to write, in the same schema."""
+    max_step_m: float = 0.3
+    """Largest height difference of consecutive reference points [m]."""
+    json: Json = False
+    """Print one JSON object with the summary as the last line."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Sample new trajectories in a repaired scene."""
+
+    scene: tyro.conf.Positional[Path]
+    """A repaired scene's folder."""
+    out: Path = Path("episodes.json.gz")
+    """Episode file to write."""
+    count: int = 6
+    """How many episodes."""
+    min_length_m: float = SampleConfig.min_length_m
+    """Shortest path [m]."""
+    max_length_m: float = SampleConfig.max_length_m
+    """Longest path [m]."""
+    robot_radius_m: float = SampleConfig.robot_radius_m
+    """Clearance that every point of a path keeps [m]."""
+    seed: int = 0
+    """Of everything random."""
+    json: Json = False
+    """Print one JSON object with the summary as the last line."""
+
+
+@dataclass(frozen=True)
+class Instruct:
+    """Write instructions for the episodes that have none."""
+
+    episodes: tyro.conf.Positional[Path]
+    """Episode file of `sample` or `align`."""
+    scenes: Path
+    """Folder of repaired scenes."""
+    out: Path = Path("told.json.gz")
+    """Episode file to write."""
+    seed: int = 0
+    """Of the phrasing."""
+    json: Json = False
+    """Print one JSON object with the summary as the last line."""
+
+
+def run_scan(options: Scan) -> int:
+    """Generate one scan."""
+    refuse_to_replace(options.out, "scan.glb")
+    facts = scans.process(options.seed, options.out.resolve()).facts
+    return tell(options, facts, f"{options.out / 'scan.glb'}: apartment {options.seed}")
+
+
+def run_repair(options: Repair) -> int:
+    """Repair one scan.
+
+    Raises:
+        InputError: the scan cannot be used, or `out` holds something else.
+    """
+    repair.source_digest(options.scan)
+    refuse_to_replace(options.out, INDEX_NAME)
+    config = RepairConfig(up=options.up, unit=options.unit)
+    facts = repair.process(options.scan, options.out.resolve(), config).facts
+    return tell(options, facts, f"{options.out}: repaired; see repair.json, before.png, after.png")
+
+
+def run_align(options: Align) -> int:
+    """Align one file's episodes; exit code 1 when too many are rejected."""
+    result = align.process(options.episodes, scenes_in(options.scenes), options.out)
+    rejected = result.facts["rejected"]
+    if not options.json:
+        sys.stdout.writelines(f"rejected {name}: {reason}\n" for name, reason in rejected)
+    text = f"{options.out}: {result.facts['episodes']} aligned, {len(rejected)} rejected"
+    tell(options, result.facts, text)
+    return int(len(rejected) > options.max_failed)
+
+
+def run_filter(options: Filter) -> int:
+    """Filter one file's episodes."""
+    facts = align.process_filter(options.episodes, options.out, options.max_step_m).facts
+    return tell(options, facts, f"{options.out}: {facts['kept']} kept, {facts['dropped']} dropped")
+
+
+def run_sample(options: Sample) -> int:
+    """Sample episodes in one scene."""
+    try:
+        config = SampleConfig(
+            count=options.count,
+            min_length_m=options.min_length_m,
+            max_length_m=options.max_length_m,
+            robot_radius_m=options.robot_radius_m,
+            end_clearance_m=max(SampleConfig.end_clearance_m, options.robot_radius_m),
+        )
+    except ValueError as error:
+        raise InputError(str(error)) from error
+    facts = episodes.process_sample(options.scene, options.out, config, options.seed).facts
+    return tell(options, facts, f"{options.out}: {facts['episodes']} episodes")
+
+
+def run_instruct(options: Instruct) -> int:
+    """Instruct one file's episodes."""
+    facts = episodes.process_instruct(
+        options.scenes, options.episodes, options.out, InstructConfig(), options.seed
+    ).facts
+    return tell(options, facts, f"{options.out}: {facts['episodes']} episodes")
+
+
+def scenes_in(folder: Path) -> dict[str, Path]:
+    """Scene id → folder of every repaired scene in `folder`.
+
+    Raises:
+        InputError: not a single one.
+    """
+    found = {p.parent.name: p.parent for p in sorted(folder.glob(f"*/{INDEX_NAME}"))}
+    if not found:
+        raise InputError(f"{folder}: no repaired scene in it (run `vlnpe repair` first)")
+    return found
+
+
+def refuse_to_replace(folder: Path, own: str) -> None:
+    """Results replace a folder whole, so never one that holds anything but such a result.
+
+    Raises:
+        InputError: `folder` is a file, or a non-empty folder without the file `own`.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: is a file; --out takes a folder")
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / own).is_file():
+        raise InputError(f"{folder}: not empty and no earlier result; choose another --out")
+
+
+def tell(options: Any, facts: dict[str, Any], text: str) -> int:
+    """Print one line for people or, with `--json`, one object for programs; returns 0."""
+    value = {**{k: str(v) for k, v in asdict(options).items() if k == "out"}, **facts}
+    sys.stdout.write((json.dumps(value) if options.json else text) + "\n")
+    return 0

@@ -1,0 +1,225 @@
+"""The chain's later stages, each alone: `replay`, `render`, `export`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from ...collectors.controllers import get_controller
+from ...collectors.rendering.lights import get_light
+from ...collectors.rendering.views import make_view
+from ...collectors.replay import ReplayConfig
+from ...collectors.robots import get_robot
+from ...formats.errors import FileFormatError, InputError
+from ...formats.vlnce import read_episodes
+from ..keys import digest
+from ..ledger import Ledger, Row
+from ..runner import StageSummary, run_stage
+from ..stages import export, render, repair, replay
+from ..summary import stage_table
+from .chain import scenes_in
+from .collect import check_frame_rate, opened
+
+Json = Annotated[bool, tyro.conf.arg(name="json")]
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Walk episodes with a physically simulated robot; records states, no pixels."""
+
+    episodes: tyro.conf.Positional[Path]
+    """Episode file of `instruct`, `sample` or `align`."""
+    scenes: Path
+    """Folder of repaired scenes."""
+    out: Path = Path("rollouts")
+    """Folder for <robot>/<controller>/<episode>.mcap."""
+    robot: str = "aliengo"
+    """Which robot walks."""
+    controller: str = "path"
+    """How it is driven: path, speed or flash."""
+    seed: int = 0
+    """Of everything random."""
+    workers: int = 0
+    """Worker processes; 0 takes one per core."""
+    max_failed: int = 0
+    """Exit with code 1 when more episodes than this are quarantined."""
+    json: Json = False
+    """Print one JSON object with the summary as the last line."""
+
+
+@dataclass(frozen=True)
+class Render:
+    """Render rollouts: RGB and depth videos of any camera."""
+
+    rollouts: tyro.conf.Positional[Path]
+    """Folder that `replay` wrote."""
+    scenes: Path
+    """Folder of repaired scenes."""
+    out: Path = Path("frames")
+    """Folder for <robot>/<controller>/<view>/<episode>/."""
+    camera: str = "ego"
+    """Which view: ego, chase or top."""
+    width_px: int | None = None
+    """Image width; by default the camera's own."""
+    height_px: int | None = None
+    """Image height; by default the camera's own."""
+    hfov_deg: float | None = None
+    """Horizontal field of view; by default the camera's own."""
+    light: str = "baked"
+    """Which lighting."""
+    frames_per_second: int = 4
+    """4, 5, 10, 20, 25 or 50."""
+    workers: int = 0
+    """Worker processes; 0 takes one per core."""
+    max_failed: int = 0
+    """Exit with code 1 when more episodes than this are quarantined."""
+    json: Json = False
+    """Print one JSON object with the summary as the last line."""
+
+
+@dataclass(frozen=True)
+class Export:
+    """Export rendered rollouts as LeRobot v3 datasets and as MCAP files."""
+
+    frames: tyro.conf.Positional[Path]
+    """Folder that `render` wrote."""
+    scenes: Path
+    """Folder of repaired scenes."""
+    out: Path = Path("data")
+    """Folder for lerobot/<dataset>/ and mcap/<dataset>/."""
+    workers: int = 0
+    """Worker processes; 0 takes one per core."""
+    max_failed: int = 0
+    """Exit with code 1 when more episodes than this are quarantined."""
+    json: Json = False
+    """Print one JSON object with the summary as the last line."""
+
+
+def run_replay(options: Replay) -> int:
+    """Replay one file's episodes.
+
+    Raises:
+        InputError: an unknown robot or controller, or an unusable file or folder.
+    """
+    get_robot(options.robot)
+    get_controller(options.controller)
+    asked = read_episodes(options.episodes)
+    scenes = _scene_rows(options.scenes)
+    missing = sorted({e.scene_id for e in asked} - scenes.keys())
+    if missing:
+        raise InputError(f"{options.scenes}: no repaired scene {', '.join(missing)} in it")
+    config = ReplayConfig(robot=options.robot, controller=options.controller, seed=options.seed)
+    with opened(options.out, options.workers) as context:
+        root = context.ledger.root
+        items = replay.items(asked, scenes, options.scenes.resolve(), root, config)
+        scope = f"{options.robot}/{options.controller}/"
+        summary = run_stage(context, replay.STAGE, items, scope)
+    return _tell(options, [summary])
+
+
+def run_render(options: Render) -> int:
+    """Render all rollouts of a folder.
+
+    Raises:
+        InputError: an unknown camera or light, or an unusable folder.
+    """
+    get_light(options.light)
+    check_frame_rate(options.frames_per_second)
+    source = Ledger.existing(options.rollouts)
+    scenes = _scene_rows(options.scenes)
+    groups: dict[str, dict[str, Row]] = {}
+    for row in source.rows(replay.STAGE):
+        if row.status == "done":
+            groups.setdefault(str(row.facts["robot"]), {})[row.item] = row
+    views = {
+        robot: make_view(
+            options.camera,
+            robot,
+            options.width_px,
+            options.height_px,
+            options.hfov_deg,
+            options.light,
+        )
+        for robot in groups
+    }
+    with opened(options.out, options.workers) as context:
+        items = [
+            item
+            for robot, rows in groups.items()
+            for item in render.items(
+                rows,
+                scenes,
+                source.root.resolve(),
+                options.scenes.resolve(),
+                context.ledger.root,
+                views[robot],
+                options.frames_per_second,
+            )
+        ]
+        summary = run_stage(context, render.STAGE, items)
+    return _tell(options, [summary])
+
+
+def run_export(options: Export) -> int:
+    """Export all rendered rollouts of a folder.
+
+    Raises:
+        InputError: an unusable folder.
+    """
+    source = Ledger.existing(options.frames)
+    root, folder = source.root.resolve(), options.scenes.resolve()
+    groups: dict[tuple[str, ...], dict[str, Row]] = {}
+    for row in source.rows(render.STAGE):
+        if row.status == "done":
+            groups.setdefault(tuple(row.item.split("/")[:3]), {})[row.item] = row
+    if not groups:
+        raise FileFormatError(options.frames, "no rendered episode in it")
+    summaries = []
+    with opened(options.out, options.workers) as context:
+        out = context.ledger.root
+        for (robot, controller, view), rows in groups.items():
+            dataset = export.Dataset.under(out, robot, controller, view)
+            scope = f"{robot}/{controller}/{view}/"
+            items = export.unit_items(rows, root, dataset)
+            units = run_stage(context, export.STAGE, items, scope)
+            items = export.mcap_items(rows, root, folder, dataset)
+            summaries += [units, run_stage(context, export.MCAP_STAGE, items, scope)]
+            item = export.dataset_item(units.good(), out, _used(units, folder), dataset, {})
+            summaries.append(run_stage(context, export.DATASET_STAGE, [item], dataset.name))
+    return _tell(options, summaries)
+
+
+def _used(units: StageSummary, folder: Path) -> dict[str, Path]:
+    names = {str(row.facts["scene"]) for row in units.good().values()}
+    return {name: folder / name for name in sorted(names)}
+
+
+def _scene_rows(folder: Path) -> dict[str, Row]:
+    """Scenes that lie in a folder, as if the repair stage had just made them.
+
+    Their key hashes the folder's index, which the repair writes last and never changes.
+    """
+    return {
+        name: Row(repair.STAGE, name, digest(path, (path / "scene.json").read_text()), "done")
+        for name, path in scenes_in(folder.resolve()).items()
+    }
+
+
+def _tell(options: Replay | Render | Export, summaries: Sequence[StageSummary]) -> int:
+    quarantined = sum(s.quarantined for s in summaries)
+    if options.json:
+        value = {
+            "out": str(options.out),
+            "stages": {s.stage: s.counts() for s in summaries},
+            "exit_code": int(quarantined > options.max_failed),
+        }
+        sys.stdout.write(json.dumps(value) + "\n")
+    else:
+        sys.stdout.write(f"\n{stage_table(summaries)}\n\nwritten to {options.out}\n")
+    return int(quarantined > options.max_failed)

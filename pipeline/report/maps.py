@@ -1,0 +1,113 @@
+"""Paths drawn over the top-down maps of the scenes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...formats.episode import Episode
+from ...formats.mcap.rollout import read_rollout
+from ..ledger import Row
+from .images import data_uri
+
+GOOD, BAD, REFERENCE, START, GOAL = "#e8a317", "#d1332b", "#ffffff", "#1a9850", "#2b5fb8"
+TRACK_STEP = 10  # samples, 0.1 s
+
+
+@dataclass(frozen=True)
+class Track:
+    """Where a robot walked: (N, 2) world [m], and how it ended."""
+
+    episode: Episode
+    scene: str
+    robot: str
+    xy_m: NDArray[np.float64]
+    end_reason: str
+
+
+@dataclass(frozen=True)
+class ScenePaths:
+    """Episodes by id, and all tracks."""
+
+    episodes: dict[str, Episode]
+    tracks: tuple[Track, ...]
+
+    @staticmethod
+    def load(root: Path, rows: Sequence[Row]) -> ScenePaths:
+        """Read the rollouts of the replay stage's rows."""
+        episodes, tracks = {}, []
+        for row in rows:
+            rollout = read_rollout(root / row.outputs[0])
+            episodes[rollout.episode.episode_id] = rollout.episode
+            xy = rollout.position_world_m[::TRACK_STEP, :2]
+            scene = str(row.facts["scene"])
+            tracks.append(Track(rollout.episode, scene, rollout.robot, xy, str(rollout.end_reason)))
+        return ScenePaths(episodes, tuple(tracks))
+
+
+def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
+    """Template values of one map.
+
+    Args:
+        name: `<scene>/<level>`.
+        picture: the map; the JSON file beside it holds `left_m` and `top_m` (world x and y of the
+            image's upper left corner), `px_per_m`, `width` and `height`.
+        paths: what to draw.
+    """
+    scene, level = name.rsplit("/", 1)
+    mapping = json.loads(picture.with_suffix(".json").read_text())
+    scale = mapping["px_per_m"]
+    origin = np.array([mapping["left_m"], mapping["top_m"]])
+
+    def pixels(xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        return (xy_m - origin) * np.array([scale, -scale])
+
+    lines, dots = [], []
+    tracks = [t for t in paths.tracks if t.scene == scene and t.episode.level == int(level)]
+    width = max(2.0, 0.06 * scale)
+    for track in tracks:
+        title = f"{track.episode.episode_id} {track.robot}: {track.end_reason}"
+        reference = pixels(track.episode.reference_path_world_m[:, :2])
+        lines.append(_line(reference, REFERENCE, 0.6 * width, f"reference of {title}", True))
+        color = GOOD if track.end_reason == "success" else BAD
+        lines.append(_line(pixels(track.xy_m), color, width, title, False))
+        for point, tint, what in (
+            (track.episode.start_position_world_m, START, "start"),
+            (track.episode.goal_position_world_m, GOAL, "goal"),
+        ):
+            x, y = pixels(np.asarray(point)[:2])
+            dots.append(
+                {
+                    "x": round(float(x), 1),
+                    "y": round(float(y), 1),
+                    "r": round(1.6 * width, 1),
+                    "color": tint,
+                    "title": f"{what} of {track.episode.episode_id}",
+                }
+            )
+    return {
+        "title": f"{scene}, level {level}",
+        "image": data_uri(picture, 1400),
+        "width": mapping["width"],
+        "height": mapping["height"],
+        "lines": lines,
+        "dots": dots,
+    }
+
+
+def _line(
+    points: NDArray[np.float64], color: str, width: float, title: str, dashed: bool
+) -> dict[str, Any]:
+    return {
+        "points": " ".join(f"{x:.1f},{y:.1f}" for x, y in points),
+        "color": color,
+        "width": round(width, 1),
+        "title": title,
+        "dashed": dashed,
+    }

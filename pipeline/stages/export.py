@@ -1,0 +1,154 @@
+"""Stages `export`, `mcap` and `dataset`: episodes as LeRobot v3 and MCAP."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...formats.camera import CameraModel, DepthRange
+from ...formats.lerobot import assemble_dataset, write_episode_unit
+from ...formats.mcap.episode import write_episode_mcap
+from ...formats.mcap.rollout import read_rollout
+from ...formats.scene_bundle import load_bundle
+from ..keys import PACKAGE_ROOT, code_version, digest, file_digest
+from ..ledger import Row
+from ..runner import ItemResult, WorkItem
+
+STAGE = "export"
+MCAP_STAGE = "mcap"
+DATASET_STAGE = "dataset"
+SCENE_MAP = "after.png"
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """Where one robot × controller × view goes.
+
+    Attributes:
+        name: `<robot>-<controller>-<view>`.
+        units: folder of episode units.
+        lerobot: the dataset's folder.
+        mcap: folder of MCAP files.
+    """
+
+    name: str
+    units: Path
+    lerobot: Path
+    mcap: Path
+
+    @staticmethod
+    def under(root: Path, robot: str, controller: str, view: str) -> Dataset:
+        """Paths under an output folder."""
+        name = f"{robot}-{controller}-{view}"
+        return Dataset(name, root / "units" / name, root / "lerobot" / name, root / "mcap" / name)
+
+
+def unit_items(frames: Mapping[str, Row], root: Path, dataset: Dataset) -> list[WorkItem]:
+    """One LeRobot unit per rendered episode; `frames` are rows of the render stage by item."""
+    code = code_version("formats")
+    result = []
+    for name, row in frames.items():
+        out = dataset.units / name.rsplit("/", 1)[1]
+        arguments = (Path(row.facts["rollout"]), root / row.outputs[0], out)
+        key = digest(STAGE, row.key, code)
+        result.append(WorkItem(name, key, (out,), process_unit, arguments))
+    return result
+
+
+def process_unit(rollout: Path, frames: Path, out: Path) -> ItemResult:
+    """Write one episode's LeRobot unit."""
+    meta = json.loads((frames / "meta.json").read_text())
+    depth = meta["depth"]
+    with np.load(frames / "frames.npz") as arrays:
+        write_episode_unit(
+            out,
+            read_rollout(rollout),
+            dict(arrays),
+            meta["frames_per_second"],
+            rgb_video=frames / meta["rgb"]["file"],
+            depth_video=frames / depth["file"],
+            camera=_camera(meta),
+            depth_range=DepthRange(depth["near_m"], depth["far_m"]),
+            light=meta["light"],
+            rgb_codec=meta["rgb"]["codec"],
+        )
+    return ItemResult({"frames": meta["frames"], "scene": meta["scene_id"]})
+
+
+def mcap_items(
+    frames: Mapping[str, Row], root: Path, scenes: Path, dataset: Dataset
+) -> list[WorkItem]:
+    """One MCAP with images per rendered episode."""
+    code = code_version("formats")
+    result = []
+    for name, row in frames.items():
+        out = dataset.mcap / f"{name.rsplit('/', 1)[1]}.mcap"
+        scene_map = scenes / str(row.facts["scene"]) / SCENE_MAP
+        arguments = (Path(row.facts["rollout"]), root / row.outputs[0], scene_map, out)
+        key = digest(MCAP_STAGE, row.key, code)
+        result.append(WorkItem(name, key, (out,), process_mcap, arguments))
+    return result
+
+
+def process_mcap(rollout: Path, frames: Path, scene_map: Path, out: Path) -> ItemResult:
+    """Write one episode's MCAP."""
+    write_episode_mcap(out, read_rollout(rollout), frames, scene_map=scene_map.read_bytes())
+    return ItemResult({"bytes": out.stat().st_size})
+
+
+def dataset_item(
+    units: Mapping[str, Row],
+    root: Path,
+    scenes: Mapping[str, Path],
+    dataset: Dataset,
+    facts: Mapping[str, Any],
+) -> WorkItem:
+    """Join one robot's units into its dataset.
+
+    Args:
+        units: rows of the unit stage by item.
+        root: the ledger's folder.
+        scenes: folders of the repaired scenes the episodes lie in.
+        dataset: where it goes.
+        facts: configuration and seeds for the provenance.
+    """
+    folders = tuple(root / row.outputs[0] for row in units.values())
+    keys = [row.key for row in units.values()]
+    key = digest(DATASET_STAGE, keys, dict(facts), code_version("formats"))
+    arguments = (folders, tuple(scenes.values()), dataset.lerobot, dict(facts))
+    return WorkItem(dataset.name, key, (dataset.lerobot,), process_dataset, arguments)
+
+
+def process_dataset(
+    units: Sequence[Path], scenes: Sequence[Path], out: Path, facts: dict[str, Any]
+) -> ItemResult:
+    """Assemble one dataset."""
+    bundles = [load_bundle(scene) for scene in scenes]
+    licences = sorted({str(b.source.get("licence") or "unknown") for b in bundles})
+    lock = PACKAGE_ROOT / "uv.lock"
+    provenance = {
+        "vlnpe": version("vlnpe"),
+        "code": code_version("collectors", "formats", "scene_repair", "trajectory_sampler"),
+        "lock": file_digest(lock) if lock.is_file() else None,
+        "scenes": {b.scene_id: b.source for b in bundles},
+        **facts,
+    }
+    summary = assemble_dataset(
+        units,
+        out,
+        provenance=provenance,
+        licence=licences[0] if len(licences) == 1 else "other",
+        title=out.name,
+    )
+    return ItemResult({"episodes": summary.episodes, "frames": summary.frames})
+
+
+def _camera(meta: Mapping[str, Any]) -> CameraModel:
+    camera = meta["camera"]
+    return CameraModel(camera["name"], camera["width_px"], camera["height_px"], camera["hfov_deg"])

@@ -1,0 +1,71 @@
+"""Stage `render`: pixels from recorded states."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+
+from ...collectors.rendering.interface import Renderer
+from ...collectors.rendering.registry import make_renderer
+from ...collectors.rendering.rollout_views import render_rollout
+from ...collectors.rendering.views import View
+from ...formats.atomic import atomic_folder
+from ...formats.mcap.rollout import read_rollout
+from ...formats.scene_bundle import SceneBundle, load_bundle
+from ..keys import code_version, digest
+from ..ledger import Row
+from ..runner import ItemResult, WorkItem
+
+STAGE = "render"
+
+
+def items(
+    rollouts: Mapping[str, Row],
+    scenes: Mapping[str, Row],
+    root: Path,
+    scenes_folder: Path,
+    frames: Path,
+    view: View,
+    frames_per_second: int,
+) -> list[WorkItem]:
+    """One item per rollout.
+
+    Args:
+        rollouts: rows of the replay stage by item; their outputs are relative to `root`.
+        scenes: rows of the repair stage by scene id.
+        root: the ledger's folder.
+        scenes_folder: of the repaired scenes.
+        frames: output folder.
+        view: what to see.
+        frames_per_second: of the videos.
+    """
+    code = code_version("collectors/rendering", "collectors/robots", "formats")
+    result = []
+    for name, row in rollouts.items():
+        scene = str(row.facts["scene"])
+        key = digest(STAGE, row.key, scenes[scene].key, view, frames_per_second, code)
+        folder, episode = name.rsplit("/", 1)
+        out = frames / folder / view.name / episode
+        arguments = (scenes_folder / scene, root / row.outputs[0], view, frames_per_second, out)
+        result.append(WorkItem(f"{folder}/{view.name}/{episode}", key, (out,), process, arguments))
+    return result
+
+
+def process(
+    scene: Path, rollout: Path, view: View, frames_per_second: int, out: Path
+) -> ItemResult:
+    """Render one rollout."""
+    bundle, renderer = _renderer(scene, view.renderer, view.light)
+    recorded = read_rollout(rollout)
+    with atomic_folder(out) as temporary:
+        count = render_rollout(bundle, renderer, recorded, view, temporary, frames_per_second)
+    facts = {"frames": count, "rollout": str(rollout), "scene": scene.name}
+    return ItemResult(facts | {"frames_per_second": frames_per_second})
+
+
+# Textures and ray structures of a house take seconds to load; a worker keeps the last scene's.
+@lru_cache(maxsize=1)
+def _renderer(scene: Path, name: str, light: str) -> tuple[SceneBundle, Renderer]:
+    bundle = load_bundle(scene)
+    return bundle, make_renderer(bundle, name, light)
