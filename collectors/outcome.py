@@ -39,7 +39,7 @@ class OutcomeConfig:
 
 
 class OutcomeWatch:
-    """Looks at the robot after every policy step."""
+    """Looks at the robot: `diverged` after every sample, `check` after every policy step."""
 
     def __init__(self, world: World, config: OutcomeConfig) -> None:
         self._world, self._config = world, config
@@ -48,17 +48,17 @@ class OutcomeWatch:
         )
 
     def check(self) -> tuple[EndReason, str] | None:
-        """The end reason that holds now, with a detail in words; None when all is well."""
-        return self.diverged() or self._fallen() or self._stuck()
+        """Whether the robot has fallen or is stuck, with a detail in words; else None."""
+        return self._fallen() or self._stuck()
 
-    def diverged(self) -> tuple[EndReason, str] | None:
-        """Whether the state is not finite, or moves faster than anything real."""
+    def diverged(self) -> str | None:
+        """In words, when the state is not finite, or moves faster than anything real."""
         fastest = float(np.abs(self._world.data.qvel).max())
         finite = math.isfinite(float(self._world.data.qpos.sum()))
         # The comparison is written so that NaN counts as diverged.
         if finite and fastest < self._config.diverged_speed:
             return None
-        return EndReason.DIVERGED, f"fastest joint {fastest:.3g} m/s or rad/s"
+        return f"fastest joint {fastest:.3g} m/s or rad/s"
 
     def _fallen(self) -> tuple[EndReason, str] | None:
         world, fall = self._world, self._world.robot.fall

@@ -7,8 +7,10 @@ costs.
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from hashlib import sha256
 from pathlib import Path
@@ -118,7 +120,19 @@ def replay_in(world: World, episode: Episode, config: ReplayConfig) -> Rollout:
     Raises:
         UnknownNameError: no such controller.
     """
-    return _Run(world, episode, config).rollout()
+    with _warnings_logged():
+        return _Run(world, episode, config).rollout()
+
+
+@contextlib.contextmanager
+def _warnings_logged() -> Iterator[None]:
+    """Send MuJoCo's warnings to our log; by itself it writes a file into the working folder."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda message: log.warning("physics: %s", message))
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 class _Run:
@@ -155,7 +169,11 @@ class _Run:
         driver = self.entry.build(task, self.controller_config)
         if self.entry.teleports:
             return self._finish(self._jump(cast(Teleporter, driver)))
-        self._settle()
+        # Kept only if physics explodes while settling: a rollout has at least one sample.
+        self.recorder.sample(STOPPED)
+        if not self._settle():
+            return self._finish(EndReason.DIVERGED)
+        self.recorder.drop_last()
         return self._finish(self._drive(cast(Controller, driver)))
 
     def _joint_noise(self) -> np.ndarray:
@@ -163,8 +181,8 @@ class _Run:
         rng = np.random.default_rng(np.frombuffer(sha256(text).digest(), dtype=np.uint32))
         return rng.normal(0.0, self.config.spawn_joint_noise_rad, len(self.world.robot.joints))
 
-    def _settle(self) -> None:
-        """Stand under zero command until quiet; nothing is recorded."""
+    def _settle(self) -> bool:
+        """Stand under zero command until quiet, unrecorded; False when physics exploded."""
         world, config = self.world, self.config
         data, handles = world.data, world.handles
         period_s = POLICY_DECIMATION * TIMESTEP_S
@@ -177,7 +195,10 @@ class _Run:
                     break
             data.ctrl[handles.actuators] = world.gait.act(data, STOPPED)
             mujoco.mj_step(world.model, data, nstep=POLICY_DECIMATION)
+            if self._diverged():
+                return False
         self.facts["settle_s"] = round(float(data.time), 3)
+        return True
 
     def _drive(self, controller: Controller) -> EndReason:
         world, config = self.world, self.config
@@ -206,22 +227,21 @@ class _Run:
                 data.ctrl[actuators] = world.gait.act(data, command)
             mujoco.mj_step(model, data, nstep=STEPS_PER_SAMPLE)
             tick += 1
+            if self._diverged():
+                return EndReason.DIVERGED
             if tick % SAMPLES_PER_POLICY:
                 continue
             self._watch_contacts(tick)
-            verdict = self.watch.diverged() if end is EndReason.FALL else self.watch.check()
+            verdict = None if end is EndReason.FALL else self.watch.check()
             if verdict is None:
                 continue
             reason, detail = verdict
-            if end is None or reason in (EndReason.FALL, EndReason.DIVERGED):
-                self._note(reason.value, detail)
-            if reason is EndReason.DIVERGED:
-                self._dump_state()
-                return reason
             if reason is EndReason.FALL:
+                self._note(reason.value, detail)
                 end, command = reason, STOPPED
                 last = tick + round(config.after_fall_s * STATE_RATE_HZ)
             elif end is None:
+                self._note(reason.value, detail)
                 return reason
         assert end is not None
         if end in (EndReason.SUCCESS, EndReason.STOPPED_FAR):
@@ -269,14 +289,20 @@ class _Run:
     def _note(self, kind: str, detail: str) -> None:
         self.events.append(Event(len(self.recorder) / STATE_RATE_HZ, kind, detail))
 
-    def _dump_state(self) -> None:
-        """Keep what blew up; JSON knows no NaN, so numbers go as text."""
+    def _diverged(self) -> bool:
+        """Whether physics exploded; if so keeps what blew up among the facts."""
+        what = self.watch.diverged()
+        if what is None:
+            return False
+        self._note(EndReason.DIVERGED.value, what)
         data = self.world.data
+        # JSON knows no NaN, so numbers go as text.
         self.facts["diverged_state"] = {
             "qpos": [repr(v) for v in data.qpos.tolist()],
             "qvel": [repr(v) for v in data.qvel.tolist()],
             "ctrl": [repr(v) for v in data.ctrl.tolist()],
         }
+        return True
 
     def _finish(self, end: EndReason) -> Rollout:
         arrays = self.recorder.arrays()

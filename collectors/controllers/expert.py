@@ -36,19 +36,20 @@ class Expert:
         self._config = config
         self._xy = [(float(x), float(y)) for x, y in route.xy_m]
         self._cursor = RouteCursor(self._xy, STEP_M)
+        self._off_m = 0.0
+        self._last = Action.FORWARD
 
     @property
     def off_route_m(self) -> float:
         """Distance to the route at the last choice [m]."""
         return self._off_m
 
-    _off_m = 0.0
-
     def next_action(self, pose: Pose) -> Action:
         """The action to take from `pose`.
 
-        Turns while the bearing of the point ahead is off by more than half a turn action, walks
-        otherwise, and stops when the goal is near, or when the next step would lead past it.
+        Turns while the bearing of the point ahead is off by more than half a turn action (a whole
+        one to turn back at once), walks otherwise, and stops when the goal is near, or when the
+        next step would lead past it.
         """
         config = self._config
         self._off_m = self._cursor.advance(pose.x_m, pose.y_m)
@@ -67,8 +68,13 @@ class Expert:
             )
             if after_m >= to_goal_m:
                 return Action.STOP
-        if error > 0.5 * TURN_RAD:
-            return Action.LEFT
-        if error < -0.5 * TURN_RAD:
-            return Action.RIGHT
-        return Action.FORWARD
+        # A body keeps some of its turn; answering that with the opposite turn would go on for ever.
+        left = TURN_RAD if self._last is Action.RIGHT else 0.5 * TURN_RAD
+        right = TURN_RAD if self._last is Action.LEFT else 0.5 * TURN_RAD
+        if error > left:
+            self._last = Action.LEFT
+        elif error < -right:
+            self._last = Action.RIGHT
+        else:
+            self._last = Action.FORWARD
+        return self._last

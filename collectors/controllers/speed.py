@@ -8,6 +8,7 @@ also waits, up to `longest_steps`, until its 0.25 m or 15° are reached.
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass, field
 
 from ...formats.rollout import Action
@@ -16,6 +17,8 @@ from .expert import FORWARD_M, TURN_RAD, Expert, ExpertConfig
 from .geometry import clip, wrap_angle
 from .interface import STOPPED, Decision, Pose, Task
 from .route import plan_route
+
+RECENT = 5  # samples of 10 ms over which the velocity is taken
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,8 @@ class SpeedConfig:
         end_on_displacement: actions may last longer, until their displacement is reached.
         longest_steps: physics steps after which an action ends in any case.
         replan_off_m: distance from the route that calls for a new one.
+        carry_s: a moving body goes on for about this long; the expert chooses from where it will
+            then be, or it would correct every turn by the opposite one.
         expert: how actions are chosen.
     """
 
@@ -37,6 +42,7 @@ class SpeedConfig:
     end_on_displacement: bool = False
     longest_steps: int = 100
     replan_off_m: float = 0.5
+    carry_s: float = 0.12
     expert: ExpertConfig = field(default_factory=ExpertConfig)
 
 
@@ -53,6 +59,7 @@ class SpeedController:
         self._expert = Expert(route, config.expert)
         self._action: Action | None = None
         self._start_s, self._start = 0.0, Pose(0.0, 0.0, 0.0)
+        self._recent: deque[Pose] = deque(maxlen=RECENT + 1)
 
     rate_hz = 100
 
@@ -63,9 +70,10 @@ class SpeedController:
 
     def step(self, time_s: float, pose: Pose) -> Decision:
         """See `Controller.step`."""
+        self._recent.append(pose)
         started = None
         if self._action is None or self._over(time_s, pose):
-            started = self._action = self._expert.next_action(pose)
+            started = self._action = self._expert.next_action(self._carried())
             self._start_s, self._start = time_s, pose
             if self._expert.off_route_m > self._config.replan_off_m:
                 self._replan(pose)
@@ -80,6 +88,18 @@ class SpeedController:
         if not config.end_on_displacement:
             return steps >= config.steps_per_action
         return steps >= config.longest_steps or self._displaced(pose)
+
+    def _carried(self) -> Pose:
+        """Where the body's momentum will take it, by its mean velocity over the last samples."""
+        old, new = self._recent[0], self._recent[-1]
+        if len(self._recent) < 2:
+            return new
+        ratio = self._config.carry_s * self.rate_hz / (len(self._recent) - 1)
+        return Pose(
+            new.x_m + ratio * (new.x_m - old.x_m),
+            new.y_m + ratio * (new.y_m - old.y_m),
+            wrap_angle(new.yaw_rad + ratio * wrap_angle(new.yaw_rad - old.yaw_rad)),
+        )
 
     def _displaced(self, pose: Pose) -> bool:
         start = self._start

@@ -6,9 +6,12 @@ IMU, an ego camera), and drives by wheel speeds, so tests need no trained policy
 
 from __future__ import annotations
 
+from functools import partial
+
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
 from vlnpe.collectors.robots import (
     CameraMount,
     CommandLimits,
@@ -18,11 +21,12 @@ from vlnpe.collectors.robots import (
 )
 from vlnpe.formats.camera import CameraModel
 
-WHEEL_M, TRACK_M, CASTER_M, MAST_M = 0.1, 0.3, 0.05, 0.4
+WHEEL_M, TRACK_M, CASTER_M = 0.1, 0.3, 0.05
+GAP_M = 0.003  # casters only catch a tilting cart: the wheels must carry it to grip
 FEET = ("left_wheel", "right_wheel", "front_caster", "rear_caster")
 
 
-def build_cart(robot: RobotSpec) -> mujoco.MjSpec:
+def build_cart(robot: RobotSpec, mast_m: float) -> mujoco.MjSpec:
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     base = spec.worldbody.add_body(name=robot.root_body)
@@ -30,18 +34,18 @@ def build_cart(robot: RobotSpec) -> mujoco.MjSpec:
     sphere, box = mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_BOX
     base.add_geom(name="chassis", type=box, size=[0.2, 0.12, 0.05], mass=10.0, pos=[0, 0, 0.05])
     top = robot.link_mass_kg["mast"]
-    base.add_geom(name="mast", type=sphere, size=[0.05, 0, 0], pos=[0, 0, MAST_M], mass=top)
+    base.add_geom(name="mast", type=sphere, size=[0.05, 0, 0], pos=[0, 0, mast_m], mass=top)
     for name, x in (("front_caster", 0.17), ("rear_caster", -0.17)):
         base.add_geom(
             name=name,
             type=sphere,
             size=[CASTER_M, 0, 0],
-            pos=[x, 0, CASTER_M - WHEEL_M],
+            pos=[x, 0, CASTER_M - WHEEL_M + GAP_M],
             mass=0.1,
             friction=[0.01, 0, 0],
             priority=1,
         )
-        _touch(spec, base, name, [x, 0, CASTER_M - WHEEL_M], CASTER_M)
+        _touch(spec, base, name, [x, 0, CASTER_M - WHEEL_M + GAP_M], CASTER_M)
     for name, y in (("left_wheel", TRACK_M / 2), ("right_wheel", -TRACK_M / 2)):
         wheel = base.add_body(name=name, pos=[0, y, 0])
         wheel.add_joint(name=name, axis=[0, 1, 0], damping=0.01, armature=0.03)
@@ -75,8 +79,8 @@ def _touch(
     )
 
 
-def make_cart(mast_kg: float = 0.1) -> RobotSpec:
-    """The cart; a heavy mast makes it fall over when it brakes or hits something."""
+def make_cart(mast_kg: float = 0.1, mast_m: float = 0.4) -> RobotSpec:
+    """The cart; a high and heavy mast makes it tip over when it starts or brakes."""
     return RobotSpec(
         name="cart",
         title="Cart",
@@ -97,21 +101,24 @@ def make_cart(mast_kg: float = 0.1) -> RobotSpec:
         fall=FallThresholds(com_to_foot_m=0.02),
         command_limits=CommandLimits((-0.3, 1.0), (0.0, 0.0), (-1.5, 1.5)),
         sources=(),
-        build=build_cart,
+        build=partial(build_cart, mast_m=mast_m),
     )
 
 
 class CartGait:
-    """Wheel speeds [rad/s] from a velocity command; logs what it was asked and what it did."""
+    """Wheel speeds [rad/s] from a velocity command, gently enough not to slip; logs targets."""
 
-    def __init__(self) -> None:
-        self.targets: list[NDArray[np.float64]] = []
+    def __init__(self, brisk: float = 1.0) -> None:
+        self._step = brisk * np.array([0.08, 0.12])  # m/s and rad/s per 20 ms
+        self.reset()
 
     def reset(self) -> None:
-        self.targets = []
+        self._speed = np.zeros(2)
+        self.targets: list[NDArray[np.float64]] = []
 
     def act(self, data: mujoco.MjData, command: ArrayLike) -> NDArray[np.float64]:
-        vx, _, yaw = np.asarray(command, dtype=float)
-        target = np.array([vx - yaw * TRACK_M / 2, vx + yaw * TRACK_M / 2]) / WHEEL_M
-        self.targets.append(target)
-        return target
+        wanted = np.asarray(command, dtype=float)[[0, 2]]
+        self._speed = self._speed + np.clip(wanted - self._speed, -self._step, self._step)
+        vx, yaw = self._speed
+        self.targets.append(np.array([vx - yaw * TRACK_M / 2, vx + yaw * TRACK_M / 2]) / WHEEL_M)
+        return self.targets[-1]
