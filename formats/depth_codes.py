@@ -9,6 +9,7 @@ gets a code ≥ 1. With a far limit of 20 m a step is 1.6 mm at 0 m, 2.1 mm at 1
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -19,6 +20,7 @@ from .camera import DepthRange
 DEPTH_PIXEL_FORMAT = "gray12le"
 MAX_CODE = 4095
 SHIFT_M = 3.5
+MAX_MILLIMETRES_M = 65.535
 
 
 def depth_to_codes(depth_m: ArrayLike, depth_range: DepthRange) -> NDArray[np.uint16]:
@@ -41,12 +43,33 @@ def codes_to_depth(codes: NDArray[np.uint16], depth_range: DepthRange) -> NDArra
 
     LeRobot's own reader gives below 1e-6 m for code 0.
     """
+    return _depth_table(depth_range)[codes]
+
+
+def codes_to_millimetres(codes: NDArray[np.uint16], depth_range: DepthRange) -> NDArray[np.uint16]:
+    """Codes (...) to whole millimetres (...) uint16, 0 = invalid.
+
+    Raises:
+        ValueError: the range does not fit into 16 bits.
+    """
+    return _millimetre_table(depth_range)[codes]
+
+
+@functools.cache
+def _depth_table(depth_range: DepthRange) -> NDArray[np.float32]:
     log_min, log_max = _log_limits(depth_range)
     table = np.arange(MAX_CODE + 1, dtype=np.float32)
     table = np.exp(table * np.float32((log_max - log_min) / MAX_CODE) + np.float32(log_min))
     table = np.clip(table - np.float32(SHIFT_M), 0.0, np.float32(depth_range.far_m))
     table[0] = 0.0
-    return table[codes]
+    return table
+
+
+@functools.cache
+def _millimetre_table(depth_range: DepthRange) -> NDArray[np.uint16]:
+    if depth_range.far_m > MAX_MILLIMETRES_M:
+        raise ValueError(f"far limit {depth_range.far_m} m; valid: up to {MAX_MILLIMETRES_M} m")
+    return np.rint(_depth_table(depth_range) * 1000.0).astype(np.uint16)
 
 
 def _log_limits(depth_range: DepthRange) -> tuple[float, float]:

@@ -17,6 +17,7 @@ from typing import Any, cast
 
 import av
 import numpy as np
+from av.bitstream import BitStreamFilterContext
 from av.container import InputContainer
 from av.error import FFmpegError
 from av.video.stream import VideoStream
@@ -182,13 +183,22 @@ def iterate_depth_video(path: Path, depth_range: DepthRange) -> Iterator[NDArray
     Raises:
         FileFormatError: missing, truncated, corrupt, or no depth video.
     """
+    for codes in iterate_depth_codes(path):
+        yield codes_to_depth(codes, depth_range)
+
+
+def iterate_depth_codes(path: Path) -> Iterator[NDArray[np.uint16]]:
+    """Decode a depth video frame by frame to its codes, each (H, W) uint16; see `depth_codes`.
+
+    Raises:
+        FileFormatError: missing, truncated, corrupt, or no depth video.
+    """
     for frame in _decode(path):
         if frame.format.name != DEPTH_PIXEL_FORMAT:
             raise FileFormatError(
                 path, f"pixel format {frame.format.name}, a depth video has {DEPTH_PIXEL_FORMAT}"
             )
-        codes = cast(NDArray[np.uint16], frame.to_ndarray(format=DEPTH_PIXEL_FORMAT))
-        yield codes_to_depth(codes, depth_range)
+        yield cast(NDArray[np.uint16], frame.to_ndarray(format=DEPTH_PIXEL_FORMAT))
 
 
 def read_rgb_video(path: Path) -> NDArray[np.uint8]:
@@ -199,6 +209,25 @@ def read_rgb_video(path: Path) -> NDArray[np.uint8]:
 def read_depth_video(path: Path, depth_range: DepthRange) -> NDArray[np.float32]:
     """Decode a whole depth video, (T, H, W) float32 [m]; raises as `iterate_depth_video`."""
     return np.stack(list(iterate_depth_video(path, depth_range)))
+
+
+def iterate_bitstream(path: Path) -> Iterator[bytes]:
+    """Yield each frame's bytes as streams carry them, without decoding.
+
+    H.264 comes in Annex B form with parameter sets before each key frame, AV1 as low-overhead
+    units: what Foxglove's CompressedVideo wants.
+
+    Raises:
+        FileFormatError: missing, truncated or corrupt.
+    """
+    with _open(path) as container:
+        stream = container.streams.video[0]
+        packets = _demux(path, container, stream)
+        if stream.codec.canonical_name == "h264":
+            annex_b = BitStreamFilterContext("h264_mp4toannexb", stream)
+            packets = (out for packet in packets for out in annex_b.filter(packet))
+        for packet in packets:
+            yield bytes(packet)
 
 
 @dataclass(frozen=True)

@@ -25,12 +25,12 @@ from numpy.typing import NDArray
 
 from ..atomic import atomic_folder
 from ..camera import CameraModel, DepthRange
-from ..depth_codes import MAX_CODE, codes_to_depth, depth_to_codes
+from ..depth_codes import MAX_CODE, codes_to_depth
 from ..errors import FileFormatError
 from ..frame_table import FrameTable, build_frame_table
 from ..image_counts import add_depth_codes, add_rgb, new_depth_counts, new_rgb_counts
 from ..rollout import Rollout
-from ..video import VideoFacts, iterate_depth_video, iterate_rgb_video, probe_video
+from ..video import VideoFacts, iterate_depth_codes, iterate_rgb_video, probe_video
 from .episode_columns import EPISODE_COLUMNS, episode_columns
 from .features import dataset_features
 from .layout import DATASET_ROWS, DEPTH_KEY, RGB_KEY, Features, row_schema
@@ -216,10 +216,7 @@ def _image_statistics(
     else:
         rgb_counts, depth_counts = new_rgb_counts(), new_depth_counts()
         _count(iterate_rgb_video(rgb_video), lambda image: add_rgb(rgb_counts, image))
-        _count(
-            iterate_depth_video(depth_video, depth_range),
-            lambda image: add_depth_codes(depth_counts, depth_to_codes(image, depth_range)),
-        )
+        _count(iterate_depth_codes(depth_video), lambda codes: add_depth_codes(depth_counts, codes))
     rgb_values = np.arange(256, dtype=np.float32)
     rgb = image_statistics(rgb_values, rgb_counts, length)
     depth_values = codes_to_depth(np.arange(MAX_CODE + 1, dtype=np.uint16), depth_range)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Callable, Iterator
 
 import foxglove
@@ -52,9 +53,11 @@ def quaternion(quat_wxyz: NDArray) -> Quaternion:
 
 
 def write_in_order(*streams: Iterator[Write]) -> None:
-    """Write messages in order of time; of those at one time, earlier streams first."""
-    merged = sorted((item for stream in streams for item in stream), key=lambda item: item[0])
-    for _, write in merged:
+    """Write messages in order of time; of those at one time, earlier streams first.
+
+    Each stream is in order itself. Only the next message of each is held.
+    """
+    for _, write in heapq.merge(*streams, key=lambda item: item[0]):
         write()
 
 
@@ -134,9 +137,10 @@ def event_messages(recording: Recording, rollout: Rollout) -> Iterator[Write]:
         message = Log(timestamp=timestamp(time_s), level=level, message=text, name=name)
         return at, lambda: channel.log(message, log_time=at)
 
-    for event in rollout.events:
+    for event in sorted(rollout.events, key=lambda event: event.time_s):
         text = f"{event.kind}: {event.detail}" if event.detail else event.kind
         yield log(event.time_s, LogLevel.Warning, text, event.kind)
     ended = rollout.end_reason
     level = LogLevel.Info if ended is EndReason.SUCCESS else LogLevel.Error
-    yield log(rollout.time_s[-1], level, f"end: {ended.value}", "end")
+    last = max([rollout.time_s[-1], *(event.time_s for event in rollout.events)])
+    yield log(last, level, f"end: {ended.value}", "end")
