@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import distance_transform_edt, map_coordinates
+from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates
 from skimage.graph import MCP_Geometric
 
 from .freemap import SNAP_M, Freemap, nearest_cell
@@ -25,6 +25,7 @@ Mask = NDArray[np.bool_]
 _STRIDE_M = 0.2
 _LOOK_BACK = 30
 _CORNER_M = 0.05
+_PUSH = 0.15  # how much of its missing clearance a point gains per round of relaxation
 
 
 @dataclass(frozen=True)
@@ -35,13 +36,13 @@ class PlanConfig:
         comfort_m: clearance beyond the robot's radius from which on more is no better [m].
         comfort_weight: how many times longer a metre feels when it grazes an obstacle.
         spacing_m: greatest distance of neighbouring waypoints [m].
-        smooth_steps: rounds of corner smoothing; 0 keeps the corners of the taut path.
+        relax_steps: rounds of corner smoothing; 0 keeps the corners of the taut path.
     """
 
     comfort_m: float = 0.35
     comfort_weight: float = 3.0
     spacing_m: float = 0.3
-    smooth_steps: int = 12
+    relax_steps: int = 12
 
 
 def plan_path(
@@ -87,7 +88,7 @@ def plan_path(
         return None
     corners = _pull_taut(grid.center_of(cells), grid, free, cost)
     path = resample(_with_ends(corners, start, goal, grid, free), config.spacing_m)
-    path = _smooth(path, grid, free, config.smooth_steps)
+    path = _relax(path, freemap, free, radius_m + config.comfort_m, config.relax_steps)
     return np.column_stack([path, floor_z(freemap, path)])
 
 
@@ -252,12 +253,26 @@ def _with_ends(corners: Array, start: Array, goal: Array, grid: GridSpec, free: 
     return np.vstack([points[: -1 if last else None], goal])
 
 
-def _smooth(path: Array, grid: GridSpec, free: Mask, steps: int) -> Array:
-    """Round the corners of an evenly dense path (P, 2); moves that leave `free` are undone."""
+def _relax(path: Array, freemap: Freemap, free: Mask, wanted_m: float, steps: int) -> Array:
+    """Round the corners of an evenly dense path (P, 2) as an elastic band would lie.
+
+    Each point moves to the middle of its neighbours and away from obstacles nearer than
+    `wanted_m`; moves that leave `free` are undone (Quinlan and Khatib, "Elastic bands", 1993).
+    """
+    grid = freemap.grid
+    # Blurred, else points on a passage's centre line would hop from side to side.
+    blurred = gaussian_filter(freemap.clearance_m, 2.0)
+    uphill = [g / grid.cell_m for g in np.gradient(blurred)][::-1]
     path = path.copy()
     for _ in range(steps):
+        inner = path[1:-1]
+        at = _fractional(grid, inner).T
+        clearance = map_coordinates(freemap.clearance_m, at, order=1, mode="nearest")
+        push = _PUSH * np.maximum(wanted_m - clearance, 0.0)
+        slope = [map_coordinates(g, at, order=1, mode="nearest") for g in uphill]
         target = path.copy()
-        target[1:-1] = 0.5 * path[1:-1] + 0.25 * (path[:-2] + path[2:])
+        target[1:-1] = 0.5 * inner + 0.25 * (path[:-2] + path[2:])
+        target[1:-1] += push[:, None] * np.stack(slope, axis=1)
         was_free = segments_free(grid, free, path)
         for _ in range(len(path)):
             bad = was_free & ~segments_free(grid, free, target)

@@ -23,9 +23,9 @@ from .scene_bundle import LabeledObject, SceneBundle
 
 ROOM_PREFIX = "room:"
 
-# What fills both of these heights above the floor is a wall, a door or a cupboard: tables and
+# What fills all of these heights above the floor is a wall, a door or a cupboard: tables and
 # sofas end below, lamps hang above. Things smaller than a wall's end (a vase, a post) are dropped.
-_SLICES_M = ((0.5, 0.9), (1.35, 1.65))
+_SLICES_M = ((0.5, 0.9), (0.95, 1.3), (1.35, 1.65))
 _MIN_WALL_M = 0.7
 # A bottleneck splits a space when it is this much narrower than the smaller side's widest place.
 _NECK_RATIO = 0.88

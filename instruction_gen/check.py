@@ -8,12 +8,13 @@ import numpy as np
 
 from ..formats.episode import Episode
 from ..formats.planning import resample
-from ..formats.regions import ROOM_PREFIX, RegionMap, region_map
+from ..formats.regions import ROOM_OF_OBJECT, ROOM_PREFIX, RegionMap, region_map
 from ..formats.scene_bundle import LabeledObject, SceneBundle
 from .actions import find_turns, route_of
 from .records import Instruction
 
 MIN_WORDS, MAX_WORDS = 8, 80
+_ROOMS = ("hallway", "corridor", "office", "study", "closet", "garage", "balcony", "entrance")
 _REACH_M = 3.0  # things farther from the path than this must not be named
 _STOP = re.compile(r"\b(stop|wait|halt|finish|end|stand|pause)\b", re.IGNORECASE)
 _SIDE = re.compile(r"\bon (?:your|the) (left|right)\b", re.IGNORECASE)
@@ -50,8 +51,7 @@ def check_instruction(
     if not sentences or not _STOP.search(sentences[-1]):
         problems.append("the last sentence does not say where to stop")
     problems += _turn_problems(text, episode)
-    problems += _thing_problems(text, episode, bundle)
-    problems += _room_problems(text, episode, bundle, regions)
+    problems += _name_problems(text, episode, bundle, regions)
     if isinstance(instruction, Instruction):
         problems += _mention_problems(instruction, episode, bundle)
     return problems
@@ -82,37 +82,38 @@ def _turn_problems(text: str, episode: Episode) -> list[str]:
     return []
 
 
-def _thing_problems(text: str, episode: Episode, bundle: SceneBundle) -> list[str]:
-    by_category: dict[str, list[LabeledObject]] = {}
-    for thing in bundle.objects:
-        if thing.level in (episode.level, -1) and not thing.category.startswith(ROOM_PREFIX):
-            by_category.setdefault(thing.category.lower(), []).append(thing)
-    problems = []
-    rest = text.lower()
-    # Longest first, so that "kitchen table" is not taken for a "table" as well.
-    for category in sorted(by_category, key=len, reverse=True):
-        pattern = rf"\bthe {re.escape(category)}(?:e?s)?\b"
-        if not re.search(pattern, rest):
-            continue
-        rest = re.sub(pattern, " ", rest)
-        gap = min(_gap(thing, episode) for thing in by_category[category])
-        if gap > _REACH_M:
-            problems.append(f"the {category} is {gap:.1f} m from the path")
-    return problems
-
-
-def _room_problems(
+def _name_problems(
     text: str, episode: Episode, bundle: SceneBundle, regions: RegionMap
 ) -> list[str]:
+    """Things and rooms that the text names, but the path does not come by."""
+    things: dict[str, list[LabeledObject]] = {name: [] for name in ROOM_OF_OBJECT}
+    for thing in bundle.objects:
+        if thing.level in (episode.level, -1) and not thing.category.startswith(ROOM_PREFIX):
+            things.setdefault(thing.category.lower(), []).append(thing)
     route = route_of(episode, regions)
     visited = {c.to_room for c in route.changes} | {c.from_room for c in route.changes}
     visited |= {route.goal_room, regions.name_at(episode.start_position_world_m[:2])}
-    categories = {o.category.lower() for o in bundle.objects}
-    return [
-        f"the path does not visit the {name}"
-        for name in sorted(set(regions.names) - visited - {""} - categories)
-        if re.search(rf"\bthe {re.escape(name)}\b(?! \w*(?:table|cabinet))", text.lower())
-    ]
+    rooms = {name.lower() for name in (*regions.names, *ROOM_OF_OBJECT.values(), *_ROOMS)} - {""}
+    problems = []
+    rest = text.lower()
+    # Longest first, so that "kitchen table" is taken neither for a kitchen nor for a table.
+    for name in sorted(things.keys() | rooms, key=len, reverse=True):
+        pattern = rf"\bthe {re.escape(name)}(?:e?s)?\b"
+        if not re.search(pattern, rest):
+            continue
+        rest = re.sub(pattern, " ", rest)
+        if name in rooms and name in {v.lower() for v in visited}:
+            continue
+        found = things.get(name, [])
+        if found:
+            gap = min(_gap(thing, episode) for thing in found)
+            if gap > _REACH_M:
+                problems.append(f"the {name} is {gap:.1f} m from the path")
+        elif name in rooms:
+            problems.append(f"the path does not visit the {name}")
+        else:
+            problems.append(f"no {name} is labelled on this level")
+    return problems
 
 
 def _mention_problems(instruction: Instruction, episode: Episode, bundle: SceneBundle) -> list[str]:

@@ -16,8 +16,8 @@ from .landmarks import STOP_M, Sighting, sightings
 from .records import Instruction, Mention
 
 OFFLINE = "offline"
-_TOGETHER_M = 0.9  # a turn this close to a doorway is one step with it
-_AT_TURN_M = 1.3  # a landmark this close to a turn marks it
+_TOGETHER_M = (-0.6, 1.6)  # a doorway this far behind a turn is one step with it
+_AT_TURN_M = 1.2  # a landmark this close to a turn marks it
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,8 @@ def _steps(
     named = {last.mention.name} if last and last.mention else set()
     changes = list(route.changes)
     for turn in route.turns:
-        partner = next((c for c in changes if abs(c.along_m - turn.along_m) < _TOGETHER_M), None)
+        low, high = (turn.along_m + gap for gap in _TOGETHER_M)
+        partner = next((c for c in changes if low < c.along_m < high), None)
         if partner is not None and turn.along_m > 0.5:
             changes.remove(partner)
             steps.append(_turn_and_enter(turn, partner, rng))
@@ -99,9 +100,7 @@ def _turn(turn: Turn, seen: list[Sighting], named: set[str], rng: np.random.Gene
     near = [
         s
         for s in seen
-        if s.name not in named
-        and abs(s.along_m - turn.along_m) <= _AT_TURN_M
-        and s.distance_m <= _AT_TURN_M
+        if s.name not in named and np.hypot(s.along_m - turn.along_m, s.distance_m) <= _AT_TURN_M
     ]
     action = f"turn {turn.direction}"
     if not near or turn.along_m < 0.5 or abs(turn.angle_rad) > np.deg2rad(150):
@@ -168,13 +167,14 @@ def _add_passed(
 
 
 def _add_distances(steps: list[_Step], rng: np.random.Generator) -> list[_Step]:
-    """Say how far to walk before a turn that nothing else announces."""
+    """Say how far to walk before a turn or a doorway that nothing else announces."""
     result: list[_Step] = []
     before = 0.0
     for step in steps:
-        bare_turn = step.action.startswith("turn") and step.mention is None
         far = step.along_m - before
-        if bare_turn and "into" not in step.action and far > 1.5:
+        # Doors are seen from afar, a corner in the open is not.
+        alone = 1.5 if step.action in ("turn left", "turn right") else 5.0
+        if step.mention is None and far > alone:
             result.append(_Step(before, phrases.straight(rng, far), f"walk {far:.1f} m"))
         result.append(step)
         before = step.along_m
@@ -228,7 +228,7 @@ def _sentences(steps: list[_Step], rng: np.random.Generator) -> str:
         double = any(" and " in clause for clause in part)
         joint = ", then " if double else phrases.pick(rng, [" and ", ", then ", " and then "])
         text = ", ".join(part[:-1]) + joint + part[-1] if len(part) > 1 else part[0]
-        if result and len(part) == 1 and rng.random() < 0.4:
+        if result and len(part) == 1 and "then" not in text and rng.random() < 0.4:
             text = "then " + text
         result.append(text[0].upper() + text[1:] + ".")
     return " ".join(result)

@@ -93,7 +93,9 @@ def sightings(
         low, high = np.array(thing.lower_m[:2]), np.array(thing.upper_m[:2])
         edge = np.clip(points, low, high)
         gap = np.linalg.norm(points - edge, axis=1)
-        nearest = int(np.argmin(gap))
+        # Along a long thing the path is near it for a while: take the middle of that.
+        beside = np.flatnonzero(gap <= gap.min() + 0.1)
+        nearest = int(beside[len(beside) // 2])
         if gap[nearest] > NEAR_M and gap[-1] > STOP_M:
             continue
         from_point = nearest if gap[nearest] <= NEAR_M else -1

@@ -130,7 +130,7 @@ def stop_after(rng: np.random.Generator, distance_m: float, first: bool) -> str:
         return pick(
             rng,
             [
-                f"walk straight ahead for about {far}, then stop there",
+                f"walk straight ahead for about {far} and stop there",
                 f"go forward about {far} and come to a stop there",
             ],
         )
@@ -141,6 +141,6 @@ def stop_after(rng: np.random.Generator, distance_m: float, first: bool) -> str:
         [
             f"walk about {far} further and stop",
             f"stop after about {far}",
-            f"go on for about {far}, then stop there",
+            f"go on for about {far} and stop there",
         ],
     )

@@ -27,7 +27,7 @@ class SampleConfig:
         waypoint_spacing_m: greatest distance of reference waypoints [m].
         heading_noise_rad: starts look along the path, ± at most this [rad].
         goals_per_start: goals tried from one start before another start is drawn.
-        starts_per_episode: starts drawn per episode asked for, before giving up.
+        patience: starts drawn in a row without a new episode, before giving up.
     """
 
     count: int = 6
@@ -44,7 +44,7 @@ class SampleConfig:
     waypoint_spacing_m: float = 1.0
     heading_noise_rad: float = 0.25
     goals_per_start: int = 4
-    starts_per_episode: int = 12
+    patience: int = 30
 
     def __post_init__(self):
         if self.count < 1:

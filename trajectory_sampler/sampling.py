@@ -75,11 +75,12 @@ def sample_episodes(
     dropped: Counter[str] = Counter()
     kept: list[Candidate] = []
     visits: list[Counter[tuple[int, int]]] = [Counter() for _ in levels]
-    starts_left = config.count * config.starts_per_episode if levels else 0
-    while len(kept) < config.count and starts_left > 0:
-        k = starts_left % len(levels)
-        starts_left -= 1
+    starts = failed = 0
+    while levels and len(kept) < config.count and failed < config.patience * len(levels):
+        k = starts % len(levels)
         level = levels[k]
+        starts += 1
+        failed += 1
         paths = [c.reference_m for c in kept if c.level == level.index]
         for outcome in from_one_start(level, visits[k], paths, config, rng):
             if isinstance(outcome, str):
@@ -88,6 +89,7 @@ def sample_episodes(
             ends = level.regions.at(outcome.reference_m[[0, -1], :2])
             visits[k][int(ends[0]), int(ends[1])] += 1
             kept.append(outcome)
+            failed = 0
             break
     episodes = [_episode(bundle, c, k, config, rng) for k, c in enumerate(kept)]
     result = SampleResult(episodes, config.count, dict(dropped))
