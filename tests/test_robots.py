@@ -5,6 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
+
 from vlnpe.collectors.robots import (
     ROBOTS,
     TIMESTEP_S,
