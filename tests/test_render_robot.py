@@ -166,3 +166,17 @@ def test_unknown_joints_are_named() -> None:
         ValueError, match=r"\['tail'\] are not in the model; valid: \['hinge', 'root'\]"
     ):
         RobotBody(ball_robot(), ["tail"])
+
+
+def test_the_floor_is_darker_under_the_robot_and_nowhere_else(
+    renderer: Renderer, ball: RobotBody
+) -> None:
+    eye, down = [2.0, 1.5, 2.4], facing(0.0, np.pi / 2)
+    bare = renderer.render(SQUARE, eye, down)[0].astype(int)
+    near = ball.pose([2.0, 1.5, 0.25], UPRIGHT, [0.0])
+    rgb, depth = renderer.render(SQUARE, eye, down, near)
+    floor = np.isclose(depth, 2.4, atol=1e-3)
+    change = np.where(floor[..., None], bare - rgb, 0).max(-1)
+    assert (change[floor] >= 0).all()
+    assert change[64 - 9 : 64 + 9, 64 - 9 : 64 + 9].max() > 10  # around the ball's outline
+    assert (change[:16] == 0).all()  # 2 m away

@@ -14,6 +14,7 @@ from tests.support.rooms import PARTS
 from vlnpe.collectors.rendering.interface import Renderer
 from vlnpe.collectors.rendering.registry import make_renderer
 from vlnpe.collectors.rendering.srgb import to_linear, to_srgb
+from vlnpe.collectors.rendering.textures import load_materials, mip_pyramid
 from vlnpe.formats.camera import CameraModel
 from vlnpe.formats.errors import FileFormatError, UnknownNameError
 from vlnpe.formats.frames import matrix_to_quat, quat_to_matrix
@@ -222,6 +223,26 @@ def test_unknown_names_list_the_valid_ones(two_rooms: SceneBundle) -> None:
         make_renderer(two_rooms, "vulkan")
     with pytest.raises(UnknownNameError, match="light 'disco'; valid: baked"):
         make_renderer(two_rooms, light="disco")
+
+
+@pytest.mark.parametrize("limit", [10**9, 40_000, 10_000, 700])
+def test_textures_are_halved_until_they_fit(tmp_path: Path, limit: int) -> None:
+    image = np.full((128, 256, 3), 90, dtype=np.uint8)
+    bundle = write_wall(tmp_path, image)
+    pack = load_materials(bundle, limit).pack
+    width, height = pack.size_px[0, 0]
+    assert width * height <= limit
+    assert width * height * 4 > min(limit, 128 * 256)  # not smaller than needed
+    assert width == 2 * height
+
+
+def test_mip_levels_keep_the_light(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    image = rng.integers(0, 256, (64, 128, 3), dtype=np.uint8)
+    mean = to_linear(image / 255.0).mean((0, 1))
+    for mip in mip_pyramid(image):
+        roots = np.stack([(mip >> shift) & 1023 for shift in (0, 10, 20)], axis=-1) / 1023.0
+        assert np.allclose((roots**2).mean((0, 1)), mean, atol=2e-3)
 
 
 @pytest.mark.parametrize("content", [None, b"no picture"])

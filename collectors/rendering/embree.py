@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...formats.camera import CameraModel
 from ...formats.frames import quat_to_matrix
 from ...formats.scene_bundle import SceneBundle
+from .contact_shadow import darken_under
 from .edges import add_samples, encode_srgb, find_edges
 from .lights import get_light
 from .rays import SUBPIXELS, fill_directions, subpixel_directions
@@ -71,8 +72,15 @@ class SceneRenderer:
             self._directions = np.empty((width * height, 3), dtype=np.float32)
         fill_directions(rotation, focal, width, height, self._directions)
         pixel = (rotation[:, :2] / focal).T.astype(np.float32)
-        color, depth, surface = self._trace(self._directions, position, pixel, cut_above_m)
-        geoms = self._robot_geoms(robot, position, rotation, camera)
+        geoms: list[VisibleGeom] = []
+        spheres = np.zeros((0, 4), dtype=np.float32)
+        if robot is not None:
+            if self._robot.surfaces is not robot.surfaces:
+                self._robot = RobotTracer(robot.surfaces)
+            geoms = self._robot.visible(robot, position, rotation, camera)
+            if geoms:  # a robot out of view leaves no spot worth its time
+                spheres = self._robot.shadow.posed(robot)
+        color, depth, surface = self._trace(self._directions, position, pixel, spheres, cut_above_m)
         if geoms:
             centers = np.arange(width * height).reshape(height, width)
             for geom in geoms:
@@ -86,7 +94,7 @@ class SceneRenderer:
         edges = find_edges(rgb, depth, surface, width, height, EDGE_BEND / focal, MIN_CONTRAST)
         if len(edges):
             directions = subpixel_directions(edges, SUBPIXELS, rotation, focal, width, height)
-            samples = self._trace(directions, position, 0.5 * pixel, cut_above_m)
+            samples = self._trace(directions, position, 0.5 * pixel, spheres, cut_above_m)
             rows, columns = (np.repeat(i, len(SUBPIXELS)) for i in np.divmod(edges, width))
             for geom in geoms:
                 left, top, right, bottom = geom.rectangle_px
@@ -105,24 +113,12 @@ class SceneRenderer:
         hit = self._scene.run(origin, unit, output=True)
         return float(hit["tfar"][0]) if hit["primID"][0] >= 0 else float("inf")
 
-    def _robot_geoms(
-        self,
-        robot: RobotGeometryPose | None,
-        position: NDArray[np.float64],
-        rotation: NDArray[np.float64],
-        camera: CameraModel,
-    ) -> list[VisibleGeom]:
-        if robot is None:
-            return []
-        if self._robot.surfaces is not robot.surfaces:
-            self._robot = RobotTracer(robot.surfaces)
-        return self._robot.visible(robot, position, rotation, camera)
-
     def _trace(
         self,
         directions: F32,
         position: NDArray[np.float64],
         pixel: F32,
+        spheres: F32,
         cut_above_m: float,
     ) -> tuple[F32, F32, NDArray[np.int32]]:
         """Linear colour (N, 3), depth (N,), inf = none, and surface (N,) of the scene's hits."""
@@ -140,5 +136,8 @@ class SceneRenderer:
         color = np.empty_like(directions)
         hits = Hits(prim, hit["u"], hit["v"], depth)
         shade_scene(directions, pixel, hits, self._arrays, self._light, color)
+        if len(spheres):
+            eye = position.astype(np.float32)
+            darken_under(spheres, eye, directions, hit["Ng"], depth, color)
         surface = np.where(prim >= 0, self._arrays.face_material[prim], -1)
         return color, depth, surface

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 from embreex.rtcore_scene import EmbreeScene
-from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
@@ -89,51 +88,3 @@ def _sphere_directions(count: int) -> NDArray[np.float64]:
     angle = np.pi * (1.0 + np.sqrt(5.0)) * k
     radius = np.sqrt(1.0 - z * z)
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=-1)
-
-
-@njit(inline="always", error_model="numpy")
-def openness_at(grid: OpennessGrid, x, y, z, nx, ny, nz):
-    """Openness (0–1) at a surface point with a unit normal, trilinear.
-
-    Args:
-        grid: traced grid.
-        x: point [m], x.
-        y: point [m], y.
-        z: point [m], z.
-        nx: normal on the viewer's side, x.
-        ny: normal, y.
-        nz: normal, z.
-    """
-    # Three quarters of a cell in front of the surface, so that cells behind it count little.
-    off = f32(0.75)
-    gx = (x - grid.lower_m[0]) * grid.per_m + off * nx
-    gy = (y - grid.lower_m[1]) * grid.per_m + off * ny
-    gz = (z - grid.lower_m[2]) * grid.per_m + off * nz
-    gx = min(max(gx, f32(0.0)), f32(grid.cube.shape[2] - 1))
-    gy = min(max(gy, f32(0.0)), f32(grid.cube.shape[1] - 1))
-    gz = min(max(gz, f32(0.0)), f32(grid.cube.shape[0] - 1))
-    x0 = np.int64(gx)
-    y0 = np.int64(gy)
-    z0 = np.int64(gz)
-    fx = gx - f32(x0)
-    fy = gy - f32(y0)
-    fz = gz - f32(z0)
-    x1 = min(x0 + 1, grid.cube.shape[2] - 1)
-    y1 = min(y0 + 1, grid.cube.shape[1] - 1)
-    z1 = min(z0 + 1, grid.cube.shape[0] - 1)
-    result = f32(0.0)
-    for axis in range(3):
-        side = nx if axis == 0 else (ny if axis == 1 else nz)
-        k = 2 * axis if side >= f32(0.0) else 2 * axis + 1
-        low = (f32(1.0) - fy) * (
-            (f32(1.0) - fx) * f32(grid.cube[z0, y0, x0, k]) + fx * f32(grid.cube[z0, y0, x1, k])
-        ) + fy * (
-            (f32(1.0) - fx) * f32(grid.cube[z0, y1, x0, k]) + fx * f32(grid.cube[z0, y1, x1, k])
-        )
-        high = (f32(1.0) - fy) * (
-            (f32(1.0) - fx) * f32(grid.cube[z1, y0, x0, k]) + fx * f32(grid.cube[z1, y0, x1, k])
-        ) + fy * (
-            (f32(1.0) - fx) * f32(grid.cube[z1, y1, x0, k]) + fx * f32(grid.cube[z1, y1, x1, k])
-        )
-        result += side * side * (low + fz * (high - low))
-    return result * f32(1.0 / 255.0)

@@ -14,6 +14,7 @@ from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
 from ...formats.camera import CameraModel
+from .contact_shadow import ContactShadow
 from .robot_body import GeomSurface, RobotGeometryPose
 from .shading import Hits, shade_robot
 
@@ -48,6 +49,7 @@ class RobotTracer:
     def __init__(self, surfaces: tuple[GeomSurface, ...]):
         """Build a scene per geom."""
         self.surfaces = surfaces
+        self.shadow = ContactShadow(surfaces)
         self._scenes = []
         for surface in surfaces:
             scene = EmbreeScene()

@@ -1,4 +1,9 @@
-"""Hits to colours in linear light."""
+"""Hits to colours in linear light: texture filtering, room light, and the kernels that use them.
+
+All of it is one file on purpose. The helpers are inlined into the kernels (passing arrays between
+compiled functions counts references atomically, which costs more than a texture look-up), and
+numba's cache notices changes only in a kernel's own file.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +13,19 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .openness import OpennessGrid, openness_at
-from .sampling import sample_texture
+from .openness import OpennessGrid
 from .textures import TexturePack
 
 f32 = np.float32
 F32 = NDArray[np.float32]
+
+
+# Everything but assuming that there are no infinities and NaNs.
+FAST = {"contract", "arcp", "nsz", "reassoc"}
+MAX_TAPS = f32(6.0)
+EXPONENT_BIAS = np.int32(127 << 23)
+HALF_PER_OCTAVE = f32(0.5 / (1 << 23))
+PER_SQUARE = f32(1.0 / 1023.0**2)  # texels hold 10-bit square roots
 
 
 class SceneArrays(NamedTuple):
@@ -55,6 +67,192 @@ class Hits(NamedTuple):
 
 
 @njit(inline="always", error_model="numpy")
+def _square(texel: np.uint32, shift: int) -> np.float32:
+    value = f32(np.int32((texel >> np.uint32(shift)) & np.uint32(1023)))
+    return value * value
+
+
+@njit(inline="always", error_model="numpy")
+def bilinear(texels: NDArray[np.uint32], start, width, height, u, v):
+    """Bilinear colour at (u, v) of one mip level, as three sums of squared 10-bit roots.
+
+    Args:
+        texels: all texels.
+        start: index of the level's first texel.
+        width: of the level [px], int32.
+        height: of the level [px], int32.
+        u: texture coordinate to the right, float32, repeating.
+        v: texture coordinate upwards, float32, repeating.
+    """
+    x = (u - np.floor(u)) * f32(width) - f32(0.5)
+    y = (f32(1.0) - (v - np.floor(v))) * f32(height) - f32(0.5)  # v points up, rows go down
+    left = np.floor(x)
+    top = np.floor(y)
+    fx = x - left
+    fy = y - top
+    x0 = np.int32(left)
+    y0 = np.int32(top)
+    x1 = x0 + np.int32(1)
+    y1 = y0 + np.int32(1)
+    if x0 < 0:
+        x0 += width
+    if y0 < 0:
+        y0 += height
+    if x1 >= width:
+        x1 -= width
+    if y1 >= height:
+        y1 -= height
+    row0 = start + np.int64(y0) * width
+    row1 = start + np.int64(y1) * width
+    a = texels[np.uint64(row0 + x0)]
+    b = texels[np.uint64(row0 + x1)]
+    c = texels[np.uint64(row1 + x0)]
+    d = texels[np.uint64(row1 + x1)]
+    wd = fx * fy
+    wb = fx - wd
+    wc = fy - wd
+    wa = f32(1.0) - fx - wc
+    return (
+        wa * _square(a, 0) + wb * _square(b, 0) + wc * _square(c, 0) + wd * _square(d, 0),
+        wa * _square(a, 10) + wb * _square(b, 10) + wc * _square(c, 10) + wd * _square(d, 10),
+        wa * _square(a, 20) + wb * _square(b, 20) + wc * _square(c, 20) + wd * _square(d, 20),
+    )
+
+
+@njit(inline="always", error_model="numpy")
+def sample_texture(pack: TexturePack, texture, u, v, du_dx, dv_dx, du_dy, dv_dy):
+    """Colour of a texture over a pixel's footprint: red, green, blue in linear light.
+
+    The footprint is the parallelogram of the two derivatives. Taps lie along its longer side, the
+    mip level follows its shorter one (as graphics hardware does, after McCormack et al., "Feline",
+    1999), so that floors seen at a flat angle stay sharp across and do not shimmer along.
+
+    Args:
+        pack: all textures.
+        texture: index of the texture.
+        u: texture coordinate to the right, float32.
+        v: texture coordinate upwards, float32.
+        du_dx: change of u per pixel to the right.
+        dv_dx: change of v per pixel to the right.
+        du_dy: change of u per pixel down.
+        dv_dy: change of v per pixel down.
+    """
+    width = f32(pack.size_px[texture, 0, 0])
+    height = f32(pack.size_px[texture, 0, 1])
+    ax = du_dx * width
+    bx = dv_dx * height
+    ay = du_dy * width
+    by = dv_dy * height
+    step_u = du_dx
+    step_v = dv_dx
+    long_square = ax * ax + bx * bx
+    short_square = ay * ay + by * by
+    if short_square > long_square:
+        step_u = du_dy
+        step_v = dv_dy
+        long_square, short_square = short_square, long_square
+    taps = np.int32(1)
+    level = np.int32(0)
+    fraction = f32(0.0)
+    if long_square > f32(1.0):
+        # A sheared footprint is narrower than its shorter side: its area says how narrow.
+        area = ax * by - ay * bx
+        short_square = max(f32(1.0), min(short_square, area * area / long_square))
+        ratio = np.sqrt(long_square / short_square)
+        taps = np.int32(min(MAX_TAPS, max(f32(1.0), np.ceil(ratio - f32(0.5)))))
+        per_tap = f32(1.0) / f32(taps)
+        # log2 from the float's exponent and linearly between powers of two, as hardware does.
+        bits = f32(max(short_square, long_square * per_tap * per_tap)).view(np.int32)
+        lod = f32(bits - EXPONENT_BIAS) * HALF_PER_OCTAVE
+        lod = min(lod, f32(pack.levels[texture] - 1))
+        level = np.int32(lod)
+        fraction = lod - f32(level)
+    red = green = blue = f32(0.0)
+    share = f32(1.0) / f32(taps)
+    step_u *= share
+    step_v *= share
+    first = f32(0.5) * (f32(taps) - f32(1.0))
+    u -= first * step_u
+    v -= first * step_v
+    for _ in range(taps):
+        r, g, b = bilinear(
+            pack.texels,
+            pack.offset[texture, level],
+            pack.size_px[texture, level, 0],
+            pack.size_px[texture, level, 1],
+            u,
+            v,
+        )
+        if fraction > f32(0.0):
+            r1, g1, b1 = bilinear(
+                pack.texels,
+                pack.offset[texture, level + 1],
+                pack.size_px[texture, level + 1, 0],
+                pack.size_px[texture, level + 1, 1],
+                u,
+                v,
+            )
+            r += fraction * (r1 - r)
+            g += fraction * (g1 - g)
+            b += fraction * (b1 - b)
+        red += r
+        green += g
+        blue += b
+        u += step_u
+        v += step_v
+    share *= PER_SQUARE
+    return red * share, green * share, blue * share
+
+
+@njit(inline="always", error_model="numpy")
+def openness_at(grid: OpennessGrid, x, y, z, nx, ny, nz):
+    """Openness (0–1) at a surface point with a unit normal, trilinear.
+
+    Args:
+        grid: traced grid.
+        x: point [m], x.
+        y: point [m], y.
+        z: point [m], z.
+        nx: normal on the viewer's side, x.
+        ny: normal, y.
+        nz: normal, z.
+    """
+    # Three quarters of a cell in front of the surface, so that cells behind it count little.
+    off = f32(0.75)
+    gx = (x - grid.lower_m[0]) * grid.per_m + off * nx
+    gy = (y - grid.lower_m[1]) * grid.per_m + off * ny
+    gz = (z - grid.lower_m[2]) * grid.per_m + off * nz
+    gx = min(max(gx, f32(0.0)), f32(grid.cube.shape[2] - 1))
+    gy = min(max(gy, f32(0.0)), f32(grid.cube.shape[1] - 1))
+    gz = min(max(gz, f32(0.0)), f32(grid.cube.shape[0] - 1))
+    x0 = np.int64(gx)
+    y0 = np.int64(gy)
+    z0 = np.int64(gz)
+    fx = gx - f32(x0)
+    fy = gy - f32(y0)
+    fz = gz - f32(z0)
+    x1 = min(x0 + 1, grid.cube.shape[2] - 1)
+    y1 = min(y0 + 1, grid.cube.shape[1] - 1)
+    z1 = min(z0 + 1, grid.cube.shape[0] - 1)
+    result = f32(0.0)
+    for axis in range(3):
+        side = nx if axis == 0 else (ny if axis == 1 else nz)
+        k = 2 * axis if side >= f32(0.0) else 2 * axis + 1
+        low = (f32(1.0) - fy) * (
+            (f32(1.0) - fx) * f32(grid.cube[z0, y0, x0, k]) + fx * f32(grid.cube[z0, y0, x1, k])
+        ) + fy * (
+            (f32(1.0) - fx) * f32(grid.cube[z0, y1, x0, k]) + fx * f32(grid.cube[z0, y1, x1, k])
+        )
+        high = (f32(1.0) - fy) * (
+            (f32(1.0) - fx) * f32(grid.cube[z1, y0, x0, k]) + fx * f32(grid.cube[z1, y0, x1, k])
+        ) + fy * (
+            (f32(1.0) - fx) * f32(grid.cube[z1, y1, x0, k]) + fx * f32(grid.cube[z1, y1, x1, k])
+        )
+        result += side * side * (low + fz * (high - low))
+    return result * f32(1.0 / 255.0)
+
+
+@njit(inline="always", error_model="numpy")
 def room_light(nx, ny, nz, cosine, light: F32):
     """Factor of the fixed room shading.
 
@@ -76,7 +274,7 @@ def room_light(nx, ny, nz, cosine, light: F32):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def shade_scene(directions: F32, pixel: F32, hits: Hits, scene: SceneArrays, light: F32, out: F32):
     """Colour of each ray's hit on the scene.
 
@@ -176,7 +374,7 @@ def shade_scene(directions: F32, pixel: F32, hits: Hits, scene: SceneArrays, lig
         out[i, 2] = scene.base_linear[material, 2] * blue
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 def shade_robot(
     rays: NDArray[np.int64],
     directions: F32,

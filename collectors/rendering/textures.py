@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -9,12 +11,16 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from ...formats.errors import FileFormatError
 from ...formats.scene_bundle import SceneBundle
 from .srgb import decode_table, to_linear
 
 MAX_LEVELS = 16
+MAX_TEXELS = 96_000_000  # 512 MB with all mip levels
+
+log = logging.getLogger(__name__)
 
 
 class TexturePack(NamedTuple):
@@ -50,8 +56,11 @@ class MaterialTable:
     pack: TexturePack
 
 
-def load_materials(bundle: SceneBundle) -> MaterialTable:
+def load_materials(bundle: SceneBundle, max_texels: int = MAX_TEXELS) -> MaterialTable:
     """Read a bundle's materials and textures; a texture named twice is stored once.
+
+    Textures of scenes with more than `max_texels` texels are halved, the largest first, until the
+    rest fits: memory must allow several renderers beside each other.
 
     Raises:
         FileFormatError: a texture is missing or no image.
@@ -59,57 +68,89 @@ def load_materials(bundle: SceneBundle) -> MaterialTable:
     paths = sorted({m.texture for m in bundle.materials if m.texture is not None})
     index = {path: i for i, path in enumerate(paths)}
     base = np.array([m.base_color for m in bundle.materials], dtype=np.float32).reshape(-1, 3)
+    files = [bundle.root / path for path in paths]
+    skips = levels_to_skip([_image_size(file) for file in files], max_texels)
+    if any(skips):
+        log.warning("%s: %d of %d textures are halved to fit", bundle.scene_id,
+                    sum(skip > 0 for skip in skips), len(skips))  # fmt: skip
     return MaterialTable(
         base_linear=to_linear(base),
         texture=np.array(
             [-1 if m.texture is None else index[m.texture] for m in bundle.materials],
             dtype=np.int32,
         ),
-        pack=pack_textures([_read_rgb(bundle.root / path) for path in paths]),
+        pack=pack_textures(
+            mip_pyramid(_read_rgb(file))[skip:] for file, skip in zip(files, skips, strict=True)
+        ),
     )
 
 
-def pack_textures(images: list[NDArray[np.uint8]]) -> TexturePack:
-    """Build the pyramids of `images`, each (H, W, 3) uint8 sRGB."""
-    count = len(images)
-    offset = np.zeros((count, MAX_LEVELS), dtype=np.int64)
-    size_px = np.ones((count, MAX_LEVELS, 2), dtype=np.int32)
-    levels = np.zeros(count, dtype=np.int32)
+def levels_to_skip(sizes_px: list[tuple[int, int]], max_texels: int) -> list[int]:
+    """How often to halve each texture so that all together have at most `max_texels` texels."""
+    skips = [0] * len(sizes_px)
+    texels = [width * height for width, height in sizes_px]
+    while sum(texels) > max_texels and max(texels) > 1:
+        largest = max(texels)
+        for i, count in enumerate(texels):
+            if count == largest:
+                skips[i] += 1
+                texels[i] = max(1, count // 4)
+    return skips
+
+
+def pack_textures(pyramids: Iterable[list[NDArray[np.uint32]]]) -> TexturePack:
+    """Lay out pyramids, each as `mip_pyramid` makes them, one after the other."""
+    offsets, sizes, levels = [], [], []
     chunks: list[NDArray[np.uint32]] = []
     position = 0
-    for t, image in enumerate(images):
-        for level, mip in enumerate(mip_pyramid(image)):
-            offset[t, level] = position
-            size_px[t, level] = mip.shape[1], mip.shape[0]
-            levels[t] = level + 1
+    for mips in pyramids:
+        offset = np.zeros(MAX_LEVELS, dtype=np.int64)
+        size_px = np.ones((MAX_LEVELS, 2), dtype=np.int32)
+        for level, mip in enumerate(mips):
+            offset[level] = position
+            size_px[level] = mip.shape[1], mip.shape[0]
             chunks.append(mip.ravel())
             position += mip.size
-    texels = np.concatenate(chunks) if chunks else np.zeros(1, dtype=np.uint32)
-    return TexturePack(texels, offset, size_px, levels)
+        offsets.append(offset)
+        sizes.append(size_px)
+        levels.append(len(mips))
+    return TexturePack(
+        np.concatenate(chunks) if chunks else np.zeros(1, dtype=np.uint32),
+        np.array(offsets, dtype=np.int64).reshape(-1, MAX_LEVELS),
+        np.array(sizes, dtype=np.int32).reshape(-1, MAX_LEVELS, 2),
+        np.array(levels, dtype=np.int32),
+    )
 
 
 def mip_pyramid(image: NDArray[np.uint8]) -> list[NDArray[np.uint32]]:
     """Halve `image` (H, W, 3) sRGB down to one texel, averaging areas in linear light."""
-    roots = np.sqrt(decode_table()) * 1023.0
-    mips = [_packed(np.round(roots).astype(np.uint16)[image])]
+    roots = np.round(np.sqrt(decode_table()) * 1023.0).astype(np.uint32)
+    mips = [_packed(roots[image])]
     linear = decode_table()[image]
     while max(linear.shape[:2]) > 1 and len(mips) < MAX_LEVELS:
         height, width = (max(1, side // 2) for side in linear.shape[:2])
         linear = cv2.resize(linear, (width, height), interpolation=cv2.INTER_AREA)
         linear = linear.reshape(height, width, 3)
-        mips.append(_packed(np.round(np.sqrt(linear) * 1023.0)))
+        mips.append(_packed(np.round(np.sqrt(linear) * 1023.0).astype(np.uint32)))
     return mips
 
 
-def _packed(roots: NDArray[np.floating] | NDArray[np.uint16]) -> NDArray[np.uint32]:
-    red, green, blue = np.moveaxis(roots.astype(np.uint32), -1, 0)
-    return red | green << 10 | blue << 20
+def _packed(roots: NDArray[np.uint32]) -> NDArray[np.uint32]:
+    return roots[..., 0] | roots[..., 1] << np.uint32(10) | roots[..., 2] << np.uint32(20)
+
+
+def _image_size(path: Path) -> tuple[int, int]:
+    if not path.is_file():
+        raise FileFormatError(path, "missing texture; the scene's repair is incomplete")
+    try:
+        with Image.open(path) as image:  # reads the header only
+            return image.size
+    except (OSError, ValueError) as error:
+        raise FileFormatError(path, "not an image; valid: PNG or JPEG") from error
 
 
 def _read_rgb(path: Path) -> NDArray[np.uint8]:
-    if not path.is_file():
-        raise FileFormatError(path, "missing texture; the scene's repair is incomplete")
     image = cv2.imdecode(np.fromfile(path, dtype=np.uint8), cv2.IMREAD_COLOR)
     if image is None:
-        raise FileFormatError(path, "not an image that OpenCV can read; valid: PNG or JPEG")
+        raise FileFormatError(path, "a damaged image; valid: PNG or JPEG")
     return np.ascontiguousarray(image[..., ::-1], dtype=np.uint8)
