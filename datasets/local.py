@@ -30,5 +30,7 @@ def open_dataset(root: Path, **options: Any) -> LeRobotDataset:
     try:
         from lerobot.datasets.lerobot_dataset import LeRobotDataset
     except ImportError as error:
-        raise InputError("lerobot is not installed; run: uv sync --inexact --extra train") from error
+        raise InputError(
+            "lerobot is not installed; run: uv sync --inexact --extra train"
+        ) from error
     return LeRobotDataset(f"vlnpe/{root.name}", root=root, **options)

@@ -9,6 +9,8 @@
       levels/<k>/obstacles.npz  boxes
       levels/<k>/freemap.npz    planning map inputs
       repair.json, before.png, after.png
+
+The index is written last: a folder with one is complete.
 """
 
 from __future__ import annotations

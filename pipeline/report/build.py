@@ -141,11 +141,19 @@ def _scene(root: Path, row: Row) -> dict[str, Any]:
     folder = root / "scenes" / row.item
     return {
         "name": row.item,
-        "facts": ", ".join(f"{k.replace('_', ' ')}: {_brief(v)}" for k, v in row.facts.items()),
+        "facts": _repair_note(row.facts),
         "before": data_uri(folder / "before.png", 1200),
         "after": data_uri(folder / "after.png", 1200),
     }
 
 
-def _brief(value: Any) -> str:
-    return f"{value:.2f}" if isinstance(value, float) else str(value)
+def _repair_note(facts: Mapping[str, Any]) -> str:
+    left = ", ".join(f"{n} {cause}" for cause, n in sorted(facts["holes_left"].items()))
+    levels = "1 level" if facts["levels"] == 1 else f"{facts['levels']} levels"
+    text = (
+        f"{levels}, {facts['triangles']:,} triangles. {facts['holes_filled']} holes filled: floor "
+    )
+    text += f"{facts['floor_before_m2']:.1f} m² before, {facts['floor_after_m2']:.1f} m² after."
+    if left:
+        text += f" Left open: {left}."
+    return " ".join([text, *facts["warnings"]])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -38,9 +39,22 @@ def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> li
 def process(source: Path, out: Path, config: RepairConfig) -> ItemResult:
     """Repair one scan."""
     with atomic_folder(out) as temporary:
-        bundle = repair_scene(source, temporary, config)
+        repair_scene(source, temporary, config)
         log = json.loads((temporary / "repair.json").read_text())
-    return ItemResult({"levels": len(bundle.level_floor_z_m), **log.get("summary", {})})
+    levels = log["levels"]
+    holes = [hole for level in levels for hole in level["holes"]]
+    filled = [hole for hole in holes if hole["action"] == "filled"]
+    left = Counter(hole["cause"] for hole in holes if hole["action"] != "filled")
+    facts = {
+        "levels": len(levels),
+        "holes_filled": len(filled),
+        "holes_left": dict(left),
+        "floor_before_m2": sum(level["floor_area_before_m2"] for level in levels),
+        "floor_after_m2": sum(level["floor_area_after_m2"] for level in levels),
+        "triangles": log["triangles_after"],
+        "warnings": log["warnings"],
+    }
+    return ItemResult(facts)
 
 
 def source_digest(source: Path) -> str:
