@@ -28,7 +28,7 @@ class ScanConfig:
     voxel_m: float = 0.03
     view_px: tuple[int, int] = (256, 192)
     view_hfov_deg: float = 92.0
-    station_spacing_m: float = 1.9
+    station_spacing_m: float = 1.25
     noise_m: float = 0.0015
     noise_per_m2: float = 0.0018
     pose_noise_m: float = 0.003

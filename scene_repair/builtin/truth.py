@@ -16,7 +16,7 @@ CELL_M = 0.02
 
 
 def true_floor(plan: FloorPlan, cell_m: float = CELL_M) -> tuple[GridSpec, NDArray[np.bool_]]:
-    """Grid and (rows, columns) mask of all floor, beneath furniture too, without wall footprints."""
+    """Grid and (rows, columns) mask of all floor, beneath furniture too, without walls."""
     lower, upper = plan.bounds()
     grid = GridSpec.covering(lower - 0.5, upper + 0.5, cell_m)
     rows, columns = np.indices(grid.shape)
@@ -31,27 +31,32 @@ def true_floor(plan: FloorPlan, cell_m: float = CELL_M) -> tuple[GridSpec, NDArr
     return grid, mask
 
 
+def covered_cells(grid: GridSpec, triangles_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(rows, columns) that triangles (F, 3, 2 or 3) cover as seen from above."""
+    covered = np.zeros(grid.shape, dtype=bool)
+    flat = triangles_m[..., :2]
+    longest = np.linalg.norm(flat - np.roll(flat, 1, axis=1), axis=2).max(1)
+    # So many samples along an edge that no covered cell is missed.
+    order = np.ceil(np.maximum(longest, 1e-6) / (0.6 * grid.cell_m)).astype(int)
+    for n in np.unique(order):
+        mine = flat[order == n]
+        i, j = np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij")
+        inside = i + j <= n
+        b, c = i[inside] / n, j[inside] / n
+        weights = np.stack([1 - b - c, b, c], -1)
+        xy = np.einsum("sk,fki->fsi", weights, mine).reshape(-1, 2)
+        cells = grid.cell_of(xy)
+        cells = cells[grid.inside(cells)]
+        covered[cells[:, 0], cells[:, 1]] = True
+    return covered
+
+
 def seen_floor(grid: GridSpec, mesh: ScanMesh) -> NDArray[np.bool_]:
     """(rows, columns) where the scan has upward triangles within 8 cm of the floor z = 0."""
     normals, _ = mesh.normals()
     points = mesh.vertices[mesh.faces]
     use = (np.abs(points[..., 2]).max(1) < 0.08) & (normals[:, 2] > 0.7)
-    points = points[use]
-    # Sample every triangle densely enough that no cell it covers is missed.
-    seen = np.zeros(grid.shape, dtype=bool)
-    longest = np.linalg.norm(points - np.roll(points, 1, axis=1), axis=2).max(1)
-    order = np.ceil(longest / (0.6 * grid.cell_m)).astype(int)
-    for n in np.unique(order):
-        mine = points[order == n]
-        i, j = np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij")
-        inside = i + j <= n
-        b, c = i[inside] / n, j[inside] / n
-        weights = np.stack([1 - b - c, b, c], -1)
-        xy = np.einsum("sk,fki->fsi", weights, mine[..., :2]).reshape(-1, 2)
-        cells = grid.cell_of(xy)
-        cells = cells[grid.inside(cells)]
-        seen[cells[:, 0], cells[:, 1]] = True
-    return seen
+    return covered_cells(grid, points[use])
 
 
 def write_truth(path: Path, plan: FloorPlan, mesh: ScanMesh) -> None:

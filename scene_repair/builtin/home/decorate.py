@@ -105,7 +105,7 @@ def wall_hangings(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[
         todo += [decor.picture] * int(np.clip(space.room.area_m2 / 3.2, 2, 7))
     for make in todo:
         piece = make(kit, rng)
-        (x0, _, z0), (x1, depth, z1) = piece.shape.bounds()
+        (x0, _, z0), (x1, _, z1) = piece.shape.bounds()
         half = float(x1 - x0) / 2
         for _ in range(14):
             axis, sign = SIDES[int(rng.integers(4))]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
@@ -22,6 +22,33 @@ def _put(space: RoomSpace, rng: np.random.Generator, items: list[Arrangement]) -
         if found is not None:
             pieces += found[3].pieces
     return pieces
+
+
+def _middle(
+    space: RoomSpace, kit: Kit, rng: np.random.Generator, sizes: tuple[int, ...]
+) -> list[Piece]:
+    """The largest dining set that fits, free in the room; none if none fits."""
+    for seats in sizes:
+        found = try_middle(space, rng, tables.dining_set(kit, rng, seats), 36)
+        if found is not None:
+            return list(found.pieces)
+    return []
+
+
+def _either(
+    space: RoomSpace, rng: np.random.Generator, items: Iterable[Arrangement]
+) -> list[Piece]:
+    """The first of `items` that fits at a wall."""
+    for item in items:
+        found = try_wall(space, rng, item, tries=20)
+        if found is not None:
+            return list(found[3].pieces)
+    return []
+
+
+def _wardrobe(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
+    """The widest wardrobe that fits."""
+    return _either(space, rng, (alone(storage.wardrobe(kit, rng, n), 0.6) for n in (4, 3, 2)))
 
 
 def _rug(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
@@ -58,8 +85,7 @@ def living_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Pi
             pieces += opposite[3].pieces if opposite else ()
             break
     if space.room.area_m2 > 21:
-        dining = try_middle(space, rng, tables.dining_set(kit, rng, 4))
-        pieces += dining.pieces if dining else ()
+        pieces += _middle(space, kit, rng, (4, 2))
     items = [alone(storage.bookshelf(kit, rng), 0.4)]
     if rng.random() < 0.8:
         items.append(alone(seating.armchair(kit, rng), 0.4, on_window=True))
@@ -84,11 +110,7 @@ def kitchen_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[P
                 break
         if pieces:
             break
-    for seats in (6, 4) if rng.random() < 0.4 else (4,):
-        dining = try_middle(space, rng, tables.dining_set(kit, rng, seats), 24)
-        if dining is not None:
-            pieces += dining.pieces
-            break
+    pieces += _middle(space, kit, rng, (6, 4, 2) if rng.random() < 0.4 else (4, 2))
     items = [alone(storage.sideboard(kit, rng), 0.4)] if rng.random() < 0.5 else []
     items.append(alone(storage.bin_(kit, rng), 0.1))
     return pieces + _put(space, rng, items) + _corner_things(space, kit, rng)[:1]
@@ -96,12 +118,7 @@ def kitchen_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[P
 
 def dining_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
     """A large table and a sideboard."""
-    pieces: list[Piece] = []
-    for seats in (6, 4):
-        dining = try_middle(space, rng, tables.dining_set(kit, rng, seats), 24)
-        if dining is not None:
-            pieces += dining.pieces
-            break
+    pieces = _middle(space, kit, rng, (6, 4, 2))
     pieces += _put(
         space, rng, [alone(storage.sideboard(kit, rng)), alone(storage.bookshelf(kit, rng))]
     )
@@ -110,15 +127,10 @@ def dining_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Pi
 
 def bedroom(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
     """A double bed with nightstands, wardrobe, dresser, rug, a chair."""
-    pieces: list[Piece] = []
-    for width, stands in ((1.7, 2), (1.5, 2), (1.5, 1), (1.0, 1), (0.95, 0)):
-        found = try_wall(space, rng, beds.bed_set(kit, rng, width, stands))
-        if found is not None:
-            pieces += found[3].pieces
-            break
-    pieces += _put(
-        space, rng, [alone(storage.wardrobe(kit, rng), 0.6), alone(storage.dresser(kit, rng), 0.5)]
-    )
+    sizes = ((1.7, 2), (1.5, 2), (1.5, 1), (1.0, 1), (0.95, 0))
+    pieces = _either(space, rng, (beds.bed_set(kit, rng, *size) for size in sizes))
+    pieces += _wardrobe(space, kit, rng)
+    pieces += _put(space, rng, [alone(storage.dresser(kit, rng), 0.5)])
     extra = [seating.armchair, seating.pouf][int(rng.integers(2))](kit, rng)
     pieces += _put(space, rng, [alone(extra, 0.3, on_window=True)])
     return pieces + _rug(space, kit, rng) + _corner_things(space, kit, rng)
@@ -126,14 +138,14 @@ def bedroom(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]
 
 def childrens_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
     """A single bed, desk, bright shelf, toys."""
+    pieces = _either(space, rng, (beds.bed_set(kit, rng, 0.95, n) for n in (1, 0)))
+    pieces += _wardrobe(space, kit, rng)
     items = [
-        beds.bed_set(kit, rng, 0.95, 1),
         tables.desk_set(kit, rng),
         alone(storage.toy_shelf(kit, rng), 0.4),
-        alone(storage.wardrobe(kit, rng), 0.5),
         alone(seating.pouf(kit, rng), 0.2, on_window=True),
     ]
-    return _put(space, rng, items) + _rug(space, kit, rng)
+    return pieces + _put(space, rng, items) + _rug(space, kit, rng)
 
 
 def study(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:

@@ -22,7 +22,7 @@ def draw_plan(rng: np.random.Generator, config: ApartmentConfig) -> FloorPlan:
     for _ in range(_TRIES):
         cells = oriented(rng, FAMILIES[names[rng.integers(len(names))]](rng))
         plan = _plan(rng, cells, config)
-        if plan is not None and config.area_m2[0] <= plan.area_m2 <= config.area_m2[1]:
+        if plan is not None:
             return plan
     raise ValueError(
         f"no home of {config.area_m2} m² with doors of {config.door_width_m} m found; "
@@ -37,7 +37,8 @@ def _plan(rng: np.random.Generator, cells: list[Cell], config: ApartmentConfig) 
         Room(kind, (x0 + half, y0 + half), (x1 - half, y1 - half))
         for kind, (_, x0, y0, x1, y1) in zip(kinds, cells, strict=True)
     ]
-    if min(float(room.size_m.min()) for room in rooms) < 1.3:
+    area = sum(room.area_m2 for room in rooms)
+    if not config.area_m2[0] <= area <= config.area_m2[1]:
         return None
     doors = _doors(rng, rooms, config)
     if doors is None:
@@ -88,7 +89,13 @@ def _contacts(a: Cell, b: Cell) -> list[tuple[int, int, float, float]]:
 
 def _room_contacts(rooms: list[Room], wall_m: float) -> dict[tuple[int, int], tuple]:
     cells = [
-        ("", *(v - wall_m / 2 for v in r.lower_m), *(v + wall_m / 2 for v in r.upper_m))
+        (
+            "",
+            r.lower_m[0] - wall_m / 2,
+            r.lower_m[1] - wall_m / 2,
+            r.upper_m[0] + wall_m / 2,
+            r.upper_m[1] + wall_m / 2,
+        )
         for r in rooms
     ]
     found = {}
@@ -221,9 +228,14 @@ def _windows(
                     middle += float(rng.uniform(-0.5, 0.5)) * max(length / count - width - 0.5, 0)
                     windows.append(
                         Opening(
-                            "window", index, axis, sign,
-                            middle - width / 2, middle + width / 2,
-                            bottom, min(top, ceiling_m - 0.2),
+                            "window",
+                            index,
+                            axis,
+                            sign,
+                            middle - width / 2,
+                            middle + width / 2,
+                            bottom,
+                            min(top, ceiling_m - 0.2),
                         )
-                    )  # fmt: skip
+                    )
     return windows

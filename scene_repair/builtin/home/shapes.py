@@ -88,8 +88,6 @@ def box(lower: ArrayLike, upper: ArrayLike, material: int) -> Triangles:
         a, b = [k for k in range(3) if k != axis]
         if b == grain:
             a, b = b, a
-        elif b != 2 and a == 2 and a != grain:
-            a, b = b, a
         for side in (lo, hi):
             vertices = np.empty((4, 3))
             vertices[:, axis] = side[axis]
@@ -108,7 +106,7 @@ def soft_box(
     puff_m: float = 0.0,
     steps: int = 5,
 ) -> Triangles:
-    """A box with rounded edges (a cushion); `puff_m` swells the middle of its top and bottom."""
+    """A box with rounded edges (a cushion); `puff_m` swells the middle of its top."""
     lo, hi = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
     radius = min(radius_m, 0.49 * float((hi - lo).min()))
     inner_lo, inner_hi = lo + radius, hi - radius
@@ -135,7 +133,7 @@ def soft_box(
             length = np.linalg.norm(out, axis=1, keepdims=True)
             vertices = core + radius * out / np.maximum(length, 1e-9)
             if puff_m:
-                swell = (1 - cube[:, 0] ** 2) * (1 - cube[:, 1] ** 2) * cube[:, 2]
+                swell = (1 - cube[:, 0] ** 2) * (1 - cube[:, 1] ** 2) * np.maximum(cube[:, 2], 0.0)
                 vertices[:, 2] += puff_m * swell
             uv = surface[:, [u_axis, v_axis]] - lo[[u_axis, v_axis]] + shift
             parts.append(_soup(vertices, faces, uv, material))
@@ -178,9 +176,13 @@ def cylinder(
     center_xy: ArrayLike, z0: float, z1: float, radius_m: float, material: int, sides: int = 14
 ) -> Triangles:
     """A closed upright cylinder."""
-    return turned(
-        [(1e-4, z0), (radius_m, z0), (radius_m, z1), (1e-4, z1)], center_xy, material, sides
-    )
+    wall = turned([(radius_m, z0), (radius_m, z1)], center_xy, material, sides)
+    lids = []
+    for z in (z0, z1):
+        lid = turned([(1e-4, z), (radius_m, z)], center_xy, material, sides)
+        # Flat texture: wood grain does not run in circles.
+        lids.append(Triangles(lid.corners, lid.corners[..., :2].copy(), lid.material))
+    return join([wall, *lids])
 
 
 def ellipsoid(center: ArrayLike, radii: ArrayLike, material: int, steps: int = 8) -> Triangles:

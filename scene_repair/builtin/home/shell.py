@@ -42,7 +42,7 @@ def _slab(
 def _patch(place: Place, s0: float, s1: float, z0: float, z1: float, material: int) -> Triangles:
     """A piece of wall; uv continues over the whole wall."""
     flat = quad(place(s0, 0, z0), place(s1, 0, z0) - place(s0, 0, z0), (0, 0, z1 - z0), material)
-    return Triangles(flat.corners, flat.uv + (s0, z0), flat.material)
+    return Triangles(flat.corners, flat.uv + np.array([s0, z0]), flat.material)
 
 
 def floor_and_ceiling(plan: FloorPlan, index: int, style: RoomStyle) -> list[Piece]:
@@ -63,7 +63,7 @@ def floor_and_ceiling(plan: FloorPlan, index: int, style: RoomStyle) -> list[Pie
 
 def _horizontal(x0: float, y0: float, x1: float, y1: float, z: float, material: int) -> Triangles:
     flat = quad((x0, y0, z), (x1 - x0, 0, 0), (0, y1 - y0, 0), material)
-    return Triangles(flat.corners, flat.uv + (x0, y0), flat.material)
+    return Triangles(flat.corners, flat.uv + np.array([x0, y0]), flat.material)
 
 
 def walls(plan: FloorPlan, index: int, style: RoomStyle) -> list[Piece]:

@@ -104,7 +104,8 @@ class RoomSpace:
     def passable(self, more: list[Rect]) -> bool:
         """Whether all doors stay joined and a good part of the room can be walked."""
         free, origin = self.free_cells(more)
-        groups, _ = label(free)
+        groups = np.zeros(free.shape, dtype=np.int32)
+        label(free, output=groups)
         ids = set()
         for point in self.entrances:
             i, j = ((point - origin) / _CELL_M).astype(int)

@@ -73,9 +73,9 @@ def herringbone(
     in_y, in_x = rows_y % block, cols_x % block
     edge_long = np.where(across, in_y < 1, in_x < 1)
     edge_short = np.where(across, (phase == 0) & (in_x < 1), (phase == 7) & (in_y < 1))
-    return to_image(colored(base, factor.astype(np.float32)) * (
-        1 - 0.4 * (edge_long | edge_short)
-    )[..., None])  # fmt: skip
+    return to_image(
+        colored(base, factor.astype(np.float32)) * (1 - 0.4 * (edge_long | edge_short))[..., None]
+    )
 
 
 def tiles(

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Field = NDArray[np.float32]
+Field = NDArray[np.floating]
 Image = NDArray[np.uint8]
 
 
@@ -25,7 +25,7 @@ def noise(rng: np.random.Generator, shape: tuple[int, int], cells: tuple[int, in
         _rows(columns, rows),
         cv2.INTER_CUBIC,
     ).T
-    return np.ascontiguousarray(full / max(float(full.std()), 1e-6))
+    return np.ascontiguousarray(full / max(float(full.std()), 1e-6), dtype=np.float32)
 
 
 def _rows(rows: int, columns: int) -> Field:
@@ -47,24 +47,24 @@ def grain(rng: np.random.Generator, shape: tuple[int, int], sharpness: float = 1
     return rng.standard_normal(shape, dtype=np.float32) * np.float32(sharpness)
 
 
-def colored(base: ArrayLike, factor: Field) -> NDArray[np.float32]:
+def colored(base: ArrayLike, factor: Field) -> NDArray[np.floating]:
     """(rows, columns, 3) float image of colour `base` (0–255) times `factor`."""
     return np.asarray(base, dtype=np.float32) * factor[..., None]
 
 
 def blend(
-    a: NDArray[np.float32] | ArrayLike, b: NDArray[np.float32] | ArrayLike, weight: Field
-) -> NDArray[np.float32]:
+    a: NDArray[np.floating] | ArrayLike, b: NDArray[np.floating] | ArrayLike, weight: Field
+) -> NDArray[np.floating]:
     """`a` where `weight` is 0, `b` where it is 1."""
     w = weight[..., None]
     return np.asarray(a, dtype=np.float32) * (1 - w) + np.asarray(b, dtype=np.float32) * w
 
 
-def to_image(color: NDArray[np.float32]) -> Image:
+def to_image(color: NDArray[np.floating]) -> Image:
     """Clip to 8 bits."""
     return np.clip(color, 0, 255).astype(np.uint8)
 
 
-def canvas(shape: tuple[int, int], color: ArrayLike) -> NDArray[np.float32]:
+def canvas(shape: tuple[int, int], color: ArrayLike) -> NDArray[np.floating]:
     """A float image of one colour."""
     return np.broadcast_to(np.asarray(color, dtype=np.float32), (*shape, 3)).copy()

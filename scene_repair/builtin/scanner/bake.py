@@ -70,9 +70,10 @@ class Baker:
     def vertex_light(self, mesh: ScanMesh, split: ChartVertices) -> NDArray[np.float32]:
         """(N, 3) soft light at chart vertices, smoothed once along the mesh."""
         points = mesh.vertices[split.vertex].astype(np.float32)
-        light = self._light.soft(self._rng, points, split.normal, self._rays)
+        soft = self._light.soft(self._rng, points, split.normal, self._rays)
+        light = soft.astype(np.float32)
         for _ in range(2):
-            total = light * 2.0
+            total = light * np.float32(2.0)
             weight = np.full(len(light), 2.0)
             for a, b in ((0, 1), (1, 2), (2, 0)):
                 i, j = split.face[:, a], split.face[:, b]

@@ -127,7 +127,10 @@ def _integrate(value, weight, depth, step, offset, focal, voxel, start, stop):
                 signed = min(gap / front, 1.0)
                 if gap < 0.0:
                     # What lies behind a surface is a guess that fades with depth.
-                    w *= max(1.0 + gap / behind, 0.05)
+                    w *= max(1.0 + gap / behind, 0.2)
+                elif gap > front:
+                    # Rays that graze a thin thing must not carve it away.
+                    w *= 0.3
                 total = weight[i, j, k] + w
                 value[i, j, k] += (signed - value[i, j, k]) * w / total
                 weight[i, j, k] = min(total, 60.0)

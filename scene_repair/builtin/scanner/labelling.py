@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from .lookup import exact_surface
 from .surface import ScanMesh
@@ -22,8 +23,11 @@ def label_faces(
     pairs = neighbours(mesh.faces)
     for _ in range(3):
         label = _majority(label, pairs)
-    # Nothing exact is near (a noisy speck): whatever is commonest is as good as any.
-    label[label < 0] = np.bincount(label[label >= 0]).argmax()
+    lost = np.flatnonzero(label < 0)
+    if len(lost):
+        # Nothing exact is near (a noisy speck): it belongs to the nearest labelled triangle.
+        known = np.flatnonzero(label >= 0)
+        label[lost] = label[known[KDTree(centers[known]).query(centers[lost])[1]]]
     return label
 
 

@@ -67,10 +67,10 @@ class Lighting:
     def soft(
         self,
         rng: np.random.Generator,
-        points_m: NDArray[np.float32],
-        normals: NDArray[np.float32],
+        points_m: NDArray[np.floating],
+        normals: NDArray[np.floating],
         rays: int,
-    ) -> NDArray[np.float32]:
+    ) -> NDArray[np.floating]:
         """(N, 3) irradiance without direct sun at points (N, 3) with unit normals (N, 3)."""
         start = points_m + np.float32(_LIFT_M) * normals
         total = self._reflected(rng, start, normals, rays)
@@ -78,8 +78,8 @@ class Lighting:
         return total + self._lamps(rng, start, normals)
 
     def sun(
-        self, points_m: NDArray[np.float32], normals: NDArray[np.float32]
-    ) -> NDArray[np.float32]:
+        self, points_m: NDArray[np.floating], normals: NDArray[np.floating]
+    ) -> NDArray[np.floating]:
         """(N, 3) irradiance of direct sun, with sharp shadows."""
         direction = self._lights.sun.astype(np.float32)
         cosine = normals @ direction
@@ -96,10 +96,10 @@ class Lighting:
     def _reflected(
         self,
         rng: np.random.Generator,
-        start: NDArray[np.float32],
-        normals: NDArray[np.float32],
+        start: NDArray[np.floating],
+        normals: NDArray[np.floating],
         rays: int,
-    ) -> NDArray[np.float32]:
+    ) -> NDArray[np.floating]:
         """Ambient light: near surfaces hide it and lend it their colour."""
         total = np.zeros_like(start)
         across, beside = _tangents(normals)
@@ -121,8 +121,8 @@ class Lighting:
         return total * np.float32(0.62 / rays)
 
     def _windows(
-        self, rng: np.random.Generator, start: NDArray[np.float32], normals: NDArray[np.float32]
-    ) -> NDArray[np.float32]:
+        self, rng: np.random.Generator, start: NDArray[np.floating], normals: NDArray[np.floating]
+    ) -> NDArray[np.floating]:
         result = np.zeros_like(start)
         boxes, facing = self._lights.window_m, self._lights.window_normal
         if not len(boxes):
@@ -150,8 +150,8 @@ class Lighting:
         return result
 
     def _lamps(
-        self, rng: np.random.Generator, start: NDArray[np.float32], normals: NDArray[np.float32]
-    ) -> NDArray[np.float32]:
+        self, rng: np.random.Generator, start: NDArray[np.floating], normals: NDArray[np.floating]
+    ) -> NDArray[np.floating]:
         result = np.zeros_like(start)
         lamps = self._lights.lamp_m
         gap = np.linalg.norm(start[:, None] - lamps.astype(np.float32), axis=2)
@@ -167,12 +167,12 @@ class Lighting:
 
     def _from(
         self,
-        start: NDArray[np.float32],
-        normals: NDArray[np.float32],
+        start: NDArray[np.floating],
+        normals: NDArray[np.floating],
         target: NDArray[np.float64],
         axis: NDArray[np.float64],
         spill: float = 0.0,
-    ) -> NDArray[np.float32]:
+    ) -> NDArray[np.floating]:
         """(N,) irradiance from unit patches at `target` that shine along `axis`."""
         ray = (target - start).astype(np.float32)
         distance = np.linalg.norm(ray, axis=1)
@@ -187,8 +187,8 @@ class Lighting:
 
 
 def _tangents(
-    normals: NDArray[np.float32],
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    normals: NDArray[np.floating],
+) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Two unit vectors (N, 3) that complete unit normals (N, 3) to right-handed frames."""
     helper = np.where(np.abs(normals[:, 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
     across = np.cross(helper.astype(np.float32), normals)

@@ -12,8 +12,9 @@ from ..home.plan import FloorPlan
 from ..home.shell import wall_frame
 from .tracing import Tracer
 
-_HEADINGS = 6
-_PITCHES_DEG = (-33.0, 27.0)
+# Number of headings and pitch [deg] of each sweep.
+_SWEEPS = ((5, -34.0), (4, 26.0))
+_LATTICE_M = 0.3
 _HEIGHT_M = (1.4, 1.6)
 _BODY_M = 0.3
 
@@ -46,7 +47,7 @@ def look(position_m: NDArray[np.float64], yaw_rad: float, pitch_rad: float) -> V
 
 def _standing(tracer: Tracer, points: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Whether a person fits at camera positions (N, 3): bare floor below, nothing too near."""
-    down = np.tile(np.float32([0, 0, -1]), (len(points), 1))
+    down = np.tile(np.array([0.0, 0.0, -1.0], dtype=np.float32), (len(points), 1))
     clear = tracer.distance(points.astype(np.float32), down, 4.0) > points[:, 2] - 0.05
     angle = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(12)], -1).astype(np.float32)
@@ -60,25 +61,36 @@ def _standing(tracer: Tracer, points: NDArray[np.float64]) -> NDArray[np.bool_]:
 def stations(
     rng: np.random.Generator, plan: FloorPlan, tracer: Tracer, spacing_m: float
 ) -> NDArray[np.float64]:
-    """(N, 3) camera positions [m]: a jittered lattice in every room and every doorway."""
+    """(N, 3) camera positions [m]: spread over the free floor of every room, and in doorways."""
     found: list[NDArray[np.float64]] = []
     for room in plan.rooms:
-        count = np.maximum(np.round(room.size_m / spacing_m), 1).astype(int)
-        step = room.size_m / count
-        for i, j in np.ndindex(int(count[0]), int(count[1])):
-            middle = np.asarray(room.lower_m) + (np.array([i, j]) + 0.5) * step
-            tries = middle + rng.uniform(-0.5, 0.5, (14, 2)) * step
-            tries[0] = middle
-            points = np.c_[tries, rng.uniform(*_HEIGHT_M, len(tries))]
-            good = np.flatnonzero(_standing(tracer, points))
-            if len(good):
-                found.append(points[good[0]])
+        count = np.maximum(np.ceil(room.size_m / _LATTICE_M), 2).astype(int)
+        cells = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in count)), -1).reshape(-1, 2)
+        cells = np.asarray(room.lower_m) + cells * room.size_m / count
+        points = np.c_[
+            cells + rng.uniform(-0.08, 0.08, cells.shape), rng.uniform(*_HEIGHT_M, len(cells))
+        ]
+        found += _spread(points[_standing(tracer, points)], spacing_m)
     for door in plan.openings:
         if door.kind == "door" and door.room < door.other_room:
             place = wall_frame(plan.rooms[door.room], door.axis, door.sign)
-            at = place((door.start_m + door.end_m) / 2, plan.wall_m / 2, 1.5)
-            found.append(at)
+            found.append(place((door.start_m + door.end_m) / 2, plan.wall_m / 2, 1.5))
     return np.array(found)
+
+
+def _spread(points: NDArray[np.float64], spacing_m: float) -> list[NDArray[np.float64]]:
+    """Farthest-point choice among points (N, 3) until all lie within `spacing_m` of a choice."""
+    chosen: list[NDArray[np.float64]] = []
+    if not len(points):
+        return chosen
+    # Starting in the corner makes the choice hug the walls, where furniture hides the floor.
+    distance = np.full(len(points), np.inf)
+    distance[0] = 1e9
+    while distance.max() > spacing_m:
+        k = int(np.argmax(distance))
+        chosen.append(points[k])
+        distance = np.minimum(distance, np.linalg.norm(points[:, :2] - points[k, :2], axis=1))
+    return chosen
 
 
 def views(
@@ -88,8 +100,8 @@ def views(
     result = []
     for position in stations(rng, plan, tracer, config.station_spacing_m):
         start = rng.uniform(0, 2 * np.pi)
-        for k in range(_HEADINGS):
-            for pitch in _PITCHES_DEG:
-                yaw = start + 2 * np.pi * k / _HEADINGS + rng.normal(0, 0.05)
+        for count, pitch in _SWEEPS:
+            for k in range(count):
+                yaw = start + 2 * np.pi * k / count + rng.normal(0, 0.05)
                 result.append(look(position, yaw, np.deg2rad(pitch + rng.normal(0, 2.0))))
     return result

@@ -13,7 +13,7 @@ from skimage.measure import marching_cubes
 
 from .fusion import DistanceVolume
 
-_LEAST_WEIGHT = 0.35
+_LEAST_WEIGHT = 0.06
 # A true surface changes the field by at most √3 / 3 across a cell; more is two views that
 # contradict each other (the far side of something thin), not a surface.
 _STEEPEST = 1.25
@@ -46,9 +46,9 @@ def extract(volume: DistanceVolume, target_faces: int) -> ScanMesh:
     mesh = without_specks(mesh, _SMALLEST_PATCH)
     reduction = 1.0 - target_faces / max(len(mesh.faces), 1)
     if reduction > 0:
-        points, faces = fast_simplification.simplify(
-            mesh.vertices.astype(np.float32), mesh.faces, float(reduction)
-        )[:2]
+        points, faces = fast_simplification.simplify(mesh.vertices, mesh.faces, float(reduction))[
+            :2
+        ]
         mesh = ScanMesh(np.asarray(points, dtype=np.float64), np.asarray(faces, dtype=np.int32))
     return without_specks(_tidy(mesh), 12)
 

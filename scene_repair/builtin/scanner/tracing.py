@@ -44,7 +44,7 @@ class Tracer:
         return [slice(a, min(a + _CHUNK, count)) for a in range(0, count, _CHUNK)]
 
     def first(
-        self, origins_m: NDArray[np.float32], directions: NDArray[np.float32], reach_m: float
+        self, origins_m: NDArray[np.floating], directions: NDArray[np.floating], reach_m: float
     ) -> Hits:
         """First hits of rays (N, 3), (N, 3) within `reach_m`."""
         count = len(origins_m)
@@ -64,7 +64,7 @@ class Tracer:
         return Hits(face, distance, bary)
 
     def distance(
-        self, origins_m: NDArray[np.float32], directions: NDArray[np.float32], reach_m: float
+        self, origins_m: NDArray[np.floating], directions: NDArray[np.floating], reach_m: float
     ) -> NDArray[np.float32]:
         """(N,) [m] distance to the first hit, `reach_m` where there is none."""
         count = len(origins_m)
@@ -81,9 +81,9 @@ class Tracer:
 
     def blocked(
         self,
-        origins_m: NDArray[np.float32],
-        directions: NDArray[np.float32],
-        reach_m: NDArray[np.float32],
+        origins_m: NDArray[np.floating],
+        directions: NDArray[np.floating],
+        reach_m: NDArray[np.floating],
     ) -> NDArray[np.bool_]:
         """(N,) whether anything lies within `reach_m` (N,) along each ray."""
         count = len(origins_m)

@@ -75,8 +75,13 @@ def washing_machine(kit: Kit, rng: np.random.Generator) -> Piece:
     parts = [
         box((-0.3, 0.02, 0.02), (0.3, 0.58, 0.86), kit.white),
         quad((0.3, 0.585, 0.02), (-0.6, 0, 0), (0, 0, 0.84), face),
-        *(soft_box((-0.22, 0.1, 0.86 + 0.06 * k), (0.16, 0.42, 0.92 + 0.06 * k), 0.02, kit.cloth(k + 2)) for k in range(3)),
-    ]  # fmt: skip
+        *(
+            soft_box(
+                (-0.22, 0.1, 0.86 + 0.06 * k), (0.16, 0.42, 0.92 + 0.06 * k), 0.02, kit.cloth(k + 2)
+            )
+            for k in range(3)
+        ),
+    ]
     return Piece("Washing_machine", "washing machine", join(parts))
 
 

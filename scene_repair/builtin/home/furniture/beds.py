@@ -25,12 +25,22 @@ def bed(kit: Kit, rng: np.random.Generator, width: float) -> Piece:
     parts = [
         headboard,
         box((-w, 0.06, 0.1), (w, length, 0.28), wood),
-        *(box((x - 0.04, y - 0.04, 0.0), (x + 0.04, y + 0.04, 0.12), wood)
-          for x in (-w + 0.08, w - 0.08) for y in (0.2, length - 0.08)),
-        soft_box((-w + 0.02, 0.09, 0.26), (w - 0.02, length - 0.02, 0.48), 0.05, kit.plain("sheet", (236, 235, 230))),
-        soft_box((-w - 0.02, 0.62, 0.3), (w + 0.02, length + 0.02, 0.56), 0.06, linen, 0.03, 8),
-        box((-w - 0.035, length - 0.62, 0.3), (w + 0.035, length - 0.22, 0.575), kit.blanket(k + 2)),
-    ]  # fmt: skip
+        *(
+            box((x - 0.04, y - 0.04, 0.0), (x + 0.04, y + 0.04, 0.12), wood)
+            for x in (-w + 0.08, w - 0.08)
+            for y in (0.2, length - 0.08)
+        ),
+        soft_box(
+            (-w + 0.02, 0.09, 0.26),
+            (w - 0.02, length - 0.02, 0.48),
+            0.05,
+            kit.plain("sheet", (236, 235, 230)),
+        ),
+        soft_box((-w - 0.02, 0.62, 0.3), (w + 0.02, length + 0.02, 0.56), 0.06, linen, 0.012, 8),
+        box(
+            (-w - 0.035, length - 0.62, 0.3), (w + 0.035, length - 0.22, 0.592), kit.blanket(k + 2)
+        ),
+    ]
     pillows = [0.0] if width < 1.2 else [-w / 2, w / 2]
     for x in pillows:
         half = min(0.32, w - 0.08)

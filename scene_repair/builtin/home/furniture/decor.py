@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from ...looks import pictures
@@ -21,15 +23,12 @@ def plant(kit: Kit, rng: np.random.Generator) -> Piece:
         kit.plain(f"pot {color}", color),
     )
     parts = [pot, cylinder((0.0, 0.24), 0.25, 0.7 * height, 0.03, kit.wood(1), 8)]
-    for _ in range(int(rng.integers(9, 14))):
-        a, r = rng.uniform(0, 2 * np.pi), rng.uniform(0.03, 0.13)
-        z = rng.uniform(0.55, 1.0) * height
-        size = rng.uniform(0.07, 0.12)
-        parts.append(
-            ellipsoid(
-                (r * np.cos(a), 0.24 + r * np.sin(a), z), (size, size, 1.25 * size), kit.foliage, 6
-            )
-        )
+    for _ in range(int(rng.integers(34, 48))):
+        a, r = rng.uniform(0, 2 * np.pi), 0.26 * np.sqrt(rng.random()) * (0.75 + 0.25 * height)
+        z = height * (1.0 - rng.uniform(0.0, 0.55) * (1.1 - r / 0.3))
+        size = rng.uniform(0.035, 0.075, 3) * (1.0, 1.0, 0.7)
+        center = (0.8 * r * np.cos(a), 0.24 + 0.8 * r * np.sin(a), z)
+        parts.append(ellipsoid(center, size, kit.foliage, 4))
     return Piece("Plant", "plant", join(parts))
 
 
@@ -38,7 +37,7 @@ def floor_lamp(kit: Kit, rng: np.random.Generator) -> Piece:
     parts = [
         cylinder((0.0, 0.2), 0.0, 0.035, 0.15, kit.black, 18),
         cylinder((0.0, 0.2), 0.03, 1.35, 0.024, kit.black, 8),
-        turned([(0.2, 1.28), (0.13, 1.58)], (0.0, 0.2), kit.shade),
+        turned([(0.001, 1.28), (0.2, 1.28), (0.13, 1.58), (0.001, 1.58)], (0.0, 0.2), kit.shade),
     ]
     return Piece("Floor_lamp", "floor lamp", join(parts))
 
@@ -47,7 +46,7 @@ def pendant(kit: Kit, rng: np.random.Generator, ceiling_m: float) -> Piece:
     """A ceiling lamp, high enough to walk under."""
     z = ceiling_m - float(rng.uniform(0.22, 0.3))
     if rng.random() < 0.5:
-        parts = [turned([(0.24, z - 0.1), (0.2, z + 0.06), (0.001, z + 0.08)], (0, 0), kit.shade)]
+        parts = [cylinder((0, 0), z - 0.12, z + 0.06, 0.24, kit.shade, 20)]
         parts.append(cylinder((0, 0), z + 0.05, ceiling_m, 0.02, kit.black, 6))
     else:
         parts = [
@@ -122,9 +121,14 @@ def curtain(kit: Kit, width: float, bottom: float, top: float, k: int) -> Piece:
     y = 0.075 + 0.03 * np.cos(np.linspace(0, 2 * np.pi * max(round(width / 0.12), 2), 33))
     cloth = kit.cloth(k)
     parts = [
-        quad((x[i + 1], y[i + 1], bottom), (x[i] - x[i + 1], y[i] - y[i + 1], 0.0), (0, 0, top - bottom), cloth)
+        quad(
+            (x[i + 1], y[i + 1], bottom),
+            (x[i] - x[i + 1], y[i] - y[i + 1], 0.0),
+            (0, 0, top - bottom),
+            cloth,
+        )
         for i in range(32)
-    ]  # fmt: skip
+    ]
     return Piece("Curtain", "curtain", join(parts))
 
 
@@ -142,8 +146,7 @@ def radiator(kit: Kit, width: float, top: float) -> Piece:
     count = max(int(width / 0.09), 3)
     xs = np.linspace(-width / 2, width / 2, count + 1)
     parts = [
-        box((x0 + 0.012, 0.03, 0.12), (x1 - 0.012, 0.13, top), kit.white)
-        for x0, x1 in zip(xs[:-1], xs[1:], strict=True)
+        box((x0 + 0.012, 0.03, 0.12), (x1 - 0.012, 0.13, top), kit.white) for x0, x1 in pairwise(xs)
     ]
     parts.append(box((-width / 2, 0.05, 0.14), (width / 2, 0.11, top - 0.02), kit.white))
     return Piece("Radiator", "radiator", join(parts))

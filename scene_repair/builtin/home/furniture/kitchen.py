@@ -52,15 +52,23 @@ def counter(kit: Kit, rng: np.random.Generator, width: float, upper: bool) -> Ar
             cylinder((stove0 + x, y), 0.912, 0.918, r, kit.plain("ring", (74, 30, 28)), 16)
         )
     parts += [
-        turned([(0.001, 0.93), (0.1, 0.92), (0.105, 1.04), (0.095, 1.04)], (stove0 + 0.17, 0.18), kit.metal),
-    ]  # fmt: skip
+        turned(
+            [(0.001, 0.93), (0.1, 0.92), (0.105, 1.04), (0.095, 1.04)],
+            (stove0 + 0.17, 0.18),
+            kit.metal,
+        ),
+    ]
     # The sink: a rim around a basin that is set on the worktop's cut-out.
     rim = [
         box((sink0, 0.1, 0.895), (sink0 + 0.56, 0.53, 0.915), kit.metal),
-        box((sink0 + 0.05, 0.14, 0.905), (sink0 + 0.5, 0.48, 0.918), kit.plain("basin", (112, 116, 120))),
+        box(
+            (sink0 + 0.05, 0.14, 0.905),
+            (sink0 + 0.5, 0.48, 0.918),
+            kit.plain("basin", (112, 116, 120)),
+        ),
         cylinder((sink0 + 0.28, 0.07), 0.9, 1.18, 0.022, kit.metal, 8),
         box((sink0 + 0.262, 0.07, 1.15), (sink0 + 0.298, 0.28, 1.18), kit.metal),
-    ]  # fmt: skip
+    ]
     parts += rim
     parts += bowl(kit, base0 + 0.1 * cabinets, 0.32, 0.9, k)
     if base1 - stove0 - 0.6 > 0.3:
@@ -70,9 +78,16 @@ def counter(kit: Kit, rng: np.random.Generator, width: float, upper: bool) -> Ar
     pieces = [Piece("Kitchen_counter", "kitchen counter", join(parts))]
     fridge = [
         box((-w, 0.0, 0.02), (-w + fridge_w, 0.62, 1.9), kit.metal),
-        _face(-w, -w + fridge_w, 0.625, 0.04, 1.9, kit.palette.unique("fridge", _fridge, (fridge_w, 1.86))),
+        _face(
+            -w,
+            -w + fridge_w,
+            0.625,
+            0.04,
+            1.9,
+            kit.palette.unique("fridge", _fridge, (fridge_w, 1.86)),
+        ),
         box((-w + 0.02, 0.02, 0.0), (-w + fridge_w - 0.02, 0.58, 0.03), kit.black),
-    ]  # fmt: skip
+    ]
     pieces.append(Piece("Refrigerator", "refrigerator", join(fridge)))
     if upper:
         cupboards = []

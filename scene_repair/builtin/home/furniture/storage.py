@@ -50,28 +50,46 @@ def bookshelf(kit: Kit, rng: np.random.Generator) -> Piece:
                     quad((x + length, face, z + 0.03), (-length, 0, 0), (0, 0, gap), spines)
                 )
                 parts.append(
-                    box((x, 0.02, z + 0.03), (x + length, face - 0.004, z + 0.03 + 0.62 * gap), kit.plain("pages", (226, 218, 200)))
-                )  # fmt: skip
+                    box(
+                        (x, 0.02, z + 0.03),
+                        (x + length, face - 0.004, z + 0.03 + 0.62 * gap),
+                        kit.plain("pages", (226, 218, 200)),
+                    )
+                )
             elif kind < 0.84:
                 parts.append(
-                    box((x + 0.02, 0.03, z + 0.03), (x + length - 0.02, depth - 0.03, z + 0.03 + 0.65 * gap), kit.wicker)
-                )  # fmt: skip
+                    box(
+                        (x + 0.02, 0.03, z + 0.03),
+                        (x + length - 0.02, depth - 0.03, z + 0.03 + 0.65 * gap),
+                        kit.wicker,
+                    )
+                )
             x += length + 0.02
     parts += vase(kit, 0.3 * w, 0.14, height + 0.01)
     return Piece("Bookshelf", "bookshelf", join(parts))
 
 
-def wardrobe(kit: Kit, rng: np.random.Generator) -> Piece:
-    """A tall wardrobe."""
-    k, doors = int(rng.integers(6)), int(rng.integers(2, 5))
+def wardrobe(kit: Kit, rng: np.random.Generator, doors: int) -> Piece:
+    """A tall wardrobe, half a metre per door."""
+    k = int(rng.integers(6))
     width, depth, height = 0.5 * doors, 0.58, float(rng.uniform(2.0, 2.2))
     wooden = rng.random() < 0.5
     body = kit.wood(k) if wooden else kit.front_color(k)
     parts = [
         box((-width / 2, 0.0, 0.0), (width / 2, depth, height), body),
-        _front(width, depth + 0.004, 0.06, height - 0.06, kit.front(width, height - 0.06, 1, doors, k, wooden)),
-        box((-width / 2 - 0.015, 0.0, height), (width / 2 + 0.015, depth + 0.02, height + 0.035), body),
-    ]  # fmt: skip
+        _front(
+            width,
+            depth + 0.004,
+            0.06,
+            height - 0.06,
+            kit.front(width, height - 0.06, 1, doors, k, wooden),
+        ),
+        box(
+            (-width / 2 - 0.015, 0.0, height),
+            (width / 2 + 0.015, depth + 0.02, height + 0.035),
+            body,
+        ),
+    ]
     if rng.random() < 0.6:
         parts.append(box((-0.3, 0.1, height + 0.035), (0.15, 0.45, height + 0.24), kit.wicker))
     return Piece("Wardrobe", "wardrobe", join(parts))
@@ -84,12 +102,21 @@ def dresser(kit: Kit, rng: np.random.Generator) -> Piece:
     body = kit.wood(k) if wooden else kit.front_color(k)
     parts = [
         box((-width / 2, 0.0, 0.08), (width / 2, 0.44, height), body),
-        *(box((x - 0.03, y, 0.0), (x + 0.03, y + 0.06, 0.1), body)
-          for x in (-width / 2 + 0.05, width / 2 - 0.05) for y in (0.02, 0.37)),
-        _front(width - 0.04, 0.445, 0.1, height - 0.13, kit.front(width - 0.04, height - 0.13, 3, 2, k, wooden)),
+        *(
+            box((x - 0.03, y, 0.0), (x + 0.03, y + 0.06, 0.1), body)
+            for x in (-width / 2 + 0.05, width / 2 - 0.05)
+            for y in (0.02, 0.37)
+        ),
+        _front(
+            width - 0.04,
+            0.445,
+            0.1,
+            height - 0.13,
+            kit.front(width - 0.04, height - 0.13, 3, 2, k, wooden),
+        ),
         *vase(kit, -0.3 * width, 0.2, height),
         *books(kit, rng, 0.25 * width, 0.22, height),
-    ]  # fmt: skip
+    ]
     return Piece("Dresser", "dresser", join(parts))
 
 
@@ -101,13 +128,26 @@ def sideboard(kit: Kit, rng: np.random.Generator) -> Piece:
     x = 0.36 * width
     parts = [
         box((-width / 2, 0.0, 0.12), (width / 2, 0.42, height), body),
-        *(box((sx * (width / 2 - 0.08) - 0.03, y, 0.0), (sx * (width / 2 - 0.08) + 0.03, y + 0.06, 0.13), kit.black)
-          for sx in (-1, 1) for y in (0.03, 0.33)),
-        _front(width - 0.04, 0.425, 0.14, height - 0.17, kit.front(width - 0.04, height - 0.17, 1, 4, k, wooden)),
+        *(
+            box(
+                (sx * (width / 2 - 0.08) - 0.03, y, 0.0),
+                (sx * (width / 2 - 0.08) + 0.03, y + 0.06, 0.13),
+                kit.black,
+            )
+            for sx in (-1, 1)
+            for y in (0.03, 0.33)
+        ),
+        _front(
+            width - 0.04,
+            0.425,
+            0.14,
+            height - 0.17,
+            kit.front(width - 0.04, height - 0.17, 1, 4, k, wooden),
+        ),
         *table_lamp_parts(kit, x, 0.2, height),
         *books(kit, rng, -0.1, 0.2, height),
         *vase(kit, -0.36 * width, 0.2, height),
-    ]  # fmt: skip
+    ]
     return Piece("Sideboard", "sideboard", join(parts))
 
 
@@ -118,11 +158,18 @@ def tv_stand(kit: Kit, rng: np.random.Generator) -> list[Piece]:
     body = kit.wood(k) if wooden else kit.front_color(k)
     board = [
         box((-width / 2, 0.0, 0.1), (width / 2, 0.4, 0.48), body),
-        *(box((sx * (width / 2 - 0.12) - 0.03, y, 0.0), (sx * (width / 2 - 0.12) + 0.03, y + 0.06, 0.11), kit.black)
-          for sx in (-1, 1) for y in (0.04, 0.3)),
+        *(
+            box(
+                (sx * (width / 2 - 0.12) - 0.03, y, 0.0),
+                (sx * (width / 2 - 0.12) + 0.03, y + 0.06, 0.11),
+                kit.black,
+            )
+            for sx in (-1, 1)
+            for y in (0.04, 0.3)
+        ),
         _front(width - 0.04, 0.405, 0.12, 0.34, kit.front(width - 0.04, 0.34, 1, 3, k, wooden)),
         box((0.34 * width, 0.08, 0.48), (0.34 * width + 0.2, 0.3, 0.56), kit.black),
-    ]  # fmt: skip
+    ]
     tw, th = float(rng.uniform(1.1, 1.35)), 0.68
     picture = kit.palette.unique("tv", pictures.screen, (tw, th))
     screen = [
@@ -154,21 +201,33 @@ def nightstand(kit: Kit, rng: np.random.Generator, k: int) -> Piece:
     wood = kit.wood(k)
     parts = [
         box((-0.23, 0.0, 0.1), (0.23, 0.38, 0.52), wood),
-        *(box((x, y, 0.0), (x + 0.045, y + 0.045, 0.11), wood)
-          for x in (-0.22, 0.175) for y in (0.01, 0.32)),
+        *(
+            box((x, y, 0.0), (x + 0.045, y + 0.045, 0.11), wood)
+            for x in (-0.22, 0.175)
+            for y in (0.01, 0.32)
+        ),
         _front(0.42, 0.384, 0.13, 0.36, kit.front(0.42, 0.36, 2, 1, k, True)),
         *table_lamp_parts(kit, -0.05, 0.16, 0.52),
         *books(kit, rng, 0.12, 0.26, 0.52),
-    ]  # fmt: skip
+    ]
     return Piece("Nightstand", "nightstand", join(parts))
 
 
 def table_lamp_parts(kit: Kit, x: float, y: float, z: float) -> list[Triangles]:
     """A lamp with a ceramic foot and a lit shade."""
     return [
-        turned([(0.06, z), (0.075, z + 0.07), (0.03, z + 0.18), (0.02, z + 0.25)], (x, y), kit.plain("foot", (92, 120, 124)), 12),
-        turned([(0.13, z + 0.22), (0.085, z + 0.42)], (x, y), kit.shade),
-    ]  # fmt: skip
+        turned(
+            [(0.06, z), (0.075, z + 0.07), (0.03, z + 0.18), (0.02, z + 0.25)],
+            (x, y),
+            kit.plain("foot", (92, 120, 124)),
+            12,
+        ),
+        turned(
+            [(0.001, z + 0.22), (0.14, z + 0.22), (0.09, z + 0.42), (0.001, z + 0.42)],
+            (x, y),
+            kit.shade,
+        ),
+    ]
 
 
 def basket(kit: Kit, rng: np.random.Generator) -> Piece:
@@ -190,9 +249,12 @@ def toy_shelf(kit: Kit, rng: np.random.Generator) -> Piece:
     """A low children's shelf with bright boxes."""
     parts = [
         box((-0.6, 0.0, 0.0), (0.6, 0.02, 0.8), kit.white),
-        *(box((x - 0.015, 0.0, 0.0), (x + 0.015, 0.34, 0.8), kit.white) for x in np.linspace(-0.585, 0.585, 4)),
+        *(
+            box((x - 0.015, 0.0, 0.0), (x + 0.015, 0.34, 0.8), kit.white)
+            for x in np.linspace(-0.585, 0.585, 4)
+        ),
         *(box((-0.6, 0.0, z), (0.6, 0.34, z + 0.03), kit.white) for z in (0.02, 0.4, 0.78)),
-    ]  # fmt: skip
+    ]
     colors = ((216, 84, 72), (84, 148, 196), (240, 190, 72), (112, 172, 104))
     for row, z in enumerate((0.05, 0.43)):
         for column in range(3):

@@ -51,11 +51,18 @@ def vase(kit: Kit, x: float, y: float, z: float) -> list[Triangles]:
         kit.plain("vase", (70, 100, 130)),
     )
     blooms = [
-        ellipsoid((x + 0.05 * np.cos(a), y + 0.05 * np.sin(a), z + 0.3 + 0.03 * np.sin(2 * a)),
-                  (0.05, 0.05, 0.05), m, 5)
-        for a, m in ((0.0, kit.foliage), (2.1, kit.plain("bloom", (222, 120, 130))),
-                     (4.2, kit.plain("bloom 2", (236, 200, 96))))
-    ]  # fmt: skip
+        ellipsoid(
+            (x + 0.05 * np.cos(a), y + 0.05 * np.sin(a), z + 0.3 + 0.03 * np.sin(2 * a)),
+            (0.05, 0.05, 0.05),
+            m,
+            5,
+        )
+        for a, m in (
+            (0.0, kit.foliage),
+            (2.1, kit.plain("bloom", (222, 120, 130))),
+            (4.2, kit.plain("bloom 2", (236, 200, 96))),
+        )
+    ]
     stem = cylinder((x, y), z + 0.18, z + 0.3, 0.03, kit.foliage, 6)
     return [body, stem, *blooms]
 
@@ -64,7 +71,8 @@ def books(kit: Kit, rng: np.random.Generator, x: float, y: float, z: float) -> l
     """A few books lying on each other."""
     parts = []
     for k in range(int(rng.integers(2, 5))):
-        color = tuple(int(c) for c in rng.integers(40, 210, 3))
+        r, g, b = (int(c) for c in rng.integers(40, 210, 3))
+        color = (r, g, b)
         w, d = rng.uniform(0.1, 0.13), rng.uniform(0.07, 0.1)
         cover = box((-w, -d, 0.0), (w, d, 0.028), kit.plain(f"book {color}", color))
         parts.append(cover.moved(float(rng.normal(0, 0.2)), (x, y, z + 0.028 * k)))
@@ -76,6 +84,8 @@ def dining_set(kit: Kit, rng: np.random.Generator, seats: int) -> Arrangement:
     k = int(rng.integers(3))
     width, depth = (1.65, 0.9) if seats == 6 else (1.2, 0.8)
     w, d = width / 2, depth / 2
+    if seats == 2:
+        w, d = 0.4, 0.4
     if seats == 4 and rng.random() < 0.4:
         w = d = 0.52
         table = [
@@ -85,11 +95,12 @@ def dining_set(kit: Kit, rng: np.random.Generator, seats: int) -> Arrangement:
     else:
         table = _frame(w, -d, d, 0.75, 0.04, kit.wood(k), 0.06)
     table += bowl(kit, 0.0, 0.0, 0.75, k) if rng.random() < 0.5 else vase(kit, 0.0, 0.0, 0.75)
+    tuck = float(rng.uniform(0.12, 0.24))
     pieces = [Piece("Dining_table", "dining table", join(table))]
     xs = [-0.5, 0.5] if seats == 6 else ([0.0] if w == d else [-0.3, 0.3])
-    places = [(x, d + 0.3, np.pi) for x in xs] + [(x, -d - 0.3, 0.0) for x in xs]
+    places = [(x, d + tuck, np.pi) for x in xs] + [(x, -d - tuck, 0.0) for x in xs]
     if seats == 6 or w == d:
-        places += [(w + 0.3, 0.0, np.pi / 2), (-w - 0.3, 0.0, -np.pi / 2)]
+        places += [(w + tuck, 0.0, np.pi / 2), (-w - tuck, 0.0, -np.pi / 2)]
     for x, y, yaw in places[:seats]:
         seat = chair(kit, rng, k).moved(yaw + float(rng.normal(0, 0.1)))
         middle = seat.shape.bounds().mean(0)
@@ -103,9 +114,11 @@ def coffee_table(kit: Kit, rng: np.random.Generator) -> Piece:
     if rng.random() < 0.35:
         parts = [
             cylinder((0, 0), 0.37, 0.41, 0.42, kit.wood(k), 28),
-            *(cylinder((0.27 * np.cos(a), 0.27 * np.sin(a)), 0.0, 0.38, 0.028, kit.black, 8)
-              for a in (0.5, 2.6, 4.7)),
-        ]  # fmt: skip
+            *(
+                cylinder((0.27 * np.cos(a), 0.27 * np.sin(a)), 0.0, 0.38, 0.028, kit.black, 8)
+                for a in (0.5, 2.6, 4.7)
+            ),
+        ]
     else:
         parts = _frame(0.52, -0.29, 0.29, 0.42, 0.04, kit.wood(k), 0.055)
         parts.append(box((-0.44, -0.22, 0.14), (0.44, 0.22, 0.165), kit.wood(k)))
@@ -138,7 +151,9 @@ def desk_set(kit: Kit, rng: np.random.Generator) -> Arrangement:
     parts += [
         cylinder((-w + 0.17, 0.2), 0.75, 0.78, 0.08, kit.black, 12),
         cylinder((-w + 0.17, 0.2), 0.78, 1.06, 0.02, kit.black, 8),
-        turned([(0.1, 1.04), (0.055, 1.2)], (-w + 0.17, 0.2), kit.shade),
+        turned(
+            [(0.001, 1.04), (0.1, 1.04), (0.055, 1.2), (0.001, 1.2)], (-w + 0.17, 0.2), kit.shade
+        ),
     ]
     seat = office_chair(kit, rng).moved(np.pi + float(rng.normal(0, 0.4)), -0.12, 1.0)
     return Arrangement((Piece("Desk", "desk", join(parts)), seat), 0.25, on_window=True)
