@@ -7,7 +7,6 @@ stream copies keep exact timestamps.
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -18,8 +17,6 @@ from typing import Any, cast
 import av
 import numpy as np
 from av.bitstream import BitStreamFilterContext
-from av.container import InputContainer
-from av.error import FFmpegError
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
@@ -28,6 +25,33 @@ from .camera import DepthRange
 from .depth_codes import DEPTH_PIXEL_FORMAT, codes_to_depth, depth_to_codes
 from .errors import FileFormatError, UnknownNameError
 from .image_counts import add_depth_codes, add_rgb
+from .video_stream import (
+    VideoFacts,
+    decode_frames,
+    demux_packets,
+    open_video,
+    probe_video,
+    stream_settings,
+    ticks_per_frame,
+)
+
+__all__ = [
+    "DEPTH_CODEC",
+    "GROUP_OF_PICTURES",
+    "RGB_CODECS",
+    "VideoCodec",
+    "VideoFacts",
+    "concatenate_videos",
+    "iterate_bitstream",
+    "iterate_depth_codes",
+    "iterate_depth_video",
+    "iterate_rgb_video",
+    "probe_video",
+    "read_depth_video",
+    "read_rgb_video",
+    "write_depth_video",
+    "write_rgb_video",
+]
 
 GROUP_OF_PICTURES = 2  # key frame distance, LeRobot's own choice
 
@@ -169,7 +193,7 @@ def iterate_rgb_video(path: Path) -> Iterator[NDArray[np.uint8]]:
     Raises:
         FileFormatError: missing, truncated or corrupt.
     """
-    for frame in _decode(path):
+    for frame in decode_frames(path):
         yield cast(NDArray[np.uint8], frame.to_ndarray(format="rgb24"))
 
 
@@ -193,7 +217,7 @@ def iterate_depth_codes(path: Path) -> Iterator[NDArray[np.uint16]]:
     Raises:
         FileFormatError: missing, truncated, corrupt, or no depth video.
     """
-    for frame in _decode(path):
+    for frame in decode_frames(path):
         if frame.format.name != DEPTH_PIXEL_FORMAT:
             raise FileFormatError(
                 path, f"pixel format {frame.format.name}, a depth video has {DEPTH_PIXEL_FORMAT}"
@@ -220,44 +244,14 @@ def iterate_bitstream(path: Path) -> Iterator[bytes]:
     Raises:
         FileFormatError: missing, truncated or corrupt.
     """
-    with _open(path) as container:
+    with open_video(path) as container:
         stream = container.streams.video[0]
-        packets = _demux(path, container, stream)
+        packets = demux_packets(path, container, stream)
         if stream.codec.canonical_name == "h264":
             annex_b = BitStreamFilterContext("h264_mp4toannexb", stream)
             packets = (out for packet in packets for out in annex_b.filter(packet))
         for packet in packets:
             yield bytes(packet)
-
-
-@dataclass(frozen=True)
-class VideoFacts:
-    """What a video says of itself. `frames` is the number of packets."""
-
-    width_px: int
-    height_px: int
-    codec: str
-    pixel_format: str
-    frames_per_second: int
-    frames: int
-
-
-def probe_video(path: Path) -> VideoFacts:
-    """Read a video's header.
-
-    Raises:
-        FileFormatError: missing, truncated or corrupt.
-    """
-    with _open(path) as container:
-        stream = container.streams.video[0]
-        return VideoFacts(
-            width_px=stream.width,
-            height_px=stream.height,
-            codec=stream.codec.canonical_name,
-            pixel_format=stream.pix_fmt or "",
-            frames_per_second=round(float(stream.average_rate or 0)),
-            frames=stream.frames,
-        )
 
 
 def concatenate_videos(paths: list[Path], out: Path) -> list[int]:
@@ -276,26 +270,26 @@ def concatenate_videos(paths: list[Path], out: Path) -> list[int]:
     with (
         atomic_file(out) as temporary,
         av.open(str(temporary), "w", options={"movflags": "faststart"}) as container,
-        _open(paths[0]) as first,
+        open_video(paths[0]) as first,
     ):
         template = first.streams.video[0]
         output = container.add_stream_from_template(template, opaque=True)
         output.time_base = template.time_base
-        settings = _stream_settings(template)
+        settings = stream_settings(template)
         extradata = template.codec_context.extradata
-        ticks = _ticks_per_frame(paths[0], template)
+        ticks = ticks_per_frame(paths[0], template)
         total = 0
         for path in paths:
-            with _open(path) as part:
+            with open_video(path) as part:
                 stream = part.streams.video[0]
-                if _stream_settings(stream) != settings:
+                if stream_settings(stream) != settings:
                     raise FileFormatError(
-                        path, f"settings {_stream_settings(stream)} differ from {settings}"
+                        path, f"settings {stream_settings(stream)} differ from {settings}"
                     )
                 if stream.codec_context.extradata != extradata:
                     raise FileFormatError(path, "encoder parameter sets differ from the first part")
                 count = 0
-                for packet in _demux(path, part, stream):
+                for packet in demux_packets(path, part, stream):
                     if packet.pts != count * ticks or packet.dts != packet.pts:
                         raise FileFormatError(path, f"frame {count} is not at its regular time")
                     packet.pts = packet.dts = (total + count) * ticks
@@ -339,62 +333,3 @@ def _encode(
             count += 1
         container.mux(stream.encode(None))
     return count
-
-
-@contextlib.contextmanager
-def _open(path: Path) -> Iterator[InputContainer]:
-    try:
-        container = av.open(str(path))
-    except (FFmpegError, OSError) as error:
-        raise FileFormatError(path, f"not a readable video ({error.strerror})") from error
-    with contextlib.closing(container):
-        if not container.streams.video:
-            raise FileFormatError(path, "no video stream")
-        yield container
-
-
-def _decode(path: Path) -> Iterator[av.VideoFrame]:
-    """Yield all frames; a video that lost some must not look like a short one."""
-    count = 0
-    with _open(path) as container:
-        stream = container.streams.video[0]
-        try:
-            for frame in container.decode(stream):
-                yield frame
-                count += 1
-        except FFmpegError as error:
-            raise FileFormatError(path, f"frame {count} is corrupt ({error.strerror})") from error
-        if count != stream.frames or count == 0:
-            raise FileFormatError(path, f"truncated: {count} of {stream.frames} frames")
-
-
-def _demux(path: Path, part: InputContainer, stream: VideoStream) -> Iterator[av.Packet]:
-    count = 0
-    for packet in part.demux(stream):
-        if packet.dts is None:  # the demuxer's flush
-            continue
-        if packet.is_corrupt:
-            raise FileFormatError(path, f"packet {count} is corrupt")
-        yield packet
-        count += 1
-    if count != stream.frames or count == 0:
-        raise FileFormatError(path, f"truncated: {count} of {stream.frames} frames")
-
-
-def _ticks_per_frame(path: Path, stream: VideoStream) -> int:
-    rate, base = stream.average_rate, stream.time_base
-    ticks = Fraction(0) if not rate or not base else 1 / (rate * base)
-    if ticks < 1 or ticks.denominator != 1:
-        raise FileFormatError(path, f"frame rate {rate} does not fit the time base {base}")
-    return int(ticks)
-
-
-def _stream_settings(stream: VideoStream) -> tuple[str, int, int, str, str, str]:
-    return (
-        stream.codec.canonical_name,
-        stream.width,
-        stream.height,
-        str(stream.pix_fmt),
-        str(stream.average_rate),
-        str(stream.time_base),
-    )

@@ -9,6 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+
+from tests.support.rollouts import make_frames, make_rollout
 from vlnpe.formats.frame_table import (
     build_frame_table,
     integrate_motion,
@@ -17,8 +19,6 @@ from vlnpe.formats.frame_table import (
 )
 from vlnpe.formats.frames import quat_to_matrix, quat_to_yaw, wrap_angle, yaw_to_quat
 from vlnpe.formats.rollout import Action
-
-from tests.support.rollouts import make_frames, make_rollout
 
 RATES = [1, 2, 4, 5, 10, 20, 25, 50]
 

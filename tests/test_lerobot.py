@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from vlnpe.formats.errors import FileFormatError
-from vlnpe.formats.frame_table import build_frame_table
-from vlnpe.formats.lerobot import FileLimits, assemble_dataset, read_episode_unit
 
 from tests.support.lerobot_data import RANGE, write_reference, write_unit, write_units
 from tests.support.rollouts import make_frames, make_images, make_rollout
+from vlnpe.formats.errors import FileFormatError
+from vlnpe.formats.frame_table import build_frame_table
+from vlnpe.formats.lerobot import FileLimits, assemble_dataset, read_episode_unit
 
 SECONDS = (3.0, 0.0, 4.5, 2.0)
 RGB, DEPTH = "observation.images.rgb", "observation.images.depth"

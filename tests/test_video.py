@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from vlnpe.formats.camera import DepthRange
 from vlnpe.formats.depth_codes import codes_to_depth, depth_to_codes
 from vlnpe.formats.errors import FileFormatError, UnknownNameError

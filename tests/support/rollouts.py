@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from vlnpe.formats.episode import Episode
 from vlnpe.formats.frames import (
     OPTICAL_IN_BODY,
