@@ -81,8 +81,6 @@ def velocity_errors(
 def standing(policy: GaitPolicy, seconds: float = 5.0) -> dict[str, float]:
     """Stand still: drift over the time, base height, and how much the joints move."""
     trial = Trial(policy, Conditions(), np.zeros((1, 2)), np.zeros(1), np.random.default_rng(0))
-    for _ in range(round(1.0 / STEP_S)):
-        trial.step(np.zeros((1, 3)))
     start, speeds = trial.position_m, []
     for _ in range(round(seconds / STEP_S)):
         trial.step(np.zeros((1, 3)))
@@ -111,7 +109,7 @@ def pushes(
 def random_path(rng: np.random.Generator, length_m: float = 12.0) -> Array:
     """A polyline from the origin with turns of up to 90°, sampled every 5 cm, (P, 2)."""
     points, heading, position, left = [], 0.0, np.zeros(2), length_m
-    while left > 0:
+    while left > 0.05:
         stretch = min(left, rng.uniform(1.0, 3.0))
         steps = np.arange(0.05, stretch + 1e-9, 0.05)
         points.append(position + steps[:, None] * (np.cos(heading), np.sin(heading)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,21 +60,23 @@ class GaitClock:
 
     def reference(self, phase: Array, moving: NDArray[np.bool_], command: Array) -> Array:
         """(N, J) joint offsets [rad] of the reference at phases (N,) for commands (N, 3)."""
-        foot_phase = self.foot_phase(phase + self.lead_cycles)
-        bump = np.sin(2.0 * np.pi * foot_phase) ** 2 * moving[:, None]
-        swing = bump * (foot_phase < 0.5)
+        stand, motion, offsets, x, y = self._arrays
+        angle = 2.0 * np.pi * (phase[:, None] + offsets + self.lead_cycles)
+        sine, cosine = np.sin(angle), np.cos(angle)
+        bump = sine * sine
+        swing = bump * (sine > 0.0)
         # Half a stride ahead of the rest position at touch-down, half a stride behind at lift-off.
-        sweep = np.cos(2.0 * np.pi * foot_phase) * moving[:, None]
-        x, y = np.asarray(self.foot_xy_m).T
-        forward = command[:, :1] - command[:, 2:] * y
-        left = command[:, 1:2] + command[:, 2:] * x
-        return (
-            np.asarray(self.stand_rad)
-            + swing @ np.asarray(self.swing_rad)
-            + (bump - swing) @ np.asarray(self.stance_rad)
-            + (sweep * forward) @ np.asarray(self.forward_rad)
-            + (sweep * left) @ np.asarray(self.left_rad)
-        )
+        forward = cosine * (command[:, :1] - command[:, 2:] * y)
+        left = cosine * (command[:, 1:2] + command[:, 2:] * x)
+        amounts = np.concatenate([swing, bump - swing, forward, left], axis=1)
+        return stand + (amounts @ motion) * moving[:, None]
+
+    @cached_property
+    def _arrays(self) -> tuple[Array, Array, Array, Array, Array]:
+        """Stand pose, stacked motion rows (4F, J), phase offsets and foot places, as arrays."""
+        rows = (*self.swing_rad, *self.stance_rad, *self.forward_rad, *self.left_rad)
+        x, y = np.array(self.foot_xy_m).T
+        return np.array(self.stand_rad), np.array(rows), np.array(self.foot_offsets), x, y
 
 
 def _per_leg(hip: float, thigh: float, calf: float) -> tuple[tuple[float, ...], ...]:

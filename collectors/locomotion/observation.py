@@ -8,29 +8,63 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ..robots import RobotHandles
+
 Array = NDArray[np.float64]
+_DOWN = np.array([0.0, 0.0, -1.0])
 
 
 @dataclass(frozen=True)
 class RobotState:
-    """State of N robots with J joints.
+    """State of N robots with J joints, vectors in the base frame.
 
     Attributes:
-        quat_wxyz: (N, 4) base orientation in the world.
-        linear_velocity_world_m_s: (N, 3).
-        angular_velocity_base_rad_s: (N, 3).
+        linear_velocity_m_s: (N, 3).
+        angular_velocity_rad_s: (N, 3).
+        gravity: (N, 3) unit vector downwards.
         joint_rad: (N, J) joint positions.
         joint_rad_s: (N, J) joint velocities.
     """
 
-    quat_wxyz: Array
-    linear_velocity_world_m_s: Array
-    angular_velocity_base_rad_s: Array
+    linear_velocity_m_s: Array
+    angular_velocity_rad_s: Array
+    gravity: Array
     joint_rad: Array
     joint_rad_s: Array
+
+
+def states_of(qpos: Array, qvel: Array, handles: RobotHandles) -> RobotState:
+    """States of N robots from generalised positions (N, nq) and velocities (N, nv)."""
+    q, v = handles.root_qpos, handles.root_dof
+    quat_wxyz = qpos[:, q + 3 : q + 7]
+    return RobotState(
+        linear_velocity_m_s=rotate_to_base(quat_wxyz, qvel[:, v : v + 3]),
+        angular_velocity_rad_s=qvel[:, v + 3 : v + 6],
+        gravity=gravity_in_base(quat_wxyz),
+        joint_rad=qpos[:, handles.joint_qpos],
+        joint_rad_s=qvel[:, handles.joint_dof],
+    )
+
+
+def state_of(data: mujoco.MjData, handles: RobotHandles) -> RobotState:
+    """State of one robot, as `states_of` with N = 1 and five times as fast."""
+    q, v = handles.root_qpos, handles.root_dof
+    to_base, velocity, gravity = np.empty(4), np.empty((1, 3)), np.empty((1, 3))
+    qpos, qvel = data.qpos, data.qvel
+    mujoco.mju_negQuat(to_base, qpos[q + 3 : q + 7])
+    mujoco.mju_rotVecQuat(velocity[0], qvel[v : v + 3], to_base)
+    mujoco.mju_rotVecQuat(gravity[0], _DOWN, to_base)
+    return RobotState(
+        linear_velocity_m_s=velocity,
+        angular_velocity_rad_s=qvel[None, v + 3 : v + 6],
+        gravity=gravity,
+        joint_rad=qpos[None, handles.joint_qpos],
+        joint_rad_s=qvel[None, handles.joint_dof],
+    )
 
 
 def layout(joints: int) -> list[tuple[str, int]]:
@@ -81,15 +115,16 @@ def observe(
         moving: (N,) a standing robot sees (0, 0) for its phase.
         previous_action: (N, J) the policy's last output.
     """
-    angle = 2.0 * np.pi * phase
-    clock = np.stack([np.sin(angle), np.cos(angle)], axis=1) * moving[:, None]
+    angle = 2.0 * np.pi * phase[:, None]
+    moves = moving[:, None]
     return np.concatenate(
         [
-            rotate_to_base(state.quat_wxyz, state.linear_velocity_world_m_s),
-            state.angular_velocity_base_rad_s,
-            gravity_in_base(state.quat_wxyz),
+            state.linear_velocity_m_s,
+            state.angular_velocity_rad_s,
+            state.gravity,
             command,
-            clock,
+            np.sin(angle) * moves,
+            np.cos(angle) * moves,
             state.joint_rad - default_joint_rad,
             state.joint_rad_s,
             previous_action,

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...formats.errors import FileFormatError
 from ..robots import RobotHandles, RobotSpec
 from .card import POLICY_FOLDER, PolicyCard, PolicyMismatchError, load_card
-from .observation import RobotState, observe
+from .observation import observe, state_of
 
 __all__ = ["GaitPolicy", "PolicyMismatchError"]
 
@@ -100,18 +100,6 @@ class GaitPolicy:
         if self._handles is None or self._handles[0] is not model:
             self._handles = (model, RobotHandles.find(self.robot, model))
         return self._handles[1]
-
-
-def state_of(data: mujoco.MjData, handles: RobotHandles) -> RobotState:
-    """The robot's state as a batch of one."""
-    q, v = handles.root_qpos, handles.root_dof
-    return RobotState(
-        quat_wxyz=data.qpos[None, q + 3 : q + 7],
-        linear_velocity_world_m_s=data.qvel[None, v : v + 3],
-        angular_velocity_base_rad_s=data.qvel[None, v + 3 : v + 6],
-        joint_rad=data.qpos[None, handles.joint_qpos],
-        joint_rad_s=data.qvel[None, handles.joint_dof],
-    )
 
 
 def _session(content: bytes) -> onnxruntime.InferenceSession:

@@ -15,7 +15,7 @@ from tensordict import TensorDict
 from ..robots import POLICY_DECIMATION, TIMESTEP_S, RobotHandles, RobotSpec, apply_physics_options
 from .commands import sample_commands
 from .gait import GAITS
-from .observation import RobotState, gravity_in_base, layout, observe, rotate_to_base
+from .observation import RobotState, layout, observe, states_of
 from .randomize import randomize_models
 from .rewards import SMOOTHNESS_TERMS, BodyFacts, StepFacts, reward_terms
 from .terrain import Terrain
@@ -172,19 +172,11 @@ class GaitEnv(VecEnv):
         self.batch.rollout(POLICY_DECIMATION, control[..., self._ctrl_order], record=())
 
     def _state(self) -> RobotState:
-        q, v = self.handles.root_qpos, self.handles.root_dof
-        return RobotState(
-            quat_wxyz=self._qpos[:, q + 3 : q + 7],
-            linear_velocity_world_m_s=self._qvel[:, v : v + 3],
-            angular_velocity_base_rad_s=self._qvel[:, v + 3 : v + 6],
-            joint_rad=self._qpos[:, self.handles.joint_qpos],
-            joint_rad_s=self._qvel[:, self.handles.joint_dof],
-        )
+        return states_of(self._qpos, self._qvel, self.handles)
 
     def _measure(self) -> StepFacts:
         state = self._state()
-        linear = rotate_to_base(state.quat_wxyz, state.linear_velocity_world_m_s)
-        angular = state.angular_velocity_base_rad_s
+        linear, angular = state.linear_velocity_m_s, state.angular_velocity_rad_s
         blend = STEP_S / MEAN_S
         self._linear_mean = self._linear_mean + blend * (linear[:, :2] - self._linear_mean)
         self._yaw_mean = self._yaw_mean + blend * (angular[:, 2] - self._yaw_mean)
@@ -208,7 +200,7 @@ class GaitEnv(VecEnv):
             angular_velocity=angular,
             linear_mean=self._linear_mean,
             yaw_mean=self._yaw_mean,
-            gravity=gravity_in_base(state.quat_wxyz),
+            gravity=state.gravity,
             height_m=self._height,
             torque_nm=self._force[:, self.handles.actuators],
             joint_rad=state.joint_rad,

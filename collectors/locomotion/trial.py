@@ -10,7 +10,7 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from ..robots import POLICY_DECIMATION, TIMESTEP_S, RobotHandles, apply_physics_options
-from .observation import RobotState, gravity_in_base, observe, rotate_to_base
+from .observation import RobotState, observe, states_of
 from .policy import GaitPolicy
 from .terrain import Terrain
 
@@ -46,6 +46,7 @@ class Trial:
         xy_m: Array,
         yaw_rad: Array,
         rng: np.random.Generator,
+        settle_s: float = 1.0,
         threads: int = 1,
     ) -> None:
         self.policy, self.conditions, self.rng = policy, conditions, rng
@@ -71,11 +72,15 @@ class Trial:
             h.spawn(data, xy_m[i, 0], xy_m[i, 1], ground, float(yaw_rad[i]))
             self._qpos[i] = data.qpos
         self.batch.forward()
-        self.time_s = 0.0
         self.fallen = np.zeros(n, dtype=bool)
         self._target = np.tile(robot.default_joint_rad, (n, 1))
         self.action, self._phase = np.zeros((n, len(robot.joints))), np.zeros(n)
         self.foot_position, self.foot_contact = self._feet()
+        # As in a replay, the robot first settles on its feet.
+        self.time_s = -settle_s
+        for _ in range(round(settle_s / STEP_S)):
+            self.step(np.zeros((n, 3)))
+        self.time_s = 0.0
 
     def step(self, command: Array) -> None:
         """Advance all by 20 ms under commands (N, 3); sets `slip`, `fallen` and the foot fields."""
@@ -109,14 +114,7 @@ class Trial:
 
     def state(self) -> RobotState:
         """Current state of all robots."""
-        h, q, v = self.handles, self.handles.root_qpos, self.handles.root_dof
-        return RobotState(
-            quat_wxyz=self._qpos[:, q + 3 : q + 7],
-            linear_velocity_world_m_s=self._qvel[:, v : v + 3],
-            angular_velocity_base_rad_s=self._qvel[:, v + 3 : v + 6],
-            joint_rad=self._qpos[:, h.joint_qpos],
-            joint_rad_s=self._qvel[:, h.joint_dof],
-        )
+        return states_of(self._qpos, self._qvel, self.handles)
 
     @property
     def position_m(self) -> Array:
@@ -126,15 +124,17 @@ class Trial:
     @property
     def yaw_rad(self) -> Array:
         """(N,) headings."""
-        w, x, y, z = self.state().quat_wxyz.T
+        q = self.handles.root_qpos
+        w, x, y, z = self._qpos[:, q + 3 : q + 7].T
         return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
     @property
     def velocity(self) -> Array:
         """(N, 3) vx, vy [m/s] and yaw rate [rad/s] in the base frame."""
         state = self.state()
-        linear = rotate_to_base(state.quat_wxyz, state.linear_velocity_world_m_s)
-        return np.column_stack([linear[:, :2], state.angular_velocity_base_rad_s[:, 2]])
+        return np.column_stack(
+            [state.linear_velocity_m_s[:, :2], state.angular_velocity_rad_s[:, 2]]
+        )
 
     @property
     def foot_clearance_m(self) -> Array:
@@ -147,7 +147,7 @@ class Trial:
         return self._geoms[:, h.foot_geoms].copy(), self._sensors[:, h.foot_touch] > 1.0
 
     def _falls(self) -> NDArray[np.bool_]:
-        fall, g = self.policy.robot.fall, gravity_in_base(self.state().quat_wxyz)
+        fall, g = self.policy.robot.fall, self.state().gravity
         roll = np.abs(np.arctan2(-g[:, 1], -g[:, 2]))
         pitch = np.abs(np.arcsin(np.clip(g[:, 0], -1, 1)))
         sole = (self.foot_position[..., 2] - self._foot_radius).min(axis=1)
@@ -157,7 +157,7 @@ class Trial:
 
     def _push(self) -> None:
         speed, every = self.conditions.push_m_s, self.conditions.push_every_s
-        if speed and round(self.time_s / STEP_S) % round(every / STEP_S) == 0:
+        if speed and self.time_s > 0 and round(self.time_s / STEP_S) % round(every / STEP_S) == 0:
             angle = self.rng.uniform(0, 2 * np.pi, len(self._qvel))
             v = self.handles.root_dof
             self._qvel[:, v] += speed * np.cos(angle)
