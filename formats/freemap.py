@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from .geodesic import taut_distances
 from .grid import GridSpec
@@ -42,6 +42,24 @@ class Freemap:
         padded = np.pad(self.traversable, 1)
         distance = np.asarray(distance_transform_edt(padded))[1:-1, 1:-1]
         return np.maximum(distance - 0.5, 0.0) * self.grid.cell_m
+
+    @cached_property
+    def clearance_slope(self) -> NDArray[np.float64]:
+        """(2, rows, columns) [m/m] gradient along x and y of the clearance, slightly blurred.
+
+        It points away from the nearest obstacle; the blur makes it vanish smoothly on the centre
+        lines of passages, where the clearance has a crease.
+        """
+        along_y, along_x = np.gradient(gaussian_filter(self.clearance_m, 2.0), self.grid.cell_m)
+        return np.stack([along_x, along_y])
+
+    @cached_property
+    def floor_z_everywhere_m(self) -> NDArray[np.float64]:
+        """(rows, columns) [m] floor height, of the nearest cell with floor where there is none."""
+        index = distance_transform_edt(
+            ~np.isfinite(self.floor_z_m), return_distances=False, return_indices=True
+        )
+        return self.floor_z_m[tuple(np.asarray(index))].astype(np.float64)
 
     def free(self, radius_m: float) -> NDArray[np.bool_]:
         """(rows, columns) bool: a disc of `radius_m` centred in the cell touches nothing."""

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates
+from scipy.ndimage import map_coordinates
 from skimage.graph import MCP_Geometric
 
 from .freemap import SNAP_M, Freemap, nearest_cell
@@ -94,12 +94,9 @@ def plan_path(
 
 def floor_z(freemap: Freemap, xy_m: ArrayLike) -> Array:
     """Floor height [m] at points (..., 2) [m]: that of the nearest cell with floor; (...)."""
-    known = np.isfinite(freemap.floor_z_m)
-    index = distance_transform_edt(~known, return_distances=False, return_indices=True)
-    filled = freemap.floor_z_m[tuple(np.asarray(index))].astype(np.float64)
     points = np.asarray(xy_m, dtype=np.float64)
     fractional = _fractional(freemap.grid, points.reshape(-1, 2))
-    z = map_coordinates(filled, fractional.T, order=1, mode="nearest")
+    z = map_coordinates(freemap.floor_z_everywhere_m, fractional.T, order=1, mode="nearest")
     return z.reshape(points.shape[:-1])
 
 
@@ -260,16 +257,13 @@ def _relax(path: Array, freemap: Freemap, free: Mask, wanted_m: float, steps: in
     `wanted_m`; moves that leave `free` are undone (Quinlan and Khatib, "Elastic bands", 1993).
     """
     grid = freemap.grid
-    # Blurred, else points on a passage's centre line would hop from side to side.
-    blurred = gaussian_filter(freemap.clearance_m, 2.0)
-    uphill = [g / grid.cell_m for g in np.gradient(blurred)][::-1]
     path = path.copy()
     for _ in range(steps):
         inner = path[1:-1]
         at = _fractional(grid, inner).T
         clearance = map_coordinates(freemap.clearance_m, at, order=1, mode="nearest")
         push = _PUSH * np.maximum(wanted_m - clearance, 0.0)
-        slope = [map_coordinates(g, at, order=1, mode="nearest") for g in uphill]
+        slope = [map_coordinates(g, at, order=1, mode="nearest") for g in freemap.clearance_slope]
         target = path.copy()
         target[1:-1] = 0.5 * inner + 0.25 * (path[:-2] + path[2:])
         target[1:-1] += push[:, None] * np.stack(slope, axis=1)

@@ -32,6 +32,8 @@ _NECK_RATIO = 0.88
 _MIN_ROOM_M2 = 2.5
 # Space farther than this from any labelled room (a doorway's depth) belongs to none.
 _REACH_M = 1.0
+# Two crossings at most this far apart go through one and the same passage.
+_SAME_DOOR_M = 0.6
 
 # What a room without a label is called by what stands in it. Rooms of one open space are told
 # apart by these things too.
@@ -150,23 +152,24 @@ def crossings(regions: RegionMap, path_m: ArrayLike, settle_m: float = 1.0) -> l
     widths = regions.width_m[cells[:, 0], cells[:, 1]]
     edges = np.flatnonzero(np.diff(rooms)) + 1
     runs = np.split(np.arange(len(rooms)), edges)
-    last = len(runs) - 1
     settled = [
-        run
-        for k, run in enumerate(runs)
-        if rooms[run[0]] >= 0 and (k in (0, last) or along[run[-1]] - along[run[0]] >= settle_m)
+        run for run in runs if rooms[run[0]] >= 0 and along[run[-1]] - along[run[0]] >= settle_m
     ]
-    result = []
+    result: list[Crossing] = []
     for before, after in pairwise(settled):
         old, new = int(rooms[before[0]]), int(rooms[after[0]])
         if old == new:
             continue
         at = (before[-1] + after[0]) // 2
         near = np.abs(along - along[at]) <= 0.5
-        narrow = int(np.flatnonzero(near)[np.argmin(widths[near])])
-        result.append(
-            Crossing(float(along[narrow]), points[narrow], old, new, float(widths[narrow]))
-        )
+        k = int(np.flatnonzero(near)[np.argmin(widths[near])])
+        if result and along[k] - result[-1].along_m < _SAME_DOOR_M:
+            # Both borders belong to one passage: a single step from the first room to the last.
+            old, k = result[-1].from_region, int(np.searchsorted(along, result[-1].along_m))
+            result.pop()
+        if old != new:
+            step = Crossing(float(along[k]), points[k], old, new, float(widths[k]))
+            result.append(step)
     return result
 
 

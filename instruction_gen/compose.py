@@ -203,7 +203,9 @@ def _stop_after(route: Route, steps: list[_Step], rng: np.random.Generator) -> _
     rest = route.length_m - (steps[-1].along_m if steps else 0.0)
     entered = bool(route.changes) and route.length_m - route.changes[-1].along_m < 1.8
     if entered:
-        text = phrases.stop(rng, "just inside " + phrases.room(route.goal_room))
+        just_said = bool(steps) and steps[-1].action.endswith(route.goal_room or "next room")
+        room = "" if just_said else " " + phrases.room(route.goal_room)
+        text = phrases.stop(rng, "just inside" + room)
         return _Step(route.length_m, text, f"stop in {route.goal_room or 'room'}")
     text = phrases.stop_after(rng, rest, first=not steps)
     return _Step(route.length_m, text, f"stop after {rest:.1f} m")

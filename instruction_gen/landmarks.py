@@ -157,7 +157,7 @@ def _in_sight(point: NDArray[np.float64], edge: NDArray[np.float64], regions: Re
     """Whether no wall stands between a point and a thing's edge; the thing may be at a wall."""
     distance = float(np.linalg.norm(edge - point))
     count = max(2, int(distance / 0.04))
-    t = np.linspace(0.0, max(0.0, 1.0 - 0.15 / max(distance, 0.15)), count)[:, None]
+    t = np.linspace(0.0, max(0.0, 1.0 - 0.08 / max(distance, 0.08)), count)[:, None]
     cells = regions.grid.cell_of(point + (edge - point) * t)
     cells = np.clip(cells, 0, np.array(regions.grid.shape) - 1)
     return bool(np.all(regions.width_m[cells[:, 0], cells[:, 1]] > 0))

@@ -105,7 +105,8 @@ def leave(rng: np.random.Generator, from_room: str, to_room: str, doorway: bool)
     out = room(from_room)
     through = " through the doorway" if doorway and rng.random() < 0.6 else ""
     if not to_room:
-        return f"{pick(rng, ['leave', 'exit', 'walk out of'])} {out}{through}"
+        verb = pick(rng, ["leave", "exit", "walk out of"])
+        return f"{verb} {out}{through or pick(rng, ['', ' into the next room'])}"
     into = room(to_room)
     return pick(
         rng,

@@ -34,6 +34,7 @@ class Candidate:
         geodesic_m: length of the shortest way [m].
         crossed: its steps from room to room, in order.
         rooms: names of the rooms it visits, in order; "" where nobody knows.
+        ends: room indices of its start and goal.
     """
 
     level: int
@@ -41,6 +42,7 @@ class Candidate:
     geodesic_m: float
     crossed: tuple[Crossing, ...]
     rooms: tuple[str, ...]
+    ends: tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,7 @@ class Level:
         cells: (N, 2) cells where an episode may start or end.
         rooms: (N,) room index of each of them.
         area_m2: size of the connected floor they lie on [m²].
+        radius_m: clearance that every point of a path has [m].
         min_crossings: how many times a path must pass between rooms here.
     """
 
@@ -63,17 +66,19 @@ class Level:
     cells: NDArray[np.int64]
     rooms: NDArray[np.int32]
     area_m2: float
+    radius_m: float
     min_crossings: int
 
 
-def open_level(bundle: SceneBundle, index: int, config: SampleConfig) -> Level:
-    """Prepare a level; only its largest connected free floor is used.
+def open_level(bundle: SceneBundle, index: int, radius_m: float, config: SampleConfig) -> Level:
+    """Prepare a level for paths with `radius_m` of clearance.
 
-    On a level that is a single room no path can pass between rooms, so none is asked to.
+    Only its largest connected free floor is used. On a level that is a single room no path can
+    pass between rooms, so none is asked to.
     """
     freemap = bundle.freemap(index)
     regions = region_map(bundle, index)
-    parts = np.asarray(label(freemap.free(config.robot_radius_m), connectivity=2))
+    parts = np.asarray(label(freemap.free(radius_m), connectivity=2))
     cells = np.zeros((0, 2), dtype=np.int64)
     area = 0.0
     if parts.any():
@@ -84,7 +89,7 @@ def open_level(bundle: SceneBundle, index: int, config: SampleConfig) -> Level:
     rooms = regions.at(freemap.grid.center_of(cells)).reshape(-1)
     cells, rooms = cells[rooms >= 0], rooms[rooms >= 0]
     wanted = config.min_crossings if len(np.unique(rooms)) > 1 else 0
-    return Level(index, freemap, regions, cells, rooms, area, wanted)
+    return Level(index, freemap, regions, cells, rooms, area, radius_m, wanted)
 
 
 def from_one_start(
@@ -107,7 +112,7 @@ def from_one_start(
     left = Counter(from_room for from_room, _ in visits.elements())
     room = _least(np.unique(level.rooms), left, rng)
     start = grid.center_of(rng.choice(level.cells[level.rooms == room]))
-    field = level.freemap.distance_field(start, config.robot_radius_m)
+    field = level.freemap.distance_field(start, level.radius_m)
     way = field.distance_m[level.cells[:, 0], level.cells[:, 1]]
     fits = (way >= config.min_length_m) & (way <= config.max_length_m)
     if level.min_crossings:
@@ -132,11 +137,12 @@ def _judge(
     config: SampleConfig,
 ) -> Candidate | str:
     plan = PlanConfig(comfort_m=config.comfort_m, comfort_weight=config.clearance_preference)
-    path = plan_path(level.freemap, start, goal, config.robot_radius_m, plan)
+    path = plan_path(level.freemap, start, goal, level.radius_m, plan)
     if path is None:
         return "unreachable"
-    radius, spacing = config.robot_radius_m, config.waypoint_spacing_m
-    reference = simplify_path(level.freemap, path, radius, spacing, tolerance_m=0.03)
+    reference = simplify_path(
+        level.freemap, path, level.radius_m, config.waypoint_spacing_m, tolerance_m=0.03
+    )
     length = path_length(reference)
     geodesic = float(field.at(goal))
     if length < config.min_length_m:
@@ -150,12 +156,15 @@ def _judge(
         return "same_room"
     if path_gap(reference, kept) < config.min_gap_m:
         return "too_similar"
-    if not segments_free(level.freemap.grid, level.freemap.free(radius), reference).all():
+    if not segments_free(level.freemap.grid, level.freemap.free(level.radius_m), reference).all():
         return "unsafe"
-    first = crossed[0].from_region if crossed else int(level.regions.at(start))
-    rooms = (first, *(c.to_region for c in crossed))
-    names = tuple(level.regions.names[r] for r in rooms)
-    return Candidate(level.index, reference, geodesic, crossed, names)
+    if level.radius_m != config.robot_radius_m:
+        # Metrics compare with what the robot could have done, not with the roomier way.
+        geodesic = float(level.freemap.distance_field(goal, config.robot_radius_m).at(start))
+    ends = (int(level.regions.at(start)), int(level.regions.at(goal)))
+    first = crossed[0].from_region if crossed else ends[0]
+    names = tuple(level.regions.names[r] for r in (first, *(c.to_region for c in crossed)))
+    return Candidate(level.index, reference, geodesic, crossed, names, ends)
 
 
 def _least(rooms: NDArray[np.int32], used: Counter[int], rng: np.random.Generator) -> int:

@@ -15,6 +15,8 @@ class SampleConfig:
         count: how many episodes.
         split: name written into the episodes.
         robot_radius_m: clearance that every point of a path has [m].
+        roomy_radius_m: clearance asked for at first; only when the scene does not hold enough
+            such episodes, tighter ones down to `robot_radius_m` are taken [m].
         end_clearance_m: clearance of starts and goals, room to turn on the spot [m].
         clearance_preference: how many times longer a metre feels when it grazes an obstacle.
         comfort_m: clearance beyond the radius from which on more is no better [m].
@@ -33,6 +35,7 @@ class SampleConfig:
     count: int = 6
     split: str = "train"
     robot_radius_m: float = 0.30
+    roomy_radius_m: float = 0.38
     end_clearance_m: float = 0.45
     clearance_preference: float = 3.0
     comfort_m: float = 0.35

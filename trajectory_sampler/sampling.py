@@ -14,7 +14,7 @@ from ..formats.errors import SceneError
 from ..formats.frames import wrap_angle
 from ..formats.planning import point_along
 from ..formats.scene_bundle import SceneBundle
-from .candidates import Candidate, from_one_start, open_level
+from .candidates import Candidate, Level, from_one_start, open_level
 from .config import SampleConfig
 
 logger = logging.getLogger(__name__)
@@ -62,35 +62,14 @@ def sample_episodes(
     Raises:
         SceneError: not a single episode can be found; the message counts the reasons.
     """
-    levels = [open_level(bundle, k, config) for k in range(len(bundle.level_floor_z_m))]
-    open_floor_m2 = sum(level.area_m2 for level in levels)
-    levels = [level for level in levels if len(level.cells)]
-    for level in levels:
-        if level.min_crossings < config.min_crossings:
-            logger.warning(
-                "%s level %d is a single room: its episodes cannot pass between rooms",
-                bundle.scene_id,
-                level.index,
-            )
     dropped: Counter[str] = Counter()
     kept: list[Candidate] = []
-    visits: list[Counter[tuple[int, int]]] = [Counter() for _ in levels]
-    starts = failed = 0
-    while levels and len(kept) < config.count and failed < config.patience * len(levels):
-        k = starts % len(levels)
-        level = levels[k]
-        starts += 1
-        failed += 1
-        paths = [c.reference_m for c in kept if c.level == level.index]
-        for outcome in from_one_start(level, visits[k], paths, config, rng):
-            if isinstance(outcome, str):
-                dropped[outcome] += 1
-                continue
-            ends = level.regions.at(outcome.reference_m[[0, -1], :2])
-            visits[k][int(ends[0]), int(ends[1])] += 1
-            kept.append(outcome)
-            failed = 0
-            break
+    radii = {max(config.roomy_radius_m, config.robot_radius_m), config.robot_radius_m}
+    open_floor_m2 = 0.0
+    for radius in sorted(radii, reverse=True):
+        levels = [open_level(bundle, k, radius, config) for k in range(len(bundle.level_floor_z_m))]
+        open_floor_m2 = sum(level.area_m2 for level in levels)
+        _fill(kept, [level for level in levels if len(level.cells)], config, rng, dropped)
     episodes = [_episode(bundle, c, k, config, rng) for k, c in enumerate(kept)]
     result = SampleResult(episodes, config.count, dict(dropped))
     if not episodes:
@@ -99,9 +78,41 @@ def sample_episodes(
             f"for a robot of radius {config.robot_radius_m:g} m on {open_floor_m2:.1f} m² of "
             f"connected free floor; {result.summary}"
         )
+    single = sorted({c.level for c in kept if len(c.crossed) < config.min_crossings})
+    if single:
+        logger.warning(
+            "%s level %s is a single room: its episodes cannot pass between rooms",
+            bundle.scene_id,
+            ", ".join(map(str, single)),
+        )
     if len(episodes) < config.count:
         logger.warning("%s: %s", bundle.scene_id, result.summary)
     return result
+
+
+def _fill(
+    kept: list[Candidate],
+    levels: list[Level],
+    config: SampleConfig,
+    rng: np.random.Generator,
+    dropped: Counter[str],
+) -> None:
+    """Append candidates to `kept` until there are enough, or `patience` runs out."""
+    visits = [Counter(c.ends for c in kept if c.level == level.index) for level in levels]
+    starts = failed = 0
+    while levels and len(kept) < config.count and failed < config.patience * len(levels):
+        k = starts % len(levels)
+        starts += 1
+        failed += 1
+        paths = [c.reference_m for c in kept if c.level == levels[k].index]
+        for outcome in from_one_start(levels[k], visits[k], paths, config, rng):
+            if isinstance(outcome, str):
+                dropped[outcome] += 1
+                continue
+            visits[k][outcome.ends] += 1
+            kept.append(outcome)
+            failed = 0
+            break
 
 
 def _episode(
