@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def open_dataset(root: Path, **options: Any) -> LeRobotDataset:
-    """Open the LeRobot v3 dataset in folder `root`, offline.
+    """Open the LeRobot v3 dataset in folder `root`, offline, with depth in metres.
 
     Args:
         root: a dataset folder, e.g. `runs/apartment-0/lerobot/aliengo-path-ego-256x256-baked`.
@@ -33,4 +33,5 @@ def open_dataset(root: Path, **options: Any) -> LeRobotDataset:
         raise InputError(
             "lerobot is not installed; run: uv sync --inexact --extra train"
         ) from error
+    options.setdefault("depth_output_unit", "m")  # LeRobot's own default is millimetres
     return LeRobotDataset(f"vlnpe/{root.name}", root=root, **options)

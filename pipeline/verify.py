@@ -14,7 +14,7 @@ from tqdm import tqdm
 from ..formats.errors import VlnpeError
 from ..formats.mcap.rollout import read_rollout
 from ..formats.scene_bundle import load_bundle
-from ..formats.video import probe_video
+from ..formats.video_stream import probe_video
 from ..formats.vlnce import read_episodes
 from .ledger import Ledger, Row
 

@@ -45,7 +45,9 @@ def truncated(folder: Path) -> Path:
 def empty(folder: Path) -> Path:
     path = folder / "empty.ply"
     header = "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\n"
-    header += "property float z\nelement face 0\nproperty list uchar int vertex_indices\nend_header\n"
+    header += (
+        "property float z\nelement face 0\nproperty list uchar int vertex_indices\nend_header\n"
+    )
     path.write_text(header)
     return path
 
@@ -58,7 +60,10 @@ SCENES = {
     "no floor": (lambda f: write_mesh(f / "walls.glb", room(1.0, floor=False)), "floor"),
     "50 mm": (lambda f: write_mesh(f / "doll.glb", room(0.05 / 6)), "0.05"),
     "5 km": (lambda f: write_mesh(f / "city.glb", room(5000 / 6)), "5000"),
-    "unknown suffix": (lambda f: (f / "scan.xyz123").write_text("x") and f / "scan.xyz123", "xyz123"),
+    "unknown suffix": (
+        lambda f: (f / "scan.xyz123").write_text("x") and f / "scan.xyz123",
+        "xyz123",
+    ),
 }
 
 

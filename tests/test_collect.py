@@ -6,16 +6,23 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from vlnpe.formats.mcap.rollout import read_rollout
-from vlnpe.formats.vlnce import read_episodes
+from vlnpe.formats.vlnce import (
+    VlnceEpisode,
+    VlnceFile,
+    read_episodes,
+    read_vlnce,
+    write_vlnce,
+)
 from vlnpe.pipeline.ledger import Ledger
 
-VIEW = "ego-256x256-baked"
+VIEW = "ego-256x256-90deg-baked"
 EPISODES = 3
 
 
@@ -164,3 +171,41 @@ def test_verify_finds_a_flipped_bit(run_root):
         victim.write_bytes(saved)
     assert broken.returncode == 1
     assert victim.name in broken.stdout
+
+
+def foreign(episode: VlnceEpisode, **changes: object) -> VlnceEpisode:
+    """An episode as somebody else's VLN-CE file has it: no keys of ours."""
+    info = {"geodesic_distance": episode.info["geodesic_distance"]}
+    return replace(episode, info=info, scene_id="mp3d/scan/scan.glb", **changes)
+
+
+def test_vlnce_episodes_are_filtered_aligned_and_walked(run_root, tmp_path):
+    ours = read_vlnce(run_root / "episodes" / "train.json.gz").episodes
+    stairs = ours[0].reference_path_habitat_m.copy()
+    stairs[len(stairs) // 2 :, 1] += 1.4
+    outside = np.array([300.0, 0.0, 300.0])
+    episodes = (
+        foreign(ours[0], episode_id=1),
+        foreign(ours[1], episode_id=2, reference_path_habitat_m=stairs),
+        foreign(ours[1], episode_id=3, start_position_habitat_m=outside),
+        replace(foreign(ours[1], episode_id=4), scene_id="mp3d/attic/attic.glb"),
+    )
+    write_vlnce(tmp_path / "val.json.gz", VlnceFile(tmp_path / "val.json.gz", episodes))
+    done = vlnpe(
+        "collect",
+        *("--scene", run_root / "scans" / "apartment-0" / "scan.glb"),
+        *("--episodes", "val.json.gz", "--out", "run", "--max-failed", 2, "--json"),
+        cwd=tmp_path,
+    )
+    summary = last_json(done)
+    walked = read_episodes(tmp_path / "run" / "episodes" / "val.json.gz")
+    assert [e.episode_id for e in walked] == ["1"]
+    assert walked[0].instruction == ours[0].instruction_text
+    assert summary["robots"][0]["collected"] == 100.0
+    quarantine = json.loads((tmp_path / "run" / "quarantine.json").read_text())
+    reasons = {item["item"]: item["reason"] for item in quarantine["items"]}
+    assert set(reasons) == {"episode 3", "episode 4"}
+    assert "attic" in reasons["episode 4"]
+    page = (tmp_path / "run" / "report" / "index.html").read_text()
+    assert "1 dropped for stairs" in page
+    assert "attic" in page

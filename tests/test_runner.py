@@ -30,9 +30,7 @@ def item(root: Path, name: str, text: str = "hello", key: str = "k") -> WorkItem
 
 
 def test_second_run_reuses_everything_and_a_changed_key_redoes_one(tmp_path, workers):
-    first = run_stage(
-        context(tmp_path, workers), "s", [item(tmp_path, "a"), item(tmp_path, "b")]
-    )
+    first = run_stage(context(tmp_path, workers), "s", [item(tmp_path, "a"), item(tmp_path, "b")])
     assert (first.done, first.reused) == (2, 0)
     stamp = (tmp_path / "a.txt").stat().st_mtime_ns
     changed = [item(tmp_path, "a"), item(tmp_path, "b", "bye", key="other")]
@@ -91,9 +89,7 @@ def test_a_dying_worker_takes_only_its_own_item(tmp_path):
 def test_nothing_left_to_work_on_ends_the_run(tmp_path, workers, process, error, says):
     path = tmp_path / "x.txt"
     with pytest.raises(error, match=says):
-        run_stage(
-            context(tmp_path, workers), "s", [WorkItem("x", "k", (path,), process, (path,))]
-        )
+        run_stage(context(tmp_path, workers), "s", [WorkItem("x", "k", (path,), process, (path,))])
     assert not path.exists()
 
 

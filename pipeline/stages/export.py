@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from ...formats.camera import CameraModel, DepthRange
+from ...formats.frame_folder import read_frame_folder
 from ...formats.lerobot import assemble_dataset, write_episode_unit
 from ...formats.mcap.episode import write_episode_mcap
 from ...formats.mcap.rollout import read_rollout
@@ -63,22 +60,20 @@ def unit_items(frames: Mapping[str, Row], root: Path, dataset: Dataset) -> list[
 
 def process_unit(rollout: Path, frames: Path, out: Path) -> ItemResult:
     """Write one episode's LeRobot unit."""
-    meta = json.loads((frames / "meta.json").read_text())
-    depth = meta["depth"]
-    with np.load(frames / "frames.npz") as arrays:
-        write_episode_unit(
-            out,
-            read_rollout(rollout),
-            dict(arrays),
-            meta["frames_per_second"],
-            rgb_video=frames / meta["rgb"]["file"],
-            depth_video=frames / depth["file"],
-            camera=_camera(meta),
-            depth_range=DepthRange(depth["near_m"], depth["far_m"]),
-            light=meta["light"],
-            rgb_codec=meta["rgb"]["codec"],
-        )
-    return ItemResult({"frames": meta["frames"], "scene": meta["scene_id"]})
+    seen = read_frame_folder(frames)
+    write_episode_unit(
+        out,
+        read_rollout(rollout),
+        seen.arrays,
+        seen.frames_per_second,
+        rgb_video=seen.rgb_video,
+        depth_video=seen.depth_video,
+        camera=seen.camera,
+        depth_range=seen.depth_range,
+        light=seen.light,
+        rgb_codec=seen.rgb_codec,
+    )
+    return ItemResult({"frames": seen.facts["frames"], "scene": seen.facts["scene_id"]})
 
 
 def mcap_items(
@@ -147,8 +142,3 @@ def process_dataset(
         title=out.name,
     )
     return ItemResult({"episodes": summary.episodes, "frames": summary.frames})
-
-
-def _camera(meta: Mapping[str, Any]) -> CameraModel:
-    camera = meta["camera"]
-    return CameraModel(camera["name"], camera["width_px"], camera["height_px"], camera["hfov_deg"])

@@ -89,9 +89,7 @@ def write_two_rooms(root: Path) -> SceneBundle:
             scene_id="two_rooms",
             source={"path": "two_rooms", "sha256": "0" * 64, "licence": "Apache-2.0"},
             source_to_world=np.eye(4),
-            habitat_to_world=np.array(
-                [[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
-            ),
+            habitat_to_world=np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]]),
             materials=materials,
             labels=labels,
             objects=tuple(
