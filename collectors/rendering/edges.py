@@ -12,11 +12,11 @@ F32 = NDArray[np.float32]
 @njit(cache=True)
 def encode_srgb(linear: F32, table: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
     """Linear light (N, 3) to sRGB bytes (N, 3) through `table` (see `srgb.encode_table`)."""
-    steps = table.shape[0] - 1
+    steps = np.float32(table.shape[0] - 1)
     for i in range(linear.shape[0]):
         for k in range(3):
             x = min(max(linear[i, k], np.float32(0.0)), np.float32(1.0))
-            out[i, k] = table[int(x * steps + 0.5)]
+            out[i, k] = table[np.int32(x * steps + np.float32(0.5))]
 
 
 @njit(cache=True)
@@ -84,11 +84,16 @@ def find_edges(
 
 
 @njit(cache=True)
-def add_samples(samples: F32, count: int, pixels: NDArray[np.int64], out: F32) -> None:
-    """Average each pixel's own colour with its `count` samples (K · count, 3), into `out`."""
+def add_samples(samples: F32, count: int, pixels: NDArray[np.int64], color: F32) -> F32:
+    """Mean (K, 3) of each pixel's own colour in `color` (N, 3) and its `count` samples.
+
+    `samples` is (K · count, 3), `pixels` (K,).
+    """
+    out = np.empty((pixels.shape[0], 3), dtype=np.float32)
     for i in range(pixels.shape[0]):
         for k in range(3):
-            total = out[pixels[i], k]
+            total = color[pixels[i], k]
             for s in range(count):
                 total += samples[i * count + s, k]
-            out[pixels[i], k] = total / np.float32(count + 1)
+            out[i, k] = total / np.float32(count + 1)
+    return out

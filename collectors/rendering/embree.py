@@ -23,7 +23,7 @@ from .textures import load_materials
 
 F32 = NDArray[np.float32]
 
-MIN_CONTRAST = 14  # sRGB bytes; less is not seen as a stair
+MIN_CONTRAST = 18  # sRGB bytes; less is not seen as a stair
 EDGE_BEND = 0.4  # creases sharper than about 25° count as edges
 
 
@@ -101,8 +101,10 @@ class SceneRenderer:
                 inside = (rows >= top) & (rows < bottom) & (columns >= left) & (columns < right)
                 rays = np.flatnonzero(inside)
                 self._robot.trace(geom, rays, directions, self._light, *samples)
-            add_samples(samples[0], len(SUBPIXELS), edges, color)
-            encode_srgb(color, self._encode, rgb)
+            mixed = add_samples(samples[0], len(SUBPIXELS), edges, color)
+            smooth = np.empty((len(edges), 3), dtype=np.uint8)
+            encode_srgb(mixed, self._encode, smooth)
+            rgb[edges] = smooth
         return rgb.reshape(height, width, 3), depth.reshape(height, width)
 
     def first_hit_m(self, origin_world_m: ArrayLike, direction_world: ArrayLike) -> float:
