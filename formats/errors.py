@@ -32,6 +32,10 @@ class FileFormatError(InputError):
         self.reason = reason
         super().__init__(f"{self.path}: {reason}")
 
+    def __reduce__(self):
+        """Survive the way from a worker process."""
+        return type(self), (self.path, self.reason)
+
 
 class SceneError(InputError):
     """A scene was read, but no robot could live in it (no floor, impossible scale, …)."""
@@ -46,3 +50,7 @@ class UnknownNameError(InputError):
     def __init__(self, kind: str, name: str, valid: Iterable[str]):
         self.kind, self.name, self.valid = kind, name, sorted(valid)
         super().__init__(f"unknown {kind} {name!r}; valid: {', '.join(self.valid)}")
+
+    def __reduce__(self):
+        """Survive the way from a worker process."""
+        return type(self), (self.kind, self.name, self.valid)

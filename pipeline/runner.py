@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import logging
 import os
+import pickle
 import time
 import traceback
 from collections.abc import Callable, Iterable, Sequence
@@ -244,5 +245,17 @@ def _timed(
 
     numba.set_num_threads(min(threads, available_cores()))
     started = time.perf_counter()
-    result = process(*arguments)
+    try:
+        result = process(*arguments)
+    except Exception as error:
+        raise _portable(error) from None
     return result, time.perf_counter() - started
+
+
+def _portable(error: Exception) -> Exception:
+    """An error that can be pickled; others would break the whole worker pool on their way."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return VlnpeError(f"{type(error).__name__}: {error}")
+    return error

@@ -54,14 +54,18 @@ def test_bad_items_are_quarantined_with_their_reason_and_counted(tmp_path, worke
         item(tmp_path, "good"),
         item(tmp_path, "fell", "fell"),
         WorkItem("no_floor", "k", (bad,), work.refuse, (bad,)),
+        WorkItem("no_mesh", "k", (bad,), work.misread, (bad,)),
         WorkItem("bug", "k", (bad,), work.crash, (bad,)),
+        WorkItem("stubborn", "k", (bad,), work.refuse_stubbornly, (bad,)),
         WorkItem("half", "k", (bad,), work.write_half, (bad,)),
     ]
     summary = run_stage(context(tmp_path, workers), "s", items)
-    assert (summary.done, summary.failed, summary.quarantined) == (2, 1, 3)
+    assert (summary.done, summary.failed, summary.quarantined) == (2, 1, 5)
     listed = json.loads((tmp_path / "quarantine.json").read_text())
     reasons = {i["item"]: i["reason"] for i in listed["items"]}
-    assert listed["count"] == 3
+    assert listed["count"] == 5
+    assert reasons["no_mesh"] == f"{bad}: no mesh"
+    assert "not portable" in reasons["stubborn"]
     assert "has no floor" in reasons["no_floor"]
     assert "ZeroDivisionError" in reasons["bug"]
     files = {p.name for p in tmp_path.iterdir()}

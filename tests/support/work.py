@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from vlnpe.formats.atomic import atomic_file
-from vlnpe.formats.errors import SceneError
+from vlnpe.formats.errors import FileFormatError, SceneError
 from vlnpe.pipeline.runner import ItemResult
 
 
@@ -18,6 +18,21 @@ def write(path: Path, text: str) -> ItemResult:
 
 def refuse(path: Path) -> ItemResult:
     raise SceneError(f"{path.name} has no floor")
+
+
+class StubbornError(Exception):
+    """Cannot be pickled back, as many a library's errors."""
+
+    def __init__(self, first: str, second: str):
+        super().__init__(first + second)
+
+
+def refuse_stubbornly(path: Path) -> ItemResult:
+    raise StubbornError("not ", "portable")
+
+
+def misread(path: Path) -> ItemResult:
+    raise FileFormatError(path, "no mesh")
 
 
 def crash(path: Path) -> ItemResult:
