@@ -218,6 +218,7 @@ class _Run:
                 if decision.action is not None:
                     self.actions.append((decision.action, tick))
                 if decision.done:
+                    command = STOPPED
                     end, last = self._stop(), tick + round(config.rest_s * STATE_RATE_HZ)
                 elif tick >= limit or len(self.actions) > config.outcome.timeout_actions:
                     self._note("timeout", f"{tick / STATE_RATE_HZ:.1f} s")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import fields, replace
 from itertools import pairwise
 from pathlib import Path
@@ -166,7 +167,8 @@ def test_another_seed_gives_another_rollout(world: World) -> None:
 
 
 def test_discrete_actions_fill_the_time_one_after_the_other(world: World) -> None:
-    r = replay_in(world, make_episode(world.bundle), ReplayConfig(controller="speed"))
+    jump = SpeedConfig(ramp_m_s2=math.inf, ramp_rad_s2=math.inf)
+    r = replay_in(world, make_episode(world.bundle), ReplayConfig(controller="speed", speed=jump))
     assert r.actions[0].start_sample == 0
     assert r.actions[-1].stop_sample == len(r.time_s)
     assert all(a.stop_sample == b.start_sample for a, b in pairwise(r.actions))
@@ -178,6 +180,14 @@ def test_discrete_actions_fill_the_time_one_after_the_other(world: World) -> Non
         vx, _, yaw = r.command[inside].T
         assert (vx > 0).all() == (span.action is Action.FORWARD)
         assert (np.sign(yaw) == {Action.LEFT: 1, Action.RIGHT: -1}.get(span.action, 0)).all()
+
+
+def test_commands_are_ramped(world: World) -> None:
+    r = replay_in(world, make_episode(world.bundle), ReplayConfig(controller="speed"))
+    driven = r.command[: r.actions[-1].start_sample]
+    steps = np.abs(np.diff(driven, axis=0)).max(axis=0)
+    assert steps[0] == pytest.approx(SpeedConfig().ramp_m_s2 / 100)
+    assert steps[2] == pytest.approx(SpeedConfig().ramp_rad_s2 / 100)
 
 
 def test_closed_loop_actions_reach_their_displacement(world: World) -> None:
@@ -238,9 +248,10 @@ def test_an_unknown_box_beside_the_way_is_felt_or_passed(tmp_path: Path) -> None
 
 
 def test_a_top_heavy_cart_falls(two_rooms: SceneBundle) -> None:
-    world = open_world(two_rooms, 0, make_cart(mast_kg=15.0, mast_m=1.0), CartGait(brisk=3.0))
-    # Its centre of mass is 0.6 m up between casters 0.34 m apart; it starts with a jerk.
-    r = replay_in(world, make_episode(two_rooms), ReplayConfig(controller="speed"))
+    world = open_world(two_rooms, 0, make_cart(mast_kg=15.0, mast_m=2.0), CartGait(brisk=2.0))
+    # Its centre of mass is more than 1 m up between casters 0.34 m apart; it starts with a jerk.
+    jump = SpeedConfig(ramp_m_s2=math.inf, ramp_rad_s2=math.inf)
+    r = replay_in(world, make_episode(two_rooms), ReplayConfig(controller="speed", speed=jump))
     assert r.end_reason is EndReason.FALL
     assert r.metrics.fall
     fall = [e for e in r.events if e.kind == "fall"]
@@ -316,3 +327,21 @@ def test_exploding_physics_ends_as_diverged(two_rooms: SceneBundle) -> None:
 def test_unknown_names_list_the_valid_ones(two_rooms: SceneBundle, config, valid: str) -> None:
     with pytest.raises(UnknownNameError, match=valid):
         replay_episode(two_rooms, make_episode(two_rooms), config)
+
+
+@pytest.mark.parametrize("controller", PHYSICAL)
+def test_aliengo_walks_to_the_other_room(two_rooms: SceneBundle, controller: str) -> None:
+    r = replay_episode(
+        two_rooms, make_episode(two_rooms, yaw=1.0), ReplayConfig(controller=controller)
+    )
+    assert r.end_reason is EndReason.SUCCESS
+    assert r.metrics.ndtw > 0.85
+    limits = [35.3, 35.3, 44.4] * 4
+    assert (np.abs(r.joint_torque_nm) <= np.array(limits) + 1e-6).all()
+    # It walks: every foot is lifted and set down again and again, and carries weight in between.
+    steps = np.diff(r.foot_contact.astype(int), axis=0)
+    assert ((steps == 1).sum(axis=0) > 5).all()
+    assert (r.foot_contact.mean(axis=0) > 0.3).all()
+    height = r.position_world_m[:, 2] - r.floor_z_m
+    assert 0.28 < height.min() < height.max() < 0.42
+    assert np.abs(r.linear_velocity_base_m_s[-1]).max() < 0.1

@@ -21,7 +21,7 @@ class RouteCursor:
     A route may pass the same place twice; looking near the last point keeps to the right pass.
     """
 
-    def __init__(self, xy: list[tuple[float, float]], step_m: float, ahead_m: float = 1.5):
+    def __init__(self, xy: list[tuple[float, float]], step_m: float, ahead_m: float = 0.8):
         self.xy = xy
         self.index = 0
         self._ahead = max(1, round(ahead_m / step_m))

@@ -48,11 +48,11 @@ class PathConfig:
     goal_threshold_m: float = 0.15
     cruise_m_s: float = 0.8
     lookahead_m: float = 0.45
-    lateral_gain: float = 1.0
-    lateral_m_s: float = 0.15
+    lateral_gain: float = 2.0
+    lateral_m_s: float = 0.25
     turn_on_spot_rad: float = math.radians(50.0)
     turn_until_rad: float = math.radians(15.0)
-    curve_yaw_rad_s: float = 0.8
+    curve_yaw_rad_s: float = 0.5
     decelerate_m_s2: float = 0.6
     replan_off_m: float = 0.5
     replan_heading_rad: float = math.radians(30.0)
@@ -81,7 +81,7 @@ class PathController:
         self._progress = (0.0, -math.inf)  # time, remaining distance when progress was last made
         self._back_off_until_s = -math.inf
 
-    rate_hz = 50
+    rate_hz = 25  # a body answers no faster, and each step costs 10 µs or more
 
     @property
     def nominal_s(self) -> float:

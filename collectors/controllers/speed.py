@@ -1,8 +1,9 @@
 """Move-by-speed: discrete actions carried out as velocity commands.
 
 Timing is VLN-PE's by default: 1.0 m/s and 60°/s over 50 physics steps per action, whatever the
-robot made of it; the expert corrects with the next action. With `end_on_displacement` an action
-also waits, up to `longest_steps`, until its 0.25 m or 15° are reached.
+robot made of it; the expert corrects with the next action. Commands are ramped, not jumped. With
+`end_on_displacement` an action ends when its 0.25 m or 15° are reached, at `longest_steps` at the
+latest.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ class SpeedConfig:
         end_on_displacement: actions may last longer, until their displacement is reached.
         longest_steps: physics steps after which an action ends in any case.
         replan_off_m: distance from the route that calls for a new one.
+        ramp_m_s2, ramp_rad_s2: how fast the command changes; jumping between full speed and a
+            full turn four times a second throws walking robots off balance. inf jumps.
         carry_s: a moving body goes on for about this long; the expert chooses from where it will
             then be, or it would correct every turn by the opposite one.
         expert: how actions are chosen.
@@ -42,7 +45,9 @@ class SpeedConfig:
     end_on_displacement: bool = False
     longest_steps: int = 100
     replan_off_m: float = 0.5
-    carry_s: float = 0.12
+    ramp_m_s2: float = 3.0
+    ramp_rad_s2: float = 4.0
+    carry_s: float = 0.15
     expert: ExpertConfig = field(default_factory=ExpertConfig)
 
 
@@ -59,6 +64,7 @@ class SpeedController:
         self._expert = Expert(route, config.expert)
         self._action: Action | None = None
         self._start_s, self._start = 0.0, Pose(0.0, 0.0, 0.0)
+        self._command: tuple[float, float, float] = STOPPED
         self._recent: deque[Pose] = deque(maxlen=RECENT + 1)
 
     rate_hz = 100
@@ -79,7 +85,7 @@ class SpeedController:
                 self._replan(pose)
         notes, self._notes = tuple(self._notes), []
         return Decision(
-            self._command(self._action), started, done=self._action is Action.STOP, notes=notes
+            self._ramped(self._action), started, done=self._action is Action.STOP, notes=notes
         )
 
     def _over(self, time_s: float, pose: Pose) -> bool:
@@ -109,7 +115,18 @@ class SpeedController:
         sign = 1.0 if self._action is Action.LEFT else -1.0
         return sign * wrap_angle(pose.yaw_rad - start.yaw_rad) >= TURN_RAD
 
-    def _command(self, action: Action) -> tuple[float, float, float]:
+    def _ramped(self, action: Action) -> tuple[float, float, float]:
+        """The command one sample further on the way to what the action asks for."""
+        config, wanted = self._config, self._wanted(action)
+        most = (config.ramp_m_s2 / self.rate_hz, 0.0, config.ramp_rad_s2 / self.rate_hz)
+        vx, vy, yaw = (
+            old + clip(new - old, -step, step)
+            for old, new, step in zip(self._command, wanted, most, strict=True)
+        )
+        self._command = (vx, vy, yaw)
+        return self._command
+
+    def _wanted(self, action: Action) -> tuple[float, float, float]:
         config, limits = self._config, self._task.limits
         if action is Action.FORWARD:
             return clip(config.linear_m_s, *limits.vx_m_s), 0.0, 0.0
