@@ -22,11 +22,13 @@ from .grid import GridSpec
 from .scene_bundle import LabeledObject, SceneBundle
 
 ROOM_PREFIX = "room:"
+DOORWAY_M = 1.8  # a passage between rooms at most this wide is called a doorway
 
 # What fills all of these heights above the floor is a wall, a door or a cupboard: tables and
 # sofas end below, lamps hang above. Things smaller than a wall's end (a vase, a post) are dropped.
 _SLICES_M = ((0.5, 0.9), (0.95, 1.3), (1.35, 1.65))
 _MIN_WALL_M = 0.7
+_EDGE = 0.05  # of a cell
 # A bottleneck splits a space when it is this much narrower than the smaller side's widest place.
 _NECK_RATIO = 0.88
 _MIN_ROOM_M2 = 2.5
@@ -34,6 +36,8 @@ _MIN_ROOM_M2 = 2.5
 _REACH_M = 1.0
 # Two crossings at most this far apart go through one and the same passage.
 _SAME_DOOR_M = 0.6
+# How far behind a door a path must go for its end to be in the next room.
+_BEHIND_DOOR_M = 0.4
 
 # What a room without a label is called by what stands in it. Rooms of one open space are told
 # apart by these things too.
@@ -152,9 +156,7 @@ def crossings(regions: RegionMap, path_m: ArrayLike, settle_m: float = 1.0) -> l
     widths = regions.width_m[cells[:, 0], cells[:, 1]]
     edges = np.flatnonzero(np.diff(rooms)) + 1
     runs = np.split(np.arange(len(rooms)), edges)
-    settled = [
-        run for run in runs if rooms[run[0]] >= 0 and along[run[-1]] - along[run[0]] >= settle_m
-    ]
+    settled = [run for run in runs if _settled(run, rooms, along, widths, settle_m)]
     result: list[Crossing] = []
     for before, after in pairwise(settled):
         old, new = int(rooms[before[0]]), int(rooms[after[0]])
@@ -171,6 +173,27 @@ def crossings(regions: RegionMap, path_m: ArrayLike, settle_m: float = 1.0) -> l
             step = Crossing(float(along[k]), points[k], old, new, float(widths[k]))
             result.append(step)
     return result
+
+
+def _settled(
+    run: NDArray[np.int64],
+    rooms: NDArray[np.int32],
+    along: NDArray[np.float64],
+    widths: NDArray[np.float64],
+    settle_m: float,
+) -> bool:
+    """Whether the samples `run` of a path are a visit to their room."""
+    if rooms[run[0]] < 0:
+        return False
+    stay = float(along[run[-1]] - along[run[0]])
+    if stay >= settle_m:
+        return True
+    # A path may end just behind a door; the border of an open space is not that certain.
+    if run[0] != 0 and run[-1] != len(rooms) - 1:
+        return False
+    border = along[run[0]] if run[0] else along[run[-1]]
+    narrowest = widths[np.abs(along - border) <= 0.5].min()
+    return stay >= _BEHIND_DOOR_M and narrowest <= DOORWAY_M
 
 
 def _walls(bundle: SceneBundle, level: int, grid: GridSpec) -> NDArray[np.bool_]:
@@ -194,11 +217,12 @@ def _walls(bundle: SceneBundle, level: int, grid: GridSpec) -> NDArray[np.bool_]
 
 
 def _box(array: NDArray, grid: GridSpec, low: ArrayLike, high: ArrayLike) -> NDArray:
-    """View of the cells of `array` whose centres lie in the box `low` … `high` (2,), (2,) [m]."""
+    """View of the cells of `array` that a box `low` … `high` (2,), (2,) [m] touches."""
     shape = np.array(grid.shape)
-    first = np.clip(np.ceil(_index(grid, low)).astype(int), 0, shape)
-    stop = np.clip(np.floor(_index(grid, high)).astype(int) + 1, 0, shape)
-    return array[first[0] : stop[0], first[1] : stop[1]]
+    # A box that ends on a cell's edge does not touch the next cell, whatever the rounding says.
+    first = np.clip(np.floor(_index(grid, low) + 0.5 + _EDGE), 0, shape).astype(int)
+    stop = np.clip(np.ceil(_index(grid, high) + 0.5 - _EDGE), 0, shape).astype(int)
+    return array[first[0] : max(stop[0], first[0]), first[1] : max(stop[1], first[1])]
 
 
 def _index(grid: GridSpec, xy_m: ArrayLike) -> NDArray[np.float64]:

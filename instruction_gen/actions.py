@@ -12,14 +12,15 @@ from skimage.measure import approximate_polygon
 from ..formats.episode import Episode
 from ..formats.frames import wrap_angle
 from ..formats.planning import path_length
-from ..formats.regions import RegionMap, crossings
+from ..formats.regions import DOORWAY_M, RegionMap, crossings
 
 # A path is straight as far as it stays this close to a line; corners nearer than a bend's length
 # to each other, the same way round, are one bend.
 _STRAIGHT_M = 0.25
 _BEND_M = 1.6
+_BEND_RAD = np.deg2rad(120.0)
+_SPOT_M = 0.6
 MIN_TURN_RAD = np.deg2rad(28.0)
-DOORWAY_M = 1.8  # a passage between rooms at most this wide is called a doorway
 
 
 @dataclass(frozen=True)
@@ -115,8 +116,7 @@ def find_turns(
     for k, (before, after) in enumerate(pairwise(headings)):
         angle = float(wrap_angle(after - before))
         last = found[-1] if found else None
-        near = last is not None and float(along[k]) - last.along_m < _BEND_M
-        if last is not None and near and np.sign(last.angle_rad) == np.sign(angle):
+        if last is not None and _one_bend(last, float(along[k]) - last.along_m, angle):
             total = last.angle_rad + angle
             middle = (last.along_m * last.angle_rad + float(along[k]) * angle) / total
             found[-1] = Turn(middle, total)
@@ -128,3 +128,12 @@ def find_turns(
         if abs(angle) > 2 * MIN_TURN_RAD:
             found.insert(0, Turn(0.0, angle))
     return tuple(t for t in found if abs(t.angle_rad) >= min_turn_rad)
+
+
+def _one_bend(last: Turn, gap_m: float, angle_rad: float) -> bool:
+    """Whether a corner continues the last bend rather than being a turn of its own."""
+    if np.sign(last.angle_rad) != np.sign(angle_rad):
+        return False
+    # Twice round a corner, as from one door into the next, is two turns unless on the spot.
+    total = abs(last.angle_rad + angle_rad)
+    return gap_m < (_BEND_M if total <= _BEND_RAD else _SPOT_M)

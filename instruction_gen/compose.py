@@ -87,7 +87,8 @@ def _steps(
         first = k == 0 and change is route.changes[0]
         steps.append(_change(change, first and bool(change.from_room), rng))
     steps.sort(key=lambda s: s.along_m)
-    steps = _add_passed(steps, route, seen, named, rng, style)
+    kinds = {s.mention.category for s in (*steps, last) if s and s.mention}
+    steps = _add_passed(steps, route, seen, named, kinds, rng, style)
     steps = _add_distances(steps, rng)
     if last and not steps:
         text = phrases.straight(rng, route.length_m)
@@ -135,6 +136,7 @@ def _add_passed(
     route: Route,
     seen: list[Sighting],
     named: set[str],
+    kinds: set[str],
     rng: np.random.Generator,
     style: str,
 ) -> list[_Step]:
@@ -142,7 +144,6 @@ def _add_passed(
     gap = 2.0 if style == "detailed" else 4.0
     result = list(steps)
     edges = [0.0, *(s.along_m for s in steps), route.length_m]
-    used = {s.mention.category for s in steps if s.mention}
     for low, high in pairwise(edges):
         if high - low < gap:
             continue
@@ -150,7 +151,7 @@ def _add_passed(
             s
             for s in seen
             if s.name not in named
-            and s.category not in used
+            and s.category not in kinds
             and s.side
             and low + 0.5 <= s.along_m <= high - 0.5
         ]
@@ -158,7 +159,7 @@ def _add_passed(
             continue
         mark = max(beside, key=lambda s: s.salience / (0.5 + s.distance_m))
         named.add(mark.name)
-        used.add(mark.category)
+        kinds.add(mark.category)
         side = mark.side if style == "detailed" or rng.random() < 0.4 else ""
         text = phrases.passing(rng, phrases.thing(mark.category, mark.plural), side)
         action = f"pass {mark.category}"

@@ -101,6 +101,9 @@ def sightings(
         from_point = nearest if gap[nearest] <= NEAR_M else -1
         if not _in_sight(points[from_point], edge[from_point], regions):
             continue
+        # Seen through a door, a thing would send the walker into the wrong room.
+        if _rooms(regions, low, high).isdisjoint(regions.at(points[[from_point]]).tolist()):
+            continue
         center = (low + high) / 2
         kind = [t for t in things if t.category == thing.category and t.name != thing.name]
         if any(_part_of(thing, t) for t in kind):
@@ -141,6 +144,14 @@ def _between(a: LabeledObject, b: LabeledObject) -> float:
     """Horizontal distance of two boxes [m]."""
     gap = np.maximum(np.subtract(a.lower_m, b.upper_m), np.subtract(b.lower_m, a.upper_m))[:2]
     return float(np.linalg.norm(np.maximum(gap, 0.0)))
+
+
+def _rooms(regions: RegionMap, low: NDArray[np.float64], high: NDArray[np.float64]) -> set[int]:
+    """Rooms that a box `low` … `high` (2,), (2,) [m] stands in, or at whose wall it stands."""
+    xs, ys = (np.linspace(a - 0.2, b + 0.2, 8) for a, b in zip(low, high, strict=True))
+    found = regions.at(np.stack(np.meshgrid(xs, ys), axis=-1))
+    rooms, counts = np.unique(found[found >= 0], return_counts=True)
+    return {int(r) for r, n in zip(rooms, counts, strict=True) if n >= 0.3 * counts.max()}
 
 
 def _part_of(small: LabeledObject, large: LabeledObject) -> bool:

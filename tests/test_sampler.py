@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -93,6 +94,11 @@ def test_no_episode_at_all_is_an_error_with_the_counts(two_rooms, changes):
         sample(two_rooms, **changes)
     assert "two_rooms" in str(caught.value)
     assert "m²" in str(caught.value)
+    if changes.get("min_length_m") == 30.0:
+        # From corner to corner of the two rooms, round the jambs.
+        longest = re.search(r"longest way on it about ([\d.]+) m", str(caught.value))
+        assert longest
+        assert 7.0 < float(longest[1]) < 9.0
     assert "\n" not in str(caught.value)
 
 

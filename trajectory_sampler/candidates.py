@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.measure import label
 
-from ..formats.freemap import DistanceField, Freemap
+from ..formats.freemap import Freemap
 from ..formats.planning import (
     PlanConfig,
     path_length,
@@ -125,14 +125,29 @@ def from_one_start(
         used = Counter({r: visits[room, r] + visits[r, room] for r in goal_rooms.tolist()})
         goal_room = _least(goal_rooms, used, rng)
         choices = level.cells[fits & (level.rooms == goal_room)]
-        yield _judge(level, start, grid.center_of(rng.choice(choices)), field, kept, config)
+        yield _judge(level, start, grid.center_of(rng.choice(choices)), kept, config)
+
+
+def longest_way(level: Level) -> float:
+    """About how far apart two places of a level are at most [m]; a lower bound.
+
+    The place farthest from any place is one end of a long way (two sweeps).
+    """
+    if not len(level.cells):
+        return 0.0
+    end, longest = level.cells[0], 0.0
+    for _ in range(2):
+        field = level.freemap.distance_field(level.freemap.grid.center_of(end), level.radius_m)
+        way = field.distance_m[level.cells[:, 0], level.cells[:, 1]]
+        way = np.where(np.isfinite(way), way, 0.0)
+        end, longest = level.cells[int(np.argmax(way))], float(way.max())
+    return longest
 
 
 def _judge(
     level: Level,
     start: NDArray[np.float64],
     goal: NDArray[np.float64],
-    field: DistanceField,
     kept: Sequence[NDArray[np.float64]],
     config: SampleConfig,
 ) -> Candidate | str:
@@ -144,13 +159,10 @@ def _judge(
         level.freemap, path, level.radius_m, config.waypoint_spacing_m, tolerance_m=0.03
     )
     length = path_length(reference)
-    geodesic = float(field.at(goal))
     if length < config.min_length_m:
         return "too_short"
     if length > config.max_length_m:
         return "too_long"
-    if length > config.max_detour * geodesic:
-        return "detour"
     crossed = tuple(crossings(level.regions, reference))
     if len(crossed) < level.min_crossings:
         return "same_room"
@@ -158,9 +170,11 @@ def _judge(
         return "too_similar"
     if not segments_free(level.freemap.grid, level.freemap.free(level.radius_m), reference).all():
         return "unsafe"
-    if level.radius_m != config.robot_radius_m:
-        # Metrics compare with what the robot could have done, not with the roomier way.
-        geodesic = float(level.freemap.distance_field(goal, config.robot_radius_m).at(start))
+    # Metrics compare with what the robot could have done, not with the roomier way.
+    tight = level.freemap.distance_field(goal, config.robot_radius_m)
+    geodesic = float(tight.at(start))
+    if length > config.max_detour * geodesic:
+        return "detour"
     ends = (int(level.regions.at(start)), int(level.regions.at(goal)))
     first = crossed[0].from_region if crossed else ends[0]
     names = tuple(level.regions.names[r] for r in (first, *(c.to_region for c in crossed)))

@@ -41,7 +41,7 @@ class SampleConfig:
     comfort_m: float = 0.35
     min_length_m: float = 5.0
     max_length_m: float = 20.0
-    max_detour: float = 1.5
+    max_detour: float = 1.3
     min_crossings: int = 1
     min_gap_m: float = 1.5
     waypoint_spacing_m: float = 1.0

@@ -13,13 +13,13 @@ from ..formats.episode import Episode
 from ..formats.errors import SceneError
 from ..formats.frames import wrap_angle
 from ..formats.planning import point_along
+from ..formats.regions import DOORWAY_M
 from ..formats.scene_bundle import SceneBundle
-from .candidates import Candidate, Level, from_one_start, open_level
+from .candidates import Candidate, Level, from_one_start, longest_way, open_level
 from .config import SampleConfig
 
 logger = logging.getLogger(__name__)
 
-_DOORWAY_M = 1.8  # a passage at most this wide between two rooms is called a doorway
 _LOOK_AHEAD_M = 0.75  # a start's heading is that of the path over this length
 
 
@@ -65,18 +65,19 @@ def sample_episodes(
     dropped: Counter[str] = Counter()
     kept: list[Candidate] = []
     radii = {max(config.roomy_radius_m, config.robot_radius_m), config.robot_radius_m}
-    open_floor_m2 = 0.0
+    levels: list[Level] = []
     for radius in sorted(radii, reverse=True):
         levels = [open_level(bundle, k, radius, config) for k in range(len(bundle.level_floor_z_m))]
-        open_floor_m2 = sum(level.area_m2 for level in levels)
         _fill(kept, [level for level in levels if len(level.cells)], config, rng, dropped)
     episodes = [_episode(bundle, c, k, config, rng) for k, c in enumerate(kept)]
     result = SampleResult(episodes, config.count, dict(dropped))
     if not episodes:
+        area = sum(level.area_m2 for level in levels)
+        longest = max((longest_way(level) for level in levels), default=0.0)
         raise SceneError(
             f"{bundle.scene_id}: no episode of {config.min_length_m:g} … {config.max_length_m:g} m "
-            f"for a robot of radius {config.robot_radius_m:g} m on {open_floor_m2:.1f} m² of "
-            f"connected free floor; {result.summary}"
+            f"for a robot of radius {config.robot_radius_m:g} m: the connected free floor has "
+            f"{area:.1f} m², the longest way on it about {longest:.1f} m; {result.summary}"
         )
     single = sorted({c.level for c in kept if len(c.crossed) < config.min_crossings})
     if single:
@@ -143,7 +144,7 @@ def _episode(
                     "along_m": round(c.along_m, 3),
                     "position_xy_m": [round(float(v), 3) for v in c.position_xy_m],
                     "width_m": round(c.width_m, 3),
-                    "doorway": c.width_m <= _DOORWAY_M,
+                    "doorway": c.width_m <= DOORWAY_M,
                 }
                 for c in candidate.crossed
             ],
