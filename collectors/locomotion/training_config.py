@@ -129,7 +129,7 @@ def ppo_config(config: TrainingConfig, seed: int) -> dict:
 # Phases of training, in order: settings and PPO iterations.
 PHASES: dict[str, tuple[tuple[TrainingConfig, int], ...]] = {
     "aliengo": (
-        (TrainingConfig(), 700),
-        (TrainingConfig(terrain="rough"), 800),
+        (TrainingConfig(), 430),
+        (TrainingConfig(terrain="rough"), 200),
     ),
 }

@@ -156,4 +156,4 @@ def _repair_note(facts: Mapping[str, Any]) -> str:
     text += f"{facts['floor_before_m2']:.1f} m² before, {facts['floor_after_m2']:.1f} m² after."
     if left:
         text += f" Left open: {left}."
-    return " ".join([text, *facts["warnings"]])
+    return " ".join([text, *(f"{w.rstrip('.')}." for w in facts["warnings"])])

@@ -73,10 +73,10 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
     width = max(2.0, 0.06 * scale)
     for track in tracks:
         title = f"{track.episode.episode_id} {track.robot}: {track.end_reason}"
-        reference = pixels(track.episode.reference_path_world_m[:, :2])
-        lines.append(_line(reference, REFERENCE, 0.6 * width, f"reference of {title}", True))
         color = GOOD if track.end_reason == "success" else BAD
         lines.append(_line(pixels(track.xy_m), color, width, title, False))
+        reference = pixels(track.episode.reference_path_world_m[:, :2])
+        lines.append(_line(reference, REFERENCE, 0.4 * width, f"reference of {title}", True))
         for point, tint, what in (
             (track.episode.start_position_world_m, START, "start"),
             (track.episode.goal_position_world_m, GOAL, "goal"),

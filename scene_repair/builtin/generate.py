@@ -82,7 +82,7 @@ def generate_scan(
     (out_dir / "scan.labels.json").write_text(
         json.dumps({"frame": "source", "objects": _labels(scene, pose)}, indent=1) + "\n"
     )
-    write_truth(out_dir / "truth.npz", scene.plan, mesh)
+    write_truth(out_dir / "truth.npz", scene.plan, mesh, pose)
     return out_dir / "scan.glb"
 
 

@@ -59,8 +59,15 @@ def seen_floor(grid: GridSpec, mesh: ScanMesh) -> NDArray[np.bool_]:
     return covered_cells(grid, points[use])
 
 
-def write_truth(path: Path, plan: FloorPlan, mesh: ScanMesh) -> None:
-    """Write `truth.npz`: grid, `floor_z_m`, `floor_mask`, `seen_mask` (world frame, z up)."""
+def write_truth(
+    path: Path, plan: FloorPlan, mesh: ScanMesh, world_to_scan: NDArray[np.float64]
+) -> None:
+    """Write `truth.npz`.
+
+    It holds the grid (`origin_xy_m`, `cell_m`, `shape`) and over it `floor_z_m` (NaN off the
+    floor), `floor_mask` and `seen_mask`, all in the world frame (z up), and the (4, 4)
+    `world_to_scan`, identity unless the scanner was tilted or moved.
+    """
     grid, floor = true_floor(plan)
     np.savez_compressed(
         path,
@@ -70,4 +77,5 @@ def write_truth(path: Path, plan: FloorPlan, mesh: ScanMesh) -> None:
         floor_z_m=np.where(floor, np.float32(0), np.float32(np.nan)),
         floor_mask=floor,
         seen_mask=seen_floor(grid, mesh) & floor,
+        world_to_scan=world_to_scan,
     )

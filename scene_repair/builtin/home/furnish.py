@@ -78,11 +78,10 @@ def living_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Pi
         if found is not None:
             pieces += found[3].pieces
             axis, sign, along, _ = found
-            screen = Arrangement(tuple(storage.tv_stand(kit, rng)), 0.5)
-            opposite = try_wall(space, rng, screen, [(axis, -sign)], along) or try_wall(
-                space, rng, screen
-            )
-            pieces += opposite[3].pieces if opposite else ()
+            screen = Arrangement(tuple(storage.tv_stand(kit, rng, 1.7)), 0.5)
+            opposite = try_wall(space, rng, screen, [(axis, -sign)], along)
+            small = Arrangement(tuple(storage.tv_stand(kit, rng, 1.15)), 0.3)
+            pieces += opposite[3].pieces if opposite else _either(space, rng, [screen, small])
             break
     if space.room.area_m2 > 21:
         pieces += _middle(space, kit, rng, (4, 2))
@@ -97,19 +96,21 @@ def living_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Pi
 
 def kitchen_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
     """A run of cupboards and a table with chairs."""
-    pieces: list[Piece] = []
     longest = float(space.room.size_m.max())
-    for width in (3.8, 3.3, 2.8, 2.4):
-        if width > longest - 0.05:
-            continue
-        for upper in (True, False):
-            run = kitchen.counter(kit, rng, width, upper)
-            found = try_wall(space, rng, run, tries=20)
-            if found is not None:
-                pieces += found[3].pieces
-                break
-        if pieces:
-            break
+    # Windows may leave no wall for what is tall: then the refrigerator stands by itself.
+    forms = ((True, True), (False, True), (False, False))
+    pieces = _either(
+        space,
+        rng,
+        (
+            kitchen.counter(kit, rng, width, upper, fridge)
+            for upper, fridge in forms
+            for width in (3.8, 3.3, 2.8, 2.4, 2.1)
+            if width < longest - 0.05
+        ),
+    )
+    if not any(piece.name == "Refrigerator" for piece in pieces):
+        pieces += _put(space, rng, [alone(kitchen.refrigerator(kit), 0.5)])
     pieces += _middle(space, kit, rng, (6, 4, 2) if rng.random() < 0.4 else (4, 2))
     items = [alone(storage.sideboard(kit, rng), 0.4)] if rng.random() < 0.5 else []
     items.append(alone(storage.bin_(kit, rng), 0.1))

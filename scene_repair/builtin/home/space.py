@@ -63,8 +63,11 @@ class RoomSpace:
                 return False
             if any(overlaps(solid, other, 0.06) for other in self.solids):
                 return False
-        if not item.on_window and self._hides_window(flat, float(bounds[1, 2])):
-            return False
+        if not item.on_window:
+            for piece in item.pieces:
+                box = piece.shape.bounds()
+                if self._hides_window(box[:, :2], float(box[1, 2])):
+                    return False
         return self.passable(solids)
 
     def _hides_window(self, flat: Rect, top_m: float) -> bool:

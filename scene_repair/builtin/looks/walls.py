@@ -9,12 +9,14 @@ from .floors import tiles
 from .noise import Image, blend, canvas, colored, fractal, grain, noise, to_image
 
 
-def plaster(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike) -> Image:
-    """Painted plaster: roller texture, faint clouds, a few scuffs."""
+def plaster(
+    rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike, scuffs: float = 0.06
+) -> Image:
+    """Painted plaster: roller texture, faint clouds, a few scuffs of the given darkness."""
     roller = noise(rng, shape, (shape[0] // 3, shape[1] // 3))
     cloud = fractal(rng, shape, (3, 3), 4)
     scuff = np.clip(noise(rng, shape, (shape[0] // 12, shape[1] // 30)) - 2.9, 0, 1)
-    return to_image(colored(base, 1 + 0.012 * roller + 0.014 * cloud - 0.15 * scuff))
+    return to_image(colored(base, 1 + 0.012 * roller + 0.014 * cloud - scuffs * scuff))
 
 
 def stripes(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,7 @@ from .scan import unit_normals
 from .surface import ScanMesh
 from .tracing import Tracer
 
-_CHUNK = 1 << 20
+_CHUNK = 1 << 18
 
 
 @dataclass(frozen=True)
@@ -106,13 +107,17 @@ class Baker:
         points = mesh.vertices[mesh.faces[mine]].astype(np.float32)
         corner_light = light[split.face[mine]]
         normals = charts.normal[mine]
-        for first in range(0, len(filled), _CHUNK):
+
+        def paint(first: int) -> None:
             part = filled[first : first + _CHUNK]
             which, b = flat_face[part], flat_bary[part]
             weight = np.stack([1 - b[:, 0] - b[:, 1], b[:, 0], b[:, 1]], axis=1)
             position = np.einsum("nk,nki->ni", weight, points[which])
             shade = np.einsum("nk,nki->ni", np.clip(weight, 0, 1), corner_light[which])
             flat_image[part] = self._texels(position, normals[which], shade)
+
+        with ThreadPoolExecutor(2) as pool:
+            list(pool.map(paint, range(0, len(filled), _CHUNK)))
         image[face < 0] = image[face >= 0].mean(0) if len(filled) else 0
         return image
 
@@ -126,9 +131,9 @@ class Baker:
         color = self._looks.color(hits.face, hits.bary).astype(np.float32)
         exact = self._normals[hits.face]
         exact *= np.sign(np.einsum("ij,ij->i", exact, normal) + 1e-9)[:, None]
-        shade = shade + self._light.sun(position, exact)
+        total = shade + self._light.sun(position, exact)
         # Light adds up linearly while the textures are gamma-coded.
-        factor = np.clip(shade, 0.02, 2.2) ** np.float32(1 / 2.2)
+        factor = np.clip(total, 0.02, 2.2) ** np.float32(1 / 2.2)
         factor[self._looks.emissive[self._looks.material[hits.face]]] = 1.0
         return np.clip(color * factor, 0, 255).astype(np.uint8)
 

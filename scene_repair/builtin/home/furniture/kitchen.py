@@ -11,17 +11,22 @@ from .piece import Arrangement, Piece
 from .tables import bowl
 
 
+_FRIDGE_M = 0.66
+
+
 def _face(x0: float, x1: float, y: float, z0: float, z1: float, material: int) -> Triangles:
     return quad((x1, y, z0), (x0 - x1, 0.0, 0.0), (0.0, 0.0, z1 - z0), material)
 
 
-def counter(kit: Kit, rng: np.random.Generator, width: float, upper: bool) -> Arrangement:
+def counter(
+    kit: Kit, rng: np.random.Generator, width: float, upper: bool, fridge: bool = True
+) -> Arrangement:
     """A kitchen run of `width`: refrigerator, cupboards, sink, stove, hood and wall cupboards."""
     k = 0
-    w, fridge_w = width / 2, 0.66
+    w = width / 2
     flip = -1 if rng.random() < 0.5 else 1
     body, stone = kit.front_color(k), kit.stone
-    base0, base1 = -w + fridge_w + 0.02, w
+    base0, base1 = (-w + _FRIDGE_M + 0.02 if fridge else -w), w
     cabinets = base1 - base0
     stove0 = base0 + cabinets * 0.62
     sink0 = base0 + cabinets * 0.18
@@ -76,19 +81,8 @@ def counter(kit: Kit, rng: np.random.Generator, width: float, upper: bool) -> Ar
         parts.append(box((x, 0.06, 0.9), (x + 0.12, 0.22, 1.14), kit.black))
         parts.append(cylinder((x + 0.25, 0.15), 0.9, 1.08, 0.055, kit.brass, 12))
     pieces = [Piece("Kitchen_counter", "kitchen counter", join(parts))]
-    fridge = [
-        box((-w, 0.0, 0.02), (-w + fridge_w, 0.62, 1.9), kit.metal),
-        _face(
-            -w,
-            -w + fridge_w,
-            0.625,
-            0.04,
-            1.9,
-            kit.palette.unique("fridge", _fridge, (fridge_w, 1.86)),
-        ),
-        box((-w + 0.02, 0.02, 0.0), (-w + fridge_w - 0.02, 0.58, 0.03), kit.black),
-    ]
-    pieces.append(Piece("Refrigerator", "refrigerator", join(fridge)))
+    if fridge:
+        pieces.append(refrigerator(kit).moved(x_m=-w + _FRIDGE_M / 2))
     if upper:
         cupboards = []
         for x0, x1 in ((base0, stove0), (stove0 + 0.6, base1)):
@@ -107,6 +101,17 @@ def counter(kit: Kit, rng: np.random.Generator, width: float, upper: bool) -> Ar
     if flip < 0:
         pieces = [Piece(p.name, p.category, _mirrored(p.shape)) for p in pieces]
     return Arrangement(tuple(pieces), 0.75)
+
+
+def refrigerator(kit: Kit) -> Piece:
+    """A tall refrigerator."""
+    w = _FRIDGE_M / 2
+    shape = [
+        box((-w, 0.0, 0.02), (w, 0.62, 1.9), kit.metal),
+        _face(-w, w, 0.625, 0.04, 1.9, kit.palette.unique("fridge", _fridge, (2 * w, 1.86))),
+        box((-w + 0.02, 0.02, 0.0), (w - 0.02, 0.58, 0.03), kit.black),
+    ]
+    return Piece("Refrigerator", "refrigerator", join(shape))
 
 
 def _mirrored(shape: Triangles) -> Triangles:

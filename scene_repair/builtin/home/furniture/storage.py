@@ -151,9 +151,9 @@ def sideboard(kit: Kit, rng: np.random.Generator) -> Piece:
     return Piece("Sideboard", "sideboard", join(parts))
 
 
-def tv_stand(kit: Kit, rng: np.random.Generator) -> list[Piece]:
+def tv_stand(kit: Kit, rng: np.random.Generator, width: float) -> list[Piece]:
     """A low board and the television on it."""
-    k, width = int(rng.integers(6)), float(rng.uniform(1.5, 1.9))
+    k = int(rng.integers(6))
     wooden = rng.random() < 0.6
     body = kit.wood(k) if wooden else kit.front_color(k)
     board = [
@@ -170,7 +170,7 @@ def tv_stand(kit: Kit, rng: np.random.Generator) -> list[Piece]:
         _front(width - 0.04, 0.405, 0.12, 0.34, kit.front(width - 0.04, 0.34, 1, 3, k, wooden)),
         box((0.34 * width, 0.08, 0.48), (0.34 * width + 0.2, 0.3, 0.56), kit.black),
     ]
-    tw, th = float(rng.uniform(1.1, 1.35)), 0.68
+    tw, th = 0.72 * width, 0.4 * width
     picture = kit.palette.unique("tv", pictures.screen, (tw, th))
     screen = [
         box((-tw / 2, 0.12, 0.56), (tw / 2, 0.17, 0.56 + th), kit.black),
