@@ -1,0 +1,59 @@
+"""Settings of the repair."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..formats.errors import UnknownNameError
+
+UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
+UNIT_M = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
+
+
+@dataclass(frozen=True)
+class RepairConfig:
+    """How a scan is turned into a scene.
+
+    Attributes:
+        scene_id: name of the scene; empty = the source's stem.
+        up: the source's up axis, or `auto`.
+        unit: the source's unit of length, or `auto`.
+        cell_m: side of floor and freemap cells and of collision voxels.
+        fine_m: sampling distance in which holes and bumps are looked for.
+        robot_height_m: nothing lower than this above a traversable cell; obstacles reach as high.
+        floor_clearance_m: what rises no higher above the floor is floor (rugs, thresholds).
+        blocked_above_m: an obstacle higher than this makes a freemap cell untraversable.
+        bump_height_m: bumps and dents up to this size are flattened when narrow …
+        bump_width_m: … than this; larger ones are taken for real.
+        bump_tolerance_m: smaller deviations are left alone.
+        min_floor_m2: smaller floor pieces do not make a level.
+        level_tilt_deg: a scan tilted by more than this is levelled …
+        max_tilt_deg: … up to this.
+        max_texture_px: larger textures are scaled down.
+        patch_texel_m: texel size of the floor painted into filled holes.
+        picture_px: width of the before and after pictures.
+    """
+
+    scene_id: str = ""
+    up: str = "auto"
+    unit: str = "auto"
+    cell_m: float = 0.05
+    fine_m: float = 0.025
+    robot_height_m: float = 2.0
+    floor_clearance_m: float = 0.03
+    blocked_above_m: float = 0.05
+    bump_height_m: float = 0.06
+    bump_width_m: float = 0.5
+    bump_tolerance_m: float = 0.015
+    min_floor_m2: float = 1.5
+    level_tilt_deg: float = 0.3
+    max_tilt_deg: float = 10.0
+    max_texture_px: int = 4096
+    patch_texel_m: float = 0.01
+    picture_px: int = 1400
+
+    def __post_init__(self) -> None:
+        if self.up != "auto" and self.up not in UP_AXES:
+            raise UnknownNameError("up axis", self.up, ("auto", *UP_AXES))
+        if self.unit != "auto" and self.unit not in UNIT_M:
+            raise UnknownNameError("unit", self.unit, ("auto", *UNIT_M))

@@ -1,0 +1,46 @@
+"""The written account of a repair: `repair.json`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..formats.grid import GridSpec
+from .holes import Hole
+from .level_floor import RepairedFloor
+from .outline import cell_polygons
+
+
+def describe_level(level: RepairedFloor, probes: dict[str, Any]) -> dict[str, Any]:
+    """JSON values for one level: areas, every hole, every flattened bump, the probes."""
+    cell_m2 = level.fine.cell_m**2
+    scanned = float(level.scanned.sum()) * cell_m2
+    return {
+        "floor_z_m": round(level.floor_z_m, 4),
+        "floor_area_before_m2": round(scanned, 3),
+        "floor_area_after_m2": round(scanned + level.patch_area_m2, 3),
+        "patched_area_m2": round(level.patch_area_m2, 4),
+        "holes": [_describe_hole(hole, level.fine) for hole in level.holes],
+        "bumps": [
+            {
+                "center_xy_m": [round(v, 3) for v in bump.center_xy_m],
+                "height_m": round(bump.height_m, 4),
+                "width_m": round(bump.width_m, 3),
+                "action": "flattened",
+            }
+            for bump in level.bumps
+        ],
+        "probes": probes,
+    }
+
+
+def _describe_hole(hole: Hole, grid: GridSpec) -> dict[str, Any]:
+    return {
+        "polygons_xy_m": [
+            [[round(float(x), 4), round(float(y), 4)] for x, y in polygon]
+            for polygon in cell_polygons(hole.cells, hole.window, grid)
+        ],
+        "area_m2": round(hole.area_m2(grid), 5),
+        "cause": hole.cause,
+        "action": "filled" if hole.fill else "left",
+        "reason": hole.reason,
+    }

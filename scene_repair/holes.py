@@ -1,0 +1,207 @@
+"""Gaps in a level's floor: which a person would expect to be floor, and which are real openings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from ..formats.grid import GridSpec
+from .coverage import Evidence
+from .maps import Mask, Window, distance_to, grow, grown_window, label, windows
+
+# The outside is what a disc of this radius reaches from beyond the building; doors keep it out.
+OUTSIDE_RADIUS_M = 0.5
+# Walls have gaps where furniture or curtains hid them; shorter ones along x or y are closed.
+WALL_GAP_M = 2.5
+WALL_RUN_M = 0.3
+# Regions lying open below in more than this share of their cells are stairwells or shafts.
+OPEN_BELOW_SHARE = 0.2
+# A level has ceilings if they hang over this share of its floor.
+CEILED_SHARE = 0.6
+# A gap walled in along this share of its rim is a shaft, a courtyard or a wall's inside …
+WALLED_SHARE = 0.8
+# … unless something stands in it that is thicker than a wall: a wardrobe.
+WALL_THICKNESS_M = 0.3
+# Without a ceiling above, in a building that has ceilings, only smaller gaps are scan defects.
+SKYLIGHT_M2 = 1.0
+# A gap that opens to the outside along more of its rim than this is no hole; under a ceiling, where
+# a wall may be missing from the scan, more is tolerated.
+OPEN_EDGE, OPEN_EDGE_SHELTERED = 0.05, 0.4
+# A ceiling proves an inside this far from known floor.
+UNDER_CEILING_REACH_M = 1.0
+
+
+@dataclass(frozen=True)
+class Hole:
+    """One connected gap.
+
+    Attributes:
+        cells: (rows, columns) bool over the level's fine grid, cropped to `window`.
+        window: where `cells` lies in the grid.
+        fill: whether it is to be filled.
+        cause: what most likely made it.
+        reason: why it is filled or left.
+    """
+
+    cells: Mask
+    window: Window
+    fill: bool
+    cause: str
+    reason: str
+
+    def area_m2(self, grid: GridSpec) -> float:
+        """Area [m²] by cells."""
+        return float(self.cells.sum()) * grid.cell_m**2
+
+
+@dataclass(frozen=True)
+class _Rim:
+    """Shares of a gap's rim, and of what lies over and under its cells."""
+
+    floor: float
+    wall: float
+    line: float
+    outside: float
+    overhead: float
+    furniture: float
+    structure: float
+    below: float
+    area_m2: float
+    thickness_m: float
+
+
+def find_holes(evidence: Evidence, grid: GridSpec) -> list[Hole]:
+    """All gaps inside the building, each judged."""
+    line = evidence.wall | evidence.lintel | _bridges(evidence, grid)
+    gaps, outside = _gaps(evidence, line, grid)
+    covered = evidence.covered
+    ceiled = bool(covered.any() and evidence.overhead[covered].mean() >= CEILED_SHARE)
+    sheltered = evidence.overhead | evidence.furniture
+    # Where ceilings exist, what lies under one and what does not are different things: a gap in
+    # a room's floor, and the inside of the wall next to it.
+    classes = [gaps & sheltered, gaps & ~sheltered] if ceiled else [gaps]
+    holes: list[Hole] = []
+    # What only passes overhead does not part a gap from the floor next to it.
+    passable = line & ~evidence.wall
+    wall = evidence.wall & ~covered
+    for cells in classes:
+        floor = _filled(covered, holes)
+        floor |= passable & grow(floor, 2)
+        region, _ = label(cells)
+        for k, window in enumerate(windows(region), start=1):
+            grown = grown_window(window, 1, grid.shape)
+            mine = region[grown] == k
+            rim = _look_around(mine, grown, floor, wall, line, outside, evidence, grid)
+            holes.append(Hole(mine, grown, *_judge(rim, ceiled)))
+    return holes
+
+
+def _filled(covered: Mask, holes: list[Hole]) -> Mask:
+    """The floor with the gaps that are to be filled."""
+    floor = covered.copy()
+    for hole in holes:
+        floor[hole.window] |= hole.cells & hole.fill
+    return floor
+
+
+def _bridges(evidence: Evidence, grid: GridSpec) -> Mask:
+    """Cells without floor that continue a wall across a gap, along x or y."""
+    line = evidence.wall | evidence.lintel
+    steps = round(WALL_GAP_M / grid.cell_m)
+    # A line of wall must already run this far on both sides, or furniture would make walls.
+    run = round(WALL_RUN_M / grid.cell_m)
+    bridged = np.zeros(grid.shape, dtype=bool)
+    for turn in (False, True):
+        along = line.T if turn else line
+        # Scanned walls waver by a cell; widened for the search, the bridge is thinned again.
+        wide = np.pad(ndimage.binary_dilation(along, np.ones((3, 1))), steps)
+        straight = ndimage.binary_opening(wide, np.ones((1, run)))
+        closed = ndimage.binary_closing(straight, np.ones((1, steps)))
+        thin = ndimage.binary_erosion(closed, np.ones((3, 1)))[steps:-steps, steps:-steps]
+        bridged |= thin.T if turn else thin
+    return bridged & ~evidence.covered
+
+
+def _gaps(evidence: Evidence, line: Mask, grid: GridSpec) -> tuple[Mask, Mask]:
+    """Cells without floor inside the building's outline, walls apart; and the outside."""
+    empty = ~evidence.covered & ~line
+    radius = OUTSIDE_RADIUS_M / grid.cell_m
+    pad = int(np.ceil(radius)) + 2
+    padded = np.pad(empty, pad, constant_values=True)
+    parts, _ = label(distance_to(~padded) > radius)
+    outside = distance_to(parts == parts[0, 0]) <= radius
+    inside = empty & ~outside[pad:-pad, pad:-pad]
+    # Where a wall is missing the outside seems to reach in; a ceiling tells otherwise.
+    sheltered = empty & evidence.overhead
+    near = evidence.covered | inside
+    reached = grow(near, round(UNDER_CEILING_REACH_M / grid.cell_m), within=sheltered | near)
+    gaps = inside | (reached & sheltered)
+    return gaps, empty & ~gaps
+
+
+def _look_around(
+    cells: Mask,
+    window: Window,
+    floor: Mask,
+    wall: Mask,
+    line: Mask,
+    outside: Mask,
+    evidence: Evidence,
+    grid: GridSpec,
+) -> _Rim:
+    rim = ndimage.binary_dilation(cells) & ~cells
+    if not rim.any():
+        rim = cells
+
+    def share(mask: Mask, where: Mask) -> float:
+        return float(mask[window][where].mean())
+
+    return _Rim(
+        floor=share(floor, rim),
+        wall=share(wall, rim),
+        line=share(line & ~evidence.covered, rim),
+        outside=share(outside, rim),
+        overhead=share(evidence.overhead, cells),
+        furniture=share(evidence.furniture, cells),
+        structure=share(evidence.structure, cells),
+        below=share(evidence.below, cells),
+        area_m2=float(cells.sum()) * grid.cell_m**2,
+        thickness_m=2.0 * float(distance_to(~np.pad(cells, 1)).max()) * grid.cell_m,
+    )
+
+
+def _judge(rim: _Rim, ceiled: bool) -> tuple[bool, str, str]:
+    """Whether to fill, the likely cause, and the reason in words."""
+    if rim.below >= OPEN_BELOW_SHARE and rim.furniture < 0.5:
+        return False, "opening", f"deeper surfaces lie under {100 * rim.below:.0f} %"
+    tolerated = OPEN_EDGE_SHELTERED if ceiled and rim.overhead >= 0.5 else OPEN_EDGE
+    if rim.outside > tolerated:
+        return False, "outside", f"open to the outside along {100 * rim.outside:.0f} %"
+    if rim.structure >= 0.5:
+        return False, "wall", f"a wall or window lies over {100 * rim.structure:.0f} %"
+    walled = rim.wall >= WALLED_SHARE or rim.floor < 0.03
+    if rim.thickness_m < WALL_THICKNESS_M:
+        if walled:
+            return False, "wall", f"walled in along {100 * rim.wall:.0f} %, as thin as a wall"
+        if rim.furniture >= 0.5 and rim.line >= 0.5:
+            return False, "wall", "a window's niche: a sill lies over it, a wall around it"
+        if ceiled and rim.overhead + rim.furniture < 0.5 and rim.line >= 0.3:
+            return False, "wall", "between a wall's faces: thin, and no ceiling above"
+    cause = "scan gap"
+    if rim.furniture >= 0.5:
+        cause = "under furniture"
+    elif rim.wall >= 0.1:
+        cause = "at a wall"
+    if rim.furniture >= 0.5:
+        return True, cause, f"furniture stands over {100 * rim.furniture:.0f} %"
+    if ceiled and rim.overhead + rim.furniture >= 0.5:
+        return True, cause, f"a ceiling hangs over {100 * rim.overhead:.0f} %"
+    if ceiled and (rim.floor < 0.25 or rim.area_m2 >= SKYLIGHT_M2):
+        return False, "open air", "no ceiling above, in a building that has ceilings"
+    if walled:
+        return False, "open air", f"walled in along {100 * rim.wall:.0f} %, nothing above"
+    if rim.floor < 0.2:
+        return False, "outside", f"floor along only {100 * rim.floor:.0f} % of its rim"
+    return True, cause, f"floor around {100 * rim.floor:.0f} % of its rim"

@@ -1,0 +1,49 @@
+"""What things are called: categories from node names and from label files."""
+
+from __future__ import annotations
+
+import re
+
+# Words that tell variants of one thing apart, or where it is used, but not what it is.
+_GENERIC = {
+    "geometry", "mesh", "node", "object", "obj", "group", "default", "root", "scene", "world",
+    "polysurface", "shape", "primitive", "untitled", "none", "material", "model",
+}  # fmt: skip
+# Compounds that names run together or that a plain split would misread.
+_ALIASES = {
+    "tv": "tv",
+    "tvcabinet": "tv cabinet",
+    "nightstand": "nightstand",
+    "night stand": "nightstand",
+    "kitchen table": "kitchen table",
+    "room window": "window",
+    "room wall": "wall",
+    "house wall": "wall",
+    "folding door": "door",
+    "portrait": "picture",
+    "desk portrait": "picture",
+    "light": "lamp",
+    "trash": "trash can",
+    "board": "shelf",
+    "couch": "sofa",
+    "wall face": "wall",
+    "wall art": "picture",
+    "invisible wall face": "wall",
+    "window frame": "window",
+    "door frame": "door",
+    "global mesh": "",
+    "screen": "screen",
+}
+
+
+def category_of_name(name: str) -> str:
+    """Category that a node's name tells, `KitchenTable_1` → `kitchen table`; empty if none.
+
+    Splits camel case and separators, drops numbers and single-letter variants (`SofaC_1` → sofa).
+    """
+    base = re.sub(r"\.(obj|fbx|dae|ply|stl|glb|gltf|usd[acz]?)\b", "", name, flags=re.IGNORECASE)
+    spaced = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", base)
+    words = [w.lower() for w in re.split(r"[^A-Za-z]+", spaced) if w]
+    words = [w for w in words if len(w) > 1 and w not in _GENERIC]
+    text = " ".join(words)
+    return _ALIASES.get(text, text)

@@ -1,0 +1,54 @@
+"""Typed access to the image operations used on cell maps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+Mask = NDArray[np.bool_]
+Window = tuple[slice, slice]
+SQUARE = np.ones((3, 3), dtype=bool)
+
+
+def label(mask: Mask, diagonal: bool = False) -> tuple[NDArray[np.int32], int]:
+    """Number the connected parts of a mask from 1; 0 = background."""
+    structure = ndimage.generate_binary_structure(mask.ndim, mask.ndim if diagonal else 1)
+    parts: Any = ndimage.label(mask, structure=structure)
+    return parts[0], int(parts[1])
+
+
+def windows(parts: NDArray[np.int32]) -> list[Window]:
+    """Bounding windows of all parts, in order."""
+    found: Any = ndimage.find_objects(parts)
+    return found
+
+
+def grown_window(window: Window, reach: int, shape: tuple[int, ...]) -> Window:
+    """The window enlarged by `reach` cells on all sides, clipped to the map."""
+    rows, columns = window
+    return (
+        slice(max(rows.start - reach, 0), min(rows.stop + reach, shape[0])),
+        slice(max(columns.start - reach, 0), min(columns.stop + reach, shape[1])),
+    )
+
+
+def distance_to(mask: Mask) -> NDArray[np.float64]:
+    """Distance of every cell to the nearest true cell, in cells; inf if there is none."""
+    if not mask.any():
+        return np.full(mask.shape, np.inf)
+    distance: Any = ndimage.distance_transform_edt(~mask)
+    return distance
+
+
+def nearest_in(mask: Mask) -> tuple[NDArray[np.intp], ...]:
+    """Index arrays of the nearest true cell of every cell; at least one must be true."""
+    index: Any = ndimage.distance_transform_edt(~mask, return_distances=False, return_indices=True)
+    return tuple(index)
+
+
+def grow(mask: Mask, cells: int = 1, within: Mask | None = None) -> Mask:
+    """Dilate by `cells` steps of a 3 × 3 square, only over `within` if given."""
+    return ndimage.binary_dilation(mask, structure=SQUARE, iterations=cells, mask=within)

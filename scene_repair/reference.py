@@ -1,0 +1,120 @@
+"""The floor as it should be: a smooth reference height in every cell, known or missing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, sparse
+from scipy.sparse.linalg import spsolve
+
+from .floor_field import extend
+from .maps import distance_to, grown_window, label, windows
+
+
+def remove_narrow(z_m: NDArray[np.float64], cell_m: float, width_m: float) -> NDArray[np.float64]:
+    """Heights without bumps and dents narrower than `width_m`; NaN (no floor) stays NaN.
+
+    Grey opening, then closing, with a square of that width (Serra, 1982).
+    """
+    size = 2 * round(width_m / cell_m / 2) + 1
+    filled = extend(z_m)
+    opened = ndimage.grey_opening(filled, size=(size, size))
+    closed = ndimage.grey_closing(opened, size=(size, size))
+    return np.where(np.isfinite(z_m), closed, np.nan)
+
+
+def local_mean(z_m: NDArray[np.float64], sigma_cells: float) -> NDArray[np.float64]:
+    """Gaussian mean over known cells only; NaN stays NaN."""
+    known = np.isfinite(z_m)
+    total = ndimage.gaussian_filter(np.where(known, z_m, 0.0), sigma_cells)
+    weight = ndimage.gaussian_filter(known.astype(float), sigma_cells)
+    return np.where(known, total / np.maximum(weight, 1e-9), np.nan)
+
+
+def fill_heights(
+    z_m: NDArray[np.float64], missing: NDArray[np.bool_], reach: int
+) -> NDArray[np.float64]:
+    """Heights for the `missing` cells that continue the known ones; other cells unchanged.
+
+    Per connected region a plane is fitted to the known cells within `reach` cells around it (a
+    level one unless a slope is significant), and the remainder at the rim is spread inwards by the
+    discrete Laplace equation, free (no flux) where there is no known neighbour.
+    """
+    result = z_m.copy()
+    region, _ = label(missing, diagonal=True)
+    for k, window in enumerate(windows(region), start=1):
+        grown = grown_window(window, reach, z_m.shape)
+        mask = region[grown] == k
+        z = z_m[grown]
+        near = distance_to(mask) <= reach
+        known = near & np.isfinite(z) & ~mask
+        if not known.any():
+            continue
+        plane = _plane(z, known)
+        inside = _spread(np.where(known, z - plane, np.nan), mask)
+        result[grown][mask] = (plane + inside)[mask]
+    return result
+
+
+def _plane(z: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Robust plane over the window: least squares, re-weighted, level if the slope is slight."""
+    i, j = np.nonzero(known)
+    values = z[known]
+    centre = np.array([i.mean(), j.mean()])
+    design = np.stack([i - centre[0], j - centre[1], np.ones(len(i))], axis=1)
+    weight = np.ones(len(i))
+    level = float(np.median(values))
+    spread = np.ptp(np.stack([i, j]), axis=1)
+    coefficients = np.array([0.0, 0.0, level])
+    if len(i) >= 50 and spread.min() >= 4:
+        for _ in range(5):
+            w = np.sqrt(weight)[:, None]
+            coefficients = np.linalg.lstsq(design * w, values * w[:, 0], rcond=None)[0]
+            residual = np.abs(values - design @ coefficients)
+            scale = 1.4826 * np.median(residual) + 1e-4
+            weight = 1.0 / (1.0 + (residual / (2.0 * scale)) ** 2)
+        rise = np.hypot(*coefficients[:2]) * float(np.hypot(*spread))
+        noise = float(np.median(np.abs(values - level)))
+        flat_cost = float(np.mean(np.abs(values - level)))
+        plane_cost = float(np.mean(np.abs(values - design @ coefficients)))
+        if rise < 0.02 or plane_cost > 0.7 * flat_cost or noise == 0.0:
+            coefficients = np.array([0.0, 0.0, level])
+    rows, columns = np.indices(z.shape)
+    return (
+        coefficients[0] * (rows - centre[0])
+        + coefficients[1] * (columns - centre[1])
+        + coefficients[2]
+    )
+
+
+def _spread(remainder: NDArray[np.float64], mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Solve Laplace's equation in `mask` with the known remainder around it as boundary values."""
+    index = np.full(mask.shape, -1)
+    count = int(mask.sum())
+    index[mask] = np.arange(count)
+    # A weak pull to zero keeps cells without any known neighbour defined.
+    diagonal = np.full(count, 1e-6)
+    right = np.zeros(count)
+    rows: list[NDArray[np.int64]] = []
+    columns: list[NDArray[np.int64]] = []
+    for di, dj in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+        i, j = np.nonzero(mask)
+        ni, nj = i + di, j + dj
+        valid = (ni >= 0) & (nj >= 0) & (ni < mask.shape[0]) & (nj < mask.shape[1])
+        here, ni, nj = index[i, j][valid], ni[valid], nj[valid]
+        inner = mask[ni, nj]
+        rows.append(here[inner])
+        columns.append(index[ni[inner], nj[inner]])
+        np.add.at(diagonal, here[inner], 1.0)
+        edge = remainder[ni, nj]
+        known = ~inner & np.isfinite(edge)
+        np.add.at(diagonal, here[known], 1.0)
+        np.add.at(right, here[known], edge[known])
+    r, c = np.concatenate(rows), np.concatenate(columns)
+    matrix = sparse.coo_matrix((np.full(len(r), -1.0), (r, c)), shape=(count, count))
+    solution: Any = spsolve((matrix + sparse.diags(diagonal)).tocsc(), right)
+    result = np.zeros(mask.shape)
+    result[mask] = solution
+    return result

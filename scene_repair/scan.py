@@ -1,0 +1,54 @@
+"""A scan as it was read: one triangle soup with materials and object names per face."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+
+@dataclass(frozen=True)
+class ScanMaterial:
+    """Surface look of source faces: base colour (sRGB, 0–1) times an optional RGB image."""
+
+    name: str
+    base_color: tuple[float, float, float]
+    image: Image.Image | None = None
+
+
+@dataclass(frozen=True)
+class ScanObject:
+    """A named part of the source; its faces point to it by index."""
+
+    name: str
+    category: str
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Triangles in source coordinates.
+
+    Attributes:
+        vertices: (V, 3) float64, source units.
+        faces: (F, 3) int64.
+        corner_uv: (F, 3, 2) float32; v up.
+        face_material: (F,) int32 index into `materials`.
+        face_object: (F,) int32 index into `objects`, −1 = none.
+        materials, objects: see their records.
+        up: axis that the file promises to be up, with the reason, or None.
+        unit: unit that the file promises, with the reason, or None.
+        warnings: what had to be dropped or replaced while reading.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    corner_uv: NDArray[np.float32]
+    face_material: NDArray[np.int32]
+    face_object: NDArray[np.int32]
+    materials: tuple[ScanMaterial, ...]
+    objects: tuple[ScanObject, ...] = ()
+    up: tuple[str, str] | None = None
+    unit: tuple[str, str] | None = None
+    warnings: tuple[str, ...] = field(default_factory=tuple)

@@ -1,0 +1,121 @@
+"""Which face is what: categories per face, and the list of named objects."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..formats.scene_bundle import LabeledObject
+from .label_files import LabelBox
+from .scan import Scan, ScanObject
+
+# How far outside its labelled box a face may lie and still belong to it [source units].
+MARGIN = 0.03
+ROOM_PREFIX = "room:"
+# What a robot walks on; everything else that carries a name is no floor.
+FLOOR_CATEGORIES = frozenset(
+    {"floor", "carpet", "rug", "mat", "ground", "tile", "tiles", "threshold", "doormat", "ramp"}
+)
+UNKNOWN_CATEGORIES = frozenset({"", "unlabelled", "unknown", "misc", "other", "void"})
+
+
+def label_by_boxes(scan: Scan, boxes: list[LabelBox]) -> Scan:
+    """Give faces without an object the smallest labelled box that holds their centroid."""
+    things = [b for b in boxes if not b.category.startswith(ROOM_PREFIX) and b.category]
+    things = [b for b in things if not _is_copy(b, things)]
+    if not things:
+        return scan
+    open_ = np.flatnonzero(scan.face_object < 0)
+    centers = scan.vertices[scan.faces[open_]].mean(axis=1)
+    face_object = scan.face_object.copy()
+    first = len(scan.objects)
+    order = sorted(range(len(things)), key=lambda k: -float(np.prod(things[k].half)))
+    for k in order:
+        face_object[open_[things[k].contains(centers, MARGIN)]] = first + k
+    objects = (*scan.objects, *(ScanObject(b.name, b.category) for b in things))
+    return replace(scan, face_object=face_object, objects=objects)
+
+
+def _is_copy(box: LabelBox, boxes: list[LabelBox]) -> bool:
+    """A flat label inside a box of the same category: the top of the same thing."""
+    return any(
+        other is not box
+        and other.category == box.category
+        and np.prod(other.half) > np.prod(box.half)
+        and bool(other.contains(box.center[None], 0.15)[0])
+        and float(box.half.min()) < 0.06
+        for other in boxes
+    )
+
+
+def structural(scan: Scan) -> NDArray[np.bool_]:
+    """(F,) faces whose object is named as wall or window."""
+    named = [o.category.split()[-1:] in (["wall"], ["window"]) for o in scan.objects]
+    return np.array([*named, False])[scan.face_object]
+
+
+def not_floor(scan: Scan) -> NDArray[np.bool_]:
+    """(F,) faces whose object is named as something that is no floor."""
+    if not scan.objects:
+        return np.zeros(len(scan.faces), dtype=bool)
+    named = np.array(
+        [o.category not in UNKNOWN_CATEGORIES and not _floor_like(o.category) for o in scan.objects]
+        + [False]
+    )
+    return named[scan.face_object]
+
+
+def _floor_like(category: str) -> bool:
+    return any(word in FLOOR_CATEGORIES for word in category.split())
+
+
+def labelled_objects(
+    scan: Scan,
+    boxes: list[LabelBox],
+    vertices_world_m: NDArray[np.float64],
+    source_to_world: NDArray[np.float64],
+    level_floor_z_m: tuple[float, ...],
+) -> tuple[LabeledObject, ...]:
+    """Named objects with world bounds: label boxes first, named nodes for the rest."""
+    found: list[LabeledObject] = []
+    names: set[str] = set()
+
+    def add(name: str, category: str, points: NDArray[np.float64]) -> None:
+        unique, n = name, 1
+        while unique in names:
+            n += 1
+            unique = f"{name}_{n}"
+        names.add(unique)
+        low, high = points.min(axis=0), points.max(axis=0)
+        found.append(
+            LabeledObject(
+                unique,
+                category,
+                (float(low[0]), float(low[1]), float(low[2])),
+                (float(high[0]), float(high[1]), float(high[2])),
+                _level_of(float(low[2]), float(high[2]), level_floor_z_m),
+            )
+        )
+
+    for box in boxes:
+        if not box.category or _is_copy(box, boxes):
+            continue
+        corners = box.corners() @ source_to_world[:3, :3].T + source_to_world[:3, 3]
+        add(box.name, box.category, corners)
+    boxed = {b.name for b in boxes}
+    order = np.argsort(scan.face_object, kind="stable")
+    bounds = np.searchsorted(scan.face_object[order], np.arange(len(scan.objects) + 1))
+    for k, obj in enumerate(scan.objects):
+        mine = order[bounds[k] : bounds[k + 1]]
+        if obj.name not in boxed and len(mine):
+            add(obj.name, obj.category, vertices_world_m[scan.faces[mine].ravel()])
+    return tuple(found)
+
+
+def _level_of(low: float, high: float, level_floor_z_m: tuple[float, ...]) -> int:
+    """The highest level that the object's middle lies above."""
+    middle = 0.5 * (low + high)
+    below = [k for k, z in enumerate(level_floor_z_m) if z <= middle + 0.05]
+    return below[-1] if below else -1
