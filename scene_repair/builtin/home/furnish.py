@@ -163,9 +163,9 @@ def study(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
 def bathroom(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
     """Tub, toilet, washbasin with mirror, washing machine, towels."""
     items = [
+        alone(bath.toilet(kit, rng), 0.5, on_window=True),
         alone(bath.bathtub(kit, rng), 0.5, on_window=True),
         Arrangement(tuple(bath.washbasin(kit, rng)), 0.5),
-        alone(bath.toilet(kit, rng), 0.5, on_window=True),
         alone(bath.washing_machine(kit, rng), 0.5),
         alone(bath.towel_rail(kit, rng), 0.2),
         alone(storage.basket(kit, rng), 0.1),

@@ -10,7 +10,6 @@ from ..shapes import Triangles, box, cylinder, join, quad, turned
 from .piece import Arrangement, Piece
 from .tables import bowl
 
-
 _FRIDGE_M = 0.66
 
 
