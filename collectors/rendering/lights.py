@@ -26,7 +26,9 @@ class Light:
         key_direction: (3,) towards it, world; normalised when used.
         head: strength of the part that falls off with the angle between surface and view ray.
         corner: how much closed corners are darkened, 0–1 (see `openness.py`).
-        background_linear: colour (linear light) where nothing is hit.
+        outside_up: colour (linear light) where nothing is hit above the horizon: the sky over a
+            scene without a ceiling.
+        outside_down: colour where nothing is hit towards or below the horizon: the dark of a hole.
     """
 
     name: str
@@ -36,10 +38,11 @@ class Light:
     key_direction: tuple[float, float, float] = (0.45, 0.8, 0.4)
     head: float = 0.08
     corner: float = 0.9
-    background_linear: tuple[float, float, float] = (0.40, 0.47, 0.56)
+    outside_up: tuple[float, float, float] = (0.40, 0.47, 0.56)
+    outside_down: tuple[float, float, float] = (0.05, 0.05, 0.055)
 
     def parameters(self) -> NDArray[np.float32]:
-        """(11,) float32: sky, ground, key, head, key direction (3), background (3), corner."""
+        """(14,) float32: sky, ground, key, head, key direction, outside up and down, corner."""
         direction = np.asarray(self.key_direction) / np.linalg.norm(self.key_direction)
         return np.array(
             [
@@ -48,7 +51,8 @@ class Light:
                 self.key,
                 self.head,
                 *direction,
-                *self.background_linear,
+                *self.outside_up,
+                *self.outside_down,
                 self.corner,
             ],
             dtype=np.float32,

@@ -22,6 +22,8 @@ F32 = NDArray[np.float32]
 
 # Everything but assuming that there are no infinities and NaNs.
 FAST = {"contract", "arcp", "nsz", "reassoc"}
+# Sines of the elevations between which the dark of a hole turns into sky.
+HORIZON_FROM, HORIZON_TO = f32(0.05), f32(0.3)
 MAX_TAPS = f32(6.0)
 EXPONENT_BIAS = np.int32(127 << 23)
 HALF_PER_OCTAVE = f32(0.5 / (1 << 23))
@@ -289,7 +291,11 @@ def shade_scene(directions: F32, pixel: F32, hits: Hits, scene: SceneArrays, lig
     for i in range(hits.prim.shape[0]):
         face = hits.prim[i]
         if face < 0:
-            out[i, 0], out[i, 1], out[i, 2] = light[7], light[8], light[9]
+            x, y, z = directions[i, 0], directions[i, 1], directions[i, 2]
+            rise = z / np.sqrt(x * x + y * y + z * z)
+            up = min(max((rise - HORIZON_FROM) / (HORIZON_TO - HORIZON_FROM), f32(0.0)), f32(1.0))
+            for k in range(3):
+                out[i, k] = light[10 + k] + up * (light[7 + k] - light[10 + k])
             continue
         material = scene.face_material[face]
         texture = scene.texture[material]
@@ -365,7 +371,7 @@ def shade_scene(directions: F32, pixel: F32, hits: Hits, scene: SceneArrays, lig
                 nz,
             )
             factor = room_light(nx, ny, nz, cosine, light)
-            factor *= f32(1.0) - light[10] * (f32(1.0) - free)
+            factor *= f32(1.0) - light[13] * (f32(1.0) - free)
             red *= factor
             green *= factor
             blue *= factor
