@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,7 +21,6 @@ from .grid import GridSpec
 from .scene_bundle import LabeledObject, SceneBundle
 
 ROOM_PREFIX = "room:"
-DOORWAY_M = 1.8  # a passage between rooms at most this wide is called a doorway
 
 # What fills all of these heights above the floor is a wall, a door or a cupboard: tables and
 # sofas end below, lamps hang above. Things smaller than a wall's end (a vase, a post) are dropped.
@@ -34,10 +32,6 @@ _NECK_RATIO = 0.88
 _MIN_ROOM_M2 = 2.5
 # Space farther than this from any labelled room (a doorway's depth) belongs to none.
 _REACH_M = 1.0
-# Two crossings at most this far apart go through one and the same passage.
-_SAME_DOOR_M = 0.6
-# How far behind a door a path must go for its end to be in the next room.
-_BEHIND_DOOR_M = 0.4
 
 # What a room without a label is called by what stands in it. Rooms of one open space are told
 # apart by these things too.
@@ -97,25 +91,6 @@ class RegionMap:
         return self.names[index] if index >= 0 else ""
 
 
-@dataclass(frozen=True)
-class Crossing:
-    """A path's step from one room into another.
-
-    Attributes:
-        along_m: distance along the path [m].
-        position_xy_m: (2,) [m].
-        from_region: room index before.
-        to_region: room index after.
-        width_m: width of the passage at its narrowest within half a metre [m].
-    """
-
-    along_m: float
-    position_xy_m: NDArray[np.float64]
-    from_region: int
-    to_region: int
-    width_m: float
-
-
 def region_map(bundle: SceneBundle, level: int) -> RegionMap:
     """Find the rooms of a level.
 
@@ -138,62 +113,6 @@ def region_map(bundle: SceneBundle, level: int) -> RegionMap:
     else:
         region, names = _furnished(_necks(width, open_floor, grid.cell_m), width, here, grid)
     return RegionMap(grid, _extend(region, open_floor, grid.cell_m), names, width)
-
-
-def crossings(regions: RegionMap, path_m: ArrayLike, settle_m: float = 1.0) -> list[Crossing]:
-    """Where a path (P, 2 or 3) [m] passes from one room into another, in order.
-
-    A visit shorter than `settle_m` is no visit: brushing past a corner of another room, or the
-    ragged border of two, is not reported.
-    """
-    path = np.asarray(path_m, dtype=np.float64)[:, :2]
-    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
-    knots = np.concatenate([[0.0], np.cumsum(steps)])
-    along = np.linspace(0.0, knots[-1], max(2, int(np.ceil(knots[-1] / 0.05)) + 1))
-    points = np.stack([np.interp(along, knots, path[:, k]) for k in (0, 1)], axis=1)
-    rooms = regions.at(points)
-    cells = np.clip(regions.grid.cell_of(points), 0, np.array(regions.grid.shape) - 1)
-    widths = regions.width_m[cells[:, 0], cells[:, 1]]
-    edges = np.flatnonzero(np.diff(rooms)) + 1
-    runs = np.split(np.arange(len(rooms)), edges)
-    settled = [run for run in runs if _settled(run, rooms, along, widths, settle_m)]
-    result: list[Crossing] = []
-    for before, after in pairwise(settled):
-        old, new = int(rooms[before[0]]), int(rooms[after[0]])
-        if old == new:
-            continue
-        at = (before[-1] + after[0]) // 2
-        near = np.abs(along - along[at]) <= 0.5
-        k = int(np.flatnonzero(near)[np.argmin(widths[near])])
-        if result and along[k] - result[-1].along_m < _SAME_DOOR_M:
-            # Both borders belong to one passage: a single step from the first room to the last.
-            old, k = result[-1].from_region, int(np.searchsorted(along, result[-1].along_m))
-            result.pop()
-        if old != new:
-            step = Crossing(float(along[k]), points[k], old, new, float(widths[k]))
-            result.append(step)
-    return result
-
-
-def _settled(
-    run: NDArray[np.int64],
-    rooms: NDArray[np.int32],
-    along: NDArray[np.float64],
-    widths: NDArray[np.float64],
-    settle_m: float,
-) -> bool:
-    """Whether the samples `run` of a path are a visit to their room."""
-    if rooms[run[0]] < 0:
-        return False
-    stay = float(along[run[-1]] - along[run[0]])
-    if stay >= settle_m:
-        return True
-    # A path may end just behind a door; the border of an open space is not that certain.
-    if run[0] != 0 and run[-1] != len(rooms) - 1:
-        return False
-    border = along[run[0]] if run[0] else along[run[-1]]
-    narrowest = widths[np.abs(along - border) <= 0.5].min()
-    return stay >= _BEHIND_DOOR_M and narrowest <= DOORWAY_M
 
 
 def _walls(bundle: SceneBundle, level: int, grid: GridSpec) -> NDArray[np.bool_]:

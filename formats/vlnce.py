@@ -9,15 +9,10 @@ from __future__ import annotations
 
 import gzip
 import json
-import math
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from .atomic import atomic_file
 from .episode import Episode
@@ -27,95 +22,23 @@ from .frames import (
     world_to_habitat_position,
     world_to_habitat_rotation,
 )
+from .vlnce_reader import EpisodeReader
+from .vlnce_records import OUR_KEY, VlnceEpisode, VlnceFile, VlnceGoal, scene_stem
 from .vocabulary import Vocabulary
 
-OUR_KEY = "vlnpe"
+__all__ = [
+    "VlnceEpisode",
+    "VlnceFile",
+    "VlnceGoal",
+    "read_episodes",
+    "read_vlnce",
+    "scene_stem",
+    "write_episodes",
+    "write_vlnce",
+]
+
 FORMAT_VERSION = 1
 _TOKENS = 200  # VLN-CE pads or cuts every instruction to this many tokens
-_SCENE_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".usd", ".usda", ".usdc")
-_KNOWN = {
-    "episode_id",
-    "trajectory_id",
-    "scene_id",
-    "start_position",
-    "start_rotation",
-    "info",
-    "goals",
-    "instruction",
-    "reference_path",
-}
-
-
-@dataclass(frozen=True)
-class VlnceGoal:
-    """A goal position (3,) in Habitat coordinates [m] and its success radius [m]."""
-
-    position_habitat_m: NDArray[np.float64]
-    radius_m: float
-
-
-@dataclass(frozen=True)
-class VlnceEpisode:
-    """One episode as the file has it, in Habitat coordinates.
-
-    Attributes:
-        episode_id: as written; files use integers and strings.
-        trajectory_id: as written; episodes of one path with different instructions share it.
-        scene_id: e.g. `mp3d/<id>/<id>.glb`.
-        start_position_habitat_m: (3,) [m].
-        start_rotation_xyzw: (4,) unit quaternion.
-        instruction_text: the instruction.
-        instruction_tokens: word indices, or None.
-        goals: empty in a test split.
-        reference_path_habitat_m: (P, 3) [m]; (0, 3) in a test split.
-        info: as written, e.g. `geodesic_distance`.
-        extra: unknown keys of the episode, as they are.
-    """
-
-    episode_id: int | str
-    trajectory_id: int | str
-    scene_id: str
-    start_position_habitat_m: NDArray[np.float64]
-    start_rotation_xyzw: NDArray[np.float64]
-    instruction_text: str
-    instruction_tokens: tuple[int, ...] | None
-    goals: tuple[VlnceGoal, ...]
-    reference_path_habitat_m: NDArray[np.float64]
-    info: dict[str, Any] = field(default_factory=dict)
-    extra: dict[str, Any] = field(default_factory=dict)
-
-    @property
-    def scene_stem(self) -> str:
-        """The scene's name without folders and file type: `mp3d/X/X.glb` → `X`."""
-        return scene_stem(self.scene_id)
-
-    @property
-    def in_repaired_world(self) -> bool:
-        """Whether our writer made it: its coordinates then are those of the repaired world."""
-        return OUR_KEY in self.info
-
-
-@dataclass(frozen=True)
-class VlnceFile:
-    """An episode file.
-
-    Attributes:
-        path: where it was read.
-        episodes: in file order.
-        vocabulary: the file's `instruction_vocab` as it stands, or None.
-        extra: unknown top-level keys, as they are.
-    """
-
-    path: Path
-    episodes: tuple[VlnceEpisode, ...]
-    vocabulary: dict[str, Any] | None = None
-    extra: dict[str, Any] = field(default_factory=dict)
-
-
-def scene_stem(scene_id: str) -> str:
-    """A scene's name without folders and file type: `mp3d/X/X.glb` → `X`, `home.v2` → itself."""
-    path = PurePosixPath(scene_id)
-    return path.stem if path.suffix.lower() in _SCENE_SUFFIXES else path.name
 
 
 def read_vlnce(path: Path | str) -> VlnceFile:
@@ -132,7 +55,7 @@ def read_vlnce(path: Path | str) -> VlnceFile:
     episodes = []
     seen: set[str] = set()
     for index, raw in enumerate(document["episodes"]):
-        reader = _Reader(path, index, raw)
+        reader = EpisodeReader(path, index, raw)
         episode = reader.episode()
         if str(episode.episode_id) in seen:
             raise reader.error("its episode_id occurs twice in the file")
@@ -279,7 +202,7 @@ def _load(path: Path) -> Any:
         raise FileFormatError(path, f"broken gzip: {error}") from error
     except OSError as error:
         raise FileFormatError(path, f"cannot be read: {error.strerror}") from error
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:  # also bad UTF-8, and integers of thousands of digits
         raise FileFormatError(path, f"not JSON: {error}") from error
     except RecursionError as error:
         raise FileFormatError(path, "not an episode file: nested too deeply") from error
@@ -291,110 +214,3 @@ def _dump(path: Path, document: Mapping[str, Any]) -> None:
         data = gzip.compress(data, compresslevel=6, mtime=0)
     with atomic_file(path) as temporary:
         temporary.write_bytes(data)
-
-
-class _Reader:
-    """Strict reading of one episode; every complaint names file, episode and key."""
-
-    def __init__(self, path: Path, index: int, raw: Any):
-        self.path, self.index, self.raw = path, index, raw
-        if not isinstance(raw, dict):
-            raise self.error("not an object")
-
-    def error(self, reason: str) -> FileFormatError:
-        name = self.raw.get("episode_id") if isinstance(self.raw, dict) else None
-        where = f"episode {name!r}" if name is not None else "an episode without id"
-        return FileFormatError(self.path, f"{where} (number {self.index}): {reason}")
-
-    def episode(self) -> VlnceEpisode:
-        raw = self.raw
-        instruction = self.mapping("instruction")
-        text = instruction.get("instruction_text")
-        if not isinstance(text, str):
-            raise self.error("instruction.instruction_text is missing or no string")
-        return VlnceEpisode(
-            episode_id=self.identity("episode_id"),
-            trajectory_id=self.identity("trajectory_id"),
-            scene_id=self.scene_id(),
-            start_position_habitat_m=self.vector(raw.get("start_position"), 3, "start_position"),
-            start_rotation_xyzw=self.rotation(),
-            instruction_text=text,
-            instruction_tokens=self.tokens(instruction.get("instruction_tokens")),
-            goals=self.goals(),
-            reference_path_habitat_m=self.path_points(),
-            info=self.mapping("info", optional=True),
-            extra={k: v for k, v in raw.items() if k not in _KNOWN},
-        )
-
-    def mapping(self, key: str, optional: bool = False) -> dict[str, Any]:
-        value = self.raw.get(key)
-        if value is None and optional:
-            return {}
-        if not isinstance(value, dict):
-            raise self.error(f"{key} is missing or no object")
-        return value
-
-    def identity(self, key: str) -> int | str:
-        value = self.raw.get(key)
-        if isinstance(value, bool) or not isinstance(value, int | str):
-            raise self.error(f"{key} is missing or neither integer nor string")
-        return value
-
-    def scene_id(self) -> str:
-        value = self.raw.get("scene_id")
-        if not isinstance(value, str) or not Path(value).stem:
-            raise self.error("scene_id is missing or no path-like string")
-        return value
-
-    def vector(self, value: Any, length: int, key: str) -> NDArray[np.float64]:
-        valid = isinstance(value, list) and len(value) == length
-        if not valid or not all(
-            isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v)
-            for v in value
-        ):
-            raise self.error(f"{key} must be {length} finite numbers, is {_brief(value)}")
-        return np.array(value, dtype=np.float64)
-
-    def rotation(self) -> NDArray[np.float64]:
-        quaternion = self.vector(self.raw.get("start_rotation"), 4, "start_rotation")
-        norm = float(np.linalg.norm(quaternion))
-        # Public files round to a few digits, so allow for that, not for another convention.
-        if abs(norm - 1.0) > 0.01:
-            raise self.error(f"start_rotation must have length 1, has {norm:.4f}")
-        return quaternion
-
-    def tokens(self, value: Any) -> tuple[int, ...] | None:
-        if value is None:
-            return None
-        if not isinstance(value, list) or not all(type(v) is int for v in value):
-            raise self.error(f"instruction_tokens must be integers, is {_brief(value)}")
-        return tuple(value)
-
-    def goals(self) -> tuple[VlnceGoal, ...]:
-        value = self.raw.get("goals")
-        if value is None:
-            return ()
-        if not isinstance(value, list) or not all(isinstance(g, dict) for g in value):
-            raise self.error("goals must be a list of objects")
-        result = []
-        for k, goal in enumerate(value):
-            radius = goal.get("radius", 3.0)
-            if not isinstance(radius, int | float) or not 0 < radius < math.inf:
-                raise self.error(f"goals[{k}].radius must be positive, is {_brief(radius)}")
-            position = self.vector(goal.get("position"), 3, f"goals[{k}].position")
-            result.append(VlnceGoal(position, float(radius)))
-        return tuple(result)
-
-    def path_points(self) -> NDArray[np.float64]:
-        value = self.raw.get("reference_path")
-        if value is None:
-            return np.zeros((0, 3))
-        if not isinstance(value, list):
-            raise self.error("reference_path must be a list of positions")
-        points = [self.vector(p, 3, f"reference_path[{k}]") for k, p in enumerate(value)]
-        return np.array(points).reshape(-1, 3)
-
-
-def _brief(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.measure import approximate_polygon
 
+from ..formats.crossings import DOORWAY_M, crossings
 from ..formats.episode import Episode
 from ..formats.frames import wrap_angle
 from ..formats.planning import path_length
-from ..formats.regions import DOORWAY_M, RegionMap, crossings
+from ..formats.regions import RegionMap
 
 # A path is straight as far as it stays this close to a line; corners nearer than a bend's length
 # to each other, the same way round, are one bend.

@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from vlnpe.formats.crossings import crossings
 from vlnpe.formats.errors import InputError, SceneError
 from vlnpe.formats.frames import wrap_angle
 from vlnpe.formats.freemap import Freemap
 from vlnpe.formats.planning import path_clearance, path_length, segments_free
-from vlnpe.formats.regions import crossings, region_map
+from vlnpe.formats.regions import region_map
 from vlnpe.formats.scene_bundle import LabeledObject
 from vlnpe.formats.vlnce import read_episodes, write_episodes
 from vlnpe.trajectory_sampler.config import SampleConfig
@@ -221,3 +222,32 @@ def test_gap_tells_the_way_back_from_the_way_there():
     assert path_gap(path, [path[::-1]]) > 4.0
     assert path_gap(path, [path + np.array([0.0, 0.7, 0.0])]) == pytest.approx(0.7)
     assert path_gap(path, []) == np.inf
+
+
+def test_walls_thinner_than_a_cell_are_walls(unlabelled):
+    class Thin:
+        """The two rooms with walls of 2 cm, as a scan's surfaces often are."""
+
+        scene_id = "thin"
+        level_floor_z_m = unlabelled.level_floor_z_m
+        objects = ()
+
+        def floor(self, level):
+            return unlabelled.floor(level)
+
+        def obstacles(self, level):
+            boxes = unlabelled.obstacles(level)
+            return replace(boxes, half_m=np.where(boxes.half_m == 0.05, 0.01, boxes.half_m))
+
+    regions = region_map(Thin(), 0)
+    left, right = regions.at([[1.0, 1.0], [7.0, 3.0]])
+    assert left != right
+    assert regions.at((4.0, 0.5)) == -1
+
+
+def test_a_goal_just_behind_a_door_is_in_the_next_room(two_rooms):
+    regions = region_map(two_rooms, 0)
+    behind = np.array([[1.0, 2.0, 0.0], [4.6, 2.0, 0.0]])
+    assert [regions.names[c.to_region] for c in crossings(regions, behind)] == ["living room"]
+    on_the_sill = np.array([[1.0, 2.0, 0.0], [4.2, 2.0, 0.0]])
+    assert crossings(regions, on_the_sill) == []

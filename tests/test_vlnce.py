@@ -119,7 +119,7 @@ def test_a_broken_key_is_named_with_file_and_episode(tmp_path, key):
     assert ("episode 1" if key != "episode_id" else "number 0") in message
 
 
-@pytest.mark.parametrize("value", [float("nan"), float("inf"), True, "1"])
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), True, "1", 10**400])
 def test_positions_must_be_finite_numbers(tmp_path, value):
     document = copy.deepcopy(PUBLIC)
     document["episodes"][0]["start_position"][1] = value
@@ -145,6 +145,7 @@ def test_repeated_ids_are_refused(tmp_path):
         (b"\xff\xfe\x00", "not JSON"),
         (gzip.compress(b'{"episodes": []}')[:-6], "broken gzip"),
         (b"\x1f\x8b junk", "broken gzip"),
+        (b'{"episodes": [' + b"1" * 5000 + b"]}", "not JSON"),
         (b"[" * 100_000, "JSON|deep"),
     ],
 )

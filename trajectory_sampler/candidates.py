@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.measure import label
 
+from ..formats.crossings import Crossing, crossings
 from ..formats.freemap import Freemap
 from ..formats.planning import (
     PlanConfig,
@@ -18,7 +19,7 @@ from ..formats.planning import (
     segments_free,
     simplify_path,
 )
-from ..formats.regions import Crossing, RegionMap, crossings, region_map
+from ..formats.regions import RegionMap, region_map
 from ..formats.scene_bundle import SceneBundle
 from .config import SampleConfig
 from .similarity import path_gap

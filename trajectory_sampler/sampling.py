@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ..formats.crossings import DOORWAY_M
 from ..formats.episode import Episode
 from ..formats.errors import SceneError
 from ..formats.frames import wrap_angle
 from ..formats.planning import point_along
-from ..formats.regions import DOORWAY_M
 from ..formats.scene_bundle import SceneBundle
 from .candidates import Candidate, Level, from_one_start, longest_way, open_level
 from .config import SampleConfig
