@@ -14,7 +14,7 @@ SETUP  := $(PYTHON) pipeline/bootstrap.py
 COLLECT = --robot "$(ROBOT)" --controller "$(CONTROLLER)" --scene "$(SCENE)" --episodes "$(EPISODES)" \
           --camera "$(CAMERA)" --light "$(LIGHT)" --seed "$(SEED)" \
           $(if $(SCENES),--scenes "$(SCENES)") $(if $(OUT),--out "$(OUT)") \
-          $(if $(WORKERS),--workers "$(WORKERS)")
+          $(if $(WORKERS),--workers "$(WORKERS)") $(ARGS)
 
 .DEFAULT_GOAL := help
 .PHONY: help setup collect train-gait test lint bench report verify doctor clean
@@ -24,6 +24,7 @@ help:  ## Show this help
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 	@echo "variables of collect: ROBOT=$(ROBOT) CONTROLLER=$(CONTROLLER) SCENE=$(SCENE) EPISODES=$(EPISODES)"
 	@echo "  CAMERA=$(CAMERA) LIGHT=$(LIGHT) SEED=$(SEED) SCENES=<folder> OUT=<folder> WORKERS=<processes>"
+	@echo "  ARGS=<any further option of vlnpe collect, see vlnpe collect --help>"
 
 setup:  ## Install the core environment into .venv (collect does this by itself)
 	@$(SETUP) core

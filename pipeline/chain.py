@@ -16,8 +16,6 @@ from .run_folder import RunFolder
 from .runner import Context, StageSummary, WorkItem, run_stage
 from .stages import align, episodes, export, render, repair, replay, scans
 
-SPLIT = "train"
-
 
 class Chain:
     """Runs stages one after another and remembers their summaries.
@@ -42,15 +40,14 @@ class Chain:
         items = repair.items(sources, RepairConfig(), self.folder.scenes)
         return self._stage(repair.STAGE, items).good()
 
-    def sampled(self, count: int, scenes: Mapping[str, Row]) -> list[Episode]:
-        """Sample `count` episodes per scene and instruct them."""
-        config = SampleConfig(count=count, split=SPLIT)
+    def sampled(self, config: SampleConfig, scenes: Mapping[str, Row]) -> list[Episode]:
+        """Sample episodes in every scene and instruct them."""
         parts = {s: self.folder.episodes(f"sampled/{s}") for s in scenes}
         items = [
             episodes.sample_item(row, self.folder.scenes, parts[s], config, self.seed)
             for s, row in scenes.items()
         ]
-        return self._instructed(self._stage("sample", items), parts, SPLIT)
+        return self._instructed(self._stage("sample", items), parts, config.split)
 
     def aligned(self, source: Path, scenes: Mapping[str, Row]) -> list[Episode]:
         """Filter and align a VLN-CE file's episodes; instruct those that have no words."""

@@ -18,6 +18,7 @@ from ...collectors.robots import ROBOTS
 from ...formats.errors import InputError, UnknownNameError
 from ...formats.rollout import STATE_RATE_HZ
 from ...formats.vlnce import read_vlnce
+from ...trajectory_sampler.config import SampleConfig
 from ..chain import Chain
 from ..executors import Workers, available_cores
 from ..ledger import MANIFEST_NAME, QUARANTINE_NAME, Ledger
@@ -49,6 +50,10 @@ class Collect:
     """A folder of scans: all of them, or those that a VLN-CE file's scene ids name."""
     episodes: str = "6"
     """How many episodes to sample per scene, or a VLN-CE file (.json.gz)."""
+    min_length_m: float = SampleConfig.min_length_m
+    """Shortest sampled path [m]; lower it for a scan of a single room."""
+    min_crossings: int = SampleConfig.min_crossings
+    """How often a sampled path must pass from one room into another; 0 for a single room."""
     camera: str = "ego"
     """Which view to render: ego, chase or top."""
     light: str = "baked"
@@ -79,6 +84,7 @@ def run(options: Collect) -> int:
     views = {r: make_view(options.camera, r, light=options.light) for r in robots}
     check_frame_rate(options.frames_per_second)
     count, episode_file = _episodes(options.episodes)
+    sampling = _sampling(options, count)
     sources = _sources(options, episode_file)
     with opened(
         options.out or Path("runs") / _run_name(options, sources), options.workers
@@ -89,7 +95,7 @@ def run(options: Collect) -> int:
         if episode_file:
             asked = chain.aligned(episode_file, scenes)
         else:
-            asked = chain.sampled(count, scenes)
+            asked = chain.sampled(sampling, scenes)
         for robot in robots:
             chain.collected(
                 asked,
@@ -171,6 +177,17 @@ def _episodes(text: str) -> tuple[int, Path | None]:
     if path.is_file():
         return 0, path
     raise InputError(f"EPISODES={text}: neither a number above 0 nor an existing VLN-CE file")
+
+
+def _sampling(options: Collect, count: int) -> SampleConfig:
+    try:
+        return SampleConfig(
+            count=max(count, 1),
+            min_length_m=options.min_length_m,
+            min_crossings=options.min_crossings,
+        )
+    except ValueError as error:
+        raise InputError(str(error)) from error
 
 
 def _run_name(options: Collect, sources: dict[str, Path]) -> str:
