@@ -1,4 +1,6 @@
-"""Train a gait: `python -m vlnpe.collectors.locomotion.train aliengo`, resumable at any time.
+"""Train a gait; going on after an interruption is calling it again.
+
+`python -m vlnpe.collectors.locomotion.train --robot aliengo [--publish]`
 
 Writes `checkpoint.pt`, `curve.csv` and, at each checkpoint, the policy and its card into the
 output folder; `--publish` evaluates the result and installs it beside this file.
@@ -12,7 +14,7 @@ import time
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import torch
@@ -44,7 +46,7 @@ class Arguments:
         iterations: PPO iterations per phase; default as configured. For a quick trial.
     """
 
-    robot: Annotated[str, tyro.conf.Positional]
+    robot: str
     out: Path | None = None
     seed: int = 0
     threads: int = 2
@@ -84,9 +86,10 @@ def train(
             # Robots first learn to walk, then to walk smoothly and to be kicked.
             env.push_scale = min(1.0, max(0.0, (done - 100) / 300))
             env.smoothness_scale = min(1.0, 0.2 + done / 300)
-            runner.learn(min(CHUNK, last - done))
-            done += min(CHUNK, last - done)
-            samples += CHUNK * phase.envs * phase.steps
+            count = min(CHUNK, last - done)
+            runner.learn(count)
+            done += count
+            samples += count * phase.envs * phase.steps
             wall_s += time.monotonic() - started
             _write_curve(out / "curve.csv", env, runner, done, samples, wall_s)
             progress = {"iterations": done, "samples": samples, "wall_s": wall_s}
@@ -117,7 +120,7 @@ def _write_curve(
         "samples": samples,
         "wall_s": round(wall_s, 1),
         "learning_rate": runner.alg.learning_rate,
-        "action_std": float(runner.alg.get_policy().output_std.mean()),
+        "action_std": float(runner.alg.get_policy().output_std.detach().mean()),
         **{name: round(float(np.mean(v)), 5) for name, v in env.statistics.items()},
     }
     env.statistics.clear()

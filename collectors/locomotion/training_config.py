@@ -126,10 +126,8 @@ def ppo_config(config: TrainingConfig, seed: int) -> dict:
     }
 
 
-# Phases of training, in order: settings and PPO iterations.
+# Phases of training, in order: settings and PPO iterations. The Aliengo needs no rough ground to
+# walk on 6 cm bumps: its card's evaluation says so.
 PHASES: dict[str, tuple[tuple[TrainingConfig, int], ...]] = {
-    "aliengo": (
-        (TrainingConfig(), 430),
-        (TrainingConfig(terrain="rough"), 200),
-    ),
+    "aliengo": ((TrainingConfig(), 440),),
 }
