@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..formats.freemap import Freemap
 from ..formats.grid import GridSpec
 from ..formats.scene_bundle import Floor, Obstacles
-from .boxes import merge_boxes
+from .boxes import cover_with_boxes
 from .config import RepairConfig
 from .floor_field import coarse_floor
-from .freespace import blocked_cells, solid_inside
+from .freespace import blocked_cells, places, touchable
 from .level_floor import RepairedFloor
 from .maps import grow
 from .voxels import voxelise
@@ -27,7 +26,6 @@ class LevelCollision:
     floor: Floor
     obstacles: Obstacles
     freemap: Freemap
-    solid_cells: NDArray[np.bool_]
 
 
 def build_collision(
@@ -57,18 +55,7 @@ def build_collision(
         height + config.robot_height_m,
     )
     blocked = blocked_cells(voxels, height, config.blocked_above_m)
-    solid = solid_inside(voxels, floor.covered & ~blocked, height)
-    solid_cells: NDArray[np.bool_] = np.any(solid, axis=2)
-    traversable = floor.covered & ~blocked & ~_inside_solid(solid, height, z0, grid.cell_m)
+    place = places(floor.covered & ~blocked, grid.cell_m)
+    obstacles = cover_with_boxes(voxels, touchable(voxels, place, height))
     floor_z = np.where(floor.covered, floor.height_m, np.float32(np.nan)).astype(np.float32)
-    return LevelCollision(
-        floor, merge_boxes(voxels, solid), Freemap(grid, floor_z, traversable), solid_cells
-    )
-
-
-def _inside_solid(
-    solid: NDArray[np.bool_], height_m: NDArray[np.float64], z0_m: float, cell_m: float
-) -> NDArray[np.bool_]:
-    """Cells with solid voxels a step above the floor (insides of walls and furniture)."""
-    bottom = z0_m + cell_m * np.arange(solid.shape[2])
-    return np.any(solid & (bottom >= height_m[..., None] + cell_m), axis=2)
+    return LevelCollision(floor, obstacles, Freemap(grid, floor_z, place))

@@ -9,6 +9,8 @@ Freeman 2001; He and Sun 2012).
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, ndimage
@@ -132,10 +134,10 @@ def _rough_place(
     columns = area.shape[1] - ring.shape[1] + 1
     shape = tuple(fft.next_fast_len(n, real=True) for n in area.shape)
 
-    def transform(a: Image32) -> NDArray[np.complex64]:
-        return np.asarray(fft.rfft2(a.astype(np.float32), shape), dtype=np.complex64)
+    def transform(a: Any) -> Any:
+        return fft.rfft2(a.astype(np.float32), shape)
 
-    def back(spectrum: NDArray[np.complex64]) -> Image32:
+    def back(spectrum: Any) -> Image32:
         return np.asarray(fft.irfft2(spectrum, shape), dtype=np.float32)[:rows, :columns]
 
     available = source.astype(np.float32)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import manifold3d
 import mapbox_earcut
@@ -77,16 +78,20 @@ def build_patch(
             if piece.area() < MIN_PIECE_M2 or piece.offset(-2e-5).is_empty():
                 continue
             area += piece.area()
-            polygons.extend(np.asarray(p) for p in piece.to_polygons())
+            polygons.extend(_rings(piece))
             builder.add(piece)
     vertices, triangles = builder.result()
     return Patch(vertices, triangles, polygons, area)
 
 
 def _cross_section(polygons: list[NDArray[np.float64]]) -> manifold3d.CrossSection:
-    return manifold3d.CrossSection(
-        [np.ascontiguousarray(p) for p in polygons], manifold3d.FillRule.Positive
-    )
+    rings: Any = [np.ascontiguousarray(p) for p in polygons]
+    return manifold3d.CrossSection(rings, manifold3d.FillRule.Positive)
+
+
+def _rings(section: manifold3d.CrossSection) -> list[NDArray[np.float64]]:
+    rings: Any = section.to_polygons()
+    return rings
 
 
 class _Builder:
@@ -110,7 +115,7 @@ class _Builder:
         """Triangulate one connected piece: squares inside, a ring of triangles to the border."""
         outline, squares, nodes = _inner_squares(piece)
         # The outer ring goes first; the others are holes in it.
-        rings = sorted(piece.to_polygons(), key=_signed_area, reverse=True)
+        rings = sorted(_rings(piece), key=_signed_area, reverse=True)
         rings = [self._with_rim_vertices(ring) for ring in rings] + outline
         points = np.concatenate(rings)
         ends = np.cumsum([len(r) for r in rings]).astype(np.uint32)
@@ -258,7 +263,7 @@ def _points_inside(section: manifold3d.CrossSection, grid: GridSpec) -> NDArray[
     """Which cell centres of `grid` lie inside: even-odd scan along each row."""
     inside = np.zeros(grid.shape, dtype=bool)
     rows = grid.center_of(np.stack([np.arange(grid.rows), np.zeros(grid.rows)], axis=1))[:, 1]
-    polygons = section.to_polygons()
+    polygons = _rings(section)
     a = np.concatenate(polygons)
     b = np.concatenate([np.roll(p, -1, axis=0) for p in polygons])
     for i, y in enumerate(rows):

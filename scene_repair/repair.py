@@ -85,9 +85,8 @@ def repair_scene(
     ignore, structure = not_floor(scan), structural(scan)
     tell(f"finding floors among {len(scan.faces):,} triangles")
     columns = sample_columns(original.vertices, original.faces, fine)
-    up = original.normals[:, 2]
-    surfaces = find_surfaces(columns, up, ignore, LEAST_CLEARANCE_M)
-    found = find_levels(surfaces, columns, up, config)
+    surfaces = find_surfaces(columns, original.normals[:, 2], ignore, LEAST_CLEARANCE_M)
+    found = find_levels(surfaces, columns, config)
     mesh, materials, objects = original, scan.materials, scan.objects
     floors: list[RepairedFloor] = []
     for k, scanned in enumerate(found):

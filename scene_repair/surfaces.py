@@ -25,7 +25,6 @@ class Surfaces:
     Attributes:
         cell: (N,) int64 cell of every sample.
         z_m: (N,) float64 height.
-        face: (N,) int32 face that was hit.
         clear_m: (N,) float64 free height above, inf under open sky.
         part: (N,) int64 surface the sample belongs to, 0 … parts − 1.
         parts: number of surfaces.
@@ -33,7 +32,6 @@ class Surfaces:
 
     cell: NDArray[np.int64]
     z_m: NDArray[np.float64]
-    face: NDArray[np.int32]
     clear_m: NDArray[np.float64]
     part: NDArray[np.int64]
     parts: int
@@ -68,7 +66,6 @@ def find_surfaces(
     return Surfaces(
         cell[index],
         z[index],
-        face[index],
         clear[index],
         part.astype(np.int64),
         int(part.max()) + 1 if len(part) else 0,

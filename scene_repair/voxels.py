@@ -76,17 +76,21 @@ def voxelise(
     return Voxels(grid, z0_m, lower, upper)
 
 
+# Compiled code copies element by element: array slices would double its compile time.
 @njit(cache=True)
-def _cut(polygon, count, axis, value, keep_above, out):
-    """Clip a convex polygon by a plane across `axis` (Sutherland and Hodgman, 1974)."""
+def _cut(polygon, count, axis, value, sign, out):
+    """Clip a convex polygon by a plane across `axis` (Sutherland and Hodgman, 1974).
+
+    Keeps what lies above `value` for sign 1.0, below for −1.0.
+    """
     kept = 0
-    sign = 1.0 if keep_above else -1.0
     for k in range(count):
         m = k + 1 if k + 1 < count else 0
         dk = sign * (polygon[k, axis] - value)
         dm = sign * (polygon[m, axis] - value)
         if dk >= 0.0:
-            out[kept] = polygon[k]
+            for a in range(3):
+                out[kept, a] = polygon[k, a]
             kept += 1
         if (dk > 0.0 and dm < 0.0) or (dk < 0.0 and dm > 0.0):
             t = dk / (dk - dm)
@@ -98,11 +102,17 @@ def _cut(polygon, count, axis, value, keep_above, out):
 
 
 @njit(cache=True)
-def _slab_range(polygon, count, axis, size):
+def _ends(polygon, count, axis):
     low, high = polygon[0, axis], polygon[0, axis]
     for k in range(1, count):
         low = min(low, polygon[k, axis])
         high = max(high, polygon[k, axis])
+    return low, high
+
+
+@njit(cache=True)
+def _slab_range(polygon, count, axis, size):
+    low, high = _ends(polygon, count, axis)
     first = int(np.floor(low))
     # A face that only touches the next slab's border does not enter it.
     last = max(int(np.ceil(high)) - 1, first)
@@ -110,58 +120,52 @@ def _slab_range(polygon, count, axis, size):
 
 
 @njit(cache=True)
-def _slab(polygon, count, axis, index, scratch, out):
-    kept = _cut(polygon, count, axis, float(index), True, scratch)
+def _slab(polygon, count, axis, low, high, scratch, out):
+    kept = _cut(polygon, count, axis, low, 1.0, scratch)
     if kept == 0:
         return 0
-    return _cut(scratch, kept, axis, float(index + 1), False, out)
+    return _cut(scratch, kept, axis, high, -1.0, out)
+
+
+@njit(cache=True)
+def _mark(polygon, count, axis, base, lower, upper, i, j, k):
+    """Widen the stored extent of a voxel along one axis by what lies in it."""
+    low, high = _ends(polygon, count, axis)
+    first = min(max(int(np.floor((low - base) * STEPS)), 0), STEPS - 1)
+    last = min(max(int(np.ceil((high - base) * STEPS)), first + 1), STEPS)
+    if first < lower[i, j, k, axis]:
+        lower[i, j, k, axis] = first
+    if last > upper[i, j, k, axis]:
+        upper[i, j, k, axis] = last
 
 
 @njit(cache=True)
 def _clip_all(vertices, faces, cut_below, cut_above, lower, upper):
-    rows, columns, layers = lower.shape[:3]
-    triangle = np.empty((3, 3))
-    scratch = np.empty((16, 3))
+    rows, columns, layers = lower.shape[0], lower.shape[1], lower.shape[2]
+    triangle, scratch = np.empty((3, 3)), np.empty((16, 3))
     in_column, in_cell = np.empty((16, 3)), np.empty((16, 3))
     cut, in_voxel = np.empty((16, 3)), np.empty((16, 3))
     for f in range(len(faces)):
         for k in range(3):
-            triangle[k] = vertices[faces[f, k]]
+            for a in range(3):
+                triangle[k, a] = vertices[faces[f, k], a]
         j0, j1 = _slab_range(triangle, 3, 0, columns)
-        z_low = min(triangle[0, 2], triangle[1, 2], triangle[2, 2])
-        if z_low > layers:
-            continue
         for j in range(j0, j1 + 1):
-            n = _slab(triangle, 3, 0, j, scratch, in_column)
+            n = _slab(triangle, 3, 0, float(j), float(j + 1), scratch, in_column)
             if n == 0:
                 continue
             i0, i1 = _slab_range(in_column, n, 1, rows)
             for i in range(i0, i1 + 1):
-                m = _slab(in_column, n, 1, i, scratch, in_cell)
+                m = _slab(in_column, n, 1, float(i), float(i + 1), scratch, in_cell)
                 if m == 0:
                     continue
-                m = _cut(in_cell, m, 2, cut_below[i, j], True, scratch)
-                if m == 0:
-                    continue
-                m = _cut(scratch, m, 2, cut_above[i, j], False, cut)
+                m = _slab(in_cell, m, 2, cut_below[i, j], cut_above[i, j], scratch, cut)
                 if m == 0:
                     continue
                 k0, k1 = _slab_range(cut, m, 2, layers)
                 for k in range(k0, k1 + 1):
-                    q = _slab(cut, m, 2, k, scratch, in_voxel)
-                    if q == 0:
-                        continue
-                    base = (j, i, k)
-                    for a in range(3):
-                        low, high = in_voxel[0, a], in_voxel[0, a]
-                        for p in range(1, q):
-                            low = min(low, in_voxel[p, a])
-                            high = max(high, in_voxel[p, a])
-                        first = int(np.floor((low - base[a]) * STEPS))
-                        last = int(np.ceil((high - base[a]) * STEPS))
-                        first = min(max(first, 0), STEPS - 1)
-                        last = min(max(last, first + 1), STEPS)
-                        if first < lower[i, j, k, a]:
-                            lower[i, j, k, a] = first
-                        if last > upper[i, j, k, a]:
-                            upper[i, j, k, a] = last
+                    q = _slab(cut, m, 2, float(k), float(k + 1), scratch, in_voxel)
+                    if q > 0:
+                        _mark(in_voxel, q, 0, float(j), lower, upper, i, j, k)
+                        _mark(in_voxel, q, 1, float(i), lower, upper, i, j, k)
+                        _mark(in_voxel, q, 2, float(k), lower, upper, i, j, k)
