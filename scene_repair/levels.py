@@ -100,7 +100,8 @@ def _measure(surfaces: Surfaces, columns: Columns) -> _Parts:
     area = np.bincount(surfaces.part, minlength=count) * cell_m2
     standing = surfaces.clear_m >= STANDING_M
     standing_m2 = np.bincount(surfaces.part, weights=standing, minlength=count) * cell_m2
-    height: Any = ndimage.median(surfaces.z_m, surfaces.part, np.arange(count))
+    # Without a single surface to stand on there is nothing to take a median of.
+    height: Any = ndimage.median(surfaces.z_m, surfaces.part, np.arange(count)) if count else []
     above, below = np.zeros(count), np.zeros(count)
     cell, z = columns.cell, columns.z
     reach = max(1, round(AROUND_M / grid.cell_m))
