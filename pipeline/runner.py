@@ -158,15 +158,15 @@ def run_stage(
         ledger.save()
     summary.rows.sort(key=lambda r: r.item)
     summary.seconds = time.perf_counter() - started
-    for row in summary.rows:
-        if row.status == "quarantined":
-            log.warning("%s %s quarantined: %s", stage, row.item, row.error["reason"])
     if errors and len(errors) == len(items):
         first = errors[0]
         message = str(first) if len(errors) == 1 else f"all {len(errors)} items failed: {first}"
         if all(isinstance(e, InputError) for e in errors):
             raise InputError(message) from first
         raise StageFailedError(f"{stage}: {message or repr(first)}") from first
+    for row in summary.rows:
+        if row.status == "quarantined":
+            log.warning("%s %s quarantined: %s", stage, row.item, row.error["reason"])
     return summary
 
 

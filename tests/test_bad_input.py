@@ -58,8 +58,8 @@ SCENES = {
     "truncated": (truncated, "cut.glb"),
     "empty": (empty, "empty.ply"),
     "no floor": (lambda f: write_mesh(f / "walls.glb", room(1.0, floor=False)), "floor"),
-    "50 mm": (lambda f: write_mesh(f / "doll.glb", room(0.05 / 6)), "0.05"),
-    "5 km": (lambda f: write_mesh(f / "city.glb", room(5000 / 6)), "5000"),
+    "50 mm": (lambda f: write_mesh(f / "doll.glb", room(0.05 / 6)), "50 mm"),
+    "5 km": (lambda f: write_mesh(f / "city.glb", room(5000 / 6)), "5 km"),
     "unknown suffix": (
         lambda f: (f / "scan.xyz123").write_text("x") and f / "scan.xyz123",
         "xyz123",
