@@ -10,6 +10,7 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from ..formats.rollout import EndReason
 from .robots import POLICY_DECIMATION
@@ -26,7 +27,7 @@ class OutcomeConfig:
         timeout_factor: times the controller's nominal time.
         timeout_actions: discrete actions.
         success_m: a stop within this distance of the goal is a success.
-        diverged_speed: greatest credible velocity of any joint [m/s or rad/s].
+        diverged_speed: greatest credible norm of all velocities [m/s and rad/s].
     """
 
     stuck_steps: int = 2500
@@ -39,53 +40,65 @@ class OutcomeConfig:
 
 
 class OutcomeWatch:
-    """Looks at the robot: `diverged` after every sample, `check` after every policy step."""
+    """Looks at the robot after every policy step, 20 ms."""
 
     def __init__(self, world: World, config: OutcomeConfig) -> None:
         self._world, self._config = world, config
+        data, handles = world.data, world.handles
+        # Views of the simulation's own memory: asking `data` for them anew costs more than a look.
+        self._base = data.qpos[handles.root_qpos : handles.root_qpos + 7]
+        self._qvel, self._geom_xpos = data.qvel, data.geom_xpos
+        self._com = data.subtree_com[handles.root_body]
+        self._feet = np.asarray(handles.foot_geoms, dtype=np.int64)
+        self._foot_radius = world.model.geom_rbound[handles.foot_geoms]
         self._trace: deque[tuple[float, float, float]] = deque(
             maxlen=config.stuck_steps // POLICY_DECIMATION
         )
 
-    def check(self) -> tuple[EndReason, str] | None:
-        """Whether the robot has fallen or is stuck, with a detail in words; else None."""
-        return self._fallen() or self._stuck()
-
     def diverged(self) -> str | None:
         """In words, when the state is not finite, or moves faster than anything real."""
-        fastest = float(np.abs(self._world.data.qvel).max())
-        finite = math.isfinite(float(self._world.data.qpos.sum()))
+        speed = math.sqrt(self._qvel.dot(self._qvel))
         # The comparison is written so that NaN counts as diverged.
-        if finite and fastest < self._config.diverged_speed:
+        if speed < self._config.diverged_speed:
             return None
-        return f"fastest joint {fastest:.3g} m/s or rad/s"
+        return f"joint speeds {speed:.3g} m/s or rad/s in all"
 
-    def _fallen(self) -> tuple[EndReason, str] | None:
-        world, fall = self._world, self._world.robot.fall
-        q = world.handles.root_qpos
-        x, y, _, w, i, j, k = world.data.qpos[q : q + 7].tolist()
-        roll = math.atan2(2 * (w * i + j * k), 1 - 2 * (i * i + j * j))
-        pitch = math.asin(min(max(2 * (w * j - k * i), -1.0), 1.0))
+    def check(self) -> tuple[EndReason, str] | None:
+        """Whether the robot has fallen or is stuck, with a detail in words; else None."""
+        fall = self._world.robot.fall
+        x, y, yaw, roll, pitch, height = _posture(
+            self._base, self._com, self._geom_xpos, self._feet, self._foot_radius
+        )
         if abs(roll) > fall.roll_rad:
             return EndReason.FALL, f"roll {math.degrees(roll):.0f}°"
         if abs(pitch) > fall.pitch_rad:
             return EndReason.FALL, f"pitch {math.degrees(pitch):.0f}°"
-        height = world.handles.com_to_foot_m(world.data)
         if height < fall.com_to_foot_m:
             return EndReason.FALL, f"centre of mass {height:.2f} m above the lowest foot"
-        if not world.surface.is_solid(x, y):
+        if not self._world.surface.is_solid(x, y):
             return EndReason.FALL, f"no floor at ({x:.2f}, {y:.2f})"
-        return None
+        return self._stuck(x, y, yaw)
 
-    def _stuck(self) -> tuple[EndReason, str] | None:
-        pose, config = self._world.pose, self._config
-        trace = self._trace
-        full = len(trace) == trace.maxlen
-        if full:
+    def _stuck(self, x_m: float, y_m: float, yaw_rad: float) -> tuple[EndReason, str] | None:
+        config, trace = self._config, self._trace
+        if len(trace) == trace.maxlen:
             x, y, yaw = trace[0]
-            moved = math.hypot(pose.x_m - x, pose.y_m - y)
-            turned = abs(math.remainder(pose.yaw_rad - yaw, 2 * math.pi))
+            moved = math.hypot(x_m - x, y_m - y)
+            turned = abs(math.remainder(yaw_rad - yaw, 2 * math.pi))
             if moved < config.stuck_m and turned < config.stuck_rad:
                 return EndReason.STUCK, f"{moved:.2f} m in {config.stuck_steps} physics steps"
-        trace.append((pose.x_m, pose.y_m, pose.yaw_rad))
+        trace.append((x_m, y_m, yaw_rad))
         return None
+
+
+@njit(cache=True)
+def _posture(base, com, geom_xpos, feet, foot_radius):
+    """x, y, yaw, roll, pitch of a base (7,), and its centre of mass above the lowest foot."""
+    w, i, j, k = base[3], base[4], base[5], base[6]
+    yaw = np.arctan2(2 * (w * k + i * j), 1 - 2 * (j * j + k * k))
+    roll = np.arctan2(2 * (w * i + j * k), 1 - 2 * (i * i + j * j))
+    pitch = np.arcsin(min(max(2 * (w * j - k * i), -1.0), 1.0))
+    lowest = np.inf
+    for f in range(len(feet)):
+        lowest = min(lowest, geom_xpos[feet[f], 2] - foot_radius[f])
+    return base[0], base[1], yaw, roll, pitch, com[2] - lowest

@@ -55,6 +55,14 @@ class Recorder:
         """Forget the last sample."""
         self._count -= 1
 
+    def drop_broken(self) -> None:
+        """Forget the first sample with a number that is not finite, and all after it."""
+        bad = np.zeros(self._count, dtype=bool)
+        for rows in self._rows:
+            bad |= ~np.isfinite(rows[: self._count]).all(axis=1)
+        if bad.any():
+            self._count = int(np.argmax(bad))
+
     def arrays(self) -> dict[str, Any]:
         """The Rollout's array fields, by name."""
         n, handles = self._count, self._world.handles

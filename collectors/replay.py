@@ -193,7 +193,7 @@ class _Run:
                 quiet = np.abs(base).max() < config.settled_m_s
                 if quiet and np.abs(joints).max() < config.settled_rad_s:
                     break
-            data.ctrl[handles.actuators] = world.gait.act(data, STOPPED)
+            world.act(STOPPED)
             mujoco.mj_step(world.model, data, nstep=POLICY_DECIMATION)
             if self._diverged():
                 return False
@@ -202,7 +202,7 @@ class _Run:
 
     def _drive(self, controller: Controller) -> EndReason:
         world, config = self.world, self.config
-        model, data, actuators = world.model, world.data, world.handles.actuators
+        model, data = world.model, world.data
         control_every = STATE_RATE_HZ // controller.rate_hz
         limit = round(config.outcome.timeout_factor * controller.nominal_s * STATE_RATE_HZ)
         self.facts["nominal_s"] = round(controller.nominal_s, 3)
@@ -225,13 +225,14 @@ class _Run:
                     return EndReason.TIMEOUT
             self.recorder.sample(command)
             if tick % SAMPLES_PER_POLICY == 0:
-                data.ctrl[actuators] = world.gait.act(data, command)
+                world.act(command)
             mujoco.mj_step(model, data, nstep=STEPS_PER_SAMPLE)
             tick += 1
-            if self._diverged():
-                return EndReason.DIVERGED
             if tick % SAMPLES_PER_POLICY:
                 continue
+            if self._diverged():
+                self.recorder.drop_broken()
+                return EndReason.DIVERGED
             self._watch_contacts(tick)
             verdict = None if end is EndReason.FALL else self.watch.check()
             if verdict is None:

@@ -15,7 +15,7 @@ from ..formats.freemap import Freemap
 from ..formats.scene_bundle import SceneBundle
 from .controllers import Pose
 from .locomotion.policy import GaitPolicy
-from .physics import FloorSurface, LevelModelConfig, level_model
+from .physics import FloorSurface, LevelModelConfig, ObstacleGate, level_model
 from .robots import RobotHandles, RobotSpec
 
 SPAWN_GAP_M = 0.003  # between the lowest foot and the floor
@@ -44,10 +44,12 @@ class World:
         robot: whom.
         model, data: compiled physics and its state; `data` is reused by every episode.
         handles: where the robot's state lies in them.
+        base: (7,) view of the base's position and quaternion in `data`.
         gait: what moves the joints.
         surface: the floor.
         freemap: where robots may be.
         obstacles: number of obstacle geoms, which come first in the model.
+        gate: spares physics the obstacles while none is within reach.
         physics_hash: of the robot; see `RobotSpec.physics_hash`.
     """
 
@@ -57,18 +59,18 @@ class World:
     model: mujoco.MjModel
     data: mujoco.MjData
     handles: RobotHandles
+    base: NDArray[np.float64]
     gait: Gait
     surface: FloorSurface
     freemap: Freemap
     obstacles: int
+    gate: ObstacleGate
     physics_hash: str
 
     @property
     def pose(self) -> Pose:
         """The base's true pose."""
-        x, y, _, w, i, j, k = self.data.qpos[
-            self.handles.root_qpos : self.handles.root_qpos + 7
-        ].tolist()
+        x, y, _, w, i, j, k = self.base.tolist()
         return Pose(x, y, math.atan2(2 * (w * k + i * j), 1 - 2 * (j * j + k * k)))
 
     def spawn(self, pose: Pose, joint_noise_rad: NDArray[np.float64] | None = None) -> None:
@@ -78,6 +80,7 @@ class World:
             pose: where.
             joint_noise_rad: (J,) added to the default joint positions.
         """
+        self.gate.open()
         mujoco.mj_resetData(self.model, self.data)
         floor_z = float(self.surface.height_at((pose.x_m, pose.y_m)))
         self.handles.spawn(self.data, pose.x_m, pose.y_m, floor_z, pose.yaw_rad)
@@ -93,9 +96,14 @@ class World:
             self.data.qpos[self.handles.joint_qpos] += joint_noise_rad
         mujoco.mj_forward(self.model, self.data)
 
+    def act(self, command: tuple[float, float, float]) -> None:
+        """Let the gait set the servos for the next 20 ms."""
+        self.gate.update()
+        self.data.ctrl[self.handles.actuators] = self.gait.act(self.data, command)
+
     def touched_parts(self, deeper_than_m: float = 0.0) -> frozenset[str]:
         """Names of the robot's bodies that touch an obstacle now."""
-        if not self.data.ncon:
+        if not self.data.ncon or not self.gate.open_bodies:
             return frozenset()
         geoms = self.data.contact.geom
         if geoms.min() >= self.obstacles:
@@ -133,16 +141,21 @@ def open_world(
         FileFormatError: the level's or the policy's files are missing or broken.
     """
     model = level_model(bundle, level, robot, config, cache_dir)
+    data = mujoco.MjData(model)
+    handles = RobotHandles.find(robot, model)
+    surface = FloorSurface(bundle.floor(level))
     return World(
         bundle=bundle,
         level=level,
         robot=robot,
         model=model,
-        data=mujoco.MjData(model),
-        handles=RobotHandles.find(robot, model),
+        data=data,
+        handles=handles,
+        base=data.qpos[handles.root_qpos : handles.root_qpos + 7],
         gait=gait or GaitPolicy.load(robot),
-        surface=FloorSurface(bundle.floor(level)),
+        surface=surface,
         freemap=bundle.freemap(level),
         obstacles=int(np.count_nonzero(model.geom_bodyid == 0)),
+        gate=ObstacleGate(model, data, handles.root_body, surface.floor.grid),
         physics_hash=robot.physics_hash(),
     )

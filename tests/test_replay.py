@@ -15,7 +15,9 @@ from tests.support.cart import CartGait, make_cart
 from tests.support.rooms import write_two_rooms
 from vlnpe.collectors.controllers import FlashConfig, SpeedConfig
 from vlnpe.collectors.outcome import OutcomeConfig
+from vlnpe.collectors.physics import ObstacleGate
 from vlnpe.collectors.replay import ReplayConfig, replay_episode, replay_in
+from vlnpe.collectors.robots import get_robot
 from vlnpe.collectors.world import World, open_world
 from vlnpe.formats.episode import Episode
 from vlnpe.formats.errors import UnknownNameError
@@ -345,3 +347,25 @@ def test_aliengo_walks_to_the_other_room(two_rooms: SceneBundle, controller: str
     height = r.position_world_m[:, 2] - r.floor_z_m
     assert 0.28 < height.min() < height.max() < 0.42
     assert np.abs(r.linear_velocity_base_m_s[-1]).max() < 0.1
+
+
+@pytest.mark.parametrize("robot", [make_cart(), get_robot("aliengo")], ids=lambda r: r.name)
+def test_the_obstacle_gate_changes_nothing(tmp_path: Path, robot, monkeypatch) -> None:
+    """Open and shut on the way past a box it bumps into: the same bits as when always open."""
+    bundle = with_box(tmp_path, (4.0, 2.0, 0.2), (0.1, 0.5, 0.2))
+    world = open_world(bundle, 0, robot, CartGait() if robot.name == "cart" else None)
+    seen = []
+    update = ObstacleGate.update
+
+    def watched(gate: ObstacleGate) -> None:
+        update(gate)
+        seen.append(gate.open_bodies)
+
+    monkeypatch.setattr(ObstacleGate, "update", watched)
+    gated = replay_in(world, make_episode(bundle), ReplayConfig())
+    assert min(seen) == 0
+    assert max(seen) > 0
+    monkeypatch.setattr(ObstacleGate, "update", lambda gate: None)
+    always = replay_in(world, make_episode(bundle), ReplayConfig())
+    assert any(e.kind == "contact" for e in always.events)
+    assert same(gated, always)

@@ -3,10 +3,12 @@
 from .floor_surface import FloorSurface
 from .level_model import LevelModelConfig, build_level_model, level_model
 from .obstacle_boxes import robot_obstacles
+from .obstacle_gate import ObstacleGate
 
 __all__ = [
     "FloorSurface",
     "LevelModelConfig",
+    "ObstacleGate",
     "build_level_model",
     "level_model",
     "robot_obstacles",

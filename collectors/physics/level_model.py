@@ -19,20 +19,24 @@ from pathlib import Path
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates, maximum_filter
 
 from ...formats.atomic import atomic_file
 from ...formats.freemap import Freemap
+from ...formats.grid import GridSpec
 from ...formats.scene_bundle import Obstacles, SceneBundle
 from ..robots import RobotSpec, apply_physics_options
 from .floor_surface import FloorSurface
 from .obstacle_boxes import robot_obstacles
+from .obstacle_gate import OBSTACLE_BIT
 
 log = logging.getLogger(__name__)
 
 FLOOR_GEOM = "floor"
 ROBOT_PREFIX = "robot/"
 REACH_MARGIN_M = 0.25
-_CODE = ("level_model.py", "floor_surface.py", "obstacle_boxes.py")
+_STRIDES = (8, 6, 4, 3, 2)
+_CODE = ("level_model.py", "floor_surface.py", "obstacle_boxes.py", "obstacle_gate.py")
 
 
 @dataclass(frozen=True)
@@ -41,12 +45,14 @@ class LevelModelConfig:
 
     Attributes:
         flat_within_m: a floor whose reachable part varies by less is a plane, which is faster.
+        floor_error_m: a height field may be this much coarser than the floor record.
         void_depth_m: how far the floor drops where there is none.
         friction: sliding friction of floor and obstacles; feet bring their own, with priority.
         headroom_m: how far the robot may rise above its standing height and still be stopped.
     """
 
     flat_within_m: float = 0.002
+    floor_error_m: float = 0.001
     void_depth_m: float = 1.0
     friction: float = 0.8
     headroom_m: float = 0.15
@@ -86,9 +92,10 @@ def build_level_model(
     """Compile a level with `robot` at the origin, its names under `ROBOT_PREFIX`.
 
     The floor is a plane at the median height when its reachable part is flat within
-    `config.flat_within_m`, otherwise a height field through the heights at the cell centres. The
-    height field drops by `config.void_depth_m` more than `SKIRT_M` outside the covered cells, so
-    that nothing walks outside the building; over a plane, replay checks for the same border.
+    `config.flat_within_m`, otherwise a height field through the heights at the cell centres, or at
+    every few of them where that is as exact. The height field drops by `config.void_depth_m` more
+    than `SKIRT_M` outside the covered cells, so that nothing walks outside the building; over a
+    plane, replay checks for the same border.
 
     Raises:
         ValueError: no such level.
@@ -108,7 +115,7 @@ def build_level_model(
     top_m = float(walked.max(initial=bundle.level_floor_z_m[level])) + height_m
     boxes = robot_obstacles(bundle.obstacles(level), freemap, reach_m, top_m + config.headroom_m)
     _add_boxes(scene, boxes, config)
-    body = robot.spec().body(robot.root_body)
+    body = _robot_that_meets_obstacles(robot)
     scene.worldbody.add_frame().attach_body(body, ROBOT_PREFIX, "")
     scene.body(ROBOT_PREFIX + robot.root_body).sleep = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
     model = scene.compile()
@@ -142,8 +149,7 @@ def _add_floor(
             friction=friction,
         )
         return "plane"
-    grid, solid = surface.floor.grid, surface.solid
-    height = surface.floor.height_m.astype(np.float64)
+    grid, height, solid = _coarsened(surface, config.floor_error_m)
     low = float(height[solid].min())
     if not solid.all():
         height = np.where(solid, height, low - config.void_depth_m)
@@ -169,6 +175,35 @@ def _add_floor(
     return "height field"
 
 
+def _coarsened(
+    surface: FloorSurface, error_m: float
+) -> tuple[GridSpec, NDArray[np.float64], NDArray[np.bool_]]:
+    """The floor on the coarsest grid that still has every solid cell's height to `error_m`.
+
+    A foot touches every triangle near it, so larger triangles mean fewer contacts to solve.
+    """
+    grid, solid = surface.floor.grid, surface.solid
+    height = surface.floor.height_m.astype(np.float64)
+    at = np.indices(grid.shape)
+    for stride in _STRIDES:
+        pad = [(0, -(n - 1) % stride) for n in grid.shape]
+        coarse = np.pad(height, pad, mode="edge")[::stride, ::stride]
+        if min(coarse.shape) < 2:
+            continue
+        again = map_coordinates(coarse, at / stride, order=1, mode="nearest")
+        if np.abs(again - height)[solid].max() > error_m:
+            continue
+        # A coarse sample is solid when any cell is that it helps to interpolate: the floor may
+        # reach farther into the void by one coarse cell, but never less far.
+        reach = 2 * stride - 1
+        wide = np.pad(maximum_filter(solid, size=reach), pad, mode="edge")[::stride, ::stride]
+        # Sample (0, 0) stays where it was, at the centre of the first fine cell.
+        shift = 0.5 * grid.cell_m * (1 - stride)
+        origin = (grid.origin_xy_m[0] + shift, grid.origin_xy_m[1] + shift)
+        return GridSpec(origin, grid.cell_m * stride, *coarse.shape), coarse, wide
+    return grid, height, solid
+
+
 def _walked_heights(surface: FloorSurface, freemap: Freemap) -> NDArray[np.float32]:
     """Heights of the covered floor cells [m] whose centres are traversable, (N,)."""
     rows, columns = np.nonzero(surface.floor.covered)
@@ -188,7 +223,18 @@ def _add_boxes(scene: mujoco.MjSpec, boxes: Obstacles, config: LevelModelConfig)
             pos=center,
             size=half,
             friction=[config.friction, 0.02, 0.01],
+            contype=OBSTACLE_BIT,
+            conaffinity=OBSTACLE_BIT,
         )
+
+
+def _robot_that_meets_obstacles(robot: RobotSpec) -> mujoco.MjsBody:
+    spec = robot.spec()
+    for geom in spec.geoms:
+        if geom.contype or geom.conaffinity:
+            geom.contype |= OBSTACLE_BIT
+            geom.conaffinity |= OBSTACLE_BIT
+    return spec.body(robot.root_body)
 
 
 def _extent(robot: RobotSpec) -> tuple[float, float]:
