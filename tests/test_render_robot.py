@@ -180,3 +180,30 @@ def test_the_floor_is_darker_under_the_robot_and_nowhere_else(
     assert (change[floor] >= 0).all()
     assert change[64 - 9 : 64 + 9, 64 - 9 : 64 + 9].max() > 10  # around the ball's outline
     assert (change[:16] == 0).all()  # 2 m away
+
+
+@pytest.mark.parametrize("pitch", [0.0, 0.7, 1.4])
+@pytest.mark.parametrize("distance", [0.05, 0.21, 0.4, 1.0])
+def test_parts_beside_and_behind_the_lens_are_drawn_where_they_are(
+    renderer: Renderer, pitch: float, distance: float
+) -> None:
+    """A long bar that passes the camera: what is drawn must match the ray equation."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body name="base"><freejoint/>
+        <geom type="box" size="1 0.02 0.02" mass="1"/></body></worldbody></mujoco>"""
+    )
+    eye = np.array([6.0, 2.5, 1.3])
+    pose = RobotBody(model, []).pose(eye - np.array([0.0, 0.0, distance]), UPRIGHT, [])
+    quat = facing(0.0, pitch)
+    _, depth = renderer.render(SQUARE, eye, quat, pose)
+    _, empty = renderer.render(SQUARE, eye, quat)
+    rows, columns = np.indices(depth.shape) + 0.5
+    pixels = np.stack([columns, rows, np.ones_like(rows)], -1)
+    rays = pixels @ np.linalg.inv(SQUARE.intrinsics).T @ quat_to_matrix(quat).T
+    low = np.array([-1.0, -0.02, -distance - 0.02])
+    high = np.array([1.0, 0.02, -distance + 0.02])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        a, b = low / rays, high / rays
+        near, far = np.minimum(a, b).max(-1), np.maximum(a, b).min(-1)
+    expected = np.where((near <= far) & (near > 0) & (near < empty), near, empty)
+    assert (np.abs(depth - expected) > 1e-3).mean() < 2e-3

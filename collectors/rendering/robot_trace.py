@@ -6,6 +6,7 @@ the rays in the image rectangles of the geoms it can see.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,9 @@ F32 = NDArray[np.float32]
 FIRST_ROBOT_SURFACE = -2
 # A lens sits on the skin of its housing: geoms that hold the camera up to this are not drawn.
 HOUSING_MARGIN_M = 0.005
+NEAR_M = 0.001
+# Corners are numbered by the bits of x, y, z; an edge joins two that differ in one bit.
+BOX_EDGES = np.array([[i, i | bit] for bit in (1, 2, 4) for i in range(8) if not i & bit])
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,10 @@ class RobotTracer:
         """Build a scene per geom."""
         self.surfaces = surfaces
         self.shadow = ContactShadow(surfaces)
+        signs = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+        bounds = [(c.min(0), c.max(0)) for c in (g.corners.reshape(-1, 3) for g in surfaces)]
+        self._box = np.array([np.where(signs, high, low) for low, high in bounds], np.float64)
+        self._box = self._box.reshape(-1, 8, 3)
         self._scenes = []
         for surface in surfaces:
             scene = EmbreeScene()
@@ -71,21 +79,23 @@ class RobotTracer:
             rotation_world: (3, 3) optical frame to world.
             camera: intrinsics.
         """
+        offset = position_world_m - pose.position_world_m
+        inside = np.einsum("gji,gj->gi", pose.rotation_world, offset)
+        into_view = np.einsum("gji,jk->gik", pose.rotation_world, rotation_world)
+        view = (self._box - inside[:, None]) @ into_view
         seen = []
-        for index, surface in enumerate(self.surfaces):
-            rotation = pose.rotation_world[index]
-            offset = position_world_m - pose.position_world_m[index]
-            center = (rotation @ surface.center_m - offset) @ rotation_world
-            rectangle = _sphere_rectangle(center, surface.radius_m, camera)
-            if rectangle is None:
-                continue
-            inside = offset @ rotation
-            near = np.linalg.norm(inside - surface.center_m) < surface.radius_m + HOUSING_MARGIN_M
-            if near and surface.holds(inside, HOUSING_MARGIN_M):
+        for index, rectangle in _rectangles(view, camera):
+            surface = self.surfaces[index]
+            distance = np.linalg.norm(inside[index] - surface.center_m)
+            near = distance < surface.radius_m + HOUSING_MARGIN_M
+            if near and surface.holds(inside[index], HOUSING_MARGIN_M):
                 continue
             seen.append(
                 VisibleGeom(
-                    index, rotation.astype(np.float32), inside.astype(np.float32), rectangle
+                    index,
+                    pose.rotation_world[index].astype(np.float32),
+                    inside[index].astype(np.float32),
+                    rectangle,
                 )
             )
         return seen
@@ -136,26 +146,30 @@ class RobotTracer:
         surface[rays] = FIRST_ROBOT_SURFACE - geom.index
 
 
-def _sphere_rectangle(
-    center: NDArray[np.float64], radius: float, camera: CameraModel
-) -> tuple[int, int, int, int] | None:
-    """Pixels a sphere in the optical frame can cover; None when it is out of view."""
-    width, height = camera.width_px, camera.height_px
-    x, y, z = center
-    if z <= -radius:
-        return None
-    if z <= 1.01 * radius:  # reaches behind the camera: may cover anything
-        return 0, 0, width, height
-    sides = []
-    for across, size in ((x, width), (y, height)):
-        # Tangents to a circle from the optical centre, in the plane of this axis and z.
-        square = z * z - radius * radius
-        root = radius * np.sqrt(max(across * across + square, 0.0))
-        low = (across * z - root) / square * camera.focal_px + 0.5 * size
-        high = (across * z + root) / square * camera.focal_px + 0.5 * size
-        first, last = max(int(np.floor(low)), 0), min(int(np.ceil(high)), size)
-        if first >= last:
-            return None
-        sides.append((first, last))
-    (left, right), (top, bottom) = sides
-    return left, top, right, bottom
+def _rectangles(
+    view: NDArray[np.float64], camera: CameraModel
+) -> Iterator[tuple[int, tuple[int, int, int, int]]]:
+    """Geoms in view and the pixels (left, top, right, bottom) their boxes can cover.
+
+    `view` holds the boxes' corners (G, 8, 3) in the optical frame. Edges that pass the camera are
+    cut at the near plane, so that parts beside or behind the camera cover nothing.
+    """
+    start, stop = view[:, BOX_EDGES[:, 0]], view[:, BOX_EDGES[:, 1]]
+    z0, z1 = start[..., 2:], stop[..., 2:]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.clip((NEAR_M - z0) / (z1 - z0), 0.0, 1.0)
+    cut = start + np.nan_to_num(share) * (stop - start)
+    ends = np.concatenate(
+        [np.where(z0 >= NEAR_M, start, cut), np.where(z1 >= NEAR_M, stop, cut)], 1
+    )
+    ahead = np.concatenate([np.maximum(z0, z1)] * 2, axis=1) >= NEAR_M
+    center = 0.5 * np.array([camera.width_px, camera.height_px])
+    pixels = ends[..., :2] / np.maximum(ends[..., 2:], NEAR_M) * camera.focal_px + center
+    low = np.floor(np.where(ahead, pixels, np.inf).min(1))
+    high = np.ceil(np.where(ahead, pixels, -np.inf).max(1))
+    low = np.maximum(low, 0.0)
+    high = np.minimum(high, 2 * center)
+    for index in np.flatnonzero((low < high).all(-1)):
+        left, top = (int(v) for v in low[index])
+        right, bottom = (int(v) for v in high[index])
+        yield int(index), (left, top, right, bottom)

@@ -18,6 +18,7 @@ from ...formats.scene_bundle import SceneBundle
 from .srgb import decode_table, to_linear
 
 MAX_LEVELS = 16
+STRIP_ROWS = 256
 MAX_TEXELS = 96_000_000  # 512 MB with all mip levels
 
 log = logging.getLogger(__name__)
@@ -124,19 +125,39 @@ def pack_textures(pyramids: Iterable[list[NDArray[np.uint32]]]) -> TexturePack:
 
 def mip_pyramid(image: NDArray[np.uint8]) -> list[NDArray[np.uint32]]:
     """Halve `image` (H, W, 3) sRGB down to one texel, averaging areas in linear light."""
-    roots = np.round(np.sqrt(decode_table()) * 1023.0).astype(np.uint32)
-    mips = [_packed(roots[image])]
-    linear = decode_table()[image]
-    while max(linear.shape[:2]) > 1 and len(mips) < MAX_LEVELS:
-        height, width = (max(1, side // 2) for side in linear.shape[:2])
-        linear = cv2.resize(linear, (width, height), interpolation=cv2.INTER_AREA)
-        linear = linear.reshape(height, width, 3)
-        mips.append(_packed(np.round(np.sqrt(linear) * 1023.0).astype(np.uint32)))
+    decode = decode_table()
+    roots = np.round(np.sqrt(decode) * 1023.0).astype(np.uint32)
+    first = roots[image[..., 0]]
+    for channel, shift in ((1, 10), (2, 20)):
+        first |= (roots << np.uint32(shift))[image[..., channel]]
+    mips = [first]
+    linear = None
+    while max(mips[-1].shape) > 1 and len(mips) < MAX_LEVELS:
+        linear = _halve_bytes(image, decode) if linear is None else _halve(linear)
+        mips.append(_packed(linear))
     return mips
 
 
-def _packed(roots: NDArray[np.uint32]) -> NDArray[np.uint32]:
-    return roots[..., 0] | roots[..., 1] << np.uint32(10) | roots[..., 2] << np.uint32(20)
+def _halve(linear: NDArray[np.float32]) -> NDArray[np.float32]:
+    height, width = (max(1, side // 2) for side in linear.shape[:2])
+    small = cv2.resize(linear, (width, height), interpolation=cv2.INTER_AREA)
+    return small.reshape(height, width, 3).astype(np.float32, copy=False)
+
+
+def _halve_bytes(image: NDArray[np.uint8], decode: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The first halving, in strips of rows: a whole page in floats takes four times its bytes."""
+    if image.shape[0] % 2:
+        return _halve(decode[image])
+    strips = [_halve(decode[image[r : r + STRIP_ROWS]]) for r in range(0, len(image), STRIP_ROWS)]
+    return np.concatenate(strips)
+
+
+def _packed(linear: NDArray[np.float32]) -> NDArray[np.uint32]:
+    packed = np.zeros(linear.shape[:2], dtype=np.uint32)
+    for channel, shift in enumerate((0, 10, 20)):
+        roots = np.round(np.sqrt(linear[..., channel]) * 1023.0).astype(np.uint32)
+        packed |= roots << np.uint32(shift)
+    return packed
 
 
 def _image_size(path: Path) -> tuple[int, int]:
