@@ -16,7 +16,7 @@ F32 = NDArray[np.float32]
 f32 = np.float32
 
 REACH_M = 0.8  # no shadow farther than this from every part
-STRENGTH = 2.0
+STRENGTH = 3.0
 MIN_RADIUS_M = 0.012  # thinner parts leave no spot worth its time
 MAX_SPHERES_PER_GEOM = 3
 FAST = {"contract", "arcp", "nsz", "reassoc"}
@@ -38,9 +38,12 @@ class ContactShadow:
     def posed(self, pose: RobotGeometryPose) -> F32:
         """Spheres (S, 4) of the posed body: world centre and radius [m]."""
         turned = np.einsum("sij,sj->si", pose.rotation_world[self._geom], self._local)
-        return np.column_stack([turned + pose.position_world_m[self._geom], self._radius]).astype(
-            np.float32
-        )
+        center = turned + pose.position_world_m[self._geom]
+        # Shells overlap: a sphere whose centre lies in a larger one adds nothing but time.
+        apart = np.linalg.norm(center[:, None] - center, axis=-1)
+        larger = self._radius[:, None] < self._radius
+        keep = ~(larger & (apart < self._radius)).any(1)
+        return np.column_stack([center, self._radius])[keep].astype(np.float32)
 
 
 def _spheres(surface: GeomSurface) -> tuple[NDArray[np.float64], float]:

@@ -14,6 +14,7 @@ from .textures import MaterialTable
 # A scan's atlas shows each texel at one place, so that its triangles cover at most the whole
 # texture once; the slack is for overlapping borders.
 MAX_ATLAS_COVER = 1.5
+FLATNESS_SAMPLES = 50_000
 
 
 def scene_arrays(mesh: VisualMesh, materials: MaterialTable, scene: EmbreeScene) -> SceneArrays:
@@ -71,7 +72,8 @@ def _is_flat(materials: MaterialTable) -> NDArray[np.bool_]:
     flat = np.zeros(max(len(pack.levels), 1), dtype=bool)
     for t in range(len(pack.levels)):
         width, height = pack.size_px[t, 0]
-        texels = pack.texels[pack.offset[t, 0] :][: width * height]
+        stride = max(1, width * height // FLATNESS_SAMPLES)
+        texels = pack.texels[pack.offset[t, 0] :][: width * height : stride]
         roots = np.stack([(texels >> shift) & 1023 for shift in (0, 10, 20)])
         flat[t] = bool((roots.std(axis=-1) < 0.01 * 1023).all())
     return flat
