@@ -34,8 +34,7 @@ class Expert:
 
     def __init__(self, route: Route, config: ExpertConfig) -> None:
         self._config = config
-        self._xy = [(float(x), float(y)) for x, y in route.xy_m]
-        self._cursor = RouteCursor(self._xy, STEP_M)
+        self._cursor = RouteCursor(route.xy_m, STEP_M)
         self._off_m = 0.0
         self._last = Action.FORWARD
 
@@ -53,13 +52,11 @@ class Expert:
         """
         config = self._config
         self._off_m = self._cursor.advance(pose.x_m, pose.y_m)
-        last = len(self._xy) - 1
-        goal_x, goal_y = self._xy[last]
+        goal_x, goal_y = self._cursor.point(self._cursor.last)
         to_goal_m = math.hypot(goal_x - pose.x_m, goal_y - pose.y_m)
         if to_goal_m <= config.stop_within_m:
             return Action.STOP
-        ahead = min(self._cursor.index + round(config.lookahead_m / STEP_M), last)
-        x, y = self._xy[ahead]
+        x, y = self._cursor.point(self._cursor.ahead(config.lookahead_m, STEP_M))
         error = wrap_angle(math.atan2(y - pose.y_m, x - pose.x_m) - pose.yaw_rad)
         if to_goal_m <= config.goal_tolerance_m:
             after_m = math.hypot(

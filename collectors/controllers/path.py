@@ -19,6 +19,8 @@ from .geometry import RouteCursor, clip, wrap_angle
 from .interface import STOPPED, Decision, Pose, Task
 from .route import STEP_M, Route, make_route, plan_route
 
+NEAR_M = 0.15  # the point so far ahead is aimed at even out of sight
+
 
 @dataclass(frozen=True)
 class PathConfig:
@@ -113,34 +115,27 @@ class PathController:
         if to_goal_m <= self._config.goal_threshold_m:
             return True
         # Beside the goal at the route's end: one more turn would not come nearer by much.
-        at_end = self._cursor.index == len(self._xy) - 1
+        at_end = self._cursor.index == self._cursor.last
         return at_end and to_goal_m <= 0.8 * self._task.goal_tolerance_m
 
     def _target(self, pose: Pose) -> tuple[float, float]:
         """The farthest point of the route within the lookahead that is in free sight."""
-        here = self._cursor.index
-        last = len(self._xy) - 1
-        nearest = min(here + max(1, round(0.15 / STEP_M)), last)
-        ahead = min(here + round(self._config.lookahead_m / STEP_M), last)
-        while ahead > nearest and not self._in_sight(pose, self._xy[ahead]):
-            ahead -= 1
-        return self._xy[ahead]
-
-    def _in_sight(self, pose: Pose, target: tuple[float, float]) -> bool:
-        """Whether the robot's disc can go straight there, as far as the route itself is free."""
-        grid = self._task.freemap.grid
-        x0, y0 = grid.origin_xy_m
+        cursor, task = self._cursor, self._task
         # A robot off its line is in a tighter spot already; it may come back along that.
-        needed = self._task.radius_m - grid.cell_m
-        dx, dy = target[0] - pose.x_m, target[1] - pose.y_m
-        count = int(math.hypot(dx, dy) / grid.cell_m) + 1
-        for k in range(1, count + 1):
-            column = int((pose.x_m + dx * k / count - x0) / grid.cell_m)
-            row = int((pose.y_m + dy * k / count - y0) / grid.cell_m)
-            inside = 0 <= row < grid.rows and 0 <= column < grid.columns
-            if not inside or self._clearance[row, column] < needed:
-                return False
-        return True
+        needed_m = task.radius_m - task.freemap.grid.cell_m
+        nearest = cursor.ahead(NEAR_M, STEP_M)
+        farthest = max(cursor.ahead(self._config.lookahead_m, STEP_M), nearest)
+        return cursor.point(
+            cursor.in_sight(
+                pose.x_m,
+                pose.y_m,
+                farthest,
+                nearest,
+                self._clearance,
+                needed_m,
+                task.freemap.grid,
+            )
+        )
 
     def _velocity(
         self, pose: Pose, target: tuple[float, float], error: float, to_goal_m: float
@@ -157,7 +152,7 @@ class PathController:
             config.linear_gain * to_goal_m,
             config.cruise_m_s * max(0.0, math.cos(error)) ** 2,
         )
-        px, py = self._xy[self._cursor.index]
+        px, py = self._cursor.point(self._cursor.index)
         left = -math.sin(pose.yaw_rad) * (px - pose.x_m) + math.cos(pose.yaw_rad) * (py - pose.y_m)
         sideways = clip(config.lateral_gain * left, -config.lateral_m_s, config.lateral_m_s)
         return clip(speed, *limits.vx_m_s), clip(sideways, *limits.vy_m_s), yaw_rate
@@ -184,16 +179,15 @@ class PathController:
     def _replan(self, time_s: float, pose: Pose, reason: str) -> None:
         """Lead back to the route some way ahead, then on as before."""
         self._planned_s = time_s
-        last = len(self._xy) - 1
-        rejoin = min(self._cursor.index + round(self._config.rejoin_m / STEP_M), last)
+        rest = self._cursor.xy_m[self._cursor.ahead(self._config.rejoin_m, STEP_M) :]
         here = np.array([pose.x_m, pose.y_m])
         task = self._task
-        back = plan_path(task.freemap, here, self._xy[rejoin], task.radius_m)
+        back = plan_path(task.freemap, here, rest[0], task.radius_m)
         if back is None:
             self._notes.append(("replan_failed", reason))
             return
         self._notes.append(("replan", reason))
-        self._follow(make_route(np.vstack([back[:, :2], self._xy[rejoin:]])))
+        self._follow(make_route(np.vstack([back[:, :2], rest])))
         self._progress = (max(time_s, self._back_off_until_s), self._remaining_m[0])
 
     def _follow(self, route: Route) -> None:
@@ -207,8 +201,7 @@ class PathController:
             limit[i] = min(limit[i], reach)
         self._speed_limit: list[float] = limit.tolist()
         self._remaining_m: list[float] = (route.along_m[-1] - route.along_m).tolist()
-        self._xy: list[tuple[float, float]] = [(float(x), float(y)) for x, y in route.xy_m]
-        self._cursor = RouteCursor(self._xy, STEP_M)
+        self._cursor = RouteCursor(route.xy_m, STEP_M)
 
     def _decide(self, command: tuple[float, float, float], done: bool = False) -> Decision:
         notes, self._notes = tuple(self._notes), []

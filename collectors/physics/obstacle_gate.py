@@ -23,7 +23,11 @@ FINER = 2  # distances are kept on a grid so many times finer than the map's
 
 
 class ObstacleGate:
-    """Switches the obstacle bit of each body of one robot."""
+    """Switches the obstacle bit of each body of one robot.
+
+    Attributes:
+        open_bodies: number of bodies for which physics looks for obstacles now.
+    """
 
     def __init__(
         self, model: mujoco.MjModel, data: mujoco.MjData, base_body: int, map_grid: GridSpec
@@ -47,11 +51,7 @@ class ObstacleGate:
         self._distance = _distance_m(grid, model, boxes)
         self._frame = np.array([*grid.origin_xy_m, grid.cell_m])
         self._open = np.ones(len(self._bodies), dtype=bool)
-
-    @property
-    def open_bodies(self) -> int:
-        """Number of bodies for which physics looks for obstacles."""
-        return int(self._open.sum())
+        self.open_bodies = len(self._bodies)
 
     def open(self) -> None:
         """Let physics look for contacts of every body."""
@@ -74,7 +74,7 @@ class ObstacleGate:
             self._set(near)
 
     def _set(self, wanted: NDArray[np.bool_]) -> None:
-        self._open = wanted
+        self._open, self.open_bodies = wanted, int(wanted.sum())
         for field, k in ((self._contype, 0), (self._conaffinity, 1)):
             field[self._bodies] = np.where(wanted, self._bits[True][k], self._bits[False][k])
 
