@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from skimage.measure import approximate_polygon
 
 from ..formats.crossings import DOORWAY_M, crossings
 from ..formats.episode import Episode
@@ -108,7 +108,8 @@ def find_turns(
             with a turn. None means that it looks along the path.
         min_turn_rad: smaller changes of heading are no turns.
     """
-    corners = approximate_polygon(path_xy_m, _STRAIGHT_M)
+    line = np.ascontiguousarray(path_xy_m, dtype=np.float32)[:, None]
+    corners = cv2.approxPolyDP(line, _STRAIGHT_M, closed=False)[:, 0].astype(np.float64)
     legs = np.diff(corners, axis=0)
     lengths = np.linalg.norm(legs, axis=1)
     headings = np.arctan2(legs[:, 1], legs[:, 0])

@@ -28,6 +28,7 @@ class Finding:
 
 def examine(out: Path) -> list[Finding]:
     """Look at this machine; `out` is where runs would be written. Nothing is changed."""
+    uv = find_uv()
     findings = [
         Finding("python", True, f"{platform.python_version()} at {sys.executable}"),
         Finding("cores", True, f"{available_cores()} usable, {_memory()}"),
@@ -39,9 +40,9 @@ def examine(out: Path) -> list[Finding]:
         _guarded("renderer gl", _gl, "install a GPU driver with EGL, or the system's libegl1"),
         _guarded("GPU", _gpu, ""),
         _guarded("video", _codecs, ""),
-        _extra("train", ["torch", "lerobot", "rsl_rl", "onnx"], "uv sync --inexact --extra train"),
-        _extra("scan", ["open3d"], "uv sync --inexact --extra scan"),
-        _tool("uv", "make setup installs its own copy into .tools"),
+        _extra("train", ["torch", "lerobot", "rsl_rl", "onnx"], uv),
+        _extra("scan", ["open3d"], uv),
+        Finding("uv", uv is not None, uv or "not found", "" if uv else "make setup"),
     ]
     return findings
 
@@ -57,7 +58,7 @@ def _guarded(subject: str, look: Callable[[], str], remedy: str) -> Finding:
 def _gl() -> str:
     # In a child process: a broken driver may abort the whole interpreter.
     code = (
-        "import mujoco; c = mujoco.gl_context.GLContext(64, 64); c.make_current();"
+        "import mujoco; c = mujoco.GLContext(64, 64); c.make_current();"
         "from OpenGL import GL; print(GL.glGetString(GL.GL_RENDERER).decode())"
     )
     environment = {"MUJOCO_GL": "egl", **os.environ}
@@ -109,13 +110,15 @@ def _memory() -> str:
     return f"{total / 1024**3:.1f} GiB of memory"
 
 
-def _extra(name: str, modules: list[str], remedy: str) -> Finding:
+def find_uv(tool: str = "uv") -> str | None:
+    """Path of uv (or `uvx`): the user's, or the copy that the set-up keeps in .tools."""
+    own = Path(__file__).resolve().parents[1] / ".tools" / "bin" / tool
+    return shutil.which(tool) or (str(own) if own.is_file() else None)
+
+
+def _extra(name: str, modules: list[str], uv: str | None) -> Finding:
     missing = [m for m in modules if importlib.util.find_spec(m) is None]
     if missing:
+        remedy = f"{uv or 'uv'} sync --inexact --extra {name}"
         return Finding(f"extra {name}", False, f"without {', '.join(missing)}", remedy)
     return Finding(f"extra {name}", True, ", ".join(modules))
-
-
-def _tool(name: str, remedy: str) -> Finding:
-    path = shutil.which(name)
-    return Finding(name, path is not None, path or "not on PATH", "" if path else remedy)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import logging
-import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TextIO
 
+from .doctor import find_uv
 from .ledger import Ledger
 from .report.gather import RobotRow, robot_rows
 from .run_folder import RunFolder
@@ -81,8 +81,7 @@ def looking_commands(folder: RunFolder, page: Path) -> str:
     """The three commands that show the result: LeRobot's viewer, Foxglove, the report."""
     datasets = sorted(p.parent.parent for p in folder.lerobot.glob("*/meta/info.json"))
     episodes = sorted(folder.mcap.glob("*/*.mcap"))
-    own = Path(__file__).resolve().parents[1] / ".tools" / "bin" / "uvx"
-    uvx = "uvx" if shutil.which("uvx") or not own.exists() else str(own)
+    uvx = find_uv("uvx") or "uvx"
     lines = ["Look at it:"]
     if datasets:
         data = datasets[0]

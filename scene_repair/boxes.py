@@ -51,6 +51,9 @@ def _widen(state, lower, upper, box, sides):
     """Include the voxels of `box` in the ranges of the four upright sides they touch.
 
     Args:
+        state: see `cover_with_boxes`.
+        lower: extents of `Voxels`.
+        upper: extents of `Voxels`.
         box: (6,) first and last index along rows (y), columns (x), layers (z).
         sides: (12,) for each side (low y, high y, low x, high x) its index, and the least and
             most of the surface's extent seen on it.

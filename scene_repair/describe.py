@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..formats.grid import GridSpec
 from .holes import Hole
 from .level_floor import RepairedFloor
@@ -20,6 +23,15 @@ def describe_level(level: RepairedFloor, probes: dict[str, Any]) -> dict[str, An
         "floor_area_after_m2": round(scanned + level.patch_area_m2, 3),
         "patched_area_m2": round(level.patch_area_m2, 4),
         "holes": [_describe_hole(hole, level.fine) for hole in level.holes],
+        "cracks": [
+            {
+                "polygon_xy_m": _rounded(crack.ring_xy_m),
+                "area_m2": round(crack.area_m2, 7),
+                "cause": "crack or pinhole finer than the sampling",
+                "action": "filled",
+            }
+            for crack in level.cracks
+        ],
         "bumps": [
             {
                 "center_xy_m": [round(v, 3) for v in bump.center_xy_m],
@@ -33,11 +45,14 @@ def describe_level(level: RepairedFloor, probes: dict[str, Any]) -> dict[str, An
     }
 
 
+def _rounded(polygon_xy_m: NDArray[np.float64]) -> list[list[float]]:
+    return [[round(float(x), 4), round(float(y), 4)] for x, y in polygon_xy_m]
+
+
 def _describe_hole(hole: Hole, grid: GridSpec) -> dict[str, Any]:
     return {
         "polygons_xy_m": [
-            [[round(float(x), 4), round(float(y), 4)] for x, y in polygon]
-            for polygon in cell_polygons(hole.cells, hole.window, grid)
+            _rounded(polygon) for polygon in cell_polygons(hole.cells, hole.window, grid)
         ],
         "area_m2": round(hole.area_m2(grid), 5),
         "cause": hole.cause,

@@ -17,7 +17,8 @@ from .floor_paint import paint_floor, uv_on
 from .holes import Hole, find_holes
 from .levels import ScannedFloor
 from .maps import grow, nearest_in
-from .patch import build_patch
+from .outline import face_outline
+from .patch import Patch, build_patch
 from .patch_region import patch_region
 from .reference import fill_heights
 from .scan import ScanMaterial, ScanObject
@@ -26,6 +27,14 @@ from .world_mesh import WorldMesh
 
 # Known floor within this distance shapes the heights inside a hole.
 REACH_M = 0.75
+
+
+@dataclass(frozen=True)
+class Crack:
+    """A filled gap finer than the grid: its outer ring (n, 2) [m] and area."""
+
+    ring_xy_m: NDArray[np.float64]
+    area_m2: float
 
 
 @dataclass(frozen=True)
@@ -42,8 +51,8 @@ class RepairedFloor:
         scanned_faces: the faces that it consists of.
         holes: every gap, filled or left.
         bumps: what was flattened.
-        patch_polygons: outlines of the added floor.
-        patch_area_m2: its area.
+        patch_area_m2: area of the added floor.
+        cracks: filled gaps finer than the grid.
     """
 
     mesh: WorldMesh
@@ -56,8 +65,8 @@ class RepairedFloor:
     scanned_faces: NDArray[np.int64]
     holes: list[Hole]
     bumps: list[Bump]
-    patch_polygons: list[NDArray[np.float64]]
     patch_area_m2: float
+    cracks: list[Crack]
 
 
 def repair_floor(
@@ -115,19 +124,21 @@ def repair_floor(
         np.unique(evidence.face[evidence.covered]).astype(np.int64),
         holes,
         bumps,
-        [],
         0.0,
+        [],
     )
-    if not fill.any():
-        return result
     floor_faces = _floor_faces(mesh, everywhere, fine, ignore)
-    region = patch_region(mesh, fill, ~leave, evidence.wall, fine, floor_z)
+    cracked = _cracked(mesh, floor_faces, fill | evidence.covered, fine)
+    region = patch_region(mesh, fill | cracked, ~leave, evidence.wall, fine, floor_z)
     patch = build_patch(mesh, floor_faces, region, everywhere, fine)
+    if not patch.pieces:
+        return result
+    outlines = np.concatenate([ring for piece in patch.pieces for ring in piece])
     image, texels = paint_floor(
         mesh,
         Looks(materials),
         floor_faces,
-        grow(fill, 2),
+        grow(fill | _cells_at(outlines, fine), 2),
         fine,
         config.patch_texel_m,
         config.max_texture_px,
@@ -145,8 +156,8 @@ def repair_floor(
         mesh=patched,
         materials=(*materials, ScanMaterial(f"floor_patch_{index}", (1.0, 1.0, 1.0), image)),
         objects=(*objects, ScanObject(f"FloorPatch_{index}", "floor")),
-        patch_polygons=patch.polygons,
-        patch_area_m2=patch.area_m2,
+        patch_area_m2=sum(patch.area_m2),
+        cracks=_cracks(patch, fill, fine),
     )
 
 
@@ -170,6 +181,46 @@ def _thin_gaps(fill: NDArray[np.bool_], evidence: Evidence) -> NDArray[np.bool_]
     closed = ndimage.binary_closing(floor, structure=np.ones((3, 3)))
     under = ndimage.binary_closing(floor, structure=np.ones((7, 7))) & evidence.lintel
     return (closed | under) & ~floor & grow(fill, 2)
+
+
+def _cracked(
+    mesh: WorldMesh, floor_faces: NDArray[np.int64], floor: NDArray[np.bool_], fine: GridSpec
+) -> NDArray[np.bool_]:
+    """Cells well inside the floor through which open edges of it run: pinholes, cracks, seams.
+
+    Most of these edges fit to a neighbour all the same; the patch finds out by their outlines.
+    """
+    edges = face_outline(mesh.faces[floor_faces], mesh.normals[floor_faces, 2] > 0)
+    if not len(edges):
+        return np.zeros(fine.shape, dtype=bool)
+    a, b = mesh.vertices[edges[:, 0], :2], mesh.vertices[edges[:, 1], :2]
+    steps = np.ceil(np.linalg.norm(b - a, axis=1) / (0.5 * fine.cell_m)).astype(np.int64) + 1
+    start = np.repeat(np.cumsum(steps) - steps, steps)
+    t = ((np.arange(len(start)) - start + 0.5) / np.repeat(steps, steps))[:, None]
+    points = np.repeat(a, steps, axis=0) * (1 - t) + np.repeat(b, steps, axis=0) * t
+    return _cells_at(points, fine) & ~grow(~floor)
+
+
+def _cells_at(points_xy_m: NDArray[np.float64], fine: GridSpec) -> NDArray[np.bool_]:
+    """Cells in which any of the points (N, 2) lies."""
+    cells = fine.cell_of(points_xy_m)
+    cells = cells[fine.inside(cells)]
+    mask = np.zeros(fine.shape, dtype=bool)
+    mask[cells[:, 0], cells[:, 1]] = True
+    return mask
+
+
+def _cracks(patch: Patch, fill: NDArray[np.bool_], fine: GridSpec) -> list[Crack]:
+    """Pieces of the patch that close none of the holes seen on the grid."""
+    holes = grow(fill)
+    found = []
+    for rings, area in zip(patch.pieces, patch.area_m2, strict=True):
+        outer = max(rings, key=len)
+        cells = fine.cell_of(outer)
+        cells = cells[fine.inside(cells)]
+        if not holes[cells[:, 0], cells[:, 1]].any():
+            found.append(Crack(outer, area))
+    return found
 
 
 def _floor_faces(

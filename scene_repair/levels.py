@@ -112,6 +112,7 @@ def _measure(surfaces: Surfaces, columns: Columns) -> _Parts:
         rise = z[near[cell]] - height[p]
         above[p] = np.count_nonzero((rise > 0.2) & (rise < 2.0))
         below[p] = np.count_nonzero((rise < -0.2) & (rise > -2.0))
+    standing_m2 = standing_m2.astype(np.float64)
     return _Parts(area.astype(np.float64), standing_m2, np.asarray(height), above, below)
 
 

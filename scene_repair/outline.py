@@ -45,7 +45,10 @@ def face_outline(faces: NDArray[np.int64], signed: NDArray[np.bool_]) -> NDArray
     edges = np.concatenate([turned[:, [0, 1]], turned[:, [1, 2]], turned[:, [2, 0]]])
     low, high = edges.min(axis=1), edges.max(axis=1)
     sign = np.where(edges[:, 0] == low, 1, -1)
-    pairs, inverse = np.unique(np.stack([low, high], axis=1), axis=0, return_inverse=True)
+    # One number per edge sorts much faster than pairs.
+    base = int(high.max()) + 1 if len(high) else 1
+    keys, inverse = np.unique(low * base + high, return_inverse=True)
+    pairs = np.stack([keys // base, keys % base], axis=1)
     balance = np.bincount(inverse.ravel(), weights=sign, minlength=len(pairs)).astype(np.int64)
     forward = np.repeat(pairs[balance > 0], balance[balance > 0], axis=0)
     backward = np.repeat(pairs[balance < 0][:, ::-1], -balance[balance < 0], axis=0)

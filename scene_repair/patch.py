@@ -22,7 +22,7 @@ from .world_mesh import WorldMesh
 INNER_M = 0.1
 # Clipping keeps eight decimals; what lies nearer than this is the same point.
 SAME_M = 1e-6
-MIN_PIECE_M2 = 1e-6
+MIN_PIECE_M2, MIN_WIDTH_M = 1e-6, 2e-4
 
 
 @dataclass(frozen=True)
@@ -32,14 +32,14 @@ class Patch:
     Attributes:
         vertices: (N, 3) new vertices [m].
         faces: (T, 3) indices into the joint array: the mesh's vertices first, then `vertices`.
-        polygons: the patch's outlines (n, 2) [m].
-        area_m2: its horizontal area.
+        pieces: its connected pieces, each as outer and inner rings (n, 2) [m].
+        area_m2: horizontal area of each piece.
     """
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int64]
-    polygons: list[NDArray[np.float64]]
-    area_m2: float
+    pieces: list[list[NDArray[np.float64]]]
+    area_m2: list[float]
 
 
 def build_patch(
@@ -62,8 +62,8 @@ def build_patch(
     corners = mesh.vertices[mesh.faces[flat], :2]
     low, high = corners.min(axis=1), corners.max(axis=1)
     builder = _Builder(mesh, height_m, grid)
-    polygons: list[NDArray[np.float64]] = []
-    area = 0.0
+    pieces: list[list[NDArray[np.float64]]] = []
+    areas: list[float] = []
     for part in region:
         lower, upper = part.bounds_m()
         near = flat[np.all((high >= lower) & (low <= upper), axis=1)]
@@ -75,13 +75,13 @@ def build_patch(
         builder.start(rim)
         for piece in wanted.decompose():
             # Slivers of rounding along edges that fit already are no gaps.
-            if piece.area() < MIN_PIECE_M2 or piece.offset(-2e-5).is_empty():
+            if piece.area() < MIN_PIECE_M2 or piece.offset(-MIN_WIDTH_M / 2).is_empty():
                 continue
-            area += piece.area()
-            polygons.extend(_rings(piece))
+            areas.append(piece.area())
+            pieces.append(_rings(piece))
             builder.add(piece)
     vertices, triangles = builder.result()
-    return Patch(vertices, triangles, polygons, area)
+    return Patch(vertices, triangles, pieces, areas)
 
 
 def _cross_section(polygons: list[NDArray[np.float64]]) -> manifold3d.CrossSection:
@@ -173,9 +173,9 @@ class _Builder:
         """Vertex ids for 2-D points: the rim's own where they coincide, new ones elsewhere."""
         ids = np.full(len(points), -1, dtype=np.int64)
         if self.tree is not None:
-            gap, which = self.tree.query(points, distance_upper_bound=SAME_M)
-            found = np.isfinite(gap)
-            ids[found] = self.rim_vertices[which[found]]
+            nearest: Any = self.tree.query(points, distance_upper_bound=SAME_M)
+            found = np.isfinite(nearest[0])
+            ids[found] = self.rim_vertices[nearest[1][found]]
         new = ids < 0
         unique, inverse = np.unique(np.round(points[new], 8), axis=0, return_inverse=True)
         if len(unique):
@@ -253,10 +253,11 @@ def _inner_squares(
         ]
     )
     used, inverse = np.unique(triangles, return_inverse=True)
-    nodes = np.stack([used % width, used // width], axis=1) * INNER_M + np.array([x0, y0])
+    ij = np.stack([used // width, used % width], axis=1)
+    nodes = grid.center_of(ij - 0.5)
     whole = (slice(0, grid.rows), slice(0, grid.columns))
     outline = cell_polygons(cells, whole, grid, keep_straight=True)
-    return outline, inverse.reshape(triangles.shape), nodes
+    return outline, inverse.reshape(triangles.shape).astype(np.int64), nodes
 
 
 def _points_inside(section: manifold3d.CrossSection, grid: GridSpec) -> NDArray[np.bool_]:

@@ -89,14 +89,14 @@ def _shoot(
     return image, found
 
 
-def _with_edges(image: NDArray[np.float32], height: NDArray[np.float32]) -> NDArray[np.float32]:
+def _with_edges(image: NDArray[np.float32], height: NDArray[np.float64]) -> NDArray[np.float32]:
     """Darken pixels where the height jumps: contours make furniture and walls readable."""
     filled = np.where(np.isfinite(height), height, -1.0)
     step = np.zeros_like(filled)
     step[:, 1:] = np.abs(np.diff(filled, axis=1))
     step[1:] = np.maximum(step[1:], np.abs(np.diff(filled, axis=0)))
     strength = np.clip((step - 0.05) / 0.4, 0.0, 1.0)[..., None] * 0.55
-    return image * (1 - strength)
+    return (image * (1 - strength)).astype(np.float32)
 
 
 def mark_holes(

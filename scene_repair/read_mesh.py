@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from trimesh.visual.material import PBRMaterial, SimpleMaterial
 from trimesh.visual.texture import TextureVisuals
 
 from ..formats.errors import FileFormatError
+from .gltf_facts import gltf_facts
 from .labels import category_of_name
 from .resolver import ConfinedResolver
 from .scan import Scan, ScanMaterial, ScanObject
@@ -49,6 +51,8 @@ def read_mesh(path: Path) -> Scan:
     # Readers fail in many ways on damaged bytes; whatever they raise, the file is at fault.
     except Exception as error:
         raise FileFormatError(path, f"cannot be read as {suffix[1:]}: {_brief(error)}") from error
+    is_gltf = suffix in (".glb", ".gltf")
+    licence, generator = gltf_facts(path) if is_gltf else ("", {})
     warnings = list(resolver.warnings)
     parts = _parts(scene, warnings)
     if not parts:
@@ -56,7 +60,7 @@ def read_mesh(path: Path) -> Scan:
     scan = _merge(parts, warnings, suffix)
     if not len(scan.faces):
         raise FileFormatError(path, "holds no usable triangle: " + "; ".join(warnings))
-    return scan
+    return replace(scan, licence=licence, generator=generator)
 
 
 def _brief(error: Exception) -> str:

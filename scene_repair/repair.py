@@ -32,7 +32,7 @@ from .shading import Looks
 from .surfaces import find_surfaces
 from .textures import write_materials
 from .usd_scene import write_usd
-from .verify import probe_floor
+from .verify import probe_level
 from .world_mesh import WorldMesh
 
 log = logging.getLogger(__name__)
@@ -74,8 +74,8 @@ def repair_scene(
     tell(f"reading {source.name}")
     scan = read_mesh(source)
     boxes = read_labels(source)
-    scan = label_by_boxes(scan, boxes)
     way = orient(scan, config)
+    scan = label_by_boxes(scan, boxes, way.source_to_world)
     tell(
         f"up {way.evidence['up']} ({way.evidence['up_reason']}), "
         f"unit {way.evidence['unit']} ({way.evidence['unit_reason']})"
@@ -108,7 +108,8 @@ def repair_scene(
     levels = [build_collision(mesh, floor, coarse, config) for floor in floors]
     visual, labels = _visual(mesh, objects, floors)
     tell("probing the floor")
-    probes = [probe_floor(visual, c.floor, ~c.freemap.traversable) for c in levels]
+    probed = [probe_level(visual, c) for c in levels]
+    levels, probes = [level for level, _ in probed], [record for _, record in probed]
     tell("writing")
     return _write(
         source, out_dir, config, scan, way, boxes, original, mesh, materials, floors, levels,
@@ -191,7 +192,7 @@ def _write(
         source={
             "path": source.name,
             "sha256": _digest(source),
-            "licence": _licence(source),
+            "licence": scan.licence or _licence(source),
             **way.evidence,
         },
         source_to_world=way.source_to_world,
@@ -200,6 +201,7 @@ def _write(
         labels=labels,
         objects=named,
         level_floor_z_m=heights,
+        generator=scan.generator,
     )
     save_bundle(bundle, visual, [(c.floor, c.obstacles, c.freemap) for c in levels])
     return load_bundle(out_dir)

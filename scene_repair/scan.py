@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,8 @@ class Scan:
         materials, objects: see their records.
         up: axis that the file promises to be up, with the reason, or None.
         unit: unit that the file promises, with the reason, or None.
+        licence: what the file says, empty if nothing.
+        generator: facts of a generated scene, empty for a real scan.
         warnings: what had to be dropped or replaced while reading.
     """
 
@@ -51,4 +54,6 @@ class Scan:
     objects: tuple[ScanObject, ...] = ()
     up: tuple[str, str] | None = None
     unit: tuple[str, str] | None = None
-    warnings: tuple[str, ...] = field(default_factory=tuple)
+    licence: str = ""
+    generator: dict[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()

@@ -11,8 +11,10 @@ from ..formats.scene_bundle import LabeledObject
 from .label_files import LabelBox
 from .scan import Scan, ScanObject
 
-# How far outside its labelled box a face may lie and still belong to it [source units].
-MARGIN = 0.03
+# How far outside its labelled box a face may lie and still belong to it.
+MARGIN_M = 0.03
+# Level faces this near to a box's bottom are the floor it stands on.
+FOOT_M, LEVEL_NORMAL = 0.06, 0.7
 ROOM_PREFIX = "room:"
 # What a robot walks on; everything else that carries a name is no floor.
 FLOOR_CATEGORIES = frozenset(
@@ -21,21 +23,41 @@ FLOOR_CATEGORIES = frozenset(
 UNKNOWN_CATEGORIES = frozenset({"", "unlabelled", "unknown", "misc", "other", "void"})
 
 
-def label_by_boxes(scan: Scan, boxes: list[LabelBox]) -> Scan:
-    """Give faces without an object the smallest labelled box that holds their centroid."""
+def label_by_boxes(scan: Scan, boxes: list[LabelBox], source_to_world: NDArray[np.float64]) -> Scan:
+    """Label faces by boxes: named parts by their name, others by the smallest box they lie in.
+
+    A box stands on the floor but does not own it: level faces at its bottom stay without a label,
+    unless it is a floor's or a rug's.
+
+    Args:
+        scan: in source coordinates.
+        boxes: in source coordinates; rooms are no things and left out.
+        source_to_world: (4, 4) similarity, which tells what is up.
+    """
     things = [b for b in boxes if not b.category.startswith(ROOM_PREFIX) and b.category]
     things = [b for b in things if not _is_copy(b, things)]
     if not things:
         return scan
+    category = {b.name: b.category for b in things}
+    objects = tuple(ScanObject(o.name, category.get(o.name, o.category)) for o in scan.objects)
+    scale = float(np.linalg.norm(source_to_world[2, :3]))
+    up = source_to_world[2, :3] / scale
     open_ = np.flatnonzero(scan.face_object < 0)
-    centers = scan.vertices[scan.faces[open_]].mean(axis=1)
+    corners = scan.vertices[scan.faces[open_]]
+    centers = corners.mean(axis=1)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    level = np.abs(normals @ up) > LEVEL_NORMAL
+    height = (corners @ up).max(axis=1)
     face_object = scan.face_object.copy()
-    first = len(scan.objects)
-    order = sorted(range(len(things)), key=lambda k: -float(np.prod(things[k].half)))
-    for k in order:
-        face_object[open_[things[k].contains(centers, MARGIN)]] = first + k
-    objects = (*scan.objects, *(ScanObject(b.name, b.category) for b in things))
-    return replace(scan, face_object=face_object, objects=objects)
+    for k in sorted(range(len(things)), key=lambda k: -float(np.prod(things[k].half))):
+        mine = things[k].contains(centers, MARGIN_M / scale)
+        if not _floor_like(things[k].category):
+            bottom = float((things[k].corners() @ up).min())
+            mine &= ~(level & (height < bottom + FOOT_M / scale))
+        face_object[open_[mine]] = len(objects) + k
+    added = tuple(ScanObject(b.name, b.category) for b in things)
+    return replace(scan, face_object=face_object, objects=(*objects, *added))
 
 
 def _is_copy(box: LabelBox, boxes: list[LabelBox]) -> bool:

@@ -60,7 +60,7 @@ def _bilinear(pixels: NDArray[np.uint8], uv: NDArray[np.float32]) -> NDArray[np.
     result += flat[i0 * width + j1] * ((1 - fy) * fx)
     result += flat[i1 * width + j0] * (fy * (1 - fx))
     result += flat[i1 * width + j1] * (fy * fx)
-    return result
+    return result.astype(np.float32)
 
 
 def barycentric(triangles: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:

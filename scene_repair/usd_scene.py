@@ -180,9 +180,9 @@ def _floor_mesh(floor: Floor) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     base = i * width + j
     quads = np.stack([base, base + 1, base + width + 1, base + width], axis=1)
     used, inverse = np.unique(quads, return_inverse=True)
-    xy = np.stack([used % width, used // width], axis=1) * floor.grid.cell_m
-    xy = xy + np.asarray(floor.grid.origin_xy_m)
-    return np.column_stack([xy, corner.ravel()[used]]), inverse.reshape(quads.shape)
+    xy = floor.grid.center_of(np.stack([used // width, used % width], axis=1) - 0.5)
+    points = np.column_stack([xy, corner.ravel()[used]]).astype(np.float64)
+    return points, inverse.reshape(quads.shape).astype(np.int64)
 
 
 def _box_mesh(obstacles: Obstacles) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,69 +10,83 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
+from ..formats.freemap import Freemap
 from ..formats.grid import GridSpec
-from ..formats.scene_bundle import Floor, VisualMesh
+from ..formats.scene_bundle import VisualMesh
+from .collision import LevelCollision
 
 PROBE_M = 0.02
 # A probe starts this far above the floor and must hit by this far below it.
 START_M, TOLERANCE_M = 0.15, 0.03
 
 
-def probe_floor(visual: VisualMesh, floor: Floor, skip: NDArray[np.bool_]) -> dict[str, Any]:
+def probe_level(visual: VisualMesh, level: LevelCollision) -> tuple[LevelCollision, dict[str, Any]]:
     """Shoot rays down onto every covered cell, every 2 cm, and compare with the height field.
+
+    Cells through which a probe falls all the same lose their floor in the maps.
 
     Args:
         visual: the triangles as they are written.
-        floor: the level's floor.
-        skip: (rows, columns) cells whose floor is under something solid; no foot comes there, but
-            they are probed too and counted apart.
+        level: the level's collision.
 
     Returns:
-        Counts and distances as JSON values.
+        The level without the cells that failed, and counts and distances as JSON values.
     """
+    floor, grid = level.floor, level.floor.grid
     scene = EmbreeScene()
     TriangleMesh(scene, visual.vertices[visual.faces].astype(np.float32))
-    per_side = int(np.ceil(floor.grid.cell_m / PROBE_M - 1e-9))
+    per_side = int(np.ceil(grid.cell_m / PROBE_M - 1e-9))
     probes = GridSpec(
-        floor.grid.origin_xy_m,
-        floor.grid.cell_m / per_side,
-        floor.grid.rows * per_side,
-        floor.grid.columns * per_side,
+        grid.origin_xy_m, grid.cell_m / per_side, grid.rows * per_side, grid.columns * per_side
     )
     dense = np.repeat(np.repeat(floor.covered, per_side, axis=0), per_side, axis=1)
     index = np.argwhere(dense)
-    xy = probes.center_of(index)
-    cell = index // per_side
-    expected = floor.height_m[tuple(cell.T)].astype(np.float64)
-    hit = _drop(scene, xy, expected + START_M)
-    error = hit - expected
-    lost = ~(np.abs(error) <= START_M) | (error < -TOLERANCE_M)
+    xy, cell = probes.center_of(index), index // per_side
+    expected = floor.height_m[cell[:, 0], cell[:, 1]].astype(np.float64)
+    error = _drop(scene, xy, expected + START_M) - expected
     # A ray exactly along a shared edge may slip between both faces; a shifted one must not.
-    again = np.flatnonzero(lost)
     for shift in (np.array([1e-3, 7e-4]), np.array([-8e-4, 6e-4])):
+        again = np.flatnonzero(_fell(error))
         if len(again):
-            retried = _drop(scene, xy[again] + shift, expected[again] + START_M)
-            good = np.abs(retried - expected[again]) <= TOLERANCE_M
-            error[again[good]] = (retried - expected[again])[good]
-            lost[again[good]] = False
-            again = again[~good]
-    hidden = skip[tuple(cell.T)]
-    fallen = lost & ~hidden
-    worst = [[round(float(v), 3) for v in p] for p in xy[fallen][:10]]
-    clear = ~lost & ~hidden
-    return {
-        "probe_spacing_m": probes.cell_m,
+            start = expected[again] + START_M
+            error[again] = _drop(scene, xy[again] + shift, start) - expected[again]
+    fell = _fell(error)
+    failed = np.zeros(grid.shape, dtype=bool)
+    failed[cell[fell, 0], cell[fell, 1]] = True
+    standing = level.freemap.traversable[cell[:, 0], cell[:, 1]] & ~fell
+    deviation = np.abs(error[standing]) * 1000.0
+    where = np.argwhere(failed)
+    record = {
+        "probe_spacing_m": round(probes.cell_m, 5),
         "probes": len(xy),
-        "fell_through": int(fallen.sum()),
-        "fell_through_under_furniture": int((lost & hidden).sum()),
-        "first_falls_xy_m": worst,
-        "height_error_median_mm": round(1000 * float(np.median(np.abs(error[clear]))), 3)
-        if clear.any()
-        else None,
-        "height_error_p99_mm": round(1000 * float(np.percentile(np.abs(error[clear]), 99)), 3)
-        if clear.any()
-        else None,
+        "fell_through": int(fell.sum()),
+        "cells_left_without_floor": [
+            [round(float(v), 3) for v in xy] for xy in grid.center_of(where).reshape(-1, 2)
+        ],
+        "height_error_mm": {
+            f"p{q}": round(float(np.percentile(deviation, q)), 3) for q in (50, 99, 100)
+        }
+        if len(deviation)
+        else {},
     }
+    if not failed.any():
+        return level, record
+    freemap = level.freemap
+    kept = LevelCollision(
+        replace(floor, covered=floor.covered & ~failed),
+        level.obstacles,
+        Freemap(
+            grid,
+            np.where(failed, np.float32(np.nan), freemap.floor_z_m),
+            freemap.traversable & ~failed,
+        ),
+    )
+    return kept, record
+
+
+def _fell(error_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether probes hit nothing, or only something under the floor."""
+    return ~(error_m >= -TOLERANCE_M)
 
 
 def _drop(

@@ -11,7 +11,6 @@ from pathlib import Path
 from ...formats.atomic import atomic_folder
 from ...formats.errors import FileFormatError
 from ...scene_repair.config import RepairConfig
-from ...scene_repair.repair import repair_scene
 from ..keys import code_version, digest, file_digest
 from ..runner import ItemResult, WorkItem
 
@@ -38,6 +37,9 @@ def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> li
 
 def process(source: Path, out: Path, config: RepairConfig) -> ItemResult:
     """Repair one scan."""
+    # Mesh and USD libraries take seconds to import: only where the work is done.
+    from ...scene_repair.repair import repair_scene
+
     with atomic_folder(out) as temporary:
         repair_scene(source, temporary, config)
         log = json.loads((temporary / "repair.json").read_text())

@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ...collectors.rendering.pictures import film_strip, save_picture
-from ...collectors.rendering.registry import make_renderer
-from ...collectors.rendering.scene_map import top_down_map
 from ...formats.atomic import atomic_file, write_json
 from ...formats.mcap.rollout import read_rollout
 from ...formats.scene_bundle import load_bundle
@@ -74,6 +71,10 @@ def _map_items(folder: RunFolder, ledger: Ledger) -> dict[str, WorkItem]:
 
 def process_map(scene: Path, level: int, out: Path) -> ItemResult:
     """Render one level from above."""
+    from ...collectors.rendering.pictures import save_picture
+    from ...collectors.rendering.registry import make_renderer
+    from ...collectors.rendering.scene_map import top_down_map
+
     bundle = load_bundle(scene)
     picture = top_down_map(bundle, make_renderer(bundle), level)
     height, width = picture.image.shape[:2]
@@ -107,5 +108,8 @@ def _strip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict
 
 def process_strip(scene: Path, rollout: Path, out: Path) -> ItemResult:
     """Render one episode as a strip of pictures."""
+    from ...collectors.rendering.pictures import film_strip
+    from ...collectors.rendering.registry import make_renderer
+
     film_strip(out, make_renderer(load_bundle(scene)), read_rollout(rollout))
     return ItemResult()

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from ...formats.atomic import atomic_folder
-from ...scene_repair.builtin import generate_scan
 from ..keys import code_version, digest
 from ..runner import ItemResult, WorkItem
 
@@ -20,6 +19,9 @@ def item(seed: int, folder: Path) -> WorkItem:
 
 def process(seed: int, folder: Path) -> ItemResult:
     """Generate one scan."""
+    # Takes long to import: only where the work is done.
+    from ...scene_repair.builtin import generate_scan
+
     with atomic_folder(folder) as temporary:
         scan = generate_scan(seed, temporary)
         size = scan.stat().st_size
