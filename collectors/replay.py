@@ -11,7 +11,7 @@ import contextlib
 import logging
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, cast
@@ -32,59 +32,24 @@ from ..formats.scene_bundle import SceneBundle
 from .controllers import (
     STOPPED,
     Controller,
-    FlashConfig,
-    PathConfig,
     Pose,
-    SpeedConfig,
     Task,
     Teleporter,
     get_controller,
 )
 from .metrics import rollout_metrics
-from .outcome import OutcomeConfig, OutcomeWatch
-from .physics import LevelModelConfig
+from .outcome import OutcomeWatch
 from .recorder import Recorder
+from .replay_config import ReplayConfig
 from .robots import POLICY_DECIMATION, TIMESTEP_S, get_robot
 from .world import World, open_world
 
 log = logging.getLogger(__name__)
 
+__all__ = ["ReplayConfig", "replay_episode", "replay_in"]
+
 STEPS_PER_SAMPLE = round(1.0 / (STATE_RATE_HZ * TIMESTEP_S))
 SAMPLES_PER_POLICY = POLICY_DECIMATION // STEPS_PER_SAMPLE
-
-
-@dataclass(frozen=True)
-class ReplayConfig:
-    """How episodes are replayed.
-
-    Attributes:
-        robot, controller: registry names.
-        seed: of the small random joint offsets at spawn, together with the episode's id.
-        path, speed, flash: settings of each controller.
-        outcome: limits beyond which an episode ends.
-        physics: how the level becomes physics.
-        spawn_joint_noise_rad: standard deviation of the joint offsets; no two starts are alike.
-        settle_least_s, settle_most_s: bounds of the time to settle before the first sample.
-        settled_m_s, settled_rad_s: base and joint speeds below which a robot is at rest.
-        rest_s: standing still, recorded, after STOP; at least a frame at 4 frames/s.
-        after_fall_s: what is still recorded once a robot has fallen.
-    """
-
-    robot: str = "aliengo"
-    controller: str = "path"
-    seed: int = 0
-    path: PathConfig = field(default_factory=PathConfig)
-    speed: SpeedConfig = field(default_factory=SpeedConfig)
-    flash: FlashConfig = field(default_factory=FlashConfig)
-    outcome: OutcomeConfig = field(default_factory=OutcomeConfig)
-    physics: LevelModelConfig = field(default_factory=LevelModelConfig)
-    spawn_joint_noise_rad: float = 0.01
-    settle_least_s: float = 0.5
-    settle_most_s: float = 1.5
-    settled_m_s: float = 0.05
-    settled_rad_s: float = 0.5
-    rest_s: float = 0.5
-    after_fall_s: float = 0.5
 
 
 def replay_episode(

@@ -1,7 +1,8 @@
 """One MuJoCo model per scene level and robot."""
 
+from .config import LevelModelConfig
 from .floor_surface import FloorSurface
-from .level_model import LevelModelConfig, build_level_model, level_model
+from .level_model import build_level_model, level_model
 from .obstacle_boxes import robot_obstacles
 from .obstacle_gate import ObstacleGate
 

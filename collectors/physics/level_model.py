@@ -13,49 +13,33 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates, maximum_filter
 
 from ...formats.atomic import atomic_file
-from ...formats.freemap import Freemap
-from ...formats.grid import GridSpec
 from ...formats.scene_bundle import Obstacles, SceneBundle
 from ..robots import RobotSpec, apply_physics_options
+from .config import LevelModelConfig
+from .floor_geom import add_floor, walked_heights
 from .floor_surface import FloorSurface
 from .obstacle_boxes import robot_obstacles
 from .obstacle_gate import OBSTACLE_BIT
 
 log = logging.getLogger(__name__)
 
-FLOOR_GEOM = "floor"
 ROBOT_PREFIX = "robot/"
 REACH_MARGIN_M = 0.25
-_STRIDES = (8, 6, 4, 3, 2)
-_CODE = ("level_model.py", "floor_surface.py", "obstacle_boxes.py", "obstacle_gate.py")
-
-
-@dataclass(frozen=True)
-class LevelModelConfig:
-    """How a level becomes physics.
-
-    Attributes:
-        flat_within_m: a floor whose reachable part varies by less is a plane, which is faster.
-        floor_error_m: a height field may be this much coarser than the floor record.
-        void_depth_m: how far the floor drops where there is none.
-        friction: sliding friction of floor and obstacles; feet bring their own, with priority.
-        headroom_m: how far the robot may rise above its standing height and still be stopped.
-    """
-
-    flat_within_m: float = 0.002
-    floor_error_m: float = 0.001
-    void_depth_m: float = 1.0
-    friction: float = 0.8
-    headroom_m: float = 0.15
+_CODE = (
+    "config.py",
+    "floor_geom.py",
+    "floor_surface.py",
+    "level_model.py",
+    "obstacle_boxes.py",
+    "obstacle_gate.py",
+)
 
 
 def level_model(
@@ -110,8 +94,8 @@ def build_level_model(
     scene.option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
     # Broken physics shall be seen and end the episode, not silently start over.
     scene.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    walked = _walked_heights(surface, freemap)
-    kind = _add_floor(scene, surface, walked, config)
+    walked = walked_heights(surface, freemap)
+    kind = add_floor(scene, surface, walked, config)
     top_m = float(walked.max(initial=bundle.level_floor_z_m[level])) + height_m
     boxes = robot_obstacles(bundle.obstacles(level), freemap, reach_m, top_m + config.headroom_m)
     _add_boxes(scene, boxes, config)
@@ -129,90 +113,6 @@ def build_level_model(
         len(bundle.obstacles(level).center_m),
     )
     return model
-
-
-def _add_floor(
-    scene: mujoco.MjSpec,
-    surface: FloorSurface,
-    walked: NDArray[np.float32],
-    config: LevelModelConfig,
-) -> str:
-    body = scene.worldbody.add_body(name="ground")
-    friction = [config.friction, 0.02, 0.01]
-    if not len(walked) or np.ptp(walked) < config.flat_within_m:
-        z = float(np.median(walked)) if len(walked) else float(np.median(surface.floor.height_m))
-        body.add_geom(
-            name=FLOOR_GEOM,
-            type=mujoco.mjtGeom.mjGEOM_PLANE,
-            size=[0.0, 0.0, 1.0],
-            pos=[0.0, 0.0, z],
-            friction=friction,
-        )
-        return "plane"
-    grid, height, solid = _coarsened(surface, config.floor_error_m)
-    low = float(height[solid].min())
-    if not solid.all():
-        height = np.where(solid, height, low - config.void_depth_m)
-        low -= config.void_depth_m
-    top = float(height.max())
-    # Samples lie at the cell centres, so the field ends half a cell inside the grid.
-    half = 0.5 * grid.cell_m * np.array([grid.columns - 1, grid.rows - 1])
-    middle = np.asarray(grid.origin_xy_m) + 0.5 * grid.cell_m * np.array([grid.columns, grid.rows])
-    scene.add_hfield(
-        name="ground",
-        nrow=grid.rows,
-        ncol=grid.columns,
-        size=[*half, top - low, 0.5],
-        userdata=((height - low) / (top - low)).ravel(),
-    )
-    body.add_geom(
-        name=FLOOR_GEOM,
-        type=mujoco.mjtGeom.mjGEOM_HFIELD,
-        hfieldname="ground",
-        pos=[*middle, low],
-        friction=friction,
-    )
-    return "height field"
-
-
-def _coarsened(
-    surface: FloorSurface, error_m: float
-) -> tuple[GridSpec, NDArray[np.float64], NDArray[np.bool_]]:
-    """The floor on the coarsest grid that still has every solid cell's height to `error_m`.
-
-    A foot touches every triangle near it, so larger triangles mean fewer contacts to solve.
-    """
-    grid, solid = surface.floor.grid, surface.solid
-    height = surface.floor.height_m.astype(np.float64)
-    at = np.indices(grid.shape)
-    for stride in _STRIDES:
-        pad = [(0, -(n - 1) % stride) for n in grid.shape]
-        coarse = np.pad(height, pad, mode="edge")[::stride, ::stride]
-        if min(coarse.shape) < 2:
-            continue
-        again = map_coordinates(coarse, at / stride, order=1, mode="nearest")
-        if np.abs(again - height)[solid].max() > error_m:
-            continue
-        # A coarse sample is solid when any cell is that it helps to interpolate: the floor may
-        # reach farther into the void by one coarse cell, but never less far.
-        reach = 2 * stride - 1
-        wide = np.pad(maximum_filter(solid, size=reach), pad, mode="edge")[::stride, ::stride]
-        # Sample (0, 0) stays where it was, at the centre of the first fine cell.
-        shift = 0.5 * grid.cell_m * (1 - stride)
-        origin = (grid.origin_xy_m[0] + shift, grid.origin_xy_m[1] + shift)
-        return GridSpec(origin, grid.cell_m * stride, *coarse.shape), coarse, wide
-    return grid, height, solid
-
-
-def _walked_heights(surface: FloorSurface, freemap: Freemap) -> NDArray[np.float32]:
-    """Heights of the covered floor cells [m] whose centres are traversable, (N,)."""
-    rows, columns = np.nonzero(surface.floor.covered)
-    xy = surface.floor.grid.center_of(np.stack([rows, columns], axis=1))
-    cells = freemap.grid.cell_of(xy)
-    inside = freemap.grid.inside(cells)
-    walked = np.zeros(len(xy), dtype=bool)
-    walked[inside] = freemap.traversable[tuple(cells[inside].T)]
-    return surface.floor.height_m[rows[walked], columns[walked]]
 
 
 def _add_boxes(scene: mujoco.MjSpec, boxes: Obstacles, config: LevelModelConfig) -> None:

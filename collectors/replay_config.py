@@ -1,0 +1,43 @@
+"""Settings of a replay."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from .controllers import FlashConfig, PathConfig, SpeedConfig
+from .outcome import OutcomeConfig
+from .physics import LevelModelConfig
+
+
+@dataclass(frozen=True)
+class ReplayConfig:
+    """How episodes are replayed.
+
+    Attributes:
+        robot, controller: registry names.
+        seed: of the small random joint offsets at spawn, together with the episode's id.
+        path, speed, flash: settings of each controller.
+        outcome: limits beyond which an episode ends.
+        physics: how the level becomes physics.
+        spawn_joint_noise_rad: standard deviation of the joint offsets; no two starts are alike.
+        settle_least_s, settle_most_s: bounds of the time to settle before the first sample.
+        settled_m_s, settled_rad_s: base and joint speeds below which a robot is at rest.
+        rest_s: standing still, recorded, after STOP; at least a frame at 4 frames/s.
+        after_fall_s: what is still recorded once a robot has fallen.
+    """
+
+    robot: str = "aliengo"
+    controller: str = "path"
+    seed: int = 0
+    path: PathConfig = field(default_factory=PathConfig)
+    speed: SpeedConfig = field(default_factory=SpeedConfig)
+    flash: FlashConfig = field(default_factory=FlashConfig)
+    outcome: OutcomeConfig = field(default_factory=OutcomeConfig)
+    physics: LevelModelConfig = field(default_factory=LevelModelConfig)
+    spawn_joint_noise_rad: float = 0.01
+    settle_least_s: float = 0.5
+    settle_most_s: float = 1.5
+    settled_m_s: float = 0.05
+    settled_rad_s: float = 0.5
+    rest_s: float = 0.5
+    after_fall_s: float = 0.5
