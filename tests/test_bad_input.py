@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+
+from vlnpe.pipeline.cli import main
 
 
 def write_mesh(path: Path, mesh: trimesh.Trimesh) -> Path:
@@ -67,26 +68,27 @@ SCENES = {
 }
 
 
-def collect(cwd: Path, *options: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "vlnpe.pipeline.cli", "collect", *map(str, options)]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+@pytest.fixture
+def refused(capsys, monkeypatch, tmp_path):
+    """Run `vlnpe collect` and demand that it says one clear line and exits with code 2."""
+    monkeypatch.chdir(tmp_path)
 
+    def run(says: str, *options: object) -> None:
+        code = main(["collect", *map(str, options)])
+        error = capsys.readouterr().err
+        lines = [line for line in error.splitlines() if line.startswith("vlnpe: error: ")]
+        assert (code, len(lines)) == (2, 1), error
+        assert says in lines[0]
+        assert "Traceback" not in error
 
-def assert_refused(done: subprocess.CompletedProcess[str], says: str) -> None:
-    assert done.returncode == 2, done.stderr
-    lines = [line for line in done.stderr.splitlines() if line.startswith("vlnpe: error: ")]
-    assert len(lines) == 1, done.stderr
-    assert says in lines[0]
-    assert "Traceback" not in done.stderr
+    return run
 
 
 @pytest.mark.parametrize("case", SCENES)
-def test_a_scene_that_is_none(tmp_path, case):
+def test_a_scene_that_is_none(tmp_path, refused, case):
     make, says = SCENES[case]
-    done = collect(tmp_path, "--scene", make(tmp_path), "--out", tmp_path / "run")
-    assert_refused(done, says)
-    left = [p for p in (tmp_path / "run").rglob("*") if p.is_file()]
-    assert {p.name for p in left} <= {"manifest.json", "quarantine.json"}
+    refused(says, "--scene", make(tmp_path), "--out", "run", "--workers", 1)
+    assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize(
@@ -100,20 +102,40 @@ def test_a_scene_that_is_none(tmp_path, case):
         (("--episodes", "none.json.gz"), "none.json.gz"),
         (("--scenes", "nowhere"), "nowhere"),
         (("--frames-per-second", "7"), "25"),
+        (("--min-length-m", "30"), "30"),
         (("--workers", "-1"), "WORKERS=-1"),
     ],
 )
-def test_an_option_that_is_none_names_what_is_valid(tmp_path, options, says):
-    assert_refused(collect(tmp_path, *options, "--out", tmp_path / "run"), says)
+def test_an_option_that_is_none_names_what_is_valid(tmp_path, refused, options, says):
+    refused(says, *options, "--out", "run")
     assert not (tmp_path / "run").exists()
 
 
-def test_an_output_folder_that_is_a_file(tmp_path):
+def test_an_output_folder_that_is_a_file(tmp_path, refused):
     (tmp_path / "run").write_text("mine")
-    assert_refused(collect(tmp_path, "--out", tmp_path / "run"), "run")
+    refused("run", "--out", "run")
     assert (tmp_path / "run").read_text() == "mine"
 
 
-def test_a_folder_where_nobody_can_write(tmp_path):
+def test_a_folder_where_nobody_can_write(refused):
     # /proc refuses everybody, root too, which a folder's mode bits would not.
-    assert_refused(collect(tmp_path, "--out", "/proc/run"), "not writable")
+    refused("not writable", "--out", "/proc/run")
+
+
+def test_a_full_disk(tmp_path, refused, monkeypatch):
+    usage = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: usage._replace(free=5 * 1024**2))
+    refused("only 5 MiB free", "--out", "run")
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("verb", ["repair", "scan"])
+def test_a_stage_never_replaces_a_folder_that_is_not_its_own(tmp_path, monkeypatch, capsys, verb):
+    monkeypatch.chdir(tmp_path)
+    room_file = write_mesh(tmp_path / "room.glb", room(1.0))
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / "chapter.tex").write_text("years of work")
+    source = {"repair": str(room_file), "scan": "0"}[verb]
+    assert main([verb, source, "--out", "thesis"]) == 2
+    assert "not empty" in capsys.readouterr().err
+    assert (tmp_path / "thesis" / "chapter.tex").read_text() == "years of work"
