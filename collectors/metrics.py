@@ -19,32 +19,13 @@ from scipy.spatial.distance import cdist
 from ..formats.episode import Episode
 from ..formats.freemap import DistanceField, Freemap
 from ..formats.rollout import STATE_RATE_HZ, EndReason, Metrics
+from .polyline import path_length, resample
 
 ACTION_RATE_HZ = 4
 NDTW_THRESHOLD_M = 3.0
 REFERENCE_STEP_M = 0.25  # one FORWARD action
 
 _STOPPED = (EndReason.SUCCESS, EndReason.STOPPED_FAR)
-
-
-def path_length(points_m: ArrayLike) -> float:
-    """Length [m] of a polyline of points (N, D) [m]; 0 for fewer than two points."""
-    return float(
-        np.linalg.norm(np.diff(np.asarray(points_m, dtype=np.float64), axis=0), axis=1).sum()
-    )
-
-
-def resample(points_m: ArrayLike, step_m: float) -> NDArray[np.float64]:
-    """Points about `step_m` apart along a polyline (N, D), its two ends kept: (M, D), M ≥ 1.
-
-    The spacing is the largest one not above `step_m` that divides the length evenly.
-    """
-    points = np.asarray(points_m, dtype=np.float64)
-    at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    if at[-1] == 0.0:
-        return points[:1]
-    wanted = np.linspace(0.0, at[-1], max(math.ceil(at[-1] / step_m - 1e-9), 1) + 1)
-    return np.stack([np.interp(wanted, at, column) for column in points.T], axis=1)
 
 
 def dtw(a_m: ArrayLike, b_m: ArrayLike) -> float:

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from vlnpe.collectors.metrics import dtw, ndtw, path_length, resample, rollout_metrics
+from vlnpe.collectors.metrics import dtw, ndtw, rollout_metrics
+from vlnpe.collectors.polyline import path_length, resample
 from vlnpe.formats.episode import Episode
 from vlnpe.formats.rollout import EndReason
 from vlnpe.formats.scene_bundle import SceneBundle

@@ -194,3 +194,23 @@ def test_boxes_out_of_reach_are_left_out(two_rooms: SceneBundle) -> None:
     boxes = Obstacles(center, np.full((4, 3), 0.1))
     kept = robot_obstacles(boxes, two_rooms.freemap(0), reach_m=0.5, top_m=1.0)
     assert sorted(kept.center_m[:, 0].round(3)) == [-0.4, 2.0]
+
+
+def test_a_smooth_floor_gets_larger_triangles_at_the_same_height(tmp_path: Path) -> None:
+    def gentle(x, y, covered):
+        return 0.004 * np.sin(1.5 * x) + 0.003 * np.cos(1.2 * y), covered & (x < 6)
+
+    bundle = with_floor(tmp_path, gentle)
+    model = build_level_model(bundle, 0, make_cart())
+    grid = bundle.floor(0).grid
+    assert model.hfield_nrow[0] < 0.5 * grid.rows
+    data = mujoco.MjData(model)
+    data.qpos[0] = 50.0
+    mujoco.mj_forward(model, data)
+    surface = FloorSurface(bundle.floor(0))
+    down, hit = np.array([0.0, 0, -1]), np.zeros(1, np.int32)
+    for x, y in np.random.default_rng(0).uniform((0.1, 0.1), (5.9, 3.9), (200, 2)):
+        high = np.array([x, y, 0.05])
+        distance = mujoco.mj_ray(model, data, high, down, None, 1, -1, hit, None)
+        if hit[0] == model.geom("floor").id:
+            assert 0.05 - distance == pytest.approx(float(surface.height_at((x, y))), abs=1.5e-3)

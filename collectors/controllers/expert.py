@@ -20,13 +20,13 @@ class ExpertConfig:
 
     Attributes:
         lookahead_m: distance along the route to the point aimed at.
-        stop_within_m: distance to the goal at which it stops, VLN-PE's threshold.
+        stop_within_m: distance to the goal at which it stops at once.
         goal_tolerance_m: at the end of the route a stop this near is good enough.
     """
 
     lookahead_m: float = 0.5
-    stop_within_m: float = 0.15
-    goal_tolerance_m: float = 0.2
+    stop_within_m: float = 0.1
+    goal_tolerance_m: float = 0.15
 
 
 class Expert:

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...formats.freemap import Freemap
-from ...formats.planning import plan_path, resample, segments_free
+from ...formats.planning import plan_path, segments_free
+from ..polyline import resample
 
 Array = NDArray[np.float64]
 STEP_M = 0.05
@@ -53,8 +54,10 @@ class Route:
 
 
 def make_route(xy_m: ArrayLike, problems: tuple[str, ...] = ()) -> Route:
-    """Divide a polyline (P, 2) [m] evenly; repeated points vanish."""
-    xy = resample(np.asarray(xy_m, dtype=np.float64), STEP_M)
+    """Divide a polyline (P, 2) [m] evenly: corners are cut by half a step at most."""
+    xy = resample(xy_m, STEP_M)
+    if len(xy) == 1:
+        xy = np.repeat(xy, 2, axis=0)
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xy, axis=0), axis=1))])
     return Route(xy, along, problems)
 

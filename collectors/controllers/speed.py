@@ -47,7 +47,7 @@ class SpeedConfig:
     replan_off_m: float = 0.5
     ramp_m_s2: float = 3.0
     ramp_rad_s2: float = 4.0
-    carry_s: float = 0.15
+    carry_s: float = 0.1
     expert: ExpertConfig = field(default_factory=ExpertConfig)
 
 
