@@ -72,8 +72,13 @@ class _Rim:
     thickness_m: float
 
 
-def find_holes(evidence: Evidence, grid: GridSpec) -> list[Hole]:
-    """All gaps inside the building, each judged."""
+def find_holes(evidence: Evidence, grid: GridSpec) -> tuple[list[Hole], Mask]:
+    """All gaps inside the building, each judged.
+
+    Returns:
+        The gaps, and the (rows, columns) cells under lintels and bridged pieces of wall, which part
+        gaps but are no gaps themselves.
+    """
     line = evidence.wall | evidence.lintel | _bridges(evidence, grid)
     gaps, outside = _gaps(evidence, line, grid)
     covered = evidence.covered
@@ -85,7 +90,6 @@ def find_holes(evidence: Evidence, grid: GridSpec) -> list[Hole]:
     holes: list[Hole] = []
     # What only passes overhead does not part a gap from the floor next to it.
     passable = line & ~evidence.wall
-    wall = evidence.wall & ~covered
     for cells in classes:
         floor = _filled(covered, holes)
         floor |= passable & grow(floor, 2)
@@ -93,9 +97,9 @@ def find_holes(evidence: Evidence, grid: GridSpec) -> list[Hole]:
         for k, window in enumerate(windows(region), start=1):
             grown = grown_window(window, 1, grid.shape)
             mine = region[grown] == k
-            rim = _look_around(mine, grown, floor, wall, line, outside, evidence, grid)
+            rim = _look_around(mine, grown, floor, line, outside, evidence, grid)
             holes.append(Hole(mine, grown, *_judge(rim, ceiled)))
-    return holes
+    return holes, passable
 
 
 def _filled(covered: Mask, holes: list[Hole]) -> Mask:
@@ -145,7 +149,6 @@ def _look_around(
     cells: Mask,
     window: Window,
     floor: Mask,
-    wall: Mask,
     line: Mask,
     outside: Mask,
     evidence: Evidence,
@@ -159,8 +162,9 @@ def _look_around(
         return float(mask[window][where].mean())
 
     return _Rim(
-        floor=share(floor, rim),
-        wall=share(wall, rim),
+        # A wall may stand on the floor at its edge; what lies beyond it is parted from that floor.
+        floor=share(floor & ~evidence.wall, rim),
+        wall=share(evidence.wall, rim),
         line=share(line & ~evidence.covered, rim),
         outside=share(outside, rim),
         overhead=share(evidence.overhead, cells),
@@ -196,8 +200,8 @@ def _judge(rim: _Rim, ceiled: bool) -> tuple[bool, str, str]:
         cause = "at a wall"
     if rim.furniture >= 0.5:
         return True, cause, f"furniture stands over {100 * rim.furniture:.0f} %"
-    if ceiled and rim.overhead + rim.furniture >= 0.5:
-        return True, cause, f"a ceiling hangs over {100 * rim.overhead:.0f} %"
+    if rim.overhead + rim.furniture >= 0.5:
+        return True, cause, f"a ceiling or a thing hangs over {100 * rim.overhead:.0f} %"
     if ceiled and (rim.floor < 0.25 or rim.area_m2 >= SKYLIGHT_M2):
         return False, "open air", "no ceiling above, in a building that has ceilings"
     if walled:

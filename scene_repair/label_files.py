@@ -88,7 +88,11 @@ def _own(entry: dict[str, Any]) -> LabelBox:
 
 
 def _headset(index: int, entry: dict[str, Any]) -> LabelBox:
-    """An anchor: a pose, and a rectangle in its x-y plane or a box, given by corner and extent."""
+    """An anchor: a pose, and a rectangle or a box in its frame, given by corner and extent.
+
+    A rectangle lies in the anchor's x-z plane (its "height" runs along z) with the normal along y;
+    this was read off room scans, in which walls so end exactly at the floor and ceiling anchors.
+    """
     pose = entry["pose"]
     q = pose["orientation"]
     rotation = _rotation(np.array([q["x"], q["y"], q["z"], q["w"]], dtype=np.float64))
@@ -98,8 +102,8 @@ def _headset(index: int, entry: dict[str, Any]) -> LabelBox:
         corner = np.array([box["offset"][k] for k in "xyz"], dtype=np.float64)
         extent = np.array([box["extent"][k] for k in ("width", "height", "depth")], dtype=float)
     elif plane:
-        corner = np.array([plane["offset"]["x"], plane["offset"]["y"], -FLAT])
-        extent = np.array([plane["extent"]["width"], plane["extent"]["height"], 2 * FLAT])
+        corner = np.array([plane["offset"]["x"], -FLAT, plane["offset"]["y"]])
+        extent = np.array([plane["extent"]["width"], 2 * FLAT, plane["extent"]["height"]])
     else:
         raise ValueError(f"anchor {index} has neither plane nor box")
     category = category_of_name(str(entry["label"]).lower().replace("_", " "))

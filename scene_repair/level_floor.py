@@ -103,13 +103,13 @@ def repair_floor(
     if bumps:
         columns = sample_columns(mesh.vertices, mesh.faces, fine)
     evidence = gather_evidence(mesh, columns, z, floor_z, ignore, structure, width)
-    holes = find_holes(evidence, fine)
+    holes, passable = find_holes(evidence, fine)
     everywhere = _everywhere(evidence, holes, fine)
     fill = np.zeros(fine.shape, dtype=bool)
     leave = np.zeros(fine.shape, dtype=bool)
     for hole in holes:
         (fill if hole.fill else leave)[hole.window] |= hole.cells
-    fill |= _thin_gaps(fill, evidence)
+    fill |= _thin_gaps(fill, evidence.covered, passable & ~grow(leave))
     height = np.where(evidence.covered, evidence.reference_m, np.nan)
     height = np.where(evidence.covered & ~np.isfinite(height), everywhere, height)
     height = np.where(fill, everywhere, height)
@@ -175,12 +175,14 @@ def _everywhere(evidence: Evidence, holes: list[Hole], fine: GridSpec) -> NDArra
     return filled[nearest_in(have)]
 
 
-def _thin_gaps(fill: NDArray[np.bool_], evidence: Evidence) -> NDArray[np.bool_]:
-    """Cells of upright faces with floor or filling on both sides: a wardrobe's front, a screen."""
-    floor = fill | evidence.covered
-    closed = ndimage.binary_closing(floor, structure=np.ones((3, 3)))
-    under = ndimage.binary_closing(floor, structure=np.ones((7, 7))) & evidence.lintel
-    return (closed | under) & ~floor & grow(fill, 2)
+def _thin_gaps(
+    fill: NDArray[np.bool_], covered: NDArray[np.bool_], passable: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Cells next to filled ones with floor on both sides: a wardrobe's front, a doorway."""
+    floor = np.pad(fill | covered, 4)
+    thin = ndimage.binary_closing(floor, structure=np.ones((3, 3)))[4:-4, 4:-4]
+    doorway = ndimage.binary_closing(floor, structure=np.ones((7, 7)))[4:-4, 4:-4] & passable
+    return (thin | doorway) & ~covered & grow(fill, 4)
 
 
 def _cracked(

@@ -14,7 +14,9 @@ from ..formats.grid import GridSpec
 from .columns import Columns
 from .config import RepairConfig
 from .maps import grow
+from .slices import slice_marks
 from .surfaces import Surfaces
+from .world_mesh import WorldMesh
 
 # A person stands where this much is free above.
 STANDING_M = 1.6
@@ -26,7 +28,9 @@ PLATFORM_M2 = 8.0
 # What lies this far around a surface tells whether a room is over or under it.
 AROUND_M = 0.3
 WALLS_ABOVE_SHARE = 0.5
-MIN_MEASURED_M2 = 0.5
+RISES_M = np.array([0.5, 1.0, 1.5])
+# The winding of faces is trusted if this share of the floor agrees.
+ALIKE_SHARE = 0.8
 # Pieces of floor too small to be told by themselves lie this near to a floor's height.
 PIECE_M = 0.1
 
@@ -46,13 +50,15 @@ class ScannedFloor:
     floor_z_m: float
 
 
-def find_levels(surfaces: Surfaces, columns: Columns, config: RepairConfig) -> list[ScannedFloor]:
+def find_levels(
+    surfaces: Surfaces, columns: Columns, mesh: WorldMesh, config: RepairConfig
+) -> list[ScannedFloor]:
     """Floors of all storeys, lowest first.
 
     Raises:
         SceneError: nothing here can be stood on.
     """
-    parts = _measure(surfaces, columns)
+    parts = _measure(surfaces, columns, mesh, config.min_floor_m2)
     floors = [
         p
         for p in np.argsort(-parts.standing_m2)
@@ -83,8 +89,8 @@ def find_levels(surfaces: Surfaces, columns: Columns, config: RepairConfig) -> l
 class _Parts:
     """Measures of each surface, all (parts,).
 
-    `above` and `below` count samples of anything within 0.2 … 2 m over and under it and its
-    surroundings: a floor has a room over it, a ceiling or a roof has one under it.
+    `above` and `below` count the cells in and around it through which upright surfaces pass over
+    and under it: a floor has a room's walls over it, a ceiling or a roof has them only under it.
     """
 
     area_m2: NDArray[np.float64]
@@ -94,24 +100,24 @@ class _Parts:
     below: NDArray[np.float64]
 
 
-def _measure(surfaces: Surfaces, columns: Columns) -> _Parts:
+def _measure(surfaces: Surfaces, columns: Columns, mesh: WorldMesh, min_floor_m2: float) -> _Parts:
     grid, count = columns.grid, surfaces.parts
     cell_m2 = grid.cell_m**2
     area = np.bincount(surfaces.part, minlength=count) * cell_m2
     standing = surfaces.clear_m >= STANDING_M
     standing_m2 = np.bincount(surfaces.part, weights=standing, minlength=count) * cell_m2
-    # Without a single surface to stand on there is nothing to take a median of.
-    height: Any = ndimage.median(surfaces.z_m, surfaces.part, np.arange(count)) if count else []
+    height: Any = ndimage.median(surfaces.z_m, surfaces.part, np.arange(count))
     above, below = np.zeros(count), np.zeros(count)
-    cell, z = columns.cell, columns.z
     reach = max(1, round(AROUND_M / grid.cell_m))
-    for p in np.flatnonzero(standing_m2 >= MIN_MEASURED_M2):
+    for p in np.flatnonzero(standing_m2 >= min_floor_m2):
         mask = np.zeros(grid.rows * grid.columns, dtype=bool)
         mask[surfaces.cell[surfaces.part == p]] = True
-        near = grow(mask.reshape(grid.shape), reach).ravel()
-        rise = z[near[cell]] - height[p]
-        above[p] = np.count_nonzero((rise > 0.2) & (rise < 2.0))
-        below[p] = np.count_nonzero((rise < -0.2) & (rise > -2.0))
+        near = grow(mask.reshape(grid.shape), reach)
+        rises = np.concatenate([RISES_M, -RISES_M])
+        marks = slice_marks(mesh.vertices, mesh.faces, grid, height[p] + rises)[near]
+        upper = np.uint32((1 << len(RISES_M)) - 1)
+        above[p] = np.bitwise_count(marks & upper).sum()
+        below[p] = np.bitwise_count(marks & ~upper).sum()
     standing_m2 = standing_m2.astype(np.float64)
     return _Parts(area.astype(np.float64), standing_m2, np.asarray(height), above, below)
 
@@ -142,3 +148,22 @@ def _floor_of(storey: list[int], surfaces: Surfaces, parts: _Parts, grid: GridSp
     order = np.argsort(-surfaces.z_m[mine], kind="stable")
     z[surfaces.cell[mine][order]] = surfaces.z_m[mine][order]
     return ScannedFloor(grid, z.reshape(grid.shape), float(np.nanmedian(z)))
+
+
+def averted_faces(
+    floors: list[ScannedFloor], columns: Columns, normal_z: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """(F,) faces that look the other way than the floors do: undersides of walls and furniture.
+
+    None, if the floors' faces are not wound alike and so tell nothing.
+    """
+    near = np.zeros(len(columns.z), dtype=bool)
+    for floor in floors:
+        near |= np.abs(columns.z - floor.z_m.ravel()[columns.cell]) < 1e-3
+    upward = normal_z[columns.face[near]] > 0
+    share = float(upward.mean()) if len(upward) else 0.5
+    if share >= ALIKE_SHARE:
+        return normal_z < 0
+    if share <= 1 - ALIKE_SHARE:
+        return normal_z > 0
+    return np.zeros(len(normal_z), dtype=bool)

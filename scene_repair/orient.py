@@ -99,22 +99,24 @@ def _infer_up(
 ) -> tuple[str, str]:
     """The axis that most area faces along, and its side that carries the things.
 
-    Floors, ceilings and table tops share one direction, while walls divide their area between two.
-    The floor is at the end near which more surface lies: furniture stands, it does not hang.
+    Floors, ceilings and table tops share one direction, while walls divide their area between two;
+    and storeys are lower than buildings are wide. The floor is at the end near which more surface
+    lies: furniture stands, it does not hang.
     """
     along = np.array([area[np.abs(normals[:, axis]) > 0.9].sum() for axis in range(3)])
-    axis = int(np.argmax(along))
+    extent = np.ptp(scan.vertices[scan.faces.ravel()], axis=0)
+    axis = int(np.argmax(along / np.maximum(extent, 1e-9)))
     centers = scan.vertices[scan.faces].mean(axis=1)[:, axis]
-    low, high = scan.vertices[scan.faces.ravel(), axis].min(), centers.max()
-    height = (centers - low) / max(high - low, 1e-12)
+    low = scan.vertices[scan.faces.ravel(), axis].min()
+    height = (centers - low) / max(float(extent[axis]), 1e-12)
     things = (height > 0.05) & (height < 0.95)
     weight = area[things].sum()
     mean = float((height[things] * area[things]).sum() / weight) if weight > 0 else 0.0
     sign = "" if mean <= 0.5 else "-"
     share = along[axis] / max(area.sum(), 1e-300)
     return sign + "xyz"[axis], (
-        f"{100 * share:.0f} % of the area faces along {'xyz'[axis]} (most of the three axes); "
-        f"surfaces between floor and ceiling lie at {100 * mean:.0f} % of the height on average"
+        f"{100 * share:.0f} % of the area faces along {'xyz'[axis]}, over {extent[axis]:.4g} units "
+        f"of height; what lies between floor and ceiling is at {100 * mean:.0f} % on average"
     )
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import manifold3d
-import mapbox_earcut
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -112,28 +111,23 @@ class _Builder:
         self.tree = KDTree(points) if len(points) else None
 
     def add(self, piece: manifold3d.CrossSection) -> None:
-        """Triangulate one connected piece: squares inside, a ring of triangles to the border."""
+        """Triangulate one connected piece: squares inside, triangles between them and the border.
+
+        Every vertex of the border stays in use, also on straight runs, so that no T-junction opens.
+        """
         outline, squares, nodes = _inner_squares(piece)
-        # The outer ring goes first; the others are holes in it.
-        rings = sorted(_rings(piece), key=_signed_area, reverse=True)
-        rings = [self._with_rim_vertices(ring) for ring in rings] + outline
+        rings = [self._with_rim_vertices(ring) for ring in _rings(piece)]
+        # What the squares cover is cut out: their outlines run the other way round.
+        rings += [ring[::-1] for ring in outline]
         points = np.concatenate(rings)
-        ends = np.cumsum([len(r) for r in rings]).astype(np.uint32)
-        triangles = mapbox_earcut.triangulate_float64(points, ends).reshape(-1, 3).astype(np.int64)
-        triangles = np.concatenate([triangles, squares + len(points)])
-        points = np.concatenate([points, nodes])
-        ids = self._ids(points)
-        joined = ids[triangles]
-        a, b, c = (points[triangles[:, k]] for k in range(3))
-        doubled = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (
-            c[:, 0] - a[:, 0]
-        )
-        joined = np.where(doubled[:, None] < 0, joined[:, ::-1], joined)
+        polygons: Any = [np.ascontiguousarray(ring) for ring in rings]
+        found: Any = manifold3d.triangulate(polygons)
+        triangles = np.concatenate([np.asarray(found, dtype=np.int64), squares + len(points)])
+        joined = self._ids(np.concatenate([points, nodes]))[triangles]
         proper = (
             (joined[:, 0] != joined[:, 1])
             & (joined[:, 1] != joined[:, 2])
             & (joined[:, 2] != joined[:, 0])
-            & (doubled != 0)
         )
         self.faces.append(joined[proper])
 
@@ -208,11 +202,6 @@ class _Builder:
                 first = int(np.flatnonzero(on)[0])
                 z[k] = p[first, 2] + t[first] * (q[first, 2] - p[first, 2])
         return z
-
-
-def _signed_area(polygon: NDArray[np.float64]) -> float:
-    x, y = polygon.T
-    return 0.5 * float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
 
 
 def _inner_squares(

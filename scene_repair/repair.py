@@ -22,7 +22,7 @@ from .config import RepairConfig
 from .describe import describe_level
 from .label_files import read_labels
 from .level_floor import RepairedFloor, repair_floor
-from .levels import find_levels
+from .levels import averted_faces, find_levels
 from .orient import Orientation, orient
 from .pictures import GREEN, GREY, RED, mark_holes, view_from_above, write_picture
 from .read_mesh import read_mesh
@@ -85,8 +85,14 @@ def repair_scene(
     ignore, structure = not_floor(scan), structural(scan)
     tell(f"finding floors among {len(scan.faces):,} triangles")
     columns = sample_columns(original.vertices, original.faces, fine)
-    surfaces = find_surfaces(columns, original.normals[:, 2], ignore, LEAST_CLEARANCE_M)
-    found = find_levels(surfaces, columns, config)
+    up = original.normals[:, 2]
+    surfaces = find_surfaces(columns, up, ignore, LEAST_CLEARANCE_M)
+    found = find_levels(surfaces, columns, original, config)
+    averted = averted_faces(found, columns, up)
+    if averted.any():
+        ignore |= averted
+        surfaces = find_surfaces(columns, up, ignore, LEAST_CLEARANCE_M)
+        found = find_levels(surfaces, columns, original, config)
     mesh, materials, objects = original, scan.materials, scan.objects
     floors: list[RepairedFloor] = []
     for k, scanned in enumerate(found):

@@ -18,7 +18,7 @@ from ..formats.scene_bundle import Floor, LabeledObject, Material, Obstacles, Vi
 SEMANTICS = "class"
 # A box's corners are numbered by bits x, y, z; quads run counter-clockwise seen from outside.
 _BOX_QUADS = np.array(
-    [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]]
+    [[0, 2, 6, 4], [1, 5, 7, 3], [0, 4, 5, 1], [2, 3, 7, 6], [0, 1, 3, 2], [4, 6, 7, 5]]
 )
 
 
