@@ -11,6 +11,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+TEMPORARY_PREFIX = ".vlnpe-tmp-"
+
+
+def sweep(root: Path) -> None:
+    """Remove what killed processes left unfinished under `root`; nobody else may be writing."""
+    for path in [*root.rglob(f"{TEMPORARY_PREFIX}*")]:
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
+
 
 def fsync_path(path: Path) -> None:
     """Flush a file's or a folder's entry to disk."""
@@ -30,7 +41,7 @@ def atomic_file(path: Path) -> Iterator[Path]:
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     descriptor, name = tempfile.mkstemp(
-        dir=path.parent, prefix=f".{path.stem}.", suffix="".join(path.suffixes)
+        dir=path.parent, prefix=f"{TEMPORARY_PREFIX}{path.stem}.", suffix="".join(path.suffixes)
     )
     os.close(descriptor)
     temporary = Path(name)
@@ -51,7 +62,7 @@ def atomic_file(path: Path) -> Iterator[Path]:
 def atomic_folder(path: Path) -> Iterator[Path]:
     """Yield a temporary folder beside `path`; on success it replaces `path` whole."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}."))
+    temporary = Path(tempfile.mkdtemp(dir=path.parent, prefix=f"{TEMPORARY_PREFIX}{path.name}."))
     temporary.chmod(0o755)
     try:
         yield temporary
@@ -59,7 +70,9 @@ def atomic_folder(path: Path) -> Iterator[Path]:
             if entry.is_file():
                 fsync_path(entry)
         if path.exists():
-            old = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}.old."))
+            old = Path(
+                tempfile.mkdtemp(dir=path.parent, prefix=f"{TEMPORARY_PREFIX}{path.name}.old.")
+            )
             path.replace(old / path.name)
             temporary.replace(path)
             shutil.rmtree(old)

@@ -60,6 +60,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except InputError as error:
         _complain(error)
         return 2
+    except OSError as error:
+        _complain(f"cannot use {error.filename or 'a file'}: {error.strerror or error}")
+        return 2
     except VlnpeError as error:
         _complain(error)
         return 1

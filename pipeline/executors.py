@@ -10,7 +10,7 @@ from typing import Any
 
 
 def available_cores() -> int:
-    """Cores this process may use (respects affinity and cgroup-style limits)."""
+    """Cores this process may use (respects the affinity mask)."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -29,7 +29,7 @@ class Workers:
         """Run `function(*arguments)` in a worker."""
         if self._pool is None:
             context = multiprocessing.get_context("spawn")
-            self._pool = ProcessPoolExecutor(self.count, mp_context=context, initializer=_start)
+            self._pool = ProcessPoolExecutor(self.count, mp_context=context)
         return self._pool.submit(function, *arguments)
 
     def restart(self) -> None:
@@ -49,9 +49,3 @@ class Workers:
     def __exit__(self, *exception: object) -> None:
         """End the workers."""
         self.close()
-
-
-def _start() -> None:
-    """One BLAS thread per worker: the workers themselves fill the cores."""
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ.setdefault(name, "1")

@@ -76,9 +76,9 @@ class Ledger:
         if journal.exists():
             for line in journal.read_text().splitlines():
                 try:
-                    self._keep(_row(json.loads(line)))
-                except (TypeError, ValueError):
-                    break  # the last line of a killed run may be cut short: its item runs again
+                    self._replay(json.loads(line))
+                except (KeyError, TypeError, ValueError):
+                    continue  # a killed run's last line may be cut short: its item runs again
 
     @staticmethod
     def existing(root: Path) -> Ledger:
@@ -119,15 +119,22 @@ class Ledger:
     def add(self, row: Row) -> None:
         """Record a finished item durably."""
         self._keep(row)
-        with (self.root / JOURNAL_NAME).open("a") as stream:
-            stream.write(json.dumps(asdict(row)) + "\n")
-            stream.flush()
-            os.fsync(stream.fileno())
+        self._append([asdict(row)])
+
+    def forget(self, stage: str, items: Collection[str]) -> None:
+        """Drop rows durably before their outputs are replaced.
+
+        Otherwise a run killed between the new output and its row would leave new content under
+        the old key, and going back to the old options would take it for theirs.
+        """
+        known = [item for item in items if (stage, item) in self._rows]
+        for item in known:
+            del self._rows[(stage, item)]
+        if known:
+            self._append([{"forget": [stage, item]} for item in known])
 
     def save(self) -> None:
         """Fold the journal into the manifest, and list what is quarantined."""
-        if not self._rows:
-            return
         rows = [asdict(self._rows[k]) for k in sorted(self._rows)]
         write_json(self.root / MANIFEST_NAME, {"rows": rows})
         bad = [
@@ -137,6 +144,24 @@ class Ledger:
         ]
         write_json(self.root / QUARANTINE_NAME, {"count": len(bad), "items": bad})
         (self.root / JOURNAL_NAME).unlink(missing_ok=True)
+
+    def _append(self, lines: list[dict[str, Any]]) -> None:
+        with (self.root / JOURNAL_NAME).open("a+b") as stream:
+            if stream.tell():
+                stream.seek(-1, os.SEEK_END)
+                if stream.read(1) != b"\n":
+                    stream.write(b"\n")  # after a line that a kill cut short
+            for line in lines:
+                stream.write(json.dumps(line, allow_nan=False).encode() + b"\n")
+            stream.flush()
+            os.fsync(stream.fileno())
+
+    def _replay(self, line: dict[str, Any]) -> None:
+        if "forget" in line:
+            stage, item = line["forget"]
+            self._rows.pop((stage, item), None)
+        else:
+            self._keep(_row(line))
 
     def _keep(self, row: Row) -> None:
         self._rows[(row.stage, row.item)] = row

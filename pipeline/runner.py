@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import logging
 import os
 import pickle
 import time
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import Future, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
@@ -18,7 +19,7 @@ from typing import Any
 from tqdm import tqdm
 
 from ..formats.errors import InputError, VlnpeError
-from .executors import Workers, available_cores
+from .executors import Workers
 from .ledger import Ledger, Row
 
 log = logging.getLogger(__name__)
@@ -102,7 +103,11 @@ class Context:
 
 
 def run_stage(
-    context: Context, stage: str, items: Sequence[WorkItem], scope: str = ""
+    context: Context,
+    stage: str,
+    items: Sequence[WorkItem],
+    scope: str = "",
+    required: bool = False,
 ) -> StageSummary:
     """Run the items that are not done yet.
 
@@ -112,10 +117,12 @@ def run_stage(
         items: all that should exist when the stage has ended.
         scope: earlier rows whose item starts with it and is not among `items` are no longer
             current (the same stage may run once per robot; each run is its own scope).
+        required: without a single good item there is nothing left to do, and the run ends.
 
     Raises:
-        InputError: the output cannot be written, or every item failed for a reason that lies in
-            the user's input.
+        InputError: a file cannot be written, or all items of a required stage failed for a reason
+            that lies in the user's input.
+        StageFailedError: all items of a required stage failed for another reason.
     """
     started = time.perf_counter()
     summary = StageSummary(stage)
@@ -131,6 +138,7 @@ def run_stage(
             summary.rows.append(row)
         else:
             waiting.append(item)
+    ledger.forget(stage, [item.name for item in waiting])
     bar = tqdm(
         total=len(items),
         initial=len(items) - len(waiting),
@@ -153,12 +161,16 @@ def run_stage(
                 errors.append(outcome)
             bar.update()
             _show(bar, summary)
+    except BaseException:
+        with contextlib.suppress(OSError):  # a full disk must not hide that it is full
+            ledger.save()
+        raise
     finally:
         bar.close()
-        ledger.save()
+    ledger.save()
     summary.rows.sort(key=lambda r: r.item)
     summary.seconds = time.perf_counter() - started
-    if errors and len(errors) == len(items):
+    if required and errors and len(errors) == len(items):
         first = errors[0]
         message = str(first) if len(errors) == 1 else f"all {len(errors)} items failed: {first}"
         if all(isinstance(e, InputError) for e in errors):
@@ -196,7 +208,7 @@ def _row(
             facts=outcome.facts,
         )
     if isinstance(outcome, OSError) and outcome.errno in FATAL_ERRNO:
-        raise InputError(f"cannot write {outcome.filename or root}: {outcome.strerror}")
+        raise InputError(f"cannot use {outcome.filename or root}: {outcome.strerror}")
     log.debug("%s %s", item.name, "".join(traceback.format_exception(outcome)))
     reason = str(outcome) if isinstance(outcome, VlnpeError) else repr(outcome)
     error = {"type": type(outcome).__name__, "reason": reason}
@@ -206,36 +218,46 @@ def _row(
 def _outcomes(
     workers: Workers, items: Sequence[WorkItem]
 ) -> Iterable[tuple[WorkItem, ItemResult | BaseException, float]]:
-    """Results as they come. Items whose worker process died are tried once more, each alone."""
-    orphans: list[WorkItem] = []
+    """Results as they come.
+
+    A dying worker breaks the whole pool, and nobody knows which item killed it. So all items that
+    were lost are tried together once more; those lost again are tried alone, which finds the one.
+    """
+    orphans = yield from _attempt(workers, items)
+    if orphans:
+        workers.restart()
+        orphans = yield from _attempt(workers, orphans)
+    for item in orphans:
+        workers.restart()
+        if (yield from _attempt(workers, [item])):
+            workers.restart()
+            yield item, VlnpeError("its worker process died (out of memory?)"), 0.0
+
+
+def _attempt(
+    workers: Workers, items: Sequence[WorkItem]
+) -> Generator[tuple[WorkItem, ItemResult | BaseException, float], None, list[WorkItem]]:
+    """Run items in the pool; returns those that were lost because the pool broke."""
+    lost: list[WorkItem] = []
     futures: dict[Future[tuple[ItemResult, float]], WorkItem] = {}
     # A lone item (a big scene) may use all the cores that its idle neighbours leave.
     threads = max(1, workers.count // max(1, len(items)))
     for item in items:
-        futures[workers.submit(_timed, item.process, item.arguments, threads)] = item
+        try:
+            futures[workers.submit(_timed, item.process, item.arguments, threads)] = item
+        except BrokenProcessPool:
+            lost.append(item)
     for future in as_completed(futures):
         item = futures[future]
         try:
             result, seconds = future.result()
         except BrokenProcessPool:
-            orphans.append(item)
+            lost.append(item)
         except Exception as error:
             yield item, error, 0.0
         else:
             yield item, result, seconds
-    for item in orphans:
-        workers.restart()
-        try:
-            result, seconds = workers.submit(
-                _timed, item.process, item.arguments, workers.count
-            ).result()
-        except BrokenProcessPool:
-            workers.restart()
-            yield item, VlnpeError("its worker process died (out of memory?)"), 0.0
-        except Exception as error:
-            yield item, error, 0.0
-        else:
-            yield item, result, seconds
+    return lost
 
 
 def _timed(
@@ -243,7 +265,8 @@ def _timed(
 ) -> tuple[ItemResult, float]:
     import numba
 
-    numba.set_num_threads(min(threads, available_cores()))
+    most = numba.config.NUMBA_NUM_THREADS  # pyright: ignore
+    numba.set_num_threads(min(threads, most))
     started = time.perf_counter()
     try:
         result = process(*arguments)

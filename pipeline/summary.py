@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -44,10 +45,10 @@ def show_summary(
             "quarantined": quarantined,
             "exit_code": code,
         }
-        stream.write(json.dumps(value) + "\n")
+        stream.write(json.dumps(value, allow_nan=False) + "\n")
         return code
     stream.write("\n" + stage_table(summaries) + "\n\n" + robot_table(rows) + "\n\n")
-    stream.write(looking_commands(folder, page) + "\n")
+    stream.write(looking_commands(folder, summaries, page) + "\n")
     if code:
         path = folder.root / "quarantine.json"
         stream.write(f"\n{quarantined} items were quarantined; their reasons: {path}\n")
@@ -71,27 +72,27 @@ def robot_table(rows: Sequence[RobotRow]) -> str:
     lines = [header]
     for r in rows:
         line = f"{r.robot:<9}{r.controller:<12}{r.episodes:>8}{r.collected:>10.1f}%"
-        line += f"{r.tl:>8.2f}{r.ne:>7.2f}"
+        line += f"{r.tl:>8.2f}" + (f"{'–':>7}" if r.ne is None else f"{r.ne:>7.2f}")
         line += "".join(f"{v:>7.1f}" for v in (r.os, r.sr, r.spl, r.fr, r.str))
         lines.append(line)
     return "\n".join(lines)
 
 
-def looking_commands(folder: RunFolder, page: Path) -> str:
+def looking_commands(folder: RunFolder, summaries: Sequence[StageSummary], page: Path) -> str:
     """The three commands that show the result: LeRobot's viewer, Foxglove, the report."""
-    datasets = sorted(p.parent.parent for p in folder.lerobot.glob("*/meta/info.json"))
-    episodes = sorted(folder.mcap.glob("*/*.mcap"))
+    made = [row for summary in summaries for row in summary.good().values()]
+    datasets = [folder.root / row.outputs[0] for row in made if row.stage == "dataset"]
+    episodes = [folder.root / row.outputs[0] for row in made if row.stage == "mcap"]
     uvx = find_uv("uvx") or "uvx"
     lines = ["Look at it:"]
     if datasets:
         data = datasets[0]
         lines.append(
             f"  LeRobot   {uvx} --from '{LEROBOT}' lerobot-dataset-viz"
-            f" --repo-id vlnpe/{data.name} --root {data} --episode-index 0"
+            f" --repo-id vlnpe/{data.name} --root {shlex.quote(str(data))} --episode-index 0"
         )
     if episodes:
-        lines.append(
-            f"  Foxglove  foxglove-studio {episodes[0]}   (or drop it on app.foxglove.dev)"
-        )
-    lines.append(f"  report    python3 -m webbrowser file://{page}")
+        file = shlex.quote(str(episodes[0]))
+        lines.append(f"  Foxglove  foxglove-studio {file}   (or drop it on app.foxglove.dev)")
+    lines.append(f"  report    python3 -m webbrowser {shlex.quote(page.as_uri())}")
     return "\n".join(lines)

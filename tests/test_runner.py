@@ -92,8 +92,9 @@ def test_a_dying_worker_takes_only_its_own_item(tmp_path):
 )
 def test_nothing_left_to_work_on_ends_the_run(tmp_path, workers, process, error, says):
     path = tmp_path / "x.txt"
+    items = [WorkItem("x", "k", (path,), process, (path,))]
     with pytest.raises(error, match=says):
-        run_stage(context(tmp_path, workers), "s", [WorkItem("x", "k", (path,), process, (path,))])
+        run_stage(context(tmp_path, workers), "s", items, required=True)
     assert not path.exists()
 
 
@@ -123,3 +124,44 @@ def test_items_of_earlier_options_are_kept_but_not_current(tmp_path, workers):
     assert fewer.reused == 1
     assert [r.item for r in Ledger(tmp_path).rows("s")] == ["q/a", "r/a"]
     assert run_stage(context(tmp_path, workers), "s", both, "r/").reused == 2
+
+
+def test_a_stage_that_is_not_required_may_lose_all_its_items(tmp_path, workers):
+    path = tmp_path / "x.txt"
+    items = [WorkItem("x", "k", (path,), work.crash, (path,))]
+    assert run_stage(context(tmp_path, workers), "s", items).quarantined == 1
+
+
+def test_a_killed_change_of_options_never_passes_for_the_old_ones(tmp_path, workers):
+    """New output, no row yet: going back to the old key must make the old output again."""
+    run_stage(context(tmp_path, workers), "s", [item(tmp_path, "a", "old", key="4 fps")])
+    ledger = Ledger(tmp_path)
+    ledger.forget("s", ["a"])  # what the runner does before it starts the item, …
+    (tmp_path / "a.txt").write_text("new")  # … which then writes, and is killed
+    again = [item(tmp_path, "a", "old", key="4 fps")]
+    assert run_stage(context(tmp_path, workers), "s", again).done == 1
+    assert (tmp_path / "a.txt").read_text() == "old"
+
+
+def test_rows_after_a_cut_line_survive_the_next_kill(tmp_path, workers):
+    run_stage(context(tmp_path, workers), "s", [item(tmp_path, n) for n in "abc"])
+    rows = Ledger(tmp_path).rows("s")
+    (tmp_path / MANIFEST_NAME).unlink()
+    (tmp_path / JOURNAL_NAME).write_text('{"stage": "s", "item": "cut')
+    second = Ledger(tmp_path)
+    for row in rows:
+        second.add(row)  # and killed again before it could save
+    assert [r.item for r in Ledger(tmp_path).rows("s")] == ["a", "b", "c"]
+
+
+def test_a_ledger_that_cannot_be_written_does_not_hide_why(tmp_path, workers, monkeypatch):
+    path = tmp_path / "x.txt"
+    items = [WorkItem("x", "k", (path,), work.fill_disk, (path,))]
+    full = context(tmp_path, workers)
+
+    def refuse() -> None:
+        raise OSError(28, "No space left on device", "manifest.json")
+
+    monkeypatch.setattr(full.ledger, "save", refuse)
+    with pytest.raises(InputError, match=r"x\.txt: No space left"):
+        run_stage(full, "s", items)

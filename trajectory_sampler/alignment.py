@@ -139,7 +139,7 @@ def _align(
     return Episode(
         episode_id=str(raw.episode_id),
         trajectory_id=str(raw.trajectory_id),
-        scene_id=raw.scene_id,
+        scene_id=raw.scene_stem,  # the name by which every later stage finds the scene
         split=split,
         level=level,
         start_position_world_m=whole[0].copy(),
@@ -149,7 +149,7 @@ def _align(
         geodesic_distance_m=geodesic,
         instruction=raw.instruction_text,
         goal_radius_m=raw.goals[0].radius_m,
-        extra={**_source_keys(raw), "alignment": changes},
+        extra={**_source_keys(raw), "source_scene_id": raw.scene_id, "alignment": changes},
     )
 
 

@@ -17,6 +17,12 @@ from ...scene_repair.config import RepairConfig
 from ...trajectory_sampler.sampling import SampleConfig
 from ..stages import align, episodes, repair, scans
 
+SCAN_NAMES = frozenset({"scan.glb", "scan.labels.json", "truth.npz", "LICENSE.scan"})
+SCENE_NAMES = frozenset(
+    {"scene.json", "scene.usdc", "visual.npz", "textures", "levels"}
+    | {"repair.json", "before.png", "after.png"}
+)
+
 Json = Annotated[bool, tyro.conf.arg(name="json")]
 
 
@@ -118,7 +124,7 @@ class Instruct:
 
 def run_scan(options: Scan) -> int:
     """Generate one scan."""
-    refuse_to_replace(options.out, "scan.glb")
+    refuse_to_replace(options.out, SCAN_NAMES)
     facts = scans.process(options.seed, options.out.resolve()).facts
     return tell(options, facts, f"{options.out / 'scan.glb'}: apartment {options.seed}")
 
@@ -130,7 +136,7 @@ def run_repair(options: Repair) -> int:
         InputError: the scan cannot be used, or `out` holds something else.
     """
     repair.source_digest(options.scan)
-    refuse_to_replace(options.out, INDEX_NAME)
+    refuse_to_replace(options.out, SCENE_NAMES)
     config = RepairConfig(up=options.up, unit=options.unit)
     facts = repair.process(options.scan, options.out.resolve(), config).facts
     return tell(options, facts, f"{options.out}: repaired; see repair.json, before.png, after.png")
@@ -138,7 +144,9 @@ def run_repair(options: Repair) -> int:
 
 def run_align(options: Align) -> int:
     """Align one file's episodes; exit code 1 when too many are rejected."""
-    result = align.process(options.episodes, scenes_in(options.scenes), options.out)
+    result = align.process(
+        options.episodes, scenes_in(options.scenes), options.out, all_scenes=True
+    )
     rejected = result.facts["rejected"]
     if not options.json:
         sys.stdout.writelines(f"rejected {name}: {reason}\n" for name, reason in rejected)
@@ -183,22 +191,27 @@ def scenes_in(folder: Path) -> dict[str, Path]:
     Raises:
         InputError: not a single one.
     """
-    found = {p.parent.name: p.parent for p in sorted(folder.glob(f"*/{INDEX_NAME}"))}
+    indices = sorted(folder.glob(f"*/{INDEX_NAME}"))
+    found = {p.parent.name: p.parent for p in indices if not p.parent.name.startswith(".")}
     if not found:
         raise InputError(f"{folder}: no repaired scene in it (run `vlnpe repair` first)")
     return found
 
 
-def refuse_to_replace(folder: Path, own: str) -> None:
+def refuse_to_replace(folder: Path, own: frozenset[str]) -> None:
     """Results replace a folder whole, so never one that holds anything but such a result.
 
     Raises:
-        InputError: `folder` is a file, or a non-empty folder without the file `own`.
+        InputError: `folder` is a file, or holds anything that is not named in `own`.
     """
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; --out takes a folder")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / own).is_file():
-        raise InputError(f"{folder}: not empty and no earlier result; choose another --out")
+    strange = sorted({p.name for p in folder.iterdir()} - own) if folder.is_dir() else []
+    if strange:
+        raise InputError(
+            f"{folder}: not empty and no earlier result (it holds {strange[0]}); "
+            "choose another --out"
+        )
 
 
 def tell(options: Any, facts: dict[str, Any], text: str) -> int:

@@ -15,13 +15,15 @@ from ...collectors.controllers import get_controller
 from ...collectors.rendering.lights import get_light
 from ...collectors.rendering.views import make_view
 from ...collectors.robots import ROBOTS
+from ...formats.atomic import sweep
 from ...formats.errors import InputError, UnknownNameError
 from ...formats.rollout import STATE_RATE_HZ
 from ...formats.vlnce import read_vlnce
+from ...scene_repair.config import RepairConfig
 from ...trajectory_sampler.config import SampleConfig
 from ..chain import Chain
 from ..executors import Workers, available_cores
-from ..ledger import MANIFEST_NAME, QUARANTINE_NAME, Ledger
+from ..ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger
 from ..run_folder import RunFolder, open_run_folder, safe_name
 from ..runner import Context
 from ..stages import repair, report
@@ -58,6 +60,10 @@ class Collect:
     """Which view to render: ego, chase or top."""
     light: str = "baked"
     """Which lighting to render."""
+    up: str = "auto"
+    """The scans' up axis: x y z -x -y -z, or auto."""
+    unit: str = "auto"
+    """The scans' unit of length: m cm mm in ft, or auto."""
     out: Path | None = None
     """The run folder; by default `runs/<scene>`."""
     seed: int = 0
@@ -86,12 +92,13 @@ def run(options: Collect) -> int:
     count, episode_file = _episodes(options.episodes)
     sampling = _sampling(options, count)
     sources = _sources(options, episode_file)
+    repairing = RepairConfig(up=options.up, unit=options.unit)
     with opened(
         options.out or Path("runs") / _run_name(options, sources), options.workers
     ) as context:
         folder = RunFolder(context.ledger.root)
         chain = Chain(folder, context, options.seed)
-        scenes = chain.scenes(sources)
+        scenes = chain.scenes(sources, repairing)
         if episode_file:
             asked = chain.aligned(episode_file, scenes)
         else:
@@ -104,7 +111,15 @@ def run(options: Collect) -> int:
                 options.controller,
                 views[robot],
                 options.frames_per_second,
-                {k: str(v) for k, v in asdict(options).items() if k not in ("out", "json")},
+                {
+                    "robot": robot,
+                    "controller": options.controller,
+                    "seed": options.seed,
+                    "scene": Path(options.scenes or options.scene).name,
+                    "episodes": Path(options.episodes).name,
+                    "sampling": asdict(sampling),
+                    "frames_per_second": options.frames_per_second,
+                },
             )
         page = report.write(folder, context, chain.summaries)
     return show_summary(folder, chain.summaries, page, options.max_failed, options.json)
@@ -126,10 +141,16 @@ def opened(root: Path, workers: int) -> Iterator[Context]:
     if workers < 0:
         raise InputError(f"WORKERS={workers}: valid: 0 (one per core) and above")
     new = not root.exists()
+    ours = any((root / name).is_file() for name in (MANIFEST_NAME, JOURNAL_NAME))
+    if root.is_dir() and any(root.iterdir()) and not ours:
+        raise InputError(f"output folder {root}: not empty and no earlier run; choose another OUT")
     folder = open_run_folder(root)
+    sweep(folder.root)
+    ledger = Ledger(folder.root)
+    ledger.save()
     try:
         with Workers(workers or available_cores()) as pool:
-            yield Context(Ledger(folder.root), pool)
+            yield Context(ledger, pool)
     except InputError:
         left = {p.name for p in folder.root.rglob("*") if p.is_file()}
         if new and left <= {MANIFEST_NAME, QUARANTINE_NAME}:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -111,9 +111,7 @@ def run_replay(options: Replay) -> int:
     get_controller(options.controller)
     asked = read_episodes(options.episodes)
     scenes = _scene_rows(options.scenes)
-    missing = sorted({e.scene_id for e in asked} - scenes.keys())
-    if missing:
-        raise InputError(f"{options.scenes}: no repaired scene {', '.join(missing)} in it")
+    _demand_scenes({e.scene_id for e in asked}, scenes, options.scenes)
     config = ReplayConfig(robot=options.robot, controller=options.controller, seed=options.seed)
     with opened(options.out, options.workers) as context:
         root = context.ledger.root
@@ -133,12 +131,13 @@ def run_render(options: Render) -> int:
     check_frame_rate(options.frames_per_second)
     source = Ledger.existing(options.rollouts)
     scenes = _scene_rows(options.scenes)
-    groups: dict[str, dict[str, Row]] = {}
+    groups: dict[tuple[str, str], dict[str, Row]] = {}
     for row in source.rows(replay.STAGE):
         if row.status == "done":
-            groups.setdefault(str(row.facts["robot"]), {})[row.item] = row
+            robot, controller, _ = row.item.split("/", 2)
+            groups.setdefault((robot, controller), {})[row.item] = row
     views = {
-        robot: make_view(
+        (robot, controller): make_view(
             options.camera,
             robot,
             options.width_px,
@@ -146,24 +145,29 @@ def run_render(options: Render) -> int:
             options.hfov_deg,
             options.light,
         )
-        for robot in groups
+        for robot, controller in groups
     }
+    if not groups:
+        raise FileFormatError(options.rollouts, "no rollout in it")
+    walked = {str(row.facts["scene"]) for rows in groups.values() for row in rows.values()}
+    _demand_scenes(walked, scenes, options.scenes)
+    summaries = []
     with opened(options.out, options.workers) as context:
-        items = [
-            item
-            for robot, rows in groups.items()
-            for item in render.items(
+        for (robot, controller), rows in groups.items():
+            view = views[robot, controller]
+            items = render.items(
                 rows,
                 scenes,
                 source.root.resolve(),
                 options.scenes.resolve(),
                 context.ledger.root,
-                views[robot],
+                context.ledger.root,
+                view,
                 options.frames_per_second,
             )
-        ]
-        summary = run_stage(context, render.STAGE, items)
-    return _tell(options, [summary])
+            scope = f"{robot}/{controller}/{view.name}/"
+            summaries.append(run_stage(context, render.STAGE, items, scope))
+    return _tell(options, summaries)
 
 
 def run_export(options: Export) -> int:
@@ -198,6 +202,12 @@ def run_export(options: Export) -> int:
 def _used(units: StageSummary, folder: Path) -> dict[str, Path]:
     names = {str(row.facts["scene"]) for row in units.good().values()}
     return {name: folder / name for name in sorted(names)}
+
+
+def _demand_scenes(names: Iterable[str], scenes: Mapping[str, Row], folder: Path) -> None:
+    missing = sorted(set(names) - scenes.keys())
+    if missing:
+        raise InputError(f"{folder}: no repaired scene {', '.join(missing)} in it")
 
 
 def _scene_rows(folder: Path) -> dict[str, Row]:

@@ -130,8 +130,8 @@ def _episode(row: Row, paths: ScenePaths) -> dict[str, Any]:
         "path": episode.reference_length_m,
         "tl": metrics["trajectory_length_m"],
         "ne": metrics["navigation_error_m"],
-        "spl": 100 * metrics["spl"],
-        "ndtw": 100 * metrics["ndtw"],
+        "spl": 100 * (metrics["spl"] or 0.0),
+        "ndtw": 100 * (metrics["ndtw"] or 0.0),
         "seconds": metrics["duration_s"],
         "instruction": episode.instruction,
     }

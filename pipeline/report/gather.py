@@ -14,6 +14,8 @@ from ..ledger import Ledger, Row
 class RobotRow:
     """Averages of one robot under one controller: metres for TL and NE, else percent.
 
+    NE is over the episodes whose goal could still be reached from where they ended.
+
     `collected` counts episodes that ended within 0.25 m of the goal; SR, OS, SPL follow VLN-CE.
     """
 
@@ -22,7 +24,7 @@ class RobotRow:
     episodes: int
     collected: float
     tl: float
-    ne: float
+    ne: float | None
     os: float
     sr: float
     spl: float
@@ -47,7 +49,7 @@ def robot_rows(ledger: Ledger) -> list[RobotRow]:
         metrics = [f["metrics"] for f in facts]
 
         def percent(key: str, metrics: list[dict[str, Any]] = metrics) -> float:
-            return 100 * fmean(m[key] for m in metrics)
+            return 100 * fmean(m[key] or 0.0 for m in metrics)
 
         # An unreachable goal has no finite distance; it must not hide the others' mean.
         errors = [m["navigation_error_m"] for m in metrics if m["navigation_error_m"] is not None]
@@ -58,7 +60,7 @@ def robot_rows(ledger: Ledger) -> list[RobotRow]:
                 episodes=len(facts),
                 collected=100 * fmean(f["end_reason"] == "success" for f in facts),
                 tl=fmean(m["trajectory_length_m"] for m in metrics),
-                ne=fmean(errors) if errors else float("nan"),
+                ne=fmean(errors) if errors else None,
                 os=percent("oracle_success"),
                 sr=percent("success"),
                 spl=percent("spl"),

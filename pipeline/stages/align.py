@@ -26,7 +26,7 @@ def filter_item(source: Path, out: Path) -> WorkItem:
         FileFormatError: not an episode file.
     """
     read_vlnce(source)  # say at once what is wrong with the user's file
-    code = code_version("trajectory_sampler", "formats")
+    code = code_version("trajectory_sampler", "formats", "pipeline/stages/align.py")
     key = digest(FILTER_STAGE, file_digest(source), MAX_STEP_M, code)
     return WorkItem(source.name, key, (out,), process_filter, (source, out, MAX_STEP_M))
 
@@ -46,7 +46,7 @@ def items(
 ) -> list[WorkItem]:
     """One item per scene that the filtered file `source` names and that was repaired."""
     named = {episode.scene_stem for episode in read_vlnce(source).episodes}
-    code = code_version("trajectory_sampler", "formats")
+    code = code_version("trajectory_sampler", "formats", "pipeline/stages/align.py")
     result = []
     for scene in sorted(named & scenes.keys()):
         key = digest(STAGE, filtered.key, scenes[scene].key, code)
@@ -55,12 +55,16 @@ def items(
     return result
 
 
-def process(source: Path, scenes: Mapping[str, Path], out: Path) -> ItemResult:
-    """Align the episodes of `source` that lie in `scenes`."""
+def process(
+    source: Path, scenes: Mapping[str, Path], out: Path, all_scenes: bool = False
+) -> ItemResult:
+    """Align the episodes of `source` that lie in `scenes`; with `all_scenes`, reject the others."""
     file = read_vlnce(source)
-    wanted = tuple(e for e in file.episodes if e.scene_stem in scenes)
+    if not all_scenes:
+        wanted = tuple(e for e in file.episodes if e.scene_stem in scenes)
+        file = replace(file, episodes=wanted)
     bundles = {name: load_bundle(path) for name, path in scenes.items()}
-    result = align_episodes(replace(file, episodes=wanted), bundles)
+    result = align_episodes(file, bundles)
     write_episodes(out, result.episodes)
     facts = {
         "episodes": len(result.episodes),

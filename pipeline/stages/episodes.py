@@ -16,10 +16,12 @@ from ..keys import code_version, digest
 from ..ledger import Row
 from ..runner import ItemResult, WorkItem
 
+SAMPLE_CODE = ("trajectory_sampler", "formats", "pipeline/stages/episodes.py")
+
 
 def sample_item(scene: Row, scenes: Path, out: Path, config: SampleConfig, seed: int) -> WorkItem:
     """Sample trajectories in one repaired scene into the episode file `out`."""
-    key = digest("sample", scene.key, config, seed, code_version("trajectory_sampler", "formats"))
+    key = digest("sample", scene.key, config, seed, code_version(*SAMPLE_CODE))
     arguments = (scenes / scene.item, out, config, seed)
     return WorkItem(scene.item, key, (out,), process_sample, arguments)
 
@@ -35,7 +37,7 @@ def instruct_item(
     source: Row, scenes: Path, episodes: Path, out: Path, config: InstructConfig, seed: int
 ) -> WorkItem:
     """Write instructions for the episodes that have none, from `episodes` into `out`."""
-    code = code_version("instruction_gen", "formats")
+    code = code_version("instruction_gen", "formats", "pipeline/stages/episodes.py")
     key = digest("instruct", source.key, config, seed, code)
     arguments = (scenes, episodes, out, config, seed)
     return WorkItem(source.item, key, (out,), process_instruct, arguments)

@@ -48,11 +48,11 @@ class Dataset:
 
 def unit_items(frames: Mapping[str, Row], root: Path, dataset: Dataset) -> list[WorkItem]:
     """One LeRobot unit per rendered episode; `frames` are rows of the render stage by item."""
-    code = code_version("formats")
+    code = code_version("formats", "pipeline/stages/export.py")
     result = []
     for name, row in frames.items():
         out = dataset.units / name.rsplit("/", 1)[1]
-        arguments = (Path(row.facts["rollout"]), root / row.outputs[0], out)
+        arguments = (root / str(row.facts["rollout"]), root / row.outputs[0], out)
         key = digest(STAGE, row.key, code)
         result.append(WorkItem(name, key, (out,), process_unit, arguments))
     return result
@@ -80,12 +80,12 @@ def mcap_items(
     frames: Mapping[str, Row], root: Path, scenes: Path, dataset: Dataset
 ) -> list[WorkItem]:
     """One MCAP with images per rendered episode."""
-    code = code_version("formats")
+    code = code_version("formats", "pipeline/stages/export.py")
     result = []
     for name, row in frames.items():
         out = dataset.mcap / f"{name.rsplit('/', 1)[1]}.mcap"
         scene_map = scenes / str(row.facts["scene"]) / SCENE_MAP
-        arguments = (Path(row.facts["rollout"]), root / row.outputs[0], scene_map, out)
+        arguments = (root / str(row.facts["rollout"]), root / row.outputs[0], scene_map, out)
         key = digest(MCAP_STAGE, row.key, code)
         result.append(WorkItem(name, key, (out,), process_mcap, arguments))
     return result
@@ -115,7 +115,9 @@ def dataset_item(
     """
     folders = tuple(root / row.outputs[0] for row in units.values())
     keys = [row.key for row in units.values()]
-    key = digest(DATASET_STAGE, keys, dict(facts), code_version("formats"))
+    key = digest(
+        DATASET_STAGE, keys, dict(facts), code_version("formats", "pipeline/stages/export.py")
+    )
     arguments = (folders, tuple(scenes.values()), dataset.lerobot, dict(facts))
     return WorkItem(dataset.name, key, (dataset.lerobot,), process_dataset, arguments)
 
@@ -125,7 +127,7 @@ def process_dataset(
 ) -> ItemResult:
     """Assemble one dataset."""
     bundles = [load_bundle(scene) for scene in scenes]
-    licences = sorted({str(b.source.get("licence") or "unknown") for b in bundles})
+    licences = sorted({_licence_id(str(b.source.get("licence") or "")) for b in bundles})
     lock = PACKAGE_ROOT / "uv.lock"
     provenance = {
         "vlnpe": version("vlnpe"),
@@ -142,3 +144,9 @@ def process_dataset(
         title=out.name,
     )
     return ItemResult({"episodes": summary.episodes, "frames": summary.frames})
+
+
+def _licence_id(text: str) -> str:
+    """A scene's licence as the hub wants it: an identifier; a whole text stays in provenance."""
+    text = text.strip()
+    return text.lower() if text and len(text.split()) == 1 else "other" if text else "unknown"

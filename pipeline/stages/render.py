@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -26,6 +27,7 @@ def items(
     root: Path,
     scenes_folder: Path,
     frames: Path,
+    base: Path,
     view: View,
     frames_per_second: int,
 ) -> list[WorkItem]:
@@ -36,31 +38,35 @@ def items(
         scenes: rows of the repair stage by scene id.
         root: the ledger's folder.
         scenes_folder: of the repaired scenes.
-        frames: output folder.
+        frames: output folder, in the folder of the ledger `base`.
+        base: folder of the ledger that will hold these items.
         view: what to see.
         frames_per_second: of the videos.
     """
-    code = code_version("collectors/rendering", "collectors/robots", "formats")
+    code = code_version("collectors", "formats", "pipeline/stages/render.py")
     result = []
     for name, row in rollouts.items():
         scene = str(row.facts["scene"])
         key = digest(STAGE, row.key, scenes[scene].key, view, frames_per_second, code)
         folder, episode = name.rsplit("/", 1)
         out = frames / folder / view.name / episode
-        arguments = (scenes_folder / scene, root / row.outputs[0], view, frames_per_second, out)
+        rollout = root / row.outputs[0]
+        # Relative, so that a run folder may be moved between rendering and exporting.
+        relative = os.path.relpath(rollout, base)
+        arguments = (scenes_folder / scene, rollout, relative, view, frames_per_second, out)
         result.append(WorkItem(f"{folder}/{view.name}/{episode}", key, (out,), process, arguments))
     return result
 
 
 def process(
-    scene: Path, rollout: Path, view: View, frames_per_second: int, out: Path
+    scene: Path, rollout: Path, relative: str, view: View, frames_per_second: int, out: Path
 ) -> ItemResult:
     """Render one rollout."""
     bundle, renderer = _renderer(scene, view.renderer, view.light)
     recorded = read_rollout(rollout)
     with atomic_folder(out) as temporary:
         count = render_rollout(bundle, renderer, recorded, view, temporary, frames_per_second)
-    facts = {"frames": count, "rollout": str(rollout), "scene": scene.name}
+    facts = {"frames": count, "rollout": relative, "scene": scene.name}
     return ItemResult(facts | {"frames_per_second": frames_per_second})
 
 

@@ -16,7 +16,8 @@ from ..runner import ItemResult, WorkItem
 
 STAGE = "repair"
 # Formats that keep textures or geometry in further files beside them.
-MULTI_FILE = {".gltf", ".obj", ".usd", ".usda", ".usdc"}
+MULTI_FILE = {".gltf", ".obj", ".ply", ".glb", ".usd", ".usda", ".usdc"}
+SIDE_FILES = {".mtl", ".bin", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
 
 
 def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> list[WorkItem]:
@@ -25,7 +26,7 @@ def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> li
     Raises:
         FileFormatError: a source does not exist or is no file.
     """
-    code = code_version("scene_repair", "formats")
+    code = code_version("scene_repair", "formats", "pipeline/stages/repair.py")
     result = []
     for scene_id, source in sources.items():
         named = replace(config, scene_id=scene_id)
@@ -69,13 +70,16 @@ def source_digest(source: Path) -> str:
         raise FileFormatError(source, "no such file; SCENE takes a mesh file or `builtin`")
     if not source.is_file():
         raise FileFormatError(source, "is a folder; SCENE takes one mesh file, SCENES a folder")
-    labels = source.with_name(f"{source.stem}.labels.json")
     parts: list[object] = [source.name, file_digest(source)]
-    parts.append(file_digest(labels) if labels.is_file() else None)
+    for name in (f"{source.stem}.labels.json", f"LICENSE.{source.stem}", "LICENSE"):
+        beside = source.with_name(name)
+        parts.append(file_digest(beside) if beside.is_file() else None)
     if source.suffix.lower() in MULTI_FILE:
         # Hashing gigabytes of textures at every start would be slower than what it saves.
         for path in sorted(source.parent.rglob("*")):
-            if path.is_file():
+            inside = path.relative_to(source.parent)
+            hidden = any(part.startswith(".") or part == "runs" for part in inside.parts)
+            if path.suffix.lower() in SIDE_FILES and not hidden and path.is_file():
                 stat = path.stat()
-                parts.append((str(path), stat.st_size, stat.st_mtime_ns))
+                parts.append((inside.as_posix(), stat.st_size, stat.st_mtime_ns))
     return digest(parts)

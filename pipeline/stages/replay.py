@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import lru_cache
+from importlib.metadata import version
 from pathlib import Path
 
 from ...collectors.replay import ReplayConfig, replay_in
@@ -22,18 +24,7 @@ from ..run_folder import safe_name
 from ..runner import ItemResult, WorkItem
 
 STAGE = "replay"
-CODE = (
-    "collectors/robots",
-    "collectors/locomotion",
-    "collectors/physics",
-    "collectors/controllers",
-    "collectors/metrics.py",
-    "collectors/outcome.py",
-    "collectors/recorder.py",
-    "collectors/replay.py",
-    "collectors/world.py",
-    "formats",
-)
+CODE = ("collectors", "formats", "pipeline/stages/replay.py")
 
 
 def items(
@@ -44,7 +35,7 @@ def items(
     config: ReplayConfig,
 ) -> list[WorkItem]:
     """One item per episode of one robot under one controller."""
-    code = code_version(*CODE)
+    code = digest(code_version(*CODE), version("mujoco"))
     result = []
     for episode in episodes:
         name = f"{config.robot}/{config.controller}/{safe_name(episode.episode_id)}"
@@ -73,7 +64,11 @@ def process(scene: Path, episode: Episode, config: ReplayConfig, out: Path) -> I
         "robot": rollout.robot,
         "controller": rollout.controller,
         "end_reason": str(rollout.end_reason),
-        "metrics": asdict(rollout.metrics),
+        # JSON knows no infinity: an unreachable goal has no distance.
+        "metrics": {
+            key: None if isinstance(value, float) and not math.isfinite(value) else value
+            for key, value in asdict(rollout.metrics).items()
+        },
     }
     return ItemResult(facts, failed=rollout.end_reason is not EndReason.SUCCESS)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from ...formats.atomic import atomic_file, write_json
@@ -37,7 +38,10 @@ def write(folder: RunFolder, context: Context, summaries: list[StageSummary]) ->
         page,
     )
     shown = [row for row in ledger.rows() if row.stage != STAGE]
-    key = digest(STAGE, [[r.stage, r.item, r.key] for r in shown], code_version("pipeline/report"))
+    # The page shows outcomes, not only what was done: a mended item keeps its key.
+    content = [replace(row, seconds=0.0) for row in shown]
+    code = code_version("pipeline/report", "pipeline/stages/report.py", "formats")
+    key = digest(STAGE, content, code)
     summaries.append(pictures)
     item = WorkItem(PAGE, key, (page,), process_page, arguments)
     summaries.append(run_stage(context, STAGE, [item]))
@@ -62,7 +66,7 @@ def _map_items(folder: RunFolder, ledger: Ledger) -> dict[str, WorkItem]:
         for level in range(int(row.facts["levels"])):
             name = f"{row.item}/{level}"
             out = folder.report / "maps" / f"{row.item}-{level}.png"
-            key = digest("map", row.key, level, code_version("collectors/rendering"))
+            key = digest("map", row.key, level, code_version("collectors", "formats"))
             arguments = (folder.scenes / row.item, level, out)
             outputs = (out, out.with_suffix(".json"))
             result[name] = WorkItem(f"map {name}", key, outputs, process_map, arguments)
@@ -95,7 +99,7 @@ def _strip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict
     chosen: dict[str, Row] = {}
     for row in sorted(rows, key=lambda r: r.failed):
         chosen.setdefault(row.item.rsplit("/", 1)[0], row)
-    code = code_version("collectors/rendering", "collectors/robots")
+    code = code_version("collectors", "formats")
     result = {}
     for name, row in chosen.items():
         scene = ledger.row("repair", str(row.facts["scene"]))

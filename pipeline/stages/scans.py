@@ -13,7 +13,8 @@ STAGE = "scan"
 
 def item(seed: int, folder: Path) -> WorkItem:
     """The work item that writes the apartment of `seed` into `folder`."""
-    key = digest(STAGE, seed, code_version("scene_repair/builtin"))
+    code = code_version("scene_repair/builtin", "formats", "pipeline/stages/scans.py")
+    key = digest(STAGE, seed, code)
     return WorkItem(folder.name, key, (folder,), process, (seed, folder))
 
 
@@ -25,4 +26,6 @@ def process(seed: int, folder: Path) -> ItemResult:
     with atomic_folder(folder) as temporary:
         scan = generate_scan(seed, temporary)
         size = scan.stat().st_size
+        # The scan is made by this project, so that the data made from it may be used as freely.
+        (temporary / "LICENSE.scan").write_text("Apache-2.0\n")
     return ItemResult({"seed": seed, "scan": scan.name, "bytes": size})
