@@ -16,7 +16,8 @@ def open_dataset(root: Path, **options: Any) -> LeRobotDataset:
     """Open the LeRobot v3 dataset in folder `root`, offline, with depth in metres.
 
     Args:
-        root: a dataset folder, e.g. `runs/apartment-0/lerobot/aliengo-path-ego-256x256-baked`.
+        root: a dataset folder, e.g.
+            `runs/apartment-0/lerobot/aliengo-path-ego-256x256-90deg-baked`.
         options: passed on to `LeRobotDataset`, e.g. `delta_timestamps`, `episodes`.
 
     Raises:

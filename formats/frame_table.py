@@ -198,12 +198,15 @@ def executed_actions(
 def nearest_actions(motion: NDArray[np.float64]) -> NDArray[np.int64]:
     """Discrete action (N,) nearest to each `motion` (N, 3) of 0.25 s; the last is STOP.
 
-    Forward motion counts in steps of 0.25 m, turning in steps of 15°; the larger wins, which is
-    the nearest of the three unit steps. Only the last frame stops.
+    Motion is measured in steps, 0.25 m forward and 15° of turn. Of standing still (STOP) and the
+    three unit steps the nearest wins: |motion − step|² = |motion|² + 1 − 2 · (part along step)
+    makes that the largest part, or STOP where no part exceeds half a step (walking below 0.5 m/s
+    and turning below 30°/s).
     """
     forward, turn = motion[:, 0] / FORWARD_STEP_M, motion[:, 2] / TURN_STEP_RAD
-    steps = np.stack([forward, turn, -turn], axis=1)
-    result = np.argmax(steps, axis=1).astype(np.int64) + int(Action.FORWARD)
+    still = np.full(len(motion), 0.5)
+    # In the order of Action: STOP, FORWARD, LEFT, RIGHT.
+    result = np.argmax(np.stack([still, forward, turn, -turn], axis=1), axis=1).astype(np.int64)
     result[-1] = Action.STOP
     return result
 

@@ -113,21 +113,44 @@ def test_a_path_rollout_gets_the_nearest_action_flagged() -> None:
     table = build_frame_table(rollout, make_frames(rollout), 4)
     assert table.discrete_derived
     actions = table.columns["action.discrete"][:, 0]
-    assert actions[-1] == Action.STOP and np.all(actions[:-1] != Action.STOP)
+    assert actions[-1] == Action.STOP and Action.FORWARD in actions
+
+
+def test_a_robot_that_rests_at_the_end_is_labelled_stop() -> None:
+    rollout = make_rollout(5.0)
+    rest = 300  # samples
+    still = np.arange(len(rollout.time_s)).clip(max=rest)
+    rollout = dataclasses.replace(
+        rollout,
+        position_world_m=rollout.position_world_m[still],
+        quat_wxyz=rollout.quat_wxyz[still],
+    )
+    table = build_frame_table(rollout, make_frames(rollout), 4)
+    actions = table.columns["action.discrete"][:, 0]
+    resting = table.sample_index >= rest
+    assert np.all(actions[resting] == Action.STOP)
+    assert np.all(actions[~resting] != Action.STOP)
 
 
 @pytest.mark.parametrize(
     ("motion", "action"),
     [
         ((0.25, 0.0, 0.0), Action.FORWARD),
-        ((0.12, 0.02, 0.03), Action.FORWARD),
+        ((0.13, 0.02, 0.03), Action.FORWARD),
+        ((0.12, 0.0, 0.0), Action.STOP),  # slow walking: nearer to standing than to 0.25 m
+        ((0.05, 0.0, np.deg2rad(7)), Action.STOP),
+        ((0.001, -0.002, 0.004), Action.STOP),
+        ((-0.25, 0.0, 0.0), Action.STOP),  # no action goes backwards
         ((0.0, 0.0, np.deg2rad(15)), Action.LEFT),
         ((0.05, 0.0, np.deg2rad(-9)), Action.RIGHT),
-        ((-0.1, 0.0, np.deg2rad(2)), Action.LEFT),
+        ((-0.1, 0.0, np.deg2rad(8)), Action.LEFT),
     ],
 )
 def test_nearest_action(motion: tuple[float, float, float], action: Action) -> None:
     assert nearest_actions(np.array([motion, (0, 0, 0)])).tolist() == [action, Action.STOP]
+    steps = np.array([[0, 0], [1, 0], [0, 1], [0, -1]])
+    distance = np.linalg.norm(steps - [motion[0] / 0.25, motion[2] / np.deg2rad(15)], axis=1)
+    assert np.argmin(distance) == action
 
 
 @pytest.mark.parametrize("rate", [1, 5, 10])
