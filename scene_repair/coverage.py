@@ -41,7 +41,7 @@ class Evidence:
         lintel: a wall passes over the cell, above a door, a window or what hid its lower part.
         overhead: something hangs above head height: ceiling, roof, upper storey.
         furniture: something lies between the floor and head height.
-        structure: the lowest surface over the floor is labelled as wall or window.
+        structure: the lowest surface under head height is labelled as wall or window: a sill.
         below: the next surface under the level lies deeper than a floor slab is thick.
     """
 
@@ -111,8 +111,8 @@ def gather_evidence(
 def _lowest(
     columns: Columns, above_m: NDArray[np.float64], cover_m: float, chosen: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """(cells,) whether the lowest surface over the floor belongs to the chosen faces."""
-    over = above_m > cover_m
+    """(cells,) whether the lowest surface under head height belongs to the chosen faces."""
+    over = (above_m > cover_m) & (above_m < OVERHEAD_M)
     cell = columns.cell[over]
     # Samples are sorted upwards in each cell: the first one over the floor is the lowest.
     first = np.ones(len(cell), dtype=bool)

@@ -12,7 +12,7 @@ from .voxels import STEPS, Voxels
 
 # Floor is a place if it is this large and a disc of this radius fits somewhere; what is smaller
 # is the inside of a wall or a cupboard.
-MIN_PLACE_M2, MIN_PLACE_RADIUS_M = 1.0, 0.22
+MIN_PLACE_M2, MIN_PLACE_RADIUS_M = 1.0, 0.32
 # A surface that wavers over a voxel's border by less than this share is the neighbour's.
 SLIVER = 0.25
 # Boxes may spread this many voxels into space that nothing reaches.

@@ -184,7 +184,7 @@ def _judge(rim: _Rim, ceiled: bool) -> tuple[bool, str, str]:
     if rim.outside > tolerated:
         return False, "outside", f"open to the outside along {100 * rim.outside:.0f} %"
     if rim.structure >= 0.5:
-        return False, "wall", f"a wall or window lies over {100 * rim.structure:.0f} %"
+        return False, "wall", f"a sill lies over {100 * rim.structure:.0f} %"
     walled = rim.wall >= WALLED_SHARE or rim.floor < 0.03
     if rim.thickness_m < WALL_THICKNESS_M:
         if walled:
