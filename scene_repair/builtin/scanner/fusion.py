@@ -112,6 +112,9 @@ def _integrate(value, weight, depth, step, offset, focal, voxel, start, stop):
                     last = min(last, -a / b)
                 elif a < 0.0:
                     last = -1.0
+            # As a comparison that NaN fails too: a loop from int(NaN) would all but never end.
+            if not first <= last:
+                continue
             for k in range(int(np.ceil(first)), int(np.floor(last)) + 1):
                 z = bz + k * step[2, 2]
                 scale = focal / z
