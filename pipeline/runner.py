@@ -159,8 +159,8 @@ def run_stage(
             if isinstance(outcome, BaseException):
                 summary.quarantined += 1
                 errors.append(outcome)
-            bar.update()
             _show(bar, summary)
+            bar.update()
     except BaseException:
         with contextlib.suppress(OSError):  # a full disk must not hide that it is full
             ledger.save()
@@ -189,7 +189,8 @@ class StageFailedError(VlnpeError):
 def _show(bar: tqdm, summary: StageSummary) -> None:
     bar.set_postfix_str(
         f"done {summary.done + summary.reused} (reused {summary.reused})"
-        f", failed {summary.failed}, quarantined {summary.quarantined}"
+        f", failed {summary.failed}, quarantined {summary.quarantined}",
+        refresh=False,
     )
 
 
