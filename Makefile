@@ -39,7 +39,7 @@ train-gait:  ## Train a walking policy: make train-gait ROBOT=aliengo [OUT=folde
 
 test:  ## Run all tests (installs the full environment with torch and lerobot)
 	@$(SETUP) full
-	@$(BIN)/python -m pytest -n auto --dist loadfile
+	@$(BIN)/python -m pytest
 
 lint:  ## Check style and types
 	@$(SETUP) full

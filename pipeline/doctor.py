@@ -5,74 +5,108 @@ from __future__ import annotations
 import importlib.util
 import os
 import platform
+import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
+from importlib.metadata import requires, version
 from pathlib import Path
 
+import numpy as np
+
 from .executors import available_cores
+
+REPOSITORY = Path(__file__).resolve().parents[1]
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of the doctor: a subject, whether it is there, what was seen, how to add it."""
+    """One line of the doctor.
+
+    Attributes:
+        subject: what was looked at.
+        good: it is there and works.
+        seen: what was seen.
+        missing_extra: the optional dependencies of the package that would add it.
+    """
 
     subject: str
     good: bool
     seen: str
-    remedy: str = ""
+    missing_extra: str = ""
 
 
 def examine(out: Path) -> list[Finding]:
     """Look at this machine; `out` is where runs would be written. Nothing is changed."""
     uv = find_uv()
-    findings = [
+    return [
         Finding("python", True, f"{platform.python_version()} at {sys.executable}"),
         Finding("cores", True, f"{available_cores()} usable, {_memory()}"),
         _disk(out),
         Finding("physics", True, f"MuJoCo {version('mujoco')}"),
-        Finding(
-            "renderer embree", True, f"embreex {version('embreex')} (no GPU or display needed)"
-        ),
-        _guarded("renderer gl", _gl, "install a GPU driver with EGL, or the system's libegl1"),
-        _guarded("GPU", _gpu, ""),
-        _guarded("video", _codecs, ""),
-        _extra("train", ["torch", "lerobot", "rsl_rl", "onnx"], uv),
-        _extra("scan", ["open3d"], uv),
-        Finding("uv", uv is not None, uv or "not found", "" if uv else "make setup"),
+        _guarded("renderer embree", _embree),
+        _guarded("GPU", _gpu),
+        _guarded("video", _codecs),
+        _extra("train", ["torch", "lerobot", "rsl_rl", "onnx"]),
+        _extra("scan", ["open3d"]),
+        Finding("uv", uv is not None, uv or "not found"),
     ]
-    return findings
 
 
-def _guarded(subject: str, look: Callable[[], str], remedy: str) -> Finding:
+def remedy(findings: Sequence[Finding]) -> str:
+    """One shell command that adds all that is missing; empty when nothing can be added."""
+    extras = [f.missing_extra for f in findings if f.missing_extra]
+    uv = find_uv()
+    if not (REPOSITORY / "uv.lock").is_file():
+        return _install_command(extras, uv) if extras else ""
+    parts = []
+    if not uv:
+        uv = str(REPOSITORY / ".tools" / "bin" / "uv")
+        # The set-up skips an environment that its stamp calls complete.
+        stamps = f"{shlex.quote(str(REPOSITORY / '.venv'))}/.vlnpe-*"
+        parts.append(f"rm -f {stamps} && make -C {shlex.quote(str(REPOSITORY))} setup")
+    if extras:
+        # Inexact: what another extra or group has installed stays.
+        words = [uv, "sync", "--project", str(REPOSITORY), "--frozen", "--inexact"]
+        parts.append(shlex.join(words + [w for e in extras for w in ("--extra", e)]))
+    return " && ".join(parts)
+
+
+def _install_command(extras: list[str], uv: str | None) -> str:
+    """Install the extras' own requirements: there is no checkout whose lock could be synced."""
+    wanted = []
+    for line in requires("vlnpe") or []:
+        requirement, _, marker = line.partition(";")
+        if any(f'extra == "{extra}"' in marker for extra in extras):
+            wanted.append(requirement.strip())
+    if uv:
+        return shlex.join([uv, "pip", "install", "--python", sys.executable, *wanted])
+    return shlex.join([sys.executable, "-m", "pip", "install", *wanted])
+
+
+def _guarded(subject: str, look: Callable[[], str]) -> Finding:
     try:
         return Finding(subject, True, look())
     except Exception as error:
         text = str(error).strip().splitlines()
-        return Finding(subject, False, text[0] if text else type(error).__name__, remedy)
+        return Finding(subject, False, text[0] if text else type(error).__name__)
 
 
-def _gl() -> str:
-    # In a child process: a broken driver may abort the whole interpreter.
-    code = (
-        "import mujoco; c = mujoco.GLContext(64, 64); c.make_current();"
-        "from OpenGL import GL; print(GL.glGetString(GL.GL_RENDERER).decode())"
-    )
-    environment = {"MUJOCO_GL": "egl", **os.environ}
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        env=environment,
-        check=False,
-    )
-    if done.returncode:
-        raise RuntimeError((done.stderr.strip().splitlines() or ["no EGL"])[-1])
-    return f"EGL through {done.stdout.strip().splitlines()[-1]}"
+def _embree() -> str:
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    scene = EmbreeScene()
+    triangle = np.array([[-1, -1, 2], [1, -1, 2], [0, 1, 2]], dtype=np.float32)
+    TriangleMesh(scene, triangle, np.array([[0, 1, 2]], dtype=np.int32))
+    origin = np.zeros((1, 3), dtype=np.float32)
+    ahead = np.array([[0, 0, 1]], dtype=np.float32)
+    distance = float(scene.run(origin, ahead, query="DISTANCE")[0])
+    if abs(distance - 2) > 1e-5:
+        raise RuntimeError(f"a ray at a triangle 2 m away measured {distance:g} m")
+    return f"embreex {version('embreex')} traces rays (no GPU or display needed)"
 
 
 def _gpu() -> str:
@@ -98,8 +132,10 @@ def _disk(out: Path) -> Finding:
         folder = folder.parent
     free = shutil.disk_usage(folder).free / 1024**3
     writable = os.access(folder, os.W_OK)
-    seen = f"{free:.1f} GiB free at {folder}" + ("" if writable else ", not writable")
-    return Finding("disk", writable and free > 1, seen, "" if writable else "choose another OUT")
+    seen = f"{free:.1f} GiB free at {folder}" + (
+        "" if writable else ", not writable: choose another OUT"
+    )
+    return Finding("disk", writable and free > 1, seen)
 
 
 def _memory() -> str:
@@ -112,13 +148,12 @@ def _memory() -> str:
 
 def find_uv(tool: str = "uv") -> str | None:
     """Path of uv (or `uvx`): the user's, or the copy that the set-up keeps in .tools."""
-    own = Path(__file__).resolve().parents[1] / ".tools" / "bin" / tool
+    own = REPOSITORY / ".tools" / "bin" / tool
     return shutil.which(tool) or (str(own) if own.is_file() else None)
 
 
-def _extra(name: str, modules: list[str], uv: str | None) -> Finding:
+def _extra(name: str, modules: list[str]) -> Finding:
     missing = [m for m in modules if importlib.util.find_spec(m) is None]
     if missing:
-        remedy = f"{uv or 'uv'} sync --inexact --extra {name}"
-        return Finding(f"extra {name}", False, f"without {', '.join(missing)}", remedy)
+        return Finding(f"extra {name}", False, f"without {', '.join(missing)}", name)
     return Finding(f"extra {name}", True, ", ".join(modules))

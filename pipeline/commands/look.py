@@ -10,7 +10,7 @@ from typing import Annotated
 
 import tyro
 
-from ..doctor import examine
+from ..doctor import examine, remedy
 from ..executors import Workers
 from ..ledger import Ledger
 from ..run_folder import RunFolder
@@ -85,13 +85,13 @@ def run_report(options: Report) -> int:
 def run_doctor(options: Doctor) -> int:
     """Print the findings."""
     findings = examine(options.out)
+    command = remedy(findings)
     if options.json:
-        sys.stdout.write(json.dumps([asdict(f) for f in findings]) + "\n")
+        value = {"findings": [asdict(f) for f in findings], "remedy": command}
+        sys.stdout.write(json.dumps(value) + "\n")
         return 0
     for f in findings:
         sys.stdout.write(f"{'ok  ' if f.good else '--  '}{f.subject:<17} {f.seen}\n")
-    remedies = sorted({f.remedy for f in findings if f.remedy})
-    if remedies:
-        sys.stdout.write("\nto add what is missing:\n")
-        sys.stdout.writelines(f"  {remedy}\n" for remedy in remedies)
+    if command:
+        sys.stdout.write(f"\nto add what is missing:\n  {command}\n")
     return 0

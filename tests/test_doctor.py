@@ -1,0 +1,151 @@
+"""`vlnpe doctor` says what is there and prints one command for what is not."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from vlnpe.pipeline import doctor
+from vlnpe.pipeline.cli import main
+
+EXTRAS = {"train": "rsl_rl", "scan": "open3d"}
+
+
+@pytest.fixture
+def lacking(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Make the doctor find every module of the extras but the given ones."""
+    real = importlib.util.find_spec
+
+    def set_missing(*missing: str) -> None:
+        def find(name: str, package: str | None = None) -> object:
+            if name in missing:
+                return None
+            known = name in {"torch", "lerobot", "rsl_rl", "onnx", "open3d"}
+            return real("json") if known else real(name, package)
+
+        monkeypatch.setattr(importlib.util, "find_spec", find)
+
+    return set_missing
+
+
+@pytest.fixture
+def with_uv(monkeypatch: pytest.MonkeyPatch) -> str:
+    """A uv in a folder whose name has a space."""
+    path = "/some tools/uv"
+    monkeypatch.setattr(doctor, "find_uv", lambda tool="uv": path)
+    return path
+
+
+@pytest.fixture
+def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A source checkout at a path with a space."""
+    folder = tmp_path / "my vlnpe"
+    folder.mkdir()
+    (folder / "uv.lock").touch()
+    monkeypatch.setattr(doctor, "REPOSITORY", folder)
+    return folder
+
+
+def ask(capsys: pytest.CaptureFixture[str], out: Path) -> dict:
+    assert main(["doctor", "--json", "--out", str(out)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 1
+    return json.loads(lines[0])
+
+
+def test_prints_one_line_per_finding(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    out = tmp_path / "not" / "yet" / "there"
+    assert main(["doctor", "--out", str(out)]) == 0
+    text = capsys.readouterr().out
+    for subject in ("python", "cores", "disk", "physics", "renderer embree", "video", "uv"):
+        assert f"ok  {subject}" in text or f"--  {subject}" in text
+    assert "ok  renderer embree" in text
+    assert "renderer gl" not in text  # no such renderer
+    assert not out.parent.parent.exists()
+
+
+def test_json_is_one_object(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    answer = ask(capsys, tmp_path)
+    assert answer.keys() == {"findings", "remedy"}
+    for finding in answer["findings"]:
+        assert finding.keys() == {"subject", "good", "seen", "missing_extra"}
+        assert finding["seen"]
+
+
+@pytest.mark.parametrize("missing", [[], ["train"], ["scan"], ["train", "scan"]])
+def test_one_command_adds_every_missing_extra(
+    missing: list[str],
+    lacking: Callable[..., None],
+    with_uv: str,
+    checkout: Path,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+) -> None:
+    lacking(*(EXTRAS[name] for name in missing))
+    answer = ask(capsys, tmp_path)
+    lines = {f["subject"]: f for f in answer["findings"]}
+    for name, module in EXTRAS.items():
+        assert lines[f"extra {name}"]["good"] == (name not in missing)
+        if name in missing:
+            assert lines[f"extra {name}"]["seen"] == f"without {module}"
+    words = shlex.split(answer["remedy"])
+    if not missing:
+        assert words == []
+        return
+    extras = [w for name in missing for w in ("--extra", name)]
+    assert words == [
+        *(with_uv, "sync", "--project", str(checkout), "--frozen", "--inexact"),
+        *extras,
+    ]
+
+
+def test_without_uv_the_set_up_comes_first(
+    lacking: Callable[..., None],
+    checkout: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+) -> None:
+    monkeypatch.setattr(doctor, "find_uv", lambda tool="uv": None)
+    lacking("open3d")
+    words = shlex.split(ask(capsys, tmp_path)["remedy"])
+    setup = words.index("setup")
+    assert words[setup - 3 : setup] == ["make", "-C", str(checkout)]
+    assert words[setup + 1 : setup + 3] == ["&&", str(checkout / ".tools" / "bin" / "uv")]
+    assert words[-2:] == ["--extra", "scan"]
+
+
+@pytest.mark.parametrize("uv", ["/tools/uv", None])
+def test_outside_a_checkout_the_extra_is_installed_by_its_requirements(
+    uv: str | None,
+    lacking: Callable[..., None],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+) -> None:
+    monkeypatch.setattr(doctor, "find_uv", lambda tool="uv": uv)
+    monkeypatch.setattr(doctor, "REPOSITORY", tmp_path)
+    lacking("open3d")
+    words = shlex.split(ask(capsys, tmp_path)["remedy"])
+    assert "install" in words and words[-1].startswith("open3d")
+    assert not any(w.startswith("torch") for w in words)
+
+
+def test_a_broken_renderer_is_not_good(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    from embreex import rtcore_scene
+
+    class Broken:
+        def __init__(self) -> None:
+            raise RuntimeError("illegal instruction")
+
+    monkeypatch.setattr(rtcore_scene, "EmbreeScene", Broken)
+    lines = {f["subject"]: f for f in ask(capsys, tmp_path)["findings"]}
+    assert not lines["renderer embree"]["good"]
+    assert lines["renderer embree"]["seen"] == "illegal instruction"
