@@ -106,7 +106,8 @@ def _measure(surfaces: Surfaces, columns: Columns, mesh: WorldMesh, min_floor_m2
     area = np.bincount(surfaces.part, minlength=count) * cell_m2
     standing = surfaces.clear_m >= STANDING_M
     standing_m2 = np.bincount(surfaces.part, weights=standing, minlength=count) * cell_m2
-    height: Any = ndimage.median(surfaces.z_m, surfaces.part, np.arange(count))
+    # Without a single surface to stand on there is nothing to take a median of.
+    height: Any = ndimage.median(surfaces.z_m, surfaces.part, np.arange(count)) if count else []
     above, below = np.zeros(count), np.zeros(count)
     reach = max(1, round(AROUND_M / grid.cell_m))
     for p in np.flatnonzero(standing_m2 >= min_floor_m2):
