@@ -116,7 +116,7 @@ class Baker:
             shade = np.einsum("nk,nki->ni", np.clip(weight, 0, 1), corner_light[which])
             flat_image[part] = self._texels(position, normals[which], shade)
 
-        with ThreadPoolExecutor(2) as pool:
+        with ThreadPoolExecutor(1) as pool:
             list(pool.map(paint, range(0, len(filled), _CHUNK)))
         image[face < 0] = image[face >= 0].mean(0) if len(filled) else 0
         return image

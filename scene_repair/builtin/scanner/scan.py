@@ -46,7 +46,7 @@ def fuse(
         depth = measure(stream, tracer, normals, camera, view, config)
         return misplaced(stream, view, config), depth
 
-    with ThreadPoolExecutor(2) as pool:
+    with ThreadPoolExecutor(1) as pool:
         for first in range(0, len(todo), _BATCH):
             jobs = zip(todo[first : first + _BATCH], streams[first : first + _BATCH], strict=True)
             for believed, depth in list(pool.map(shoot, jobs)):

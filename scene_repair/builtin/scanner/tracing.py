@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -38,7 +37,8 @@ class Tracer:
         self._corners = np.ascontiguousarray(corners_m, dtype=np.float32)
         self._mesh = TriangleMesh(self._scene, self._corners)
         self._scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
-        self._workers = max(min(os.cpu_count() or 1, 4), 1)
+        # One: with two threads, scans have been seen to spin without end on a busy machine.
+        self._workers = 1
 
     def _chunks(self, count: int) -> list[slice]:
         return [slice(a, min(a + _CHUNK, count)) for a in range(0, count, _CHUNK)]
