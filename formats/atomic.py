@@ -83,7 +83,14 @@ def atomic_folder(path: Path) -> Iterator[Path]:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def write_json(path: Path, value: Any) -> None:
-    """Write `value` as indented JSON, atomically, with sorted keys."""
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file atomically; one that holds `data` already is left alone, its time too."""
+    if path.is_file() and path.stat().st_size == len(data) and path.read_bytes() == data:
+        return
     with atomic_file(path) as temporary:
-        temporary.write_text(json.dumps(value, indent=2, sort_keys=True) + "\n")
+        temporary.write_bytes(data)
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write `value` as indented JSON, atomically, with sorted keys; see `write_bytes`."""
+    write_bytes(path, (json.dumps(value, indent=2, sort_keys=True) + "\n").encode())

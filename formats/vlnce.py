@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from .atomic import atomic_file
+from .atomic import write_bytes
 from .episode import Episode
 from .errors import FileFormatError
 from .frames import (
@@ -212,5 +212,4 @@ def _dump(path: Path, document: Mapping[str, Any]) -> None:
     data = json.dumps(document, ensure_ascii=False, allow_nan=False).encode()
     if path.suffix == ".gz":
         data = gzip.compress(data, compresslevel=6, mtime=0)
-    with atomic_file(path) as temporary:
-        temporary.write_bytes(data)
+    write_bytes(path, data)

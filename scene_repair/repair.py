@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import logging
 import math
 from collections.abc import Callable
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..formats.atomic import write_json
+from ..formats.digest import file_digest
 from ..formats.errors import FileFormatError
 from ..formats.grid import GridSpec
 from ..formats.scene_bundle import SceneBundle, VisualMesh, load_bundle, save_bundle
@@ -197,7 +197,7 @@ def _write(
         scene_id=scene_id,
         source={
             "path": source.name,
-            "sha256": _digest(source),
+            "sha256": file_digest(source),
             "licence": scan.licence or _licence(source),
             **way.evidence,
         },
@@ -255,11 +255,6 @@ def _pictures(
             [*legend, ("left open", GREY)],
             out_dir / f"{name}.png",
         )
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def _licence(source: Path) -> str:

@@ -8,12 +8,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from ...formats.digest import file_digest
 from ...formats.frame_folder import read_frame_folder
 from ...formats.lerobot import assemble_dataset, write_episode_unit
 from ...formats.mcap.episode import write_episode_mcap
 from ...formats.mcap.rollout import read_rollout
 from ...formats.scene_bundle import load_bundle
-from ..keys import PACKAGE_ROOT, code_version, digest, file_digest
+from ..keys import PACKAGE_ROOT, code_version, digest
 from ..ledger import Row
 from ..runner import ItemResult, WorkItem
 

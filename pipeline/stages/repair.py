@@ -9,9 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from ...formats.atomic import atomic_folder
+from ...formats.digest import file_digest
 from ...formats.errors import FileFormatError
 from ...scene_repair.config import RepairConfig
-from ..keys import code_version, digest, file_digest
+from ..keys import code_version, digest
 from ..runner import ItemResult, WorkItem
 
 STAGE = "repair"
