@@ -17,9 +17,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.distance import cdist
 
 from ..formats.episode import Episode
-from ..formats.freemap import DistanceField, Freemap
+from ..formats.freemap import AGENT_RADIUS_M, DistanceField, Freemap
+from ..formats.planning import path_length
 from ..formats.rollout import STATE_RATE_HZ, EndReason, Metrics
-from .polyline import path_length, resample
+from .polyline import space_evenly
 
 ACTION_RATE_HZ = 4
 NDTW_THRESHOLD_M = 3.0
@@ -57,10 +58,11 @@ def rollout_metrics(
 ) -> Metrics:
     """Metrics of a base track (T, 3) [m] at `STATE_RATE_HZ`, T ≥ 1.
 
-    Geodesic distances are those of a point, not of the robot's footprint, so that robots of
-    different size are comparable. `success` is the VLN one: the robot stopped by itself, and less
-    than the goal's radius (3 m) away; the stricter rule for collection (stopped within 0.25 m) is
-    `end_reason == "success"`. SPL uses the episode's geodesic distance as the shortest length.
+    Geodesic distances are those of VLN-CE's agent, not of the robot's footprint, so that robots of
+    different size are comparable (see `AGENT_RADIUS_M`). `success` is the VLN one: the robot
+    stopped by itself, and less than the goal's radius (3 m) away; the stricter rule for collection
+    (stopped within 0.25 m) is `end_reason == "success"`. SPL uses the episode's geodesic distance
+    as the shortest length.
     nDTW compares both paths every 0.25 m of way, one FORWARD action, so that it does not depend on
     the robot's speed.
 
@@ -69,7 +71,7 @@ def rollout_metrics(
         freemap: the level's.
         position_world_m: where the base was.
         end_reason: why it ended.
-        field: distances to the episode's goal on `freemap`, when already at hand.
+        field: distances to the episode's goal for `AGENT_RADIUS_M`, when already at hand.
     """
     stride = STATE_RATE_HZ // ACTION_RATE_HZ
     last = len(position_world_m) - 1
@@ -77,13 +79,13 @@ def rollout_metrics(
     track = position_world_m[ticks, :2]
     goal = episode.goal_position_world_m[:2]
     if field is None:
-        field = freemap.distance_field(goal)
+        field = freemap.distance_field(goal, AGENT_RADIUS_M)
     distance = field.at(track)
     length = path_length(track)
     success = end_reason in _STOPPED and bool(distance[-1] < episode.goal_radius_m)
     shortest = episode.geodesic_distance_m
     longest = max(length, shortest)
-    reference = resample(episode.reference_path_world_m[:, :2], REFERENCE_STEP_M)
+    reference = space_evenly(episode.reference_path_world_m[:, :2], REFERENCE_STEP_M)
     return Metrics(
         trajectory_length_m=length,
         navigation_error_m=float(distance[-1]),
@@ -91,7 +93,7 @@ def rollout_metrics(
         success=success,
         oracle_success=bool((distance < episode.goal_radius_m).any()),
         spl=float(success) * (shortest / longest if longest > 0 else 1.0),
-        ndtw=ndtw(resample(track, REFERENCE_STEP_M), reference),
+        ndtw=ndtw(space_evenly(track, REFERENCE_STEP_M), reference),
         fall=end_reason is EndReason.FALL,
         stuck=end_reason is EndReason.STUCK,
         duration_s=last / STATE_RATE_HZ,

@@ -1,4 +1,4 @@
-"""Polylines: length and even division."""
+"""Even division of a polyline; `formats.planning.resample` keeps its corners instead."""
 
 from __future__ import annotations
 
@@ -8,14 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 
-def path_length(points_m: ArrayLike) -> float:
-    """Length [m] of a polyline of points (N, D) [m]; 0 for fewer than two points."""
-    return float(
-        np.linalg.norm(np.diff(np.asarray(points_m, dtype=np.float64), axis=0), axis=1).sum()
-    )
-
-
-def resample(points_m: ArrayLike, step_m: float) -> NDArray[np.float64]:
+def space_evenly(points_m: ArrayLike, step_m: float) -> NDArray[np.float64]:
     """Points about `step_m` apart along a polyline (N, D), its two ends kept: (M, D), M ≥ 1.
 
     The spacing is the largest one not above `step_m` that divides the length evenly.

@@ -17,6 +17,11 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter
 from .geodesic import taut_distances
 from .grid import GridSpec
 
+# Shortest ways are those of VLN-CE's own agent, Habitat's disc of this radius, for every robot: so
+# NE, OS and SPL compare between robots and with published numbers, and a wide body's longer way
+# round shows up as what embodiment costs.
+AGENT_RADIUS_M = 0.10
+
 
 @dataclass(frozen=True)
 class Freemap:

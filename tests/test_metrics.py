@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,8 +12,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from vlnpe.collectors.metrics import dtw, ndtw, rollout_metrics
-from vlnpe.collectors.polyline import path_length, resample
+from vlnpe.collectors.polyline import space_evenly
 from vlnpe.formats.episode import Episode
+from vlnpe.formats.planning import path_length
 from vlnpe.formats.rollout import EndReason
 from vlnpe.formats.scene_bundle import SceneBundle
 
@@ -37,7 +39,7 @@ def episode(goal: tuple[float, float] = (7.0, 3.0)) -> Episode:
 
 def walk(*corners: tuple[float, float], speed_m_s: float = 0.5) -> np.ndarray:
     """A 100 Hz track along corners, 0.36 m above the floor."""
-    xy = resample(np.array(corners, dtype=float), speed_m_s / 100)
+    xy = space_evenly(np.array(corners, dtype=float), speed_m_s / 100)
     return np.column_stack([xy, np.full(len(xy), 0.36)])
 
 
@@ -81,7 +83,7 @@ def test_ndtw_lies_between_zero_and_one(path: np.ndarray, reference: np.ndarray)
 @settings(max_examples=40, deadline=None)
 @given(POINTS, st.floats(0.05, 2.0))
 def test_resampling_keeps_the_ends_and_never_lengthens(path: np.ndarray, step: float) -> None:
-    dense = resample(path, step)
+    dense = space_evenly(path, step)
     assert dense[0] == pytest.approx(path[0])
     assert dense[-1] == pytest.approx(path[-1])
     assert path_length(dense) <= path_length(path) + 1e-9
@@ -142,3 +144,17 @@ def test_standing_still(two_rooms: SceneBundle) -> None:
     assert m.duration_s == 0.0
     assert not m.success
     assert math.isfinite(m.ndtw)
+
+
+def test_the_shortest_way_is_that_of_the_reference_agent(two_rooms: SceneBundle) -> None:
+    """A gap that a point slips through and Habitat's agent does not: the way round counts."""
+    freemap = two_rooms.freemap(0)
+    blocked = freemap.traversable.copy()
+    column = int(freemap.grid.cell_of(np.array([4.0, 2.0]))[1])
+    blocked[:, column - 1 : column + 1] = False
+    row = int(freemap.grid.cell_of(np.array([4.0, 2.0]))[0])
+    blocked[row : row + 2, column - 1 : column + 1] = True  # 0.1 m of a door, ajar
+    ajar = replace(freemap, traversable=blocked)
+    m = rollout_metrics(episode(), ajar, walk((1, 1), (3, 2)), EndReason.STOPPED_FAR)
+    assert math.isinf(m.navigation_error_m)
+    assert math.isfinite(float(ajar.distance_field((7.0, 3.0)).at((3.0, 2.0))))

@@ -11,7 +11,7 @@ import pytest
 from vlnpe.formats.crossings import crossings
 from vlnpe.formats.errors import InputError, SceneError
 from vlnpe.formats.frames import wrap_angle
-from vlnpe.formats.freemap import Freemap
+from vlnpe.formats.freemap import AGENT_RADIUS_M, Freemap
 from vlnpe.formats.planning import path_clearance, path_length, segments_free
 from vlnpe.formats.regions import region_map
 from vlnpe.formats.scene_bundle import LabeledObject
@@ -56,7 +56,7 @@ def test_episodes_are_what_they_promise(two_rooms, seed):
         ahead = path[1] - path[0]
         off = wrap_angle(np.arctan2(ahead[1], ahead[0]) - episode.start_yaw_rad)
         assert abs(float(off)) < 0.6
-        goal = freemap.distance_field(path[-1][:2], CONFIG.robot_radius_m)
+        goal = freemap.distance_field(path[-1][:2], AGENT_RADIUS_M)
         assert episode.geodesic_distance_m == pytest.approx(float(goal.at(path[0][:2])), abs=0.1)
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..formats.episode import Episode
 from ..formats.frames import HABITAT_TO_WORLD, habitat_to_world_yaw, transform_points
-from ..formats.freemap import Freemap, nearest_cell
+from ..formats.freemap import AGENT_RADIUS_M, Freemap, nearest_cell
 from ..formats.planning import floor_z, plan_path, segments_free, simplify_path
 from ..formats.scene_bundle import SceneBundle
 from ..formats.vlnce import VlnceEpisode, VlnceFile
@@ -119,9 +119,8 @@ def _align(
     free = freemap.free(config.robot_radius_m)
     start_xy, start_moved = _nudged(freemap, free, start, "start", config)
     goal_xy, goal_moved = _nudged(freemap, free, goal, "goal", config)
-    field = freemap.distance_field(goal_xy, config.robot_radius_m)
-    geodesic = float(field.at(start_xy))
-    if not np.isfinite(geodesic):
+    reach = freemap.distance_field(goal_xy, config.robot_radius_m)
+    if not np.isfinite(reach.at(start_xy)):
         raise _RejectedError(
             "start and goal are not connected for a robot of radius "
             f"{config.robot_radius_m:g} m, {_place(start)} and {_place(goal)}"
@@ -146,7 +145,7 @@ def _align(
         start_yaw_rad=_yaw(to_world, raw),
         goal_position_world_m=whole[-1].copy(),
         reference_path_world_m=whole,
-        geodesic_distance_m=geodesic,
+        geodesic_distance_m=float(freemap.distance_field(goal_xy, AGENT_RADIUS_M).at(start_xy)),
         instruction=raw.instruction_text,
         goal_radius_m=raw.goals[0].radius_m,
         extra={**_source_keys(raw), "source_scene_id": raw.scene_id, "alignment": changes},

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from skimage.measure import label
 
 from ..formats.crossings import Crossing, crossings
-from ..formats.freemap import Freemap
+from ..formats.freemap import AGENT_RADIUS_M, Freemap
 from ..formats.planning import (
     PlanConfig,
     path_length,
@@ -32,7 +32,7 @@ class Candidate:
     Attributes:
         level: index of its level.
         reference_m: (P, 3) waypoints; every straight segment between them is safe [m].
-        geodesic_m: length of the shortest way [m].
+        geodesic_m: length of the shortest way of VLN-CE's agent [m].
         crossed: its steps from room to room, in order.
         rooms: names of the rooms it visits, in order; "" where nobody knows.
         ends: room indices of its start and goal.
@@ -171,11 +171,11 @@ def _judge(
         return "too_similar"
     if not segments_free(level.freemap.grid, level.freemap.free(level.radius_m), reference).all():
         return "unsafe"
-    # Metrics compare with what the robot could have done, not with the roomier way.
+    # Compare with what the robot could have done, not with the roomier way.
     tight = level.freemap.distance_field(goal, config.robot_radius_m)
-    geodesic = float(tight.at(start))
-    if length > config.max_detour * geodesic:
+    if length > config.max_detour * float(tight.at(start)):
         return "detour"
+    geodesic = float(level.freemap.distance_field(goal, AGENT_RADIUS_M).at(start))
     ends = (int(level.regions.at(start)), int(level.regions.at(goal)))
     first = crossed[0].from_region if crossed else ends[0]
     names = tuple(level.regions.names[r] for r in (first, *(c.to_region for c in crossed)))

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...formats.freemap import Freemap
 from ...formats.planning import plan_path, segments_free
-from ..polyline import resample
+from ..polyline import space_evenly
 
 Array = NDArray[np.float64]
 STEP_M = 0.05
@@ -55,7 +55,7 @@ class Route:
 
 def make_route(xy_m: ArrayLike, problems: tuple[str, ...] = ()) -> Route:
     """Divide a polyline (P, 2) [m] evenly: corners are cut by half a step at most."""
-    xy = resample(xy_m, STEP_M)
+    xy = space_evenly(xy_m, STEP_M)
     if len(xy) == 1:
         xy = np.repeat(xy, 2, axis=0)
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xy, axis=0), axis=1))])
