@@ -37,6 +37,7 @@ class FrameTable:
             frame, linear [m/s] and angular [rad/s] velocity in the base frame;
             `observation.joints` (2 J): positions [rad], then velocities [rad/s];
             `observation.imu` (6): specific force [m/s²] and angular rate [rad/s], base frame;
+            `observation.foot_contact` (F): 1 where a foot touches, else 0;
             `observation.camera_pose` (7): position [m] and quat_wxyz of the optical frame in the
             start frame;
             `observation.progress` (1): frame number over the last frame's, 0 … 1;
@@ -126,6 +127,7 @@ def build_frame_table(
             [rollout.joint_position_rad[samples], rollout.joint_velocity_rad_s[samples]], axis=1
         ),
         "observation.imu": rollout.imu[samples],
+        "observation.foot_contact": rollout.foot_contact[samples],
         "observation.camera_pose": np.concatenate(
             [
                 start.position(np.asarray(frames["camera_position_world_m"], np.float64)),
@@ -139,7 +141,8 @@ def build_frame_table(
         "action": motion,
         "action.velocity": rollout.command[samples],
     }
-    columns = {key: value.astype(np.float32) for key, value in columns.items()}
+    # A body without joints or feet has no such columns.
+    columns = {k: v.astype(np.float32) for k, v in columns.items() if v.shape[1]}
     derived = not rollout.actions
     if frames_per_second == DISCRETE_RATE:
         actions = nearest_actions(motion) if derived else executed_actions(rollout.actions, samples)
@@ -149,9 +152,7 @@ def build_frame_table(
         sample_index=samples,
         columns=columns,
         column_names={
-            key: names
-            for key, names in _column_names(rollout.joint_names).items()
-            if key in columns
+            key: names for key, names in _column_names(rollout).items() if key in columns
         },
         discrete_derived=derived and frames_per_second == DISCRETE_RATE,
     )
@@ -225,7 +226,7 @@ def _continuous(quat_wxyz: NDArray[np.float64]) -> NDArray[np.float64]:
     return quat_wxyz * signs[:, None]
 
 
-def _column_names(joint_names: tuple[str, ...]) -> dict[str, list[str]]:
+def _column_names(rollout: Rollout) -> dict[str, list[str]]:
     quat = [f"quat_{c}_start" for c in "wxyz"]
     return {
         "observation.state": [
@@ -235,13 +236,14 @@ def _column_names(joint_names: tuple[str, ...]) -> dict[str, list[str]]:
             *(f"angular_velocity_{c}_base_rad_s" for c in "xyz"),
         ],
         "observation.joints": [
-            *(f"{name}_position_rad" for name in joint_names),
-            *(f"{name}_velocity_rad_s" for name in joint_names),
+            *(f"{name}_position_rad" for name in rollout.joint_names),
+            *(f"{name}_velocity_rad_s" for name in rollout.joint_names),
         ],
         "observation.imu": [
             *(f"specific_force_{c}_base_m_s2" for c in "xyz"),
             *(f"angular_rate_{c}_base_rad_s" for c in "xyz"),
         ],
+        "observation.foot_contact": [f"{name}_contact_0_or_1" for name in rollout.foot_names],
         "observation.camera_pose": [*(f"position_{c}_start_m" for c in "xyz"), *quat],
         "observation.progress": ["fraction_of_frames"],
         "action": ["delta_x_yaw_frame_m", "delta_y_yaw_frame_m", "delta_yaw_rad"],

@@ -89,6 +89,7 @@ def test_velocities_joints_and_commands_are_the_samples() -> None:
         columns["observation.joints"][:, :joints], rollout.joint_position_rad[at].astype("f4")
     )
     np.testing.assert_array_equal(columns["observation.imu"], rollout.imu[at].astype("f4"))
+    np.testing.assert_array_equal(columns["observation.foot_contact"], rollout.foot_contact[at])
     np.testing.assert_array_equal(columns["action.velocity"], rollout.command[at].astype("f4"))
     np.testing.assert_array_equal(
         columns["observation.state"][:, 7:10], rollout.linear_velocity_base_m_s[at].astype("f4")

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.support.lerobot_data import RANGE, write_reference, write_unit, write_units
-from tests.support.rollouts import make_frames, make_images, make_rollout
+from tests.support.rollouts import make_frames, make_images, make_rollout, with_body
 from vlnpe.formats.errors import FileFormatError
 from vlnpe.formats.frame_table import build_frame_table
 from vlnpe.formats.lerobot import FileLimits, assemble_dataset, read_episode_unit
@@ -136,7 +136,7 @@ def test_episodes_equal_lerobots_but_for_more_columns(ours: Path, reference: Pat
     mine, theirs = pq.read_table(ours / path), pq.read_table(reference / path)
     own = mine.schema.names[len(theirs.schema.names) :]
     assert mine.schema.names[: len(theirs.schema.names)] == theirs.schema.names
-    assert "outcome" in own and "reference_path_world_m" in own
+    assert "end_reason" in own and "reference_path_world_m" in own
     for name in theirs.schema.names:
         assert mine.schema.field(name).equals(theirs.schema.field(name)), name
         if not name.startswith("stats/"):
@@ -198,9 +198,37 @@ def test_streaming_reads_all_frames(ours: Path) -> None:
     assert seen == list(range(sum(int(4 * s) + 1 for s in SECONDS)))
 
 
+@pytest.mark.parametrize(("joints", "feet"), [(29, 2), (0, 0)])
+def test_lerobot_reads_every_sensor_of_any_body_by_name(
+    tmp_path: Path, joints: int, feet: int
+) -> None:
+    rollout = with_body(make_rollout(2.0, fall=True), joints, feet)
+    assemble_dataset([write_unit(tmp_path, rollout)], tmp_path / "set", **ASSEMBLY)
+    dataset = load(tmp_path / "set")
+    features, item = dataset.meta.features, dataset[4]
+    sample = rollout.frame_samples(4)[4]
+    assert ("observation.joints" in features) == bool(joints)
+    if joints:
+        assert features["observation.joints"]["names"] == [
+            *(f"joint_{k:02d}_position_rad" for k in range(29)),
+            *(f"joint_{k:02d}_velocity_rad_s" for k in range(29)),
+        ]
+        read = item["observation.joints"].numpy()
+        np.testing.assert_array_equal(read[:29], rollout.joint_position_rad[sample].astype("f4"))
+        assert features["observation.foot_contact"]["names"] == [
+            "left_foot_contact_0_or_1",
+            "right_foot_contact_0_or_1",
+        ]
+        touching = item["observation.foot_contact"].numpy()
+        np.testing.assert_array_equal(touching, rollout.foot_contact[sample])
+    np.testing.assert_array_equal(item["observation.imu"], rollout.imu[sample].astype("f4"))
+    assert features["observation.imu"]["names"][0] == "specific_force_x_base_m_s2"
+    assert dataset.meta.episodes[0]["end_reason"] == "fall"
+
+
 def test_episode_columns_tell_what_happened(ours: Path) -> None:
     episodes = load(ours).meta.episodes
-    assert episodes["outcome"] == ["success", "success", "success", "fall"]
+    assert episodes["end_reason"] == ["success", "success", "success", "fall"]
     assert episodes["action_discrete_derived"] == [True, False, True, False]
     first = episodes[0]
     rollout = make_rollout(SECONDS[0], 0)

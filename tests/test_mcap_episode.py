@@ -14,7 +14,7 @@ import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.reader import make_reader
 
-from tests.support.rollouts import make_frames, make_images, make_rollout
+from tests.support.rollouts import make_frames, make_images, make_rollout, with_body
 from tests.test_mcap_rollout import assert_same
 from vlnpe.formats.camera import CameraModel, DepthRange
 from vlnpe.formats.depth_codes import depth_to_codes
@@ -103,7 +103,7 @@ def test_topics_have_foxgloves_own_schemas(written: tuple[Path, Rollout, Path]) 
         summary = make_reader(file, validate_crcs=True).get_summary()
     assert summary is not None
     topics = {c.topic: summary.schemas[c.schema_id] for c in summary.channels.values()}
-    assert set(topics) == {*OFFICIAL, "/state", "/command", "/action"}
+    assert set(topics) == {*OFFICIAL, "/state", "/command", "/action", "/imu", "/foot_contact"}
     for topic, name in OFFICIAL.items():
         official = getattr(foxglove.messages, name).get_schema()
         assert topics[topic].name == official.name == f"foxglove.{name}"
@@ -209,6 +209,29 @@ def test_calibration_joints_commands_actions_events_plan(
     entity = topics["/plan"][0][1].entities[0]
     line = [(p.x, p.y, p.z) for p in entity.lines[0].points]
     np.testing.assert_array_equal(line, rollout.episode.reference_path_world_m)
+
+
+@pytest.mark.parametrize(("joints", "feet"), [(29, 2), (0, 0)])
+def test_every_sensor_of_any_body_has_its_name_and_unit(
+    tmp_path: Path, joints: int, feet: int
+) -> None:
+    rollout = with_body(make_rollout(1.0), joints, feet)
+    write_frame_folder(tmp_path / "frames", rollout)
+    write_episode_mcap(tmp_path / "a.mcap", rollout, tmp_path / "frames")
+    topics = decode(tmp_path / "a.mcap")
+    for k, (at, imu) in enumerate(topics["/imu"]):
+        i = 5 * k
+        assert at == round(rollout.time_s[i] * 1e9)
+        assert [imu[f"specific_force_{c}_base_m_s2"] for c in "xyz"] == rollout.imu[i, :3].tolist()
+        assert [imu[f"angular_rate_{c}_base_rad_s"] for c in "xyz"] == rollout.imu[i, 3:].tolist()
+        names = [joint.name for joint in topics["/joint_states"][k][1].joints]
+        assert tuple(names) == rollout.joint_names
+        if feet:
+            touching = dict(zip(rollout.foot_names, rollout.foot_contact[i].tolist(), strict=True))
+            assert topics["/foot_contact"][k][1] == touching
+    assert len(topics["/imu"]) == 21
+    assert ("/foot_contact" in topics) == bool(feet)
+    assert_same(rollout, read_rollout(tmp_path / "a.mcap"))
 
 
 @pytest.mark.parametrize("rate", [1, 10, 50])

@@ -15,6 +15,7 @@ MEANING = {
     "observation.state": "base pose in the start frame; velocities in the base frame",
     "observation.joints": "joint positions, then joint velocities",
     "observation.imu": "specific force and angular rate in the base frame",
+    "observation.foot_contact": "1 where a foot touches, else 0",
     "observation.camera_pose": "pose of the camera's optical frame in the start frame",
     "observation.progress": "frame number over the last frame's",
     "action": "motion to the next frame, in this frame's yaw frame",
@@ -70,7 +71,7 @@ Vision-and-Language Navigation, LeRobot {info["codebase_version"]}, robot `{info
 - Start frame: the floor under the base at the first frame, z up, initial yaw 0.
 - Frame t precedes `action[t]`; the last frame's action is STOP with zero motion.
 - Depth is valid up to {depth["video.depth_max"]} m; readings invalid or out of range are 0.
-- Episodes end as they ended: falls and failures are included. `outcome` in `meta/episodes` tells
+- Episodes end as they ended: falls and failures are included. `end_reason` in `meta/episodes` tells
   which; only `success` is one. `action_discrete_derived` tells that `action.discrete` is the
   nearest action to the motion of a continuous controller and was not executed as such.
 - `meta/episodes` also has scene, split, trajectory, all instructions, reference path, start and

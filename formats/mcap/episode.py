@@ -59,6 +59,8 @@ CALIBRATION_TOPIC = "/camera/calibration"
 CAMERA_TRANSFORM_TOPIC = "/camera/tf"
 COMMAND_TOPIC = "/command"
 ACTION_TOPIC = "/action"
+IMU_TOPIC = "/imu"
+FOOT_TOPIC = "/foot_contact"
 
 
 def write_episode_mcap(
@@ -104,6 +106,8 @@ def write_episode_mcap(
             state_messages(recording, rollout),
             motion_messages(recording, rollout, every),
             _command_messages(recording, rollout, every),
+            _imu_messages(recording, rollout, every),
+            _foot_messages(recording, rollout, every),
             _action_messages(recording, rollout),
             _camera_messages(recording, rollout, view),
             event_messages(recording, rollout),
@@ -192,6 +196,30 @@ def _command_messages(recording: Recording, rollout: Rollout, every: int) -> Ite
     for i in range(0, len(rollout.time_s), every):
         at = nanoseconds(rollout.time_s[i])
         message: dict[str, Any] = dict(zip(names, rollout.command[i].tolist(), strict=True))
+        yield at, lambda message=message, at=at: channel.log(message, log_time=at)
+
+
+def _imu_messages(recording: Recording, rollout: Rollout, every: int) -> Iterator[Write]:
+    """What the inertial sensor in the base feels."""
+    names = [f"specific_force_{c}_base_m_s2" for c in "xyz"]
+    names += [f"angular_rate_{c}_base_rad_s" for c in "xyz"]
+    channel = _json_channel(recording, IMU_TOPIC, "vlnpe.Imu", dict.fromkeys(names, "number"))
+    for i in range(0, len(rollout.time_s), every):
+        at = nanoseconds(rollout.time_s[i])
+        message: dict[str, Any] = dict(zip(names, rollout.imu[i].tolist(), strict=True))
+        yield at, lambda message=message, at=at: channel.log(message, log_time=at)
+
+
+def _foot_messages(recording: Recording, rollout: Rollout, every: int) -> Iterator[Write]:
+    """Which feet touch, by name."""
+    names = rollout.foot_names
+    if not names:
+        return
+    fields = dict.fromkeys(names, "boolean")
+    channel = _json_channel(recording, FOOT_TOPIC, "vlnpe.FootContact", fields)
+    for i in range(0, len(rollout.time_s), every):
+        at = nanoseconds(rollout.time_s[i])
+        message: dict[str, Any] = dict(zip(names, rollout.foot_contact[i].tolist(), strict=True))
         yield at, lambda message=message, at=at: channel.log(message, log_time=at)
 
 

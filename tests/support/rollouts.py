@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from vlnpe.formats.episode import Episode
@@ -106,6 +108,22 @@ def make_rollout(
             duration_s=float(time[-1]),
         ),
         facts={"mass_kg": 24.64, "policy": "trot", "seed": number},
+    )
+
+
+def with_body(rollout: Rollout, joints: int, feet: int) -> Rollout:
+    """The same walk of another body; the joints' and feet's numbers are made up."""
+    rng = np.random.default_rng(joints)
+    count = len(rollout.time_s)
+    return replace(
+        rollout,
+        robot=f"body-{joints}-{feet}",
+        joint_names=tuple(f"joint_{k:02d}" for k in range(joints)),
+        joint_position_rad=rng.normal(size=(count, joints)),
+        joint_velocity_rad_s=rng.normal(size=(count, joints)),
+        joint_torque_nm=rng.normal(size=(count, joints)),
+        foot_names=("left_foot", "right_foot")[:feet],
+        foot_contact=rng.random((count, feet)) > 0.5,
     )
 
 
