@@ -284,7 +284,7 @@ class _Run:
             robot=world.robot.name,
             controller=config.controller,
             joint_names=world.robot.joint_names,
-            foot_names=world.robot.foot_geoms,
+            foot_names=world.robot.foot_names,
             actions=tuple(spans),
             events=tuple(self.events),
             end_reason=end,

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..formats.freemap import Freemap
 from ..formats.scene_bundle import SceneBundle
 from .controllers import Pose
-from .locomotion.policy import GaitPolicy
+from .drives import gait_for
 from .physics import FloorSurface, LevelModelConfig, ObstacleGate, level_model
 from .robots import RobotHandles, RobotSpec
 
@@ -23,7 +23,7 @@ TOUCHING_M = -0.001  # a start is in collision when something is deeper inside a
 
 
 class Gait(Protocol):
-    """What moves the joints; `GaitPolicy` is one."""
+    """What moves the joints; `drives` has those of wheels and of trained policies."""
 
     def reset(self) -> None:
         """Forget everything; called at the start of every rollout."""
@@ -85,8 +85,8 @@ class World:
         floor_z = float(self.surface.height_at((pose.x_m, pose.y_m)))
         self.handles.spawn(self.data, pose.x_m, pose.y_m, floor_z, pose.yaw_rad)
         mujoco.mj_kinematics(self.model, self.data)
-        feet = self.data.geom_xpos[self.handles.foot_geoms]
-        radius = self.model.geom_rbound[self.handles.foot_geoms]
+        soles = self.handles.sole_geoms.ravel()
+        feet, radius = self.data.geom_xpos[soles], self.model.geom_rbound[soles]
         ring = np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])
         under = feet[:, None, :2] + radius[:, None, None] * ring
         gap = (feet[:, 2] - radius)[:, None] - self.surface.height_at(under)
@@ -126,13 +126,13 @@ def open_world(
     config: LevelModelConfig | None = None,
     cache_dir: Path | None = None,
 ) -> World:
-    """Build or load the physics of a level with `robot` and its trained gait.
+    """Build or load the physics of a level with `robot` and what moves it.
 
     Args:
         bundle: the scene.
         level: which of its levels.
         robot: whom.
-        gait: what moves the joints; the robot's committed policy when None.
+        gait: what moves the joints; the robot's own wheels or policy when None.
         config: how the level becomes physics.
         cache_dir: where compiled models are kept; none are when None.
 
@@ -152,7 +152,7 @@ def open_world(
         data=data,
         handles=handles,
         base=data.qpos[handles.root_qpos : handles.root_qpos + 7],
-        gait=gait or GaitPolicy.load(robot),
+        gait=gait or gait_for(robot),
         surface=surface,
         freemap=bundle.freemap(level),
         obstacles=int(np.count_nonzero(model.geom_bodyid == 0)),

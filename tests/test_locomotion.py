@@ -21,7 +21,7 @@ from vlnpe.collectors.locomotion.evaluate import (
     standing,
     velocity_errors,
 )
-from vlnpe.collectors.locomotion.gait import GAITS
+from vlnpe.collectors.locomotion.gaits import GAITS
 from vlnpe.collectors.locomotion.observation import (
     layout,
     observe,

@@ -16,7 +16,7 @@ from tensordict import TensorDict
 from vlnpe.collectors.locomotion import GaitPolicy, train
 from vlnpe.collectors.locomotion.commands import sample_commands
 from vlnpe.collectors.locomotion.export import actor_to_onnx
-from vlnpe.collectors.locomotion.gait import GAITS
+from vlnpe.collectors.locomotion.gaits import GAITS
 from vlnpe.collectors.locomotion.mirror import mirror_joints, mirror_observation, mirrored
 from vlnpe.collectors.locomotion.policy import _session
 from vlnpe.collectors.locomotion.terrain import Terrain, noise_terrain, rough_terrain

@@ -136,8 +136,8 @@ def test_the_floor_ends_outside_the_building(tmp_path: Path) -> None:
 def test_a_spawned_robot_stands_on_the_floor(tmp_path: Path, robot: RobotSpec) -> None:
     world = open_world(with_floor(tmp_path, slope), 0, robot, Limp(robot))
     world.spawn(Pose(2.0, 1.5, 0.7))
-    feet = world.data.geom_xpos[world.handles.foot_geoms]
-    low = feet[:, 2] - world.model.geom_rbound[world.handles.foot_geoms]
+    feet = world.data.geom_xpos[world.handles.sole_geoms.ravel()]
+    low = feet[:, 2] - world.model.geom_rbound[world.handles.sole_geoms.ravel()]
     gap = low - world.surface.height_at(feet[:, :2])
     assert 0.0 < gap.min() < 0.02
     assert not world.in_collision()

@@ -28,10 +28,10 @@ class PolicyCard:
         robot: registry name.
         physics_hash: `RobotSpec.physics_hash()` of the model it was trained on.
         observation: blocks (name, width) in order, as `observation.layout`.
-        joints: joint order of action and observation.
+        joints: the joints of action and observation, in order.
         action_scale_rad: joint target = default + gait reference + scale × action.
         action_clip: actions are clipped to ± this.
-        default_joint_rad, kp, kd, torque_nm: per joint.
+        default_joint_rad, kp, kd, torque_nm: per joint of the robot.
         rate_hz: calls per second.
         gait: the gait clock.
         onnx_sha256: digest of the ONNX file.
@@ -63,8 +63,8 @@ class PolicyCard:
         """
         pairs = (
             ("robot", self.robot, robot.name),
-            ("joints", self.joints, robot.joint_names),
-            ("observation layout", self.observation, layout(len(robot.joints))),
+            ("joints", self.joints, robot.policy_joint_names),
+            ("observation layout", self.observation, layout(robot.policy_joints)),
             ("action scale", self.action_scale_rad, robot.action_scale_rad),
             ("model hash", self.physics_hash, robot.physics_hash()),
         )
@@ -91,8 +91,8 @@ def load_card(path: Path) -> PolicyCard:
         gait = values["gait"]
         for key in ("foot_offsets", "stand_rad"):
             gait[key] = tuple(gait[key])
-        for key in ("swing_rad", "stance_rad", "forward_rad", "left_rad", "foot_xy_m"):
-            gait[key] = tuple(tuple(row) for row in gait[key])
+        for key in ("swing_rad", "stance_rad", "forward_rad", "left_rad", "turn_rad", "foot_xy_m"):
+            gait[key] = tuple(tuple(row) for row in gait.get(key, ()))
         values["gait"] = GaitClock(**gait)
         values["observation"] = [(str(n), int(w)) for n, w in values["observation"]]
         for key in ("joints", "default_joint_rad", "kp", "kd", "torque_nm"):

@@ -14,7 +14,7 @@ from onnx import TensorProto, helper, numpy_helper
 from ...formats.atomic import atomic_file
 from ..robots import POLICY_DECIMATION, TIMESTEP_S, RobotSpec
 from .card import PolicyCard, save_card
-from .gait import GAITS
+from .gaits import GAITS
 from .observation import layout
 from .training_config import TrainingConfig
 
@@ -70,8 +70,8 @@ def write_policy(
     card = PolicyCard(
         robot=robot.name,
         physics_hash=robot.physics_hash(),
-        observation=layout(len(robot.joints)),
-        joints=robot.joint_names,
+        observation=layout(robot.policy_joints),
+        joints=robot.policy_joint_names,
         action_scale_rad=robot.action_scale_rad,
         action_clip=config.action_clip,
         default_joint_rad=tuple(joint.default_rad for joint in robot.joints),

@@ -29,6 +29,8 @@ class GaitClock:
         forward_rad, left_rad: F rows of J joint offsets [rad per m/s] at the start of each foot's
             swing for a stance that carries the foot backwards or to the right.
         foot_xy_m: (F, 2) where the feet stand under the base, for turning.
+        turn_rad: F rows of J joint offsets [rad per rad/s] at the start of each foot's swing for a
+            stance over which the body turns left; none for robots without such joints.
         lead_cycles: how far the reference runs ahead of the clock, because soft servos lag.
         stand_linear_m_s, stand_yaw_rad_s: commands below both mean "stand still".
     """
@@ -42,6 +44,7 @@ class GaitClock:
     left_rad: tuple[tuple[float, ...], ...]
     foot_xy_m: tuple[tuple[float, float], ...]
     lead_cycles: float
+    turn_rad: tuple[tuple[float, ...], ...] = ()
     stand_linear_m_s: float = 0.03
     stand_yaw_rad_s: float = 0.05
 
@@ -68,35 +71,35 @@ class GaitClock:
         # Half a stride ahead of the rest position at touch-down, half a stride behind at lift-off.
         forward = cosine * (command[:, :1] - command[:, 2:] * y)
         left = cosine * (command[:, 1:2] + command[:, 2:] * x)
-        amounts = np.concatenate([swing, bump - swing, forward, left], axis=1)
+        amounts = [swing, bump - swing, forward, left]
+        if self.turn_rad:
+            amounts.append(cosine * command[:, 2:])
+        amounts = np.concatenate(amounts, axis=1)
         return stand + (amounts @ motion) * moving[:, None]
 
     @cached_property
     def _arrays(self) -> tuple[Array, Array, Array, Array, Array]:
-        """Stand pose, stacked motion rows (4F, J), phase offsets and foot places, as arrays."""
-        rows = (*self.swing_rad, *self.stance_rad, *self.forward_rad, *self.left_rad)
+        """Stand pose, stacked motion rows, phase offsets and foot places, as arrays."""
+        rows = (
+            *self.swing_rad,
+            *self.stance_rad,
+            *self.forward_rad,
+            *self.left_rad,
+            *self.turn_rad,
+        )
         x, y = np.array(self.foot_xy_m).T
         return np.array(self.stand_rad), np.array(rows), np.array(self.foot_offsets), x, y
 
 
-def _per_leg(hip: float, thigh: float, calf: float) -> tuple[tuple[float, ...], ...]:
-    """Rows of a block-diagonal (4, 12) matrix: each foot moves the joints of its own leg."""
-    leg = (hip, thigh, calf)
-    return tuple((0.0,) * 3 * foot + leg + (0.0,) * 3 * (3 - foot) for foot in range(4))
+def joint_targets(default_rad: Array, reference: Array, scale_rad: float, action: Array) -> Array:
+    """Servo targets (N, J) [rad]: default pose and reference, plus the policy's share.
 
-
-# Diagonal pairs together (order FL, FR, RL, RR), each leg folding by thigh and calf.
-TROT = GaitClock(
-    frequency_hz=2.0,
-    foot_offsets=(0.0, 0.5, 0.5, 0.0),
-    stand_rad=(0.0, 0.04, 0.1) * 4,
-    swing_rad=_per_leg(0.0, 0.25, -0.5),
-    stance_rad=_per_leg(0.0, 0.0, 0.3),
-    # A stance of 0.25 s under a leg of 0.33 m: 0.125 s × v / 0.33 m to either side.
-    forward_rad=_per_leg(0.0, 0.38, 0.0),
-    left_rad=_per_leg(-0.38, 0.0, 0.0),
-    foot_xy_m=((0.24, 0.134), (0.24, -0.134), (-0.24, 0.134), (-0.24, -0.134)),
-    lead_cycles=0.12,
-)
-
-GAITS: dict[str, GaitClock] = {"aliengo": TROT}
+    Args:
+        default_rad: (J,).
+        reference: (N, J) joint offsets of the gait clock.
+        scale_rad: of the actions.
+        action: (N, P) for the first P ≤ J joints; the others follow the reference alone.
+    """
+    targets = default_rad + reference
+    targets[:, : action.shape[1]] += scale_rad * action
+    return targets

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,11 +24,17 @@ _BLOCK_SIGNS = {
 
 
 def mirror_joints(robot: RobotSpec) -> tuple[list[int], list[int]]:
-    """Permutation and signs that mirror joint vectors, by the names' left and right marks."""
-    names = list(robot.joint_names)
-    swap = {"FL": "FR", "FR": "FL", "RL": "RR", "RR": "RL"}
-    order = [names.index(swap[name[:2]] + name[2:]) for name in names]
-    return order, [-1 if "_hip_" in name else 1 for name in names]
+    """Permutation and signs that mirror vectors of policy joints.
+
+    Sides are told by the names' first part; a joint about the y axis keeps its sense under a
+    reflection of y, joints about x and z reverse theirs.
+    """
+    names = list(robot.policy_joint_names)
+    other = {"FL": "FR", "FR": "FL", "RL": "RR", "RR": "RL", "left": "right", "right": "left"}
+    sides = [name.split("_", 1) for name in names]
+    order = [names.index(f"{other[side]}_{rest}") for side, rest in sides]
+    model = robot.build_model(floor=False)
+    return order, [1 if abs(model.joint(name).axis[1]) > 0.5 else -1 for name in names]
 
 
 def mirror_observation(robot: RobotSpec) -> tuple[list[int], list[int]]:
@@ -35,7 +42,7 @@ def mirror_observation(robot: RobotSpec) -> tuple[list[int], list[int]]:
     order: list[int] = []
     signs: list[int] = []
     joint_order, joint_signs = mirror_joints(robot)
-    for name, width in layout(len(robot.joints)):
+    for name, width in layout(robot.policy_joints):
         start = len(order)
         if name in _BLOCK_SIGNS:
             order += range(start, start + width)
@@ -46,6 +53,24 @@ def mirror_observation(robot: RobotSpec) -> tuple[list[int], list[int]]:
     return order, signs
 
 
+@dataclass(frozen=True)
+class Symmetry:
+    """Mirroring of one robot's observations and actions as index and sign tensors."""
+
+    observation_order: torch.Tensor
+    observation_signs: torch.Tensor
+    joint_order: torch.Tensor
+    joint_signs: torch.Tensor
+
+    @classmethod
+    def of(cls, robot: RobotSpec) -> Symmetry:
+        """Look the robot's mirror images up, once."""
+        tensors = []
+        for order, signs in (mirror_observation(robot), mirror_joints(robot)):
+            tensors += [torch.tensor(order), torch.tensor(np.asarray(signs, dtype=np.float32))]
+        return cls(*tensors)
+
+
 def mirrored(
     env: Any, obs: TensorDict | None, actions: torch.Tensor | None
 ) -> tuple[TensorDict | None, torch.Tensor | None]:
@@ -53,21 +78,18 @@ def mirrored(
 
     The critic's privileged group is repeated unmirrored: only the actor's mirror loss uses this.
     """
+    mirror: Symmetry = env.symmetry
     if obs is not None:
-        order, signs = _tensors(*mirror_observation(env.robot))
         both = obs["policy"]
+        image = both[:, mirror.observation_order] * mirror.observation_signs
         obs = TensorDict(
             {
-                "policy": torch.cat([both, both[:, order] * signs]),
+                "policy": torch.cat([both, image]),
                 "privileged": obs["privileged"].repeat(2, 1),
             },
             batch_size=[2 * len(both)],
         )
     if actions is not None:
-        order, signs = _tensors(*mirror_joints(env.robot))
-        actions = torch.cat([actions, actions[:, order] * signs])
+        image = actions[:, mirror.joint_order] * mirror.joint_signs
+        actions = torch.cat([actions, image])
     return obs, actions
-
-
-def _tensors(order: list[int], signs: list[int]) -> tuple[torch.Tensor, torch.Tensor]:
-    return torch.tensor(order), torch.tensor(np.asarray(signs, dtype=np.float32))

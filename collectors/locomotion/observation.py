@@ -38,21 +38,25 @@ class RobotState:
 
 
 def states_of(qpos: Array, qvel: Array, handles: RobotHandles) -> RobotState:
-    """States of N robots from generalised positions (N, nq) and velocities (N, nv)."""
+    """States of N robots from generalised positions (N, nq) and velocities (N, nv).
+
+    Of the joints only those that a policy moves, J of them.
+    """
+    joints = handles.robot.policy_joints
     q, v = handles.root_qpos, handles.root_dof
     quat_wxyz = qpos[:, q + 3 : q + 7]
     return RobotState(
         linear_velocity_m_s=rotate_to_base(quat_wxyz, qvel[:, v : v + 3]),
         angular_velocity_rad_s=qvel[:, v + 3 : v + 6],
         gravity=gravity_in_base(quat_wxyz),
-        joint_rad=qpos[:, handles.joint_qpos],
-        joint_rad_s=qvel[:, handles.joint_dof],
+        joint_rad=qpos[:, handles.joint_qpos[:joints]],
+        joint_rad_s=qvel[:, handles.joint_dof[:joints]],
     )
 
 
 def state_of(data: mujoco.MjData, handles: RobotHandles) -> RobotState:
     """State of one robot, as `states_of` with N = 1 and five times as fast."""
-    q, v = handles.root_qpos, handles.root_dof
+    q, v, joints = handles.root_qpos, handles.root_dof, handles.robot.policy_joints
     to_base, velocity, gravity = np.empty(4), np.empty((1, 3)), np.empty((1, 3))
     qpos, qvel = data.qpos, data.qvel
     mujoco.mju_negQuat(to_base, qpos[q + 3 : q + 7])
@@ -62,8 +66,8 @@ def state_of(data: mujoco.MjData, handles: RobotHandles) -> RobotState:
         linear_velocity_m_s=velocity,
         angular_velocity_rad_s=qvel[None, v + 3 : v + 6],
         gravity=gravity,
-        joint_rad=qpos[None, handles.joint_qpos],
-        joint_rad_s=qvel[None, handles.joint_dof],
+        joint_rad=qpos[None, handles.joint_qpos[:joints]],
+        joint_rad_s=qvel[None, handles.joint_dof[:joints]],
     )
 
 

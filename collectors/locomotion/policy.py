@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...formats.errors import FileFormatError
 from ..robots import RobotHandles, RobotSpec
 from .card import POLICY_FOLDER, PolicyCard, PolicyMismatchError, load_card
+from .gait import joint_targets
 from .observation import observe, state_of
 
 __all__ = ["GaitPolicy", "PolicyMismatchError"]
@@ -65,7 +66,7 @@ class GaitPolicy:
     def reset(self) -> None:
         """Forget clock and last action; call at the start of every rollout."""
         self._phase = np.zeros(1)
-        self._action = np.zeros((1, len(self.robot.joints)))
+        self._action = np.zeros((1, self.robot.policy_joints))
 
     def act(self, data: mujoco.MjData, command: ArrayLike) -> NDArray[np.float64]:
         """Joint position targets [rad] for the next 20 ms; write them to `ctrl` of the servos.
@@ -82,12 +83,14 @@ class GaitPolicy:
         wanted = self.robot.command_limits.clip(np.asarray(command, dtype=np.float64)[None])
         moving = self.card.gait.moving(wanted)
         self._phase = self.card.gait.advance(self._phase, moving, 1.0 / self.card.rate_hz)
+        zero = self._default[: self.robot.policy_joints]
         observation = observe(
-            state_of(data, handles), self._default, wanted, self._phase, moving, self._action
+            state_of(data, handles), zero, wanted, self._phase, moving, self._action
         )
         self._action = self.infer(observation)
         reference = self.card.gait.reference(self._phase, moving, wanted)
-        return (self._default + reference + self.card.action_scale_rad * self._action)[0]
+        scale = self.card.action_scale_rad
+        return joint_targets(self._default, reference, scale, self._action)[0]
 
     def infer(self, observation: NDArray[np.float64]) -> NDArray[np.float64]:
         """Actions (N, J) for observations (N, D) in the layout of `observation.py`; stateless."""

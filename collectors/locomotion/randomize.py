@@ -25,7 +25,7 @@ def randomize_models(
     gain = rng.uniform(*config.gain_scale, n)
     shift = rng.uniform(-config.com_shift_m, config.com_shift_m, (n, 3))
     feet = batch.expand("geom_friction")
-    feet[:, handles.foot_geoms, 0] = friction[:, None]
+    feet[:, handles.sole_geoms.ravel(), 0] = friction[:, None]
     batch.expand("body_mass")[:] *= mass[:, None]
     batch.expand("body_inertia")[:] *= mass[:, None, None]
     batch.expand("body_ipos")[:, handles.root_body] += shift

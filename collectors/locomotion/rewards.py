@@ -50,9 +50,10 @@ class BodyFacts:
     """Constants of the robot that the reward needs."""
 
     base_height_m: float
+    default_joint_rad: Array  # (J,)
     stand_joint_rad: Array  # (J,)
     joint_range_rad: Array  # (J, 2)
-    abduction: NDArray[np.bool_]  # (J,)
+    sideways: NDArray[np.bool_]  # (J,) joints about other axes than y
 
 
 def reward_terms(s: StepFacts, body: BodyFacts, config: TrainingConfig) -> dict[str, Array]:
@@ -86,7 +87,7 @@ def reward_terms(s: StepFacts, body: BodyFacts, config: TrainingConfig) -> dict[
         "swing_height": np.sum(np.minimum(s.foot_height_m - arc, 0.0) ** 2 * swing, axis=1)
         + 0.3 * np.sum(np.maximum(s.foot_height_m - arc, 0.0) ** 2, axis=1),
         "foot_slip": np.sum(np.minimum(s.foot_speed_m_s, 1.0) ** 2 * s.foot_contact, axis=1),
-        "abduction": np.sum(s.joint_rad[:, body.abduction] ** 2, axis=1),
+        "sideways": np.sum((s.joint_rad - body.default_joint_rad)[:, body.sideways] ** 2, axis=1),
         "stand_pose": np.sum(np.abs(s.joint_rad - body.stand_joint_rad), axis=1) * still,
         "stand_joint_velocity": np.sum(s.joint_rad_s**2, axis=1) * still,
         "joint_limit": np.sum(beyond, axis=1),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class RewardWeights:
     contact_schedule: float = 0.8
     swing_height: float = -60.0
     foot_slip: float = -0.6
-    abduction: float = -0.4
+    sideways: float = -0.4
     stand_pose: float = -1.0
     stand_joint_velocity: float = -0.02
     joint_limit: float = -5.0
@@ -42,7 +42,7 @@ class TrainingConfig:
         command_s: range of times between new commands.
         command_margin: commands are drawn from the robot's limits times this.
         swing_height_m: height of the foot's arc above the ground.
-        stand_joint_rad: pose to stand in, per leg (hip, thigh, calf), at the base height wanted.
+        stand_joint_rad: pose to stand in, per leg, at the base height wanted.
         friction, mass_scale, gain_scale: ranges drawn once per simulation.
         com_shift_m: largest shift of the base's centre of mass along each axis.
         latency_substeps: largest delay of an action, in physics steps.
@@ -58,7 +58,7 @@ class TrainingConfig:
     command_s: tuple[float, float] = (2.0, 6.0)
     command_margin: float = 1.1
     swing_height_m: float = 0.08
-    stand_joint_rad: tuple[float, float, float] = (0.0, 0.841, -1.682)
+    stand_joint_rad: tuple[float, ...] = (0.0, 0.841, -1.682)
     friction: tuple[float, float] = (0.4, 1.2)
     mass_scale: tuple[float, float] = (0.85, 1.15)
     gain_scale: tuple[float, float] = (0.9, 1.1)
@@ -126,8 +126,23 @@ def ppo_config(config: TrainingConfig, seed: int) -> dict:
     }
 
 
+# Actions of half the Aliengo's scale are twice as large, torques an order of magnitude.
+_HUMANOID = RewardWeights(
+    torque=-1e-5, action_rate=-0.01, action_jerk=-0.005, tilt=-8.0, contact_schedule=1.2
+)
+H1_FLAT = TrainingConfig(
+    stand_joint_rad=(0.0, 0.0, -0.332, 0.8, -0.468), rewards=_HUMANOID, push_m_s=0.7
+)
+G1_FLAT = TrainingConfig(
+    stand_joint_rad=(-0.109, 0.0, 0.0, 0.3, -0.191, 0.0),
+    rewards=replace(_HUMANOID, torque=-2e-5),
+    push_m_s=0.7,
+)
+
 # Phases of training, in order: settings and PPO iterations. The Aliengo needs no rough ground to
 # walk on 6 cm bumps: its card's evaluation says so.
 PHASES: dict[str, tuple[tuple[TrainingConfig, int], ...]] = {
     "aliengo": ((TrainingConfig(), 440),),
+    "h1": ((H1_FLAT, 1000),),
+    "g1": ((G1_FLAT, 1000),),
 }

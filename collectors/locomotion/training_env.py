@@ -14,7 +14,9 @@ from tensordict import TensorDict
 
 from ..robots import POLICY_DECIMATION, TIMESTEP_S, RobotHandles, RobotSpec, apply_physics_options
 from .commands import sample_commands
-from .gait import GAITS
+from .gait import joint_targets
+from .gaits import GAITS
+from .mirror import Symmetry
 from .observation import RobotState, layout, observe, states_of
 from .randomize import randomize_models
 from .rewards import SMOOTHNESS_TERMS, BodyFacts, StepFacts, reward_terms
@@ -23,7 +25,6 @@ from .training_config import TrainingConfig
 
 Array = NDArray[np.float64]
 STEP_S = TIMESTEP_S * POLICY_DECIMATION
-MEAN_S = 0.25  # time constant of the running mean velocities
 
 
 def build_training_model(robot: RobotSpec, terrain: Terrain) -> mujoco.MjModel:
@@ -49,12 +50,15 @@ class GaitEnv(VecEnv):
         self.gait = GAITS[robot.name]
         self.cfg = asdict(config)
         self.device = "cpu"
-        self.num_envs, self.num_actions = config.envs, len(robot.joints)
+        self.num_envs, self.num_actions = config.envs, robot.policy_joints
         self.max_episode_length = round(config.episode_s / STEP_S)
         self.episode_length_buf = torch.zeros(config.envs, dtype=torch.long)
         model = build_training_model(robot, terrain)
         self.handles = RobotHandles.find(robot, model)
-        self._foot_radius = model.geom_rbound[self.handles.foot_geoms]
+        self._sole_radius = model.geom_rbound[self.handles.sole_geoms]
+        self.symmetry = Symmetry.of(robot)
+        self._default = robot.default_joint_rad
+        self._zero = self._default[: robot.policy_joints]
         self.batch = Batch(model, config.envs, threads)
         self.physical = randomize_models(self.batch, self.handles, config, rng)
         self._qpos, self._qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
@@ -65,12 +69,12 @@ class GaitEnv(VecEnv):
         self._noise = np.concatenate(
             [np.full(w, config.noise.get(name, 0.0)) for name, w in layout(self.num_actions)]
         )
-        names = robot.joint_names
         self._body = BodyFacts(
             base_height_m=robot.base_height_m,
-            stand_joint_rad=np.tile(config.stand_joint_rad, len(robot.foot_geoms)),
-            joint_range_rad=np.array([joint.range_rad for joint in robot.joints]),
-            abduction=np.array(["_hip_" in name for name in names]),
+            default_joint_rad=self._zero,
+            stand_joint_rad=np.tile(config.stand_joint_rad, len(robot.feet)),
+            joint_range_rad=np.array([j.range_rad for j in robot.joints[: robot.policy_joints]]),
+            sideways=self.symmetry.joint_signs.numpy() < 0,
         )
         self._latency = rng.integers(0, config.latency_substeps + 1, config.envs)
         # Control vectors follow the model's actuator order, which is the policy's here.
@@ -79,9 +83,9 @@ class GaitEnv(VecEnv):
         self._reset(np.arange(self.num_envs))
 
     def _allocate(self) -> None:
-        n, j, f = self.num_envs, self.num_actions, len(self.robot.foot_geoms)
+        n, j, f = self.num_envs, self.num_actions, len(self.robot.feet)
         self._action, self._previous, self._older = (np.zeros((n, j)) for _ in range(3))
-        self._target = np.tile(self.robot.default_joint_rad, (n, 1))
+        self._target = np.tile(self._default, (n, 1))
         self._command, self._phase = np.zeros((n, 3)), np.zeros(n)
         self._moving = np.zeros(n, dtype=bool)
         self._next_command, self._next_push = np.zeros(n), np.zeros(n)
@@ -97,7 +101,7 @@ class GaitEnv(VecEnv):
         """Current observations: group `policy` (noisy) and group `privileged` (critic only)."""
         clean = observe(
             self._state(),
-            self.robot.default_joint_rad,
+            self._zero,
             self._command,
             self._phase,
             self._moving,
@@ -161,10 +165,9 @@ class GaitEnv(VecEnv):
 
     def _advance_physics(self) -> None:
         late = self._target
-        self._target = target = (
-            self.robot.default_joint_rad
-            + self.gait.reference(self._phase, self._moving, self._command)
-            + self.robot.action_scale_rad * self._action
+        reference = self.gait.reference(self._phase, self._moving, self._command)
+        self._target = target = joint_targets(
+            self._default, reference, self.robot.action_scale_rad, self._action
         )
         # Each simulation applies the new target some physics steps late.
         fresh = np.arange(POLICY_DECIMATION) >= self._latency[:, None]
@@ -177,17 +180,18 @@ class GaitEnv(VecEnv):
     def _measure(self) -> StepFacts:
         state = self._state()
         linear, angular = state.linear_velocity_m_s, state.angular_velocity_rad_s
-        blend = STEP_S / MEAN_S
+        # The gait makes the velocity swing: means go over about half a cycle.
+        blend = STEP_S * 2.0 * self.gait.frequency_hz
         self._linear_mean = self._linear_mean + blend * (linear[:, :2] - self._linear_mean)
         self._yaw_mean = self._yaw_mean + blend * (angular[:, 2] - self._yaw_mean)
-        position = self._geom_xpos[:, self.handles.foot_geoms]
+        soles = self._geom_xpos[:, self.handles.sole_geoms]
+        position = soles.mean(axis=2)
         # A robot that was just placed has no foot velocity yet.
         speed = np.linalg.norm((position - self._foot_position)[..., :2], axis=-1) / STEP_S
         speed *= self._age[:, None] > 1
         self._foot_position = position.copy()
-        self._foot_height = (
-            position[..., 2] - self._foot_radius - self.terrain.at(position[..., :2])
-        )
+        self._sole_z = soles[..., 2] - self._sole_radius
+        self._foot_height = (self._sole_z - self.terrain.at(soles[..., :2])).min(axis=-1)
         self._foot_contact = self._sensors[:, self.handles.foot_touch] > 1.0
         base = self._qpos[:, self.handles.root_qpos : self.handles.root_qpos + 3]
         self._height = base[:, 2] - self.terrain.at(position[..., :2]).mean(axis=1)
@@ -202,7 +206,7 @@ class GaitEnv(VecEnv):
             yaw_mean=self._yaw_mean,
             gravity=state.gravity,
             height_m=self._height,
-            torque_nm=self._force[:, self.handles.actuators],
+            torque_nm=self._force[:, self.handles.actuators[: self.num_actions]],
             joint_rad=state.joint_rad,
             joint_rad_s=state.joint_rad_s,
             joint_acceleration=acceleration,
@@ -220,8 +224,8 @@ class GaitEnv(VecEnv):
         slack, g, fall = 1.3, facts.gravity, self.robot.fall
         roll = np.abs(np.arctan2(-g[:, 1], -g[:, 2]))
         pitch = np.abs(np.arcsin(np.clip(g[:, 0], -1, 1)))
-        soles = self._foot_position[..., 2] - self._foot_radius
-        low = self._com[:, self.handles.root_body, 2] - soles.min(axis=1) < fall.com_to_foot_m
+        lowest = self._sole_z.min(axis=(1, 2))
+        low = self._com[:, self.handles.root_body, 2] - lowest < fall.com_to_foot_m
         broken = ~np.isfinite(self._qpos).all(axis=1) | (np.abs(self._qvel).max(axis=1) > 100)
         return (roll > slack * fall.roll_rad) | (pitch > slack * fall.pitch_rad) | low | broken
 
@@ -259,11 +263,11 @@ class GaitEnv(VecEnv):
         yaw = rng.uniform(-np.pi, np.pi, n)
         half = np.stack([np.cos(yaw / 2), np.zeros(n), np.zeros(n), np.sin(yaw / 2)], axis=1)
         self._qpos[ids, q + 3 : q + 7] = half
-        joints = self.robot.default_joint_rad + rng.uniform(-0.12, 0.12, (n, self.num_actions))
+        joints = self._default + rng.uniform(-0.12, 0.12, (n, len(self._default)))
         self._qpos[np.ix_(ids, h.joint_qpos)] = joints
         self._qvel[ids, v : v + 6] = rng.uniform(-0.2, 0.2, (n, 6))
         self._age[ids] = 0
-        self._target[ids] = self.robot.default_joint_rad
+        self._target[ids] = self._default
         for array in (self._action, self._previous, self._older, self._linear_mean):
             array[ids] = 0.0
         self._phase[ids], self._yaw_mean[ids], self._joint_velocity[ids] = 0.0, 0.0, 0.0

@@ -10,6 +10,7 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from ..robots import POLICY_DECIMATION, TIMESTEP_S, RobotHandles, apply_physics_options
+from .gait import joint_targets
 from .observation import RobotState, observe, states_of
 from .policy import GaitPolicy
 from .terrain import Terrain
@@ -57,8 +58,8 @@ class Trial:
         model = spec.compile()
         self.handles = h = RobotHandles.find(robot, model)
         if conditions.friction is not None:
-            model.geom_friction[h.foot_geoms, 0] = conditions.friction
-        self._foot_radius = model.geom_rbound[h.foot_geoms]
+            model.geom_friction[h.sole_geoms.ravel(), 0] = conditions.friction
+        self._sole_radius = model.geom_rbound[h.sole_geoms]
         n = len(xy_m)
         self.batch = Batch(model, n, threads)
         self.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
@@ -74,7 +75,7 @@ class Trial:
         self.batch.forward()
         self.fallen = np.zeros(n, dtype=bool)
         self._target = np.tile(robot.default_joint_rad, (n, 1))
-        self.action, self._phase = np.zeros((n, len(robot.joints))), np.zeros(n)
+        self.action, self._phase = np.zeros((n, robot.policy_joints)), np.zeros(n)
         self.foot_position, self.foot_contact = self._feet()
         # As in a replay, the robot first settles on its feet.
         self.time_s = -settle_s
@@ -88,16 +89,13 @@ class Trial:
         wanted = robot.command_limits.clip(command)
         moving = gait.moving(wanted)
         self._phase = gait.advance(self._phase, moving, STEP_S)
-        default = robot.default_joint_rad
+        default, policed = robot.default_joint_rad, robot.policy_joints
         self.action = self.policy.infer(
-            observe(self.state(), default, wanted, self._phase, moving, previous)
+            observe(self.state(), default[:policed], wanted, self._phase, moving, previous)
         )
         before_target = self._target
-        self._target = (
-            default
-            + gait.reference(self._phase, moving, wanted)
-            + robot.action_scale_rad * self.action
-        )
+        reference = gait.reference(self._phase, moving, wanted)
+        self._target = joint_targets(default, reference, robot.action_scale_rad, self.action)
         fresh = np.arange(POLICY_DECIMATION) >= self.conditions.latency_substeps
         control = np.where(fresh[:, None], self._target[:, None], before_target[:, None])
         order = np.argsort(self.handles.actuators)
@@ -138,19 +136,21 @@ class Trial:
 
     @property
     def foot_clearance_m(self) -> Array:
-        """(N, F) height of each sole above the ground."""
-        ground = self.conditions.terrain.at(self.foot_position[..., :2])
-        return self.foot_position[..., 2] - self._foot_radius - ground
+        """(N, F) height of each foot's lowest sole above the ground."""
+        soles = self._geoms[:, self.handles.sole_geoms]
+        ground = self.conditions.terrain.at(soles[..., :2])
+        return (soles[..., 2] - self._sole_radius - ground).min(axis=-1)
 
     def _feet(self) -> tuple[Array, NDArray[np.bool_]]:
         h = self.handles
-        return self._geoms[:, h.foot_geoms].copy(), self._sensors[:, h.foot_touch] > 1.0
+        return self._geoms[:, h.sole_geoms].mean(axis=2), self._sensors[:, h.foot_touch] > 1.0
 
     def _falls(self) -> NDArray[np.bool_]:
         fall, g = self.policy.robot.fall, self.state().gravity
         roll = np.abs(np.arctan2(-g[:, 1], -g[:, 2]))
         pitch = np.abs(np.arcsin(np.clip(g[:, 0], -1, 1)))
-        sole = (self.foot_position[..., 2] - self._foot_radius).min(axis=1)
+        lowest = self._geoms[:, self.handles.sole_geoms, 2] - self._sole_radius
+        sole = lowest.min(axis=(1, 2))
         low = self._com[:, self.handles.root_body, 2] - sole < fall.com_to_foot_m
         broken = ~np.isfinite(self._qpos).all(axis=1)
         return (roll > fall.roll_rad) | (pitch > fall.pitch_rad) | low | broken

@@ -3,7 +3,7 @@
 from .handles import RobotHandles
 from .physics import POLICY_DECIMATION, TIMESTEP_S, apply_physics_options
 from .registry import ROBOTS, get_robot
-from .spec import CameraMount, CommandLimits, FallThresholds, JointFacts, RobotSpec
+from .spec import CameraMount, CommandLimits, FallThresholds, Foot, JointFacts, RobotSpec
 
 __all__ = [
     "POLICY_DECIMATION",
@@ -12,6 +12,7 @@ __all__ = [
     "CameraMount",
     "CommandLimits",
     "FallThresholds",
+    "Foot",
     "JointFacts",
     "RobotHandles",
     "RobotSpec",

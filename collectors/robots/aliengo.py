@@ -17,7 +17,7 @@ from .shapes import (
     add_touch,
     set_inertia,
 )
-from .spec import CameraMount, CommandLimits, FallThresholds, JointFacts, RobotSpec
+from .spec import CameraMount, CommandLimits, FallThresholds, Foot, JointFacts, RobotSpec
 
 LEGS = ("FL", "FR", "RL", "RR")
 HIP_X_M, HIP_Y_M = 0.2399, 0.051
@@ -120,10 +120,11 @@ ALIENGO = RobotSpec(
         }
     ),
     joints=tuple(joint for leg in LEGS for joint in _leg_joints(leg)),
+    policy_joints=12,
     action_scale_rad=0.5,
     root_body="base",
     root_joint="root",
-    foot_geoms=tuple(f"{leg}_foot" for leg in LEGS),
+    feet=tuple(Foot(f"{leg}_foot", (f"{leg}_foot",)) for leg in LEGS),
     base_height_m=0.36,
     spawn_height_m=0.393,
     footprint_radius_m=0.30,

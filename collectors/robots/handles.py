@@ -24,7 +24,7 @@ class RobotHandles:
         actuators: (J,) indices of their servos in ctrl and actuator_force.
         root_body: body id of the base.
         bodies: ids of all bodies of the robot.
-        foot_geoms: (F,) ids of the foot geoms.
+        sole_geoms: (F, S) ids of each foot's spheres.
         foot_touch: (F,) addresses of the foot touch sensors in sensordata [N].
         gyro, accelerometer: first address of each 3-vector in sensordata.
         camera: id of the ego camera.
@@ -39,7 +39,7 @@ class RobotHandles:
     actuators: NDArray[np.intp]
     root_body: int
     bodies: frozenset[int]
-    foot_geoms: NDArray[np.intp]
+    sole_geoms: NDArray[np.intp]
     foot_touch: NDArray[np.intp]
     gyro: int
     accelerometer: int
@@ -70,16 +70,21 @@ class RobotHandles:
             prefix=prefix,
             root_qpos=int(model.joint(roots[0]).qposadr[0]),
             root_dof=int(model.joint(roots[0]).dofadr[0]),
-            joint_qpos=np.array([joint.qposadr[0] for joint in joints]),
-            joint_dof=np.array([joint.dofadr[0] for joint in joints]),
-            actuators=np.array([model.actuator(prefix + name).id for name in robot.joint_names]),
+            # The type is said, because an agent without joints has empty lists.
+            joint_qpos=np.array([joint.qposadr[0] for joint in joints], dtype=np.intp),
+            joint_dof=np.array([joint.dofadr[0] for joint in joints], dtype=np.intp),
+            actuators=np.array(
+                [model.actuator(prefix + name).id for name in robot.joint_names], dtype=np.intp
+            ),
             root_body=root_body,
             bodies=frozenset(
                 int(i) for i in np.flatnonzero(model.body_rootid == model.body_rootid[root_body])
             ),
-            foot_geoms=np.array([model.geom(prefix + name).id for name in robot.foot_geoms]),
+            sole_geoms=np.array(
+                [[model.geom(prefix + name).id for name in foot.soles] for foot in robot.feet]
+            ),
             foot_touch=np.array(
-                [model.sensor(f"{prefix}{name}_touch").adr[0] for name in robot.foot_geoms]
+                [model.sensor(f"{prefix}{name}_touch").adr[0] for name in robot.foot_names]
             ),
             gyro=sensor["gyro"],
             accelerometer=sensor["accelerometer"],
@@ -100,5 +105,5 @@ class RobotHandles:
 
     def com_to_foot_m(self, data: mujoco.MjData) -> float:
         """Height of the robot's centre of mass above its lowest foot's contact point [m]."""
-        lowest = data.geom_xpos[self.foot_geoms, 2] - data.model.geom_rbound[self.foot_geoms]
+        lowest = data.geom_xpos[self.sole_geoms, 2] - data.model.geom_rbound[self.sole_geoms]
         return float(data.subtree_com[self.root_body, 2] - lowest.min())

@@ -139,6 +139,19 @@ def add_servo(spec: mujoco.MjSpec, facts: JointFacts) -> None:
     servo.set_to_position(kp=facts.kp, kv=facts.kd)
 
 
+def add_wheel(spec: mujoco.MjSpec, body: mujoco.MjsBody, facts: JointFacts) -> None:
+    """Let a body turn about its y axis, by a torque-limited velocity servo with ctrl in rad/s."""
+    body.add_joint(name=facts.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 1.0, 0.0])
+    servo = spec.add_actuator(
+        name=facts.name,
+        target=facts.name,
+        trntype=mujoco.mjtTrn.mjTRN_JOINT,
+        forcelimited=mujoco.mjtLimited.mjLIMITED_TRUE,
+        forcerange=[-facts.torque_nm, facts.torque_nm],
+    )
+    servo.set_to_velocity(kv=facts.kd)
+
+
 def add_camera(body: mujoco.MjsBody, mount: CameraMount) -> None:
     """Fix a camera to `body`, looking along +x tilted down by the mount's pitch."""
     pitch = np.deg2rad(mount.pitch_down_deg)
@@ -168,10 +181,21 @@ def add_imu(spec: mujoco.MjSpec, body: mujoco.MjsBody) -> None:
 
 
 def add_touch(
-    spec: mujoco.MjSpec, body: mujoco.MjsBody, foot: str, position: Vector, radius_m: float
+    spec: mujoco.MjSpec,
+    body: mujoco.MjsBody,
+    foot: str,
+    position: Vector,
+    size_m: float | Vector,
 ) -> None:
-    """Add a touch sensor `<foot>_touch` [N] around a foot."""
-    body.add_site(name=foot, pos=list(position), size=[radius_m, 0.0, 0.0], group=4)
+    """Add a touch sensor `<foot>_touch` [N]: a ball of one radius or a box of three half sides."""
+    box = not isinstance(size_m, float)
+    body.add_site(
+        name=foot,
+        type=SHAPES["box" if box else "sphere"],
+        pos=list(position),
+        size=list(size_m) if box else [size_m, 0.0, 0.0],
+        group=4,
+    )
     spec.add_sensor(
         name=f"{foot}_touch",
         type=mujoco.mjtSensor.mjSENS_TOUCH,

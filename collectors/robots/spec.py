@@ -5,12 +5,14 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.camera import CameraModel
+from .drive import WheelDrive
 from .physics import apply_physics_options
 
 
@@ -22,7 +24,8 @@ class JointFacts:
         name: joint and actuator name.
         default_rad: default joint position [rad], the zero of the policy's action.
         range_rad: lower and upper limit [rad].
-        kp, kd: PD gains of the position servo [Nm/rad], [Nm·s/rad].
+        kp, kd: PD gains of the position servo [Nm/rad], [Nm·s/rad]; for a wheel's velocity servo
+            kp is 0 and kd its gain.
         torque_nm: torque limit [Nm].
     """
 
@@ -82,6 +85,19 @@ class FallThresholds:
 
 
 @dataclass(frozen=True)
+class Foot:
+    """What a robot stands on: a foot, or a wheel.
+
+    Attributes:
+        name: of the foot; its touch sensor is `<name>_touch`.
+        soles: names of the spheres that touch the ground, the same number for every foot.
+    """
+
+    name: str
+    soles: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class RobotSpec:
     """Facts of one robot and the recipe of its model.
 
@@ -90,10 +106,11 @@ class RobotSpec:
         title: how a person calls it.
         mass_kg: total mass.
         link_mass_kg: mass of each body by body name.
-        joints: actuated joints in policy order.
+        joints: actuated joints; those that a policy moves come first, in its order.
+        policy_joints: how many of them a policy moves; the others follow the gait's reference.
         action_scale_rad: joint target = default + scale × policy action.
         root_body, root_joint: the floating base.
-        foot_geoms: collision geoms of the feet.
+        feet: what it stands on.
         base_height_m: height of the base frame above the floor when it stands settled.
         spawn_height_m: height of the base frame at which the default pose just touches the floor.
         footprint_radius_m: radius of the disc that planners keep free.
@@ -102,6 +119,7 @@ class RobotSpec:
         command_limits: velocities the controllers may ask for.
         sources: where the facts come from, one line each.
         build: makes a fresh `MjSpec` of the robot alone.
+        drive: the wheels of a robot that drives; None for one that walks.
     """
 
     name: str
@@ -109,10 +127,11 @@ class RobotSpec:
     mass_kg: float
     link_mass_kg: Mapping[str, float]
     joints: tuple[JointFacts, ...]
+    policy_joints: int
     action_scale_rad: float
     root_body: str
     root_joint: str
-    foot_geoms: tuple[str, ...]
+    feet: tuple[Foot, ...]
     base_height_m: float
     spawn_height_m: float
     footprint_radius_m: float
@@ -121,11 +140,31 @@ class RobotSpec:
     command_limits: CommandLimits
     sources: tuple[str, ...]
     build: Callable[[RobotSpec], mujoco.MjSpec] = field(repr=False)
+    drive: WheelDrive | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Worker processes get a copy; a read-only view of a mapping cannot travel."""
+        return {**self.__dict__, "link_mass_kg": dict(self.link_mass_kg)}
 
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the actuated joints, in policy order."""
         return tuple(joint.name for joint in self.joints)
+
+    @property
+    def policy_joint_names(self) -> tuple[str, ...]:
+        """Names of the joints that a policy moves, in its order."""
+        return self.joint_names[: self.policy_joints]
+
+    @property
+    def foot_names(self) -> tuple[str, ...]:
+        """Names of the feet, in order."""
+        return tuple(foot.name for foot in self.feet)
+
+    @property
+    def sole_names(self) -> tuple[str, ...]:
+        """Names of all geoms that touch the ground, foot by foot."""
+        return tuple(name for foot in self.feet for name in foot.soles)
 
     @property
     def default_joint_rad(self) -> NDArray[np.float64]:

@@ -16,6 +16,7 @@ from vlnpe.collectors.robots import (
     CameraMount,
     CommandLimits,
     FallThresholds,
+    Foot,
     JointFacts,
     RobotSpec,
 )
@@ -90,10 +91,11 @@ def make_cart(mast_kg: float = 0.1, mast_m: float = 0.4) -> RobotSpec:
             JointFacts(name, 0.0, (-1e9, 1e9), 0.0, 3.0, 40.0)
             for name in ("left_wheel", "right_wheel")
         ),
+        policy_joints=2,
         action_scale_rad=1.0,
         root_body="base",
         root_joint="root",
-        foot_geoms=FEET,
+        feet=tuple(Foot(name, (name,)) for name in FEET),
         base_height_m=WHEEL_M,
         spawn_height_m=WHEEL_M,
         footprint_radius_m=0.28,

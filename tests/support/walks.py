@@ -23,7 +23,7 @@ def glide(points_xy_m: ArrayLike, robot: str = "aliengo", speed_m_s: float = 0.8
     piece = np.clip(np.searchsorted(length, along, side="right") - 1, 0, len(points) - 2)
     heading = np.arctan2(*np.diff(points, axis=0)[piece].T[::-1])
     joints = np.tile(spec.default_joint_rad, (count, 1))
-    feet = spec.foot_geoms
+    feet = spec.foot_names
     path = np.column_stack([points, np.zeros(len(points))])
     episode = Episode(
         episode_id="glide",
