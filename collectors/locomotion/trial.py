@@ -17,28 +17,46 @@ from .terrain import Terrain
 
 Array = NDArray[np.float64]
 STEP_S = TIMESTEP_S * POLICY_DECIMATION
+TOUCH_N = 1.0  # as in a rollout's record
+FLAT_M = 0.004  # soles this much above a foot's lowest one rest on the ground with it
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """What a trial is run in.
+    """What a trial is run in; arrays hold one value per robot.
 
     Attributes:
         terrain: the ground.
         friction: of the feet, or None for the robot's own.
-        latency_substeps: physics steps by which every action comes late.
+        latency_substeps: physics steps by which every action comes late, 0 to 4.
         push_m_s, push_every_s: kicks of the base in random directions; none where 0.
     """
 
     terrain: Terrain = field(default_factory=Terrain)
-    friction: float | None = None
-    latency_substeps: int = 0
+    friction: float | Array | None = None
+    latency_substeps: int | NDArray[np.intp] = 0
     push_m_s: float = 0.0
     push_every_s: float = 3.0
 
+    @staticmethod
+    def mixed(
+        count: int, rng: np.random.Generator, terrain: Terrain | None = None, push_m_s: float = 0.0
+    ) -> Conditions:
+        """Friction of 0.5–1.1 for each robot, and every second one acts 20 ms late."""
+        return Conditions(
+            terrain=terrain or Terrain(),
+            friction=rng.uniform(0.5, 1.1, count),
+            latency_substeps=np.arange(count) % 2 * POLICY_DECIMATION,
+            push_m_s=push_m_s,
+        )
+
 
 class Trial:
-    """N copies of a robot, started at given poses and driven by commands at policy rate."""
+    """N copies of a robot, started at given poses and driven by commands at policy rate.
+
+    A robot that falls stays where it fell, unmoved, and so does one that is told to `leave`:
+    neither costs time any more.
+    """
 
     def __init__(
         self,
@@ -57,14 +75,18 @@ class Trial:
         conditions.terrain.add_to(spec)
         model = spec.compile()
         self.handles = h = RobotHandles.find(robot, model)
-        if conditions.friction is not None:
-            model.geom_friction[h.sole_geoms.ravel(), 0] = conditions.friction
         self._sole_radius = model.geom_rbound[h.sole_geoms]
         n = len(xy_m)
         self.batch = Batch(model, n, threads)
+        if conditions.friction is not None:
+            friction = np.broadcast_to(conditions.friction, n)
+            self.batch.expand("geom_friction")[:, h.sole_geoms.ravel(), 0] = friction[:, None]
+        self._late = np.arange(POLICY_DECIMATION) < np.reshape(conditions.latency_substeps, (-1, 1))
+        self._next_push = self.rng.uniform(0.0, conditions.push_every_s, n)
         self.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
         self._qpos, self._qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
         self._geoms, self._com = self.batch.bind("geom_xpos"), self.batch.bind("subtree_com")
+        self._geom_axes = self.batch.bind("geom_xmat")
         self._sensors = self.batch.bind("sensordata")
         data = mujoco.MjData(model)
         for i in range(n):
@@ -73,18 +95,35 @@ class Trial:
             h.spawn(data, xy_m[i, 0], xy_m[i, 1], ground, float(yaw_rad[i]))
             self._qpos[i] = data.qpos
         self.batch.forward()
-        self.fallen = np.zeros(n, dtype=bool)
+        self.fallen, self._gone = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
         self._target = np.tile(robot.default_joint_rad, (n, 1))
         self.action, self._phase = np.zeros((n, robot.policy_joints)), np.zeros(n)
-        self.foot_position, self.foot_contact = self._feet()
+        self._soles = self._look_at_soles()
         # As in a replay, the robot first settles on its feet.
         self.time_s = -settle_s
         for _ in range(round(settle_s / STEP_S)):
             self.step(np.zeros((n, 3)))
         self.time_s = 0.0
 
+    @property
+    def going(self) -> NDArray[np.bool_]:
+        """(N,) robots that still take part."""
+        return ~self.fallen & ~self._gone
+
+    def leave(self, robots: NDArray[np.bool_]) -> None:
+        """Let the robots marked in (N,) take part no more."""
+        self._gone |= robots
+
     def step(self, command: Array) -> None:
-        """Advance all by 20 ms under commands (N, 3); sets `slip`, `fallen` and the foot fields."""
+        """Advance by 20 ms under commands (N, 3); sets `poses`, `slip` and `target_rate`."""
+        ids = np.flatnonzero(self.going)
+        self.poses = np.repeat(self._pose_of(self._qpos)[:, None], 2, axis=1)
+        self.slip = np.full((len(command), len(self.handles.sole_geoms)), np.nan)
+        self.target_rate = np.full(self._target.shape, np.nan)
+        if not len(ids):
+            self.time_s += STEP_S
+            return
+        self._push()
         robot, gait, previous = self.policy.robot, self.policy.card.gait, self.action
         wanted = robot.command_limits.clip(command)
         moving = gait.moving(wanted)
@@ -93,22 +132,24 @@ class Trial:
         self.action = self.policy.infer(
             observe(self.state(), default[:policed], wanted, self._phase, moving, previous)
         )
-        before_target = self._target
+        before = self._target
         reference = gait.reference(self._phase, moving, wanted)
         self._target = joint_targets(default, reference, robot.action_scale_rad, self.action)
-        fresh = np.arange(POLICY_DECIMATION) >= self.conditions.latency_substeps
-        control = np.where(fresh[:, None], self._target[:, None], before_target[:, None])
+        late = np.broadcast_to(self._late, (len(command), POLICY_DECIMATION))[..., None]
+        control = np.where(late, before[:, None], self._target[:, None])
         order = np.argsort(self.handles.actuators)
-        self.batch.rollout(POLICY_DECIMATION, control[..., order], record=())
+        record = self.batch.rollout(
+            POLICY_DECIMATION, control[ids][..., order], record=("qpos",), ids=ids
+        )["qpos"]
+        half = POLICY_DECIMATION // 2
+        for k, at in enumerate((half - 1, POLICY_DECIMATION - 1)):
+            self.poses[ids, k] = self._pose_of(record[:, at])
         self.time_s += STEP_S
-        self._push()
-        before, was_down = self.foot_position, self.foot_contact
-        self.foot_position, self.foot_contact = self._feet()
-        moved = np.linalg.norm((self.foot_position - before)[..., :2], axis=-1) / STEP_S
-        # Slip is the motion of a foot that was down at both ends of the step.
-        self.slip = np.where(was_down & self.foot_contact, moved, np.nan)
-        self.target_rate = (self._target - before_target) / STEP_S
-        self.fallen |= self._falls()
+        soles, self._soles = self._soles, self._look_at_soles()
+        self.slip[ids] = self._slip(soles, self._soles)[ids]
+        self.target_rate[ids] = ((self._target - before) / STEP_S)[ids]
+        self.fallen |= self.going & self._falls()
+        self._qvel[self.fallen] = 0.0
 
     def state(self) -> RobotState:
         """Current state of all robots."""
@@ -120,19 +161,17 @@ class Trial:
         return self._qpos[:, self.handles.root_qpos : self.handles.root_qpos + 3].copy()
 
     @property
-    def yaw_rad(self) -> Array:
-        """(N,) headings."""
-        q = self.handles.root_qpos
-        w, x, y, z = self._qpos[:, q + 3 : q + 7].T
-        return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-
-    @property
     def velocity(self) -> Array:
-        """(N, 3) vx, vy [m/s] and yaw rate [rad/s] in the base frame."""
+        """(N, 3) vx, vy [m/s] and yaw rate [rad/s] in the base frame; 0 of the fallen."""
         state = self.state()
         return np.column_stack(
             [state.linear_velocity_m_s[:, :2], state.angular_velocity_rad_s[:, 2]]
         )
+
+    @property
+    def qpos(self) -> Array:
+        """(N, nq) generalised positions."""
+        return self._qpos.copy()
 
     @property
     def foot_clearance_m(self) -> Array:
@@ -141,9 +180,37 @@ class Trial:
         ground = self.conditions.terrain.at(soles[..., :2])
         return (soles[..., 2] - self._sole_radius - ground).min(axis=-1)
 
-    def _feet(self) -> tuple[Array, NDArray[np.bool_]]:
+    def _pose_of(self, qpos: Array) -> Array:
+        """(N, 3) x, y [m] and heading [rad] of generalised positions (N, nq)."""
+        q = self.handles.root_qpos
+        w, x, y, z = qpos[:, q + 3 : q + 7].T
+        yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        return np.column_stack([qpos[:, q : q + 2], yaw])
+
+    def _look_at_soles(self) -> _Soles:
         h = self.handles
-        return self._geoms[:, h.sole_geoms].mean(axis=2), self._sensors[:, h.foot_touch] > 1.0
+        position = self._geoms[:, h.sole_geoms]
+        axes = self._geom_axes[:, h.sole_geoms].reshape(*position.shape[:-1], 3, 3)
+        height = position[..., 2] - self._sole_radius
+        lowest = height < height.min(axis=-1, keepdims=True) + FLAT_M
+        touching = lowest & (self._sensors[:, h.foot_touch] > TOUCH_N)[..., None]
+        return _Soles(position, axes, touching)
+
+    def _slip(self, before: _Soles, now: _Soles) -> Array:
+        """(N, F) speed [m/s] of each foot's skin where it touches the ground, else NaN.
+
+        A round sole rolls: its centre moves while its lowest point rests.
+        """
+        down = np.zeros(3)
+        down[2] = -1.0
+        radius = self._sole_radius[..., None]
+        skin = radius * np.einsum("nfsji,j->nfsi", before.axes, down)
+        after = now.position_m + np.einsum("nfsij,nfsj->nfsi", now.axes, skin)
+        moved = (after - before.position_m - radius * down)[..., :2]
+        both = before.touching & now.touching
+        speed = np.where(both, np.linalg.norm(moved, axis=-1), 0.0) / STEP_S
+        count = both.sum(axis=-1)
+        return np.where(count > 0, speed.sum(axis=-1) / np.maximum(count, 1), np.nan)
 
     def _falls(self) -> NDArray[np.bool_]:
         fall, g = self.policy.robot.fall, self.state().gravity
@@ -156,9 +223,22 @@ class Trial:
         return (roll > fall.roll_rad) | (pitch > fall.pitch_rad) | low | broken
 
     def _push(self) -> None:
-        speed, every = self.conditions.push_m_s, self.conditions.push_every_s
-        if speed and self.time_s > 0 and round(self.time_s / STEP_S) % round(every / STEP_S) == 0:
-            angle = self.rng.uniform(0, 2 * np.pi, len(self._qvel))
-            v = self.handles.root_dof
-            self._qvel[:, v] += speed * np.cos(angle)
-            self._qvel[:, v + 1] += speed * np.sin(angle)
+        """Kick those whose time has come; each has its own, or all were in the same step."""
+        due = self.going & (self._next_push <= self.time_s)
+        speed = self.conditions.push_m_s
+        if not speed or not due.any():
+            return
+        self._next_push[due] += self.conditions.push_every_s
+        angle = self.rng.uniform(0, 2 * np.pi, int(due.sum()))
+        v = self.handles.root_dof
+        self._qvel[due, v] += speed * np.cos(angle)
+        self._qvel[due, v + 1] += speed * np.sin(angle)
+
+
+@dataclass(frozen=True)
+class _Soles:
+    """Where the soles are: positions (N, F, S, 3), axes (N, F, S, 3, 3), touching (N, F, S)."""
+
+    position_m: Array
+    axes: Array
+    touching: NDArray[np.bool_]
