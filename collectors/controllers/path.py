@@ -90,7 +90,8 @@ class PathController:
         """Driving the route at cruising speed, plus all its turns, plus one turn at the start."""
         config = self._config
         turns = (self._turning_rad + math.pi / 2) / config.curve_yaw_rad_s
-        return self._route_length_m / config.cruise_m_s + turns
+        cruise_m_s = min(config.cruise_m_s, self._task.limits.vx_m_s[1])
+        return self._route_length_m / cruise_m_s + turns
 
     def step(self, time_s: float, pose: Pose) -> Decision:
         """See `Controller.step`."""

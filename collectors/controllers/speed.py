@@ -58,9 +58,11 @@ class SpeedController:
         self._task, self._config = task, config
         route = plan_route(task.freemap, task.reference_xy_m, task.radius_m)
         self._notes = [("unplannable", problem) for problem in route.problems]
-        self._nominal = (route.length_m / FORWARD_M + route.turning_rad / TURN_RAD + 6) * (
-            config.steps_per_action * TIMESTEP_S
-        )
+        action_s = config.steps_per_action * TIMESTEP_S
+        # A slow robot needs more actions than the path has steps.
+        forward_m = min(FORWARD_M, task.limits.vx_m_s[1] * action_s)
+        turns = route.turning_rad / TURN_RAD + 6
+        self._nominal = (route.length_m / forward_m + turns) * action_s
         self._expert = Expert(route, config.expert)
         self._action: Action | None = None
         self._start_s, self._start = 0.0, Pose(0.0, 0.0, 0.0)

@@ -1,0 +1,82 @@
+"""VLN-CE's bodyless agent: Habitat's upright cylinder with a camera, placed and never driven.
+
+The reference for what embodiment costs: no mass to move, no joints, no fall.
+"""
+
+from __future__ import annotations
+
+import mujoco
+
+from ...formats.camera import CameraModel
+from .shapes import Color, add_camera, add_collision, add_imu, add_touch, add_visual, set_inertia
+from .spec import CameraMount, CommandLimits, FallThresholds, Foot, RobotSpec
+
+RADIUS_M, HEIGHT_M, CAMERA_M = 0.1, 1.5, 1.25
+BASE_M = 0.5 * HEIGHT_M  # the base frame is the cylinder's middle
+MASS_KG = 1.0  # a model needs one; nothing ever moves it
+NEVER = 0.0
+
+POLE: Color = (0.55, 0.57, 0.60)
+DARK: Color = (0.05, 0.055, 0.065)
+GLASS: Color = (0.01, 0.015, 0.03)
+ACCENT: Color = (0.85, 0.35, 0.05)
+
+
+def build_vlnce(robot: RobotSpec) -> mujoco.MjSpec:
+    """The agent alone: a cylinder to collide with, a slim pole with a camera to be seen by."""
+    spec = mujoco.MjSpec()
+    spec.modelname = robot.name
+    spec.compiler.degree = False
+    base = spec.worldbody.add_body(name=robot.root_body)
+    base.add_freejoint(name=robot.root_joint)
+    set_inertia(base, MASS_KG, (0.0, 0.0, 0.0), (0.2, 0.2, HEIGHT_M))
+    # Rounded below, so that it stands on uneven floor as on even.
+    bottom = (0.0, 0.0, RADIUS_M - BASE_M)
+    add_collision(base, "base", "sphere", (RADIUS_M,), position=bottom, foot=True)
+    add_collision(base, "cylinder", "cylinder", (RADIUS_M,), ends=(bottom, (0.0, 0.0, BASE_M)))
+    add_touch(spec, base, "base", bottom, RADIUS_M + 0.005)
+    _dress(base)
+    add_imu(spec, base)
+    add_camera(base, robot.camera)
+    return spec
+
+
+def _dress(base: mujoco.MjsBody) -> None:
+    def at(height_m: float, x_m: float = -0.03) -> tuple[float, float, float]:
+        return (x_m, 0.0, height_m - BASE_M)
+
+    add_visual(base, "cylinder", (RADIUS_M,), DARK, ends=(at(0.004, 0.0), at(0.014, 0.0)))
+    add_visual(base, "cylinder", (0.026,), ACCENT, ends=(at(0.014), at(0.034)))
+    add_visual(base, "cylinder", (0.011,), POLE, ends=(at(0.03), at(CAMERA_M - 0.02)))
+    add_visual(base, "box", (0.017, 0.034, 0.022), DARK, at(CAMERA_M, -0.026))
+    add_visual(base, "cylinder", (0.017,), POLE, ends=(at(CAMERA_M, -0.010), at(CAMERA_M, -0.005)))
+    add_visual(base, "cylinder", (0.013,), GLASS, ends=(at(CAMERA_M, -0.006), at(CAMERA_M, -0.002)))
+    add_visual(base, "box", (0.003, 0.024, 0.003), ACCENT, at(CAMERA_M + 0.022, -0.026))
+
+
+VLNCE = RobotSpec(
+    name="vlnce",
+    title="VLN-CE agent",
+    mass_kg=MASS_KG,
+    link_mass_kg={"base": MASS_KG},
+    joints=(),
+    policy_joints=0,
+    action_scale_rad=0.0,
+    root_body="base",
+    root_joint="root",
+    feet=(Foot("base", ("base",)),),
+    base_height_m=BASE_M,
+    spawn_height_m=BASE_M + 0.001,
+    footprint_radius_m=RADIUS_M,
+    camera=CameraMount(
+        "ego", "base", (0.0, 0.0, CAMERA_M - BASE_M), 0.0, CameraModel("ego", 256, 256, 90.0)
+    ),
+    fall=FallThresholds(com_to_foot_m=NEVER),
+    command_limits=CommandLimits((0.0, 0.0), (0.0, 0.0), (0.0, 0.0)),
+    sources=(
+        "radius 0.1 m, height 1.5 m, camera 1.25 m above the floor and level, HFOV 90°: VLN-CE's "
+        "agent in Habitat",
+        "mass: a stand-in, nothing ever moves it",
+    ),
+    build=build_vlnce,
+)
