@@ -46,6 +46,8 @@ class TrainingConfig:
         friction, mass_scale, gain_scale: ranges drawn once per simulation.
         com_shift_m: largest shift of the base's centre of mass along each axis.
         latency_substeps: largest delay of an action, in physics steps.
+        fall_slack: an episode ends at this many times the robot's roll and pitch thresholds; above
+            1 there is something to recover from.
         push_m_s, push_s: largest kick of the base and range of times between kicks.
         noise: half width of uniform observation noise per block.
         hidden: widths of actor and critic.
@@ -64,6 +66,7 @@ class TrainingConfig:
     gain_scale: tuple[float, float] = (0.9, 1.1)
     com_shift_m: float = 0.02
     latency_substeps: int = 4
+    fall_slack: float = 1.3
     push_m_s: float = 0.6
     push_s: tuple[float, float] = (3.0, 6.0)
     action_clip: float = 8.0
@@ -139,10 +142,17 @@ G1_FLAT = TrainingConfig(
     push_m_s=0.7,
 )
 
+
+
+def _hard(flat: TrainingConfig) -> TrainingConfig:
+    """Rough ground, harder kicks, and the fall rule of the product to the letter."""
+    return replace(flat, terrain="rough", push_m_s=1.0, push_s=(2.0, 4.0), fall_slack=1.0)
+
+
 # Phases of training, in order: settings and PPO iterations. The Aliengo needs no rough ground to
 # walk on 6 cm bumps: its card's evaluation says so.
 PHASES: dict[str, tuple[tuple[TrainingConfig, int], ...]] = {
     "aliengo": ((TrainingConfig(), 440),),
-    "h1": ((H1_FLAT, 1000),),
-    "g1": ((G1_FLAT, 1000),),
+    "h1": ((H1_FLAT, 600), (_hard(H1_FLAT), 600)),
+    "g1": ((G1_FLAT, 600), (_hard(G1_FLAT), 600)),
 }

@@ -220,8 +220,7 @@ class GaitEnv(VecEnv):
         )
 
     def _fallen(self, facts: StepFacts) -> NDArray[np.bool_]:
-        # A little beyond the rule of the product, so that there is something to recover from.
-        slack, g, fall = 1.3, facts.gravity, self.robot.fall
+        slack, g, fall = self.config.fall_slack, facts.gravity, self.robot.fall
         roll = np.abs(np.arctan2(-g[:, 1], -g[:, 2]))
         pitch = np.abs(np.arcsin(np.clip(g[:, 0], -1, 1)))
         lowest = self._sole_z.min(axis=(1, 2))
