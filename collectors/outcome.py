@@ -50,7 +50,7 @@ class OutcomeWatch:
         self._qvel, self._geom_xpos = data.qvel, data.geom_xpos
         self._com = data.subtree_com[handles.root_body]
         self._feet = np.asarray(handles.sole_geoms.ravel(), dtype=np.int64)
-        self._foot_radius = world.model.geom_rbound[self._feet]
+        self._foot_radius = handles.sole_radius_m.ravel()
         self._trace: deque[tuple[float, float, float]] = deque(
             maxlen=config.stuck_steps // POLICY_DECIMATION
         )

@@ -86,7 +86,7 @@ class World:
         self.handles.spawn(self.data, pose.x_m, pose.y_m, floor_z, pose.yaw_rad)
         mujoco.mj_kinematics(self.model, self.data)
         soles = self.handles.sole_geoms.ravel()
-        feet, radius = self.data.geom_xpos[soles], self.model.geom_rbound[soles]
+        feet, radius = self.data.geom_xpos[soles], self.handles.sole_radius_m.ravel()
         ring = np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])
         under = feet[:, None, :2] + radius[:, None, None] * ring
         gap = (feet[:, 2] - radius)[:, None] - self.surface.height_at(under)

@@ -11,7 +11,7 @@ import onnxruntime
 from numpy.typing import ArrayLike, NDArray
 
 from ...formats.errors import FileFormatError
-from ..robots import RobotHandles, RobotSpec
+from ..robots import CARD_NAME, POLICY_NAME, RobotHandles, RobotSpec
 from .card import POLICY_FOLDER, PolicyCard, PolicyMismatchError, load_card
 from .gait import joint_targets
 from .observation import observe, state_of
@@ -36,14 +36,14 @@ class GaitPolicy:
         self.reset()
 
     @classmethod
-    def load(cls, robot: RobotSpec, folder: Path = POLICY_FOLDER) -> GaitPolicy:
-        """Read `<robot>.onnx` and its card `<robot>.json` from `folder`.
+    def load(cls, robot: RobotSpec, folder: Path | None = None) -> GaitPolicy:
+        """Read the network and the card that `policy_files` names.
 
         Raises:
             FileFormatError: a file is missing, broken, or the ONNX file is not the card's.
             PolicyMismatchError: trained on another model, joint order or observation layout.
         """
-        card_path, onnx_path = folder / f"{robot.name}.json", folder / f"{robot.name}.onnx"
+        onnx_path, card_path = policy_files(robot, folder)
         card = load_card(card_path)
         card.check(robot, card_path)
         if not onnx_path.is_file():
@@ -103,6 +103,17 @@ class GaitPolicy:
         if self._handles is None or self._handles[0] is not model:
             self._handles = (model, RobotHandles.find(self.robot, model))
         return self._handles[1]
+
+
+def policy_files(robot: RobotSpec, folder: Path | None = None) -> tuple[Path, Path]:
+    """Where a robot's network and card are: `<robot>.onnx`, `<robot>.json` in `folder`.
+
+    Without a folder, ours beside this file, and those of a user's own robot in its folder.
+    """
+    if folder is None and robot.folder is not None:
+        return robot.folder / POLICY_NAME, robot.folder / CARD_NAME
+    folder = folder or POLICY_FOLDER
+    return folder / f"{robot.name}.onnx", folder / f"{robot.name}.json"
 
 
 def _session(content: bytes) -> onnxruntime.InferenceSession:

@@ -24,7 +24,8 @@ class RobotHandles:
         actuators: (J,) indices of their servos in ctrl and actuator_force.
         root_body: body id of the base.
         bodies: ids of all bodies of the robot.
-        sole_geoms: (F, S) ids of each foot's spheres.
+        sole_geoms: (F, S) ids of each foot's spheres (of a wheel, its tyre).
+        sole_radius_m: (F, S) how far each reaches below its centre when it stands upright.
         foot_touch: (F,) addresses of the foot touch sensors in sensordata [N].
         gyro, accelerometer: first address of each 3-vector in sensordata.
         camera: id of the ego camera.
@@ -40,6 +41,7 @@ class RobotHandles:
     root_body: int
     bodies: frozenset[int]
     sole_geoms: NDArray[np.intp]
+    sole_radius_m: NDArray[np.float64]
     foot_touch: NDArray[np.intp]
     gyro: int
     accelerometer: int
@@ -62,6 +64,9 @@ class RobotHandles:
         prefix = roots[0].removesuffix(robot.root_joint)
         joints = [model.joint(prefix + name) for name in robot.joint_names]
         root_body = model.body(prefix + robot.root_body).id
+        soles = np.array(
+            [[model.geom(prefix + name).id for name in foot.soles] for foot in robot.feet]
+        )
         sensor = {
             kind: int(model.sensor(prefix + kind).adr[0]) for kind in ("gyro", "accelerometer")
         }
@@ -80,9 +85,8 @@ class RobotHandles:
             bodies=frozenset(
                 int(i) for i in np.flatnonzero(model.body_rootid == model.body_rootid[root_body])
             ),
-            sole_geoms=np.array(
-                [[model.geom(prefix + name).id for name in foot.soles] for foot in robot.feet]
-            ),
+            sole_geoms=soles,
+            sole_radius_m=sole_radius_m(model, soles),
             foot_touch=np.array(
                 [model.sensor(f"{prefix}{name}_touch").adr[0] for name in robot.foot_names]
             ),
@@ -105,5 +109,11 @@ class RobotHandles:
 
     def com_to_foot_m(self, data: mujoco.MjData) -> float:
         """Height of the robot's centre of mass above its lowest foot's contact point [m]."""
-        lowest = data.geom_xpos[self.sole_geoms, 2] - data.model.geom_rbound[self.sole_geoms]
+        lowest = data.geom_xpos[self.sole_geoms, 2] - self.sole_radius_m
         return float(data.subtree_com[self.root_body, 2] - lowest.min())
+
+
+def sole_radius_m(model: mujoco.MjModel, geoms: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Radius of spheres, of cylinders on their sides, and of ellipsoids the largest [m]."""
+    cylinder = model.geom_type[geoms] == mujoco.mjtGeom.mjGEOM_CYLINDER
+    return np.where(cylinder, model.geom_size[geoms, 0], model.geom_rbound[geoms])

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
-from ...formats.errors import InputError, UnknownNameError
+from ...formats.errors import FileFormatError, InputError, UnknownNameError
 from .aliengo import ALIENGO
+from .folder import load_robot_folder
+from .folder_facts import FACTS_NAME
 from .g1 import G1
 from .h1 import H1
 from .jetbot import JETBOT, jetbot
@@ -15,26 +18,40 @@ from .vlnce import VLNCE
 ROBOTS: dict[str, RobotSpec] = {robot.name: robot for robot in (H1, G1, ALIENGO, JETBOT, VLNCE)}
 # Robots of any size: `<name>@<scale>`.
 SCALABLE: dict[str, Callable[[float], RobotSpec]] = {"jetbot": jetbot}
+RESERVED = frozenset({"all", "robots"})  # words that mean something else where a robot is named
 
 
 def get_robot(name: str) -> RobotSpec:
-    """The robot called `name`: one of the registry, or `jetbot@2.5` for another size.
+    """The robot called `name`.
+
+    Args:
+        name: one of the registry; `jetbot@2.5` for another size; or the path of a folder with a
+            user's own robot.
 
     Raises:
         UnknownNameError: there is none; the message lists the valid names.
+        FileFormatError: something in the folder is missing or wrong.
         InputError: a scale that is no number above 0.
     """
     if name in ROBOTS:
         return ROBOTS[name]
     kind, at, scale = name.partition("@")
-    if not at or kind not in SCALABLE:
+    if at and kind in SCALABLE:
+        try:
+            return SCALABLE[kind](float(scale))
+        except ValueError as error:
+            raise InputError(f"robot {name!r}: {scale!r} is no number; try {kind}@2.5") from error
+    folder = Path(name)
+    if not folder.is_dir():
         raise UnknownNameError("robot", name, valid_names())
-    try:
-        return SCALABLE[kind](float(scale))
-    except ValueError as error:
-        raise InputError(f"robot {name!r}: {scale!r} is no number; valid: {kind}@2.5") from error
+    robot = load_robot_folder(folder)
+    if robot.name in ROBOTS or robot.name in RESERVED:
+        raise FileFormatError(
+            folder / FACTS_NAME, f"name is {robot.name!r}, which is taken; choose another"
+        )
+    return robot
 
 
 def valid_names() -> list[str]:
     """What a user may say, for messages."""
-    return [*ROBOTS, *(f"{name}@<scale>" for name in SCALABLE)]
+    return [*ROBOTS, *(f"{name}@<scale>" for name in SCALABLE), f"a folder with a {FACTS_NAME}"]

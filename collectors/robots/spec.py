@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -120,6 +121,8 @@ class RobotSpec:
         sources: where the facts come from, one line each.
         build: makes a fresh `MjSpec` of the robot alone.
         drive: the wheels of a robot that drives; None for one that walks.
+        folder: where the files of a user's own robot lie; None for ours.
+        content_sha256: of those files; empty for ours, which are part of the code.
     """
 
     name: str
@@ -141,6 +144,8 @@ class RobotSpec:
     sources: tuple[str, ...]
     build: Callable[[RobotSpec], mujoco.MjSpec] = field(repr=False)
     drive: WheelDrive | None = None
+    folder: Path | None = None
+    content_sha256: str = ""
 
     def __getstate__(self) -> dict[str, Any]:
         """Worker processes get a copy; a read-only view of a mapping cannot travel."""
