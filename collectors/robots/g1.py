@@ -7,6 +7,7 @@ from types import MappingProxyType
 import mujoco
 
 from ...formats.camera import CameraModel
+from .g1_shell import dress_pelvis, dress_side, dress_torso, dress_waist
 from .links import Link, add_links, right_of
 from .shapes import add_camera, add_collision, add_imu, add_servo, add_touch, set_inertia
 from .spec import CameraMount, CommandLimits, FallThresholds, Foot, JointFacts, RobotSpec
@@ -237,11 +238,15 @@ def build_g1(robot: RobotSpec) -> mujoco.MjSpec:
     add_collision(
         pelvis, "pelvis", "capsule", (0.055,), ends=((0.0, -0.03, -0.06), (0.0, 0.03, -0.06))
     )
+    dress_pelvis(pelvis)
+    dress_waist(bodies)
     torso = bodies["torso"]
     add_collision(torso, "torso", "box", (0.065, 0.085, 0.13), position=(0.0, 0.0, 0.17))
     add_collision(torso, "head", "capsule", (0.06,), ends=((0.0, 0.0, 0.37), (0.0, 0.0, 0.43)))
+    dress_torso(torso)
     for side, left in (("left", 1.0), ("right", -1.0)):
         _add_side(spec, bodies, side, left)
+        dress_side(bodies, side, left)
     add_imu(spec, pelvis)
     add_camera(bodies[robot.camera.body], robot.camera)
     for joint in robot.joints:

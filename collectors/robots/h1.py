@@ -7,6 +7,7 @@ from types import MappingProxyType
 import mujoco
 
 from ...formats.camera import CameraModel
+from .h1_shell import dress_pelvis, dress_side, dress_torso
 from .links import Link, add_links, right_of
 from .shapes import add_camera, add_collision, add_imu, add_servo, add_touch, set_inertia
 from .spec import CameraMount, CommandLimits, FallThresholds, Foot, JointFacts, RobotSpec
@@ -161,11 +162,14 @@ def build_h1(robot: RobotSpec) -> mujoco.MjSpec:
     add_collision(
         pelvis, "pelvis", "capsule", (0.07,), ends=((0.0, -0.05, -0.05), (0.0, 0.05, -0.05))
     )
+    dress_pelvis(pelvis)
     torso = bodies["torso"]
     add_collision(torso, "torso", "box", (0.085, 0.12, 0.2), position=(0.0, 0.0, 0.28))
     add_collision(torso, "head", "capsule", (0.075,), ends=((0.02, 0.0, 0.6), (0.02, 0.0, 0.69)))
+    dress_torso(torso)
     for side, left in (("left", 1.0), ("right", -1.0)):
         _add_side(spec, bodies, side, left)
+        dress_side(bodies, side, left)
     add_imu(spec, pelvis)
     add_camera(bodies[robot.camera.body], robot.camera)
     for joint in robot.joints:
