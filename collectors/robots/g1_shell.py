@@ -67,7 +67,7 @@ def _dress_thigh(bodies: Bodies, side: str, left: float) -> None:
     roll = bodies[f"{side}_hip_roll"]
     add_visual(roll, "capsule", (0.0475,), SILVER, ends=((0.0, 0, -0.02), (0.025, 0, -0.11)))
     thigh = bodies[f"{side}_hip_yaw"]
-    add_visual(thigh, "cylinder", (0.061,), DARK, ends=((-0.012, 0, -0.022), (-0.012, 0, 0.022)))
+    add_visual(thigh, "cylinder", (0.056,), DARK, ends=((-0.008, 0, -0.022), (-0.008, 0, 0.022)))
     add_visual(thigh, "capsule", (0.0505,), SILVER, ends=((-0.025, 0, -0.01), (-0.065, 0, -0.12)))
     x, y, z = -0.0783, 0.0021 * left, -0.1773
     add_visual(thigh, "cylinder", (0.053,), DARK, ends=((x, y - 0.041, z), (x, y + 0.041, z)))
