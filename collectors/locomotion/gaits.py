@@ -41,6 +41,7 @@ def biped_walk(
     stand: Mapping[str, float],
     stance: Mapping[str, float],
     swing_rad: float,
+    reach: tuple[float, float],
     arm_swing: float,
     lead_cycles: float,
 ) -> GaitClock:
@@ -57,10 +58,11 @@ def biped_walk(
         stand: part → joint offset [rad] of the left side that holds the standing robot's weight.
         stance: the same in the middle of a step, when one leg bears all of it.
         swing_rad: how far the hip folds at the top of a swing; the knee folds twice as much.
+        reach: strides forward and sideways are longer by these factors, because servos give way.
         arm_swing: shoulder pitch over hip pitch, the arm going with the other side's leg.
         lead_cycles: see `GaitClock`.
     """
-    stride = 0.25 / (frequency_hz * leg_m)
+    stride, sidestep = (factor * 0.25 / (frequency_hz * leg_m) for factor in reach)
     ankle = "ankle_pitch" if "left_ankle_pitch_joint" in joints else "ankle"
 
     def row(side: str, parts: Mapping[str, float]) -> Row:
@@ -84,7 +86,7 @@ def biped_walk(
         forward_rad=alike(
             {"hip_pitch": stride, "shoulder_pitch": -arm_swing * stride, ankle: -stride}
         ),
-        left_rad=alike({"hip_roll": -stride, "ankle_roll": stride}),
+        left_rad=alike({"hip_roll": -sidestep, "ankle_roll": sidestep}),
         foot_xy_m=((0.0, sole_y_m), (0.0, -sole_y_m)),
         lead_cycles=lead_cycles,
         turn_rad=alike({"hip_yaw": -0.25 / frequency_hz}),
@@ -100,6 +102,7 @@ WALK_H1 = biped_walk(
     stand={"hip_roll": -0.111, "hip_pitch": 0.03, "knee": -0.121, "ankle": 0.115},
     stance={"hip_roll": -0.1, "knee": -0.1},
     swing_rad=0.32,
+    reach=(1.1, 1.4),
     arm_swing=1.2,
     lead_cycles=0.08,
 )
@@ -111,6 +114,7 @@ WALK_G1 = biped_walk(
     stand={"knee": -0.01, "ankle_pitch": 0.12},
     stance={"hip_roll": -0.05, "knee": -0.03},
     swing_rad=0.35,
+    reach=(1.4, 1.3),
     arm_swing=1.2,
     lead_cycles=0.14,
 )

@@ -56,6 +56,11 @@ class BodyFacts:
     sideways: NDArray[np.bool_]  # (J,) joints about other axes than y
 
 
+def _closeness(squared_error: Array, widths: tuple[float, ...]) -> Array:
+    """1 where there is no error; a wide bell pulls from afar, a narrow one asks for precision."""
+    return np.mean([np.exp(-squared_error / width) for width in widths], axis=0)
+
+
 def reward_terms(s: StepFacts, body: BodyFacts, config: TrainingConfig) -> dict[str, Array]:
     """Unweighted terms by name of `RewardWeights`, each (N,)."""
     linear_error = np.sum((s.linear_velocity[:, :2] - s.command[:, :2]) ** 2, axis=1)
@@ -72,8 +77,8 @@ def reward_terms(s: StepFacts, body: BodyFacts, config: TrainingConfig) -> dict[
     return {
         "track_linear": np.exp(-linear_error / 0.25),
         "track_yaw": np.exp(-yaw_error / 0.25),
-        "track_linear_mean": np.exp(-linear_mean_error / 0.01),
-        "track_yaw_mean": np.exp(-yaw_mean_error / 0.02),
+        "track_linear_mean": _closeness(linear_mean_error, config.linear_mean_widths),
+        "track_yaw_mean": _closeness(yaw_mean_error, config.yaw_mean_widths),
         "alive": np.ones(len(s.moving)),
         "vertical_velocity": s.linear_velocity[:, 2] ** 2,
         "roll_pitch_rate": np.sum(s.angular_velocity[:, :2] ** 2, axis=1),

@@ -43,6 +43,8 @@ class TrainingConfig:
         command_margin: commands are drawn from the robot's limits times this.
         swing_height_m: height of the foot's arc above the ground.
         stand_joint_rad: pose to stand in, per leg, at the base height wanted.
+        linear_mean_widths, yaw_mean_widths: squared widths [(m/s)², (rad/s)²] of the bells that
+            reward the mean velocity.
         friction, mass_scale, gain_scale: ranges drawn once per simulation.
         com_shift_m: largest shift of the base's centre of mass along each axis.
         latency_substeps: largest delay of an action, in physics steps.
@@ -61,6 +63,8 @@ class TrainingConfig:
     command_margin: float = 1.1
     swing_height_m: float = 0.08
     stand_joint_rad: tuple[float, ...] = (0.0, 0.841, -1.682)
+    linear_mean_widths: tuple[float, ...] = (0.01,)
+    yaw_mean_widths: tuple[float, ...] = (0.02,)
     friction: tuple[float, float] = (0.4, 1.2)
     mass_scale: tuple[float, float] = (0.85, 1.15)
     gain_scale: tuple[float, float] = (0.9, 1.1)
@@ -131,17 +135,26 @@ def ppo_config(config: TrainingConfig, seed: int) -> dict:
 
 # Actions of half the Aliengo's scale are twice as large, torques an order of magnitude.
 _HUMANOID = RewardWeights(
-    torque=-1e-5, action_rate=-0.01, action_jerk=-0.005, tilt=-8.0, contact_schedule=1.2
+    torque=-1e-5,
+    action_rate=-0.01,
+    action_jerk=-0.005,
+    tilt=-8.0,
+    contact_schedule=1.2,
+    track_linear_mean=2.5,
+    track_yaw_mean=1.25,
 )
 H1_FLAT = TrainingConfig(
-    stand_joint_rad=(0.0, 0.0, -0.332, 0.8, -0.468), rewards=_HUMANOID, push_m_s=0.7
+    stand_joint_rad=(0.0, 0.0, -0.332, 0.8, -0.468),
+    rewards=_HUMANOID,
+    push_m_s=0.7,
+    linear_mean_widths=(0.006, 0.09),
+    yaw_mean_widths=(0.01, 0.16),
 )
-G1_FLAT = TrainingConfig(
+G1_FLAT = replace(
+    H1_FLAT,
     stand_joint_rad=(-0.109, 0.0, 0.0, 0.3, -0.191, 0.0),
     rewards=replace(_HUMANOID, torque=-2e-5),
-    push_m_s=0.7,
 )
-
 
 
 def _hard(flat: TrainingConfig) -> TrainingConfig:

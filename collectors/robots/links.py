@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -67,7 +67,7 @@ def right_of(link: Link) -> Link:
 
 def add_links(
     root: mujoco.MjsBody, links: Sequence[Link], frictionloss_nm: float
-) -> Mapping[str, mujoco.MjsBody]:
+) -> dict[str, mujoco.MjsBody]:
     """Add bodies with inertia and joints below `root`; parents come before their children.
 
     Returns:

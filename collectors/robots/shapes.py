@@ -188,14 +188,9 @@ def add_touch(
     size_m: float | Vector,
 ) -> None:
     """Add a touch sensor `<foot>_touch` [N]: a ball of one radius or a box of three half sides."""
-    box = not isinstance(size_m, float)
-    body.add_site(
-        name=foot,
-        type=SHAPES["box" if box else "sphere"],
-        pos=list(position),
-        size=list(size_m) if box else [size_m, 0.0, 0.0],
-        group=4,
-    )
+    size = [size_m, 0.0, 0.0] if isinstance(size_m, float | int) else list(size_m)
+    shape = "box" if all(size) else "sphere"
+    body.add_site(name=foot, type=SHAPES[shape], pos=list(position), size=size, group=4)
     spec.add_sensor(
         name=f"{foot}_touch",
         type=mujoco.mjtSensor.mjSENS_TOUCH,
