@@ -66,6 +66,23 @@ class Chain:
         align.record_rejected(self.context.ledger, summary, kept, scenes)
         return self._instructed(summary, parts, split)
 
+    def keep(
+        self, asked: Sequence[Episode], scenes: Mapping[str, Row], pairs: Sequence[tuple[str, str]]
+    ) -> None:
+        """What other robots or controllers than `pairs` did counts only on these very episodes."""
+        ledger = self.context.ledger
+        done = {tuple(row.item.split("/")[:2]) for row in ledger.rows(replay.STAGE)}
+        for robot, controller in sorted(done - set(pairs)):
+            config = ReplayConfig(robot=robot, controller=controller, seed=self.seed)
+            items = self._walks(asked, scenes, config)
+            same = {item.name for item in items if self._is_current(item)}
+            scope = f"{robot}/{controller}/"
+            ledger.select(replay.STAGE, scope, same)
+            if len(same) < len(items):
+                for stage in (render.STAGE, export.STAGE, export.MCAP_STAGE):
+                    ledger.select(stage, scope, ())
+                ledger.select(export.DATASET_STAGE, f"{robot}-{controller}-", ())
+
     def collected(
         self,
         asked: Sequence[Episode],
@@ -74,14 +91,17 @@ class Chain:
         controller: str,
         view: View,
         frames_per_second: int,
+        only_success: bool,
         facts: Mapping[str, Any],
     ) -> None:
-        """Replay, render and export the episodes with one robot; `facts` go to the provenance."""
+        """Replay, render and export the episodes with one robot; `facts` go to the provenance.
+
+        Failures are rendered in any case, and exported unless `only_success`.
+        """
         folder = self.folder
         scope = f"{robot}/{controller}/"
         config = ReplayConfig(robot=robot, controller=controller, seed=self.seed)
-        items = replay.items(asked, scenes, folder.scenes, folder.rollouts, config)
-        self._unselect_strangers(asked, scenes, scope)
+        items = self._walks(asked, scenes, config)
         rollouts = self._stage(replay.STAGE, items, scope).good()
         items = render.items(
             rollouts,
@@ -96,18 +116,11 @@ class Chain:
         scope += f"{view.name}/"
         frames = self._stage(render.STAGE, items, scope).good()
         dataset = export.Dataset.under(folder.root, robot, controller, view.name)
-        items = export.unit_items(frames, folder.root, dataset)
-        units = self._stage(export.STAGE, items, scope).good()
-        items = export.mcap_items(frames, folder.root, folder.scenes, dataset)
-        self._stage(export.MCAP_STAGE, items, scope)
-        used = {
-            str(row.facts["scene"]): folder.scenes / str(row.facts["scene"])
-            for row in units.values()
-        }
-        if not units:
-            return  # every episode is quarantined: no dataset, and the report says why
-        item = export.dataset_item(units, folder.root, used, dataset, {"options": dict(facts)})
-        self._stage(export.DATASET_STAGE, [item], dataset.name)
+        frames = export.wanted(frames, only_success)
+        options = {"options": dict(facts)}
+        self.summaries += export.run(
+            self.context, frames, folder.root, folder.scenes, dataset, scope, options
+        )
 
     def _instructed(
         self, source: StageSummary, parts: Mapping[str, Path], split: str
@@ -127,21 +140,18 @@ class Chain:
         for stage in stages:
             self.context.ledger.select(stage, "", ())
 
-    def _unselect_strangers(
-        self,
-        asked: Sequence[Episode],
-        scenes: Mapping[str, Row],
-        own: str,
-    ) -> None:
-        """Rollouts of other robots stay current only where they walked these very episodes."""
+    def _walks(
+        self, asked: Sequence[Episode], scenes: Mapping[str, Row], config: ReplayConfig
+    ) -> list[WorkItem]:
+        folder = self.folder
+        return replay.items(asked, scenes, folder.scenes, folder.rollouts, folder.models, config)
+
+    def _is_current(self, item: WorkItem) -> bool:
+        """Whether an earlier run did this very item, or broke on it."""
         ledger = self.context.ledger
-        scopes = {r.item.rsplit("/", 1)[0] for r in ledger.rows(replay.STAGE)} - {own.rstrip("/")}
-        for scope in scopes:
-            robot, controller = scope.split("/")
-            config = ReplayConfig(robot=robot, controller=controller, seed=self.seed)
-            items = replay.items(asked, scenes, self.folder.scenes, self.folder.rollouts, config)
-            same = {i.name for i in items if ledger.is_done(replay.STAGE, i.name, i.key)}
-            ledger.select(replay.STAGE, f"{scope}/", same)
+        row = ledger.row(replay.STAGE, item.name)
+        broken = row is not None and row.status == "quarantined" and row.key == item.key
+        return broken or ledger.is_done(replay.STAGE, item.name, item.key)
 
     def _stage(
         self, name: str, items: Sequence[WorkItem], scope: str = "", required: bool = False

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from collections.abc import Collection
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -132,6 +133,26 @@ class Ledger:
             del self._rows[(stage, item)]
         if known:
             self._append([{"forget": [stage, item]} for item in known])
+
+    def discard(self, stage: str, scope: str) -> None:
+        """Drop what is not current of a stage, rows and files, among items starting with `scope`.
+
+        For folders that are handed on as they are: nothing may lie in them that was not asked for.
+        """
+        old = {
+            item: row
+            for (row_stage, item), row in self._rows.items()
+            if row_stage == stage and item.startswith(scope) and not row.current
+        }
+        self.forget(stage, old)
+        kept = {path for row in self._rows.values() for path in row.outputs}
+        for path in {path for row in old.values() for path in row.outputs} - kept:
+            if (self.root / path).is_dir():
+                shutil.rmtree(self.root / path)
+            else:
+                (self.root / path).unlink(missing_ok=True)
+        if old:
+            self.save()
 
     def save(self) -> None:
         """Fold the journal into the manifest, and list what is quarantined."""

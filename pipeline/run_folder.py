@@ -39,6 +39,11 @@ class RunFolder:
         return self.root / "episodes" / f"{name}.json.gz"
 
     @property
+    def models(self) -> Path:
+        """Compiled physics models, kept for the next worker and the next run."""
+        return self.root / "models"
+
+    @property
     def rollouts(self) -> Path:
         """Rollouts, by robot and controller."""
         return self.root / "rollouts"

@@ -24,6 +24,8 @@ from .ledger import Ledger, Row
 
 log = logging.getLogger(__name__)
 
+BAR_LABEL = 22  # characters of a bar's name: stage, robot and controller
+
 # The output folder itself is unusable: going on would fail every item for the same reason.
 FATAL_ERRNO = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM}
 
@@ -62,7 +64,11 @@ class WorkItem:
 
 @dataclass
 class StageSummary:
-    """Counts of one stage's run; `rows` are all its items' rows, reused ones too."""
+    """Counts of one stage's run; `rows` are all its items' rows, reused ones too.
+
+    `done` counts what this run did, `reused` what it found done; `failed` those of both with a bad
+    outcome.
+    """
 
     stage: str
     done: int = 0
@@ -81,6 +87,18 @@ class StageSummary:
             "quarantined": self.quarantined,
             "seconds": round(self.seconds, 2),
         }
+
+    def joined(self, other: StageSummary) -> StageSummary:
+        """Both runs of one stage (for two robots, …) as one."""
+        return StageSummary(
+            self.stage,
+            self.done + other.done,
+            self.reused + other.reused,
+            self.failed + other.failed,
+            self.quarantined + other.quarantined,
+            self.seconds + other.seconds,
+            [*self.rows, *other.rows],
+        )
 
     def good(self) -> dict[str, Row]:
         """Rows of items that are done, by item name."""
@@ -142,7 +160,7 @@ def run_stage(
     bar = tqdm(
         total=len(items),
         initial=len(items) - len(waiting),
-        desc=f"{stage:<9}",
+        desc=f"{' '.join([stage, *scope.split('/')[:2]]):<{BAR_LABEL}}",
         unit="item",
         disable=not context.progress,
         bar_format="{desc} {percentage:3.0f}%|{bar:24}| {n_fmt}/{total_fmt} [{elapsed}] {postfix}",
@@ -188,8 +206,8 @@ class StageFailedError(VlnpeError):
 
 def _show(bar: tqdm, summary: StageSummary) -> None:
     bar.set_postfix_str(
-        f"done {summary.done + summary.reused} (reused {summary.reused})"
-        f", failed {summary.failed}, quarantined {summary.quarantined}",
+        f"done {summary.done}, reused {summary.reused}, failed {summary.failed}"
+        f", quarantined {summary.quarantined}",
         refresh=False,
     )
 

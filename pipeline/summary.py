@@ -18,7 +18,6 @@ from .runner import StageSummary
 
 log = logging.getLogger(__name__)
 LEROBOT = "lerobot[viz]==0.6.1"
-NAVIGATION = ("episodes", "collected", "tl", "ne", "os", "sr", "spl", "fr", "str")
 
 
 def show_summary(
@@ -40,7 +39,7 @@ def show_summary(
         value = {
             "out": str(folder.root),
             "report": str(page),
-            "stages": {s.stage: s.counts() for s in summaries},
+            "stages": {s.stage: s.counts() for s in joined(summaries)},
             "robots": [vars(r) for r in rows],
             "quarantined": quarantined,
             "exit_code": code,
@@ -55,27 +54,42 @@ def show_summary(
     return code
 
 
+def joined(summaries: Sequence[StageSummary]) -> list[StageSummary]:
+    """One summary per stage, those of all robots together, in the order they ran."""
+    stages: dict[str, StageSummary] = {}
+    for summary in summaries:
+        known = stages.get(summary.stage)
+        stages[summary.stage] = known.joined(summary) if known else summary
+    return list(stages.values())
+
+
 def stage_table(summaries: Sequence[StageSummary]) -> str:
-    """One line per stage with its counts."""
+    """One line per stage with its counts, those of all robots together."""
     lines = [f"{'stage':<10}{'done':>7}{'reused':>8}{'failed':>8}{'quarantined':>13}{'seconds':>9}"]
     lines += [
         f"{s.stage:<10}{s.done:>7}{s.reused:>8}{s.failed:>8}{s.quarantined:>13}{s.seconds:>9.1f}"
-        for s in summaries
+        for s in joined(summaries)
     ]
     return "\n".join(lines)
 
 
 def robot_table(rows: Sequence[RobotRow]) -> str:
-    """One line per robot and controller with the navigation metrics."""
-    header = f"{'robot':<9}{'controller':<12}{'episodes':>8}{'collected':>11}{'TL m':>8}{'NE m':>7}"
-    header += "".join(f"{name:>7}" for name in ("OS %", "SR %", "SPL %", "FR %", "StR %"))
+    """One line per robot and controller: navigation metrics, then how many episodes went wrong."""
+    header = f"{'robot':<9}{'controller':<11}{'episodes':>8}{'collected':>11}"
+    header += "".join(f"{name:>7}" for name in ("SR %", "OS %", "SPL %", "nDTW %", "NE m", "TL m"))
+    header += f"{'fell':>6}{'stuck':>7}{'timeout':>9}{'collided':>10}{'diverged':>10}"
     lines = [header]
     for r in rows:
-        line = f"{r.robot:<9}{r.controller:<12}{r.episodes:>8}{r.collected:>10.1f}%"
-        line += f"{r.tl:>8.2f}" + (f"{'–':>7}" if r.ne is None else f"{r.ne:>7.2f}")
-        line += "".join(f"{v:>7.1f}" for v in (r.os, r.sr, r.spl, r.fr, r.str))
+        line = f"{r.robot:<9}{r.controller:<11}{r.episodes:>8}{r.collected:>10.1f}%"
+        line += "".join(f"{v:>7.1f}" for v in (r.sr, r.os, r.spl))
+        line += _number(r.ndtw, 7, 1) + _number(r.ne, 7, 2) + _number(r.tl, 7, 2)
+        line += f"{r.falls:>6}{r.stuck:>7}{r.timeouts:>9}{r.collisions:>10}{r.diverged:>10}"
         lines.append(line)
     return "\n".join(lines)
+
+
+def _number(value: float | None, width: int, digits: int) -> str:
+    return f"{'–':>{width}}" if value is None else f"{value:>{width}.{digits}f}"
 
 
 def looking_commands(folder: RunFolder, summaries: Sequence[StageSummary], page: Path) -> str:

@@ -19,12 +19,13 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from ...formats.atomic import atomic_file
+from ... import formats
 from ...formats.scene_bundle import Obstacles, SceneBundle
 from ..robots import RobotSpec, apply_physics_options
 from .config import LevelModelConfig
 from .floor_geom import add_floor, walked_heights
 from .floor_surface import FloorSurface
+from .model_cache import cached_model, model_bytes
 from .obstacle_boxes import robot_obstacles
 from .obstacle_gate import OBSTACLE_BIT
 
@@ -32,14 +33,7 @@ log = logging.getLogger(__name__)
 
 ROBOT_PREFIX = "robot/"
 REACH_MARGIN_M = 0.25
-_CODE = (
-    "config.py",
-    "floor_geom.py",
-    "floor_surface.py",
-    "level_model.py",
-    "obstacle_boxes.py",
-    "obstacle_gate.py",
-)
+_FORMATS = Path(formats.__file__).parent
 
 
 def level_model(
@@ -51,8 +45,8 @@ def level_model(
 ) -> mujoco.MjModel:
     """The compiled model of a level with a robot, from `cache_dir` when it was built before.
 
-    The cache's key covers the level's files, the robot's physics, the configuration, this code and
-    MuJoCo's version.
+    The cache's key covers the level's files, the robot's compiled model, the configuration, the
+    code that builds it and MuJoCo's version. A damaged cache is replaced.
 
     Raises:
         ValueError: no such level.
@@ -62,12 +56,7 @@ def level_model(
     if cache_dir is None:
         return build_level_model(bundle, level, robot, config)
     path = cache_dir / f"{_key(bundle, level, robot, config)}.mjb"
-    if path.is_file():
-        return mujoco.MjModel.from_binary_path(str(path))
-    model = build_level_model(bundle, level, robot, config)
-    with atomic_file(path) as temporary:
-        mujoco.mj_saveModel(model, str(temporary), None)
-    return model
+    return cached_model(path, lambda: build_level_model(bundle, level, robot, config))
 
 
 def build_level_model(
@@ -157,11 +146,13 @@ def _extent(robot: RobotSpec) -> tuple[float, float]:
 
 def _key(bundle: SceneBundle, level: int, robot: RobotSpec, config: LevelModelConfig) -> str:
     digest = hashlib.sha256()
-    folder = bundle.level_folder(level)
-    for name in ("floor.npz", "obstacles.npz", "freemap.npz"):
-        digest.update((folder / name).read_bytes())
-    for name in _CODE:
-        digest.update((Path(__file__).parent / name).read_bytes())
-    facts = (robot.name, robot.physics_hash(), robot.camera, asdict(config), mujoco.__version__)
-    digest.update(repr(facts).encode())
+    folder, here = bundle.level_folder(level), Path(__file__).parent
+    files = [folder / name for name in ("floor.npz", "obstacles.npz", "freemap.npz")]
+    for path in (*files, *sorted(here.glob("*.py")), *sorted(_FORMATS.glob("*.py"))):
+        # A missing file is the builder's to complain of.
+        digest.update(path.read_bytes() if path.is_file() else b"")
+    digest.update(model_bytes(robot.build_model(floor=False)))
+    floor_z_m = bundle.level_floor_z_m[level]
+    facts = (bundle.scene_id, level, floor_z_m, robot.name, robot.root_body, asdict(config))
+    digest.update(repr((*facts, mujoco.__version__)).encode())
     return digest.hexdigest()[:32]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import cv2
@@ -11,7 +12,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ...formats.atomic import atomic_file
 from ...formats.rollout import Rollout
-from ...formats.video import write_rgb_video
+from ...formats.video import CLIP_CODEC, write_rgb_video
 from .interface import Renderer
 from .rollout_views import RolloutFrames
 from .views import make_view
@@ -76,12 +77,24 @@ def third_person_clip(
     path: Path,
     renderer: Renderer,
     rollout: Rollout,
-    frames_per_second: int = 20,
-    width_px: int = 640,
-    height_px: int = 480,
-    codec: str = "h264",
-) -> int:
-    """Write an `.mp4` of the rollout seen from behind the robot; return the number of frames.
+    last_s: float = math.inf,
+    frames_per_second: int = 10,
+    width_px: int = 320,
+    height_px: int = 240,
+) -> Picture:
+    """Write a small `.mp4` of how a rollout ended, seen from behind the robot.
+
+    Args:
+        path: where to.
+        renderer: of the rollout's scene.
+        rollout: recorded states.
+        last_s: how much of its end is shown.
+        frames_per_second: divides 100.
+        width_px: even.
+        height_px: even.
+
+    Returns:
+        The last frame, (H, W, 3) uint8 sRGB.
 
     Raises:
         ValueError: the frame rate does not divide 100.
@@ -95,8 +108,13 @@ def third_person_clip(
         renderer=renderer.name,
     )
     samples = rollout.frame_samples(frames_per_second)
+    samples = samples[rollout.time_s[samples] >= rollout.time_s[-1] - last_s]
     frames = RolloutFrames.plan(renderer, rollout, view, samples).render(renderer)
-    return write_rgb_video(path, (rgb for rgb, _ in frames), frames_per_second, codec)
+    pictures = [rgb for rgb, _ in frames]
+    for picture, sample in zip(pictures, samples, strict=True):
+        _stamp(picture, f"{rollout.time_s[sample]:.1f} s")
+    write_rgb_video(path, pictures, frames_per_second, CLIP_CODEC)
+    return pictures[-1]
 
 
 def depth_picture(depth_m: NDArray[np.float32], far_m: float = DEPTH_SHOWN_M) -> Picture:

@@ -55,7 +55,7 @@ class RolloutFrames:
             ValueError: the renderer is not the one the view asks for.
         """
         if view.kind not in VIEWS:
-            raise UnknownNameError("view", view.kind, VIEWS)
+            raise UnknownNameError("camera", view.kind, VIEWS)
         if (renderer.name, renderer.light) != (view.renderer, view.light):
             raise ValueError(
                 f"view {view.name} asks for renderer {view.renderer} with light {view.light}, "

@@ -98,7 +98,7 @@ def make_view(
         UnknownNameError: no such kind or robot; the message lists the valid names.
     """
     if kind not in VIEWS:
-        raise UnknownNameError("view", kind, VIEWS)
+        raise UnknownNameError("camera", kind, VIEWS)
     default = VIEWS[kind].default_camera(get_robot(robot))
     camera = CameraModel(
         name=kind,

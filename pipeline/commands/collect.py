@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
+import logging
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from ...collectors.controllers import get_controller
 from ...collectors.rendering.lights import get_light
 from ...collectors.rendering.views import make_view
-from ...collectors.robots import ROBOTS
+from ...collectors.robots import RobotSpec
 from ...formats.atomic import sweep
-from ...formats.errors import InputError, UnknownNameError
+from ...formats.errors import InputError
 from ...formats.rollout import STATE_RATE_HZ
 from ...formats.vlnce import read_vlnce
 from ...scene_repair.config import RepairConfig
 from ...trajectory_sampler.config import SampleConfig
 from ..chain import Chain
+from ..crews import chosen_robots, crews
 from ..executors import Workers, available_cores
 from ..ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger
 from ..run_folder import RunFolder, open_run_folder, safe_name
@@ -29,8 +30,9 @@ from ..runner import Context
 from ..stages import repair, report
 from ..summary import show_summary
 
+log = logging.getLogger(__name__)
+
 BUILTIN = "builtin"
-ALL = "all"
 MESH_SUFFIXES = {".glb", ".gltf", ".obj", ".ply", ".stl"}
 
 
@@ -43,9 +45,10 @@ class Collect:
     """
 
     robot: str = "aliengo"
-    """Which robot walks; `all` collects the same episodes with every robot."""
+    """Which robots walk: a name, several (h1,g1), or `all` that have a body. All get the same
+    episodes, with room for the widest of them."""
     controller: str = "path"
-    """How it is driven: path, speed or flash."""
+    """How they are driven: path, speed or flash, several (path,speed), or `all`."""
     scene: str = BUILTIN
     """A scan to collect in (.glb .gltf .obj .ply .stl), or `builtin` for a generated apartment."""
     scenes: Path | None = None
@@ -70,6 +73,8 @@ class Collect:
     """Of the built-in apartment, the sampling and everything else that is random."""
     frames_per_second: int = 4
     """Rendered frames per second: 4, 5, 10, 20, 25 or 50."""
+    only_success: bool = False
+    """Export only episodes that end at the goal; otherwise all, each with its end reason."""
     workers: int = 0
     """Worker processes; 0 takes one per core."""
     max_failed: int = 0
@@ -84,10 +89,10 @@ def run(options: Collect) -> int:
     Raises:
         InputError: any option is unusable; checked before anything is written.
     """
-    robots = _robots(options.robot)
-    get_controller(options.controller)
+    robots = chosen_robots(options.robot)
+    pairs = crews(robots, options.controller)
     get_light(options.light)
-    views = {r: make_view(options.camera, r, light=options.light) for r in robots}
+    views = {r.name: make_view(options.camera, r.name, light=options.light) for r in robots}
     check_frame_rate(options.frames_per_second)
     count, episode_file = _episodes(options.episodes)
     sampling = _sampling(options, count)
@@ -102,23 +107,27 @@ def run(options: Collect) -> int:
         if episode_file:
             asked = chain.aligned(episode_file, scenes)
         else:
+            sampling = _roomy(sampling, robots, context.ledger)
             asked = chain.sampled(sampling, scenes)
-        for robot in robots:
+        chain.keep(asked, scenes, pairs)
+        for robot, controller in pairs:
             chain.collected(
                 asked,
                 scenes,
                 robot,
-                options.controller,
+                controller,
                 views[robot],
                 options.frames_per_second,
+                options.only_success,
                 {
                     "robot": robot,
-                    "controller": options.controller,
+                    "controller": controller,
                     "seed": options.seed,
                     "scene": Path(options.scenes or options.scene).name,
                     "episodes": Path(options.episodes).name,
                     "sampling": asdict(sampling),
                     "frames_per_second": options.frames_per_second,
+                    "only_success": options.only_success,
                 },
             )
         page = report.write(folder, context, chain.summaries)
@@ -158,12 +167,28 @@ def opened(root: Path, workers: int) -> Iterator[Context]:
         raise
 
 
-def _robots(name: str) -> list[str]:
-    if name == ALL:
-        return sorted(ROBOTS)
-    if name not in ROBOTS:
-        raise UnknownNameError("robot", name, [*ROBOTS, ALL])
-    return [name]
+def _roomy(sampling: SampleConfig, robots: Sequence[RobotSpec], ledger: Ledger) -> SampleConfig:
+    """Sample paths with room for the widest robot of this run, and of the runs before it.
+
+    Episodes that fit a wide robot fit the others; so a run folder's episodes change only when a
+    wider robot joins, and the robots of one folder walk the same ones.
+    """
+    # Rows of another version's code may lack it, and so do quarantined ones.
+    before = [row.facts.get("robot_radius_m", 0.0) for row in ledger.rows("sample")]
+    before_m = max(before, default=0.0)
+    widest = max(robots, key=lambda robot: robot.footprint_radius_m)
+    radius_m = max(sampling.robot_radius_m, before_m, widest.footprint_radius_m)
+    if before_m and radius_m > before_m:
+        log.warning(
+            "%s needs %.2f m of clearance, and the episodes here had %.2f m: they are sampled "
+            "anew. What other robots collected on the old ones leaves the report; name these "
+            "robots, too, and they walk the new ones",
+            widest.name,
+            radius_m,
+            before_m,
+        )
+    ends_m = max(sampling.end_clearance_m, radius_m)
+    return replace(sampling, robot_radius_m=radius_m, end_clearance_m=ends_m)
 
 
 def _sources(options: Collect, episode_file: Path | None) -> dict[str, Path]:

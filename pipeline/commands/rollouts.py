@@ -11,18 +11,17 @@ from typing import Annotated
 
 import tyro
 
-from ...collectors.controllers import get_controller
 from ...collectors.rendering.lights import get_light
 from ...collectors.rendering.views import make_view
 from ...collectors.replay import ReplayConfig
-from ...collectors.robots import get_robot
 from ...formats.errors import FileFormatError, InputError
 from ...formats.vlnce import read_episodes
+from ..crews import chosen_robots, crews
 from ..keys import digest
 from ..ledger import Ledger, Row
 from ..runner import StageSummary, run_stage
 from ..stages import export, render, repair, replay
-from ..summary import stage_table
+from ..summary import joined, stage_table
 from .chain import scenes_in
 from .collect import check_frame_rate, opened
 
@@ -40,9 +39,9 @@ class Replay:
     out: Path = Path("rollouts")
     """Folder for <robot>/<controller>/<episode>.mcap."""
     robot: str = "aliengo"
-    """Which robot walks."""
+    """Which robots walk: a name, several (h1,g1), or `all` that have a body."""
     controller: str = "path"
-    """How it is driven: path, speed or flash."""
+    """How they are driven: path, speed or flash, several (path,speed), or `all`."""
     seed: int = 0
     """Of everything random."""
     workers: int = 0
@@ -93,6 +92,8 @@ class Export:
     """Folder of repaired scenes."""
     out: Path = Path("data")
     """Folder for lerobot/<dataset>/ and mcap/<dataset>/."""
+    only_success: bool = False
+    """Export only episodes that end at the goal; otherwise all, each with its end reason."""
     workers: int = 0
     """Worker processes; 0 takes one per core."""
     max_failed: int = 0
@@ -107,18 +108,20 @@ def run_replay(options: Replay) -> int:
     Raises:
         InputError: an unknown robot or controller, or an unusable file or folder.
     """
-    get_robot(options.robot)
-    get_controller(options.controller)
+    pairs = crews(chosen_robots(options.robot), options.controller)
     asked = read_episodes(options.episodes)
     scenes = _scene_rows(options.scenes)
     _demand_scenes({e.scene_id for e in asked}, scenes, options.scenes)
-    config = ReplayConfig(robot=options.robot, controller=options.controller, seed=options.seed)
+    summaries = []
     with opened(options.out, options.workers) as context:
         root = context.ledger.root
-        items = replay.items(asked, scenes, options.scenes.resolve(), root, config)
-        scope = f"{options.robot}/{options.controller}/"
-        summary = run_stage(context, replay.STAGE, items, scope)
-    return _tell(options, [summary])
+        for robot, controller in pairs:
+            config = ReplayConfig(robot=robot, controller=controller, seed=options.seed)
+            items = replay.items(
+                asked, scenes, options.scenes.resolve(), root, root / "models", config
+            )
+            summaries.append(run_stage(context, replay.STAGE, items, f"{robot}/{controller}/"))
+    return _tell(options, summaries)
 
 
 def run_render(options: Render) -> int:
@@ -184,24 +187,16 @@ def run_export(options: Export) -> int:
             groups.setdefault(tuple(row.item.split("/")[:3]), {})[row.item] = row
     if not groups:
         raise FileFormatError(options.frames, "no rendered episode in it")
+    groups = {group: export.wanted(rows, options.only_success) for group, rows in groups.items()}
+    if not any(groups.values()):
+        raise FileFormatError(options.frames, "no rendered episode in it ends at its goal")
     summaries = []
     with opened(options.out, options.workers) as context:
-        out = context.ledger.root
         for (robot, controller, view), rows in groups.items():
-            dataset = export.Dataset.under(out, robot, controller, view)
+            dataset = export.Dataset.under(context.ledger.root, robot, controller, view)
             scope = f"{robot}/{controller}/{view}/"
-            items = export.unit_items(rows, root, dataset)
-            units = run_stage(context, export.STAGE, items, scope)
-            items = export.mcap_items(rows, root, folder, dataset)
-            summaries += [units, run_stage(context, export.MCAP_STAGE, items, scope)]
-            item = export.dataset_item(units.good(), out, _used(units, folder), dataset, {})
-            summaries.append(run_stage(context, export.DATASET_STAGE, [item], dataset.name))
+            summaries += export.run(context, rows, root, folder, dataset, scope, {})
     return _tell(options, summaries)
-
-
-def _used(units: StageSummary, folder: Path) -> dict[str, Path]:
-    names = {str(row.facts["scene"]) for row in units.good().values()}
-    return {name: folder / name for name in sorted(names)}
 
 
 def _demand_scenes(names: Iterable[str], scenes: Mapping[str, Row], folder: Path) -> None:
@@ -226,7 +221,7 @@ def _tell(options: Replay | Render | Export, summaries: Sequence[StageSummary]) 
     if options.json:
         value = {
             "out": str(options.out),
-            "stages": {s.stage: s.counts() for s in summaries},
+            "stages": {s.stage: s.counts() for s in joined(summaries)},
             "exit_code": int(quarantined > options.max_failed),
         }
         sys.stdout.write(json.dumps(value) + "\n")

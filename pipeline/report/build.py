@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -10,20 +11,17 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, select_autoescape
 
 from ..ledger import Ledger, Row
-from .gather import replay_rows, robot_rows
+from ..stages.pictures import STAGE as PICTURES_STAGE
+from ..stages.pictures import Pictures
+from .failures import failure_figures
+from .gather import RobotRow, diverged_rows, replay_rows, robot_rows
 from .images import data_uri
 from .maps import ScenePaths, map_figure
 from .plots import histogram
 
 
-def build_page(root: Path, maps: Mapping[str, Path], strips: Mapping[str, Path]) -> str:
-    """The report's HTML.
-
-    Args:
-        root: the run folder.
-        maps: scene/level → map picture with its mapping beside it, see `maps.map_figure`.
-        strips: `robot/controller` → film strip.
-    """
+def build_page(root: Path, pictures: Pictures) -> str:
+    """The report's HTML, of the run in `root` with its pictures."""
     ledger = Ledger(root)
     rows = replay_rows(ledger)
     paths = ScenePaths.load(root, rows)
@@ -39,13 +37,15 @@ def build_page(root: Path, maps: Mapping[str, Path], strips: Mapping[str, Path])
         title=root.name,
         version=version("vlnpe"),
         robots=sorted({r.robot for r in robots}),
-        cards=_cards(rows, quarantine),
+        colors=paths.colors,
+        cards=_cards(rows, robots, quarantine),
         robot_rows=robots,
-        strips=[_strip(name, picture) for name, picture in sorted(strips.items())],
-        maps=[map_figure(name, picture, paths) for name, picture in sorted(maps.items())],
+        failures=failure_figures(rows, diverged_rows(ledger), pictures.clips),
+        strips=[_strip(r, picture, ledger) for r, picture in sorted(pictures.strips.items())],
+        maps=[map_figure(name, picture, paths) for name, picture in sorted(pictures.maps.items())],
         plots=_plots(paths),
         episode_note=_episode_note(ledger),
-        episodes=[_episode(row, paths) for row in rows],
+        episodes=_episodes(rows, paths),
         scenes=[_scene(root, row) for row in ledger.rows("repair") if row.status == "done"],
         quarantine=[
             {"stage": r.stage, "item": r.item, "reason": r.error["reason"]} for r in quarantine
@@ -53,32 +53,32 @@ def build_page(root: Path, maps: Mapping[str, Path], strips: Mapping[str, Path])
     )
 
 
-def _cards(rows: Sequence[Row], quarantine: Sequence[Row]) -> list[dict[str, Any]]:
-    def count(reason: str) -> int:
-        return sum(r.facts["end_reason"] == reason for r in rows)
-
+def _cards(
+    rows: Sequence[Row], robots: Sequence[RobotRow], quarantine: Sequence[Row]
+) -> list[dict[str, Any]]:
+    ends = Counter(row.facts["end_reason"] for row in rows)
+    tried = sum(r.episodes for r in robots)
     walked = sum(r.facts["metrics"]["trajectory_length_m"] for r in rows)
-    good, falls, stuck = count("success"), count("fall"), count("stuck")
-    return [
-        {"label": "episodes walked", "value": len(rows), "tone": ""},
-        {"label": "collected", "value": good, "tone": "good" if good == len(rows) else "warn"},
-        {"label": "falls", "value": falls, "tone": "bad" if falls else ""},
-        {"label": "stuck", "value": stuck, "tone": "bad" if stuck else ""},
-        {"label": "metres walked", "value": f"{walked:.0f}", "tone": ""},
-        {
-            "label": "quarantined",
-            "value": len(quarantine),
-            "tone": "bad" if quarantine else "",
-        },
+    good = ends["success"]
+    cards = [
+        ("episodes walked", tried, ""),
+        ("collected", good, "good" if good == tried else "warn"),
+        ("falls", ends["fall"], "bad" if ends["fall"] else ""),
+        ("stuck", ends["stuck"], "bad" if ends["stuck"] else ""),
+        ("metres walked", f"{walked:,.0f}", ""),
+        ("quarantined", len(quarantine), "bad" if quarantine else ""),
     ]
+    return [{"label": label, "value": value, "tone": tone} for label, value, tone in cards]
 
 
-def _strip(name: str, picture: Path) -> dict[str, str]:
-    robot, controller = name.split("/")
+def _strip(robot: str, picture: Path, ledger: Ledger) -> dict[str, str]:
+    row = ledger.row(PICTURES_STAGE, f"strip {robot}")
+    assert row is not None  # the picture is one of this stage
+    facts = row.facts
     return {
-        "title": f"{robot}, {controller} controller",
+        "title": f"{robot}, {facts['controller']} controller, episode {facts['episode']}",
         "image": data_uri(picture, maximum_width_px=4000),
-        "caption": "One episode from start to goal: what it saw, how far, and how it walked.",
+        "caption": f"From start to {facts['end_reason']}: what it saw, how far, how it walked.",
     }
 
 
@@ -117,23 +117,33 @@ def _episode_note(ledger: Ledger) -> str:
     return ". ".join(parts) + "." if parts else ""
 
 
-def _episode(row: Row, paths: ScenePaths) -> dict[str, Any]:
-    facts = row.facts
-    metrics = facts["metrics"]
-    episode = paths.episodes[facts["episode"]]
+def _episodes(rows: Sequence[Row], paths: ScenePaths) -> list[dict[str, Any]]:
+    """Every episode with what each robot made of it."""
+    walks: dict[str, list[dict[str, Any]]] = {}
+    for row in rows:
+        walks.setdefault(row.facts["episode"], []).append(_walk(row))
+    return [
+        {
+            "id": name,
+            "path": paths.episodes[name].reference_length_m,
+            "instruction": paths.episodes[name].instruction,
+            "walks": walks[name],
+        }
+        for name in sorted(walks)
+    ]
+
+
+def _walk(row: Row) -> dict[str, Any]:
+    facts, metrics = row.facts, row.facts["metrics"]
     return {
-        "id": facts["episode"],
-        "scene": facts["scene"],
         "robot": facts["robot"],
         "controller": facts["controller"],
         "outcome": facts["end_reason"],
-        "path": episode.reference_length_m,
         "tl": metrics["trajectory_length_m"],
         "ne": metrics["navigation_error_m"],
         "spl": 100 * (metrics["spl"] or 0.0),
         "ndtw": 100 * (metrics["ndtw"] or 0.0),
         "seconds": metrics["duration_s"],
-        "instruction": episode.instruction,
     }
 
 

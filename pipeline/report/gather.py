@@ -2,35 +2,53 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from dataclasses import dataclass
 from statistics import fmean
 from typing import Any
 
+from ...formats.rollout import EndReason
 from ..ledger import Ledger, Row
+from ..stages.replay import DivergedError
 
 
 @dataclass(frozen=True)
 class RobotRow:
     """Averages of one robot under one controller: metres for TL and NE, else percent.
 
-    NE is over the episodes whose goal could still be reached from where they ended.
+    Diverged episodes are set aside, but they count: as episodes, and as failures.
 
-    `collected` counts episodes that ended within 0.25 m of the goal; SR, OS, SPL follow VLN-CE.
+    Attributes:
+        robot, controller: whom.
+        episodes: how many were tried.
+        collected: that ended within 0.25 m of the goal; SR, OS, SPL follow VLN-CE.
+        tl: mean length walked.
+        ne: mean over the episodes whose goal could still be reached from where they ended.
+        os, sr, spl, ndtw: see `formats.rollout.Metrics`.
+        fr, str: rates of falls and of stuck robots.
+        falls, stuck, timeouts, stopped_far, blocked_starts, diverged: counts by end reason.
+        collisions: episodes in which the robot touched an obstacle, or started inside one.
     """
 
     robot: str
     controller: str
     episodes: int
     collected: float
-    tl: float
+    tl: float | None
     ne: float | None
     os: float
     sr: float
     spl: float
-    ndtw: float
+    ndtw: float | None
     fr: float
     str: float
+    falls: int
+    stuck: int
+    timeouts: int
+    stopped_far: int
+    blocked_starts: int
+    diverged: int
+    collisions: int
 
 
 def replay_rows(ledger: Ledger) -> list[Row]:
@@ -38,35 +56,55 @@ def replay_rows(ledger: Ledger) -> list[Row]:
     return [row for row in ledger.rows("replay") if row.status == "done"]
 
 
+def diverged_rows(ledger: Ledger) -> list[Row]:
+    """Rows of episodes whose physics exploded; there is no rollout of them."""
+    return [row for row in ledger.rows("replay") if row.error.get("type") == DivergedError.__name__]
+
+
 def robot_rows(ledger: Ledger) -> list[RobotRow]:
     """One row per robot and controller, in name order."""
     groups: dict[tuple[str, str], list[dict[str, Any]]] = defaultdict(list)
     for row in replay_rows(ledger):
-        facts = row.facts
-        groups[(facts["robot"], facts["controller"])].append(facts)
-    result = []
-    for (robot, controller), facts in sorted(groups.items()):
-        metrics = [f["metrics"] for f in facts]
+        groups[(row.facts["robot"], row.facts["controller"])].append(row.facts)
+    diverged: Counter[tuple[str, str]] = Counter()
+    for row in diverged_rows(ledger):
+        robot, controller, _ = row.item.split("/", 2)
+        diverged[(robot, controller)] += 1
+    names = sorted({*groups, *diverged})
+    return [_robot_row(robot, c, groups[(robot, c)], diverged[(robot, c)]) for robot, c in names]
 
-        def percent(key: str, metrics: list[dict[str, Any]] = metrics) -> float:
-            return 100 * fmean(m[key] or 0.0 for m in metrics)
 
+def _robot_row(robot: str, controller: str, facts: list[dict[str, Any]], diverged: int) -> RobotRow:
+    metrics = [f["metrics"] for f in facts]
+    ends = Counter(EndReason(f["end_reason"]) for f in facts)
+    tried = len(facts) + diverged
+
+    def percent(key: str) -> float:
+        return 100 * sum(m[key] or 0.0 for m in metrics) / tried
+
+    def mean(key: str, scale: float = 1.0) -> float | None:
         # An unreachable goal has no finite distance; it must not hide the others' mean.
-        errors = [m["navigation_error_m"] for m in metrics if m["navigation_error_m"] is not None]
-        result.append(
-            RobotRow(
-                robot=robot,
-                controller=controller,
-                episodes=len(facts),
-                collected=100 * fmean(f["end_reason"] == "success" for f in facts),
-                tl=fmean(m["trajectory_length_m"] for m in metrics),
-                ne=fmean(errors) if errors else None,
-                os=percent("oracle_success"),
-                sr=percent("success"),
-                spl=percent("spl"),
-                ndtw=percent("ndtw"),
-                fr=percent("fall"),
-                str=percent("stuck"),
-            )
-        )
-    return result
+        values = [m[key] for m in metrics if m[key] is not None]
+        return scale * fmean(values) if values else None
+
+    return RobotRow(
+        robot=robot,
+        controller=controller,
+        episodes=tried,
+        collected=100 * ends[EndReason.SUCCESS] / tried,
+        tl=mean("trajectory_length_m"),
+        ne=mean("navigation_error_m"),
+        os=percent("oracle_success"),
+        sr=percent("success"),
+        spl=percent("spl"),
+        ndtw=mean("ndtw", 100.0),
+        fr=percent("fall"),
+        str=percent("stuck"),
+        falls=ends[EndReason.FALL],
+        stuck=ends[EndReason.STUCK],
+        timeouts=ends[EndReason.TIMEOUT],
+        stopped_far=ends[EndReason.STOPPED_FAR],
+        blocked_starts=ends[EndReason.COLLISION_START],
+        diverged=diverged,
+        collisions=sum(bool(f["contacts"]) for f in facts),
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +17,10 @@ from ...formats.mcap.rollout import read_rollout
 from ..ledger import Row
 from .images import data_uri
 
-GOOD, BAD, REFERENCE, START, GOAL = "#e8a317", "#d1332b", "#ffffff", "#1a9850", "#2b5fb8"
+REFERENCE, START, GOAL = "#ffffff", "#1a9850", "#2b5fb8"
+BAD = "#d1332b"
+# Told apart by everybody, on wood and on carpet (after Okabe and Ito, 2008).
+ROBOT_COLORS = ("#e8a317", "#56b4e9", "#cc79a7", "#009e73", "#f0e442", "#8060d0")
 TRACK_STEP = 10  # samples, 0.1 s
 
 
@@ -37,6 +41,12 @@ class ScenePaths:
 
     episodes: dict[str, Episode]
     tracks: tuple[Track, ...]
+
+    @property
+    def colors(self) -> dict[str, str]:
+        """Line colour of each robot."""
+        robots = sorted({track.robot for track in self.tracks})
+        return dict(zip(robots, itertools.cycle(ROBOT_COLORS), strict=False))
 
     @staticmethod
     def load(root: Path, rows: Sequence[Row]) -> ScenePaths:
@@ -68,13 +78,20 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
     def pixels(xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
         return (xy_m - origin) * np.array([scale, -scale])
 
-    lines, dots = [], []
+    lines, dots, crosses, seen = [], [], [], set()
     tracks = [t for t in paths.tracks if t.scene == scene and t.episode.level == int(level)]
     width = max(2.0, 0.06 * scale)
     for track in tracks:
         title = f"{track.episode.episode_id} {track.robot}: {track.end_reason}"
-        color = GOOD if track.end_reason == "success" else BAD
-        lines.append(_line(pixels(track.xy_m), color, width, title, False))
+        walked = pixels(track.xy_m)
+        lines.append(_line(walked, paths.colors[track.robot], width, title, False))
+        if track.end_reason != "success":
+            x, y = walked[-1].round(1).tolist()
+            crosses.append({"x": x, "y": y, "r": round(1.6 * width, 1), "title": title})
+        if track.episode.episode_id in seen:
+            continue
+        seen.add(track.episode.episode_id)
+        title = track.episode.episode_id
         reference = pixels(track.episode.reference_path_world_m[:, :2])
         lines.append(_line(reference, REFERENCE, 0.4 * width, f"reference of {title}", True))
         for point, tint, what in (
@@ -98,6 +115,8 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
         "height": mapping["height"],
         "lines": lines,
         "dots": dots,
+        "crosses": crosses,
+        "cross_color": BAD,
     }
 
 

@@ -30,7 +30,12 @@ def process_sample(scene: Path, out: Path, config: SampleConfig, seed: int) -> I
     """Sample one scene's episodes."""
     result = sample_episodes(load_bundle(scene), config, np.random.default_rng(seed))
     write_episodes(out, result.episodes)
-    return ItemResult({"episodes": len(result.episodes), "dropped": dict(result.dropped)})
+    facts = {
+        "episodes": len(result.episodes),
+        "dropped": dict(result.dropped),
+        "robot_radius_m": config.robot_radius_m,
+    }
+    return ItemResult(facts)
 
 
 def instruct_item(

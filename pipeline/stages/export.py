@@ -13,10 +13,11 @@ from ...formats.frame_folder import read_frame_folder
 from ...formats.lerobot import assemble_dataset, write_episode_unit
 from ...formats.mcap.episode import write_episode_mcap
 from ...formats.mcap.rollout import read_rollout
+from ...formats.rollout import EndReason
 from ...formats.scene_bundle import load_bundle
 from ..keys import PACKAGE_ROOT, code_version, digest
 from ..ledger import Row
-from ..runner import ItemResult, WorkItem
+from ..runner import Context, ItemResult, StageSummary, WorkItem, run_stage
 
 STAGE = "export"
 MCAP_STAGE = "mcap"
@@ -45,6 +46,50 @@ class Dataset:
         """Paths under an output folder."""
         name = f"{robot}-{controller}-{view}"
         return Dataset(name, root / "units" / name, root / "lerobot" / name, root / "mcap" / name)
+
+
+def wanted(frames: Mapping[str, Row], only_success: bool) -> dict[str, Row]:
+    """The rows of the render stage that are to be exported, by item."""
+    if not only_success:
+        return dict(frames)
+    good = str(EndReason.SUCCESS)
+    return {name: row for name, row in frames.items() if row.facts["end_reason"] == good}
+
+
+def run(
+    context: Context,
+    frames: Mapping[str, Row],
+    root: Path,
+    scenes: Path,
+    dataset: Dataset,
+    scope: str,
+    facts: Mapping[str, Any],
+) -> list[StageSummary]:
+    """Export one robot's rendered episodes: units, MCAP files, and the dataset of the units.
+
+    Without a single episode there is no dataset, and none is left from before.
+
+    Args:
+        context: ledger of the folder that `dataset` lies in, and workers.
+        frames: rows of the render stage by item; their outputs are relative to `root`.
+        root: folder of the render stage's ledger.
+        scenes: folder of the repaired scenes.
+        dataset: where it goes.
+        scope: what the items' names begin with.
+        facts: configuration and seeds for the provenance.
+    """
+    out = context.ledger.root
+    units = run_stage(context, STAGE, unit_items(frames, root, dataset), scope)
+    items = mcap_items(frames, root, scenes, dataset)
+    summaries = [units, run_stage(context, MCAP_STAGE, items, scope)]
+    # The folder of MCAP files is handed on as it is.
+    context.ledger.discard(MCAP_STAGE, scope)
+    names = sorted({str(row.facts["scene"]) for row in units.good().values()})
+    used = {name: scenes / name for name in names}
+    items = [dataset_item(units.good(), out, used, dataset, facts)] if units.good() else []
+    summaries.append(run_stage(context, DATASET_STAGE, items, dataset.name))
+    context.ledger.discard(DATASET_STAGE, dataset.name)
+    return summaries
 
 
 def unit_items(frames: Mapping[str, Row], root: Path, dataset: Dataset) -> list[WorkItem]:

@@ -62,16 +62,24 @@ def process(
     scene: Path, rollout: Path, relative: str, view: View, frames_per_second: int, out: Path
 ) -> ItemResult:
     """Render one rollout."""
-    bundle, renderer = _renderer(scene, view.renderer, view.light)
+    bundle, renderer = scene_renderer(scene, view.renderer, view.light)
     recorded = read_rollout(rollout)
     with atomic_folder(out) as temporary:
         count = render_rollout(bundle, renderer, recorded, view, temporary, frames_per_second)
-    facts = {"frames": count, "rollout": relative, "scene": scene.name}
-    return ItemResult(facts | {"frames_per_second": frames_per_second})
+    facts = {
+        "frames": count,
+        "rollout": relative,
+        "scene": scene.name,
+        "end_reason": str(recorded.end_reason),
+        "frames_per_second": frames_per_second,
+    }
+    return ItemResult(facts)
 
 
-# Textures and ray structures of a house take seconds to load; a worker keeps the last scene's.
 @lru_cache(maxsize=1)
-def _renderer(scene: Path, name: str, light: str) -> tuple[SceneBundle, Renderer]:
+def scene_renderer(
+    scene: Path, name: str = "embree", light: str = "baked"
+) -> tuple[SceneBundle, Renderer]:
+    """A repaired scene with its renderer; a worker keeps the last, which takes seconds to load."""
     bundle = load_bundle(scene)
     return bundle, make_renderer(bundle, name, light)

@@ -24,6 +24,7 @@ from ..run_folder import safe_name
 from ..runner import ItemResult, WorkItem
 
 STAGE = "replay"
+TOUCHING = ("contact", "collision_target", "collision_start")  # events with an obstacle
 CODE = ("collectors", "formats", "pipeline/stages/replay.py")
 
 
@@ -32,38 +33,64 @@ def items(
     scenes: Mapping[str, Row],
     scenes_folder: Path,
     rollouts: Path,
+    models: Path,
     config: ReplayConfig,
 ) -> list[WorkItem]:
-    """One item per episode of one robot under one controller."""
+    """One item per episode of one robot under one controller.
+
+    Args:
+        episodes: what to walk.
+        scenes: rows of the repair stage by scene id.
+        scenes_folder: of the repaired scenes.
+        rollouts: output folder.
+        models: folder where compiled models are kept.
+        config: the robot, its controller, and how.
+    """
     code = digest(code_version(*CODE), version("mujoco"))
     result = []
     for episode in episodes:
         name = f"{config.robot}/{config.controller}/{safe_name(episode.episode_id)}"
         key = digest(STAGE, episode, scenes[episode.scene_id].key, config, code)
         out = rollouts / f"{name}.mcap"
-        scene = scenes_folder / episode.scene_id
-        result.append(WorkItem(name, key, (out,), process, (scene, episode, config, out)))
+        arguments = (scenes_folder / episode.scene_id, episode, config, models, out)
+        result.append(WorkItem(name, key, (out,), process, arguments))
     return result
 
 
-def process(scene: Path, episode: Episode, config: ReplayConfig, out: Path) -> ItemResult:
+def process(
+    scene: Path, episode: Episode, config: ReplayConfig, models: Path, out: Path
+) -> ItemResult:
     """Replay one episode.
 
     Raises:
         DivergedError: physics exploded; the last state lies beside where the rollout would be.
     """
-    rollout = replay_in(_world(scene, episode.level, config), episode, config)
+    dump = out.with_suffix(".diverged.json")
+    dump.unlink(missing_ok=True)
+    rollout = replay_in(_world(scene, episode.level, config, models), episode, config)
     if rollout.end_reason is EndReason.DIVERGED:
-        dump = out.with_suffix(".diverged.json")
-        write_json(dump, {"config": asdict(config), "facts": rollout.facts})
-        raise DivergedError(f"physics diverged; its last state: {dump}")
+        out.unlink(missing_ok=True)  # of an earlier run
+        last = {
+            "episode": episode.episode_id,
+            "scene": scene.name,
+            "time_s": rollout.metrics.duration_s,
+            "events": [asdict(event) for event in rollout.events],
+            "facts": rollout.facts,
+            "config": asdict(config),
+        }
+        write_json(dump, last)
+        after_s = rollout.metrics.duration_s
+        raise DivergedError(f"physics diverged after {after_s:.2f} s; its last state: {dump.name}")
     write_rollout(out, rollout)
+    end = str(rollout.end_reason)
     facts = {
         "episode": episode.episode_id,
         "scene": scene.name,
         "robot": rollout.robot,
         "controller": rollout.controller,
-        "end_reason": str(rollout.end_reason),
+        "end_reason": end,
+        "detail": next((e.detail for e in reversed(rollout.events) if e.kind == end), ""),
+        "contacts": sum(event.kind in TOUCHING for event in rollout.events),
         # JSON knows no infinity: an unreachable goal has no distance.
         "metrics": {
             key: None if isinstance(value, float) and not math.isfinite(value) else value
@@ -77,8 +104,8 @@ class DivergedError(VlnpeError):
     """Physics produced NaN or exploded."""
 
 
-# Compiling a level takes as long as walking several episodes; a worker keeps the last ones.
+# Opening a level takes as long as a tenth of an episode; a worker keeps the last ones.
 @lru_cache(maxsize=4)
-def _world(scene: Path, level: int, config: ReplayConfig) -> World:
+def _world(scene: Path, level: int, config: ReplayConfig, models: Path) -> World:
     robot = get_robot(config.robot)
-    return open_world(load_bundle(scene), level, robot, None, config.physics)
+    return open_world(load_bundle(scene), level, robot, None, config.physics, models)
