@@ -38,9 +38,9 @@ def dress_torso(torso: mujoco.MjsBody) -> None:
     for y in (-0.04, 0.04):
         add_visual(torso, "cylinder", (0.0625,), GREY, ends=((0, y, 0.04), (0, y, 0.22)))
     add_visual(torso, "capsule", (0.067,), SILVER, ends=((0, -0.062, 0.245), (0, 0.062, 0.245)))
-    add_visual(torso, "ellipsoid", (0.04, 0.088, 0.085), WHITE, position=(0.042, 0.0, 0.215))
+    add_visual(torso, "ellipsoid", (0.04, 0.072, 0.078), WHITE, position=(0.048, 0.0, 0.222))
     add_visual(torso, "box", (0.02, 0.062, 0.09), DARK, position=(-0.064, 0.0, 0.18))
-    add_visual(torso, "box", (0.002, 0.02, 0.004), GLASS, position=(0.081, 0.0, 0.23))
+    add_visual(torso, "box", (0.002, 0.02, 0.004), GLASS, position=(0.087, 0.0, 0.232))
     _dress_head(torso)
 
 
@@ -70,8 +70,8 @@ def _dress_thigh(bodies: Bodies, side: str, left: float) -> None:
     add_visual(thigh, "cylinder", (0.056,), DARK, ends=((-0.008, 0, -0.022), (-0.008, 0, 0.022)))
     add_visual(thigh, "capsule", (0.0505,), SILVER, ends=((-0.025, 0, -0.01), (-0.065, 0, -0.12)))
     x, y, z = -0.0783, 0.0021 * left, -0.1773
-    add_visual(thigh, "cylinder", (0.053,), DARK, ends=((x, y - 0.041, z), (x, y + 0.041, z)))
-    add_visual(thigh, "cylinder", (0.036,), SILVER, ends=((x, y - 0.045, z), (x, y + 0.045, z)))
+    add_visual(thigh, "cylinder", (0.053,), DARK, ends=((x, y - 0.046, z), (x, y + 0.046, z)))
+    add_visual(thigh, "cylinder", (0.036,), SILVER, ends=((x, y - 0.052, z), (x, y + 0.052, z)))
 
 
 def _dress_shank(bodies: Bodies, side: str) -> None:

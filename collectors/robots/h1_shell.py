@@ -36,8 +36,7 @@ def dress_torso(torso: mujoco.MjsBody) -> None:
         ends = ((0.0515, y, 0.0795), (0.0515, y, 0.4805))
         add_visual(torso, "cylinder", (0.034,), SHELL, ends=ends)
     add_visual(torso, "ellipsoid", (0.08, 0.115, 0.04), SHELL, position=(0.0, 0.0, 0.475))
-    add_visual(torso, "box", (0.005, 0.078, 0.115), PLATE, position=(0.085, 0.0, 0.34))
-    add_visual(torso, "box", (0.004, 0.062, 0.055), DARK, position=(0.085, 0.0, 0.155))
+    add_visual(torso, "box", (0.005, 0.078, 0.14), PLATE, position=(0.085, 0.0, 0.315))
     add_visual(torso, "box", (0.02, 0.08, 0.15), DARK, position=(-0.09, 0.0, 0.27))
     add_visual(torso, "box", (0.002, 0.036, 0.005), LIGHT, position=(0.089, 0.0, 0.415))
     _dress_head(torso)
@@ -61,26 +60,23 @@ def dress_side(bodies: Bodies, side: str, left: float) -> None:
 
 
 def _dress_hip(bodies: Bodies, side: str, left: float) -> None:
-    """Below the upright motor one along the robot, then the big ones across it."""
+    """Below the upright motor one along the robot, then the big one across it."""
     yaw = bodies[f"{side}_hip_yaw"]
     add_visual(yaw, "cylinder", (0.06,), DARK, ends=((-0.1, 0, 0), (0.09, 0, 0)))
     add_visual(yaw, "cylinder", (0.042,), STEEL, ends=((-0.104, 0, 0), (0.094, 0, 0)))
-    roll = bodies[f"{side}_hip_roll"]
-    add_visual(roll, "cylinder", (0.068,), SHELL, ends=((0, 0.02 * left, 0), (0, 0.085 * left, 0)))
     pitch = bodies[f"{side}_hip_pitch"]
-    add_visual(pitch, "cylinder", (0.078,), DARK, ends=((0, -0.034 * left, 0), (0, 0.05 * left, 0)))
-    cap = ((0, 0.05 * left, 0), (0, 0.056 * left, 0))
+    add_visual(pitch, "cylinder", (0.078,), DARK, ends=((0, -0.06 * left, 0), (0, 0.06 * left, 0)))
+    cap = ((0, 0.06 * left, 0), (0, 0.066 * left, 0))
     add_visual(pitch, "cylinder", (0.052,), STEEL, ends=cap)
 
 
 def _dress_leg(bodies: Bodies, side: str) -> None:
     thigh = bodies[f"{side}_hip_pitch"]
-    add_visual(thigh, "capsule", (0.0625,), SHELL, ends=((0, 0, -0.335), (0, 0, -0.05)))
-    add_visual(thigh, "cylinder", (0.064,), DARK, ends=((0, -0.05, -0.4), (0, 0.05, -0.4)))
-    add_visual(thigh, "cylinder", (0.04,), STEEL, ends=((0, -0.054, -0.4), (0, 0.054, -0.4)))
+    add_visual(thigh, "capsule", (0.0625,), SHELL, ends=((0, 0, -0.33), (0, 0, -0.07)))
+    add_visual(thigh, "cylinder", (0.064,), DARK, ends=((0, -0.056, -0.4), (0, 0.056, -0.4)))
+    add_visual(thigh, "cylinder", (0.04,), STEEL, ends=((0, -0.062, -0.4), (0, 0.062, -0.4)))
     shank = bodies[f"{side}_knee"]
-    add_visual(shank, "capsule", (0.0465,), SHELL, ends=((0, 0, -0.345), (0, 0, -0.01)))
-    add_visual(shank, "cylinder", (0.036,), DARK, ends=((0, -0.042, -0.4), (0, 0.042, -0.4)))
+    add_visual(shank, "capsule", (0.0465,), SHELL, ends=((0, 0, -0.375), (0, 0, -0.01)))
     foot = bodies[f"{side}_ankle"]
     for y in (-0.035, 0.035):
         add_visual(foot, "capsule", (0.02,), RUBBER, ends=((-0.05, y, -0.05), (0.17, y, -0.05)))
