@@ -32,6 +32,8 @@ class GaitClock:
         turn_rad: F rows of J joint offsets [rad per rad/s] at the start of each foot's swing for a
             stance over which the body turns left; none for robots without such joints.
         lead_cycles: how far the reference runs ahead of the clock, because soft servos lag.
+        turn_lead_s: a body's velocity trails its heading in a turn by about this time, so the steps
+            aim ahead by as much.
         stand_linear_m_s, stand_yaw_rad_s: commands below both mean "stand still".
     """
 
@@ -45,6 +47,7 @@ class GaitClock:
     foot_xy_m: tuple[tuple[float, float], ...]
     lead_cycles: float
     turn_rad: tuple[tuple[float, ...], ...] = ()
+    turn_lead_s: float = 0.0
     stand_linear_m_s: float = 0.03
     stand_yaw_rad_s: float = 0.05
 
@@ -69,11 +72,13 @@ class GaitClock:
         bump = sine * sine
         swing = bump * (sine > 0.0)
         # Half a stride ahead of the rest position at touch-down, half a stride behind at lift-off.
-        forward = cosine * (command[:, :1] - command[:, 2:] * y)
-        left = cosine * (command[:, 1:2] + command[:, 2:] * x)
+        vx, vy, yaw = command[:, :1], command[:, 1:2], command[:, 2:]
+        ahead = self.turn_lead_s * yaw
+        forward = cosine * (vx - ahead * vy - yaw * y)
+        left = cosine * (vy + ahead * vx + yaw * x)
         amounts = [swing, bump - swing, forward, left]
         if self.turn_rad:
-            amounts.append(cosine * command[:, 2:])
+            amounts.append(cosine * yaw)
         amounts = np.concatenate(amounts, axis=1)
         return stand + (amounts @ motion) * moving[:, None]
 

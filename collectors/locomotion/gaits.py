@@ -90,6 +90,7 @@ def biped_walk(
         foot_xy_m=((0.0, sole_y_m), (0.0, -sole_y_m)),
         lead_cycles=lead_cycles,
         turn_rad=alike({"hip_yaw": -0.25 / frequency_hz}),
+        turn_lead_s=0.15,
     )
 
 
