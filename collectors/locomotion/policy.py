@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
+from typing import cast
 
 import mujoco
 import numpy as np
@@ -13,8 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...formats.errors import FileFormatError
 from ..robots import CARD_NAME, POLICY_NAME, RobotHandles, RobotSpec
 from .card import POLICY_FOLDER, PolicyCard, PolicyMismatchError, load_card
-from .gait import joint_targets
-from .observation import observe, state_of
+from .quick import QuickStep
 
 __all__ = ["GaitPolicy", "PolicyMismatchError"]
 
@@ -31,9 +32,8 @@ class GaitPolicy:
         self, robot: RobotSpec, card: PolicyCard, session: onnxruntime.InferenceSession
     ) -> None:
         self.robot, self.card, self._session = robot, card, session
-        self._default = robot.default_joint_rad
         self._handles: tuple[mujoco.MjModel, RobotHandles] | None = None
-        self.reset()
+        self._step: QuickStep | None = None
 
     @classmethod
     def load(cls, robot: RobotSpec, folder: Path | None = None) -> GaitPolicy:
@@ -61,12 +61,12 @@ class GaitPolicy:
     @property
     def phase(self) -> float:
         """Gait phase in cycles, 0 while standing."""
-        return float(self._phase[0])
+        return float(self._step.phase[0]) if self._step else 0.0
 
     def reset(self) -> None:
         """Forget clock and last action; call at the start of every rollout."""
-        self._phase = np.zeros(1)
-        self._action = np.zeros((1, self.robot.policy_joints))
+        if self._step is not None:
+            self._step.reset()
 
     def act(self, data: mujoco.MjData, command: ArrayLike) -> NDArray[np.float64]:
         """Joint position targets [rad] for the next 20 ms; write them to `ctrl` of the servos.
@@ -79,18 +79,21 @@ class GaitPolicy:
         Returns:
             (J,) in the order of `robot.joint_names`.
         """
-        handles = self.handles(data.model)
-        wanted = self.robot.command_limits.clip(np.asarray(command, dtype=np.float64)[None])
-        moving = self.card.gait.moving(wanted)
-        self._phase = self.card.gait.advance(self._phase, moving, 1.0 / self.card.rate_hz)
-        zero = self._default[: self.robot.policy_joints]
-        observation = observe(
-            state_of(data, handles), zero, wanted, self._phase, moving, self._action
-        )
-        self._action = self.infer(observation)
-        reference = self.card.gait.reference(self._phase, moving, wanted)
-        scale = self.card.action_scale_rad
-        return joint_targets(self._default, reference, scale, self._action)[0]
+        step = self._step
+        if step is None or step.data is not data:
+            step = self._step = self._started(data)
+        vx, vy, yaw = cast(Sequence[float], command)
+        (output,) = self._session.run(None, {"observation": step.look(vx, vy, yaw)})
+        card = self.card
+        action = cast(NDArray[np.float32], output)
+        return step.targets(action, card.action_clip, card.action_scale_rad)
+
+    def _started(self, data: mujoco.MjData) -> QuickStep:
+        """A step for another simulation, with the clock and the action of the last one."""
+        step = QuickStep(data, self.handles(data.model), self.card.gait, self.card.rate_hz)
+        if self._step is not None:
+            step.phase[:], step.action[:] = self._step.phase, self._step.action
+        return step
 
     def infer(self, observation: NDArray[np.float64]) -> NDArray[np.float64]:
         """Actions (N, J) for observations (N, D) in the layout of `observation.py`; stateless."""
