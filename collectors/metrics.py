@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.distance import cdist
 
@@ -34,14 +35,18 @@ def dtw(a_m: ArrayLike, b_m: ArrayLike) -> float:
 
     The exact minimum over all monotone alignments of the summed Euclidean distances.
     """
-    cost = cdist(np.asarray(a_m, dtype=np.float64), np.asarray(b_m, dtype=np.float64))
-    previous = np.cumsum(cost[0]).tolist()
-    for row in cost[1:].tolist():
-        current = [row[0] + previous[0]]
-        for j in range(1, len(row)):
-            current.append(row[j] + min(previous[j], previous[j - 1], current[j - 1]))
-        previous = current
-    return float(previous[-1])
+    return float(_least_cost(cdist(np.asarray(a_m, np.float64), np.asarray(b_m, np.float64))))
+
+
+@njit(cache=True)
+def _least_cost(cost):
+    """Least sum over a matrix from corner to corner, by steps down, right, or both."""
+    total = np.cumsum(cost[0])
+    for i in range(1, len(cost)):
+        diagonal, total[0] = total[0], total[0] + cost[i, 0]
+        for j in range(1, len(total)):
+            diagonal, total[j] = total[j], cost[i, j] + min(total[j], diagonal, total[j - 1])
+    return total[-1]
 
 
 def ndtw(path_m: ArrayLike, reference_m: ArrayLike, threshold_m: float = NDTW_THRESHOLD_M) -> float:

@@ -136,7 +136,9 @@ class DistanceField:
         if np.isfinite(self.distance_m).any():
             limit = np.array(self.grid.shape) - 1
             cells = np.clip(self.grid.cell_of(flat), 0, limit)
-            base = self._nearest_reachable[cells[:, 0], cells[:, 1]]
+            base, blocked = cells.copy(), ~np.isfinite(self.distance_m[cells[:, 0], cells[:, 1]])
+            if blocked.any():  # the search for reachable cells takes as long as all the rest
+                base[blocked] = self._nearest_reachable[cells[blocked, 0], cells[blocked, 1]]
             home = np.linalg.norm(self.grid.center_of(base) - flat, axis=1) <= SNAP_M
             for dr in (-1, 0, 1):
                 for dc in (-1, 0, 1):

@@ -63,7 +63,12 @@ class QuickStep:
         offsets = np.array(gait.foot_offsets) + gait.lead_cycles
         self._feet = np.column_stack([offsets, gait.foot_xy_m])
         self._clock = np.array(
-            [gait.frequency_hz / rate_hz, gait.stand_linear_m_s, gait.stand_yaw_rad_s]
+            [
+                gait.frequency_hz / rate_hz,
+                gait.stand_linear_m_s,
+                gait.stand_yaw_rad_s,
+                gait.turn_lead_s,
+            ]
         )
         self.observation = np.zeros((1, sum(width for _, width in layout(joints))), dtype)
         self.reset()
@@ -158,13 +163,14 @@ def _look(
     reference[:] = stand
     if not moving:
         return
+    ahead = clock[3] * yaw
     for f in range(len(feet)):
         turn = 2.0 * np.pi * (phase[0] + feet[f, 0])
         sine, cosine = np.sin(turn), np.cos(turn)
         bump = sine * sine
         swing = bump if sine > 0.0 else 0.0
-        forward = cosine * (vx - yaw * feet[f, 2])
-        left = cosine * (vy + yaw * feet[f, 1])
+        forward = cosine * (vx - ahead * vy - yaw * feet[f, 2])
+        left = cosine * (vy + ahead * vx + yaw * feet[f, 1])
         for n in range(len(reference)):
             reference[n] += (
                 swing * motion[0, f, n]
