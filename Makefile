@@ -1,6 +1,6 @@
 # vlnpe: every command sets up what it needs first; nothing but Python, make and git is required.
 ROBOT      ?= aliengo
-CONTROLLER ?= path
+CONTROLLER ?= auto
 SCENE      ?= builtin
 EPISODES   ?= 6
 CAMERA     ?= ego

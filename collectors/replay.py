@@ -35,7 +35,7 @@ from .controllers import (
     Pose,
     Task,
     Teleporter,
-    get_controller,
+    controller_for,
 )
 from .metrics import rollout_metrics
 from .outcome import OutcomeWatch
@@ -67,11 +67,12 @@ def replay_episode(
 
     Raises:
         UnknownNameError: no such robot or controller.
+        InputError: the controller cannot move the robot.
         ValueError: the scene has no such level.
         FileFormatError: the level's or the policy's files are missing or broken.
     """
-    get_controller(config.controller)
     robot = get_robot(config.robot)
+    controller_for(robot, config.controller)
     world = open_world(bundle, episode.level, robot, None, config.physics, cache_dir)
     return replay_in(world, episode, config)
 
@@ -84,6 +85,7 @@ def replay_in(world: World, episode: Episode, config: ReplayConfig) -> Rollout:
 
     Raises:
         UnknownNameError: no such controller.
+        InputError: the controller cannot move the world's robot.
     """
     with _warnings_logged():
         return _Run(world, episode, config).rollout()
@@ -105,7 +107,7 @@ class _Run:
 
     def __init__(self, world: World, episode: Episode, config: ReplayConfig) -> None:
         self.world, self.episode, self.config = world, episode, config
-        self.entry = get_controller(config.controller)
+        self.entry = controller_for(world.robot, config.controller)
         self.controller_config = getattr(config, config.controller)
         self.recorder = Recorder(world)
         self.watch = OutcomeWatch(world, config.outcome)

@@ -14,7 +14,8 @@ class ReplayConfig:
     """How episodes are replayed.
 
     Attributes:
-        robot, controller: registry names.
+        robot: what `get_robot` takes: a registry name, or the path of a robot's folder.
+        controller: registry name.
         seed: of the small random joint offsets at spawn, together with the episode's id.
         path, speed, flash: settings of each controller.
         outcome: limits beyond which an episode ends.

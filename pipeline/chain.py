@@ -9,9 +9,11 @@ from typing import Any
 from ..collectors.rendering.views import View
 from ..collectors.replay import ReplayConfig
 from ..formats.episode import Episode
+from ..formats.errors import InputError
 from ..instruction_gen.records import InstructConfig
 from ..scene_repair.config import RepairConfig
 from ..trajectory_sampler.sampling import SampleConfig
+from .kept_robots import kept
 from .ledger import Row
 from .run_folder import RunFolder
 from .runner import Context, StageSummary, WorkItem, run_stage
@@ -73,12 +75,14 @@ class Chain:
         ledger = self.context.ledger
         done = {tuple(row.item.split("/")[:2]) for row in ledger.rows(replay.STAGE)}
         for robot, controller in sorted(done - set(pairs)):
-            config = ReplayConfig(robot=robot, controller=controller, seed=self.seed)
-            items = self._walks(asked, scenes, config)
+            try:
+                items = self._walks(asked, scenes, robot, controller)
+            except InputError:  # a robot that is known no more
+                items = []
             same = {item.name for item in items if self._is_current(item)}
             scope = f"{robot}/{controller}/"
             ledger.select(replay.STAGE, scope, same)
-            if len(same) < len(items):
+            if len(same) < len(items) or not items:
                 for stage in (render.STAGE, export.STAGE, export.MCAP_STAGE):
                     ledger.select(stage, scope, ())
                 ledger.select(export.DATASET_STAGE, f"{robot}-{controller}-", ())
@@ -100,8 +104,7 @@ class Chain:
         """
         folder = self.folder
         scope = f"{robot}/{controller}/"
-        config = ReplayConfig(robot=robot, controller=controller, seed=self.seed)
-        items = self._walks(asked, scenes, config)
+        items = self._walks(asked, scenes, robot, controller)
         rollouts = self._stage(replay.STAGE, items, scope).good()
         items = render.items(
             rollouts,
@@ -141,9 +144,11 @@ class Chain:
             self.context.ledger.select(stage, "", ())
 
     def _walks(
-        self, asked: Sequence[Episode], scenes: Mapping[str, Row], config: ReplayConfig
+        self, asked: Sequence[Episode], scenes: Mapping[str, Row], robot: str, controller: str
     ) -> list[WorkItem]:
         folder = self.folder
+        reference = kept(robot, folder.root)
+        config = ReplayConfig(robot=reference, controller=controller, seed=self.seed)
         return replay.items(asked, scenes, folder.scenes, folder.rollouts, folder.models, config)
 
     def _is_current(self, item: WorkItem) -> bool:

@@ -4,42 +4,54 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ..collectors.controllers import CONTROLLERS, get_controller
+from ..collectors.controllers import CONTROLLERS, get_controller, valid_controllers
+from ..collectors.drives import gait_for
 from ..collectors.robots import ROBOTS, RobotSpec, get_robot
 from ..formats.errors import InputError
 
-ALL = "all"
+ALL, AUTO = "all", "auto"
+USUAL = "path"  # what `auto` means for whatever has a body
 
 
 def chosen_robots(text: str) -> list[RobotSpec]:
-    """The robots that `ROBOT=<text>` means: a name, names with commas, or `all` with a body.
+    """The robots that `ROBOT=<text>` means: a name, a user's robot's folder, several, or `all`.
 
     A bodyless agent is no robot: it takes part only when it is named, also beside `all`.
 
     Raises:
-        InputError: an unknown name, or none at all.
+        InputError: an unknown name, or none at all; or a robot whose gait cannot be loaded.
     """
     bodies = [name for name, robot in ROBOTS.items() if robot.joints]
-    return [get_robot(name) for name in _names("ROBOT", text, bodies)]
+    robots = [get_robot(name) for name in _names("ROBOT", text, bodies)]
+    for robot in robots:
+        gait_for(robot)  # says at once when its policy is missing, broken or another robot's
+    by_name = {robot.name: robot for robot in robots}
+    for robot in robots:
+        if by_name[robot.name].folder != robot.folder:
+            raise InputError(f"ROBOT={text}: two robots are named {robot.name}; rename one")
+    return list(by_name.values())
 
 
 def crews(robots: Iterable[RobotSpec], text: str) -> list[tuple[str, str]]:
     """Every robot with each controller of `CONTROLLER=<text>` that can drive it, by name.
 
-    `text` is a name, names with commas, or `all`. What has no joints cannot be driven, only placed.
+    `text` is a name, names with commas, `all`, or `auto`: path, and flash for what has no joints
+    and therefore cannot be driven, only placed.
 
     Raises:
         InputError: an unknown name, or a robot that none of the controllers can drive.
     """
-    names = _names("CONTROLLER", text, CONTROLLERS)
-    entries = {name: get_controller(name) for name in names}
+    names = [] if text == AUTO else _names("CONTROLLER", text, CONTROLLERS)
+    for name in names:
+        get_controller(name)
     result = []
     for robot in robots:
-        able = [n for n, entry in entries.items() if entry.teleports or robot.joints]
+        valid = valid_controllers(robot)
+        able = [n for n in names or [USUAL if USUAL in valid else valid[0]] if n in valid]
         if not able:
-            valid = ", ".join(n for n, entry in CONTROLLERS.items() if entry.teleports)
             raise InputError(
-                f"CONTROLLER={text}: {robot.name} has no joints to drive; valid for it: {valid}"
+                f"CONTROLLER={text}: {robot.name} has no joints to drive; valid for it: "
+                f"{', '.join(valid)}"
             )
         result += [(robot.name, name) for name in able]
     return result

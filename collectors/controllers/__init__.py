@@ -3,7 +3,13 @@
 from .flash import FlashConfig
 from .interface import STOPPED, Controller, Decision, Jump, Pose, Task, Teleporter
 from .path import PathConfig
-from .registry import CONTROLLERS, ControllerEntry, get_controller
+from .registry import (
+    CONTROLLERS,
+    ControllerEntry,
+    controller_for,
+    get_controller,
+    valid_controllers,
+)
 from .speed import SpeedConfig
 
 __all__ = [
@@ -19,5 +25,7 @@ __all__ = [
     "SpeedConfig",
     "Task",
     "Teleporter",
+    "controller_for",
     "get_controller",
+    "valid_controllers",
 ]

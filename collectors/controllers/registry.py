@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from ...formats.errors import UnknownNameError
+from ...formats.errors import InputError, UnknownNameError
+from ..robots import RobotSpec
 from .flash import FlashConfig, FlashController
 from .interface import Controller, Task, Teleporter
 from .path import PathConfig, PathController
@@ -35,6 +36,27 @@ CONTROLLERS: dict[str, ControllerEntry] = {
     "speed": ControllerEntry("discrete actions by velocity", SpeedConfig, SpeedController),
     "flash": ControllerEntry("jump from pose to pose", FlashConfig, FlashController, True),
 }
+
+
+def valid_controllers(robot: RobotSpec) -> list[str]:
+    """Names of the controllers that can move `robot`: without joints it can only be placed."""
+    return [name for name, entry in CONTROLLERS.items() if entry.teleports or robot.joints]
+
+
+def controller_for(robot: RobotSpec, name: str) -> ControllerEntry:
+    """The controller called `name`, which must be able to move `robot`.
+
+    Raises:
+        UnknownNameError: there is none of that name.
+        InputError: it drives, and the robot has no joints to drive.
+    """
+    entry, valid = get_controller(name), valid_controllers(robot)
+    if name not in valid:
+        raise InputError(
+            f"controller {name!r}: {robot.name} has no joints to drive; valid for it: "
+            f"{', '.join(valid)}"
+        )
+    return entry
 
 
 def get_controller(name: str) -> ControllerEntry:

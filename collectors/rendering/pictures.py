@@ -13,6 +13,7 @@ from PIL import Image, ImageDraw, ImageFont
 from ...formats.atomic import atomic_file
 from ...formats.rollout import Rollout
 from ...formats.video import CLIP_CODEC, write_rgb_video
+from ..robots import RobotSpec, get_robot
 from .interface import Renderer
 from .rollout_views import RolloutFrames
 from .views import make_view
@@ -25,7 +26,12 @@ DEPTH_SHOWN_M = 8.0
 
 
 def film_strip(
-    path: Path, renderer: Renderer, rollout: Rollout, columns: int = 6, tile_px: int = 240
+    path: Path,
+    renderer: Renderer,
+    rollout: Rollout,
+    columns: int = 6,
+    tile_px: int = 240,
+    robot: RobotSpec | None = None,
 ) -> Picture:
     """Write one picture of a rollout: `columns` moments from start to end, side by side.
 
@@ -37,34 +43,36 @@ def film_strip(
         rollout: recorded states.
         columns: number of moments.
         tile_px: width of a moment [px].
+        robot: who walked; the registry's robot of that name when None.
 
     Returns:
         The picture, (H, W, 3) uint8 sRGB.
     """
     samples = np.linspace(0, len(rollout.time_s) - 1, columns).round().astype(np.int64)
     rows: list[list[Picture]] = []
-    ego = make_view("ego", rollout.robot, light=renderer.light, renderer=renderer.name)
+    who = robot or get_robot(rollout.robot)
+    ego = make_view("ego", who, light=renderer.light, renderer=renderer.name)
     aspect = ego.camera.height_px / ego.camera.width_px
     ego = make_view(
         "ego",
-        rollout.robot,
+        who,
         width_px=tile_px,
         height_px=round(tile_px * aspect),
         light=renderer.light,
         renderer=renderer.name,
     )
-    frames = list(RolloutFrames.plan(renderer, rollout, ego, samples).render(renderer))
+    frames = list(RolloutFrames.plan(renderer, rollout, ego, samples, who).render(renderer))
     rows.append([rgb for rgb, _ in frames])
     rows.append([depth_picture(depth) for _, depth in frames])
     chase = make_view(
         "chase",
-        rollout.robot,
+        who,
         width_px=tile_px,
         height_px=round(tile_px * 0.75),
         light=renderer.light,
         renderer=renderer.name,
     )
-    seen = RolloutFrames.plan(renderer, rollout, chase, samples)
+    seen = RolloutFrames.plan(renderer, rollout, chase, samples, who)
     rows.append([rgb for rgb, _ in seen.render(renderer)])
     for tile, sample in zip(rows[0], samples, strict=True):
         _stamp(tile, f"{rollout.time_s[sample]:.1f} s")
@@ -81,6 +89,7 @@ def third_person_clip(
     frames_per_second: int = 10,
     width_px: int = 320,
     height_px: int = 240,
+    robot: RobotSpec | None = None,
 ) -> Picture:
     """Write a small `.mp4` of how a rollout ended, seen from behind the robot.
 
@@ -92,6 +101,7 @@ def third_person_clip(
         frames_per_second: divides 100.
         width_px: even.
         height_px: even.
+        robot: who walked; the registry's robot of that name when None.
 
     Returns:
         The last frame, (H, W, 3) uint8 sRGB.
@@ -99,9 +109,10 @@ def third_person_clip(
     Raises:
         ValueError: the frame rate does not divide 100.
     """
+    who = robot or get_robot(rollout.robot)
     view = make_view(
         "chase",
-        rollout.robot,
+        who,
         width_px=width_px,
         height_px=height_px,
         light=renderer.light,
@@ -109,7 +120,7 @@ def third_person_clip(
     )
     samples = rollout.frame_samples(frames_per_second)
     samples = samples[rollout.time_s[samples] >= rollout.time_s[-1] - last_s]
-    frames = RolloutFrames.plan(renderer, rollout, view, samples).render(renderer)
+    frames = RolloutFrames.plan(renderer, rollout, view, samples, who).render(renderer)
     pictures = [rgb for rgb, _ in frames]
     for picture, sample in zip(pictures, samples, strict=True):
         _stamp(picture, f"{rollout.time_s[sample]:.1f} s")

@@ -17,7 +17,7 @@ from ...formats.errors import UnknownNameError
 from ...formats.rollout import Rollout
 from ...formats.scene_bundle import SceneBundle
 from ...formats.video import DEPTH_CODEC, RGB_CODECS, write_depth_video, write_rgb_video
-from ..robots import get_robot
+from ..robots import RobotSpec, get_robot
 from .interface import Renderer
 from .robot_body import RobotBody
 from .views import VIEWS, CameraPath, Shot, View
@@ -47,8 +47,16 @@ class RolloutFrames:
         rollout: Rollout,
         view: View,
         samples: NDArray[np.int64],
+        robot: RobotSpec | None = None,
     ) -> RolloutFrames:
         """Place the view's camera at `samples` (N,).
+
+        Args:
+            renderer: made for the view's renderer and light.
+            rollout: recorded states.
+            view: where to look from.
+            samples: of the rollout.
+            robot: who walked; the registry's robot of that name when None.
 
         Raises:
             UnknownNameError: no such view kind or robot; the message lists the valid names.
@@ -61,7 +69,7 @@ class RolloutFrames:
                 f"view {view.name} asks for renderer {view.renderer} with light {view.light}, "
                 f"given {renderer.name} with {renderer.light}"
             )
-        robot = get_robot(rollout.robot)
+        robot = robot or get_robot(rollout.robot)
         body = RobotBody(robot.build_model(floor=False), rollout.joint_names)
         shot = Shot(rollout, samples, view.camera, robot, body, renderer)
         return cls(rollout, view, body, samples, VIEWS[view.kind].path(shot))
@@ -92,6 +100,7 @@ def render_rollout(
     frames_per_second: int = 4,
     depth_range: DepthRange | None = None,
     codec: str = "h264",
+    robot: RobotSpec | None = None,
 ) -> int:
     """Render a rollout into `out_dir`; return the number of frames.
 
@@ -108,6 +117,7 @@ def render_rollout(
         frames_per_second: divides the rollout's sample rate.
         depth_range: clip range of the stored depth, default `DepthRange()`.
         codec: key of `formats.video.RGB_CODECS`.
+        robot: who walked; the registry's robot of that name when None.
 
     Raises:
         UnknownNameError: unknown view kind, robot or codec; the message lists the valid names.
@@ -117,7 +127,7 @@ def render_rollout(
         raise UnknownNameError("video codec", codec, RGB_CODECS)
     limits = depth_range or DepthRange()
     samples = rollout.frame_samples(frames_per_second)
-    frames = RolloutFrames.plan(renderer, rollout, view, samples)
+    frames = RolloutFrames.plan(renderer, rollout, view, samples, robot)
     out_dir.mkdir(parents=True, exist_ok=True)
     count = _write_videos(out_dir, frames.render(renderer), frames_per_second, limits, codec)
     with atomic_file(out_dir / "frames.npz") as temporary:

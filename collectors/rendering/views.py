@@ -85,21 +85,22 @@ class View:
 
 def make_view(
     kind: str,
-    robot: str,
+    robot: str | RobotSpec,
     width_px: int | None = None,
     height_px: int | None = None,
     hfov_deg: float | None = None,
     light: str = "baked",
     renderer: str = "embree",
 ) -> View:
-    """A view of kind `kind` of robot `robot`; what is None is the kind's default.
+    """A view of kind `kind` of a robot or its name; what is None is the kind's default.
 
     Raises:
         UnknownNameError: no such kind or robot; the message lists the valid names.
     """
     if kind not in VIEWS:
         raise UnknownNameError("camera", kind, VIEWS)
-    default = VIEWS[kind].default_camera(get_robot(robot))
+    spec = get_robot(robot) if isinstance(robot, str) else robot
+    default = VIEWS[kind].default_camera(spec)
     camera = CameraModel(
         name=kind,
         width_px=width_px or default.width_px,

@@ -56,7 +56,7 @@ def jetbot(scale: float) -> RobotSpec:
     wheel_kg = WHEEL_KG * scale**3
     return RobotSpec(
         name=name,
-        title="NVIDIA Jetbot" if scale == 1.0 else f"NVIDIA Jetbot ×{scale:g}",
+        title="NVIDIA Jetbot" if scale == 1.0 else f"NVIDIA Jetbot x{scale:g}",
         mass_kg=MASS_KG * scale**3,
         link_mass_kg=MappingProxyType(
             {

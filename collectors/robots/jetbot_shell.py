@@ -5,6 +5,7 @@ Positions are those of the toy [m], about the middle of its axle, and grow with 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import mujoco
@@ -150,13 +151,18 @@ def dress_wheel(wheel: mujoco.MjsBody, scale: float, radius_m: float, side: floa
     out = side * half
     part("cylinder", (0.78 * radius_m,), YELLOW, ends=((0, -half - 2e-4, 0), (0, half + 2e-4, 0)))
     part("cylinder", (0.62 * radius_m,), DARK, ends=((0, 0, 0), (0, out + side * 5e-4, 0)))
-    for turn in (0.0, 60.0, 120.0):
-        part(
-            "box",
-            (0.64 * radius_m, 0.0008, 0.0021),
-            YELLOW,
-            (0.0, out + side * 6e-4, 0.0),
-            euler_deg=(0.0, turn, 0.0),
-        )
+    face = out + side * 6e-4
+    for spoke in range(5):
+        turn = 2 * math.pi * spoke / 5
+        x, z = 0.33 * radius_m * math.sin(turn), 0.33 * radius_m * math.cos(turn)
+        tilt = (0.0, math.degrees(turn), 0.0)
+        part("box", (0.0022, 0.0008, 0.33 * radius_m), YELLOW, (x, face, z), euler_deg=tilt)
+    # The valve, by which one sees how far it has turned.
+    part(
+        "cylinder",
+        (0.0028,),
+        PRINT,
+        ends=((0, out, 0.7 * radius_m), (0, out + side * 9e-4, 0.7 * radius_m)),
+    )
     part("cylinder", (0.0062,), YELLOW, ends=((0, 0, 0), (0, out + side * 18e-4, 0)))
     part("cylinder", (0.0022,), STEEL, ends=((0, 0, 0), (0, out + side * 24e-4, 0)))

@@ -18,7 +18,8 @@ from .vlnce import VLNCE
 ROBOTS: dict[str, RobotSpec] = {robot.name: robot for robot in (H1, G1, ALIENGO, JETBOT, VLNCE)}
 # Robots of any size: `<name>@<scale>`.
 SCALABLE: dict[str, Callable[[float], RobotSpec]] = {"jetbot": jetbot}
-RESERVED = frozenset({"all", "robots"})  # words that mean something else where a robot is named
+# Words that mean something else where a robot is named.
+RESERVED = frozenset({"all", "models", "robots"})
 
 
 def get_robot(name: str) -> RobotSpec:

@@ -22,8 +22,9 @@ from ...formats.vlnce import read_vlnce
 from ...scene_repair.config import RepairConfig
 from ...trajectory_sampler.config import SampleConfig
 from ..chain import Chain
-from ..crews import chosen_robots, crews
+from ..crews import AUTO, chosen_robots, crews
 from ..executors import Workers, available_cores
+from ..kept_robots import keep
 from ..ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger
 from ..run_folder import RunFolder, open_run_folder, safe_name
 from ..runner import Context
@@ -45,10 +46,11 @@ class Collect:
     """
 
     robot: str = "aliengo"
-    """Which robots walk: a name, several (h1,g1), or `all` that have a body. All get the same
-    episodes, with room for the widest of them."""
-    controller: str = "path"
-    """How they are driven: path, speed or flash, several (path,speed), or `all`."""
+    """Which robots walk: a name (see `vlnpe robots`), your own robot's folder, several (h1,g1), or
+    `all` that have a body. All get the same episodes, with room for the widest of them."""
+    controller: str = AUTO
+    """How they are driven: path, speed or flash, several (path,speed), or `all`; `auto` is path,
+    and flash for an agent without a body."""
     scene: str = BUILTIN
     """A scan to collect in (.glb .gltf .obj .ply .stl), or `builtin` for a generated apartment."""
     scenes: Path | None = None
@@ -92,7 +94,7 @@ def run(options: Collect) -> int:
     robots = chosen_robots(options.robot)
     pairs = crews(robots, options.controller)
     get_light(options.light)
-    views = {r.name: make_view(options.camera, r.name, light=options.light) for r in robots}
+    views = {r.name: make_view(options.camera, r, light=options.light) for r in robots}
     check_frame_rate(options.frames_per_second)
     count, episode_file = _episodes(options.episodes)
     sampling = _sampling(options, count)
@@ -102,6 +104,8 @@ def run(options: Collect) -> int:
         options.out or Path("runs") / _run_name(options, sources), options.workers
     ) as context:
         folder = RunFolder(context.ledger.root)
+        for robot in robots:
+            keep(robot, folder.root)
         chain = Chain(folder, context, options.seed)
         scenes = chain.scenes(sources, repairing)
         if episode_file:

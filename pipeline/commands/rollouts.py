@@ -16,7 +16,8 @@ from ...collectors.rendering.views import make_view
 from ...collectors.replay import ReplayConfig
 from ...formats.errors import FileFormatError, InputError
 from ...formats.vlnce import read_episodes
-from ..crews import chosen_robots, crews
+from ..crews import AUTO, chosen_robots, crews
+from ..kept_robots import keep, kept
 from ..keys import digest
 from ..ledger import Ledger, Row
 from ..runner import StageSummary, run_stage
@@ -39,9 +40,11 @@ class Replay:
     out: Path = Path("rollouts")
     """Folder for <robot>/<controller>/<episode>.mcap."""
     robot: str = "aliengo"
-    """Which robots walk: a name, several (h1,g1), or `all` that have a body."""
-    controller: str = "path"
-    """How they are driven: path, speed or flash, several (path,speed), or `all`."""
+    """Which robots walk: a name (see `vlnpe robots`), your own robot's folder, several (h1,g1), or
+    `all` that have a body."""
+    controller: str = AUTO
+    """How they are driven: path, speed or flash, several (path,speed), or `all`; `auto` is path,
+    and flash for an agent without a body."""
     seed: int = 0
     """Of everything random."""
     workers: int = 0
@@ -108,15 +111,17 @@ def run_replay(options: Replay) -> int:
     Raises:
         InputError: an unknown robot or controller, or an unusable file or folder.
     """
-    pairs = crews(chosen_robots(options.robot), options.controller)
+    robots = chosen_robots(options.robot)
+    pairs = crews(robots, options.controller)
     asked = read_episodes(options.episodes)
     scenes = _scene_rows(options.scenes)
     _demand_scenes({e.scene_id for e in asked}, scenes, options.scenes)
     summaries = []
     with opened(options.out, options.workers) as context:
         root = context.ledger.root
+        found_by = {robot.name: keep(robot, root) for robot in robots}
         for robot, controller in pairs:
-            config = ReplayConfig(robot=robot, controller=controller, seed=options.seed)
+            config = ReplayConfig(robot=found_by[robot], controller=controller, seed=options.seed)
             items = replay.items(
                 asked, scenes, options.scenes.resolve(), root, root / "models", config
             )
@@ -142,7 +147,7 @@ def run_render(options: Render) -> int:
     views = {
         (robot, controller): make_view(
             options.camera,
-            robot,
+            kept(robot, source.root),
             options.width_px,
             options.height_px,
             options.hfov_deg,

@@ -7,8 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from ...collectors.robots import get_robot
 from ...formats.atomic import write_json
 from ...formats.mcap.rollout import read_rollout
+from ..kept_robots import kept
 from ..keys import code_version, digest
 from ..ledger import Ledger, Row
 from ..run_folder import RunFolder
@@ -102,12 +104,12 @@ def _strip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict
     return result
 
 
-def process_strip(scene: Path, rollout: Path, out: Path) -> ItemResult:
-    """Render one episode as a strip of pictures."""
+def process_strip(scene: Path, rollout: Path, robot: str, out: Path) -> ItemResult:
+    """Render one episode of a robot, by its name or folder, as a strip of pictures."""
     from ...collectors.rendering.pictures import film_strip
 
     walked = read_rollout(rollout)
-    film_strip(out, scene_renderer(scene)[1], walked)
+    film_strip(out, scene_renderer(scene)[1], walked, robot=get_robot(robot))
     facts = {
         "episode": walked.episode.episode_id,
         "controller": walked.controller,
@@ -130,18 +132,21 @@ def _clip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict[
     return result
 
 
-def process_clip(scene: Path, rollout: Path, out: Path) -> ItemResult:
+def process_clip(scene: Path, rollout: Path, robot: str, out: Path) -> ItemResult:
     """Render the last seconds of one episode, and its last frame as a picture."""
     from ...collectors.rendering.pictures import save_picture, third_person_clip
 
     _, renderer = scene_renderer(scene)
-    last = third_person_clip(out, renderer, read_rollout(rollout), CLIP_S)
+    walked = read_rollout(rollout)
+    last = third_person_clip(out, renderer, walked, CLIP_S, robot=get_robot(robot))
     save_picture(out.with_suffix(".jpg"), last)
     return ItemResult()
 
 
-def _paths(folder: RunFolder, row: Row) -> tuple[Path, Path]:
-    return folder.scenes / str(row.facts["scene"]), folder.root / row.outputs[0]
+def _paths(folder: RunFolder, row: Row) -> tuple[Path, Path, str]:
+    """Scene, rollout and robot of a row of the replay stage."""
+    robot = kept(str(row.facts["robot"]), folder.root)
+    return folder.scenes / str(row.facts["scene"]), folder.root / row.outputs[0], robot
 
 
 def _scene_key(ledger: Ledger, row: Row) -> str:

@@ -11,9 +11,11 @@ from ...collectors.rendering.interface import Renderer
 from ...collectors.rendering.registry import make_renderer
 from ...collectors.rendering.rollout_views import render_rollout
 from ...collectors.rendering.views import View
+from ...collectors.robots import get_robot
 from ...formats.atomic import atomic_folder
 from ...formats.mcap.rollout import read_rollout
 from ...formats.scene_bundle import SceneBundle, load_bundle
+from ..kept_robots import kept
 from ..keys import code_version, digest
 from ..ledger import Row
 from ..runner import ItemResult, WorkItem
@@ -53,19 +55,34 @@ def items(
         rollout = root / row.outputs[0]
         # Relative, so that a run folder may be moved between rendering and exporting.
         relative = os.path.relpath(rollout, base)
-        arguments = (scenes_folder / scene, rollout, relative, view, frames_per_second, out)
+        robot = kept(name.split("/")[0], root)
+        arguments = (scenes_folder / scene, rollout, relative, robot, view, frames_per_second, out)
         result.append(WorkItem(f"{folder}/{view.name}/{episode}", key, (out,), process, arguments))
     return result
 
 
 def process(
-    scene: Path, rollout: Path, relative: str, view: View, frames_per_second: int, out: Path
+    scene: Path,
+    rollout: Path,
+    relative: str,
+    robot: str,
+    view: View,
+    frames_per_second: int,
+    out: Path,
 ) -> ItemResult:
-    """Render one rollout."""
+    """Render one rollout of `robot`, which is a name or a folder."""
     bundle, renderer = scene_renderer(scene, view.renderer, view.light)
     recorded = read_rollout(rollout)
     with atomic_folder(out) as temporary:
-        count = render_rollout(bundle, renderer, recorded, view, temporary, frames_per_second)
+        count = render_rollout(
+            bundle,
+            renderer,
+            recorded,
+            view,
+            temporary,
+            frames_per_second,
+            robot=get_robot(robot),
+        )
     facts = {
         "frames": count,
         "rollout": relative,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -46,11 +46,14 @@ def items(
         models: folder where compiled models are kept.
         config: the robot, its controller, and how.
     """
+    robot = get_robot(config.robot)
     code = digest(code_version(*CODE), version("mujoco"))
+    # A user's own robot is known by what is in its folder, not by where that lies.
+    who = digest(replace(config, robot=robot.name), robot.content_sha256)
     result = []
     for episode in episodes:
-        name = f"{config.robot}/{config.controller}/{safe_name(episode.episode_id)}"
-        key = digest(STAGE, episode, scenes[episode.scene_id].key, config, code)
+        name = f"{robot.name}/{config.controller}/{safe_name(episode.episode_id)}"
+        key = digest(STAGE, episode, scenes[episode.scene_id].key, who, code)
         out = rollouts / f"{name}.mcap"
         arguments = (scenes_folder / episode.scene_id, episode, config, models, out)
         result.append(WorkItem(name, key, (out,), process, arguments))
