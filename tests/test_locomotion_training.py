@@ -14,7 +14,7 @@ import torch
 from tensordict import TensorDict
 
 from vlnpe.collectors.locomotion import GaitPolicy, train
-from vlnpe.collectors.locomotion.commands import sample_commands
+from vlnpe.collectors.locomotion.commands import command_bounds, sample_commands
 from vlnpe.collectors.locomotion.export import actor_to_onnx
 from vlnpe.collectors.locomotion.gaits import GAITS
 from vlnpe.collectors.locomotion.mirror import mirror_joints, mirror_observation, mirrored
@@ -124,7 +124,7 @@ def test_randomised_bodies_differ(robot):
 
 
 def test_commands_stay_in_their_limits(robot):
-    commands = sample_commands(np.random.default_rng(3), 2000, robot.command_limits, 1.0)
+    commands = sample_commands(np.random.default_rng(3), 2000, command_bounds(robot.command_limits))
     np.testing.assert_array_equal(robot.command_limits.clip(commands), commands)
     assert 0.08 < np.mean(~commands.any(axis=1)) < 0.2  # standing is practised too
 

@@ -8,17 +8,23 @@ import mujoco
 import numpy as np
 import pytest
 
-from vlnpe.collectors.locomotion.gait import GaitClock, joint_targets
+from vlnpe.collectors.locomotion.gait import FACTORS, GaitClock, joint_targets
 from vlnpe.collectors.locomotion.gaits import GAITS
 from vlnpe.collectors.locomotion.observation import observe, states_of
 from vlnpe.collectors.locomotion.policy import GaitPolicy
 from vlnpe.collectors.locomotion.quick import QuickStep
 from vlnpe.collectors.robots import RobotHandles, RobotSpec, get_robot
 
+CALIBRATED = replace(
+    GAITS["aliengo"],
+    aim=tuple(map(tuple, np.random.default_rng(0).normal(0, 0.3, (3, len(FACTORS))).tolist())),
+    aim_limits=((-0.5, 1.2), (-0.4, 0.5), (-1.3, 1.2)),
+)
 CASES = [
     *((get_robot(name), gait) for name, gait in GAITS.items()),
     # A policy that moves nine joints of twelve; the others follow the reference.
     (replace(get_robot("aliengo"), policy_joints=9), GAITS["aliengo"]),
+    (get_robot("aliengo"), CALIBRATED),
 ]
 
 
@@ -46,7 +52,7 @@ def test_a_walk_of_one_is_a_walk_of_many(robot: RobotSpec, gait: GaitClock) -> N
         command = rng.normal(0, 0.6, 3) * (k % 20 < 15)
         wanted = robot.command_limits.clip(command[None])
         moving = gait.moving(wanted)
-        phase = gait.advance(phase, moving, 1 / 50.0)
+        phase, wanted = gait.advance(phase, moving, 1 / 50.0), gait.aimed(wanted)
         seen = observe(
             states_of(data.qpos[None], data.qvel[None], handles),
             default[:joints],

@@ -13,6 +13,7 @@ from ..robots import RobotSpec
 from .gait import GaitClock
 from .observation import layout
 
+_AIM = ("aim", "aim_limits")
 POLICY_FOLDER = Path(__file__).parent / "policies"
 
 
@@ -91,7 +92,15 @@ def load_card(path: Path) -> PolicyCard:
         gait = values["gait"]
         for key in ("foot_offsets", "stand_rad"):
             gait[key] = tuple(gait[key])
-        for key in ("swing_rad", "stance_rad", "forward_rad", "left_rad", "turn_rad", "foot_xy_m"):
+        for key in (
+            "swing_rad",
+            "stance_rad",
+            "forward_rad",
+            "left_rad",
+            "turn_rad",
+            "foot_xy_m",
+            *_AIM,
+        ):
             gait[key] = tuple(tuple(row) for row in gait.get(key, ()))
         values["gait"] = GaitClock(**gait)
         values["observation"] = [(str(n), int(w)) for n, w in values["observation"]]

@@ -14,16 +14,16 @@ Array = NDArray[np.float64]
 KINDS = {"any": 0.40, "straight": 0.17, "turn": 0.17, "arc": 0.12, "stand": 0.14}
 
 
-def sample_commands(
-    rng: np.random.Generator, count: int, limits: CommandLimits, margin: ArrayLike = 1.0
+def command_bounds(
+    limits: CommandLimits, margin: float = 1.0, beyond: ArrayLike = (0.0, 0.0, 0.0)
 ) -> Array:
-    """Random commands (count, 3), uniform within `margin` times the limits, some axes zero.
+    """(3, 2) least and greatest vx, vy and yaw: the limits times `margin`, and `beyond` more."""
+    bounds = margin * np.array([limits.vx_m_s, limits.vy_m_s, limits.yaw_rad_s])
+    return bounds + np.asarray(beyond)[:, None] * (-1.0, 1.0)
 
-    The margin is one factor, or three: for vx, vy and yaw.
-    """
-    bounds = np.broadcast_to(margin, 3)[:, None] * np.array(
-        [limits.vx_m_s, limits.vy_m_s, limits.yaw_rad_s]
-    )
+
+def sample_commands(rng: np.random.Generator, count: int, bounds: Array) -> Array:
+    """Random commands (count, 3), uniform within bounds (3, 2) of `command_bounds`; some axes 0."""
     command = rng.uniform(bounds[:, 0], bounds[:, 1], (count, 3))
     kind = rng.choice(len(KINDS), count, p=list(KINDS.values()))
     mask = np.array([[1, 1, 1], [1, 0, 0], [0, 0, 1], [1, 0, 1], [0, 0, 0]])

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations_with_replacement
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+# The monomials of a calibration: which of vx, vy and yaw are multiplied.
+FACTORS = tuple(f for degree in (1, 2, 3) for f in combinations_with_replacement(range(3), degree))
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,9 @@ class GaitClock:
         lead_cycles: how far the reference runs ahead of the clock, because soft servos lag.
         turn_lead_s: a body's velocity trails its heading in a turn by about this time, so the steps
             aim ahead by as much.
+        aim: 3 rows of coefficients of `monomials`: what to ask for beyond vx, vy and yaw so that
+            they are reached; none for a gait that was not calibrated.
+        aim_limits: 3 ranges of vx, vy and yaw that may be asked for.
         stand_linear_m_s, stand_yaw_rad_s: commands below both mean "stand still".
     """
 
@@ -48,6 +54,8 @@ class GaitClock:
     lead_cycles: float
     turn_rad: tuple[tuple[float, ...], ...] = ()
     turn_lead_s: float = 0.0
+    aim: tuple[tuple[float, ...], ...] = ()
+    aim_limits: tuple[tuple[float, float], ...] = ()
     stand_linear_m_s: float = 0.03
     stand_yaw_rad_s: float = 0.05
 
@@ -55,6 +63,13 @@ class GaitClock:
         """Whether (N, 3) commands ask for walking, (N,)."""
         linear = np.hypot(command[:, 0], command[:, 1])
         return (linear > self.stand_linear_m_s) | (np.abs(command[:, 2]) > self.stand_yaw_rad_s)
+
+    def aimed(self, command: Array) -> Array:
+        """(N, 3) what the policy and the reference must be asked for to reach (N, 3) commands."""
+        if not self.aim:
+            return command
+        asked = command + monomials(command) @ np.array(self.aim).T
+        return np.clip(asked, *np.array(self.aim_limits).T)
 
     def advance(self, phase: Array, moving: NDArray[np.bool_], dt_s: float) -> Array:
         """Phases (N,) in cycles after `dt_s`; a standing robot waits at phase 0."""
@@ -94,6 +109,11 @@ class GaitClock:
         )
         x, y = np.array(self.foot_xy_m).T
         return np.array(self.stand_rad), np.array(rows), np.array(self.foot_offsets), x, y
+
+
+def monomials(command: Array) -> Array:
+    """(N, 19) monomials of degrees 1 to 3 of (N, 3) commands, without a constant."""
+    return np.stack([np.prod(command[:, list(f)], axis=1) for f in FACTORS], axis=1)
 
 
 def joint_targets(default_rad: Array, reference: Array, scale_rad: float, action: Array) -> Array:

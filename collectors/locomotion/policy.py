@@ -53,6 +53,10 @@ class GaitPolicy:
             raise PolicyMismatchError(onnx_path, f"is not the network that {card_path} describes")
         return cls(robot, card, _session(content))
 
+    def changed(self, robot: RobotSpec, card: PolicyCard) -> GaitPolicy:
+        """The same network for other facts; nothing is checked again."""
+        return GaitPolicy(robot, card, self._session)
+
     @property
     def rate_hz(self) -> float:
         """How often `act` must be called."""

@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import DTypeLike, NDArray
 
 from ..robots import RobotHandles
-from .gait import GaitClock
+from .gait import FACTORS, GaitClock
 from .observation import layout
 
 Array = NDArray[np.float64]
@@ -62,6 +62,9 @@ class QuickStep:
         )
         offsets = np.array(gait.foot_offsets) + gait.lead_cycles
         self._feet = np.column_stack([offsets, gait.foot_xy_m])
+        self._aim = np.array(gait.aim).reshape(-1, len(FACTORS))
+        self._factors = np.array([(*f, 3, 3)[:3] for f in FACTORS])
+        self._aim_limits = np.array(gait.aim_limits).reshape(-1, 2)
         self._clock = np.array(
             [
                 gait.frequency_hz / rate_hz,
@@ -92,6 +95,9 @@ class QuickStep:
             vy_m_s,
             yaw_rad_s,
             self._limits,
+            self._aim,
+            self._factors,
+            self._aim_limits,
             self._clock,
             self._feet,
             self._motion,
@@ -122,6 +128,9 @@ def _look(
     vy,
     yaw,
     limits,
+    aim,
+    factors,
+    aim_limits,
     clock,
     feet,
     motion,
@@ -137,6 +146,20 @@ def _look(
     yaw = min(max(yaw, limits[2, 0]), limits[2, 1])
     moving = np.hypot(vx, vy) > clock[1] or abs(yaw) > clock[2]
     phase[0] = (phase[0] + clock[0]) % 1.0 if moving else 0.0
+    if len(aim):
+        asked = np.array([vx, vy, yaw])
+        wanted = asked.copy()
+        for term in range(len(factors)):
+            value = 1.0
+            for factor in factors[term]:
+                # Index 3 stands for no further factor.
+                if factor < 3:
+                    value *= wanted[factor]
+            for axis in range(3):
+                asked[axis] += aim[axis, term] * value
+        vx = min(max(asked[0], aim_limits[0, 0]), aim_limits[0, 1])
+        vy = min(max(asked[1], aim_limits[1, 0]), aim_limits[1, 1])
+        yaw = min(max(asked[2], aim_limits[2, 0]), aim_limits[2, 1])
 
     q, v = at[0], at[1]
     w, x, y, z = qpos[q + 3], qpos[q + 4], qpos[q + 5], qpos[q + 6]

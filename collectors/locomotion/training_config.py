@@ -40,7 +40,8 @@ class TrainingConfig:
         terrain: `flat`, or `rough` (a mix of flat, noise up to 6 cm, steps of 2–5 cm).
         episode_s: longest episode.
         command_s: range of times between new commands.
-        command_margin: commands vx, vy, yaw are drawn from the robot's limits times these.
+        command_margin: commands are drawn from the robot's limits times this.
+        command_beyond: and from this much beyond them, for vx, vy [m/s] and yaw [rad/s].
         swing_height_m: height of the foot's arc above the ground.
         stand_joint_rad: pose to stand in, per leg, at the base height wanted.
         linear_mean_widths, yaw_mean_widths: squared widths [(m/s)², (rad/s)²] of the bells that
@@ -61,7 +62,8 @@ class TrainingConfig:
     terrain: str = "flat"
     episode_s: float = 20.0
     command_s: tuple[float, float] = (2.0, 6.0)
-    command_margin: tuple[float, float, float] = (1.1, 1.1, 1.1)
+    command_margin: float = 1.1
+    command_beyond: tuple[float, float, float] = (0.0, 0.0, 0.0)
     swing_height_m: float = 0.08
     stand_joint_rad: tuple[float, ...] = (0.0, 0.841, -1.682)
     linear_mean_widths: tuple[float, ...] = (0.01,)
@@ -167,7 +169,8 @@ def _hard(flat: TrainingConfig) -> TrainingConfig:
     return replace(
         flat,
         terrain="rough",
-        command_margin=(1.2, 1.6, 1.3),
+        command_margin=1.0,
+        command_beyond=(0.2, 0.25, 0.5),
         push_m_s=1.0,
         push_s=(2.0, 4.0),
         fall_slack=1.0,

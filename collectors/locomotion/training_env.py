@@ -13,7 +13,7 @@ from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
 from ..robots import POLICY_DECIMATION, TIMESTEP_S, RobotHandles, RobotSpec, apply_physics_options
-from .commands import sample_commands
+from .commands import command_bounds, sample_commands
 from .gait import joint_targets
 from .gaits import GAITS
 from .mirror import Symmetry
@@ -75,6 +75,9 @@ class GaitEnv(VecEnv):
             stand_joint_rad=np.tile(config.stand_joint_rad, len(robot.feet)),
             joint_range_rad=np.array([j.range_rad for j in robot.joints[: robot.policy_joints]]),
             sideways=self.symmetry.joint_signs.numpy() < 0,
+        )
+        self._command_bounds = command_bounds(
+            robot.command_limits, config.command_margin, config.command_beyond
         )
         self._latency = rng.integers(0, config.latency_substeps + 1, config.envs)
         # Control vectors follow the model's actuator order, which is the policy's here.
@@ -231,9 +234,7 @@ class GaitEnv(VecEnv):
     def _change_commands(self) -> None:
         due = np.flatnonzero(self._age * STEP_S >= self._next_command)
         if len(due):
-            self._command[due] = sample_commands(
-                self.rng, len(due), self.robot.command_limits, self.config.command_margin
-            )
+            self._command[due] = sample_commands(self.rng, len(due), self._command_bounds)
             wait = self.rng.uniform(*self.config.command_s, len(due))
             self._next_command[due] = self._age[due] * STEP_S + wait
             self._moving = self.gait.moving(self._command)

@@ -126,7 +126,7 @@ class Trial:
         self._push()
         robot, gait, previous = self.policy.robot, self.policy.card.gait, self.action
         wanted = robot.command_limits.clip(command)
-        moving = gait.moving(wanted)
+        moving, wanted = gait.moving(wanted), gait.aimed(wanted)
         self._phase = gait.advance(self._phase, moving, STEP_S)
         default, policed = robot.default_joint_rad, robot.policy_joints
         self.action = self.policy.infer(
