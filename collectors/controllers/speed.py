@@ -1,9 +1,12 @@
 """Move-by-speed: discrete actions carried out as velocity commands.
 
 Timing is VLN-PE's by default: 1.0 m/s and 60°/s over 50 physics steps per action, whatever the
-robot made of it; the expert corrects with the next action. Commands are ramped, not jumped. With
-`end_on_displacement` an action ends when its 0.25 m or 15° are reached, at `longest_steps` at the
-latest.
+robot made of it; the expert corrects with the next action. Commands are ramped, not jumped. So
+each action is one frame at 4 frames/s.
+
+A walking body cannot do 0.25 m in 0.25 s from standing. With `end_on_displacement` the loop is
+closed on each single action instead: it lasts until its 0.25 m or 15° are reached (see `servo`),
+and the expert chooses one action ahead, so that the robot knows in time whether to slow down.
 """
 
 from __future__ import annotations
@@ -18,8 +21,10 @@ from .expert import FORWARD_M, TURN_RAD, Expert, ExpertConfig
 from .geometry import clip, wrap_angle
 from .interface import STOPPED, Decision, Pose, Task
 from .route import plan_route
+from .servo import Command, ServoConfig, Track, braking, steer
 
 RECENT = 5  # samples of 10 ms over which the velocity is taken
+CLOSED_LOOP_S = 0.7  # an action takes a walking robot about so long in closed loop
 
 
 @dataclass(frozen=True)
@@ -29,8 +34,9 @@ class SpeedConfig:
     Attributes:
         linear_m_s, yaw_rad_s: commanded while walking and while turning.
         steps_per_action: physics steps of one action.
-        end_on_displacement: actions may last longer, until their displacement is reached.
-        longest_steps: physics steps after which an action ends in any case.
+        end_on_displacement: an action lasts until its displacement is reached, steered by `servo`
+            in place of the two settings above.
+        servo: how it is held to its displacement then.
         replan_off_m: distance from the route that calls for a new one.
         ramp_m_s2, ramp_rad_s2: how fast the command changes; jumping between full speed and a
             full turn four times a second throws walking robots off balance. inf jumps.
@@ -43,7 +49,7 @@ class SpeedConfig:
     yaw_rad_s: float = math.radians(60.0)
     steps_per_action: int = 50
     end_on_displacement: bool = False
-    longest_steps: int = 100
+    servo: ServoConfig = field(default_factory=ServoConfig)
     replan_off_m: float = 0.5
     ramp_m_s2: float = 3.0
     ramp_rad_s2: float = 4.0
@@ -58,15 +64,14 @@ class SpeedController:
         self._task, self._config = task, config
         route = plan_route(task.freemap, task.reference_xy_m, task.radius_m)
         self._notes = [("unplannable", problem) for problem in route.problems]
-        action_s = config.steps_per_action * TIMESTEP_S
-        # A slow robot needs more actions than the path has steps.
-        forward_m = min(FORWARD_M, task.limits.vx_m_s[1] * action_s)
-        turns = route.turning_rad / TURN_RAD + 6
-        self._nominal = (route.length_m / forward_m + turns) * action_s
+        actions = route.length_m / FORWARD_M + route.turning_rad / TURN_RAD + 6
+        timed_s = config.steps_per_action * TIMESTEP_S
+        self._nominal = actions * (CLOSED_LOOP_S if config.end_on_displacement else timed_s)
         self._expert = Expert(route, config.expert)
-        self._action: Action | None = None
-        self._start_s, self._start = 0.0, Pose(0.0, 0.0, 0.0)
-        self._command: tuple[float, float, float] = STOPPED
+        self._track: Track | None = None
+        self._start_s = 0.0
+        self._coming: Action | None = None
+        self._command: Command = STOPPED
         self._recent: deque[Pose] = deque(maxlen=RECENT + 1)
 
     rate_hz = 100
@@ -79,63 +84,69 @@ class SpeedController:
     def step(self, time_s: float, pose: Pose) -> Decision:
         """See `Controller.step`."""
         self._recent.append(pose)
-        started = None
-        if self._action is None or self._over(time_s, pose):
-            started = self._action = self._expert.next_action(self._carried())
-            self._start_s, self._start = time_s, pose
-            if self._expert.off_route_m > self._config.replan_off_m:
-                self._replan(pose)
+        started, track = None, self._track
+        if track is None or self._over(track, time_s, pose):
+            # One in closed loop that has not arrived is no ground to have chosen the next one from.
+            if self._coming is None or (track and track.remaining(pose) > 0):
+                self._coming = self._choose(self._carried(self._config.carry_s))
+            started, self._coming = self._coming, None
+            self._track = track = Track(started, pose)
+            self._start_s = time_s
+        wanted = self._steered(track, pose) if self._config.end_on_displacement else self._timed()
+        self._command = self._ramped(wanted)
         notes, self._notes = tuple(self._notes), []
-        return Decision(
-            self._ramped(self._action), started, done=self._action is Action.STOP, notes=notes
-        )
+        return Decision(self._command, started, done=track.action is Action.STOP, notes=notes)
 
-    def _over(self, time_s: float, pose: Pose) -> bool:
-        config = self._config
-        steps = round((time_s - self._start_s) / TIMESTEP_S)
+    def _over(self, track: Track, time_s: float, pose: Pose) -> bool:
+        config, spent_s = self._config, time_s - self._start_s
         if not config.end_on_displacement:
-            return steps >= config.steps_per_action
-        return steps >= config.longest_steps or self._displaced(pose)
+            return round(spent_s / TIMESTEP_S) >= config.steps_per_action
+        return track.remaining(pose) <= 0 or spent_s >= config.servo.longest_s
 
-    def _carried(self) -> Pose:
+    def _choose(self, pose: Pose) -> Action:
+        action = self._expert.next_action(pose)
+        if self._expert.off_route_m > self._config.replan_off_m:
+            self._replan(pose)
+        return action
+
+    def _steered(self, track: Track, pose: Pose) -> Command:
+        """In closed loop. What comes next is chosen when it begins to matter."""
+        servo = self._config.servo
+        fast = servo.cruise_m_s if track.action is Action.FORWARD else servo.turn_rad_s
+        slow = braking(track, pose, self._carried(servo.reaction_s), servo)
+        if slow is not None and self._coming is None:
+            self._coming = self._choose(track.end)
+        speed = fast if slow is None or self._coming is track.action else slow
+        return steer(track, pose, speed, servo, self._task.limits)
+
+    def _timed(self) -> Command:
+        config, limits = self._config, self._task.limits
+        assert self._track is not None
+        if self._track.action is Action.FORWARD:
+            return clip(config.linear_m_s, *limits.vx_m_s), 0.0, 0.0
+        return 0.0, 0.0, clip(self._track.sense * config.yaw_rad_s, *limits.yaw_rad_s)
+
+    def _carried(self, seconds: float) -> Pose:
         """Where the body's momentum will take it, by its mean velocity over the last samples."""
         old, new = self._recent[0], self._recent[-1]
         if len(self._recent) < 2:
             return new
-        ratio = self._config.carry_s * self.rate_hz / (len(self._recent) - 1)
+        ratio = seconds * self.rate_hz / (len(self._recent) - 1)
         return Pose(
             new.x_m + ratio * (new.x_m - old.x_m),
             new.y_m + ratio * (new.y_m - old.y_m),
             wrap_angle(new.yaw_rad + ratio * wrap_angle(new.yaw_rad - old.yaw_rad)),
         )
 
-    def _displaced(self, pose: Pose) -> bool:
-        start = self._start
-        if self._action is Action.FORWARD:
-            dx, dy = pose.x_m - start.x_m, pose.y_m - start.y_m
-            return dx * math.cos(start.yaw_rad) + dy * math.sin(start.yaw_rad) >= FORWARD_M
-        sign = 1.0 if self._action is Action.LEFT else -1.0
-        return sign * wrap_angle(pose.yaw_rad - start.yaw_rad) >= TURN_RAD
-
-    def _ramped(self, action: Action) -> tuple[float, float, float]:
-        """The command one sample further on the way to what the action asks for."""
-        config, wanted = self._config, self._wanted(action)
-        most = (config.ramp_m_s2 / self.rate_hz, 0.0, config.ramp_rad_s2 / self.rate_hz)
+    def _ramped(self, wanted: Command) -> Command:
+        """The command one sample further on the way to what is wanted."""
+        linear, turn = self._config.ramp_m_s2, self._config.ramp_rad_s2
+        most = (linear / self.rate_hz, linear / self.rate_hz, turn / self.rate_hz)
         vx, vy, yaw = (
             old + clip(new - old, -step, step)
             for old, new, step in zip(self._command, wanted, most, strict=True)
         )
-        self._command = (vx, vy, yaw)
-        return self._command
-
-    def _wanted(self, action: Action) -> tuple[float, float, float]:
-        config, limits = self._config, self._task.limits
-        if action is Action.FORWARD:
-            return clip(config.linear_m_s, *limits.vx_m_s), 0.0, 0.0
-        if action is Action.STOP:
-            return STOPPED
-        sign = 1.0 if action is Action.LEFT else -1.0
-        return 0.0, 0.0, clip(sign * config.yaw_rad_s, *limits.yaw_rad_s)
+        return vx, vy, yaw
 
     def _replan(self, pose: Pose) -> None:
         task = self._task

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from ...formats.freemap import Freemap
 from ...formats.grid import GridSpec
+from ...formats.rollout import Action
 from ..controllers import STOPPED, Controller, PathConfig, Pose, Task
 from ..controllers.path import PathController
 from ..outcome import OutcomeConfig
@@ -56,8 +58,22 @@ def task_along(robot: RobotSpec, path: Array) -> Task:
     )
 
 
+@dataclass(frozen=True)
+class StartedAction:
+    """A discrete action at its start: when [s] and from which pose (3,) x, y [m], heading [rad]."""
+
+    action: Action
+    time_s: float
+    pose: Array
+
+
 class Drivers:
-    """One controller for each robot of a trial, asked as often as it wants to be."""
+    """One controller for each robot of a trial, asked as often as it wants to be.
+
+    Attributes:
+        done_s: (N,) when each controller was done [s]; inf before.
+        actions: discrete actions started so far, robot by robot; each ends where the next starts.
+    """
 
     def __init__(self, controllers: Sequence[Controller], trial: Trial) -> None:
         self.controllers, self.trial = controllers, trial
@@ -65,6 +81,7 @@ class Drivers:
         self._every = [CONTROL_HZ // c.rate_hz for c in controllers]
         self._tick = 0
         self.done_s = np.full(len(controllers), np.inf)
+        self.actions: list[list[StartedAction]] = [[] for _ in controllers]
         self._ask(trial.poses[:, 1])
 
     def step(self) -> None:
@@ -82,6 +99,8 @@ class Drivers:
                 continue
             decision = self.controllers[i].step(now_s, Pose(*poses[i].tolist()))
             self._commands[i] = decision.command
+            if decision.action is not None:
+                self.actions[i].append(StartedAction(decision.action, now_s, poses[i].copy()))
             if decision.done:
                 self._commands[i] = STOPPED
                 self.done_s[i] = now_s
