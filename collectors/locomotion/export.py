@@ -8,22 +8,29 @@ from typing import Any
 
 import numpy as np
 import onnx
+import scipy.linalg
 import torch
+from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
 from ...formats.atomic import atomic_file
 from ..robots import POLICY_DECIMATION, TIMESTEP_S, RobotSpec
 from .card import PolicyCard, save_card
 from .gaits import GAITS
+from .mirror import Symmetry
 from .observation import layout
 from .training_config import TrainingConfig
 
+Array = NDArray[np.float64]
 
-def actor_to_onnx(actor: torch.nn.Module) -> bytes:
+
+def actor_to_onnx(actor: torch.nn.Module, mirror: Symmetry | None = None) -> bytes:
     """Serialise `rsl_rl`'s actor (normaliser and ELU network) as `observation` → `action`.
 
     The observation normalisation is folded into the first layer, so that the file needs nothing
-    beside it.
+    beside it. With `mirror` the file holds the mean of the network and its mirror image, which is
+    exactly symmetric where training only comes near: the two stand side by side in one network of
+    twice the width.
     """
     linear = [layer for layer in actor.mlp if isinstance(layer, torch.nn.Linear)]  # type: ignore[attr-defined]
     normalizer = actor.obs_normalizer
@@ -33,6 +40,8 @@ def actor_to_onnx(actor: torch.nn.Module) -> bytes:
     biases = [layer.bias.detach().numpy().astype(np.float64) for layer in linear]
     weights[0] = weights[0] / std
     biases[0] = biases[0] - weights[0] @ mean
+    if mirror is not None:
+        weights, biases = _with_mirror_image(weights, biases, mirror)
     nodes, constants, value = [], [], "observation"
     for i, (weight, bias) in enumerate(zip(weights, biases, strict=True)):
         last = i == len(weights) - 1
@@ -58,6 +67,25 @@ def actor_to_onnx(actor: torch.nn.Module) -> bytes:
     return model.SerializeToString()
 
 
+def _with_mirror_image(
+    weights: list[Array], biases: list[Array], mirror: Symmetry
+) -> tuple[list[Array], list[Array]]:
+    """Layers of (π(o) + M π(M o)) / 2, from those of π; M mirrors observations and actions."""
+    seen = _matrix(mirror.observation_order, mirror.observation_signs)
+    done = _matrix(mirror.joint_order, mirror.joint_signs)
+    first, *middle, last = weights
+    halves = [np.vstack([first, first @ seen])]
+    halves += [scipy.linalg.block_diag(weight, weight) for weight in middle]
+    halves.append(0.5 * np.hstack([last, done @ last]))
+    joined = [np.tile(bias, 2) for bias in biases[:-1]]
+    return halves, [*joined, 0.5 * (biases[-1] + done @ biases[-1])]
+
+
+def _matrix(order: torch.Tensor, signs: torch.Tensor) -> Array:
+    """The matrix M of (M v)[i] = signs[i] v[order[i]]."""
+    return np.eye(len(order))[order.numpy()] * signs.numpy()[:, None]
+
+
 def write_policy(
     robot: RobotSpec,
     config: TrainingConfig,
@@ -66,7 +94,7 @@ def write_policy(
     folder: Path,
 ) -> None:
     """Write `<robot>.onnx` and `<robot>.json` (without an evaluation yet) into `folder`."""
-    content = actor_to_onnx(actor)
+    content = actor_to_onnx(actor, Symmetry.of(robot))
     card = PolicyCard(
         robot=robot.name,
         physics_hash=robot.physics_hash(),
