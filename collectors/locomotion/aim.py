@@ -25,6 +25,14 @@ POINTS, SECONDS, WARM_UP_S, ROUNDS = 5, 5.0, 2.0, 5
 STRIDE = 0.7  # share of the remaining error that a round corrects
 
 
+def calibrated(policy: GaitPolicy) -> GaitPolicy:
+    """The policy with its gait calibrated, within the commands of its last phase of training."""
+    phase = policy.card.training["phases"][-1]
+    limits = policy.robot.command_limits
+    most = command_bounds(limits, phase["command_margin"], phase.get("command_beyond", (0, 0, 0)))
+    return policy.changed(policy.robot, replace(policy.card, gait=aimed(policy, most)))
+
+
 def aimed(policy: GaitPolicy, most: Array) -> GaitClock:
     """The policy's gait with commands calibrated on flat ground.
 
@@ -36,7 +44,7 @@ def aimed(policy: GaitPolicy, most: Array) -> GaitClock:
         most: (3, 2) least and greatest vx, vy and yaw that it was trained with.
     """
     bounds = command_bounds(policy.robot.command_limits)
-    wanted = np.array(list(product(*(np.linspace(*pair, POINTS) for pair in bounds))))
+    wanted = np.array(list(product(*(np.linspace(low, high, POINTS) for low, high in bounds))))
     wanted = wanted[policy.card.gait.moving(wanted)]
     plain = replace(policy.card.gait, aim=(), aim_limits=())
     asked = wanted.copy()

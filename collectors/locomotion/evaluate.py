@@ -18,6 +18,7 @@ import tyro
 
 from ...formats.atomic import atomic_file
 from ..robots import RobotSpec, get_robot
+from .aim import calibrated
 from .card import POLICY_FOLDER, save_card
 from .driven import follow_paths
 from .gates import gate_results
@@ -53,12 +54,12 @@ def evaluation_table(policy: GaitPolicy, seed: int = SEED, scale: float = 1.0) -
 
 
 def publish(robot: RobotSpec, source: Path, target: Path) -> dict[str, Any]:
-    """Evaluate the policy in `source`, complete its card and write both files to `target`.
+    """Calibrate and evaluate the policy in `source`; write it and its card to `target`.
 
     Returns:
         The evaluation table.
     """
-    policy = GaitPolicy.load(robot, source)
+    policy = calibrated(GaitPolicy.load(robot, source))
     card = replace(policy.card, evaluation=evaluation_table(policy))
     network = (source / f"{robot.name}.onnx").read_bytes()
     with atomic_file(target / f"{robot.name}.onnx") as temporary:
