@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -141,11 +142,17 @@ def test_report_is_one_file_with_everything(run_root):
         assert word in page
 
 
+def times(root: Path) -> dict[Path, int]:
+    return {p: p.stat().st_mtime_ns for p in root.rglob("*") if p.is_file()}
+
+
 def test_running_again_does_nothing_and_one_option_redoes_what_depends_on_it(run_root):
+    before = times(run_root)
     again = last_json(
         vlnpe("collect", "--episodes", EPISODES, "--out", run_root, "--json", cwd=run_root)
     )
     assert all(stage["done"] == 0 for stage in again["stages"].values()), again["stages"]
+    assert times(run_root) == before
     other = last_json(
         vlnpe(
             *("collect", "--episodes", EPISODES, "--out", run_root, "--json"),
@@ -209,3 +216,31 @@ def test_vlnce_episodes_are_filtered_aligned_and_walked(run_root, tmp_path):
     page = (tmp_path / "run" / "report" / "index.html").read_text()
     assert "1 dropped for stairs" in page
     assert "attic" in page
+
+
+def test_another_robot_and_controller_join_a_run_on_the_same_episodes(run_root, tmp_path):
+    shutil.copytree(run_root, tmp_path / "run")
+    done = last_json(
+        vlnpe(
+            *("collect", "--robot", "aliengo,vlnce", "--controller", "path,flash"),
+            *("--episodes", EPISODES, "--out", "run", "--only-success", "--json"),
+            cwd=tmp_path,
+        )
+    )
+    stages = done["stages"]
+    assert (stages["sample"]["done"], stages["replay"]["reused"]) == (0, EPISODES)
+    assert stages["replay"]["done"] == stages["render"]["done"] == 2 * EPISODES
+    who = [(r["robot"], r["controller"], r["episodes"]) for r in done["robots"]]
+    assert who == [
+        ("aliengo", "flash", EPISODES),
+        ("aliengo", "path", EPISODES),
+        ("vlnce", "flash", EPISODES),
+    ]
+    rows = Ledger(tmp_path / "run").rows("replay")
+    walked = [read_rollout(tmp_path / "run" / row.outputs[0]) for row in rows]
+    assert len({str(r.episode) for r in walked}) == EPISODES  # the same for everybody
+    ghost = tmp_path / "run" / "lerobot" / f"vlnce-flash-{VIEW}" / "meta" / "info.json"
+    assert "observation.joints" not in json.loads(ghost.read_text())["features"]
+    page = (tmp_path / "run" / "report" / "index.html").read_text()
+    for title in ("aliengo, path controller", "vlnce, flash controller"):
+        assert title in page

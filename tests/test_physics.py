@@ -14,7 +14,14 @@ from hypothesis import strategies as st
 from tests.support.cart import CartGait, make_cart
 from tests.support.rooms import write_two_rooms
 from vlnpe.collectors.controllers import Pose
-from vlnpe.collectors.physics import FloorSurface, build_level_model, level_model, robot_obstacles
+from vlnpe.collectors.physics import (
+    FloorSurface,
+    LevelModelConfig,
+    build_level_model,
+    level_model,
+    robot_obstacles,
+)
+from vlnpe.collectors.physics.model_cache import model_bytes
 from vlnpe.collectors.robots import ROBOTS, RobotSpec
 from vlnpe.collectors.world import World, open_world
 from vlnpe.formats.scene_bundle import (
@@ -163,6 +170,49 @@ def test_the_cache_gives_the_same_model(two_rooms: SceneBundle, tmp_path: Path) 
     heavier = replace(make_cart(mast_kg=3.0))
     level_model(two_rooms, 0, heavier, cache_dir=tmp_path)
     assert len(list(tmp_path.glob("*.mjb"))) == 2
+
+
+@pytest.mark.parametrize("damage", ["cut", "flipped", "empty"])
+def test_a_damaged_cache_is_built_anew(
+    two_rooms: SceneBundle, tmp_path: Path, damage: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot = make_cart()
+    built = level_model(two_rooms, 0, robot, cache_dir=tmp_path)
+    (path,) = tmp_path.glob("*.mjb")
+    good = path.read_bytes()
+    bad = bytearray(good)
+    bad[len(bad) // 2] ^= 0x10
+    path.write_bytes({"cut": good[: len(good) // 3], "flipped": bytes(bad), "empty": b""}[damage])
+    again = level_model(two_rooms, 0, robot, cache_dir=tmp_path)
+    assert model_bytes(again) == model_bytes(built)
+    assert path.read_bytes() == good
+    assert "damaged" in caplog.text
+
+
+@pytest.mark.parametrize("change", ["obstacles", "robot", "config", "scene"])
+def test_whatever_shapes_the_model_has_a_cache_of_its_own(tmp_path: Path, change: str) -> None:
+    bundle, robot, config = write_two_rooms(tmp_path / "a"), make_cart(), LevelModelConfig()
+    cache = tmp_path / "cache"
+    level_model(bundle, 0, robot, config, cache)
+    match change:
+        case "obstacles":
+            boxes = bundle.obstacles(0)
+            moved = Obstacles(boxes.center_m + 0.1, boxes.half_m)
+            save_bundle(bundle, bundle.visual(), [(bundle.floor(0), moved, bundle.freemap(0))])
+        case "robot":  # a sensor more: nothing that shapes its motion
+            robot = replace(robot, build=lambda r: with_clock(make_cart().build(r)))
+        case "config":
+            config = replace(config, friction=0.5)
+        case "scene":
+            bundle = replace(bundle, scene_id="other")
+    changed = level_model(bundle, 0, robot, config, cache)
+    assert model_bytes(changed) == model_bytes(build_level_model(bundle, 0, robot, config))
+    assert len(list(cache.iterdir())) == 2
+
+
+def with_clock(spec: mujoco.MjSpec) -> mujoco.MjSpec:
+    spec.add_sensor(name="clock", type=mujoco.mjtSensor.mjSENS_CLOCK)
+    return spec
 
 
 def test_a_missing_level_says_which_are_there(two_rooms: SceneBundle) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from ...collectors.controllers import CONTROLLERS
 from ...collectors.robots import get_robot
 from ...formats.atomic import write_json
 from ...formats.mcap.rollout import read_rollout
@@ -93,7 +94,14 @@ def _strip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict
     """One strip per robot, all of one episode where they can be: the one that most got through."""
     solved = Counter(row.facts["episode"] for row in rows if not row.failed)
     chosen: dict[str, Row] = {}
-    for row in sorted(rows, key=lambda r: (r.failed, -solved[r.facts["episode"]], r.item)):
+    known = list(CONTROLLERS)  # those that walk come first
+
+    def rank(row: Row) -> tuple[bool, int, int, str]:
+        facts = row.facts
+        order = known.index(facts["controller"])
+        return row.failed, order, -solved[facts["episode"]], row.item
+
+    for row in sorted(rows, key=rank):
         chosen.setdefault(str(row.facts["robot"]), row)
     result = {}
     for robot, row in chosen.items():
