@@ -12,7 +12,7 @@ from ...formats.grid import GridSpec
 
 
 def wrap_angle(angle_rad: float) -> float:
-    """The same direction in [−π, π)."""
+    """The same direction in [−π, π): `formats.frames.wrap_angle` for one number, without numpy."""
     return (angle_rad + math.pi) % (2 * math.pi) - math.pi
 
 
