@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from ..collectors.controllers import CONTROLLERS, get_controller, valid_controllers
-from ..collectors.drives import gait_for
 from ..collectors.robots import ROBOTS, RobotSpec, get_robot
 from ..formats.errors import InputError
 
@@ -21,6 +20,9 @@ def chosen_robots(text: str) -> list[RobotSpec]:
     Raises:
         InputError: an unknown name, or none at all; or a robot whose gait cannot be loaded.
     """
+    # Late, because policies are run by a library that takes its time to load.
+    from ..collectors.drives import gait_for
+
     bodies = [name for name, robot in ROBOTS.items() if robot.joints]
     robots = [get_robot(name) for name in _names("ROBOT", text, bodies)]
     for robot in robots:

@@ -64,9 +64,13 @@ class SpeedController:
         self._task, self._config = task, config
         route = plan_route(task.freemap, task.reference_xy_m, task.radius_m)
         self._notes = [("unplannable", problem) for problem in route.problems]
-        actions = route.length_m / FORWARD_M + route.turning_rad / TURN_RAD + 6
-        timed_s = config.steps_per_action * TIMESTEP_S
-        self._nominal = actions * (CLOSED_LOOP_S if config.end_on_displacement else timed_s)
+        forward_m, action_s = FORWARD_M, CLOSED_LOOP_S
+        if not config.end_on_displacement:
+            action_s = config.steps_per_action * TIMESTEP_S
+            # A slow robot needs more actions than its route has steps.
+            forward_m = min(forward_m, action_s * task.limits.vx_m_s[1])
+        actions = route.length_m / forward_m + route.turning_rad / TURN_RAD + 6
+        self._nominal = actions * action_s
         self._expert = Expert(route, config.expert)
         self._track: Track | None = None
         self._start_s = 0.0

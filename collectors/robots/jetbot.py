@@ -30,6 +30,8 @@ BALL_RADIUS_M = 0.01
 CASTER_M = (-0.054, 0.0, BALL_RADIUS_M - WHEEL_RADIUS_M)
 CENTER_M = (-0.02, 0.0, 0.01)  # of the chassis' mass: behind the axle, so that braking is safe
 MOTOR_NM = 0.08  # stall torque of such a gear motor
+ROTOR_KG_M2 = 3.2e-5  # its rotor's inertia, seen through gears of 1:48
+SERVO_S = 0.4  # servo gain over torque at the default scale: soft enough not to make wheels hop
 SPEED_M_S, BACKWARDS_M_S, YAW_RAD_S = 1.0, 0.3, 1.5  # at the default scale
 MAST_X_M = 0.026
 MAST_CAMERA_M = 0.24  # above the floor: 1.2 m at the default scale
@@ -52,7 +54,7 @@ def jetbot(scale: float) -> RobotSpec:
     name = "jetbot" if scale == DEFAULT_SCALE else f"jetbot@{scale:g}"
     slower = math.sqrt(scale / DEFAULT_SCALE)
     torque_nm = MOTOR_NM * scale**4
-    servo = {"kp": 0.0, "kd": torque_nm * slower, "torque_nm": torque_nm}
+    servo = {"kp": 0.0, "kd": SERVO_S * slower * torque_nm, "torque_nm": torque_nm}
     wheel_kg = WHEEL_KG * scale**3
     return RobotSpec(
         name=name,
@@ -99,8 +101,8 @@ def jetbot(scale: float) -> RobotSpec:
             "camera: VLN-PE's proxy height of 1.2 m at ×5; a Jetbot ×5 is 0.5 m tall, so the "
             "camera of an enlarged one stands on a mast, 0.24 m times the scale above the floor; "
             "up to the true size it sits in its bracket",
-            "shape, centre of mass and motor torque (0.08 Nm, times the scale's fourth power): "
-            "estimated from pictures and from gear motors of this kind",
+            "shape, mass distribution, motor torque (0.08 Nm, times the scale's fourth power) and "
+            "rotor inertia: estimated from pictures and from gear motors of this kind",
         ),
         build=build_jetbot,
     )
@@ -148,8 +150,8 @@ def build_jetbot(robot: RobotSpec) -> mujoco.MjSpec:
     ends = (grown(0.0335, 0.012, 0.03), grown(0.0335, 0.012, 0.06))
     add_collision(base, "bracket_right", "capsule", grown(0.006), ends=ends)
     add_collision(base, "caster", "sphere", grown(BALL_RADIUS_M), grown(*CASTER_M), foot=True)
-    # A ball in its cup rolls in every direction.
-    spec.geom("caster").friction = [0.03, 0.0, 0.0]
+    # A ball in its cup rolls in every direction: no friction.
+    spec.geom("caster").condim = 1
     add_touch(spec, base, "caster", grown(*CASTER_M), 1.3 * scale * BALL_RADIUS_M)
     dress_chassis(base, scale, CASTER_M, BALL_RADIUS_M)
     lens = camera_m(scale)
@@ -166,7 +168,7 @@ def build_jetbot(robot: RobotSpec) -> mujoco.MjSpec:
         wheel = base.add_body(name=name, pos=list(grown(0.0, 0.5 * left * TRACK_M, 0.0)))
         width, across = grown(2 * WHEEL_HALF_WIDTH_M, 2 * WHEEL_RADIUS_M)
         set_inertia(wheel, robot.link_mass_kg[name], (0.0, 0.0, 0.0), (across, width, across))
-        add_wheel(spec, wheel, facts)
+        add_wheel(spec, wheel, facts, ROTOR_KG_M2 * scale**5)
         # A tyre with a round tread: it stands on the middle of its width on any slope.
         tread = grown(WHEEL_RADIUS_M, WHEEL_HALF_WIDTH_M, WHEEL_RADIUS_M)
         add_collision(wheel, name, "ellipsoid", tread, foot=True)

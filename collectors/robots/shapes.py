@@ -139,9 +139,16 @@ def add_servo(spec: mujoco.MjSpec, facts: JointFacts) -> None:
     servo.set_to_position(kp=facts.kp, kv=facts.kd)
 
 
-def add_wheel(spec: mujoco.MjSpec, body: mujoco.MjsBody, facts: JointFacts) -> None:
+def add_wheel(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, facts: JointFacts, armature: float
+) -> None:
     """Let a body turn about its y axis, by a torque-limited velocity servo with ctrl in rad/s."""
-    body.add_joint(name=facts.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 1.0, 0.0])
+    body.add_joint(
+        name=facts.name,
+        type=mujoco.mjtJoint.mjJNT_HINGE,
+        axis=[0.0, 1.0, 0.0],
+        armature=armature,
+    )
     servo = spec.add_actuator(
         name=facts.name,
         target=facts.name,

@@ -1,0 +1,167 @@
+"""What `vlnpe robots` tells of a robot, gathered from its facts and its policy's card."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ..collectors.controllers import valid_controllers
+from ..collectors.locomotion.card import PolicyCard, load_card
+from ..collectors.locomotion.gates import GateResult, gate_results
+from ..collectors.locomotion.policy import policy_files
+from ..collectors.rendering.studio import Sitter
+from ..collectors.robots import RobotSpec
+from ..formats.errors import FileFormatError
+
+
+@dataclass(frozen=True)
+class RobotSheet:
+    """One robot as numbers and words; JSON values throughout.
+
+    Attributes:
+        name, title: what to call it.
+        mover: `policy`, `wheels`, or `none` for what is only placed.
+        mass_kg, height_m: of the whole robot.
+        camera_height_m, camera_pitch_down_deg, camera_px, camera_hfov_deg: its ego camera.
+        vx_m_s, vy_m_s, yaw_rad_s: lowest and highest command.
+        footprint_radius_m: what planners keep free.
+        controllers: that can move it.
+        samples, wall_s: its policy's training; None when the card does not say.
+        gates: the policy's requirements; empty where there is no policy.
+        problem: why its policy cannot be read; empty where it can, or needs none.
+        sources: where its facts come from.
+    """
+
+    name: str
+    title: str
+    mover: str
+    mass_kg: float
+    height_m: float
+    camera_height_m: float
+    camera_pitch_down_deg: float
+    camera_px: tuple[int, int]
+    camera_hfov_deg: float
+    vx_m_s: tuple[float, float]
+    vy_m_s: tuple[float, float]
+    yaw_rad_s: tuple[float, float]
+    footprint_radius_m: float
+    controllers: tuple[str, ...]
+    samples: int | None
+    wall_s: float | None
+    gates: tuple[dict[str, object], ...]
+    problem: str
+    sources: tuple[str, ...]
+
+    @property
+    def gate_summary(self) -> str:
+        """How many gates are passed, in a few words."""
+        if self.mover == "wheels":
+            return "no policy needed"
+        if self.mover == "none":
+            return "placed, not driven"
+        if self.problem:
+            return "no policy yet"
+        measured = [gate for gate in self.gates if gate["measured"] is not None]
+        if not measured:
+            return "not measured"
+        return f"{sum(bool(g['passed']) for g in self.gates)} of {len(self.gates)} passed"
+
+
+def sheet_of(robot: RobotSpec) -> RobotSheet:
+    """Gather all there is to tell of `robot`; a policy that cannot be read is a problem, told."""
+    sitter, camera, limits = Sitter.of(robot), robot.camera, robot.command_limits
+    mover = "wheels" if robot.drive is not None else "policy" if robot.joints else "none"
+    card, problem = _card(robot) if mover == "policy" else (None, "")
+    training = {} if card is None else card.training
+    return RobotSheet(
+        name=robot.name,
+        title=robot.title,
+        mover=mover,
+        mass_kg=round(robot.mass_kg, 3),
+        height_m=round(sitter.height_m, 6),
+        camera_height_m=round(sitter.camera_height_m, 6),
+        camera_pitch_down_deg=camera.pitch_down_deg,
+        camera_px=(camera.model.width_px, camera.model.height_px),
+        camera_hfov_deg=camera.model.hfov_deg,
+        vx_m_s=limits.vx_m_s,
+        vy_m_s=limits.vy_m_s,
+        yaw_rad_s=limits.yaw_rad_s,
+        footprint_radius_m=robot.footprint_radius_m,
+        controllers=tuple(valid_controllers(robot)),
+        samples=training.get("samples"),
+        wall_s=training.get("wall_s"),
+        gates=() if card is None else tuple(_gate(g) for g in gate_results(card.evaluation)),
+        problem=problem,
+        sources=robot.sources,
+    )
+
+
+def _card(robot: RobotSpec) -> tuple[PolicyCard | None, str]:
+    try:
+        _, path = policy_files(robot)
+        card = load_card(path)
+        card.check(robot, path)
+    except FileFormatError as error:
+        return None, str(error)
+    return card, ""
+
+
+def _gate(result: GateResult) -> dict[str, object]:
+    """A gate as JSON values; what is no number was not measured."""
+    measured = result.measured
+    return {
+        "name": result.name,
+        "measured": measured if measured is not None and math.isfinite(measured) else None,
+        "limit": result.limit,
+        "at_least": result.gate.at_least,
+        "unit": result.gate.unit,
+        "passed": result.passed,
+        "line": str(result),
+    }
+
+
+def table(sheets: Sequence[RobotSheet]) -> str:
+    """One line per robot."""
+    rows = [("robot", "mass", "height", "camera", "vx m/s", "vy m/s", "turn °/s", "radius",
+             "controllers", "gates")]  # fmt: skip
+    for s in sheets:
+        tilt = f"{s.camera_pitch_down_deg:.0f}° down" if s.camera_pitch_down_deg else "level"
+        rows.append(
+            (
+                s.name,
+                f"{s.mass_kg:.3g} kg" if s.mover != "none" else "–",
+                f"{s.height_m:.2f} m",
+                f"{s.camera_height_m:.2f} m, {tilt}",
+                _span(s.vx_m_s),
+                _span(s.vy_m_s),
+                _span((round(math.degrees(s.yaw_rad_s[0])), round(math.degrees(s.yaw_rad_s[1])))),
+                f"{s.footprint_radius_m:.2f} m",
+                " ".join(s.controllers),
+                s.gate_summary,
+            )
+        )
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = ("  ".join(f"{c:<{w}}" for c, w in zip(row, widths, strict=True)) for row in rows)
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def details(sheet: RobotSheet) -> str:
+    """Everything else about one robot, in a few lines: policy, gates, sources."""
+    lines = [f"{sheet.title} ({sheet.name})"]
+    if sheet.problem:
+        lines.append(f"  {sheet.problem}")
+    elif sheet.mover == "policy":
+        samples = "?" if sheet.samples is None else f"{sheet.samples / 1e6:.3g} million"
+        wall = "?" if sheet.wall_s is None else f"{sheet.wall_s / 3600:.2g} h"
+        lines.append(f"  policy: {samples} samples in {wall}")
+        lines += [f"  {gate['line']}" for gate in sheet.gates]
+    lines += [f"  source: {source}" for source in sheet.sources]
+    return "\n".join(lines)
+
+
+def _span(limits: tuple[float, float]) -> str:
+    low, high = limits
+    if low == high == 0.0:
+        return "–"
+    return f"±{high:.3g}" if low == -high else f"{low:.2g} … {high:.2g}"
