@@ -96,7 +96,9 @@ def test_a_scene_that_is_none(tmp_path, refused, case):
     [
         (("--robot", "aliengoo"), "aliengo"),
         (("--controller", "telepathy"), "path"),
-        (("--camera", "rear"), "ego"),
+        (("--controller", "path,telepathy"), "telepathy"),
+        (("--robot", "vlnce", "--controller", "path"), "flash"),
+        (("--camera", "rear"), "unknown camera 'rear'; valid: chase, ego, top"),
         (("--light", "disco"), "baked"),
         (("--episodes", "0"), "EPISODES=0"),
         (("--episodes", "none.json.gz"), "none.json.gz"),
