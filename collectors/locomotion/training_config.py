@@ -178,10 +178,15 @@ def _hard(flat: TrainingConfig) -> TrainingConfig:
     )
 
 
+def _polish(flat: TrainingConfig) -> TrainingConfig:
+    """Level ground and gentler kicks again, without exploring: walk as fast as asked."""
+    return replace(_hard(flat), terrain="flat", push_m_s=0.7, push_s=(3.0, 6.0), entropy=0.0)
+
+
 # Phases of training, in order: settings and PPO iterations. The Aliengo needs no rough ground to
 # walk on 6 cm bumps: its card's evaluation says so.
 PHASES: dict[str, tuple[tuple[TrainingConfig, int], ...]] = {
     "aliengo": ((TrainingConfig(), 440),),
-    "h1": ((H1_FLAT, 550), (_hard(H1_FLAT), 600)),
-    "g1": ((G1_FLAT, 450), (_hard(G1_FLAT), 600)),
+    "h1": ((H1_FLAT, 550), (_hard(H1_FLAT), 400), (_polish(H1_FLAT), 150)),
+    "g1": ((G1_FLAT, 450), (_hard(G1_FLAT), 350), (_polish(G1_FLAT), 150)),
 }
