@@ -38,7 +38,7 @@ class ServoConfig:
     reaction_s: float = 0.2
     brake_m_s2: float = 0.7
     brake_rad_s2: float = 3.0
-    slow_m_s: float = 0.05
+    slow_m_s: float = 0.1
     slow_rad_s: float = 0.6
     heading_gain: float = 4.0
     sideways_gain: float = 3.0
@@ -103,7 +103,9 @@ def braking(track: Track, pose: Pose, soon: Pose, config: ServoConfig) -> float 
         slow, brake, cruise = config.slow_rad_s, config.brake_rad_s2, config.turn_rad_s
     else:
         return None
-    speed = math.sqrt(slow * slow + 2 * brake * max(0.0, left))
+    if left < 0.0:  # coasting would lead too far
+        return max(slow + config.hold_gain * left, -config.hold_m_s)
+    speed = math.sqrt(slow * slow + 2 * brake * left)
     return speed if speed < cruise else None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,11 +42,9 @@ def action_errors(
 
     Returns:
         90th percentiles of all actions' errors in position [m] and heading [°], and of steps and
-        turns alone; mean displacement along [m] and turn [°]; mean time of an action [s]; share of
-        actions after which the kind changes; robots and falls.
+        turns alone; mean step [m] and turn [°]; share of turns; mean time of an action [s]; falls.
     """
-    # A third of an expert's actions are turns: this is long enough for all of them.
-    paths = [random_path(rng, 0.35 * actions) for _ in range(count)]
+    paths = [random_path(rng, FORWARD_M * actions) for _ in range(count)]
     heading = rng.uniform(-np.pi / 2, np.pi / 2, count)
     trial = Trial(policy, conditions, np.zeros((count, 2)), heading, rng)
     drivers = Drivers(
@@ -81,7 +80,7 @@ def displacements(started: list[list[StartedAction]]) -> tuple[list[Action], Arr
     """Kinds, displacements (K, 3) in each action's start frame, and durations (K,) [s]."""
     kinds, moved, seconds = [], [], []
     for sequence in started:
-        for a, b in zip(sequence, sequence[1:], strict=False):
+        for a, b in pairwise(sequence):
             dx, dy = (b.pose - a.pose)[:2]
             cosine, sine = math.cos(a.pose[2]), math.sin(a.pose[2])
             turn = math.remainder(b.pose[2] - a.pose[2], 2 * math.pi)

@@ -17,11 +17,13 @@ import numpy as np
 import tyro
 
 from ...formats.atomic import atomic_file
+from ..controllers import SpeedConfig
 from ..robots import RobotSpec, get_robot
+from .action_errors import action_errors
 from .aim import calibrated
 from .card import POLICY_FOLDER, save_card
 from .driven import follow_paths
-from .gates import gate_results
+from .gates import CLOSED_LOOP, TIMED, gate_results
 from .measures import command_grid, pushes, standing, velocity_errors
 from .policy import GaitPolicy
 from .terrain import noise_terrain
@@ -46,6 +48,12 @@ def evaluation_table(policy: GaitPolicy, seed: int = SEED, scale: float = 1.0) -
             table[name] = velocity_errors(policy, grid, conditions, rng)
     bumps = Conditions.mixed(len(grid), rng, rough["noise_4cm"])
     table["grid_noise_4cm"] = velocity_errors(policy, grid, bumps, rng)
+    few = max(4, round(24 * scale))
+    for name, config in {
+        TIMED: SpeedConfig(),
+        CLOSED_LOOP: SpeedConfig(end_on_displacement=True),
+    }.items():
+        table[name] = action_errors(policy, config, few, Conditions.mixed(few, rng), rng)
     for name, terrain in {"flat": None, **rough}.items():
         conditions = Conditions.mixed(many, rng, terrain)
         table[f"paths_{name}"] = follow_paths(policy, many, conditions, rng)
