@@ -229,7 +229,7 @@ def test_another_robot_and_controller_join_a_run_on_the_same_episodes(run_root, 
     )
     stages = done["stages"]
     assert (stages["sample"]["done"], stages["replay"]["reused"]) == (0, EPISODES)
-    assert stages["replay"]["done"] == stages["render"]["done"] == 2 * EPISODES
+    assert stages["replay"]["done"] == 2 * EPISODES
     who = [(r["robot"], r["controller"], r["episodes"]) for r in done["robots"]]
     assert who == [
         ("aliengo", "flash", EPISODES),
