@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,34 +19,42 @@ from vlnpe.collectors.locomotion import GaitPolicy, train
 from vlnpe.collectors.locomotion.commands import command_bounds, sample_commands
 from vlnpe.collectors.locomotion.export import actor_to_onnx
 from vlnpe.collectors.locomotion.gaits import GAITS
-from vlnpe.collectors.locomotion.mirror import mirror_joints, mirror_observation, mirrored
+from vlnpe.collectors.locomotion.mirror import (
+    Symmetry,
+    mirror_joints,
+    mirror_observation,
+    mirrored,
+)
+from vlnpe.collectors.locomotion.observation import layout
 from vlnpe.collectors.locomotion.policy import _session
 from vlnpe.collectors.locomotion.terrain import Terrain, noise_terrain, rough_terrain
-from vlnpe.collectors.locomotion.training_config import TrainingConfig
+from vlnpe.collectors.locomotion.training_config import PHASES, TrainingConfig
 from vlnpe.collectors.locomotion.training_env import GaitEnv
-from vlnpe.collectors.robots import get_robot
-
-TINY = TrainingConfig(envs=8, steps=6)
+from vlnpe.collectors.robots import RobotSpec, get_robot
 
 
-@pytest.fixture
-def robot():
-    return get_robot("aliengo")
+def tiny(robot: RobotSpec, terrain: str = "flat") -> TrainingConfig:
+    """The robot's first phase of training with eight simulations."""
+    return replace(PHASES[robot.name][0][0], envs=8, steps=6, terrain=terrain)
+
+
+@pytest.fixture(params=["aliengo", "h1", "g1"])
+def robot(request):
+    return get_robot(request.param)
 
 
 def test_tiny_training_writes_resumes_and_exports(robot, tmp_path: Path, monkeypatch):
-    monkeypatch.setattr(train, "PHASES", {"aliengo": ((TINY, 2),)})
+    monkeypatch.setattr(train, "PHASES", {robot.name: ((tiny(robot), 2),)})
     train.train(robot, tmp_path, seed=0, threads=1)
-    first = (tmp_path / "aliengo.onnx").read_bytes()
+    first = (tmp_path / f"{robot.name}.onnx").read_bytes()
     assert GaitPolicy.load(robot, tmp_path).card.training["iterations"] == 2
-    monkeypatch.setattr(
-        train, "PHASES", {"aliengo": ((TINY, 2), (TrainingConfig(8, 6, "rough"), 1))}
-    )
+    phases = (tiny(robot), 2), (tiny(robot, "rough"), 1)
+    monkeypatch.setattr(train, "PHASES", {robot.name: phases})
     train.train(robot, tmp_path, seed=0, threads=1)
     card = GaitPolicy.load(robot, tmp_path).card
     assert card.training["iterations"] == 3
     assert card.training["samples"] == 3 * 8 * 6
-    assert (tmp_path / "aliengo.onnx").read_bytes() != first
+    assert (tmp_path / f"{robot.name}.onnx").read_bytes() != first
     with (tmp_path / "curve.csv").open() as file:
         assert [int(row["iteration"]) for row in csv.DictReader(file)] == [2, 3]
     # Nothing is left to do: a third call changes nothing.
@@ -53,21 +63,52 @@ def test_tiny_training_writes_resumes_and_exports(robot, tmp_path: Path, monkeyp
     assert (tmp_path / "checkpoint.pt").stat().st_mtime_ns == before
 
 
-def test_exported_network_is_the_trained_one():
+def trained_actor(robot: RobotSpec) -> tuple[Any, TensorDict]:
     from rsl_rl.models import MLPModel
 
-    observation = TensorDict({"policy": torch.randn(64, 50)}, batch_size=[64])
+    outputs = robot.policy_joints
+    inputs = sum(width for _, width in layout(outputs))
+    observation = TensorDict({"policy": torch.randn(64, inputs)}, batch_size=[64])
     actor = MLPModel(
-        observation, {"actor": ["policy"]}, "actor", 12, (32, 32), "elu", obs_normalization=True
+        observation,
+        {"actor": ["policy"]},
+        "actor",
+        outputs,
+        (32, 32),
+        "elu",
+        obs_normalization=True,
     )
     actor.train()
-    actor.update_normalization(TensorDict({"policy": 3 * torch.randn(500, 50) + 2}, [500]))
+    actor.update_normalization(TensorDict({"policy": 3 * torch.randn(500, inputs) + 2}, [500]))
     actor.eval()
+    return actor, observation
+
+
+def act(content: bytes, observation: np.ndarray) -> np.ndarray:
+    (action,) = _session(content).run(None, {"observation": observation})
+    return np.asarray(action)
+
+
+def test_exported_network_is_the_trained_one(robot):
+    actor, observation = trained_actor(robot)
     expected = actor(observation).detach().numpy()
-    (given,) = _session(actor_to_onnx(actor)).run(
-        None, {"observation": observation["policy"].numpy()}
-    )
+    given = act(actor_to_onnx(actor), observation["policy"].numpy())
     np.testing.assert_allclose(given, expected, atol=2e-5)
+
+
+def test_exported_with_its_mirror_image_it_is_symmetric(robot):
+    actor, observation = trained_actor(robot)
+    seen, seen_signs = mirror_observation(robot)
+    done, done_signs = mirror_joints(robot)
+    one = observation["policy"].numpy()
+    other = one[:, seen] * np.asarray(seen_signs, dtype=np.float32)
+    content = actor_to_onnx(actor, Symmetry.of(robot))
+    here, there = act(content, one), act(content, other)
+    np.testing.assert_allclose(there[:, done] * done_signs, here, atol=2e-5)
+    # It is the mean of the plain network here and its mirror image.
+    plain = actor_to_onnx(actor)
+    mean = 0.5 * (act(plain, one) + act(plain, other)[:, done] * done_signs)
+    np.testing.assert_allclose(here, mean, atol=2e-5)
 
 
 def test_mirroring_twice_is_nothing(robot):
@@ -79,35 +120,40 @@ def test_mirroring_twice_is_nothing(robot):
 
 
 def test_the_stepping_reference_is_symmetric(robot):
-    gait = GAITS["aliengo"]
+    gait = GAITS[robot.name]
     order, signs = mirror_joints(robot)
+    count = robot.policy_joints
     command = np.array([[0.7, 0.2, -0.5]])
     moving = np.array([True])
     for phase in (0.0, 0.13, 0.4, 0.77):
         here = gait.reference(np.array([phase]), moving, command)
         there = gait.reference(np.array([phase + 0.5]), moving, command * (1, -1, -1))
-        np.testing.assert_allclose(there, here[:, order] * signs, atol=1e-12)
+        np.testing.assert_allclose(there[:, :count], here[:, order] * signs, atol=1e-12)
 
 
 def test_mirrored_batches_are_appended(robot):
-    env = GaitEnv(robot, TINY, Terrain(), np.random.default_rng(0), threads=1)
+    env = GaitEnv(robot, tiny(robot), Terrain(), np.random.default_rng(0), threads=1)
     observation = env.get_observations()
-    both, actions = mirrored(env, observation, torch.ones(8, 12))
+    both, actions = mirrored(env, observation, torch.ones(8, robot.policy_joints))
     assert both is not None and actions is not None
     assert both["policy"].shape == (16, observation["policy"].shape[1])
     assert torch.equal(both["policy"][:8], observation["policy"])
-    assert actions[8:, 0].tolist() == [-1.0] * 8  # abduction changes sides
+    # The first joint, abduction or hip yaw, changes sides; a G1's hip pitch does not.
+    sign = 1.0 if "pitch" in robot.joint_names[0] else -1.0
+    assert actions[8:, 0].tolist() == [sign] * 8
 
 
 @pytest.mark.parametrize("terrain", ["flat", "rough"])
 def test_environment_rewards_standing_over_falling(robot, terrain: str):
     rng = np.random.default_rng(1)
     ground = Terrain() if terrain == "flat" else rough_terrain(rng)
-    env = GaitEnv(robot, TINY, ground, rng, threads=1)
+    env = GaitEnv(robot, tiny(robot), ground, rng, threads=1)
     fell = 0
-    for _ in range(40):
-        # Legs pulled up: it must drop below its threshold and start anew.
-        up = torch.tensor([[0.0, 4.0, -4.0] * 4]).repeat(8, 1)
+    # Legs pulled up: it must drop below its threshold and start anew.
+    pulls = {"thigh": 4.0, "calf": -4.0, "pitch": -8.0, "knee": 8.0}
+    parts = [name.split("_")[-2] for name in robot.policy_joint_names]
+    up = torch.tensor([[pulls.get(part, 0.0) for part in parts]]).repeat(8, 1)
+    for _ in range(60):
         observation, reward, done, extras = env.step(up)
         fell += int((done & ~extras["time_outs"]).sum())
         assert torch.isfinite(reward).all()
@@ -116,10 +162,10 @@ def test_environment_rewards_standing_over_falling(robot, terrain: str):
 
 
 def test_randomised_bodies_differ(robot):
-    env = GaitEnv(robot, TINY, Terrain(), np.random.default_rng(2), threads=1)
+    env = GaitEnv(robot, tiny(robot), Terrain(), np.random.default_rng(2), threads=1)
     masses = env.batch.expand("body_mass").sum(axis=1)
-    low, high = TINY.mass_scale
-    assert len(np.unique(masses.round(6))) == TINY.envs
+    low, high = tiny(robot).mass_scale
+    assert len(np.unique(masses.round(6))) == 8
     assert np.all((masses > low * robot.mass_kg) & (masses < high * robot.mass_kg))
 
 

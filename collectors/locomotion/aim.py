@@ -33,7 +33,9 @@ def calibrated(policy: GaitPolicy) -> GaitPolicy:
     return policy.changed(policy.robot, replace(policy.card, gait=aimed(policy, most)))
 
 
-def aimed(policy: GaitPolicy, most: Array) -> GaitClock:
+def aimed(
+    policy: GaitPolicy, most: Array, points: int = POINTS, rounds: int = ROUNDS
+) -> GaitClock:
     """The policy's gait with commands calibrated on flat ground.
 
     Every command of a grid inside the robot's limits is corrected, round after round, by what the
@@ -42,13 +44,15 @@ def aimed(policy: GaitPolicy, most: Array) -> GaitClock:
     Args:
         policy: whom to calibrate; its present calibration does not matter.
         most: (3, 2) least and greatest vx, vy and yaw that it was trained with.
+        points: of the grid along each axis.
+        rounds: of correction.
     """
     bounds = command_bounds(policy.robot.command_limits)
-    wanted = np.array(list(product(*(np.linspace(low, high, POINTS) for low, high in bounds))))
+    wanted = np.array(list(product(*(np.linspace(low, high, points) for low, high in bounds))))
     wanted = wanted[policy.card.gait.moving(wanted)]
     plain = replace(policy.card.gait, aim=(), aim_limits=())
     asked = wanted.copy()
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         reached, up = _mean_velocity(policy, plain, asked)
         step = np.where(up[:, None], STRIDE * (wanted - reached), 0.0)
         asked = np.clip(asked + step, most[:, 0], most[:, 1])
@@ -68,7 +72,8 @@ def _mean_velocity(
     free = policy.changed(
         replace(policy.robot, command_limits=anything), replace(policy.card, gait=gait)
     )
-    trial = Trial(free, Conditions(), np.zeros((n, 2)), np.zeros(n), np.random.default_rng(0))
+    rng = np.random.default_rng(0)
+    trial = Trial(free, Conditions.mixed(n, rng, None), np.zeros((n, 2)), np.zeros(n), rng)
     velocity = []
     for _ in range(round(SECONDS / STEP_S)):
         trial.step(commands)
