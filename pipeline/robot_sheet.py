@@ -65,7 +65,10 @@ class RobotSheet:
         measured = [gate for gate in self.gates if gate["measured"] is not None]
         if not measured:
             return "not measured"
-        return f"{sum(bool(g['passed']) for g in self.gates)} of {len(self.gates)} passed"
+        passed = sum(bool(gate["passed"]) for gate in measured)
+        missing = len(self.gates) - len(measured)
+        unmeasured = f", {missing} not measured" if missing else ""
+        return f"{passed} of {len(measured)} passed{unmeasured}"
 
 
 def sheet_of(robot: RobotSpec) -> RobotSheet:
@@ -109,7 +112,7 @@ def _card(robot: RobotSpec) -> tuple[PolicyCard | None, str]:
 
 def _gate(result: GateResult) -> dict[str, object]:
     """A gate as JSON values; what is no number was not measured."""
-    measured = result.measured
+    measured, line = result.measured, str(result)
     return {
         "name": result.name,
         "measured": measured if measured is not None and math.isfinite(measured) else None,
@@ -117,7 +120,7 @@ def _gate(result: GateResult) -> dict[str, object]:
         "at_least": result.gate.at_least,
         "unit": result.gate.unit,
         "passed": result.passed,
-        "line": str(result),
+        "line": line if measured is not None else f"–{line[1:]}",
     }
 
 
