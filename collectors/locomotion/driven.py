@@ -120,7 +120,7 @@ def follow_paths(
     controllers = [PathController(task_along(policy.robot, p), PathConfig()) for p in paths]
     drivers = Drivers(controllers, trial)
     nominal_s = np.array([c.nominal_s for c in controllers])
-    off = []
+    off: list[float] = []
     while trial.going.any():
         drivers.step()
         late = np.isinf(drivers.done_s) & (trial.time_s > outcome.timeout_factor * nominal_s)
@@ -136,7 +136,7 @@ def follow_paths(
         "paths": count,
         "reached": float(reached.mean()),
         "falls": int(trial.fallen.sum()),
-        "distance_to_path_mean_m": float(np.mean(off)),
+        "distance_to_path_mean_m": float(np.mean(off)) if off else math.nan,
         "seconds_mean": float(np.mean(drivers.done_s[reached])) if reached.any() else math.nan,
     }
 

@@ -37,7 +37,7 @@ SEED = 1234  # of everything; terrain and seeds are not training's
 def evaluation_table(policy: GaitPolicy, seed: int = SEED, scale: float = 1.0) -> dict[str, Any]:
     """The whole table; `scale` < 1 takes fewer robots."""
     rng = np.random.default_rng(seed)
-    many = max(8, round(200 * scale))
+    many, few = max(2, round(200 * scale)), max(2, round(24 * scale))
     rough = {f"noise_{cm}cm": noise_terrain(rng, 0.01 * cm) for cm in (4, 6)}
     grid = command_grid(policy.robot)
     table: dict[str, Any] = {"seed": seed, "standing": standing(policy)}
@@ -48,7 +48,6 @@ def evaluation_table(policy: GaitPolicy, seed: int = SEED, scale: float = 1.0) -
             table[name] = velocity_errors(policy, grid, conditions, rng)
     bumps = Conditions.mixed(len(grid), rng, rough["noise_4cm"])
     table["grid_noise_4cm"] = velocity_errors(policy, grid, bumps, rng)
-    few = max(4, round(24 * scale))
     for name, config in {
         TIMED: SpeedConfig(),
         CLOSED_LOOP: SpeedConfig(end_on_displacement=True),
@@ -86,6 +85,7 @@ def main(
     policy: Path = POLICY_FOLDER,
     scale: float = 1.0,
     publish_it: Annotated[bool, tyro.conf.arg(name="publish")] = False,
+    strips: Path | None = None,
 ) -> None:
     """Measure a policy and print its evaluation table and its gates.
 
@@ -94,9 +94,18 @@ def main(
         policy: folder of `<robot>.onnx` and `<robot>.json`; default the installed one.
         scale: below 1 takes fewer robots, for a quick look.
         publish_it: install the policy, with its table, beside this file.
+        strips: measure nothing, write film strips of walking, turning and standing here.
     """
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     spec = get_robot(robot)
+    if strips is not None:
+        # Late, because drawing loads much that measuring does not need.
+        from .strips import write_strips
+
+        strips.mkdir(parents=True, exist_ok=True)
+        for path in write_strips(GaitPolicy.load(spec, policy), strips):
+            log.info("%s", path)
+        return
     if publish_it:
         evaluation = publish(spec, policy, POLICY_FOLDER)
     else:

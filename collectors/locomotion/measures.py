@@ -39,7 +39,8 @@ def velocity_errors(
     """
     n = len(commands)
     spread = np.zeros((n, 2)) if conditions.terrain.height_m is None else rng.uniform(-4, 4, (n, 2))
-    trial = Trial(policy, conditions, spread, rng.uniform(-np.pi, np.pi, n), rng)
+    heading = rng.uniform(-np.pi, np.pi, n)
+    trial = Trial(policy, conditions, spread, heading, rng, watch_feet=True)
     velocity, slip, lift, rate = [], [], [], []
     for _ in range(round(seconds / STEP_S)):
         trial.step(commands)

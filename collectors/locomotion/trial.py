@@ -56,6 +56,14 @@ class Trial:
 
     A robot that falls stays where it fell, unmoved, and so does one that is told to `leave`:
     neither costs time any more.
+
+    Attributes:
+        poses: (N, 2, 3) x, y [m] and heading [rad] of the base, 10 and 20 ms after the last step
+            began.
+        slip: (N, F) [m/s] speed of each foot's skin where it touched the ground during the last
+            step; NaN for feet in the air, and for all where nobody watches them.
+        target_rate: (N, J) how fast the joint targets changed with the last step [rad/s].
+        fallen: (N,) who fell so far.
     """
 
     def __init__(
@@ -65,6 +73,7 @@ class Trial:
         xy_m: Array,
         yaw_rad: Array,
         rng: np.random.Generator,
+        watch_feet: bool = False,
         settle_s: float = 1.0,
         threads: int = 1,
     ) -> None:
@@ -98,7 +107,7 @@ class Trial:
         self.fallen, self._gone = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
         self._target = np.tile(robot.default_joint_rad, (n, 1))
         self.action, self._phase = np.zeros((n, robot.policy_joints)), np.zeros(n)
-        self._soles = self._look_at_soles()
+        self._soles = self._look_at_soles() if watch_feet else None
         # As in a replay, the robot first settles on its feet.
         self.time_s = -settle_s
         for _ in range(round(settle_s / STEP_S)):
@@ -115,7 +124,7 @@ class Trial:
         self._gone |= robots
 
     def step(self, command: Array) -> None:
-        """Advance by 20 ms under commands (N, 3); sets `poses`, `slip` and `target_rate`."""
+        """Advance by 20 ms under commands (N, 3) [m/s, rad/s] in the base frame."""
         ids = np.flatnonzero(self.going)
         self.poses = np.repeat(self._pose_of(self._qpos)[:, None], 2, axis=1)
         self.slip = np.full((len(command), len(self.handles.sole_geoms)), np.nan)
@@ -145,8 +154,9 @@ class Trial:
         for k, at in enumerate((half - 1, POLICY_DECIMATION - 1)):
             self.poses[ids, k] = self._pose_of(record[:, at])
         self.time_s += STEP_S
-        soles, self._soles = self._soles, self._look_at_soles()
-        self.slip[ids] = self._slip(soles, self._soles)[ids]
+        if self._soles is not None:
+            soles, self._soles = self._soles, self._look_at_soles()
+            self.slip[ids] = self._slip(soles, self._soles)[ids]
         self.target_rate[ids] = ((self._target - before) / STEP_S)[ids]
         self.fallen |= self.going & self._falls()
         self._qvel[self.fallen] = 0.0

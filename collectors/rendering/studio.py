@@ -193,12 +193,12 @@ def turntable(studio: SceneRenderer, robot: RobotSpec, tile_px2: int = TURNTABLE
 def walking_strip(
     studio: SceneRenderer, robot: RobotSpec, stroll: Stroll, tile_px2: int = STRIP_PX
 ) -> Picture:
-    """Twelve moments of a walk seen from the side, (H, W, 3) uint8 sRGB; a row is one cycle.
+    """Twelve moments of a stroll seen from the side, (H, W, 3) uint8 sRGB; a row is one cycle.
 
     Args:
         studio: from `make_studio`.
         robot: whom.
-        stroll: two cycles of its gait, walking along +x.
+        stroll: two cycles of its gait, along +x or on the spot.
         tile_px2: area of a moment.
     """
     sitter = Sitter.of(robot)
@@ -226,9 +226,7 @@ def walking_strip(
         tile = shot.take(studio, pose, center)
         _write(tile, (0.05, 0.935), f"{stroll.time_s[i]:.2f} s", 0.045, QUIET)
         tiles.append(tile)
-    speed = (x[-1] - x[0]) / (stroll.time_s[-1] - stroll.time_s[0])
-    verb = "driving" if robot.drive is not None else "walking"
-    facts = f"{_meters(sitter.height_m)} tall · {verb} at {speed:.2f} m/s · {stroll.cycles}"
+    facts = f"{_meters(sitter.height_m)} tall · {stroll.doing} · {stroll.cycles}"
     return _sheet(tiles, FRAMES // 2, robot.title, facts)
 
 
