@@ -13,11 +13,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from tests.support.rooms import write_two_rooms
 from tests.test_replay import make_episode, same
 from vlnpe.collectors.drives import gait_for
 from vlnpe.collectors.locomotion.policy import PolicyMismatchError, policy_files
+from vlnpe.collectors.rendering.robot_body import RobotBody
 from vlnpe.collectors.replay import ReplayConfig, replay_episode
 from vlnpe.collectors.robots import ROBOTS, RobotSpec, get_robot
 from vlnpe.collectors.robots.folder_export import export_robot
@@ -358,6 +360,29 @@ def test_sensors_are_added_where_they_are_missing_and_kept_where_not(copied: Pat
     assert len(set(names)) == len(names)
     touch = {f"{foot}_touch" for foot in get_robot(str(copied)).foot_names}
     assert {"gyro", "accelerometer", *touch} == set(names)
+
+
+def test_meshes_and_materials_come_along(two_rooms: SceneBundle, tmp_path: Path):
+    folder = written_rover(tmp_path / "rover")
+    (folder / "assets").mkdir()
+    trimesh.creation.icosphere(2, radius=0.1).export(folder / "assets" / "hull.stl")
+    edit(
+        XML,
+        "<worldbody>",
+        """<compiler meshdir="assets"/>
+        <asset><mesh name="hull" file="hull.stl"/><material name="red" rgba="1 0 0 1"/></asset>
+        <default><default class="seen">
+          <geom type="mesh" group="2" contype="0" conaffinity="0" mass="0" material="red"/>
+        </default></default><worldbody>""",
+    )(folder)
+    edit(XML, "<camera", '<geom class="seen" mesh="hull" pos="-.06 0 .15"/><camera')(folder)
+    robot = get_robot(str(folder))
+    surfaces = RobotBody(robot.build_model(), robot.joint_names).surfaces
+    (hull,) = (s for s in surfaces if len(s.corners) == 320)
+    np.testing.assert_array_equal(hull.color_linear, [1, 0, 0])
+    # In a scene as well, and from another working folder.
+    rollout = replay_episode(two_rooms, make_episode(two_rooms), ReplayConfig(robot=str(folder)))
+    assert rollout.end_reason is EndReason.SUCCESS
 
 
 def test_a_mismatch_is_its_own_error(dog: Path, tmp_path: Path):

@@ -61,12 +61,22 @@ def tessellate(model: mujoco.MjModel) -> tuple[GeomSurface, ...]:
 
     Geoms of the world body are the ground a robot-alone model may stand on, no part of the robot.
     """
-    seen = (model.geom_group < VISIBLE_GROUPS) & (model.geom_rgba[:, 3] > 0)
+    rgba = _colors(model)
+    seen = (model.geom_group < VISIBLE_GROUPS) & (rgba[:, 3] > 0)
     seen &= model.geom_bodyid > 0
-    return tuple(_surface(model, int(geom)) for geom in np.flatnonzero(seen))
+    return tuple(_surface(model, int(geom), rgba[geom, :3]) for geom in np.flatnonzero(seen))
 
 
-def _surface(model: mujoco.MjModel, geom: int) -> GeomSurface:
+def _colors(model: mujoco.MjModel) -> NDArray[np.float32]:
+    """(G, 4) RGBA of each geom: its own, or its material's where it was given none."""
+    own, material = model.geom_rgba, model.geom_matid
+    unset = (material >= 0) & (own == np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)).all(axis=1)
+    rgba = own.copy()
+    rgba[unset] = model.mat_rgba[material[unset]]
+    return rgba
+
+
+def _surface(model: mujoco.MjModel, geom: int, color: NDArray[np.float32]) -> GeomSurface:
     corners, normals = geom_surface(model, geom)
     face_normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     face_normal /= np.linalg.norm(face_normal, axis=-1, keepdims=True)
@@ -78,7 +88,7 @@ def _surface(model: mujoco.MjModel, geom: int) -> GeomSurface:
         plane=np.column_stack([face_normal, np.einsum("fi,fi->f", face_normal, corners[:, 0])]),
         center_m=center,
         radius_m=float(np.linalg.norm(corners - center, axis=-1).max()),
-        color_linear=model.geom_rgba[geom, :3].astype(np.float32),
+        color_linear=color.astype(np.float32),
     )
 
 
