@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -19,9 +20,10 @@ from vlnpe.collectors.controllers import (
     Task,
     get_controller,
 )
-from vlnpe.collectors.controllers.expert import Expert, ExpertConfig
+from vlnpe.collectors.controllers.expert import TURN_RAD, Expert, ExpertConfig
 from vlnpe.collectors.controllers.path import PathController
 from vlnpe.collectors.controllers.route import STEP_M, make_route, plan_route
+from vlnpe.collectors.controllers.servo import ServoConfig, Track, steer
 from vlnpe.collectors.controllers.speed import SpeedController
 from vlnpe.collectors.robots import CommandLimits
 from vlnpe.formats.errors import UnknownNameError
@@ -214,3 +216,124 @@ def test_the_expert_arrives_with_exact_actions(two_rooms: SceneBundle, start, go
 def test_an_unknown_controller_lists_the_valid_ones() -> None:
     with pytest.raises(UnknownNameError, match="valid: flash, path, speed"):
         get_controller("teleport")
+
+
+@dataclass
+class Body:
+    """A planar body that answers commands late, as a walking robot does, and sways.
+
+    Attributes:
+        lag_s: time constant of its answer.
+        sway_m: how far it swings sideways, once a second.
+        weak: share of each command that it obeys.
+    """
+
+    lag_s: float
+    sway_m: float = 0.0
+    weak: float = 1.0
+
+    def drive(self, controller: SpeedController, pose: Pose, seconds: float) -> list[tuple]:
+        """(action, pose at its start) of every action; the robot moves on until done."""
+        x, y, yaw, started = pose.x_m, pose.y_m, pose.yaw_rad, []
+        velocity, command = np.zeros(3), np.zeros(3)
+        for tick in range(round(seconds * 100)):
+            sway = self.sway_m * math.sin(2 * math.pi * tick / 100)
+            seen = Pose(x - sway * math.sin(yaw), y + sway * math.cos(yaw), yaw)
+            decision = controller.step(tick / 100, seen)
+            if decision.action is not None:
+                started.append((decision.action, seen))
+            if decision.done:
+                break
+            command = self.weak * np.array(decision.command)
+            velocity += (command - velocity) * 0.01 / self.lag_s
+            x += 0.01 * (velocity[0] * math.cos(yaw) - velocity[1] * math.sin(yaw))
+            y += 0.01 * (velocity[0] * math.sin(yaw) + velocity[1] * math.cos(yaw))
+            yaw = math.remainder(yaw + 0.01 * velocity[2], 2 * math.pi)
+        return started
+
+
+def own_errors(started: list[tuple]) -> tuple[np.ndarray, np.ndarray]:
+    """Each action's error in position [m] and heading [°], as it is measured of robots."""
+    position, heading = [], []
+    for (action, a), (_, b) in pairwise(started):
+        dx, dy = b.x_m - a.x_m, b.y_m - a.y_m
+        ahead = dx * math.cos(a.yaw_rad) + dy * math.sin(a.yaw_rad)
+        left = dy * math.cos(a.yaw_rad) - dx * math.sin(a.yaw_rad)
+        wanted = {Action.LEFT: 15.0, Action.RIGHT: -15.0}.get(action, 0.0)
+        turned = math.degrees(math.remainder(b.yaw_rad - a.yaw_rad, 2 * math.pi))
+        position.append(math.hypot(ahead - 0.25 * (action is Action.FORWARD), left))
+        heading.append(abs(turned - wanted))
+    return np.array(position), np.array(heading)
+
+
+CLOSED = SpeedConfig(end_on_displacement=True)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [Body(0.05), Body(0.2), Body(0.35), Body(0.2, sway_m=0.02), Body(0.2, weak=0.7)],
+    ids=["brisk", "slow", "very slow", "swaying", "weak"],
+)
+def test_closed_loop_holds_each_action_to_its_displacement(two_rooms: SceneBundle, body) -> None:
+    freemap = two_rooms.freemap(0)
+    path = corner(freemap)
+    controller = SpeedController(make_task(freemap, path), CLOSED)
+    started = body.drive(controller, Pose(1.0, 1.0, -1.0), 120)
+    assert started[-1][0] is Action.STOP
+    end = started[-1][1]
+    assert math.hypot(end.x_m - path[-1, 0], end.y_m - path[-1, 1]) <= 0.25
+    position, heading = own_errors(started)
+    assert np.quantile(position, 0.9) < 0.08
+    assert np.quantile(heading, 0.9) < 6.0
+
+
+def test_steps_in_a_row_do_not_slow_down(two_rooms: SceneBundle) -> None:
+    task = make_task(two_rooms.freemap(0), np.array([[0.6, 1.0], [3.4, 1.0]]))
+    started = Body(0.2).drive(SpeedController(task, CLOSED), Pose(0.6, 1.0, 0.0), 60)
+    assert {action for action, _ in started[:-1]} == {Action.FORWARD}
+    done = drive(SpeedController(task, CLOSED), Pose(0.6, 1.0, 0.0), 60)
+    cruising = (done.poses[:, 0] > 1.0) & (done.poses[:, 0] < 2.8)
+    assert done.commands[cruising, 0].min() == pytest.approx(CLOSED.servo.cruise_m_s)
+    assert done.commands[-1, 0] < 0.3
+
+
+def test_a_blocked_action_is_given_up_in_closed_loop(two_rooms: SceneBundle) -> None:
+    freemap = two_rooms.freemap(0)
+    controller = SpeedController(make_task(freemap, corner(freemap)), CLOSED)
+    started = Body(0.2, weak=0.0).drive(controller, Pose(1.0, 1.0, 0.3), 10.0)
+    assert len(started) == pytest.approx(10.0 / CLOSED.servo.longest_s, abs=1.0)
+
+
+@pytest.mark.parametrize("action", [Action.FORWARD, Action.LEFT, Action.RIGHT])
+@settings(max_examples=40, deadline=None)
+@given(x=st.floats(-5, 5), y=st.floats(-5, 5), yaw=YAW)
+def test_a_track_ends_where_nothing_remains(action: Action, x, y, yaw) -> None:
+    track = Track(action, Pose(x, y, yaw))
+    assert track.remaining(track.start) == pytest.approx(0.25 if not track.sense else TURN_RAD)
+    assert track.remaining(track.end) == pytest.approx(0.0, abs=1e-9)
+    moved = np.hypot(track.end.x_m - x, track.end.y_m - y)
+    assert moved == pytest.approx(0.25 * (action is Action.FORWARD))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    x=st.floats(-1, 1),
+    y=st.floats(-1, 1),
+    yaw=YAW,
+    kind=st.sampled_from(list(Action)),
+    v=st.floats(0, 2),
+)
+def test_steering_keeps_the_limits_and_leads_back(x, y, yaw, kind, v) -> None:
+    track = Track(kind, Pose(0.0, 0.0, 0.0))
+    vx, vy, rate = steer(track, Pose(x, y, yaw), v, ServoConfig(), LIMITS)
+    limits = np.array([LIMITS.vx_m_s, LIMITS.vy_m_s, LIMITS.yaw_rad_s])
+    assert (np.array([vx, vy, rate]) >= limits[:, 0]).all()
+    assert (np.array([vx, vy, rate]) <= limits[:, 1]).all()
+    if kind is Action.FORWARD:
+        assert vy * y <= 0.0 and (vy != 0.0 or abs(y) < 1e-9)
+        assert rate * yaw <= 0.0 and (rate != 0.0 or abs(yaw) < 1e-9)
+    elif track.sense:
+        # As far as its limits let it, it moves towards the spot it turns on.
+        towards = -(x * (vx * math.cos(yaw) - vy * math.sin(yaw)))
+        towards -= y * (vx * math.sin(yaw) + vy * math.cos(yaw))
+        assert towards >= -1e-9
