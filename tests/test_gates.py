@@ -122,6 +122,9 @@ def test_who_falls_counts_with_what_it_was_asked_for(policy: GaitPolicy):
     assert result["yaw_error_mean_rad_s"] == pytest.approx(0.3)
     paths = follow_paths(limp, 2, Conditions(), np.random.default_rng(0))
     assert (paths["reached"], paths["falls"]) == (0.0, 2)
+    actions = action_errors(limp, SpeedConfig(), 2, Conditions(), np.random.default_rng(0))
+    assert actions["falls"] == 2
+    assert not any(r.passed for r in gate_results({CLOSED_LOOP: actions}))
 
 
 def test_who_leaves_moves_no_more_and_disturbs_nobody(policy: GaitPolicy):

@@ -54,10 +54,10 @@ def action_errors(
         drivers.step()
         trial.leave(np.array([len(started) > actions for started in drivers.actions]))
     kinds, moved, seconds = displacements(drivers.actions)
-    nominal = np.array([NOMINAL[kind] for kind in kinds])
+    nominal = np.reshape([NOMINAL[kind] for kind in kinds], (-1, 3))
     position = np.linalg.norm((moved - nominal)[:, :2], axis=1)
     turned = np.rad2deg(np.abs(wrap_angle(moved[:, 2] - nominal[:, 2])))
-    steps = np.array([kind is Action.FORWARD for kind in kinds])
+    steps = np.array([kind is Action.FORWARD for kind in kinds], dtype=bool)
     sign = np.sign(nominal[:, 2])
     return {
         "robots": count,
@@ -69,10 +69,10 @@ def action_errors(
         "step_heading_p90_deg": _p90(turned[steps]),
         "turn_position_p90_m": _p90(position[~steps]),
         "turn_heading_p90_deg": _p90(turned[~steps]),
-        "step_mean_m": float(moved[steps, 0].mean()),
-        "turn_mean_deg": float(np.rad2deg((sign * moved[:, 2])[~steps].mean())),
-        "turns": float(1.0 - steps.mean()),
-        "seconds_per_action": float(seconds.mean()),
+        "step_mean_m": _mean(moved[steps, 0]),
+        "turn_mean_deg": _mean(np.rad2deg(sign * moved[:, 2])[~steps]),
+        "turns": _mean(~steps),
+        "seconds_per_action": _mean(seconds),
     }
 
 
@@ -87,7 +87,11 @@ def displacements(started: list[list[StartedAction]]) -> tuple[list[Action], Arr
             kinds.append(a.action)
             moved.append((cosine * dx + sine * dy, cosine * dy - sine * dx, turn))
             seconds.append(b.time_s - a.time_s)
-    return kinds, np.array(moved), np.array(seconds)
+    return kinds, np.reshape(moved, (-1, 3)), np.array(seconds)
+
+
+def _mean(values: Array) -> float:
+    return float(values.mean()) if len(values) else math.nan
 
 
 def _p90(values: Array) -> float:
