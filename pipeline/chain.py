@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ..collectors.controllers import SpeedConfig
 from ..collectors.rendering.views import View
-from ..collectors.replay import ReplayConfig
 from ..formats.episode import Episode
 from ..formats.errors import InputError
 from ..instruction_gen.records import InstructConfig
@@ -27,11 +27,19 @@ class Chain:
         summaries: of every stage that ran, in order.
     """
 
-    def __init__(self, folder: RunFolder, context: Context, seed: int):
-        """Args: folder: of the run; context: ledger and workers; seed: of all randomness."""
+    def __init__(self, folder: RunFolder, context: Context, seed: int, actions: SpeedConfig):
+        """Get ready.
+
+        Args:
+            folder: of the run.
+            context: ledger and workers.
+            seed: of all randomness.
+            actions: how the controller `speed` carries discrete actions out.
+        """
         self.folder = folder
         self.context = context
         self.seed = seed
+        self.actions = actions
         self.summaries: list[StageSummary] = []
 
     def scenes(self, sources: Mapping[str, Path], config: RepairConfig) -> dict[str, Row]:
@@ -148,7 +156,7 @@ class Chain:
     ) -> list[WorkItem]:
         folder = self.folder
         reference = kept(robot, folder.root)
-        config = ReplayConfig(robot=reference, controller=controller, seed=self.seed)
+        config = replay.config(reference, controller, self.seed, self.actions)
         return replay.items(asked, scenes, folder.scenes, folder.rollouts, folder.models, config)
 
     def _is_current(self, item: WorkItem) -> bool:

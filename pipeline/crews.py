@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ..collectors.controllers import CONTROLLERS, get_controller, valid_controllers
+from ..collectors.controllers import (
+    CONTROLLERS,
+    SpeedConfig,
+    get_controller,
+    valid_controllers,
+)
 from ..collectors.robots import ROBOTS, RobotSpec, get_robot
 from ..formats.errors import InputError
 
 ALL, AUTO = "all", "auto"
+STEPS_PER_SAMPLE = 2  # physics steps between two looks of the controller
 USUAL = "path"  # what `auto` means for whatever has a body
 
 
@@ -57,6 +63,18 @@ def crews(robots: Iterable[RobotSpec], text: str) -> list[tuple[str, str]]:
             )
         result += [(robot.name, name) for name in able]
     return result
+
+
+def action_timing(steps: int, closed_loop: bool) -> SpeedConfig:
+    """How discrete actions are carried out: `steps` physics steps each, or until they are done.
+
+    Raises:
+        InputError: `steps` is not a whole number of the controller's own steps.
+    """
+    least = STEPS_PER_SAMPLE
+    if steps < least or steps % least:
+        raise InputError(f"action steps {steps}: valid are multiples of {least}; VLN-PE takes 50")
+    return SpeedConfig(steps_per_action=steps, end_on_displacement=closed_loop)
 
 
 def _names(variable: str, text: str, everything: Iterable[str]) -> list[str]:

@@ -8,12 +8,14 @@ from pathlib import Path
 import pytest
 
 from tests.support.cart import make_cart
-from vlnpe.collectors.controllers import CONTROLLERS
+from vlnpe.collectors.controllers import CONTROLLERS, SpeedConfig
+from vlnpe.collectors.replay import ReplayConfig
 from vlnpe.collectors.robots import ROBOTS
 from vlnpe.formats.errors import InputError
 from vlnpe.pipeline.commands.collect import _roomy
-from vlnpe.pipeline.crews import chosen_robots, crews
+from vlnpe.pipeline.crews import action_timing, chosen_robots, crews
 from vlnpe.pipeline.ledger import Ledger, Row
+from vlnpe.pipeline.stages import replay
 from vlnpe.trajectory_sampler.config import SampleConfig
 
 BODYLESS = replace(make_cart(), name="ghost", joints=(), policy_joints=0)
@@ -55,6 +57,19 @@ def test_a_robot_gets_the_controllers_that_can_drive_it() -> None:
     ]
     with pytest.raises(InputError, match=r"ghost has no joints to drive; valid for it: flash"):
         crews([cart, BODYLESS], "path,speed")
+
+
+def test_timing_of_discrete_actions_concerns_the_speed_controller_alone() -> None:
+    closed = action_timing(SpeedConfig().steps_per_action, closed_loop=True)
+    assert closed.end_on_displacement
+    assert action_timing(60, closed_loop=False).steps_per_action == 60
+    for controller in ("path", "flash"):
+        config = replay.config("h1", controller, 3, closed)
+        assert config == ReplayConfig(robot="h1", controller=controller, seed=3)
+    assert replay.config("h1", "speed", 3, closed).speed == closed
+    for steps in (0, -2, 33):
+        with pytest.raises(InputError, match="VLN-PE takes 50"):
+            action_timing(steps, closed_loop=False)
 
 
 def test_episodes_keep_room_for_the_widest_robot(

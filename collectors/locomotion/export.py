@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import onnx
-import scipy.linalg
 import torch
 from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
@@ -68,14 +68,14 @@ def actor_to_onnx(actor: torch.nn.Module, mirror: Symmetry | None = None) -> byt
 
 
 def _with_mirror_image(
-    weights: list[Array], biases: list[Array], mirror: Symmetry
-) -> tuple[list[Array], list[Array]]:
+    weights: Sequence[Array], biases: Sequence[Array], mirror: Symmetry
+) -> tuple[Sequence[NDArray[np.floating]], Sequence[NDArray[np.floating]]]:
     """Layers of (π(o) + M π(M o)) / 2, from those of π; M mirrors observations and actions."""
     seen = _matrix(mirror.observation_order, mirror.observation_signs)
     done = _matrix(mirror.joint_order, mirror.joint_signs)
     first, *middle, last = weights
     halves = [np.vstack([first, first @ seen])]
-    halves += [scipy.linalg.block_diag(weight, weight) for weight in middle]
+    halves += [np.kron(np.eye(2), weight) for weight in middle]
     halves.append(0.5 * np.hstack([last, done @ last]))
     joined = [np.tile(bias, 2) for bias in biases[:-1]]
     return halves, [*joined, 0.5 * (biases[-1] + done @ biases[-1])]

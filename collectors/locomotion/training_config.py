@@ -159,6 +159,12 @@ G1_FLAT = replace(
     stand_joint_rad=(-0.109, 0.0, 0.0, 0.3, -0.191, 0.0),
     rewards=replace(_HUMANOID, torque=-2e-5),
 )
+# Nearer to the wanted velocity than the first phase asks for.
+ALIENGO_FLAT = TrainingConfig(
+    rewards=RewardWeights(track_linear_mean=2.5, track_yaw_mean=1.25),
+    linear_mean_widths=(0.006, 0.09),
+    yaw_mean_widths=(0.01, 0.16),
+)
 
 
 def _hard(flat: TrainingConfig) -> TrainingConfig:
@@ -186,7 +192,11 @@ def _polish(flat: TrainingConfig) -> TrainingConfig:
 # Phases of training, in order: settings and PPO iterations. The Aliengo needs no rough ground to
 # walk on 6 cm bumps: its card's evaluation says so.
 PHASES: dict[str, tuple[tuple[TrainingConfig, int], ...]] = {
-    "aliengo": ((TrainingConfig(), 440),),
+    "aliengo": (
+        (TrainingConfig(), 450),
+        (_hard(ALIENGO_FLAT), 120),
+        (_polish(ALIENGO_FLAT), 80),
+    ),
     "h1": ((H1_FLAT, 550), (_hard(H1_FLAT), 400), (_polish(H1_FLAT), 150)),
     "g1": ((G1_FLAT, 450), (_hard(G1_FLAT), 350), (_polish(G1_FLAT), 350)),
 }

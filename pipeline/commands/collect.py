@@ -12,6 +12,7 @@ from typing import Annotated
 
 import tyro
 
+from ...collectors.controllers import SpeedConfig
 from ...collectors.rendering.lights import get_light
 from ...collectors.rendering.views import make_view
 from ...collectors.robots import RobotSpec
@@ -22,7 +23,7 @@ from ...formats.vlnce import read_vlnce
 from ...scene_repair.config import RepairConfig
 from ...trajectory_sampler.config import SampleConfig
 from ..chain import Chain
-from ..crews import AUTO, chosen_robots, crews
+from ..crews import AUTO, action_timing, chosen_robots, crews
 from ..executors import Workers, available_cores
 from ..kept_robots import keep
 from ..ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger
@@ -51,6 +52,10 @@ class Collect:
     controller: str = AUTO
     """How they are driven: path, speed or flash, several (path,speed), or `all`; `auto` is path,
     and flash for an agent without a body."""
+    action_steps: int = SpeedConfig.steps_per_action
+    """Physics steps of 5 ms that a discrete action of the controller speed lasts."""
+    closed_loop: bool = False
+    """Instead, a discrete action lasts until its 0.25 m or 15° are reached."""
     scene: str = BUILTIN
     """A scan to collect in (.glb .gltf .obj .ply .stl), or `builtin` for a generated apartment."""
     scenes: Path | None = None
@@ -93,6 +98,7 @@ def run(options: Collect) -> int:
     """
     robots = chosen_robots(options.robot)
     pairs = crews(robots, options.controller)
+    actions = action_timing(options.action_steps, options.closed_loop)
     get_light(options.light)
     views = {r.name: make_view(options.camera, r, light=options.light) for r in robots}
     check_frame_rate(options.frames_per_second)
@@ -106,7 +112,7 @@ def run(options: Collect) -> int:
         folder = RunFolder(context.ledger.root)
         for robot in robots:
             keep(robot, folder.root)
-        chain = Chain(folder, context, options.seed)
+        chain = Chain(folder, context, options.seed, actions)
         scenes = chain.scenes(sources, repairing)
         if episode_file:
             asked = chain.aligned(episode_file, scenes)
@@ -126,6 +132,7 @@ def run(options: Collect) -> int:
                 {
                     "robot": robot,
                     "controller": controller,
+                    **({"actions": asdict(actions)} if controller == "speed" else {}),
                     "seed": options.seed,
                     "scene": Path(options.scenes or options.scene).name,
                     "episodes": Path(options.episodes).name,

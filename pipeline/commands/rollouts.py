@@ -11,12 +11,12 @@ from typing import Annotated
 
 import tyro
 
+from ...collectors.controllers import SpeedConfig
 from ...collectors.rendering.lights import get_light
 from ...collectors.rendering.views import make_view
-from ...collectors.replay import ReplayConfig
 from ...formats.errors import FileFormatError, InputError
 from ...formats.vlnce import read_episodes
-from ..crews import AUTO, chosen_robots, crews
+from ..crews import AUTO, action_timing, chosen_robots, crews
 from ..kept_robots import keep, kept
 from ..keys import digest
 from ..ledger import Ledger, Row
@@ -45,6 +45,10 @@ class Replay:
     controller: str = AUTO
     """How they are driven: path, speed or flash, several (path,speed), or `all`; `auto` is path,
     and flash for an agent without a body."""
+    action_steps: int = SpeedConfig.steps_per_action
+    """Physics steps of 5 ms that a discrete action of the controller speed lasts."""
+    closed_loop: bool = False
+    """Instead, a discrete action lasts until its 0.25 m or 15° are reached."""
     seed: int = 0
     """Of everything random."""
     workers: int = 0
@@ -113,6 +117,7 @@ def run_replay(options: Replay) -> int:
     """
     robots = chosen_robots(options.robot)
     pairs = crews(robots, options.controller)
+    actions = action_timing(options.action_steps, options.closed_loop)
     asked = read_episodes(options.episodes)
     scenes = _scene_rows(options.scenes)
     _demand_scenes({e.scene_id for e in asked}, scenes, options.scenes)
@@ -121,7 +126,7 @@ def run_replay(options: Replay) -> int:
         root = context.ledger.root
         found_by = {robot.name: keep(robot, root) for robot in robots}
         for robot, controller in pairs:
-            config = ReplayConfig(robot=found_by[robot], controller=controller, seed=options.seed)
+            config = replay.config(found_by[robot], controller, options.seed, actions)
             items = replay.items(
                 asked, scenes, options.scenes.resolve(), root, root / "models", config
             )

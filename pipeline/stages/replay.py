@@ -9,6 +9,7 @@ from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 
+from ...collectors.controllers import SpeedConfig
 from ...collectors.replay import ReplayConfig, replay_in
 from ...collectors.robots import get_robot
 from ...collectors.world import World, open_world
@@ -26,6 +27,12 @@ from ..runner import ItemResult, WorkItem
 STAGE = "replay"
 TOUCHING = ("contact", "collision_target", "collision_start")  # events with an obstacle
 CODE = ("collectors", "formats", "pipeline/stages/replay.py")
+
+
+def config(robot: str, controller: str, seed: int, actions: SpeedConfig) -> ReplayConfig:
+    """Settings of a replay; those of discrete actions matter to the controller `speed` alone."""
+    plain = ReplayConfig(robot=robot, controller=controller, seed=seed)
+    return replace(plain, speed=actions) if controller == "speed" else plain
 
 
 def items(
