@@ -189,8 +189,7 @@ def _polish(flat: TrainingConfig) -> TrainingConfig:
     return replace(_hard(flat), terrain="flat", push_m_s=0.7, push_s=(3.0, 6.0), entropy=0.0)
 
 
-# Phases of training, in order: settings and PPO iterations. The Aliengo needs no rough ground to
-# walk on 6 cm bumps: its card's evaluation says so.
+# Phases of training, in order: settings and PPO iterations.
 PHASES: dict[str, tuple[tuple[TrainingConfig, int], ...]] = {
     "aliengo": (
         (TrainingConfig(), 450),
