@@ -146,7 +146,7 @@ def test_wrong_names_and_rates_are_refused(
 ) -> None:
     view = make_view("ego", "aliengo", 64, 48)
     out = tmp_path / "out"
-    with pytest.raises(UnknownNameError, match="view 'drone'; valid: chase, ego, top"):
+    with pytest.raises(UnknownNameError, match="camera 'drone'; valid: chase, ego, top"):
         make_view("drone", "aliengo")
     with pytest.raises(UnknownNameError, match="valid: chase, ego, top"):
         render_rollout(two_rooms, renderer, rollout, View("drone", view.camera), out)
