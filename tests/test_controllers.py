@@ -213,6 +213,18 @@ def test_the_expert_arrives_with_exact_actions(two_rooms: SceneBundle, start, go
     assert len(turns) < len(actions) - len(turns) + 14
 
 
+@pytest.mark.parametrize("steps", [10, 24, 50])
+def test_short_actions_take_as_long_as_usual_ones_in_all(two_rooms: SceneBundle, steps) -> None:
+    freemap = two_rooms.freemap(0)
+    path = plan_path(freemap, (0.8, 0.8), (7.2, 3.2), RADIUS)
+    assert path is not None
+    task = make_task(freemap, path)
+    usual = SpeedController(task, SpeedConfig()).nominal_s
+    controller = SpeedController(task, SpeedConfig(steps_per_action=steps))
+    assert controller.nominal_s == pytest.approx(usual)
+    assert drive(controller, Pose(0.8, 0.8, math.pi), 3 * controller.nominal_s).done
+
+
 def test_an_unknown_controller_lists_the_valid_ones() -> None:
     with pytest.raises(UnknownNameError, match="valid: flash, path, speed"):
         get_controller("teleport")

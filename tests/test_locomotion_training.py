@@ -85,7 +85,7 @@ def trained_actor(robot: RobotSpec) -> tuple[Any, TensorDict]:
 
 
 def act(content: bytes, observation: np.ndarray) -> np.ndarray:
-    (action,) = _session(content).run(None, {"observation": observation})
+    (action,) = _session(Path("policy.onnx"), content).run(None, {"observation": observation})
     return np.asarray(action)
 
 

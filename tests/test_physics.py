@@ -159,6 +159,38 @@ def test_a_robot_inside_furniture_is_in_collision(two_rooms: SceneBundle, robot)
     assert world.in_collision()
 
 
+def touching_pairs(model: mujoco.MjModel) -> dict[tuple[str, str], bool]:
+    """Which named geoms of bodies other than the world may touch each other, by their masks."""
+    geoms = [g for g in range(model.ngeom) if model.geom_bodyid[g] and model.geom(g).name]
+    own, other = model.geom_contype, model.geom_conaffinity
+    names = [model.geom(g).name.removeprefix("robot/") for g in geoms]
+    return {
+        (a, b): bool((own[g] & other[h]) | (own[h] & other[g]))
+        for g, a in zip(geoms, names, strict=True)
+        for h, b in zip(geoms, names, strict=True)
+        if "floor" not in (a, b)
+    }
+
+
+def test_parts_that_spare_each_other_do_so_in_a_scene_as_well(two_rooms: SceneBundle) -> None:
+    cart = make_cart()
+
+    def build(robot: RobotSpec) -> mujoco.MjSpec:
+        spec = cart.build(robot)
+        for geom in spec.geoms:
+            geom.conaffinity = 0  # touches the floor, and nothing of its own
+        return spec
+
+    robot = replace(cart, build=build)
+    alone = touching_pairs(robot.build_model(floor=False))
+    assert alone == touching_pairs(build_level_model(two_rooms, 0, robot))
+    assert not any(alone.values())
+    assert any(touching_pairs(cart.build_model(floor=False)).values())
+    world = open_world(two_rooms, 0, robot, Limp(robot))
+    world.spawn(Pose(7.0, 0.6, 0.0))  # in the sofa
+    assert world.in_collision()
+
+
 def test_the_cache_gives_the_same_model(two_rooms: SceneBundle, tmp_path: Path) -> None:
     robot = make_cart()
     built = level_model(two_rooms, 0, robot, cache_dir=tmp_path)

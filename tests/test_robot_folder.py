@@ -3,6 +3,7 @@ is told with file, field and what is valid."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import pickle
 import re
@@ -295,6 +296,25 @@ def changed_card(**values: object) -> Callable[[Path], None]:
     return spoil
 
 
+def changed_gait(**values: object) -> Callable[[Path], None]:
+    def spoil(folder: Path) -> None:
+        card = json.loads((folder / "policy.json").read_text())
+        changed_card(gait={**card["gait"], **values})(folder)
+
+    return spoil
+
+
+def network_of(name: str) -> Callable[[Path], None]:
+    """Another robot's network, with the card's digest of it: only its sizes are wrong."""
+
+    def spoil(folder: Path) -> None:
+        content = policy_files(get_robot(name))[0].read_bytes()
+        (folder / "policy.onnx").write_bytes(content)
+        changed_card(onnx_sha256=hashlib.sha256(content).hexdigest())(folder)
+
+    return spoil
+
+
 WALKING_MISTAKES = {
     "no network": (drop("policy.onnx"), r"nothing moves this robot; valid: policy.onnx and policy"),
     "no card": (drop("policy.json"), r"nothing moves this robot; valid: policy.onnx and policy"),
@@ -310,6 +330,19 @@ WALKING_MISTAKES = {
     "a longer stride": (
         edit(TOML, "action_scale_rad = 0.5", "action_scale_rad = 0.6"),
         r"action scale",
+    ),
+    "another default pose": (
+        edit(TOML, '"FL_calf_joint", default_rad = -1.5', '"FL_calf_joint", default_rad = -1.4'),
+        r"default pose",
+    ),
+    "another rate": (changed_card(rate_hz=25.0), r"rate 25.0, this robot has 50.0"),
+    "rows too short": (changed_gait(swing_rad=[[0.0] * 3] * 4), r"swing_rad is 4×3; valid: 4×12"),
+    "ragged rows": (changed_gait(left_rad=[[0.0] * 12, [0.0]] * 2), r"left_rad is 4×-1; valid: 4×"),
+    "a foot too few": (changed_gait(foot_xy_m=[[0.0, 0.0]] * 3), r"foot_xy_m is 3×2; valid: 4×2"),
+    "limits of no aim": (changed_gait(aim=[], aim_limits=[[-1, 1]] * 3), r"aim_limits is 3×2"),
+    "a network for fewer joints": (
+        network_of("h1"),
+        r"policy.onnx: its input is observation .*; valid: observation tensor\(float\) .*50",
     ),
     "no action scale": (edit(TOML, "action_scale_rad", "#"), r"action_scale_rad is missing"),
     "too many joints": (edit(TOML, "policy_joints = 12", "policy_joints = 13"), r"1 … 12"),

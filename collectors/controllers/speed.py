@@ -64,12 +64,16 @@ class SpeedController:
         self._task, self._config = task, config
         route = plan_route(task.freemap, task.reference_xy_m, task.radius_m)
         self._notes = [("unplannable", problem) for problem in route.problems]
-        forward_m, action_s = FORWARD_M, CLOSED_LOOP_S
+        forward_m, turn_rad, action_s = FORWARD_M, TURN_RAD, CLOSED_LOOP_S
         if not config.end_on_displacement:
             action_s = config.steps_per_action * TIMESTEP_S
-            # A slow robot needs more actions than its route has steps.
-            forward_m = min(forward_m, action_s * task.limits.vx_m_s[1])
-        actions = route.length_m / forward_m + route.turning_rad / TURN_RAD + 6
+            # A slow robot, or a short action, needs more of them than its route has steps.
+            forward_m = min(forward_m, action_s * min(config.linear_m_s, task.limits.vx_m_s[1]))
+            fastest = max(map(abs, task.limits.yaw_rad_s))
+            if fastest > 0:  # what cannot turn ends as stuck, not here
+                turn_rad = min(turn_rad, action_s * min(config.yaw_rad_s, fastest))
+        turns_rad = route.turning_rad + math.pi / 2
+        actions = route.length_m / forward_m + turns_rad / turn_rad
         self._nominal = actions * action_s
         self._expert = Expert(route, config.expert)
         self._track: Track | None = None
@@ -82,7 +86,7 @@ class SpeedController:
 
     @property
     def nominal_s(self) -> float:
-        """All forward steps and turns of the route, and half a right angle at the start."""
+        """All forward steps and turns of the route, and a right angle at the start."""
         return self._nominal
 
     def step(self, time_s: float, pose: Pose) -> Decision:

@@ -9,8 +9,8 @@ from typing import Any
 
 from ...formats.atomic import write_json
 from ...formats.errors import FileFormatError
-from ..robots import RobotSpec
-from .gait import GaitClock
+from ..robots import POLICY_DECIMATION, TIMESTEP_S, RobotSpec
+from .gait import FACTORS, GaitClock
 from .observation import layout
 
 _AIM = ("aim", "aim_limits")
@@ -60,13 +60,16 @@ class PolicyCard:
         """Refuse to run on anything but what the policy was trained on.
 
         Raises:
-            PolicyMismatchError: robot, model or layout differ; says which.
+            PolicyMismatchError: robot, model, default pose, rate or layout differ; says which.
         """
+        default_rad = tuple(joint.default_rad for joint in robot.joints)
         pairs = (
             ("robot", self.robot, robot.name),
             ("joints", self.joints, robot.policy_joint_names),
             ("observation layout", self.observation, layout(robot.policy_joints)),
             ("action scale", self.action_scale_rad, robot.action_scale_rad),
+            ("default pose", self.default_joint_rad, default_rad),
+            ("rate", self.rate_hz, 1.0 / (TIMESTEP_S * POLICY_DECIMATION)),
             ("model hash", self.physics_hash, robot.physics_hash()),
         )
         for what, trained, given in pairs:
@@ -76,6 +79,39 @@ class PolicyCard:
                     f"policy was trained with {what} {trained!r}, this robot has {given!r}; "
                     "train it again (make train-gait)",
                 )
+        for name, given, valid in _gait_sizes(self.gait, len(robot.joints)):
+            if given not in valid:
+                shapes = " or ".join("×".join(map(str, shape)) for shape in valid)
+                raise PolicyMismatchError(
+                    path, f"gait.{name} is {'×'.join(map(str, given))}; valid: {shapes}"
+                )
+
+
+Shape = tuple[int, ...]
+
+
+def _gait_sizes(gait: GaitClock, joints: int) -> list[tuple[str, Shape, tuple[Shape, ...]]]:
+    """Name, shape and valid shapes of a gait's tables; compiled code reads them unchecked."""
+    feet, none = len(gait.foot_offsets), (0,)
+    rows = ((feet, joints),)
+    aim = ((3, len(FACTORS)), (3, 2)) if gait.aim else (none, none)
+    valid: dict[str, tuple[Shape, ...]] = {
+        "stand_rad": ((joints,),),
+        **dict.fromkeys(("swing_rad", "stance_rad", "forward_rad", "left_rad"), rows),
+        "turn_rad": (*rows, none),
+        "foot_xy_m": ((feet, 2),),
+        "aim": aim[:1],
+        "aim_limits": aim[1:],
+    }
+    return [(name, _shape(getattr(gait, name)), shapes) for name, shapes in valid.items()]
+
+
+def _shape(values: tuple[Any, ...]) -> Shape:
+    """Of a table whose rows are equally long; of a ragged one something that is never valid."""
+    widths = {len(row) if isinstance(row, tuple) else 0 for row in values}
+    if len(widths) > 1:
+        return (len(values), -1)
+    return (len(values), *(width for width in widths if width))
 
 
 def load_card(path: Path) -> PolicyCard:

@@ -40,8 +40,9 @@ class GaitPolicy:
         """Read the network and the card that `policy_files` names.
 
         Raises:
-            FileFormatError: a file is missing, broken, or the ONNX file is not the card's.
-            PolicyMismatchError: trained on another model, joint order or observation layout.
+            FileFormatError: a file is missing or broken.
+            PolicyMismatchError: trained on another model, joint order or observation layout, or
+                the network is not the card's.
         """
         onnx_path, card_path = policy_files(robot, folder)
         card = load_card(card_path)
@@ -51,7 +52,9 @@ class GaitPolicy:
         content = onnx_path.read_bytes()
         if hashlib.sha256(content).hexdigest() != card.onnx_sha256:
             raise PolicyMismatchError(onnx_path, f"is not the network that {card_path} describes")
-        return cls(robot, card, _session(content))
+        session = _session(onnx_path, content)
+        _check_network(onnx_path, session, card)
+        return cls(robot, card, session)
 
     def changed(self, robot: RobotSpec, card: PolicyCard) -> GaitPolicy:
         """The same network for other facts; nothing is checked again."""
@@ -132,7 +135,26 @@ def policy_files(robot: RobotSpec, folder: Path | None = None) -> tuple[Path, Pa
     return folder / f"{robot.name}.onnx", folder / f"{robot.name}.json"
 
 
-def _session(content: bytes) -> onnxruntime.InferenceSession:
+def _check_network(path: Path, session: onnxruntime.InferenceSession, card: PolicyCard) -> None:
+    """The network must take what it will be given, and give what the joints need.
+
+    Raises:
+        PolicyMismatchError: another input or output.
+    """
+    seen = sum(width for _, width in card.observation)
+    for what, ports, name, width in (
+        ("input", session.get_inputs(), "observation", seen),
+        ("output", session.get_outputs(), "action", len(card.joints)),
+    ):
+        given = [(port.name, port.type, port.shape[-1:]) for port in ports]
+        if given != [(name, "tensor(float)", [width])]:
+            told = ", ".join(f"{port.name} {port.type} {port.shape}" for port in ports)
+            raise PolicyMismatchError(
+                path, f"its {what} is {told}; valid: {name} tensor(float) ['batch', {width}]"
+            )
+
+
+def _session(path: Path, content: bytes) -> onnxruntime.InferenceSession:
     options = onnxruntime.SessionOptions()
     # One small network per worker: threads only cost, here.
     options.intra_op_num_threads = 1
@@ -141,4 +163,5 @@ def _session(content: bytes) -> onnxruntime.InferenceSession:
     try:
         return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime's own exception types are not public
-        raise FileFormatError("policy", f"onnxruntime cannot read it: {error}") from error
+        reason = " ".join(str(error).split())
+        raise FileFormatError(path, f"onnxruntime cannot read it: {reason}") from error

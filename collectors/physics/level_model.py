@@ -113,7 +113,7 @@ def _add_boxes(scene: mujoco.MjSpec, boxes: Obstacles, config: LevelModelConfig)
             size=half,
             friction=[config.friction, 0.02, 0.01],
             contype=OBSTACLE_BIT,
-            conaffinity=OBSTACLE_BIT,
+            conaffinity=0,
         )
 
 
@@ -121,7 +121,7 @@ def _robot_that_meets_obstacles(robot: RobotSpec) -> mujoco.MjsBody:
     spec = robot.spec()
     for geom in list(spec.geoms):
         if geom.contype or geom.conaffinity:
-            geom.contype |= OBSTACLE_BIT
+            # One side only: parts that do not touch each other shall not begin to.
             geom.conaffinity |= OBSTACLE_BIT
         elif geom.mass == 0.0 and not geom.name:
             # What is only seen cannot change physics, yet costs up to a sixth of its time.

@@ -16,7 +16,7 @@ from scipy.ndimage import distance_transform_edt
 
 from ...formats.grid import GridSpec
 
-OBSTACLE_BIT = 1 << 20  # contype and conaffinity of obstacles, and of all that may touch them
+OBSTACLE_BIT = 1 << 20  # contype of obstacles, conaffinity of all that may touch them
 # No part moves farther between two looks, 20 ms apart: that would be 5 m/s.
 MARGIN_M = 0.1
 FINER = 2  # distances are kept on a grid so many times finer than the map's
