@@ -111,6 +111,16 @@ def test_exported_with_its_mirror_image_it_is_symmetric(robot):
     np.testing.assert_allclose(here, mean, atol=2e-5)
 
 
+def test_the_command_of_make_train_gait(tmp_path: Path, monkeypatch, capsys):
+    monkeypatch.setattr(train, "PHASES", {"h1": ((tiny(get_robot("h1")), 1),)})
+    monkeypatch.setattr("sys.argv", ["train", "h1", "--out", str(tmp_path), "--threads", "1"])
+    train.main()
+    assert (tmp_path / "h1.onnx").is_file()
+    monkeypatch.setattr("sys.argv", ["train", "jetbot", "--out", str(tmp_path)])
+    with pytest.raises(SystemExit, match="jetbot.*h1"):
+        train.main()
+
+
 def test_mirroring_twice_is_nothing(robot):
     for order, signs in (mirror_observation(robot), mirror_joints(robot)):
         vector = np.arange(1.0, len(order) + 1)

@@ -1,6 +1,6 @@
 """Train a gait; going on after an interruption is calling it again.
 
-`python -m vlnpe.collectors.locomotion.train --robot aliengo [--publish]`
+`python -m vlnpe.collectors.locomotion.train aliengo [--publish]`
 
 Writes `checkpoint.pt`, `curve.csv` and, at each checkpoint, the policy and its card into the
 output folder; `--publish` evaluates the result and installs it beside this file.
@@ -22,6 +22,7 @@ import tyro
 from rsl_rl.runners import OnPolicyRunner
 
 from ...formats.atomic import atomic_file
+from ...formats.errors import UnknownNameError, VlnpeError
 from ..robots import RobotSpec, get_robot
 from .card import POLICY_FOLDER
 from .export import write_policy
@@ -46,12 +47,30 @@ class Arguments:
         iterations: PPO iterations per phase; default as configured. For a quick trial.
     """
 
-    robot: str
+    robot: tyro.conf.Positional[str]
     out: Path | None = None
     seed: int = 0
     threads: int = 2
     publish: bool = False
     iterations: int | None = None
+
+
+def run(arguments: Arguments) -> None:
+    """Train as the command line says.
+
+    Raises:
+        UnknownNameError: there is no such robot, or no recipe for its gait.
+    """
+    if arguments.robot not in PHASES:
+        raise UnknownNameError("robot to train", arguments.robot, PHASES)
+    robot = get_robot(arguments.robot)
+    out = arguments.out or Path("runs") / f"gait-{robot.name}"
+    train(robot, out, arguments.seed, arguments.threads, arguments.iterations)
+    if arguments.publish:
+        # Late, because it needs more than training does.
+        from .evaluate import publish
+
+        publish(robot, out, POLICY_FOLDER)
 
 
 def train(
@@ -145,14 +164,10 @@ def _write_curve(
 def main() -> None:
     """Command line of `make train-gait`."""
     logging.basicConfig(level=logging.INFO, format="%(message)s")
-    arguments = tyro.cli(Arguments)
-    robot = get_robot(arguments.robot)
-    out = arguments.out or Path("runs") / f"gait-{robot.name}"
-    train(robot, out, arguments.seed, arguments.threads, arguments.iterations)
-    if arguments.publish:
-        from .evaluate import publish
-
-        publish(robot, out, POLICY_FOLDER)
+    try:
+        run(tyro.cli(Arguments))
+    except VlnpeError as error:
+        raise SystemExit(f"train-gait: {error}") from None
 
 
 if __name__ == "__main__":
