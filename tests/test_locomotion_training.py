@@ -117,7 +117,7 @@ def test_the_command_of_make_train_gait(tmp_path: Path, monkeypatch, capsys):
     train.main()
     assert (tmp_path / "h1.onnx").is_file()
     monkeypatch.setattr("sys.argv", ["train", "jetbot", "--out", str(tmp_path)])
-    with pytest.raises(SystemExit, match="jetbot.*h1"):
+    with pytest.raises(SystemExit, match=r"jetbot.*h1"):
         train.main()
 
 
