@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 import trimesh
@@ -22,7 +23,7 @@ from vlnpe.collectors.drives import gait_for
 from vlnpe.collectors.locomotion.policy import PolicyMismatchError, policy_files
 from vlnpe.collectors.rendering.robot_body import RobotBody
 from vlnpe.collectors.replay import ReplayConfig, replay_episode
-from vlnpe.collectors.robots import ROBOTS, RobotSpec, get_robot
+from vlnpe.collectors.robots import ROBOTS, RobotHandles, RobotSpec, get_robot
 from vlnpe.collectors.robots.folder_export import export_robot
 from vlnpe.formats.errors import FileFormatError, InputError
 from vlnpe.formats.frame_folder import read_frame_folder
@@ -196,6 +197,10 @@ def drop(name: str) -> Callable[[Path], None]:
 TOML, XML = "robot.toml", "model.xml"
 MISTAKES = {
     "no facts": (drop(TOML), r"robot.toml: missing"),
+    "a wheel that turns backwards": (
+        edit(XML, '"right_wheel" axis="0 1 0"', '"right_wheel" axis="0 -1 0"'),
+        r"model.xml: wheel 'right_wheel' turns about \(0, -1, 0\) .*valid: \(0, 1, 0\)",
+    ),
     "no TOML": (edit(TOML, "[camera]", "[camera"), r"robot.toml: no TOML: .* line \d+"),
     "unknown field": (
         edit(TOML, "roll_deg", "rol_deg"),
@@ -393,6 +398,29 @@ def test_sensors_are_added_where_they_are_missing_and_kept_where_not(copied: Pat
     assert len(set(names)) == len(names)
     touch = {f"{foot}_touch" for foot in get_robot(str(copied)).foot_names}
     assert {"gyro", "accelerometer", *touch} == set(names)
+
+
+@pytest.mark.parametrize(
+    "placed",
+    [
+        '<geom name="caster" size=".04" pos="-.2 0 -.06"',
+        '<frame pos="-.2 0 -.06"><geom name="caster" size=".04"',
+        '<geom name="caster" type="cylinder" size=".04" fromto="-.2 -.01 -.06 -.2 .01 -.06"',
+    ],
+)
+def test_a_foot_feels_the_floor_however_its_sole_is_placed(tmp_path: Path, placed: str):
+    folder = written_rover(tmp_path / "rover")
+    end = ' mass=".2" condim="1" priority="1"/>'
+    closed = end + "</frame>" if placed.startswith("<frame") else end
+    edit(XML, f'<geom name="caster" size=".04" pos="-.2 0 -.06"{end}', placed + closed)(folder)
+    robot = get_robot(str(folder))
+    model = robot.build_model()
+    data, handles = mujoco.MjData(model), RobotHandles.find(robot, model)
+    handles.spawn(data, 0.0, 0.0, 0.0, 0.0)
+    mujoco.mj_step(model, data, nstep=200)
+    felt = data.sensordata[handles.foot_touch]
+    assert felt.sum() == pytest.approx(9.81 * robot.mass_kg, rel=0.05)
+    assert felt[robot.foot_names.index("back")] > 5.0
 
 
 def test_meshes_and_materials_come_along(two_rooms: SceneBundle, tmp_path: Path):

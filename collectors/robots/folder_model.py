@@ -11,6 +11,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from ...formats.errors import FileFormatError
 from .folder_facts import FACTS_NAME, FolderFacts
@@ -111,6 +112,7 @@ def _add_sensors(
         if name not in there:
             add(name, kind, "vlnpe_imu")
     geoms = {geom.name: geom for geom in spec.geoms}
+    places: dict[str, tuple[NDArray[np.float64], float]] = {}
     for foot in feet:
         for sole in foot.soles:
             if sole not in geoms:
@@ -125,15 +127,27 @@ def _add_sensors(
         first = geoms[foot.soles[0]]
         if any(geoms[sole].parent != first.parent for sole in foot.soles):
             raise FileFormatError(path, f"the soles of foot {foot.name!r} are on different bodies")
-        center = np.mean([geoms[sole].pos for sole in foot.soles], axis=0)
+        places = places or _places(path, spec)
+        center = np.mean([places[sole][0] for sole in foot.soles], axis=0)
         reach = max(
-            float(np.linalg.norm(geoms[sole].pos - center) + geoms[sole].size.max())
-            for sole in foot.soles
+            float(np.linalg.norm(places[sole][0] - center)) + places[sole][1] for sole in foot.soles
         )
         first.parent.add_site(
             name=touch, pos=center, size=[1.05 * reach + 0.002, 0.0, 0.0], group=4
         )
         add(touch, mujoco.mjtSensor.mjSENS_TOUCH, touch)
+
+
+def _places(path: Path, spec: mujoco.MjSpec) -> dict[str, tuple[NDArray[np.float64], float]]:
+    """Position in its body [m] and radius [m] of every geom by name.
+
+    Only the compiler knows where frames and `fromto` put a geom.
+    """
+    model = compile_model(path.parent, spec)
+    return {
+        model.geom(i).name: (model.geom_pos[i].copy(), float(model.geom_rbound[i]))
+        for i in range(model.ngeom)
+    }
 
 
 class ModelReader:
@@ -206,6 +220,13 @@ class ModelReader:
             kind, kp, kd = "<position kp=… kv=…> of gear 1", gain[0], -bias[2]
         if not fits:
             raise FileFormatError(self.path, f"the actuator of joint {name!r} must be a {kind}")
+        x, y, z = self.data.xaxis[joint.id].tolist()
+        if wheel and y < 0.99:
+            raise FileFormatError(
+                self.path,
+                f"wheel {name!r} turns about ({x:.2g}, {y:.2g}, {z:.2g}) of the robot; valid: "
+                "(0, 1, 0), which is forward",
+            )
         limit = math.inf
         if servo.forcelimited[0]:
             limit = float(servo.forcerange[1])
