@@ -197,5 +197,5 @@ PHASES: dict[str, tuple[tuple[TrainingConfig, int], ...]] = {
         (_polish(ALIENGO_FLAT), 80),
     ),
     "h1": ((H1_FLAT, 550), (_hard(H1_FLAT), 400), (_polish(H1_FLAT), 150)),
-    "g1": ((G1_FLAT, 450), (_hard(G1_FLAT), 350), (_polish(G1_FLAT), 350)),
+    "g1": ((G1_FLAT, 450), (_hard(G1_FLAT), 350), (_polish(G1_FLAT), 150)),
 }
