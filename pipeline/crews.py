@@ -10,7 +10,8 @@ from ..collectors.controllers import (
     get_controller,
     valid_controllers,
 )
-from ..collectors.robots import ROBOTS, RobotSpec, get_robot
+from ..collectors.controllers.expert import FORWARD_M, TURN_RAD
+from ..collectors.robots import ROBOTS, TIMESTEP_S, RobotSpec, get_robot
 from ..formats.errors import InputError
 
 ALL, AUTO = "all", "auto"
@@ -68,13 +69,21 @@ def crews(robots: Iterable[RobotSpec], text: str) -> list[tuple[str, str]]:
 def action_timing(steps: int, closed_loop: bool) -> SpeedConfig:
     """How discrete actions are carried out: `steps` physics steps each, or until they are done.
 
+    The speed asked for is what 0.25 m or 15° in so many steps need, within the robot's limits.
+
     Raises:
         InputError: `steps` is not a whole number of the controller's own steps.
     """
     least = STEPS_PER_SAMPLE
     if steps < least or steps % least:
         raise InputError(f"action steps {steps}: valid are multiples of {least}; VLN-PE takes 50")
-    return SpeedConfig(steps_per_action=steps, end_on_displacement=closed_loop)
+    seconds = steps * TIMESTEP_S
+    return SpeedConfig(
+        linear_m_s=FORWARD_M / seconds,
+        yaw_rad_s=TURN_RAD / seconds,
+        steps_per_action=steps,
+        end_on_displacement=closed_loop,
+    )
 
 
 def _names(variable: str, text: str, everything: Iterable[str]) -> list[str]:

@@ -62,7 +62,9 @@ def test_a_robot_gets_the_controllers_that_can_drive_it() -> None:
 def test_timing_of_discrete_actions_concerns_the_speed_controller_alone() -> None:
     closed = action_timing(SpeedConfig().steps_per_action, closed_loop=True)
     assert closed.end_on_displacement
-    assert action_timing(60, closed_loop=False).steps_per_action == 60
+    assert action_timing(50, closed_loop=False) == SpeedConfig()
+    slow = action_timing(100, closed_loop=False)
+    assert (slow.steps_per_action, slow.linear_m_s) == (100, 0.5)
     for controller in ("path", "flash"):
         config = replay.config("h1", controller, 3, closed)
         assert config == ReplayConfig(robot="h1", controller=controller, seed=3)

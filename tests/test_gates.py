@@ -18,6 +18,7 @@ from vlnpe.collectors.locomotion.driven import (
     random_path,
 )
 from vlnpe.collectors.locomotion.evaluate import evaluation_table, report
+from vlnpe.collectors.locomotion.gaits import GAITS
 from vlnpe.collectors.locomotion.gates import CLOSED_LOOP, GATES, Gate, GateResult, gate_results
 from vlnpe.collectors.locomotion.measures import command_grid, velocity_errors
 from vlnpe.collectors.locomotion.policy import GaitPolicy
@@ -93,6 +94,12 @@ def test_a_table_answers_every_gate_and_survives_json(policy: GaitPolicy):
     assert all(r.measured is not None for r in results)
     assert report(table).count("\n") == len(GATES)
     assert table[CLOSED_LOOP]["actions"] >= 100
+
+
+@pytest.mark.parametrize("name", sorted(GAITS))
+def test_installed_gaits_were_measured_against_every_gate(name: str):
+    card = GaitPolicy.load(get_robot(name)).card
+    assert all(result.measured is not None for result in gate_results(card.evaluation))
 
 
 def test_the_same_seed_measures_the_same(policy: GaitPolicy):

@@ -192,11 +192,12 @@ class RobotSpec:
         return spec.compile()
 
     def physics_hash(self) -> str:
-        """SHA-256 over everything in the compiled model that shapes the robot's motion.
+        """SHA-256 over what shapes the robot's motion: options, bodies, joints, servos, contacts.
 
-        Colours, cameras and visual shapes do not enter, so that a prettier robot keeps its policy;
-        masses, joints, servos and collision shapes do. Values are rounded to six significant
-        digits, which leaves room for the last bits of another compiler.
+        What none of our robots has stays out: springs, excluded contacts, meshes, equalities,
+        tendons. Colours, cameras and visual shapes do not enter, so that a prettier robot keeps its
+        policy; masses, joints, servos and collision shapes do. Values are rounded to six
+        significant digits, which leaves room for the last bits of another compiler.
         """
         model = self.build_model(floor=False)
         colliding = model.geom_contype + model.geom_conaffinity > 0
