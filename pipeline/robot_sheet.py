@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..collectors.controllers import valid_controllers
-from ..collectors.locomotion.card import PolicyCard, load_card
+from ..collectors.locomotion.card import PolicyCard
 from ..collectors.locomotion.gates import GateResult, gate_results
-from ..collectors.locomotion.policy import policy_files
+from ..collectors.locomotion.policy import GaitPolicy
 from ..collectors.rendering.studio import Sitter
 from ..collectors.robots import RobotSpec
 from ..formats.errors import FileFormatError
@@ -102,12 +102,9 @@ def sheet_of(robot: RobotSpec) -> RobotSheet:
 
 def _card(robot: RobotSpec) -> tuple[PolicyCard | None, str]:
     try:
-        _, path = policy_files(robot)
-        card = load_card(path)
-        card.check(robot, path)
+        return GaitPolicy.load(robot).card, ""
     except FileFormatError as error:
         return None, str(error)
-    return card, ""
 
 
 def _gate(result: GateResult) -> dict[str, object]:

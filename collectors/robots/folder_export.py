@@ -20,8 +20,6 @@ from .folder_facts import FACTS_NAME, NAME_PATTERN
 from .folder_model import MODEL_NAME
 from .spec import RobotSpec
 
-EXPORTED = frozenset({FACTS_NAME, MODEL_NAME, POLICY_NAME, CARD_NAME})
-
 
 def export_robot(robot: RobotSpec, out: Path, policy: tuple[Path, Path] | None) -> RobotSpec:
     """Write `robot` as a folder that moves exactly like it; its name is the folder's.

@@ -11,9 +11,8 @@ from typing import Annotated
 import tyro
 
 from ...collectors.robots import ROBOTS, RobotSpec, get_robot
-from ...collectors.robots.folder_export import EXPORTED, export_robot
+from ...collectors.robots.folder_export import export_robot
 from ...formats.errors import FileFormatError, InputError
-from .chain import refuse_to_replace
 
 
 @dataclass(frozen=True)
@@ -43,10 +42,12 @@ class _Done:
     Attributes:
         lines: for people.
         values: for programs.
+        problems: a robot that was asked for cannot be used.
     """
 
     lines: list[str] = field(default_factory=list)
     values: dict[str, object] = field(default_factory=dict)
+    problems: bool = False
 
 
 def run_robots(options: Robots) -> int:
@@ -66,7 +67,7 @@ def run_robots(options: Robots) -> int:
         _list(options, done)
     text = json.dumps(done.values) if options.json else "\n".join(done.lines)
     sys.stdout.write(text + "\n")
-    return 0
+    return 2 if done.problems else 0
 
 
 def _list(options: Robots, done: _Done) -> None:
@@ -74,6 +75,8 @@ def _list(options: Robots, done: _Done) -> None:
     from ..robot_sheet import details, sheet_of, table
 
     sheets = [sheet_of(get_robot(name)) for name in options.names or ROBOTS]
+    # Who asks for a robot by name wants to know whether it can be used.
+    done.problems = bool(options.names) and any(sheet.problem for sheet in sheets)
     done.values["robots"] = [asdict(sheet) for sheet in sheets]
     done.lines.append(table(sheets))
     if options.names:
@@ -112,7 +115,9 @@ def _export(robot: RobotSpec, out: Path | None, done: _Done) -> None:
 
     if out is None:
         raise InputError("--export needs --out: the folder, whose name becomes the robot's")
-    refuse_to_replace(out, EXPORTED)
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        # A robot there may have been edited by hand; nothing could bring that back.
+        raise InputError(f"{out}: exists already; choose another folder, or remove it first")
     name = out.resolve().name
     if name in ROBOTS:
         raise InputError(f"{out}: a robot is named {name} already; choose another folder")

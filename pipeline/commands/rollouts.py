@@ -20,9 +20,10 @@ from ..crews import AUTO, action_timing, chosen_robots, crews
 from ..kept_robots import keep, kept
 from ..keys import digest
 from ..ledger import Ledger, Row
+from ..report.gather import robot_rows
 from ..runner import StageSummary, run_stage
 from ..stages import export, render, repair, replay
-from ..summary import joined, stage_table
+from ..summary import joined, robot_table, stage_table
 from .chain import scenes_in
 from .collect import check_frame_rate, opened
 
@@ -236,5 +237,9 @@ def _tell(options: Replay | Render | Export, summaries: Sequence[StageSummary]) 
         }
         sys.stdout.write(json.dumps(value) + "\n")
     else:
-        sys.stdout.write(f"\n{stage_table(summaries)}\n\nwritten to {options.out}\n")
+        sys.stdout.write(f"\n{stage_table(summaries)}\n\n")
+        if isinstance(options, Replay):
+            rows = robot_rows(Ledger.existing(options.out))
+            sys.stdout.write(f"{robot_table(rows)}\n\n")
+        sys.stdout.write(f"written to {options.out}\n")
     return int(quarantined > options.max_failed)
