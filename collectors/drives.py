@@ -34,6 +34,7 @@ class DifferentialDrive:
             side[[robot.joint_names.index(name) for name in names]] = sign
         self._wheels = np.flatnonzero(side)
         self._y_m = 0.5 * drive.track_m * side[self._wheels]
+        self._default = robot.default_joint_rad
         self._radius_m = drive.wheel_radius_m
         self._most = _STEP_S * np.array([drive.ramp_m_s2, drive.ramp_rad_s2])
         self.reset()
@@ -55,7 +56,7 @@ class DifferentialDrive:
         """
         wanted = self.robot.command_limits.clip(np.asarray(command, dtype=np.float64))[[0, 2]]
         self._speed = self._speed + np.clip(wanted - self._speed, -self._most, self._most)
-        targets = self.robot.default_joint_rad
+        targets = self._default.copy()
         targets[self._wheels] = (self._speed[0] - self._y_m * self._speed[1]) / self._radius_m
         return targets
 

@@ -11,11 +11,11 @@ from ..collectors.controllers import (
     valid_controllers,
 )
 from ..collectors.controllers.expert import FORWARD_M, TURN_RAD
+from ..collectors.controllers.speed import SpeedController
 from ..collectors.robots import ROBOTS, TIMESTEP_S, RobotSpec, get_robot
 from ..formats.errors import InputError
 
 ALL, AUTO = "all", "auto"
-STEPS_PER_SAMPLE = 2  # physics steps between two looks of the controller
 USUAL = "path"  # what `auto` means for whatever has a body
 
 
@@ -74,7 +74,7 @@ def action_timing(steps: int, closed_loop: bool) -> SpeedConfig:
     Raises:
         InputError: `steps` is not a whole number of the controller's own steps.
     """
-    least = STEPS_PER_SAMPLE
+    least = round(1.0 / (SpeedController.rate_hz * TIMESTEP_S))  # between two looks of it
     if steps < least or steps % least:
         raise InputError(f"action steps {steps}: valid are multiples of {least}; VLN-PE takes 50")
     seconds = steps * TIMESTEP_S

@@ -25,7 +25,6 @@ from vlnpe.collectors.locomotion.gaits import GAITS
 from vlnpe.collectors.locomotion.observation import (
     layout,
     observe,
-    state_of,
     states_of,
 )
 from vlnpe.collectors.locomotion.terrain import noise_terrain
@@ -222,15 +221,13 @@ def test_observation_matches_mujocos_own_frames(policy: GaitPolicy):
     mujoco.mj_forward(model, data)
     world_from_base = data.xmat[handles.root_body].reshape(3, 3)
     gyro = data.sensordata[handles.gyro : handles.gyro + 3]
-    # One robot and many robots go different ways to the same numbers.
-    state = state_of(data, handles)
-    for given in (state, states_of(data.qpos[None], data.qvel[None], handles)):
-        np.testing.assert_allclose(given.gravity[0], world_from_base.T @ (0, 0, -1), atol=1e-9)
-        expected = world_from_base.T @ data.qvel[:3]
-        np.testing.assert_allclose(given.linear_velocity_m_s[0], expected, atol=1e-9)
-        np.testing.assert_allclose(given.angular_velocity_rad_s[0], gyro, atol=1e-9)
-        np.testing.assert_array_equal(given.joint_rad[0], data.qpos[handles.joint_qpos])
-        np.testing.assert_array_equal(given.joint_rad_s[0], data.qvel[handles.joint_dof])
+    state = states_of(data.qpos[None], data.qvel[None], handles)
+    np.testing.assert_allclose(state.gravity[0], world_from_base.T @ (0, 0, -1), atol=1e-9)
+    expected = world_from_base.T @ data.qvel[:3]
+    np.testing.assert_allclose(state.linear_velocity_m_s[0], expected, atol=1e-9)
+    np.testing.assert_allclose(state.angular_velocity_rad_s[0], gyro, atol=1e-9)
+    np.testing.assert_array_equal(state.joint_rad[0], data.qpos[handles.joint_qpos])
+    np.testing.assert_array_equal(state.joint_rad_s[0], data.qvel[handles.joint_dof])
     zeros = np.zeros((1, len(robot.joints)))
     observation = observe(
         state, robot.default_joint_rad, zeros[:, :3], np.zeros(1), np.array([True]), zeros

@@ -8,14 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from ..robots import RobotHandles
 
 Array = NDArray[np.float64]
-_DOWN = np.array([0.0, 0.0, -1.0])
 
 
 @dataclass(frozen=True)
@@ -51,23 +49,6 @@ def states_of(qpos: Array, qvel: Array, handles: RobotHandles) -> RobotState:
         gravity=gravity_in_base(quat_wxyz),
         joint_rad=qpos[:, handles.joint_qpos[:joints]],
         joint_rad_s=qvel[:, handles.joint_dof[:joints]],
-    )
-
-
-def state_of(data: mujoco.MjData, handles: RobotHandles) -> RobotState:
-    """State of one robot, as `states_of` with N = 1 and five times as fast."""
-    q, v, joints = handles.root_qpos, handles.root_dof, handles.robot.policy_joints
-    to_base, velocity, gravity = np.empty(4), np.empty((1, 3)), np.empty((1, 3))
-    qpos, qvel = data.qpos, data.qvel
-    mujoco.mju_negQuat(to_base, qpos[q + 3 : q + 7])
-    mujoco.mju_rotVecQuat(velocity[0], qvel[v : v + 3], to_base)
-    mujoco.mju_rotVecQuat(gravity[0], _DOWN, to_base)
-    return RobotState(
-        linear_velocity_m_s=velocity,
-        angular_velocity_rad_s=qvel[None, v + 3 : v + 6],
-        gravity=gravity,
-        joint_rad=qpos[None, handles.joint_qpos[:joints]],
-        joint_rad_s=qvel[None, handles.joint_dof[:joints]],
     )
 
 

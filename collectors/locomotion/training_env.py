@@ -55,7 +55,7 @@ class GaitEnv(VecEnv):
         self.episode_length_buf = torch.zeros(config.envs, dtype=torch.long)
         model = build_training_model(robot, terrain)
         self.handles = RobotHandles.find(robot, model)
-        self._sole_radius = model.geom_rbound[self.handles.sole_geoms]
+        self._sole_radius = self.handles.sole_radius_m
         self.symmetry = Symmetry.of(robot)
         self._default = robot.default_joint_rad
         self._zero = self._default[: robot.policy_joints]

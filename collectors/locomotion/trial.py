@@ -84,7 +84,7 @@ class Trial:
         conditions.terrain.add_to(spec)
         model = spec.compile()
         self.handles = h = RobotHandles.find(robot, model)
-        self._sole_radius = model.geom_rbound[h.sole_geoms]
+        self._sole_radius = h.sole_radius_m
         n = len(xy_m)
         self.batch = Batch(model, n, threads)
         if conditions.friction is not None:

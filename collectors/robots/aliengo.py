@@ -16,6 +16,7 @@ from .shapes import (
     add_servo,
     add_touch,
     set_inertia,
+    start_robot,
 )
 from .spec import CameraMount, CommandLimits, FallThresholds, Foot, JointFacts, RobotSpec
 
@@ -40,11 +41,7 @@ def _leg_joints(leg: str) -> tuple[JointFacts, ...]:
 
 def build_aliengo(robot: RobotSpec) -> mujoco.MjSpec:
     """The robot alone; collision, visual shapes, servos, sensors and the ego camera."""
-    spec = mujoco.MjSpec()
-    spec.modelname = robot.name
-    spec.compiler.degree = False
-    base = spec.worldbody.add_body(name=robot.root_body)
-    base.add_freejoint(name=robot.root_joint)
+    spec, base = start_robot(robot)
     set_inertia(base, robot.link_mass_kg["base"], (0.0, 0.0, 0.0), (0.55, 0.2, 0.112))
     add_collision(base, "trunk", "box", (0.3, 0.085, 0.056))
     add_collision(base, "head", "capsule", (0.05,), ends=((0.31, -0.03, 0.01), (0.31, 0.03, 0.01)))

@@ -8,18 +8,35 @@ import mujoco
 
 from ...formats.camera import CameraModel
 from .g1_shell import dress_pelvis, dress_side, dress_torso, dress_waist
-from .links import Link, add_links, right_of
-from .shapes import add_camera, add_collision, add_imu, add_servo, add_touch, set_inertia
-from .spec import CameraMount, CommandLimits, FallThresholds, Foot, JointFacts, RobotSpec
+from .humanoid import (
+    SIDES,
+    Limb,
+    Soles,
+    add_limbs,
+    both_sides,
+    joint_of,
+    link_masses,
+)
+from .links import Link, add_links
+from .shapes import add_camera, add_collision, add_imu, add_servo, set_inertia, start_robot
+from .spec import CameraMount, CommandLimits, FallThresholds, RobotSpec
 
 PELVIS_KG = 3.813
-SOLE_RADIUS_M, SOLE_Z_M = 0.015, -0.02
-SOLE_XY_M = {
-    "heel_out": (-0.05, 0.025),
-    "heel_in": (-0.05, -0.025),
-    "toe_out": (0.12, 0.03),
-    "toe_in": (0.12, -0.03),
-}
+SOLES = Soles(
+    part="ankle_roll",
+    radius_m=0.015,
+    z_m=-0.02,
+    xy_m=MappingProxyType(
+        {
+            "heel_out": (-0.05, 0.025),
+            "heel_in": (-0.05, -0.025),
+            "toe_out": (0.12, 0.03),
+            "toe_in": (0.12, -0.03),
+        }
+    ),
+    touch_x_m=0.035,
+    touch_m=(0.11, 0.06, 0.03),
+)
 # Rotor inertia seen through the gears of its motor families, small to large.
 TINY_KG_M2, SMALL_KG_M2, MIDDLE_KG_M2, LARGE_KG_M2 = 0.00425, 0.0036, 0.0102, 0.0251
 # The ankles and the waist's tilt are driven by two small motors each.
@@ -28,13 +45,6 @@ PAIR_KG_M2 = 2 * SMALL_KG_M2
 FRICTIONLOSS_NM = 0.2
 # The hip's roll frame leans back by this much, and the knee's frame forward again.
 LEAN_DEG = 10.021
-
-
-def _joint(
-    name: str, default: float, low: float, high: float, kp: float, kd: float, torque: float
-) -> JointFacts:
-    return JointFacts(f"{name}_joint", default, (low, high), kp, kd, torque)
-
 
 LEFT_LEG = (
     Link(
@@ -45,7 +55,7 @@ LEFT_LEG = (
         1.35,
         (0.003, 0.048, -0.026),
         (0.1, 0.1, 0.1),
-        _joint("left_hip_pitch", -0.1, -2.53, 2.88, 150, 2, 88),
+        joint_of("left_hip_pitch", -0.1, -2.53, 2.88, 150, 2, 88),
         MIDDLE_KG_M2,
     ),
     Link(
@@ -56,7 +66,7 @@ LEFT_LEG = (
         1.52,
         (0.03, -0.001, -0.088),
         (0.1, 0.09, 0.14),
-        _joint("left_hip_roll", 0.0, -0.52, 2.97, 150, 2, 139),
+        joint_of("left_hip_roll", 0.0, -0.52, 2.97, 150, 2, 139),
         LARGE_KG_M2,
         -LEAN_DEG,
     ),
@@ -68,7 +78,7 @@ LEFT_LEG = (
         1.702,
         (-0.058, -0.011, -0.151),
         (0.12, 0.1, 0.2),
-        _joint("left_hip_yaw", 0.0, -2.76, 2.76, 150, 2, 88),
+        joint_of("left_hip_yaw", 0.0, -2.76, 2.76, 150, 2, 88),
         MIDDLE_KG_M2,
     ),
     Link(
@@ -79,7 +89,7 @@ LEFT_LEG = (
         1.932,
         (0.005, 0.004, -0.121),
         (0.1, 0.09, 0.28),
-        _joint("left_knee", 0.3, -0.09, 2.88, 300, 4, 139),
+        joint_of("left_knee", 0.3, -0.09, 2.88, 300, 4, 139),
         LARGE_KG_M2,
         LEAN_DEG,
     ),
@@ -91,7 +101,7 @@ LEFT_LEG = (
         0.074,
         (-0.007, 0.0, 0.011),
         (0.05, 0.05, 0.05),
-        _joint("left_ankle_pitch", -0.2, -0.87, 0.52, 50, 5, 35),
+        joint_of("left_ankle_pitch", -0.2, -0.87, 0.52, 50, 5, 35),
         PAIR_KG_M2,
     ),
     Link(
@@ -102,7 +112,7 @@ LEFT_LEG = (
         0.608,
         (0.0265, 0.0, -0.0164),
         (0.2, 0.07, 0.04),
-        _joint("left_ankle_roll", 0.0, -0.26, 0.26, 50, 5, 35),
+        joint_of("left_ankle_roll", 0.0, -0.26, 0.26, 50, 5, 35),
         PAIR_KG_M2,
     ),
 )
@@ -115,7 +125,7 @@ WAIST = (
         0.214,
         (0.0, 0.0, 0.018),
         (0.08, 0.08, 0.06),
-        _joint("waist_yaw", 0.0, -2.618, 2.618, 200, 5, 88),
+        joint_of("waist_yaw", 0.0, -2.618, 2.618, 200, 5, 88),
         MIDDLE_KG_M2,
     ),
     Link(
@@ -126,7 +136,7 @@ WAIST = (
         0.086,
         (0.0, 0.0, 0.0),
         (0.06, 0.06, 0.04),
-        _joint("waist_roll", 0.0, -0.52, 0.52, 200, 5, 50),
+        joint_of("waist_roll", 0.0, -0.52, 0.52, 200, 5, 50),
         PAIR_KG_M2,
     ),
     Link(
@@ -137,7 +147,7 @@ WAIST = (
         7.818,
         (0.002, 0.0, 0.17),
         (0.15, 0.2, 0.34),
-        _joint("waist_pitch", 0.0, -0.52, 0.52, 200, 5, 50),
+        joint_of("waist_pitch", 0.0, -0.52, 0.52, 200, 5, 50),
         PAIR_KG_M2,
     ),
 )
@@ -150,7 +160,7 @@ LEFT_ARM = (
         0.718,
         (0.0, 0.036, -0.01),
         (0.08, 0.09, 0.08),
-        _joint("left_shoulder_pitch", 0.2, -3.09, 2.67, 60, 2, 25),
+        joint_of("left_shoulder_pitch", 0.2, -3.09, 2.67, 60, 2, 25),
         SMALL_KG_M2,
     ),
     Link(
@@ -161,7 +171,7 @@ LEFT_ARM = (
         0.643,
         (0.0, 0.003, -0.05),
         (0.07, 0.07, 0.12),
-        _joint("left_shoulder_roll", 0.16, -1.59, 2.25, 60, 2, 25),
+        joint_of("left_shoulder_roll", 0.16, -1.59, 2.25, 60, 2, 25),
         SMALL_KG_M2,
     ),
     Link(
@@ -172,7 +182,7 @@ LEFT_ARM = (
         0.734,
         (0.011, 0.0, -0.06),
         (0.07, 0.07, 0.12),
-        _joint("left_shoulder_yaw", 0.0, -2.618, 2.618, 40, 1, 25),
+        joint_of("left_shoulder_yaw", 0.0, -2.618, 2.618, 40, 1, 25),
         SMALL_KG_M2,
     ),
     # At zero the forearm points forward.
@@ -184,7 +194,7 @@ LEFT_ARM = (
         0.6,
         (0.06, 0.0, -0.01),
         (0.14, 0.06, 0.06),
-        _joint("left_elbow", 0.8, -1.047, 2.094, 40, 1, 25),
+        joint_of("left_elbow", 0.8, -1.047, 2.094, 40, 1, 25),
         SMALL_KG_M2,
     ),
     Link(
@@ -195,7 +205,7 @@ LEFT_ARM = (
         0.0854,
         (0.017, 0.0, 0.0),
         (0.05, 0.05, 0.05),
-        _joint("left_wrist_roll", 0.0, -1.97, 1.97, 20, 1, 25),
+        joint_of("left_wrist_roll", 0.0, -1.97, 1.97, 20, 1, 25),
         SMALL_KG_M2,
     ),
     Link(
@@ -206,7 +216,7 @@ LEFT_ARM = (
         0.484,
         (0.023, 0.0, 0.0),
         (0.07, 0.05, 0.06),
-        _joint("left_wrist_pitch", 0.0, -1.614, 1.614, 20, 1, 5),
+        joint_of("left_wrist_pitch", 0.0, -1.614, 1.614, 20, 1, 5),
         TINY_KG_M2,
     ),
     Link(
@@ -217,22 +227,23 @@ LEFT_ARM = (
         0.2546,
         (0.07, 0.0, 0.0),
         (0.14, 0.04, 0.07),
-        _joint("left_wrist_yaw", 0.0, -1.614, 1.614, 20, 1, 5),
+        joint_of("left_wrist_yaw", 0.0, -1.614, 1.614, 20, 1, 5),
         TINY_KG_M2,
     ),
 )
-RIGHT_LEG = tuple(right_of(link) for link in LEFT_LEG)
-RIGHT_ARM = tuple(right_of(link) for link in LEFT_ARM)
-LINKS = (*LEFT_LEG, *RIGHT_LEG, *WAIST, *LEFT_ARM, *RIGHT_ARM)
+LINKS = both_sides(LEFT_LEG, WAIST, LEFT_ARM)
+LIMBS: tuple[Limb, ...] = (
+    ("hip_yaw", 0.05, (-0.025, 0.0, 0.0), (-0.065, 0.0, -0.12)),
+    ("knee", 0.038, (0.0, 0.0, -0.05), (0.0, 0.0, -0.24)),
+    ("shoulder_yaw", 0.035, (0.0, 0.0, 0.0), (0.01, 0.0, -0.06)),
+    ("elbow", 0.032, (0.03, 0.0, -0.01), (0.1, 0.0, -0.01)),
+    ("wrist_yaw", 0.032, (0.0, 0.0, 0.0), (0.1, 0.0, 0.0)),
+)
 
 
 def build_g1(robot: RobotSpec) -> mujoco.MjSpec:
     """The robot alone; collision, visual shapes, servos, sensors and the ego camera."""
-    spec = mujoco.MjSpec()
-    spec.modelname = robot.name
-    spec.compiler.degree = False
-    pelvis = spec.worldbody.add_body(name=robot.root_body)
-    pelvis.add_freejoint(name=robot.root_joint)
+    spec, pelvis = start_robot(robot)
     set_inertia(pelvis, PELVIS_KG, (0.0, 0.0, -0.076), (0.12, 0.15, 0.13))
     bodies = add_links(pelvis, LINKS, FRICTIONLOSS_NM)
     add_collision(
@@ -244,8 +255,9 @@ def build_g1(robot: RobotSpec) -> mujoco.MjSpec:
     add_collision(torso, "torso", "box", (0.065, 0.085, 0.13), position=(0.0, 0.0, 0.17))
     add_collision(torso, "head", "capsule", (0.06,), ends=((0.0, 0.0, 0.37), (0.0, 0.0, 0.43)))
     dress_torso(torso)
-    for side, left in (("left", 1.0), ("right", -1.0)):
-        _add_side(spec, bodies, side, left)
+    for side, left in SIDES:
+        add_limbs(bodies, side, LIMBS)
+        SOLES.add(spec, bodies, side, left)
         dress_side(bodies, side, left)
     add_imu(spec, pelvis)
     add_camera(bodies[robot.camera.body], robot.camera)
@@ -254,45 +266,17 @@ def build_g1(robot: RobotSpec) -> mujoco.MjSpec:
     return spec
 
 
-def _add_side(
-    spec: mujoco.MjSpec, bodies: dict[str, mujoco.MjsBody], side: str, left: float
-) -> None:
-    def limb(
-        body: str, radius: float, begin: tuple[float, float, float], end: tuple[float, float, float]
-    ) -> None:
-        add_collision(
-            bodies[f"{side}_{body}"], f"{side}_{body}", "capsule", (radius,), ends=(begin, end)
-        )
-
-    limb("hip_yaw", 0.05, (-0.025, 0.0, 0.0), (-0.065, 0.0, -0.12))
-    limb("knee", 0.038, (0.0, 0.0, -0.05), (0.0, 0.0, -0.24))
-    limb("shoulder_yaw", 0.035, (0.0, 0.0, 0.0), (0.01, 0.0, -0.06))
-    limb("elbow", 0.032, (0.03, 0.0, -0.01), (0.1, 0.0, -0.01))
-    limb("wrist_yaw", 0.032, (0.0, 0.0, 0.0), (0.1, 0.0, 0.0))
-    ankle = bodies[f"{side}_ankle_roll"]
-    for part, (x, y) in SOLE_XY_M.items():
-        position = (x, left * y, SOLE_Z_M)
-        name = f"{side}_{part}"
-        add_collision(ankle, name, "sphere", (SOLE_RADIUS_M,), position=position, foot=True)
-    add_touch(spec, ankle, f"{side}_foot", (0.035, 0.0, SOLE_Z_M), (0.11, 0.06, 0.03))
-
-
 G1 = RobotSpec(
     name="g1",
     title="Unitree G1",
     mass_kg=PELVIS_KG + sum(link.mass_kg for link in LINKS),
-    link_mass_kg=MappingProxyType(
-        {"pelvis": PELVIS_KG, **{link.name: link.mass_kg for link in LINKS}}
-    ),
+    link_mass_kg=link_masses("pelvis", PELVIS_KG, LINKS),
     joints=tuple(link.facts for link in LINKS),
     policy_joints=12,
     action_scale_rad=0.25,
     root_body="pelvis",
     root_joint="root",
-    feet=tuple(
-        Foot(f"{side}_foot", tuple(f"{side}_{part}" for part in SOLE_XY_M))
-        for side in ("left", "right")
-    ),
+    feet=SOLES.feet,
     base_height_m=0.783,
     spawn_height_m=0.785,
     footprint_radius_m=0.25,

@@ -8,27 +8,37 @@ import mujoco
 
 from ...formats.camera import CameraModel
 from .h1_shell import dress_pelvis, dress_side, dress_torso
-from .links import Link, add_links, right_of
-from .shapes import add_camera, add_collision, add_imu, add_servo, add_touch, set_inertia
-from .spec import CameraMount, CommandLimits, FallThresholds, Foot, JointFacts, RobotSpec
+from .humanoid import (
+    SIDES,
+    Limb,
+    Soles,
+    add_limbs,
+    both_sides,
+    joint_of,
+    link_masses,
+)
+from .links import Link, add_links
+from .shapes import add_camera, add_collision, add_imu, add_servo, set_inertia, start_robot
+from .spec import CameraMount, CommandLimits, FallThresholds, RobotSpec
 
 PELVIS_KG = 5.39
-SOLE_RADIUS_M, SOLE_Z_M = 0.02, -0.05
-SOLE_XY_M = {
-    "heel_out": (-0.05, 0.035),
-    "heel_in": (-0.05, -0.035),
-    "toe_out": (0.17, 0.035),
-    "toe_in": (0.17, -0.035),
-}
+SOLES = Soles(
+    part="ankle",
+    radius_m=0.02,
+    z_m=-0.05,
+    xy_m=MappingProxyType(
+        {
+            "heel_out": (-0.05, 0.035),
+            "heel_in": (-0.05, -0.035),
+            "toe_out": (0.17, 0.035),
+            "toe_in": (0.17, -0.035),
+        }
+    ),
+    touch_x_m=0.06,
+    touch_m=(0.15, 0.08, 0.04),
+)
 # Dry friction of such actuators is not published; typical.
 FRICTIONLOSS_NM = 0.5
-
-
-def _joint(
-    name: str, default: float, low: float, high: float, kp: float, kd: float, torque: float
-) -> JointFacts:
-    return JointFacts(f"{name}_joint", default, (low, high), kp, kd, torque)
-
 
 LEFT_LEG = (
     Link(
@@ -39,7 +49,7 @@ LEFT_LEG = (
         2.244,
         (-0.049, 0.0, 0.007),
         (0.16, 0.11, 0.12),
-        _joint("left_hip_yaw", 0.0, -0.43, 0.43, 200, 5, 200),
+        joint_of("left_hip_yaw", 0.0, -0.43, 0.43, 200, 5, 200),
         0.05,
     ),
     Link(
@@ -50,7 +60,7 @@ LEFT_LEG = (
         2.232,
         (-0.006, 0.03, 0.0),
         (0.12, 0.12, 0.11),
-        _joint("left_hip_roll", 0.0, -0.43, 0.43, 200, 5, 200),
+        joint_of("left_hip_roll", 0.0, -0.43, 0.43, 200, 5, 200),
         0.05,
     ),
     Link(
@@ -61,7 +71,7 @@ LEFT_LEG = (
         4.152,
         (0.007, -0.023, -0.082),
         (0.14, 0.12, 0.38),
-        _joint("left_hip_pitch", -0.4, -1.57, 1.57, 200, 5, 200),
+        joint_of("left_hip_pitch", -0.4, -1.57, 1.57, 200, 5, 200),
         0.05,
     ),
     Link(
@@ -72,7 +82,7 @@ LEFT_LEG = (
         1.721,
         (-0.001, -0.005, -0.138),
         (0.09, 0.08, 0.36),
-        _joint("left_knee", 0.8, -0.26, 2.05, 300, 6, 300),
+        joint_of("left_knee", 0.8, -0.26, 2.05, 300, 6, 300),
         0.05,
     ),
     Link(
@@ -83,7 +93,7 @@ LEFT_LEG = (
         0.446,
         (0.049, 0.0, -0.046),
         (0.24, 0.08, 0.05),
-        _joint("left_ankle", -0.4, -0.87, 0.52, 40, 2, 40),
+        joint_of("left_ankle", -0.4, -0.87, 0.52, 40, 2, 40),
         0.02,
     ),
 )
@@ -95,7 +105,7 @@ TORSO = Link(
     17.79,
     (0.0, 0.0, 0.205),
     (0.2, 0.26, 0.5),
-    _joint("torso", 0.0, -2.35, 2.35, 300, 6, 200),
+    joint_of("torso", 0.0, -2.35, 2.35, 300, 6, 200),
     0.05,
 )
 LEFT_ARM = (
@@ -107,7 +117,7 @@ LEFT_ARM = (
         1.033,
         (0.005, 0.045, -0.005),
         (0.1, 0.1, 0.1),
-        _joint("left_shoulder_pitch", 0.1, -2.87, 2.87, 100, 3, 40),
+        joint_of("left_shoulder_pitch", 0.1, -2.87, 2.87, 100, 3, 40),
         0.02,
     ),
     Link(
@@ -118,7 +128,7 @@ LEFT_ARM = (
         0.793,
         (0.0, 0.005, -0.06),
         (0.08, 0.08, 0.15),
-        _joint("left_shoulder_roll", 0.1, -0.34, 3.11, 100, 3, 40),
+        joint_of("left_shoulder_roll", 0.1, -0.34, 3.11, 100, 3, 40),
         0.02,
     ),
     Link(
@@ -129,7 +139,7 @@ LEFT_ARM = (
         0.839,
         (0.01, 0.0, -0.08),
         (0.08, 0.08, 0.2),
-        _joint("left_shoulder_yaw", 0.0, -1.3, 4.45, 60, 2, 18),
+        joint_of("left_shoulder_yaw", 0.0, -1.3, 4.45, 60, 2, 18),
         0.02,
     ),
     # At zero the forearm points forward.
@@ -141,22 +151,22 @@ LEFT_ARM = (
         0.669,
         (0.15, 0.0, -0.01),
         (0.3, 0.06, 0.06),
-        _joint("left_elbow", 1.0, -1.25, 2.61, 60, 2, 18),
+        joint_of("left_elbow", 1.0, -1.25, 2.61, 60, 2, 18),
         0.02,
     ),
 )
-RIGHT_LEG = tuple(right_of(link) for link in LEFT_LEG)
-RIGHT_ARM = tuple(right_of(link) for link in LEFT_ARM)
-LINKS = (*LEFT_LEG, *RIGHT_LEG, TORSO, *LEFT_ARM, *RIGHT_ARM)
+LINKS = both_sides(LEFT_LEG, (TORSO,), LEFT_ARM)
+LIMBS: tuple[Limb, ...] = (
+    ("hip_pitch", 0.06, (0.0, 0.0, -0.08), (0.0, 0.0, -0.33)),
+    ("knee", 0.045, (0.0, 0.0, -0.06), (0.0, 0.0, -0.33)),
+    ("shoulder_yaw", 0.04, (0.0, 0.0, -0.02), (0.0, 0.0, -0.16)),
+    ("elbow", 0.036, (0.03, 0.0, -0.01), (0.27, 0.0, -0.01)),
+)
 
 
 def build_h1(robot: RobotSpec) -> mujoco.MjSpec:
     """The robot alone; collision, visual shapes, servos, sensors and the ego camera."""
-    spec = mujoco.MjSpec()
-    spec.modelname = robot.name
-    spec.compiler.degree = False
-    pelvis = spec.worldbody.add_body(name=robot.root_body)
-    pelvis.add_freejoint(name=robot.root_joint)
+    spec, pelvis = start_robot(robot)
     set_inertia(pelvis, PELVIS_KG, (0.0, 0.0, -0.045), (0.15, 0.2, 0.18))
     bodies = add_links(pelvis, LINKS, FRICTIONLOSS_NM)
     add_collision(
@@ -167,8 +177,9 @@ def build_h1(robot: RobotSpec) -> mujoco.MjSpec:
     add_collision(torso, "torso", "box", (0.085, 0.12, 0.2), position=(0.0, 0.0, 0.28))
     add_collision(torso, "head", "capsule", (0.075,), ends=((0.02, 0.0, 0.6), (0.02, 0.0, 0.69)))
     dress_torso(torso)
-    for side, left in (("left", 1.0), ("right", -1.0)):
-        _add_side(spec, bodies, side, left)
+    for side, left in SIDES:
+        add_limbs(bodies, side, LIMBS)
+        SOLES.add(spec, bodies, side, left)
         dress_side(bodies, side, left)
     add_imu(spec, pelvis)
     add_camera(bodies[robot.camera.body], robot.camera)
@@ -177,44 +188,17 @@ def build_h1(robot: RobotSpec) -> mujoco.MjSpec:
     return spec
 
 
-def _add_side(
-    spec: mujoco.MjSpec, bodies: dict[str, mujoco.MjsBody], side: str, left: float
-) -> None:
-    def limb(
-        body: str, radius: float, begin: tuple[float, float, float], end: tuple[float, float, float]
-    ) -> None:
-        add_collision(
-            bodies[f"{side}_{body}"], f"{side}_{body}", "capsule", (radius,), ends=(begin, end)
-        )
-
-    limb("hip_pitch", 0.06, (0.0, 0.0, -0.08), (0.0, 0.0, -0.33))
-    limb("knee", 0.045, (0.0, 0.0, -0.06), (0.0, 0.0, -0.33))
-    limb("shoulder_yaw", 0.04, (0.0, 0.0, -0.02), (0.0, 0.0, -0.16))
-    limb("elbow", 0.036, (0.03, 0.0, -0.01), (0.27, 0.0, -0.01))
-    ankle = bodies[f"{side}_ankle"]
-    for part, (x, y) in SOLE_XY_M.items():
-        position = (x, left * y, SOLE_Z_M)
-        name = f"{side}_{part}"
-        add_collision(ankle, name, "sphere", (SOLE_RADIUS_M,), position=position, foot=True)
-    add_touch(spec, ankle, f"{side}_foot", (0.06, 0.0, SOLE_Z_M), (0.15, 0.08, 0.04))
-
-
 H1 = RobotSpec(
     name="h1",
     title="Unitree H1",
     mass_kg=PELVIS_KG + sum(link.mass_kg for link in LINKS),
-    link_mass_kg=MappingProxyType(
-        {"pelvis": PELVIS_KG, **{link.name: link.mass_kg for link in LINKS}}
-    ),
+    link_mass_kg=link_masses("pelvis", PELVIS_KG, LINKS),
     joints=tuple(link.facts for link in LINKS),
     policy_joints=10,
     action_scale_rad=0.25,
     root_body="pelvis",
     root_joint="root",
-    feet=tuple(
-        Foot(f"{side}_foot", tuple(f"{side}_{part}" for part in SOLE_XY_M))
-        for side in ("left", "right")
-    ),
+    feet=SOLES.feet,
     base_height_m=0.977,
     spawn_height_m=0.982,
     footprint_radius_m=0.30,

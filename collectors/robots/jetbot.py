@@ -18,6 +18,7 @@ from .shapes import (
     add_touch,
     add_wheel,
     set_inertia,
+    start_robot,
 )
 from .spec import CameraMount, CommandLimits, FallThresholds, Foot, JointFacts, RobotSpec
 
@@ -132,11 +133,7 @@ def build_jetbot(robot: RobotSpec) -> mujoco.MjSpec:
     def grown(*values: float) -> tuple[float, ...]:
         return tuple(scale * v for v in values)
 
-    spec = mujoco.MjSpec()
-    spec.modelname = robot.name
-    spec.compiler.degree = False
-    base = spec.worldbody.add_body(name=robot.root_body)
-    base.add_freejoint(name=robot.root_joint)
+    spec, base = start_robot(robot)
     size = grown(0.1, 0.075, 0.06)
     set_inertia(base, robot.link_mass_kg["base"], grown(*CENTER_M), size)
     # Chassis with motors and computer, rounded by capsules where it would catch on corners.

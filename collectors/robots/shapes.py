@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from .spec import CameraMount, JointFacts
+from .spec import CameraMount, JointFacts, RobotSpec
 
 Vector = Sequence[float]
 Color = tuple[float, float, float]
@@ -37,6 +37,16 @@ def _placement(
         mujoco.mju_euler2Quat(quat, np.deg2rad(euler_deg), "xyz")
         placement["quat"] = quat
     return placement
+
+
+def start_robot(robot: RobotSpec) -> tuple[mujoco.MjSpec, mujoco.MjsBody]:
+    """An empty model in radians, named as the robot, and its floating base."""
+    spec = mujoco.MjSpec()
+    spec.modelname = robot.name
+    spec.compiler.degree = False
+    base = spec.worldbody.add_body(name=robot.root_body)
+    base.add_freejoint(name=robot.root_joint)
+    return spec, base
 
 
 def add_visual(

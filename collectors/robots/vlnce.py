@@ -8,7 +8,16 @@ from __future__ import annotations
 import mujoco
 
 from ...formats.camera import CameraModel
-from .shapes import Color, add_camera, add_collision, add_imu, add_touch, add_visual, set_inertia
+from .shapes import (
+    Color,
+    add_camera,
+    add_collision,
+    add_imu,
+    add_touch,
+    add_visual,
+    set_inertia,
+    start_robot,
+)
 from .spec import CameraMount, CommandLimits, FallThresholds, Foot, RobotSpec
 
 RADIUS_M, HEIGHT_M, CAMERA_M = 0.1, 1.5, 1.25
@@ -24,11 +33,7 @@ ACCENT: Color = (0.85, 0.35, 0.05)
 
 def build_vlnce(robot: RobotSpec) -> mujoco.MjSpec:
     """The agent alone: a cylinder to collide with, a slim pole with a camera to be seen by."""
-    spec = mujoco.MjSpec()
-    spec.modelname = robot.name
-    spec.compiler.degree = False
-    base = spec.worldbody.add_body(name=robot.root_body)
-    base.add_freejoint(name=robot.root_joint)
+    spec, base = start_robot(robot)
     set_inertia(base, MASS_KG, (0.0, 0.0, 0.0), (0.2, 0.2, HEIGHT_M))
     # Rounded below, so that it stands on uneven floor as on even.
     bottom = (0.0, 0.0, RADIUS_M - BASE_M)
