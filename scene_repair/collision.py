@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..formats.errors import SceneError
 from ..formats.freemap import Freemap
 from ..formats.grid import GridSpec
 from ..formats.scene_bundle import Floor, Obstacles
@@ -14,9 +15,12 @@ from .config import RepairConfig
 from .floor_field import coarse_floor
 from .freespace import blocked_cells, places, touchable
 from .level_floor import RepairedFloor
-from .maps import grow
+from .maps import grown_window
 from .voxels import voxelise
 from .world_mesh import WorldMesh
+
+# Kept around the floor: walls, and what leans over them.
+MARGIN_M = 0.6
 
 
 @dataclass(frozen=True)
@@ -39,10 +43,10 @@ def build_collision(
         grid: coarse cells, aligned with the level's fine ones.
         config: heights.
     """
-    floor = coarse_floor(level.fine, level.height_m, grid)
+    floor = _cropped(coarse_floor(level.fine, level.height_m, grid))
+    grid = floor.grid
     height = floor.height_m.astype(np.float64)
-    near = grow(floor.covered, round(0.5 / grid.cell_m))
-    low, high = float(height[near].min()), float(height[near].max())
+    low, high = float(height.min()), float(height.max())
     z0 = float(np.floor(low / grid.cell_m) * grid.cell_m)
     layers = int(np.ceil((high - z0 + config.robot_height_m) / grid.cell_m))
     voxels = voxelise(
@@ -59,3 +63,24 @@ def build_collision(
     obstacles = cover_with_boxes(voxels, touchable(voxels, place, height))
     floor_z = np.where(floor.covered, floor.height_m, np.float32(np.nan)).astype(np.float32)
     return LevelCollision(floor, obstacles, Freemap(grid, floor_z, place))
+
+
+def _cropped(floor: Floor) -> Floor:
+    """The floor's grid without what lies far beyond it."""
+    margin = round(MARGIN_M / floor.grid.cell_m)
+    rows, columns = np.nonzero(floor.covered)
+    if not len(rows):
+        raise SceneError(
+            f"no floor found: none of its cells of {floor.grid.cell_m} m is covered whole; valid: "
+            "connected floor at least as wide as a cell"
+        )
+    window = grown_window(
+        (slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1)),
+        margin,
+        floor.grid.shape,
+    )
+    x, y = floor.grid.origin_xy_m
+    cell_m = floor.grid.cell_m
+    height, covered = floor.height_m[window], floor.covered[window]
+    origin = (x + window[1].start * cell_m, y + window[0].start * cell_m)
+    return Floor(GridSpec(origin, cell_m, *height.shape), height, covered)

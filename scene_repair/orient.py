@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..formats.errors import SceneError
+from .bounds import robust_bounds
 from .config import UNIT_M, RepairConfig
 from .scan import Scan
 
@@ -56,7 +57,8 @@ def orient(scan: Scan, config: RepairConfig) -> Orientation:
     else:
         up, up_reason = _infer_up(scan, normals, area)
     to_z_up = _TO_Z_UP[up]
-    extent = np.ptp(scan.vertices[scan.faces.ravel()] @ to_z_up.T, axis=0)
+    lower, upper = robust_bounds(scan.vertices @ to_z_up.T, scan.faces)
+    extent = upper - lower
     if config.unit != "auto":
         unit, unit_reason = config.unit, "given by the user"
     elif scan.unit is not None:
@@ -104,11 +106,11 @@ def _infer_up(
     lies: furniture stands, it does not hang.
     """
     along = np.array([area[np.abs(normals[:, axis]) > 0.9].sum() for axis in range(3)])
-    extent = np.ptp(scan.vertices[scan.faces.ravel()], axis=0)
+    lower, upper = robust_bounds(scan.vertices, scan.faces)
+    extent = upper - lower
     axis = int(np.argmax(along / np.maximum(extent, 1e-9)))
     centers = scan.vertices[scan.faces].mean(axis=1)[:, axis]
-    low = scan.vertices[scan.faces.ravel(), axis].min()
-    height = (centers - low) / max(float(extent[axis]), 1e-12)
+    height = (centers - lower[axis]) / max(float(extent[axis]), 1e-12)
     things = (height > 0.05) & (height < 0.95)
     weight = area[things].sum()
     mean = float((height[things] * area[things]).sum() / weight) if weight > 0 else 0.0

@@ -50,16 +50,12 @@ def find_surfaces(
         clear_m: least free height above a sample.
     """
     cell, z, face = columns.cell, columns.z.astype(np.float64), columns.face
-    above = np.full(len(z), np.inf)
+    gap = np.full(len(z), np.inf)
     same = cell[1:] == cell[:-1]
-    above[:-1][same] = (z[1:] - z[:-1])[same]
-    # A face hit twice on a shared edge must not cover itself.
-    horizontal = (np.abs(normal_z) >= MIN_NORMAL_Z)[face] & ~ignore[face]
-    covered = above < STACK_M
-    candidate = horizontal & ~covered
-    clear = _clearance(columns.start, columns.z)
-    candidate &= clear >= clear_m
-    index = np.flatnonzero(candidate)
+    gap[:-1][same] = (z[1:] - z[:-1])[same]
+    level = (np.abs(normal_z) >= MIN_NORMAL_Z)[face] & ~ignore[face]
+    clear = _clearance(columns.start, columns.z, STACK_M)
+    index = np.flatnonzero(level & (gap >= STACK_M) & (clear >= clear_m))
     start = np.searchsorted(cell[index], np.arange(len(columns.start)))
     parent = _connect(start, z[index], columns.grid.rows, columns.grid.columns, STEP_M)
     _, part = np.unique(parent, return_inverse=True)
@@ -73,14 +69,14 @@ def find_surfaces(
 
 
 @njit(cache=True)
-def _clearance(start, z):
+def _clearance(start, z, stack):
     """Free height above every sample up to the next one that is not part of its own stack."""
     clear = np.full(len(z), np.inf)
     for c in range(len(start) - 1):
         for k in range(start[c], start[c + 1]):
             for m in range(k + 1, start[c + 1]):
                 gap = z[m] - z[k]
-                if gap >= 0.035:
+                if gap >= stack:
                     clear[k] = gap
                     break
     return clear

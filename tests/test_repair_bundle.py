@@ -16,6 +16,8 @@ from vlnpe.formats.scene_bundle import SceneBundle, load_bundle
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
 
+QUICK = RepairConfig(picture_px=300)
+
 
 @pytest.fixture(scope="module")
 def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -169,7 +171,9 @@ def test_usd_validates(bundle: SceneBundle) -> None:
 
 
 def test_large_textures_are_scaled(source: Path, tmp_path: Path) -> None:
-    bundle = repair_scene(source, tmp_path, RepairConfig(scene_id="small", max_texture_px=64))
+    bundle = repair_scene(
+        source, tmp_path, RepairConfig(scene_id="small", max_texture_px=64, picture_px=200)
+    )
     assert bundle.scene_id == "small"
     for material in bundle.materials:
         if material.texture:
@@ -177,7 +181,7 @@ def test_large_textures_are_scaled(source: Path, tmp_path: Path) -> None:
 
 
 def test_small_house(shared_scenes: Path, tmp_path: Path) -> None:
-    bundle = repair_scene(shared_scenes / "small_house.glb", tmp_path)
+    bundle = repair_scene(shared_scenes / "small_house.glb", tmp_path, QUICK)
     assert len(bundle.obstacles(0).center_m) < 3000
     freemap = bundle.freemap(0)
     rooms = {"bedroom": (-4.5, 0.0), "living": (3.0, 1.0), "kitchen": (8.0, -3.5), "gym": (0, 3)}
@@ -194,7 +198,7 @@ def test_small_house(shared_scenes: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["quest_living_room", "quest_music_room", "quest_office_small"])
 def test_headset_rooms(name: str, shared_scenes: Path, tmp_path: Path) -> None:
-    bundle = repair_scene(shared_scenes / f"{name}.glb", tmp_path)
+    bundle = repair_scene(shared_scenes / f"{name}.glb", tmp_path, QUICK)
     level = json.loads((tmp_path / "repair.json").read_text())["levels"][0]
     floor = next(o for o in bundle.objects if o.category == "floor")
     assert bundle.level_floor_z_m[0] == pytest.approx(
@@ -209,7 +213,7 @@ def test_headset_rooms(name: str, shared_scenes: Path, tmp_path: Path) -> None:
 
 
 def test_laser_scan_without_axis_or_labels(shared_scenes: Path, tmp_path: Path) -> None:
-    bundle = repair_scene(shared_scenes / "room_scan1.ply", tmp_path)
+    bundle = repair_scene(shared_scenes / "room_scan1.ply", tmp_path, QUICK)
     assert bundle.source["up"] in ("z", "-z")
     assert bundle.source["unit"] == "m"
     assert len(bundle.level_floor_z_m) == 1

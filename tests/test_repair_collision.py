@@ -16,6 +16,7 @@ from tests.support import scans
 from vlnpe.formats.grid import GridSpec
 from vlnpe.formats.scene_bundle import Obstacles, SceneBundle
 from vlnpe.scene_repair.boxes import MAY, MUST, NEVER, cover_with_boxes
+from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
 from vlnpe.scene_repair.voxels import STEPS, Voxels, voxelise
 
@@ -24,7 +25,7 @@ def repaired(parts: list[trimesh.Trimesh], folder: Path) -> SceneBundle:
     source = scans.write_glb(parts, folder / "scan.glb")
     out = folder / "bundle"
     out.mkdir()
-    return repair_scene(source, out)
+    return repair_scene(source, out, RepairConfig(picture_px=200))
 
 
 def inside_boxes(obstacles: Obstacles, points: NDArray[np.float64], slack: float = 0.0):

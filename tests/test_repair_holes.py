@@ -14,14 +14,18 @@ from tests.support import scans
 from vlnpe.formats.grid import GridSpec
 from vlnpe.formats.scene_bundle import SceneBundle
 from vlnpe.scene_repair.columns import sample_columns
+from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
+
+# Small pictures: drawing them takes longer than repairing so small a room.
+QUICK = RepairConfig(picture_px=200)
 
 
 def repaired(parts: list[trimesh.Trimesh], folder: Path) -> SceneBundle:
     source = scans.write_glb(parts, folder / "scan.glb")
     out = folder / "bundle"
     out.mkdir()
-    return repair_scene(source, out)
+    return repair_scene(source, out, QUICK)
 
 
 def floor_seen(
@@ -68,8 +72,11 @@ HOLES = {
 }
 
 
-@pytest.mark.parametrize("ceiling", [True, False], ids=["ceiling", "open top"])
-@pytest.mark.parametrize("name", HOLES)
+@pytest.mark.parametrize(
+    ("name", "ceiling"),
+    [(name, True) for name in HOLES]
+    + [(name, False) for name in ("round", "ring", "at a wall", "under a cupboard")],
+)
 def test_planted_hole_is_filled(name: str, ceiling: bool, tmp_path: Path) -> None:
     without, more = HOLES[name]
     parts = scans.room(without, ceiling, more=more)
@@ -210,7 +217,7 @@ def test_patch_continues_the_pattern(tmp_path: Path) -> None:
     source = scans.write_named_glb(parts, tmp_path / "scan.glb")
     out = tmp_path / "bundle"
     out.mkdir()
-    bundle = repair_scene(source, out)
+    bundle = repair_scene(source, out, QUICK)
     index = next(k for k, m in enumerate(bundle.materials) if m.name == "floor_patch_0")
     texture = bundle.materials[index].texture
     assert texture is not None

@@ -106,7 +106,7 @@ def test_tilted_scan_is_levelled(tilt_deg: float, tmp_path: Path) -> None:
     source = scans.write_glb(parts, tmp_path / "scan.glb")
     out = tmp_path / "bundle"
     out.mkdir()
-    bundle = repair_scene(source, out)
+    bundle = repair_scene(source, out, RepairConfig(picture_px=200))
     floor = bundle.floor(0)
     spread = np.ptp(floor.height_m[floor.covered])
     assert spread < (0.03 if tilt_deg < 0.3 else 0.01)
@@ -203,6 +203,18 @@ def test_bad_faces_are_dropped_with_a_warning(tmp_path: Path) -> None:
     assert "without area" in text
 
 
+def test_stray_triangles_far_away_do_not_matter(tmp_path: Path) -> None:
+    stray = trimesh.Trimesh([(600, 0, 0), (600.1, 0, 0), (600, 0.1, 0.5)], [[0, 1, 2]])
+    source = scans.write_glb([*scans.room(), stray], tmp_path / "scan.glb")
+    out = tmp_path / "bundle"
+    out.mkdir()
+    bundle = repair_scene(source, out, RepairConfig(picture_px=200))
+    assert bundle.source["extent_m"][:2] == pytest.approx((5.2, 4.2), abs=0.01)
+    assert max(bundle.floor(0).grid.shape) < 150
+    # It is still part of what is seen.
+    assert bundle.visual().vertices[:, 0].max() > 599
+
+
 def test_weld_merges_equal_places_only() -> None:
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [-0.0, 0, 0], [1, 1e-9, 0], [5, 5, 5]])
     points, faces = weld(vertices, np.array([[0, 1, 2], [3, 4, 2]]))
@@ -237,7 +249,7 @@ def test_own_labels(tmp_path: Path) -> None:
     )
     out = tmp_path / "bundle"
     out.mkdir()
-    bundle = repair_scene(source, out)
+    bundle = repair_scene(source, out, RepairConfig(picture_px=200))
     by_name = {o.name: o for o in bundle.objects}
     assert by_name["T1"].lower_m == pytest.approx((0.9, 0.9, 0.0))
     assert by_name["T1"].upper_m == pytest.approx((2.1, 2.1, 0.8))

@@ -1,0 +1,38 @@
+"""How large a scan is, stray triangles far away from it left out."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+# This share of the surface may lie beyond the bounds on either side of an axis, if it lies further
+# away than this share of the extent.
+STRAY_SHARE, STRAY_DISTANCE = 5e-4, 0.1
+
+
+def robust_bounds(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lower and upper corner (3,) of a mesh, in its own units.
+
+    Args:
+        vertices: (V, 3).
+        faces: (F, 3), at least one.
+    """
+    corners = vertices[faces]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    weight = np.linalg.norm(cross, axis=1)
+    lower, upper = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    centers = corners.mean(axis=1)
+    for axis in range(3):
+        order = np.argsort(centers[:, axis])
+        passed = np.cumsum(weight[order])
+        marks = np.array([STRAY_SHARE, 1.0 - STRAY_SHARE]) * passed[-1]
+        first, last = centers[order[np.searchsorted(passed, marks)], axis]
+        slack = STRAY_DISTANCE * (last - first)
+        inside = (centers[:, axis] >= first - slack) & (centers[:, axis] <= last + slack)
+        if not inside.all():
+            kept = corners[inside, :, axis]
+            lower[axis] = max(lower[axis], kept.min())
+            upper[axis] = min(upper[axis], kept.max())
+    return lower, upper

@@ -1,0 +1,174 @@
+"""Writing a repaired scene: every file of the bundle."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..formats.atomic import write_json
+from ..formats.digest import file_digest
+from ..formats.errors import FileFormatError
+from ..formats.grid import GridSpec
+from ..formats.scene_bundle import SceneBundle, VisualMesh, load_bundle, save_bundle
+from .collision import LevelCollision
+from .config import RepairConfig
+from .describe import describe_level
+from .label_files import LabelBox
+from .level_floor import RepairedFloor
+from .orient import Orientation
+from .pictures import GREEN, GREY, RED, mark_holes, view_from_above, write_picture
+from .scan import Scan, ScanMaterial
+from .semantics import labelled_objects
+from .shading import Looks
+from .textures import write_materials
+from .usd_scene import write_usd
+from .world_mesh import WorldMesh
+
+# The pictures: free space around the floor, and limits of their size.
+PICTURE_MARGIN_M = 0.3
+PICTURE_PIXELS, MIN_PICTURE_PX = 1_800_000, 900
+LICENCE_NAMES = ("LICENSE.{stem}", "{stem}.LICENSE", "{stem}.license.txt", "LICENSE")
+
+
+@dataclass(frozen=True)
+class Repaired:
+    """All that a repair found out and made.
+
+    Attributes:
+        source: the scan's file.
+        scan: what it held, in source coordinates.
+        way: how it lies in the world.
+        boxes: labels from beside it.
+        original: the scan in the world.
+        mesh: the same, repaired.
+        materials: what the faces of `mesh` point to.
+        floors: the floors of all levels, lowest first.
+        levels: their collision.
+        probes: what probing them gave.
+        visual: `mesh` as it is written.
+        labels: categories that its faces point to.
+    """
+
+    source: Path
+    scan: Scan
+    way: Orientation
+    boxes: list[LabelBox]
+    original: WorldMesh
+    mesh: WorldMesh
+    materials: tuple[ScanMaterial, ...]
+    floors: list[RepairedFloor]
+    levels: list[LevelCollision]
+    probes: list[dict[str, Any]]
+    visual: VisualMesh
+    labels: tuple[str, ...]
+
+
+def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> SceneBundle:
+    """Write the bundle into the existing folder `out_dir` and open it; the index goes last."""
+    source, way = repaired.source, repaired.way
+    materials = write_materials(repaired.materials, out_dir, config.max_texture_px)
+    heights = tuple(floor.floor_z_m for floor in repaired.floors)
+    named = labelled_objects(
+        repaired.scan,
+        repaired.boxes,
+        repaired.original.vertices,
+        way.source_to_world,
+        heights,
+    )
+    scene_id = config.scene_id or source.stem
+    write_usd(
+        out_dir / "scene.usdc",
+        repaired.visual,
+        materials,
+        repaired.labels,
+        named,
+        [(level.floor, level.obstacles) for level in repaired.levels],
+    )
+    write_json(
+        out_dir / "repair.json",
+        {
+            "scene_id": scene_id,
+            "source": {"name": source.name, **way.evidence},
+            "triangles_before": len(repaired.original.faces),
+            "triangles_after": len(repaired.mesh.faces),
+            "warnings": list(repaired.scan.warnings),
+            "levels": [
+                describe_level(floor, probes)
+                for floor, probes in zip(repaired.floors, repaired.probes, strict=True)
+            ],
+        },
+    )
+    _write_pictures(repaired, out_dir, scene_id, config.picture_px)
+    bundle = SceneBundle(
+        root=out_dir,
+        scene_id=scene_id,
+        source={
+            "path": source.name,
+            "sha256": file_digest(source),
+            "licence": repaired.scan.licence or _licence(source),
+            **way.evidence,
+        },
+        source_to_world=way.source_to_world,
+        habitat_to_world=way.habitat_to_world,
+        materials=materials,
+        labels=repaired.labels,
+        objects=named,
+        level_floor_z_m=heights,
+        generator=repaired.scan.generator,
+    )
+    levels = [(level.floor, level.obstacles, level.freemap) for level in repaired.levels]
+    save_bundle(bundle, repaired.visual, levels)
+    return load_bundle(out_dir)
+
+
+def _write_pictures(repaired: Repaired, out_dir: Path, scene_id: str, width_px: int) -> None:
+    looks, floors = Looks(repaired.materials), repaired.floors
+    fine = floors[0].fine
+    known = np.concatenate([np.argwhere(np.isfinite(f.height_m)) for f in floors])
+    low = fine.center_of(known.min(axis=0)) - PICTURE_MARGIN_M
+    size = fine.center_of(known.max(axis=0)) + PICTURE_MARGIN_M - low
+    # Long scenes get a narrower picture instead of an endless one.
+    width = min(width_px, math.sqrt(PICTURE_PIXELS * float(size[0] / size[1])))
+    width = max(round(width), min(MIN_PICTURE_PX, width_px))
+    pixel_m = float(size[0]) / width
+    pixels = GridSpec(
+        (float(low[0]), float(low[1])), pixel_m, max(round(float(size[1]) / pixel_m), 1), width
+    )
+    first = len(repaired.original.faces)
+    views = [view_from_above(repaired.mesh, looks, f.floor_z_m, pixels, first) for f in floors]
+    filled = sum(h.fill for f in floors for h in f.holes)
+    area = sum(h.area_m2(f.fine) for f in floors for h in f.holes if h.fill)
+    added = sum(f.patch_area_m2 for f in floors)
+    captions = (
+        ("before", f"as scanned, {filled} holes, {area:.2f} m2 of floor missing"),
+        ("after", f"repaired, {added:.2f} m2 of floor added"),
+    )
+    legends = ([("hole in the floor", RED)], [("floor added", GREEN)])
+    for k, ((name, caption), legend) in enumerate(zip(captions, legends, strict=True)):
+        marked = [
+            mark_holes(view[k], f.holes, fine, pixels, before=k == 0)
+            for view, f in zip(views, floors, strict=True)
+        ]
+        write_picture(
+            marked,
+            pixels,
+            f"{scene_id}: {caption}",
+            [*legend, ("left open", GREY)],
+            out_dir / f"{name}.png",
+        )
+
+
+def _licence(source: Path) -> str:
+    """Text of the licence file beside the source, empty if there is none."""
+    for name in LICENCE_NAMES:
+        path = source.with_name(name.format(stem=source.stem))
+        if path.is_file():
+            try:
+                return path.read_text()
+            except UnicodeDecodeError as error:
+                raise FileFormatError(path, "licence is not text in UTF-8") from error
+    return ""
