@@ -33,7 +33,7 @@ UV_MINIMUM = (0, 8)
 PYTHONS = ((3, 12), (3, 13))
 SYNC = {
     "core": ["--inexact"],  # never removes what `full` has already installed
-    "full": ["--extra", "train", "--group", "dev"],
+    "full": ["--all-extras", "--group", "dev"],
 }
 
 
