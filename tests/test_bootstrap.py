@@ -134,7 +134,7 @@ def test_the_users_choice_of_python_wins(machine: Machine, monkeypatch: pytest.M
 
 @pytest.mark.parametrize(
     ("kind", "words"),
-    [("core", ["--inexact"]), ("full", ["--extra", "train", "--group", "dev"])],
+    [("core", ["--inexact"]), ("full", ["--all-extras", "--group", "dev"])],
 )
 def test_syncs_the_lock_once(
     machine: Machine, kind: str, words: list[str], monkeypatch: pytest.MonkeyPatch
@@ -177,7 +177,7 @@ def test_full_satisfies_core_but_not_the_reverse(machine: Machine) -> None:
     assert machine.script.main(["core"]) == 0
     assert machine.calls()
     assert machine.script.main(["full"]) == 0
-    assert "train" in machine.calls()
+    assert "--all-extras" in machine.calls()
     (machine.root / ".venv" / ".vlnpe-core").unlink()
     assert machine.script.main(["core"]) == 0
     assert machine.calls() == []
