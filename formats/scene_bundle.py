@@ -51,6 +51,8 @@ class VisualMesh:
         corner_uv: (F, 3, 2) float32; v up, (0, 0) = the texture's lower left corner.
         face_material: (F,) int32 index into the bundle's materials.
         face_label: (F,) int32 index into the bundle's labels, −1 = unlabelled.
+        face_object: (F,) int32 index into the bundle's objects, −1 = of no named thing; left out,
+            as in bundles written before there were instances, all are −1.
     """
 
     vertices: NDArray[np.float32]
@@ -58,6 +60,11 @@ class VisualMesh:
     corner_uv: NDArray[np.float32]
     face_material: NDArray[np.int32]
     face_label: NDArray[np.int32]
+    face_object: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, dtype=np.int32))
+
+    def __post_init__(self) -> None:
+        if not len(self.face_object) and len(self.faces):
+            object.__setattr__(self, "face_object", np.full(len(self.faces), -1, dtype=np.int32))
 
 
 @dataclass(frozen=True)
@@ -134,9 +141,18 @@ class SceneBundle:
     generator: dict[str, Any] = field(default_factory=dict)
 
     def visual(self) -> VisualMesh:
-        """Load the visual mesh."""
-        with _npz(self.root / "visual.npz") as data:
-            return VisualMesh(**{key: data[key] for key in VisualMesh.__dataclass_fields__})
+        """Load the visual mesh; bundles without `face_object` give −1 for every face.
+
+        Raises:
+            FileFormatError: the file is missing, or lacks another array.
+        """
+        path = self.root / "visual.npz"
+        with _npz(path) as data:
+            known = [key for key in VisualMesh.__dataclass_fields__ if key in data.files]
+            try:
+                return VisualMesh(**{key: data[key] for key in known})
+            except TypeError as error:
+                raise FileFormatError(path, f"not a visual mesh: {error}") from error
 
     def level_folder(self, level: int) -> Path:
         """Folder of a level.

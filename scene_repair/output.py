@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -72,17 +72,21 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
     source, way = repaired.source, repaired.way
     materials = write_materials(repaired.materials, out_dir, config.max_texture_px)
     heights = tuple(floor.floor_z_m for floor in repaired.floors)
-    named = labelled_objects(
+    named, index = labelled_objects(
         repaired.scan,
         repaired.boxes,
         repaired.original.vertices,
         way.source_to_world,
         heights,
     )
+    # Patches come after the scan's own objects and belong to none of them.
+    own = repaired.mesh.face_object
+    of_scan = np.where(own < len(index), own, -1)
+    visual = replace(repaired.visual, face_object=np.append(index, np.int32(-1))[of_scan])
     scene_id = config.scene_id or source.stem
     write_usd(
         out_dir / "scene.usdc",
-        repaired.visual,
+        visual,
         materials,
         repaired.labels,
         named,
@@ -121,7 +125,7 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
         generator=repaired.scan.generator,
     )
     levels = [(level.floor, level.obstacles, level.freemap) for level in repaired.levels]
-    save_bundle(bundle, repaired.visual, levels)
+    save_bundle(bundle, visual, levels)
     return load_bundle(out_dir)
 
 

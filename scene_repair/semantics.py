@@ -99,10 +99,16 @@ def labelled_objects(
     vertices_world_m: NDArray[np.float64],
     source_to_world: NDArray[np.float64],
     level_floor_z_m: tuple[float, ...],
-) -> tuple[LabeledObject, ...]:
-    """Named objects with world bounds: label boxes first, named nodes for the rest."""
+) -> tuple[tuple[LabeledObject, ...], NDArray[np.int32]]:
+    """Named objects with world bounds: label boxes first, named nodes for the rest.
+
+    Returns:
+        The objects, and for each of `scan.objects` the index of its own, −1 = none.
+    """
     found: list[LabeledObject] = []
     names: set[str] = set()
+    boxed: dict[str, int] = {}
+    index = np.full(len(scan.objects), -1, dtype=np.int32)
 
     def add(name: str, category: str, points: NDArray[np.float64]) -> None:
         unique, n = name, 1
@@ -125,15 +131,19 @@ def labelled_objects(
         if not box.category or _is_copy(box, boxes):
             continue
         corners = box.corners() @ source_to_world[:3, :3].T + source_to_world[:3, 3]
+        boxed.setdefault(box.name, len(found))
         add(box.name, box.category, corners)
-    boxed = {b.name for b in boxes}
+    passed_over = {b.name for b in boxes}
     order = np.argsort(scan.face_object, kind="stable")
     bounds = np.searchsorted(scan.face_object[order], np.arange(len(scan.objects) + 1))
     for k, obj in enumerate(scan.objects):
         mine = order[bounds[k] : bounds[k + 1]]
-        if obj.name not in boxed and len(mine):
+        if obj.name in passed_over:
+            index[k] = boxed.get(obj.name, -1)
+        elif len(mine):
+            index[k] = len(found)
             add(obj.name, obj.category, vertices_world_m[scan.faces[mine].ravel()])
-    return tuple(found)
+    return tuple(found), index
 
 
 def _level_of(low: float, high: float, level_floor_z_m: tuple[float, ...]) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from PIL import Image
 from scipy import ndimage
 
 from tests.support import scans
+from vlnpe.formats.errors import FileFormatError
 from vlnpe.formats.scene_bundle import SceneBundle, load_bundle
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
@@ -64,6 +66,8 @@ def test_arrays_agree(bundle: SceneBundle) -> None:
     assert visual.faces.max() < len(visual.vertices)
     assert 0 <= visual.face_material.min() <= visual.face_material.max() < len(bundle.materials)
     assert -1 <= visual.face_label.min() <= visual.face_label.max() < len(bundle.labels)
+    assert visual.face_object.shape == (count,) and visual.face_object.dtype == np.int32
+    assert -1 <= visual.face_object.min() <= visual.face_object.max() < len(bundle.objects)
     assert np.isfinite(visual.corner_uv).all()
     floor, freemap = bundle.floor(0), bundle.freemap(0)
     assert floor.grid == freemap.grid
@@ -83,6 +87,30 @@ def test_labels_and_objects(bundle: SceneBundle) -> None:
     patch = next(k for k, m in enumerate(bundle.materials) if m.name == "floor_patch_0")
     labels = set(visual.face_label[visual.face_material == patch].tolist())
     assert labels == {bundle.labels.index("floor")}
+
+
+def test_every_face_knows_its_object(bundle: SceneBundle) -> None:
+    visual = bundle.visual()
+    corners = visual.vertices[visual.faces]
+    for k, thing in enumerate(bundle.objects):
+        mine = corners[visual.face_object == k].reshape(-1, 3)
+        assert len(mine), thing.name
+        assert mine.min(axis=0) == pytest.approx(thing.lower_m, abs=1e-4)
+        assert mine.max(axis=0) == pytest.approx(thing.upper_m, abs=1e-4)
+    patch = next(k for k, m in enumerate(bundle.materials) if m.name == "floor_patch_0")
+    assert set(visual.face_object[visual.face_material == patch].tolist()) == {-1}
+
+
+def test_bundle_without_instances_still_opens(bundle: SceneBundle, tmp_path: Path) -> None:
+    with np.load(bundle.root / "visual.npz") as data:
+        arrays = {key: data[key] for key in data.files if key != "face_object"}
+    np.savez(tmp_path / "visual.npz", **arrays)
+    old = replace(bundle, root=tmp_path).visual()
+    assert np.array_equal(old.face_object, np.full(len(old.faces), -1))
+    del arrays["faces"]
+    np.savez(tmp_path / "visual.npz", **arrays)
+    with pytest.raises(FileFormatError, match=r"visual\.npz"):
+        replace(bundle, root=tmp_path).visual()
 
 
 def test_repair_record(bundle: SceneBundle) -> None:
