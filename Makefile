@@ -39,7 +39,7 @@ train-gait:  ## Train a walking policy: make train-gait ROBOT=aliengo [OUT=folde
 
 test:  ## Run all tests (installs the full environment with torch and lerobot)
 	@$(SETUP) full
-	@$(BIN)/python -m pytest
+	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
 lint:  ## Check style and types
 	@$(SETUP) full
@@ -47,9 +47,9 @@ lint:  ## Check style and types
 	@$(BIN)/ruff format --check .
 	@$(BIN)/pyright
 
-bench:  ## Measure speed and write benchmarks/README.md
+bench:  ## Measure speed and write benchmarks/README.md: make bench [ONLY="render write"]
 	@$(SETUP) full
-	@$(BIN)/python -m benchmarks
+	@$(BIN)/python -m benchmarks $(ONLY)
 
 report:  ## Write a run's report again: make report OUT=runs/<name>
 	@$(SETUP) core

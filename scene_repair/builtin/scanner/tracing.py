@@ -1,8 +1,8 @@
-"""Rays through the exact apartment, on all cores."""
+"""Rays through the exact apartment, in chunks that keep memory low."""
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,11 +37,7 @@ class Tracer:
         self._corners = np.ascontiguousarray(corners_m, dtype=np.float32)
         self._mesh = TriangleMesh(self._scene, self._corners)
         self._scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
-        # One: with two threads, scans have been seen to spin without end on a busy machine.
-        self._workers = 1
-
-    def _chunks(self, count: int) -> list[slice]:
-        return [slice(a, min(a + _CHUNK, count)) for a in range(0, count, _CHUNK)]
+        # Never from two threads: scans have been seen to spin without end on a busy machine.
 
     def first(
         self, origins_m: NDArray[np.floating], directions: NDArray[np.floating], reach_m: float
@@ -52,15 +48,13 @@ class Tracer:
         distance = np.zeros(count, dtype=np.float32)
         bary = np.zeros((count, 2), dtype=np.float32)
 
-        def work(part: slice) -> None:
+        for part in _chunks(count):
             o = np.ascontiguousarray(origins_m[part], dtype=np.float32)
             d = np.ascontiguousarray(directions[part], dtype=np.float32)
             found = self._scene.run(o, d, dists=np.full(len(o), reach_m, np.float32), output=1)
             face[part] = found["primID"]
             distance[part] = found["tfar"]
             bary[part, 0], bary[part, 1] = found["u"], found["v"]
-
-        self._run(work, count)
         return Hits(face, distance, bary)
 
     def distance(
@@ -70,13 +64,11 @@ class Tracer:
         count = len(origins_m)
         result = np.empty(count, dtype=np.float32)
 
-        def work(part: slice) -> None:
+        for part in _chunks(count):
             o = np.ascontiguousarray(origins_m[part], dtype=np.float32)
             d = np.ascontiguousarray(directions[part], dtype=np.float32)
             reach = np.full(len(o), reach_m, np.float32)
             result[part] = np.minimum(self._scene.run(o, d, dists=reach, query="DISTANCE"), reach_m)
-
-        self._run(work, count)
         return result
 
     def blocked(
@@ -89,21 +81,13 @@ class Tracer:
         count = len(origins_m)
         result = np.empty(count, dtype=bool)
 
-        def work(part: slice) -> None:
+        for part in _chunks(count):
             o = np.ascontiguousarray(origins_m[part], dtype=np.float32)
             d = np.ascontiguousarray(directions[part], dtype=np.float32)
             reach = np.ascontiguousarray(reach_m[part], dtype=np.float32)
             result[part] = self._scene.run(o, d, dists=reach, query="OCCLUDED") != -1
-
-        self._run(work, count)
         return result
 
-    def _run(self, work, count: int) -> None:
-        chunks = self._chunks(count)
-        if len(chunks) == 1 or self._workers == 1:
-            for part in chunks:
-                work(part)
-            return
-        with ThreadPoolExecutor(self._workers) as pool:
-            for _ in pool.map(work, chunks):
-                pass
+
+def _chunks(count: int) -> Iterator[slice]:
+    return (slice(a, min(a + _CHUNK, count)) for a in range(0, count, _CHUNK))
