@@ -124,7 +124,8 @@ def test_indexes_times_metadata_and_map(written: tuple[Path, Rollout, Path]) -> 
     assert metadata["vlnpe.instruction"]["text"] == rollout.episode.instruction
     assert json.loads(metadata["vlnpe.view"]["json"])["light"] == "baked"
     assert [(a.name, a.media_type, a.data) for a in attachments] == [
-        ("scene_map.png", "image/png", b"\x89PNG map")
+        ("scene_map.png", "image/png", b"\x89PNG map"),
+        ("frames.npz", "application/x-npz", attachments[1].data),
     ]
 
 

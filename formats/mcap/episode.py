@@ -1,70 +1,70 @@
-"""A rollout with its rendered frames as one MCAP file that tells the whole episode.
+"""A rollout with its rendered frames as one MCAP file that tells the whole episode, and back.
 
 Everything `write_rollout` writes, and: colour as the video's own packets (CompressedVideo, no loss
 beyond the video's), depth as 16-bit millimetres (RawImage 16UC1, 0 = invalid), camera calibration,
-the camera's transform, commands, executed actions, the instruction, the reference path, and the
-scene's map as attachment. `read_rollout` reads these files, too.
+the camera's transform, commands, executed actions, the instruction, the reference path, and as
+attachments the scene's map and the exact numbers behind the frames. `read_rollout` reads these
+files, too; `extract_episode` gives back everything.
 """
 
 from __future__ import annotations
 
+import io
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import foxglove
 import numpy as np
-from foxglove.channels import (
-    CameraCalibrationChannel,
-    CompressedVideoChannel,
-    FrameTransformsChannel,
-    RawImageChannel,
-)
-from foxglove.messages import (
-    CameraCalibration,
-    CompressedVideo,
-    FrameTransform,
-    FrameTransforms,
-    RawImage,
-)
 from numpy.typing import NDArray
 
-from ..depth_codes import codes_to_millimetres
+from ..atomic import atomic_folder
 from ..errors import FileFormatError
 from ..frame_folder import FrameFolder, read_frame_folder
-from ..frames import matrix_to_quat, quat_to_matrix
 from ..rollout import STATE_RATE_HZ, Rollout
-from ..video import RGB_CODECS, iterate_bitstream, iterate_depth_codes, probe_video
+from ..video import probe_video
+from .camera import camera_messages
+from .camera_streams import extract_videos
 from .facts import JSON_KEY, METADATA_NAME, rollout_facts
 from .plan import plan_messages
-from .recording import Recording, nanoseconds, open_recording, timestamp
-from .rollout import SHOW_EVERY
-from .topics import (
-    BASE_FRAME,
-    CAMERA_FRAME,
-    Write,
-    event_messages,
-    motion_messages,
-    quaternion,
-    state_messages,
-    vector,
-    write_in_order,
-)
+from .recording import Contents, Recording, open_recording, read_recording
+from .rollout import SHOW_EVERY, rollout_of
+from .sensors import action_messages, command_messages, foot_messages, imu_messages
+from .topics import event_messages, motion_messages, state_messages, write_in_order
 
-RGB_TOPIC = "/camera/rgb"
-DEPTH_TOPIC = "/camera/depth"
-CALIBRATION_TOPIC = "/camera/calibration"
-CAMERA_TRANSFORM_TOPIC = "/camera/tf"
-COMMAND_TOPIC = "/command"
-ACTION_TOPIC = "/action"
-IMU_TOPIC = "/imu"
-FOOT_TOPIC = "/foot_contact"
+VIEW_METADATA = "vlnpe.view"
+DATASET_METADATA = "vlnpe.dataset"
+INSTRUCTION_METADATA = "vlnpe.instruction"
+FRAMES_ATTACHMENT = "frames.npz"
+MAP_ATTACHMENT = "scene_map.png"
+
+
+@dataclass(frozen=True)
+class ExtractedEpisode:
+    """What `extract_episode` found.
+
+    Attributes:
+        rollout: physics truth, exact.
+        frames: the folder of rendered frames that was written.
+        scene_map: PNG picture of the scene, or None.
+        dataset: facts of the dataset that the file came from, or None.
+    """
+
+    rollout: Rollout
+    frames: FrameFolder
+    scene_map: bytes | None
+    dataset: dict[str, Any] | None
 
 
 def write_episode_mcap(
-    path: Path, rollout: Rollout, frames: Path, *, scene_map: bytes | None = None
+    path: Path,
+    rollout: Rollout,
+    frames: Path,
+    *,
+    scene_map: bytes | None = None,
+    dataset: Mapping[str, Any] | None = None,
 ) -> None:
     """Write the episode atomically; all times are simulation times.
 
@@ -73,172 +73,165 @@ def write_episode_mcap(
         rollout: physics truth.
         frames: folder that the render stage wrote for this rollout.
         scene_map: PNG picture of the scene seen from above, attached when given.
+        dataset: facts of the dataset the episode belongs to (JSON values), when there is one.
 
     Raises:
         FileFormatError: the frames are damaged, or not of this rollout.
         ValueError: the depth range does not fit into 16 bits of millimetres.
     """
     view = read_frame_folder(frames)
-    samples = view.arrays["sample_index"]
-    expected = rollout.frame_samples(view.frames_per_second)
-    if not np.array_equal(samples, expected[: len(samples)]) or len(samples) == 0:
-        raise FileFormatError(frames, f"{len(samples)} frames that are not of this rollout")
-    for video in (view.rgb_video, view.depth_video):
-        if (count := probe_video(video).frames) != len(samples):
-            raise FileFormatError(video, f"{count} frames, there are {len(samples)} poses")
+    _check_frames(frames, view, rollout)
     # Where there is a frame there is a base pose, whatever the frame rate.
     every = math.gcd(SHOW_EVERY, STATE_RATE_HZ // view.frames_per_second)
     with open_recording(path) as recording:
-        writer = recording.writer
-        writer.write_metadata(METADATA_NAME, rollout_facts(rollout))
-        writer.write_metadata("vlnpe.instruction", {"text": rollout.episode.instruction})
-        writer.write_metadata("vlnpe.view", {JSON_KEY: json.dumps(view.facts, ensure_ascii=False)})
-        if scene_map is not None:
-            writer.attach(
-                log_time=0,
-                create_time=0,
-                name="scene_map.png",
-                media_type="image/png",
-                data=scene_map,
-            )
+        write_records(recording, rollout, view, scene_map, dataset)
         write_in_order(
             plan_messages(recording, rollout),
             state_messages(recording, rollout),
             motion_messages(recording, rollout, every),
-            _command_messages(recording, rollout, every),
-            _imu_messages(recording, rollout, every),
-            _foot_messages(recording, rollout, every),
-            _action_messages(recording, rollout),
-            _camera_messages(recording, rollout, view),
+            command_messages(recording, rollout, every),
+            imu_messages(recording, rollout, every),
+            foot_messages(recording, rollout, every),
+            action_messages(recording, rollout),
+            camera_messages(recording, rollout, view),
             event_messages(recording, rollout),
         )
 
 
-def _camera_messages(recording: Recording, rollout: Rollout, view: FrameFolder) -> Iterator[Write]:
-    """Pose, calibration, colour and depth of each frame."""
-    context = recording.context
-    transforms = FrameTransformsChannel(CAMERA_TRANSFORM_TOPIC, context=context)
-    calibrations = CameraCalibrationChannel(CALIBRATION_TOPIC, context=context)
-    colours = CompressedVideoChannel(RGB_TOPIC, context=context)
-    depths = RawImageChannel(DEPTH_TOPIC, context=context)
-    camera, codec = view.camera, RGB_CODECS[view.rgb_codec].canonical
-    position, rotation = _camera_in_base(rollout, view)
-    intrinsics = camera.intrinsics
-    projection = np.hstack([intrinsics, np.zeros((3, 1))])
-    times = rollout.time_s[view.arrays["sample_index"]]
-    pictures = zip(
-        times,
-        iterate_bitstream(view.rgb_video),
-        iterate_depth_codes(view.depth_video),
-        strict=True,
+def write_blind_mcap(
+    path: Path, rollout: Rollout, view: FrameFolder, scene_map: bytes | None = None
+) -> None:
+    """Write all of an episode but its pictures, atomically.
+
+    A dataset that keeps it beside its videos loses nothing of the episode; `extract_records` reads
+    it.
+    """
+    with open_recording(path) as recording:
+        write_records(recording, rollout, view, scene_map, None)
+        write_in_order(
+            state_messages(recording, rollout),
+            motion_messages(recording, rollout, SHOW_EVERY),
+            event_messages(recording, rollout),
+        )
+
+
+def write_records(
+    recording: Recording,
+    rollout: Rollout,
+    view: FrameFolder,
+    scene_map: bytes | None,
+    dataset: Mapping[str, Any] | None,
+) -> None:
+    """Write the episode's metadata and attachments."""
+    writer = recording.writer
+    writer.write_metadata(METADATA_NAME, rollout_facts(rollout))
+    writer.write_metadata(INSTRUCTION_METADATA, {"text": rollout.episode.instruction})
+    write_json_metadata(recording, VIEW_METADATA, view.facts)
+    if dataset is not None:
+        write_json_metadata(recording, DATASET_METADATA, dataset)
+    if scene_map is not None:
+        attach(recording, MAP_ATTACHMENT, "image/png", scene_map)
+    attach(recording, FRAMES_ATTACHMENT, "application/x-npz", _pack(view.arrays))
+
+
+def write_json_metadata(recording: Recording, name: str, value: Mapping[str, Any]) -> None:
+    """Write JSON values as a metadata record."""
+    text = json.dumps(dict(value), ensure_ascii=False)
+    recording.writer.write_metadata(name, {JSON_KEY: text})
+
+
+def read_json_metadata(contents: Contents, name: str, path: Path) -> Any:
+    """Inverse of `write_json_metadata`; None when there is no such record.
+
+    Raises:
+        FileFormatError: the record is no JSON.
+    """
+    record = contents.metadata.get(name)
+    if record is None:
+        return None
+    try:
+        return json.loads(record[JSON_KEY])
+    except (KeyError, ValueError) as error:
+        raise FileFormatError(path, f"metadata {name} is damaged: {error!r}") from error
+
+
+def attach(recording: Recording, name: str, media_type: str, data: bytes) -> None:
+    """Attach a file."""
+    recording.writer.attach(log_time=0, create_time=0, name=name, media_type=media_type, data=data)
+
+
+def extract_episode(path: Path, folder: Path) -> ExtractedEpisode:
+    """Read what `write_episode_mcap` wrote, and write its frames as the render stage does.
+
+    The colour video gets the very packets it had; depth is encoded again, without loss.
+
+    Args:
+        path: the file.
+        folder: for the frames; replaced as a whole.
+
+    Raises:
+        FileFormatError: missing, truncated, corrupt, or not an episode with pictures.
+    """
+    contents = read_recording(path)
+    rollout, facts, arrays = extract_records(contents, path)
+    with atomic_folder(folder) as temporary:
+        extract_videos(contents, path, temporary, facts, len(arrays["sample_index"]))
+        write_frame_records(temporary, facts, arrays)
+    frames = read_frame_folder(folder)
+    _check_frames(path, frames, rollout)
+    attached = contents.attachments.get(MAP_ATTACHMENT)
+    return ExtractedEpisode(
+        rollout,
+        frames,
+        None if attached is None else attached.data,
+        read_json_metadata(contents, DATASET_METADATA, path),
     )
-    for i, (time_s, colour, codes) in enumerate(pictures):
-        at, stamp = nanoseconds(time_s), timestamp(time_s)
-        pose = FrameTransform(
-            timestamp=stamp,
-            parent_frame_id=BASE_FRAME,
-            child_frame_id=CAMERA_FRAME,
-            translation=vector(position[i]),
-            rotation=quaternion(rotation[i]),
-        )
-        calibration = CameraCalibration(
-            timestamp=stamp,
-            frame_id=CAMERA_FRAME,
-            width=camera.width_px,
-            height=camera.height_px,
-            K=intrinsics.ravel().tolist(),
-            R=np.eye(3).ravel().tolist(),
-            P=projection.ravel().tolist(),
-        )
-        image = CompressedVideo(timestamp=stamp, frame_id=CAMERA_FRAME, data=colour, format=codec)
-        depth = RawImage(
-            timestamp=stamp,
-            frame_id=CAMERA_FRAME,
-            width=camera.width_px,
-            height=camera.height_px,
-            encoding="16UC1",
-            step=2 * camera.width_px,
-            data=codes_to_millimetres(codes, view.depth_range).astype("<u2").tobytes(),
-        )
-
-        def write(
-            at: int = at,
-            pose: FrameTransform = pose,
-            calibration: CameraCalibration = calibration,
-            image: CompressedVideo = image,
-            depth: RawImage = depth,
-        ) -> None:
-            transforms.log(FrameTransforms(transforms=[pose]), log_time=at)
-            calibrations.log(calibration, log_time=at)
-            colours.log(image, log_time=at)
-            depths.log(depth, log_time=at)
-
-        yield at, write
 
 
-def _camera_in_base(
-    rollout: Rollout, view: FrameFolder
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Position (N, 3) [m] and quat_wxyz (N, 4) of the optical frame in the base frame."""
+def extract_records(
+    contents: Contents, path: Path
+) -> tuple[Rollout, dict[str, Any], dict[str, NDArray[Any]]]:
+    """Rollout, facts of the view (meta.json) and arrays of its frames (frames.npz).
+
+    Raises:
+        FileFormatError: one of them is missing or damaged.
+    """
+    rollout = rollout_of(contents, path)
+    facts = read_json_metadata(contents, VIEW_METADATA, path)
+    attached = contents.attachments.get(FRAMES_ATTACHMENT)
+    if facts is None or attached is None:
+        missing = VIEW_METADATA if facts is None else FRAMES_ATTACHMENT
+        raise FileFormatError(path, f"no episode with pictures: {missing} is missing")
+    try:
+        with np.load(io.BytesIO(attached.data), allow_pickle=False) as data:
+            arrays = {key: data[key] for key in data.files}
+        if "sample_index" not in arrays:
+            raise ValueError("sample_index is missing")
+    except (OSError, EOFError, ValueError, KeyError) as error:
+        raise FileFormatError(path, f"{FRAMES_ATTACHMENT} is damaged: {error!r}") from error
+    return rollout, facts, arrays
+
+
+def write_frame_records(
+    folder: Path, facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]
+) -> None:
+    """Write meta.json and frames.npz of a folder of rendered frames; the videos lie there."""
+    (folder / "frames.npz").write_bytes(_pack(arrays))
+    (folder / "meta.json").write_text(json.dumps(dict(facts), indent=2, sort_keys=True) + "\n")
+
+
+def _pack(arrays: Mapping[str, NDArray[Any]]) -> bytes:
+    packed = io.BytesIO()
+    np.savez_compressed(packed, allow_pickle=False, **arrays)
+    return packed.getvalue()
+
+
+def _check_frames(path: Path, view: FrameFolder, rollout: Rollout) -> None:
+    """The frames are of this rollout, and complete."""
     samples = view.arrays["sample_index"]
-    to_base = quat_to_matrix(rollout.quat_wxyz[samples]).swapaxes(-1, -2)
-    offset = view.arrays["camera_position_world_m"] - rollout.position_world_m[samples]
-    rotation = to_base @ quat_to_matrix(view.arrays["camera_quat_wxyz"])
-    return np.einsum("nij,nj->ni", to_base, offset), matrix_to_quat(rotation)
-
-
-def _command_messages(recording: Recording, rollout: Rollout, every: int) -> Iterator[Write]:
-    """Velocity commands."""
-    names = ("vx_base_m_s", "vy_base_m_s", "yaw_rate_rad_s")
-    channel = _json_channel(
-        recording, COMMAND_TOPIC, "vlnpe.Command", dict.fromkeys(names, "number")
-    )
-    for i in range(0, len(rollout.time_s), every):
-        at = nanoseconds(rollout.time_s[i])
-        message: dict[str, Any] = dict(zip(names, rollout.command[i].tolist(), strict=True))
-        yield at, lambda message=message, at=at: channel.log(message, log_time=at)
-
-
-def _imu_messages(recording: Recording, rollout: Rollout, every: int) -> Iterator[Write]:
-    """What the inertial sensor in the base feels."""
-    names = [f"specific_force_{c}_base_m_s2" for c in "xyz"]
-    names += [f"angular_rate_{c}_base_rad_s" for c in "xyz"]
-    channel = _json_channel(recording, IMU_TOPIC, "vlnpe.Imu", dict.fromkeys(names, "number"))
-    for i in range(0, len(rollout.time_s), every):
-        at = nanoseconds(rollout.time_s[i])
-        message: dict[str, Any] = dict(zip(names, rollout.imu[i].tolist(), strict=True))
-        yield at, lambda message=message, at=at: channel.log(message, log_time=at)
-
-
-def _foot_messages(recording: Recording, rollout: Rollout, every: int) -> Iterator[Write]:
-    """Which feet touch, by name."""
-    names = rollout.foot_names
-    if not names:
-        return
-    fields = dict.fromkeys(names, "boolean")
-    channel = _json_channel(recording, FOOT_TOPIC, "vlnpe.FootContact", fields)
-    for i in range(0, len(rollout.time_s), every):
-        at = nanoseconds(rollout.time_s[i])
-        message: dict[str, Any] = dict(zip(names, rollout.foot_contact[i].tolist(), strict=True))
-        yield at, lambda message=message, at=at: channel.log(message, log_time=at)
-
-
-def _action_messages(recording: Recording, rollout: Rollout) -> Iterator[Write]:
-    """Executed discrete actions, when they begin."""
-    if not rollout.actions:
-        return
-    fields = {"id": "integer", "name": "string"}
-    channel = _json_channel(recording, ACTION_TOPIC, "vlnpe.Action", fields)
-    last = len(rollout.time_s) - 1
-    for span in rollout.actions:
-        at = nanoseconds(rollout.time_s[min(span.start_sample, last)])
-        message = {"id": int(span.action), "name": span.action.name}
-        yield at, lambda message=message, at=at: channel.log(message, log_time=at)
-
-
-def _json_channel(
-    recording: Recording, topic: str, title: str, fields: dict[str, str]
-) -> foxglove.Channel:
-    properties = {name: {"type": kind} for name, kind in fields.items()}
-    schema = {"type": "object", "title": title, "properties": properties}
-    return foxglove.Channel(topic, schema=schema, context=recording.context)
+    expected = rollout.frame_samples(view.frames_per_second)
+    if not np.array_equal(samples, expected[: len(samples)]) or len(samples) == 0:
+        raise FileFormatError(path, f"{len(samples)} frames that are not of this rollout")
+    for video in (view.rgb_video, view.depth_video):
+        if (count := probe_video(video).frames) != len(samples):
+            raise FileFormatError(video, f"{count} frames, there are {len(samples)} poses")

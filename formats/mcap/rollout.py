@@ -7,7 +7,7 @@ from pathlib import Path
 from ..errors import FileFormatError
 from ..rollout import Rollout
 from .facts import METADATA_NAME, rollout_facts, rollout_fields
-from .recording import open_recording, read_recording
+from .recording import Contents, open_recording, read_recording
 from .state import decode_states
 from .topics import STATE_TOPIC, event_messages, motion_messages, state_messages, write_in_order
 
@@ -35,7 +35,15 @@ def read_rollout(path: Path) -> Rollout:
     Raises:
         FileFormatError: missing, truncated, corrupt, or no rollout.
     """
-    contents = read_recording(path)
+    return rollout_of(read_recording(path), path)
+
+
+def rollout_of(contents: Contents, path: Path) -> Rollout:
+    """The rollout in a file that was read; `path` is for errors.
+
+    Raises:
+        FileFormatError: no rollout in it, or a damaged one.
+    """
     if METADATA_NAME not in contents.metadata:
         raise FileFormatError(path, f"no rollout: metadata {METADATA_NAME} is missing")
     fields = rollout_fields(contents.metadata[METADATA_NAME], path)

@@ -1,0 +1,108 @@
+"""What the camera sees, in Foxglove's own schemas: pose, calibration, colour and depth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from foxglove.channels import (
+    CameraCalibrationChannel,
+    CompressedVideoChannel,
+    FrameTransformsChannel,
+    RawImageChannel,
+)
+from foxglove.messages import (
+    CameraCalibration,
+    CompressedVideo,
+    FrameTransform,
+    FrameTransforms,
+    RawImage,
+)
+from numpy.typing import NDArray
+
+from ..frame_folder import FrameFolder
+from ..frames import matrix_to_quat, quat_to_matrix
+from ..rollout import Rollout
+from ..video import RGB_CODECS, iterate_bitstream, iterate_depth_codes
+from .depth_images import depth_encoding, encode_depth
+from .recording import Recording, nanoseconds, timestamp
+from .topics import BASE_FRAME, CAMERA_FRAME, Write, quaternion, vector
+
+RGB_TOPIC = "/camera/rgb"
+DEPTH_TOPIC = "/camera/depth"
+CALIBRATION_TOPIC = "/camera/calibration"
+CAMERA_TRANSFORM_TOPIC = "/camera/tf"
+
+
+def camera_messages(recording: Recording, rollout: Rollout, view: FrameFolder) -> Iterator[Write]:
+    """Pose, calibration, colour and depth of each frame."""
+    context = recording.context
+    transforms = FrameTransformsChannel(CAMERA_TRANSFORM_TOPIC, context=context)
+    calibrations = CameraCalibrationChannel(CALIBRATION_TOPIC, context=context)
+    colours = CompressedVideoChannel(RGB_TOPIC, context=context)
+    depths = RawImageChannel(DEPTH_TOPIC, context=context)
+    camera, codec = view.camera, RGB_CODECS[view.rgb_codec].canonical
+    position, rotation = _camera_in_base(rollout, view)
+    intrinsics = camera.intrinsics
+    projection = np.hstack([intrinsics, np.zeros((3, 1))])
+    encoding, pixel_bytes = depth_encoding(view.depth_range)
+    times = rollout.time_s[view.arrays["sample_index"]]
+    pictures = zip(
+        times,
+        iterate_bitstream(view.rgb_video),
+        iterate_depth_codes(view.depth_video),
+        strict=True,
+    )
+    for i, (time_s, colour, codes) in enumerate(pictures):
+        at, stamp = nanoseconds(time_s), timestamp(time_s)
+        pose = FrameTransform(
+            timestamp=stamp,
+            parent_frame_id=BASE_FRAME,
+            child_frame_id=CAMERA_FRAME,
+            translation=vector(position[i]),
+            rotation=quaternion(rotation[i]),
+        )
+        calibration = CameraCalibration(
+            timestamp=stamp,
+            frame_id=CAMERA_FRAME,
+            width=camera.width_px,
+            height=camera.height_px,
+            K=intrinsics.ravel().tolist(),
+            R=np.eye(3).ravel().tolist(),
+            P=projection.ravel().tolist(),
+        )
+        image = CompressedVideo(timestamp=stamp, frame_id=CAMERA_FRAME, data=colour, format=codec)
+        depth = RawImage(
+            timestamp=stamp,
+            frame_id=CAMERA_FRAME,
+            width=camera.width_px,
+            height=camera.height_px,
+            encoding=encoding,
+            step=pixel_bytes * camera.width_px,
+            data=encode_depth(codes, view.depth_range),
+        )
+
+        def write(
+            at: int = at,
+            pose: FrameTransform = pose,
+            calibration: CameraCalibration = calibration,
+            image: CompressedVideo = image,
+            depth: RawImage = depth,
+        ) -> None:
+            transforms.log(FrameTransforms(transforms=[pose]), log_time=at)
+            calibrations.log(calibration, log_time=at)
+            colours.log(image, log_time=at)
+            depths.log(depth, log_time=at)
+
+        yield at, write
+
+
+def _camera_in_base(
+    rollout: Rollout, view: FrameFolder
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Position (N, 3) [m] and quat_wxyz (N, 4) of the optical frame in the base frame."""
+    samples = view.arrays["sample_index"]
+    to_base = quat_to_matrix(rollout.quat_wxyz[samples]).swapaxes(-1, -2)
+    offset = view.arrays["camera_position_world_m"] - rollout.position_world_m[samples]
+    rotation = to_base @ quat_to_matrix(view.arrays["camera_quat_wxyz"])
+    return np.einsum("nij,nj->ni", to_base, offset), matrix_to_quat(rotation)

@@ -1,0 +1,91 @@
+"""The camera's pictures in an MCAP file as videos again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from google.protobuf.message import DecodeError, Message
+from mcap.records import Schema
+
+from ..camera import DepthRange
+from ..depth_codes import codes_to_depth
+from ..errors import FileFormatError, UnknownNameError
+from ..video import write_depth_video
+from ..video_mux import write_bitstream
+from .camera import DEPTH_TOPIC, RGB_TOPIC
+from .depth_images import decode_depth
+from .recording import Contents
+
+# Depths that a video gave are in its range already, also those that rounding put below its limit.
+_ANY_NEAR_M = 1e-6
+
+
+def extract_videos(
+    contents: Contents, path: Path, folder: Path, facts: Mapping[str, Any], count: int
+) -> None:
+    """Write the colour and the depth video that `facts` (meta.json) names into `folder`.
+
+    Args:
+        contents: of the file.
+        path: of the file, for errors.
+        folder: where the videos go.
+        facts: of the view.
+        count: number of frames there must be.
+
+    Raises:
+        FileFormatError: topics or frames are missing, or a picture is damaged.
+    """
+    colours = topic_messages(contents, path, RGB_TOPIC, count)
+    depths = topic_messages(contents, path, DEPTH_TOPIC, count)
+    try:
+        rate, depth = facts["frames_per_second"], facts["depth"]
+        depth_range = DepthRange(depth["near_m"], depth["far_m"])
+        formats = {message.format for message in colours}
+        if len(formats) != 1:
+            raise ValueError(f"{RGB_TOPIC} changes its format: {sorted(formats)}")
+        packets = [message.data for message in colours]
+        write_bitstream(folder / facts["rgb"]["file"], packets, formats.pop(), rate)
+
+        def images():
+            for message in depths:
+                codes = decode_depth(message.data, message.encoding, depth_range)
+                codes = codes.reshape(message.height, message.width)
+                yield codes_to_depth(codes, depth_range)
+
+        anything = DepthRange(_ANY_NEAR_M, depth_range.far_m)
+        write_depth_video(folder / depth["file"], images(), rate, anything)
+    except (KeyError, TypeError, ValueError, UnknownNameError) as error:
+        raise FileFormatError(path, f"pictures are damaged: {error!r}") from error
+
+
+def topic_messages(contents: Contents, path: Path, topic: str, count: int) -> list[Any]:
+    """A topic's messages, decoded by the schema in the file.
+
+    Raises:
+        FileFormatError: the topic is missing, has another number of messages, or is damaged.
+    """
+    found = contents.messages.get(topic, [])
+    if len(found) != count:
+        what = f"{len(found)} of {count} messages" if found else "missing"
+        raise FileFormatError(path, f"topic {topic}: {what}")
+    channel = contents.channels[found[0].channel_id]
+    try:
+        kind = message_class(contents.schemas[channel.schema_id])
+        return [kind.FromString(message.data) for message in found]
+    except (KeyError, TypeError, DecodeError) as error:
+        raise FileFormatError(path, f"topic {topic} is damaged: {error!r}") from error
+
+
+def message_class(schema: Schema) -> type[Message]:
+    """The Protobuf class that a file's schema describes.
+
+    Raises:
+        TypeError, KeyError, DecodeError: the schema is damaged.
+    """
+    pool = descriptor_pool.DescriptorPool()
+    for file in descriptor_pb2.FileDescriptorSet.FromString(schema.data).file:
+        pool.Add(file)
+    return message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))

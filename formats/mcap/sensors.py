@@ -1,0 +1,74 @@
+"""What the robot feels and is told, as JSON messages: commands, actions, IMU and feet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import foxglove
+
+from ..rollout import Rollout
+from .recording import Recording, nanoseconds
+from .topics import Write
+
+COMMAND_TOPIC = "/command"
+ACTION_TOPIC = "/action"
+IMU_TOPIC = "/imu"
+FOOT_TOPIC = "/foot_contact"
+
+
+def command_messages(recording: Recording, rollout: Rollout, every: int) -> Iterator[Write]:
+    """Velocity commands."""
+    names = ("vx_base_m_s", "vy_base_m_s", "yaw_rate_rad_s")
+    channel = _json_channel(
+        recording, COMMAND_TOPIC, "vlnpe.Command", dict.fromkeys(names, "number")
+    )
+    for i in range(0, len(rollout.time_s), every):
+        at = nanoseconds(rollout.time_s[i])
+        message: dict[str, Any] = dict(zip(names, rollout.command[i].tolist(), strict=True))
+        yield at, lambda message=message, at=at: channel.log(message, log_time=at)
+
+
+def imu_messages(recording: Recording, rollout: Rollout, every: int) -> Iterator[Write]:
+    """What the inertial sensor in the base feels."""
+    names = [f"specific_force_{c}_base_m_s2" for c in "xyz"]
+    names += [f"angular_rate_{c}_base_rad_s" for c in "xyz"]
+    channel = _json_channel(recording, IMU_TOPIC, "vlnpe.Imu", dict.fromkeys(names, "number"))
+    for i in range(0, len(rollout.time_s), every):
+        at = nanoseconds(rollout.time_s[i])
+        message: dict[str, Any] = dict(zip(names, rollout.imu[i].tolist(), strict=True))
+        yield at, lambda message=message, at=at: channel.log(message, log_time=at)
+
+
+def foot_messages(recording: Recording, rollout: Rollout, every: int) -> Iterator[Write]:
+    """Which feet touch, by name."""
+    names = rollout.foot_names
+    if not names:
+        return
+    fields = dict.fromkeys(names, "boolean")
+    channel = _json_channel(recording, FOOT_TOPIC, "vlnpe.FootContact", fields)
+    for i in range(0, len(rollout.time_s), every):
+        at = nanoseconds(rollout.time_s[i])
+        message: dict[str, Any] = dict(zip(names, rollout.foot_contact[i].tolist(), strict=True))
+        yield at, lambda message=message, at=at: channel.log(message, log_time=at)
+
+
+def action_messages(recording: Recording, rollout: Rollout) -> Iterator[Write]:
+    """Executed discrete actions, when they begin."""
+    if not rollout.actions:
+        return
+    fields = {"id": "integer", "name": "string"}
+    channel = _json_channel(recording, ACTION_TOPIC, "vlnpe.Action", fields)
+    last = len(rollout.time_s) - 1
+    for span in rollout.actions:
+        at = nanoseconds(rollout.time_s[min(span.start_sample, last)])
+        message = {"id": int(span.action), "name": span.action.name}
+        yield at, lambda message=message, at=at: channel.log(message, log_time=at)
+
+
+def _json_channel(
+    recording: Recording, topic: str, title: str, fields: dict[str, str]
+) -> foxglove.Channel:
+    properties = {name: {"type": kind} for name, kind in fields.items()}
+    schema = {"type": "object", "title": title, "properties": properties}
+    return foxglove.Channel(topic, schema=schema, context=recording.context)
