@@ -25,7 +25,7 @@ from .scan import Scan, ScanMaterial
 from .semantics import labelled_objects
 from .shading import Looks
 from .textures import write_materials
-from .usd_scene import write_usd
+from .usd_scene import UsdContent, write_usd
 from .world_mesh import WorldMesh
 
 # The pictures: free space around the floor, and limits of their size.
@@ -84,19 +84,28 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
     of_scan = np.where(own < len(index), own, -1)
     visual = replace(repaired.visual, face_object=np.append(index, np.int32(-1))[of_scan])
     scene_id = config.scene_id or source.stem
+    facts = {
+        "path": source.name,
+        "sha256": file_digest(source),
+        "licence": repaired.scan.licence or _licence(source),
+        **way.evidence,
+    }
     write_usd(
         out_dir / "scene.usdc",
-        visual,
-        materials,
-        repaired.labels,
-        named,
-        [(level.floor, level.obstacles) for level in repaired.levels],
+        UsdContent(
+            visual=visual,
+            materials=materials,
+            labels=repaired.labels,
+            objects=named,
+            levels=[(level.floor, level.obstacles) for level in repaired.levels],
+            facts={key: facts[key] for key in ("path", "sha256", "licence")},
+        ),
     )
     write_json(
         out_dir / "repair.json",
         {
             "scene_id": scene_id,
-            "source": {"name": source.name, **way.evidence},
+            "source": facts,
             "triangles_before": len(repaired.original.faces),
             "triangles_after": len(repaired.mesh.faces),
             "warnings": list(repaired.scan.warnings),
@@ -110,12 +119,7 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
     bundle = SceneBundle(
         root=out_dir,
         scene_id=scene_id,
-        source={
-            "path": source.name,
-            "sha256": file_digest(source),
-            "licence": repaired.scan.licence or _licence(source),
-            **way.evidence,
-        },
+        source=facts,
         source_to_world=way.source_to_world,
         habitat_to_world=way.habitat_to_world,
         materials=materials,

@@ -1,43 +1,66 @@
-"""The repaired scene as one USD file: looks, labels and collision, z up, in metres."""
+"""The repaired scene as one USD file: looks, instances with labels, collision; z up, in metres.
+
+Layout, for whoever reads it (Isaac Sim among others):
+
+    /World                      default prim
+      Looks, Friction           materials
+      Objects/<name>            one prim per named thing, labelled; its meshes below, by material
+      Unnamed/<label>           faces of no named thing
+      Collision/Floor_<level>   what carries, facing up
+      Collision/Boxes_<level>   what is in the way
+
+Colliders are meshes of their own: scanned surfaces are single sheets that face either way, while
+physics engines such as PhysX let things pass through a triangle's back. There is no physics scene
+in the file, because it is meant to be referenced into one, and simulators make one if there is
+none. Labels are written twice: as UsdSemantics' `semantics:labels:class`, and as the attributes
+`semantic:Semantics:params:*` that replicators before Isaac Sim 5 read.
+"""
 
 # usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
 # pyright: reportAttributeAccessIssue=false
 
 from __future__ import annotations
 
-import re
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdSemantics, UsdShade, Vt
+from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdSemantics, UsdShade
 
 from ..formats.errors import FileFormatError
 from ..formats.scene_bundle import Floor, LabeledObject, Material, Obstacles, VisualMesh
+from .usd_check import check_usd
+from .usd_materials import friction, look
+from .usd_mesh import box_surfaces, collider, floor_surface, visual_mesh
 
-SEMANTICS = "class"
-# A box's corners are numbered by bits x, y, z; quads run counter-clockwise seen from outside.
-_BOX_QUADS = np.array(
-    [[0, 2, 6, 4], [1, 5, 7, 3], [0, 4, 5, 1], [2, 3, 7, 6], [0, 1, 3, 2], [4, 6, 7, 5]]
-)
+TAXONOMY = "class"
 
 
-def write_usd(
-    path: Path,
-    visual: VisualMesh,
-    materials: tuple[Material, ...],
-    labels: tuple[str, ...],
-    objects: tuple[LabeledObject, ...],
-    levels: list[tuple[Floor, Obstacles]],
-) -> None:
-    """Write `path` and read it back.
+@dataclass(frozen=True)
+class UsdContent:
+    """What goes into the file.
 
-    The visual meshes stand under /World/Visual, one per label and material; invisible colliders
-    (purpose `guide`) under /World/Collision: per level the floor as a mesh and the obstacle boxes
-    as one mesh. Textures are referenced relative to the file.
+    Attributes:
+        visual, materials, labels, objects: as in `SceneBundle`.
+        levels: what carries and what is in the way, lowest level first.
+        facts: where the scene comes from (source, sha256, licence, …), kept as layer data.
+    """
+
+    visual: VisualMesh
+    materials: tuple[Material, ...]
+    labels: tuple[str, ...]
+    objects: tuple[LabeledObject, ...]
+    levels: list[tuple[Floor, Obstacles]]
+    facts: dict[str, Any]
+
+
+def write_usd(path: Path, content: UsdContent) -> None:
+    """Write `path` and check what was written; textures are referenced relative to it.
 
     Raises:
-        FileFormatError: what was written does not open as intended.
+        FileFormatError: what was written does not hold; see `check_usd`.
     """
     stage = Usd.Stage.CreateNew(str(path))
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
@@ -45,164 +68,128 @@ def write_usd(
     UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
     world = UsdGeom.Xform.Define(stage, "/World")
     stage.SetDefaultPrim(world.GetPrim())
-    Usd.ModelAPI(world.GetPrim()).SetKind(Kind.Tokens.component)
-    looks = [_material(stage, k, m) for k, m in enumerate(materials)]
-    UsdGeom.Xform.Define(stage, "/World/Visual")
-    _visual(stage, visual, looks, materials, labels)
-    _objects(stage, objects)
-    UsdGeom.Xform.Define(stage, "/World/Collision")
-    for k, (floor, obstacles) in enumerate(levels):
-        _collider(stage, f"/World/Collision/Floor_{k}", *_floor_mesh(floor), "floor")
+    Usd.ModelAPI(world.GetPrim()).SetKind(Kind.Tokens.assembly)
+    stage.GetRootLayer().customLayerData = {"vlnpe": content.facts}
+    names = _Names()
+    UsdGeom.Scope.Define(stage, "/World/Looks")
+    looks = [
+        look(stage, f"/World/Looks/{names.of('/World/Looks', m.name)}", m)
+        for m in content.materials
+    ]
+    visual = content.visual
+    nameless = len(content.objects) + 1 + visual.face_label
+    part = np.where(visual.face_object < 0, nameless, visual.face_object).astype(np.int64)
+    _meshes(stage, visual, part, _parts(content, names, stage), looks)
+    grip = friction(stage, "/World/Friction")
+    UsdGeom.Scope.Define(stage, "/World/Collision")
+    for k, (floor, obstacles) in enumerate(content.levels):
+        prim = collider(stage, f"/World/Collision/Floor_{k}", *floor_surface(floor), grip)
+        _label(prim, "floor")
         if len(obstacles.center_m):
-            _collider(stage, f"/World/Collision/Boxes_{k}", *_box_mesh(obstacles), "obstacle")
+            prim = collider(stage, f"/World/Collision/Boxes_{k}", *box_surfaces(obstacles), grip)
+            _label(prim, "obstacle")
     stage.GetRootLayer().Save()
-    _check(path)
+    problems = check_usd(path)
+    if problems:
+        raise FileFormatError(path, f"written stage does not hold: {'; '.join(problems[:3])}")
 
 
-def _name(text: str, index: int) -> str:
-    cleaned = re.sub(r"[^A-Za-z0-9_]", "_", text)
-    return f"M{index:03d}_{cleaned}"
+class _Names:
+    """Prim names that are valid and unique below each parent."""
+
+    def __init__(self) -> None:
+        self._taken: dict[str, set[str]] = {}
+
+    def of(self, parent: str, text: str) -> str:
+        """A name like `text` that no earlier call gave for `parent`."""
+        taken = self._taken.setdefault(parent, set())
+        name, n = Tf.MakeValidIdentifier(text or "unnamed"), 1
+        unique = name
+        while unique in taken:
+            n += 1
+            unique = f"{name}_{n}"
+        taken.add(unique)
+        return unique
 
 
-def _material(stage: Usd.Stage, index: int, material: Material) -> UsdShade.Material:
-    path = f"/World/Looks/{_name(material.name, index)}"
-    look = UsdShade.Material.Define(stage, path)
-    shader = UsdShade.Shader.Define(stage, f"{path}/Surface")
-    shader.CreateIdAttr("UsdPreviewSurface")
-    shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(0.9)
-    color = shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
-    linear = _srgb_to_linear(np.array(material.base_color))
-    if material.texture is None:
-        color.Set(Gf.Vec3f(*(float(v) for v in linear)))
-    else:
-        reader = UsdShade.Shader.Define(stage, f"{path}/Uv")
-        reader.CreateIdAttr("UsdPrimvarReader_float2")
-        reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
-        texture = UsdShade.Shader.Define(stage, f"{path}/Texture")
-        texture.CreateIdAttr("UsdUVTexture")
-        texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(f"./{material.texture}")
-        texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("sRGB")
-        for wrap in ("wrapS", "wrapT"):
-            texture.CreateInput(wrap, Sdf.ValueTypeNames.Token).Set("repeat")
-        scale = texture.CreateInput("scale", Sdf.ValueTypeNames.Float4)
-        scale.Set(Gf.Vec4f(*(float(v) for v in linear), 1.0))
-        texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(
-            reader.CreateOutput("result", Sdf.ValueTypeNames.Float2)
-        )
-        color.ConnectToSource(texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3))
-    surface = shader.CreateOutput("surface", Sdf.ValueTypeNames.Token)
-    look.CreateSurfaceOutput().ConnectToSource(surface)
-    return look
+def _parts(content: UsdContent, names: _Names, stage: Usd.Stage) -> list[str]:
+    """Author a labelled prim per object, and per label of nameless faces.
 
-
-def _srgb_to_linear(srgb: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
-
-
-def _visual(
-    stage: Usd.Stage,
-    visual: VisualMesh,
-    looks: list[UsdShade.Material],
-    materials: tuple[Material, ...],
-    labels: tuple[str, ...],
-) -> None:
-    count = max(len(materials), 1)
-    key = (visual.face_label.astype(np.int64) + 1) * count + visual.face_material
-    for value in np.unique(key):
-        mine = np.flatnonzero(key == value)
-        label, material = int(value // count) - 1, int(value % count)
-        word = labels[label] if label >= 0 else "unlabelled"
-        path = f"/World/Visual/{_name(word, label + 1)}_{material:03d}"
-        used, inverse = np.unique(visual.faces[mine], return_inverse=True)
-        mesh = _mesh(stage, path, visual.vertices[used], inverse.reshape(-1, 3))
-        primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(
-            "st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying
-        )
-        uv = np.ascontiguousarray(visual.corner_uv[mine].reshape(-1, 2), dtype=np.float32)
-        primvar.Set(Vt.Vec2fArray.FromNumpy(uv))
-        mesh.CreateDoubleSidedAttr(True)
-        UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(looks[material])
-        if label >= 0:
-            _label(mesh.GetPrim(), word)
-
-
-def _mesh(
-    stage: Usd.Stage, path: str, points: NDArray[np.float32], faces: NDArray[np.int64]
-) -> UsdGeom.Mesh:
-    mesh = UsdGeom.Mesh.Define(stage, path)
-    points = np.ascontiguousarray(points, dtype=np.float32)
-    mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
-    counts = np.full(len(faces), faces.shape[1], dtype=np.int32)
-    mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(counts))
-    flat = np.ascontiguousarray(faces.reshape(-1), dtype=np.int32)
-    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(flat))
-    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-    low, high = points.min(axis=0), points.max(axis=0)
-    extent = np.stack([low, high]).astype(np.float32)
-    mesh.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(extent))
-    return mesh
-
-
-def _label(prim: Usd.Prim, word: str) -> None:
-    UsdSemantics.LabelsAPI.Apply(prim, SEMANTICS).CreateLabelsAttr([word])
-
-
-def _objects(stage: Usd.Stage, objects: tuple[LabeledObject, ...]) -> None:
-    """Named objects as empty labelled frames with their bounds, for whoever looks for them."""
-    UsdGeom.Scope.Define(stage, "/World/Objects")
-    for k, obj in enumerate(objects):
-        prim = UsdGeom.Xform.Define(stage, f"/World/Objects/{_name(obj.name, k)}").GetPrim()
+    Returns:
+        Their paths: of the objects, of nameless faces without label, and of each label's.
+    """
+    paths = []
+    _group(stage, "/World/Objects")
+    for obj in content.objects:
+        prim = _component(stage, "/World/Objects", obj.name, names)
         _label(prim, obj.category)
         for name, value in (("lower", obj.lower_m), ("upper", obj.upper_m)):
             attribute = prim.CreateAttribute(f"vlnpe:{name}", Sdf.ValueTypeNames.Double3)
             attribute.Set(Gf.Vec3d(*value))
+        paths.append(str(prim.GetPath()))
+    _group(stage, "/World/Unnamed")
+    visual = content.visual
+    left = set(np.unique(visual.face_label[visual.face_object < 0]).tolist())
+    for label, word in enumerate(("unlabelled", *content.labels), start=-1):
+        if label not in left:
+            paths.append("")
+            continue
+        prim = _component(stage, "/World/Unnamed", word, names)
+        if label >= 0:
+            _label(prim, word)
+        paths.append(str(prim.GetPath()))
+    return paths
 
 
-def _collider(
-    stage: Usd.Stage, path: str, points: NDArray[np.float64], faces: NDArray[np.int64], word: str
+def _component(stage: Usd.Stage, parent: str, text: str, names: _Names) -> Usd.Prim:
+    prim = UsdGeom.Xform.Define(stage, f"{parent}/{names.of(parent, text)}").GetPrim()
+    Usd.ModelAPI(prim).SetKind(Kind.Tokens.component)
+    prim.SetDisplayName(text)
+    return prim
+
+
+def _group(stage: Usd.Stage, path: str) -> None:
+    prim = UsdGeom.Xform.Define(stage, path).GetPrim()
+    Usd.ModelAPI(prim).SetKind(Kind.Tokens.group)
+
+
+def _meshes(
+    stage: Usd.Stage,
+    visual: VisualMesh,
+    part: NDArray[np.int64],
+    paths: list[str],
+    looks: list[UsdShade.Material],
 ) -> None:
-    mesh = _mesh(stage, path, points.astype(np.float32), faces)
-    mesh.CreatePurposeAttr(UsdGeom.Tokens.guide)
-    UsdPhysics.CollisionAPI.Apply(mesh.GetPrim())
-    shape = UsdPhysics.MeshCollisionAPI.Apply(mesh.GetPrim())
-    # Static colliders are taken as the triangles they are, not as a convex hull.
-    shape.CreateApproximationAttr(UsdPhysics.Tokens.none)
-    _label(mesh.GetPrim(), word)
+    """Author one mesh per part and material; faces without any extent are left out."""
+    key = part * max(len(looks), 1) + visual.face_material
+    key = np.where(_collapsed(visual), -1, key)
+    order = np.argsort(key, kind="stable")
+    values, starts = np.unique(key[order], return_index=True)
+    for value, mine in zip(values, np.split(order, starts[1:]), strict=True):
+        if value < 0:
+            continue
+        path, material = paths[value // len(looks)], int(value % len(looks))
+        name = looks[material].GetPath().name
+        used, inverse = np.unique(visual.faces[mine], return_inverse=True)
+        visual_mesh(
+            stage,
+            f"{path}/{name}",
+            visual.vertices[used],
+            inverse.reshape(-1, 3).astype(np.int32),
+            visual.corner_uv[mine],
+            looks[material],
+        )
 
 
-def _floor_mesh(floor: Floor) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Covered cells as quads with corner heights averaged from the cells around each corner."""
-    columns = floor.grid.columns
-    height = np.pad(floor.height_m.astype(np.float64), 1, mode="edge")
-    corner = 0.25 * (height[:-1, :-1] + height[1:, :-1] + height[:-1, 1:] + height[1:, 1:])
-    i, j = np.nonzero(floor.covered)
-    width = columns + 1
-    base = i * width + j
-    quads = np.stack([base, base + 1, base + width + 1, base + width], axis=1)
-    used, inverse = np.unique(quads, return_inverse=True)
-    xy = floor.grid.center_of(np.stack([used // width, used % width], axis=1) - 0.5)
-    points = np.column_stack([xy, corner.ravel()[used]]).astype(np.float64)
-    return points, inverse.reshape(quads.shape).astype(np.int64)
+def _collapsed(visual: VisualMesh) -> NDArray[np.bool_]:
+    """(F,) faces two corners of which coincide."""
+    a, b, c = (visual.vertices[visual.faces[:, k]] for k in range(3))
+    return (a == b).all(axis=1) | (b == c).all(axis=1) | (c == a).all(axis=1)
 
 
-def _box_mesh(obstacles: Obstacles) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    bits = np.array([[n >> 2 & 1, n >> 1 & 1, n & 1] for n in range(8)]) * 2 - 1
-    points = obstacles.center_m[:, None] + obstacles.half_m[:, None] * bits[None]
-    faces = _BOX_QUADS[None] + 8 * np.arange(len(points))[:, None, None]
-    return points.reshape(-1, 3), faces.reshape(-1, 4)
-
-
-def _check(path: Path) -> None:
-    """Reopen and look at what matters: default prim, units, indices in range."""
-    stage = Usd.Stage.Open(str(path))
-    if not stage or not stage.GetDefaultPrim():
-        raise FileFormatError(path, "written stage has no default prim")
-    if UsdGeom.GetStageUpAxis(stage) != UsdGeom.Tokens.z:
-        raise FileFormatError(path, "written stage is not z up")
-    for prim in stage.Traverse():
-        if prim.IsA(UsdGeom.Mesh):
-            mesh = UsdGeom.Mesh(prim)
-            points = len(mesh.GetPointsAttr().Get())
-            indices = np.asarray(mesh.GetFaceVertexIndicesAttr().Get())
-            if len(indices) and (indices.min() < 0 or indices.max() >= points):
-                raise FileFormatError(path, f"{prim.GetPath()}: face index out of range")
+def _label(prim: Usd.Prim, word: str) -> None:
+    UsdSemantics.LabelsAPI.Apply(prim, TAXONOMY).CreateLabelsAttr([word])
+    prim.AddAppliedSchema("SemanticsAPI:Semantics")
+    for name, value in (("Type", TAXONOMY), ("Data", word)):
+        path = f"semantic:Semantics:params:semantic{name}"
+        prim.CreateAttribute(path, Sdf.ValueTypeNames.String).Set(value)

@@ -157,8 +157,8 @@ def test_usd_reopens_with_collision_and_labels(bundle: SceneBundle) -> None:
             uv = UsdGeom.PrimvarsAPI(prim).GetPrimvar("st").Get()
             assert len(uv) == len(mesh.GetFaceVertexIndicesAttr().Get())
             assert UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0]
-            if UsdSemantics.LabelsAPI.GetDirectTaxonomies(prim):
-                words |= set(UsdSemantics.LabelsAPI(prim, "class").GetLabelsAttr().Get())
+            words |= set(UsdSemantics.LabelsAPI(prim.GetParent(), "class").GetLabelsAttr().Get())
+            assert not prim.HasAPI(UsdPhysics.CollisionAPI)
         if prim.IsA(UsdShade.Shader):
             value = UsdShade.Shader(prim).GetInput("file")
             if value and value.Get():
@@ -186,16 +186,35 @@ def test_usd_boxes_face_outwards(bundle: SceneBundle) -> None:
     )
 
 
-def test_usd_validates(bundle: SceneBundle) -> None:
-    from pxr import Usd, UsdValidation
+def test_usd_has_a_labelled_prim_per_thing(bundle: SceneBundle) -> None:
+    """Instances for Isaac Sim: new and old semantics, and the faces that the bundle says."""
+    from pxr import Usd, UsdGeom, UsdSemantics
 
     stage = Usd.Stage.Open(str(bundle.root / "scene.usdc"))
-    registry = UsdValidation.ValidationRegistry()
-    validators = registry.GetOrLoadAllValidators()
-    assert validators
-    errors = UsdValidation.ValidationContext(validators).Validate(stage)
-    serious = [e for e in errors if e.GetType() == UsdValidation.ValidationErrorType.Error]
-    assert not [f"{e.GetName()}: {e.GetMessage()}" for e in serious]
+    visual = bundle.visual()
+    for k, thing in enumerate(bundle.objects):
+        prim = stage.GetPrimAtPath(f"/World/Objects/{thing.name}")
+        assert list(UsdSemantics.LabelsAPI(prim, "class").GetLabelsAttr().Get()) == [thing.category]
+        assert "SemanticsAPI:Semantics" in prim.GetMetadata("apiSchemas").GetAppliedItems()
+        assert prim.GetAttribute("semantic:Semantics:params:semanticType").Get() == "class"
+        assert prim.GetAttribute("semantic:Semantics:params:semanticData").Get() == thing.category
+        meshes = [UsdGeom.Mesh(p) for p in prim.GetChildren()]
+        faces = sum(len(m.GetFaceVertexCountsAttr().Get()) for m in meshes)
+        assert faces == (visual.face_object == k).sum() > 0
+    box = UsdGeom.BBoxCache(0, ["default"]).ComputeWorldBound(stage.GetPrimAtPath("/World/Objects"))
+    assert box.GetRange().GetMax()[2] == pytest.approx(2.6, abs=1e-4)
+
+
+def test_source_travels_along(bundle: SceneBundle, source: Path) -> None:
+    from pxr import Sdf
+
+    digest = hashlib.sha256(source.read_bytes()).hexdigest()
+    layer = Sdf.Layer.FindOrOpen(str(bundle.root / "scene.usdc"))
+    record = json.loads((bundle.root / "repair.json").read_text())
+    for facts in (layer.customLayerData["vlnpe"], record["source"], bundle.source):
+        assert facts["path"] == "house.glb"
+        assert facts["sha256"] == digest
+        assert facts["licence"] == "Use as you like."
 
 
 def test_large_textures_are_scaled(source: Path, tmp_path: Path) -> None:
