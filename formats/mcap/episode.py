@@ -172,7 +172,11 @@ def extract_episode(path: Path, folder: Path) -> ExtractedEpisode:
     Raises:
         FileFormatError: missing, truncated, corrupt, or not an episode with pictures.
     """
-    contents = read_recording(path)
+    return extract_contents(read_recording(path), path, folder)
+
+
+def extract_contents(contents: Contents, path: Path, folder: Path) -> ExtractedEpisode:
+    """`extract_episode` of a file that was read."""
     rollout, facts, arrays = extract_records(contents, path)
     with atomic_folder(folder) as temporary:
         extract_videos(contents, path, temporary, facts, len(arrays["sample_index"]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
 from foxglove.channels import SceneUpdateChannel
 from foxglove.messages import (
     Color,
@@ -32,8 +33,10 @@ GOAL_DIAMETER_M = 0.25
 UPRIGHT = Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
 
 
-def plan_messages(recording: Recording, rollout: Rollout) -> Iterator[Write]:
-    """One message at the start: both paths and the goal, in the world frame."""
+def plan_messages(
+    recording: Recording, rollout: Rollout, walked_every: int = WALKED_EVERY
+) -> Iterator[Write]:
+    """One message at the start: both paths and the goal, if known, in the world frame."""
     channel = SceneUpdateChannel(PLAN_TOPIC, context=recording.context)
     at, stamp = nanoseconds(rollout.time_s[0]), timestamp(rollout.time_s[0])
     goal = SpherePrimitive(
@@ -50,9 +53,9 @@ def plan_messages(recording: Recording, rollout: Rollout) -> Iterator[Write]:
         id="plan",
         lines=[
             _line(rollout.episode.reference_path_world_m, REFERENCE_COLOR),
-            _line(rollout.position_world_m[::WALKED_EVERY], WALKED_COLOR),
+            _line(rollout.position_world_m[::walked_every], WALKED_COLOR),
         ],
-        spheres=[goal],
+        spheres=[goal] if np.isfinite(rollout.episode.goal_position_world_m).all() else [],
     )
     yield at, lambda: channel.log(SceneUpdate(entities=[entity]), log_time=at)
 

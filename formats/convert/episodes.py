@@ -1,0 +1,213 @@
+"""One episode from MCAP or a LeRobot dataset to a unit, and from a unit to either.
+
+A unit folder here may hold more than the dataset writer puts into it: `rollout.mcap`, the episode's
+rollout at full rate without pictures, and `dataset.json`, facts of the dataset that it came from.
+So nothing is lost on the way.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from ..atomic import atomic_file, atomic_folder
+from ..errors import FileFormatError
+from ..frame_table import build_frame_table
+from ..lerobot import DatasetSummary, assemble_dataset, read_episode_unit, write_episode_unit
+from ..lerobot.layout import DEPTH_KEY, RGB_KEY
+from ..lerobot.unit import EpisodeUnit
+from ..mcap.episode import (
+    DATASET_METADATA,
+    MAP_ATTACHMENT,
+    VIEW_METADATA,
+    extract_contents,
+    extract_records,
+    read_json_metadata,
+    write_blind_mcap,
+    write_episode_mcap,
+    write_frame_records,
+)
+from ..mcap.facts import METADATA_NAME
+from ..mcap.recording import read_recording
+from ..rollout import Rollout
+from .dataset import ROLLOUTS_PATH, DatasetFacts, extract_unit, kept_rollout, open_dataset
+from .unit_mcap import UNIT_METADATA, extract_unit_mcap, write_unit_mcap
+from .units import ROLLOUT_NAME, row_arrays
+
+DATASET_NAME = "dataset.json"
+
+
+def unit_from_mcap(path: Path, folder: Path) -> None:
+    """Write an MCAP file's episode as a unit.
+
+    Files that `write_episode_mcap` wrote give the unit that the exporter would have given, and the
+    rollout is kept; files that `write_unit_mcap` wrote give the unit they were made from.
+
+    Raises:
+        FileFormatError: damaged, or an MCAP file without an episode of vlnpe in it.
+    """
+    contents = read_recording(path)
+    if UNIT_METADATA in contents.metadata:
+        extract_unit_mcap(contents, path, folder)
+    elif METADATA_NAME in contents.metadata and VIEW_METADATA in contents.metadata:
+        with tempfile.TemporaryDirectory(dir=_parent(folder), prefix=".vlnpe-tmp-") as temporary:
+            seen = extract_contents(contents, path, Path(temporary) / "frames")
+            frames = seen.frames
+            write_episode_unit(
+                folder,
+                seen.rollout,
+                frames.arrays,
+                frames.frames_per_second,
+                rgb_video=frames.rgb_video,
+                depth_video=frames.depth_video,
+                camera=frames.camera,
+                depth_range=frames.depth_range,
+                light=frames.light,
+                rgb_codec=frames.rgb_codec,
+            )
+            write_blind_mcap(folder / ROLLOUT_NAME, seen.rollout, frames, seen.scene_map)
+    else:
+        what = "a rollout without pictures" if METADATA_NAME in contents.metadata else "no episode"
+        raise FileFormatError(path, f"holds {what}; valid: files of `vlnpe export` or `convert`")
+    facts = read_json_metadata(contents, DATASET_METADATA, path)
+    if facts is not None:
+        (folder / DATASET_NAME).write_text(json.dumps(facts))
+
+
+def unit_from_dataset(root: Path, number: int, folder: Path) -> None:
+    """Write one episode of a LeRobot dataset as a unit, with the rollout that the dataset keeps.
+
+    Raises:
+        FileFormatError: the dataset is damaged, or has no such episode.
+    """
+    extract_unit(root, number, folder)
+    kept = kept_rollout(root, number)
+    if kept is not None:
+        shutil.copyfile(kept, folder / ROLLOUT_NAME)
+    (folder / DATASET_NAME).write_text(json.dumps(open_dataset(root).facts.to_json()))
+
+
+def mcap_from_unit(folder: Path, path: Path) -> None:
+    """Write a unit's episode as MCAP: with its whole rollout if the unit keeps it.
+
+    Raises:
+        FileFormatError: the unit is damaged, or its rollout is of another episode.
+    """
+    facts = unit_dataset(folder)
+    dataset = None if facts is None else facts.to_json()
+    if not (folder / ROLLOUT_NAME).is_file():
+        write_unit_mcap(path, folder, dataset)
+        return
+    unit, blind = read_episode_unit(folder), folder / ROLLOUT_NAME
+    contents = read_recording(blind)
+    rollout, view, arrays = extract_records(contents, blind)
+    _check_rollout(unit, rollout, arrays, blind)
+    scene_map = contents.attachments.get(MAP_ATTACHMENT)
+    with tempfile.TemporaryDirectory(dir=_parent(path), prefix=".vlnpe-tmp-") as temporary:
+        frames = Path(temporary)
+        shutil.copyfile(unit.video(RGB_KEY), frames / view["rgb"]["file"])
+        shutil.copyfile(unit.video(DEPTH_KEY), frames / view["depth"]["file"])
+        write_frame_records(frames, view, arrays)
+        write_episode_mcap(
+            path,
+            rollout,
+            frames,
+            scene_map=None if scene_map is None else scene_map.data,
+            dataset=dataset,
+        )
+
+
+def dataset_from_units(units: Sequence[Path], out: Path, facts: DatasetFacts) -> DatasetSummary:
+    """Assemble units as a LeRobot dataset, with the rollouts that they keep.
+
+    Raises:
+        FileFormatError: a unit is damaged or does not match the first.
+    """
+    with atomic_folder(out) as temporary:
+        made = temporary / "made"
+        summary = assemble_dataset(
+            units,
+            made,
+            provenance=facts.provenance,
+            licence=facts.licence,
+            title=facts.title,
+            limits=facts.limits,
+        )
+        for entry in made.iterdir():
+            entry.rename(temporary / entry.name)
+        made.rmdir()
+        for number, unit in enumerate(units):
+            if (unit / ROLLOUT_NAME).is_file():
+                kept = temporary / ROLLOUTS_PATH.format(episode_index=number)
+                with atomic_file(kept) as copy:
+                    shutil.copyfile(unit / ROLLOUT_NAME, copy)
+    return summary
+
+
+def unit_dataset(folder: Path) -> DatasetFacts | None:
+    """Facts of the dataset that a unit came from, where known.
+
+    Raises:
+        FileFormatError: they are damaged.
+    """
+    path = folder / DATASET_NAME
+    if not path.is_file():
+        return None
+    try:
+        return DatasetFacts.from_json(json.loads(path.read_text()))
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise FileFormatError(path, f"damaged: {error!r}") from error
+
+
+def joint_facts(units: Sequence[Path], title: str, licence: str, note: Any) -> DatasetFacts:
+    """Facts of the dataset of all `units`: those they share, or what each had.
+
+    Args:
+        units: unit folders.
+        title: where units know of no dataset, or of several.
+        licence: of units that know of no dataset.
+        note: JSON value; where the units came from, for a provenance of our own.
+    """
+    known: dict[str, DatasetFacts] = {}
+    unknown = False
+    for folder in units:
+        facts = unit_dataset(folder)
+        unknown |= facts is None
+        if facts is not None:
+            known.setdefault(json.dumps(facts.to_json(), sort_keys=True), facts)
+    if len(known) == 1 and not unknown:
+        return next(iter(known.values()))
+    sources = [facts.provenance for facts in known.values()]
+    licences = {facts.licence for facts in known.values()} | ({licence} if unknown else set())
+    provenance = {"converted": note} | ({"sources": sources} if sources else {})
+    return DatasetFacts(title, licences.pop() if len(licences) == 1 else "other", provenance)
+
+
+def _check_rollout(
+    unit: EpisodeUnit, rollout: Rollout, arrays: dict[str, np.ndarray], path: Path
+) -> None:
+    """The unit's rows are the rollout's."""
+    try:
+        expected = build_frame_table(rollout, arrays, unit.frames_per_second).columns
+        rows = row_arrays(unit.rows())
+        changed = [
+            key
+            for key, values in expected.items()
+            if not np.array_equal(np.reshape(rows[key], values.shape), values, equal_nan=True)
+        ]
+    except (KeyError, ValueError, pa.ArrowException) as error:
+        raise FileFormatError(path, f"rollout does not fit the unit: {error!r}") from error
+    if changed:
+        raise FileFormatError(path, f"{changed[0]} differs from the rows of {unit.folder.name}")
+
+
+def _parent(path: Path) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return path.parent

@@ -1,0 +1,127 @@
+"""An episode of a dataset as one MCAP file, and back, without the rollout that it was made from.
+
+What Foxglove shows comes at frame rate; `ROW_TOPIC` and the metadata record `vlnpe.unit` hold the
+dataset's own rows, features, statistics and columns, exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ..errors import FileFormatError
+from ..lerobot.layout import DEPTH_KEY, RGB_KEY
+from ..lerobot.statistics import statistics_from_json
+from ..lerobot.unit import EpisodeUnit, read_episode_unit
+from ..mcap.camera import camera_messages
+from ..mcap.camera_streams import extract_videos
+from ..mcap.episode import (
+    DATASET_METADATA,
+    INSTRUCTION_METADATA,
+    VIEW_METADATA,
+    read_json_metadata,
+    write_json_metadata,
+)
+from ..mcap.plan import plan_messages
+from ..mcap.recording import Contents, open_recording
+from ..mcap.sensors import action_messages, command_messages, foot_messages, imu_messages
+from ..mcap.topics import event_messages, motion_messages, write_in_order
+from .frame_rollout import frame_rollout, frame_view
+from .row_messages import read_rows, row_messages
+from .units import UnitParts, row_arrays, write_unit
+
+UNIT_METADATA = "vlnpe.unit"
+
+
+def write_unit_mcap(path: Path, folder: Path, dataset: Mapping[str, Any] | None = None) -> None:
+    """Write a unit's episode atomically.
+
+    Args:
+        path: output.
+        folder: the unit's.
+        dataset: facts of the dataset it belongs to (JSON values).
+
+    Raises:
+        FileFormatError: the unit is damaged, or has features that MCAP files do not hold.
+    """
+    unit = read_episode_unit(folder)
+    table = unit.rows()
+    unknown = [k for k in _videos(unit) if k not in (RGB_KEY, DEPTH_KEY)]
+    if unknown:
+        raise FileFormatError(folder, f"no MCAP topic for {unknown[0]}")
+    try:
+        rows = row_arrays(table)
+        rollout, view = frame_rollout(unit, rows), frame_view(unit, rows)
+    except (KeyError, TypeError, ValueError) as error:
+        raise FileFormatError(folder, f"unit is damaged: {error!r}") from error
+    parts = UnitParts(
+        unit.frames_per_second,
+        unit.robot,
+        unit.features,
+        unit.task,
+        unit.length,
+        unit.statistics,
+        unit.columns,
+    )
+    with open_recording(path) as recording:
+        recording.writer.write_metadata(INSTRUCTION_METADATA, {"text": unit.task})
+        write_json_metadata(recording, UNIT_METADATA, parts.to_json())
+        write_json_metadata(recording, VIEW_METADATA, view.facts)
+        if dataset is not None:
+            write_json_metadata(recording, DATASET_METADATA, dataset)
+        streams = [
+            plan_messages(recording, rollout, walked_every=1),
+            row_messages(recording, table, unit.features, unit.frames_per_second),
+            motion_messages(recording, rollout, 1),
+        ]
+        if "action.velocity" in rows:
+            streams.append(command_messages(recording, rollout, 1))
+        if "observation.imu" in rows:
+            streams.append(imu_messages(recording, rollout, 1))
+        write_in_order(
+            *streams,
+            foot_messages(recording, rollout, 1),
+            action_messages(recording, rollout),
+            camera_messages(recording, rollout, view),
+            event_messages(recording, rollout),
+        )
+
+
+def extract_unit_mcap(contents: Contents, path: Path, folder: Path) -> None:
+    """Write the unit that `write_unit_mcap` took, exactly; colour packets are copied.
+
+    Args:
+        contents: of the file.
+        path: of the file, for errors.
+        folder: for the unit.
+
+    Raises:
+        FileFormatError: records, topics or messages are missing or damaged.
+    """
+    index = read_json_metadata(contents, UNIT_METADATA, path)
+    view = read_json_metadata(contents, VIEW_METADATA, path)
+    try:
+        parts = UnitParts(
+            frames_per_second=index["frames_per_second"],
+            robot=index["robot"],
+            features=index["features"],
+            task=index["task"],
+            length=index["length"],
+            statistics={k: statistics_from_json(v) for k, v in index["statistics"].items()},
+            columns=index["columns"],
+        )
+        rows = read_rows(contents, path, parts.features, parts.length)
+        files = {"depth": view["depth"] | {"file": f"{DEPTH_KEY}.mp4"}}
+        files["rgb"] = view["rgb"] | {"file": f"{RGB_KEY}.mp4"}
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise FileFormatError(path, f"metadata {UNIT_METADATA} is damaged: {error!r}") from error
+
+    def videos(temporary: Path) -> None:
+        extract_videos(contents, path, temporary, view | files, parts.length)
+
+    write_unit(folder, parts, rows, videos)
+
+
+def _videos(unit: EpisodeUnit) -> list[str]:
+    return [key for key, feature in unit.features.items() if feature["dtype"] == "video"]

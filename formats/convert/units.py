@@ -1,0 +1,96 @@
+"""Write an episode unit from its parts, as they came out of another format."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from ..atomic import atomic_folder
+from ..lerobot.layout import DATASET_ROWS, Features, row_schema
+from ..lerobot.statistics import Statistics, statistics_to_json
+from ..lerobot.unit import ROWS, UNIT_INDEX, UNIT_VERSION
+
+# An episode's whole rollout, kept beside a unit's frame rows: MCAP without pictures.
+ROLLOUT_NAME = "rollout.mcap"
+
+
+@dataclass(frozen=True)
+class UnitParts:
+    """All of a unit but its rows and videos; see `EpisodeUnit`."""
+
+    frames_per_second: int
+    robot: str
+    features: Features
+    task: str
+    length: int
+    statistics: Mapping[str, Statistics]
+    columns: Mapping[str, Any]
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON values, as in unit.json."""
+        return {
+            "unit_version": UNIT_VERSION,
+            "frames_per_second": self.frames_per_second,
+            "robot": self.robot,
+            "features": self.features,
+            "task": self.task,
+            "length": self.length,
+            "statistics": {k: statistics_to_json(v) for k, v in self.statistics.items()},
+            "columns": dict(self.columns),
+        }
+
+
+def write_unit(
+    folder: Path, parts: UnitParts, rows: pa.Table, write_videos: Callable[[Path], None]
+) -> None:
+    """Write a unit, replaced as a whole.
+
+    Args:
+        folder: the unit's.
+        parts: its index.
+        rows: of `unit_schema(parts.features)`.
+        write_videos: puts `<key>.mp4` of each video feature into the folder it is given.
+    """
+    with atomic_folder(folder) as temporary:
+        pq.write_table(rows, temporary / ROWS)
+        write_videos(temporary)
+        (temporary / UNIT_INDEX).write_text(json.dumps(parts.to_json()))
+
+
+def unit_schema(features: Features) -> pa.Schema:
+    """Schema of a unit's frame rows."""
+    return row_schema(features, without=tuple(DATASET_ROWS))
+
+
+def unit_rows(columns: Mapping[str, np.ndarray], features: Features) -> pa.Table:
+    """Frame rows of arrays (N, D) or (N,), by feature."""
+    schema = unit_schema(features)
+    arrays = []
+    for field in schema:
+        values = columns[field.name]
+        if pa.types.is_fixed_size_list(field.type):
+            flat = pa.array(np.ascontiguousarray(values).ravel(), field.type.value_type)
+            arrays.append(pa.FixedSizeListArray.from_arrays(flat, type=field.type))
+        else:
+            arrays.append(pa.array(np.asarray(values).reshape(-1)).cast(field.type))
+    return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def row_arrays(rows: pa.Table) -> dict[str, np.ndarray]:
+    """Inverse of `unit_rows`: arrays (N, D), or (N,) of single numbers."""
+    result = {}
+    for name in rows.schema.names:
+        column = rows[name].combine_chunks()
+        if pa.types.is_fixed_size_list(column.type):
+            flat = column.flatten().to_numpy(zero_copy_only=False)
+            result[name] = flat.reshape(len(rows), column.type.list_size)
+        else:
+            result[name] = column.to_numpy(zero_copy_only=False)
+    return result
