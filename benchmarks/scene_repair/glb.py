@@ -1,0 +1,183 @@
+"""Reading a GLB so that single meshes can be replaced, everything else staying byte for byte.
+
+Readers of whole scenes compress the textures again when they write; a scan with holes cut into it
+must differ from the scan by the holes alone.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vlnpe.formats.frames import habitat_to_world_position, world_to_habitat_position
+
+_TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+_FLOAT, _UINT = 5126, 5125
+
+
+@dataclass(frozen=True)
+class Part:
+    """One primitive of one node.
+
+    Attributes:
+        name: of the node.
+        node, mesh, primitive: indices in the file.
+        points_m: (V, 3) positions, z up [m].
+        faces: (F, 3) int64.
+        others: further vertex attributes, (V, n) each.
+    """
+
+    name: str
+    node: int
+    mesh: int
+    primitive: int
+    points_m: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    others: dict[str, NDArray[np.float32]]
+
+
+class Glb:
+    """A GLB of triangle meshes, each used by one node, without compression."""
+
+    def __init__(self, path: Path) -> None:
+        data = path.read_bytes()
+        size = struct.unpack_from("<I", data, 12)[0]
+        self.tree: dict[str, Any] = json.loads(data[20 : 20 + size])
+        length = struct.unpack_from("<I", data, 20 + size)[0]
+        self.body = bytearray(data[28 + size : 28 + size + length])
+        self._pose = self._poses()
+
+    def parts(self) -> list[Part]:
+        """Every primitive, with positions turned z up."""
+        found = []
+        for k, node in enumerate(self.tree["nodes"]):
+            if "mesh" not in node:
+                continue
+            for p, primitive in enumerate(self.tree["meshes"][node["mesh"]]["primitives"]):
+                read = {n: self._read(i) for n, i in primitive["attributes"].items()}
+                local = read.pop("POSITION").astype(np.float64)
+                pose = self._pose[k]
+                points = habitat_to_world_position(local @ pose[:3, :3].T + pose[:3, 3])
+                faces = self._read(primitive["indices"]).astype(np.int64).reshape(-1, 3)
+                others = {n: a.astype(np.float32) for n, a in read.items()}
+                name = node.get("name", f"node_{k}")
+                found.append(Part(name, k, node["mesh"], p, points, faces, others))
+        return found
+
+    def replace(self, part: Part) -> None:
+        """Write a changed part back."""
+        inverse = np.linalg.inv(self._pose[part.node])
+        source = world_to_habitat_position(part.points_m)
+        local = source @ inverse[:3, :3].T + inverse[:3, 3]
+        primitive = self.tree["meshes"][part.mesh]["primitives"][part.primitive]
+        primitive["attributes"] = {
+            "POSITION": self._append(local.astype("<f4")),
+            **{name: self._append(values.astype("<f4")) for name, values in part.others.items()},
+        }
+        primitive["indices"] = self._append(part.faces.ravel().astype("<u4"))
+
+    def add(
+        self,
+        name: str,
+        points_m: NDArray[np.float64],
+        faces: NDArray[np.int64],
+        color: tuple[float, float, float],
+    ) -> None:
+        """Append a node in one plain colour, positions z up."""
+        materials = self.tree.setdefault("materials", [])
+        materials.append(
+            {
+                "name": name,
+                "doubleSided": True,
+                "pbrMetallicRoughness": {"baseColorFactor": [*color, 1.0], "metallicFactor": 0.0},
+            }
+        )
+        local = world_to_habitat_position(points_m).astype("<f4")
+        primitive = {
+            "attributes": {"POSITION": self._append(local)},
+            "indices": self._append(faces.ravel().astype("<u4")),
+            "material": len(materials) - 1,
+        }
+        self.tree["meshes"].append({"name": name, "primitives": [primitive]})
+        self.tree["nodes"].append({"name": name, "mesh": len(self.tree["meshes"]) - 1})
+        self.tree["scenes"][self.tree.get("scene", 0)]["nodes"].append(len(self.tree["nodes"]) - 1)
+        self._pose.append(np.eye(4))
+
+    def write(self, path: Path) -> None:
+        """Write the file."""
+        self.body += b"\0" * (-len(self.body) % 4)
+        self.tree["buffers"] = [{"byteLength": len(self.body)}]
+        text = json.dumps(self.tree, separators=(",", ":")).encode()
+        text += b" " * (-len(text) % 4)
+        total = 12 + 8 + len(text) + 8 + len(self.body)
+        with path.open("wb") as file:
+            file.write(struct.pack("<III", 0x46546C67, 2, total))
+            file.write(struct.pack("<II", len(text), 0x4E4F534A) + text)
+            file.write(struct.pack("<II", len(self.body), 0x004E4942))
+            file.write(self.body)
+
+    def _poses(self) -> list[NDArray[np.float64]]:
+        """(4, 4) of every node to the scene."""
+        nodes = self.tree["nodes"]
+        poses = [_matrix(node) for node in nodes]
+        done: list[NDArray[np.float64] | None] = [None] * len(nodes)
+        queue = [(k, np.eye(4)) for k in self.tree["scenes"][self.tree.get("scene", 0)]["nodes"]]
+        while queue:
+            k, parent = queue.pop()
+            done[k] = parent @ poses[k]
+            queue += [(child, done[k]) for child in nodes[k].get("children", [])]
+        return [np.eye(4) if pose is None else pose for pose in done]
+
+    def _read(self, index: int) -> NDArray[Any]:
+        accessor = self.tree["accessors"][index]
+        view = self.tree["bufferViews"][accessor["bufferView"]]
+        kind, width = _TYPES[accessor["componentType"]], _WIDTHS[accessor["type"]]
+        item = np.dtype(kind).itemsize * width
+        start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+        stride = view.get("byteStride", item)
+        count = accessor["count"]
+        raw = np.frombuffer(self.body, np.uint8, stride * (count - 1) + item, start)
+        rows = np.lib.stride_tricks.as_strided(raw, (count, item), (stride, 1))
+        values = np.ascontiguousarray(rows).view(kind)
+        return values if width > 1 else values[:, 0]
+
+    def _append(self, array: NDArray[Any]) -> int:
+        self.body += b"\0" * (-len(self.body) % 4)
+        raw = np.ascontiguousarray(array).tobytes()
+        view = {"buffer": 0, "byteOffset": len(self.body), "byteLength": len(raw)}
+        self.body += raw
+        self.tree["bufferViews"].append(view)
+        entry: dict[str, Any] = {
+            "bufferView": len(self.tree["bufferViews"]) - 1,
+            "componentType": _FLOAT if array.dtype.kind == "f" else _UINT,
+            "count": len(array),
+            "type": "SCALAR" if array.ndim == 1 else f"VEC{array.shape[1]}",
+        }
+        if entry["type"] == "VEC3":
+            entry["min"], entry["max"] = array.min(0).tolist(), array.max(0).tolist()
+        self.tree["accessors"].append(entry)
+        return len(self.tree["accessors"]) - 1
+
+
+def _matrix(node: dict[str, Any]) -> NDArray[np.float64]:
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+    pose = np.eye(4)
+    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
+    rotation = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    pose[:3, :3] = rotation * np.array(node.get("scale", (1.0, 1.0, 1.0)))
+    pose[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
+    return pose

@@ -1,0 +1,180 @@
+"""A scene before anything is cut: its parts, its true floor, and where things stand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from vlnpe.formats.grid import GridSpec
+
+from .glb import Part
+from .vertical import Surfaces, heights_near
+
+CELL_M = 0.02
+# Surfaces this near to the floor's height belong to it: rugs, thresholds, noise.
+FLOOR_BAND_M = 0.05
+# Rays look for surfaces this far from it at most.
+NEAR_FLOOR_M = 0.15
+# Heights above the floor between which furniture is looked for, and where ceilings begin.
+FURNITURE_M = (0.12, 1.7)
+HEADROOM_M = 1.9
+WALL_SLICES_M = np.linspace(0.3, 2.0, 9)
+# A wall's two faces stand at most this far apart.
+WALL_THICKNESS_M = 0.28
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Site:
+    """What is known about a scene, z up [m]; heights are of its one storey.
+
+    Attributes:
+        name: of the scene.
+        parts: its meshes.
+        grid: cells of the following masks.
+        floor_z_m: height of the floor.
+        exact: whether the true floor is exactly a plane at that height.
+        true_floor: (rows, columns) where there is floor in truth.
+        scanned: where the scan has it.
+        building: everything inside the outer walls, and they.
+        wall: where walls stand.
+        furniture: what something hangs or stands over, lower than head height.
+        doors: boxes (lower, upper) (2,) in plan of doorways.
+    """
+
+    name: str
+    parts: list[Part]
+    grid: GridSpec
+    floor_z_m: float
+    exact: bool
+    true_floor: Mask
+    scanned: Mask
+    building: Mask
+    wall: Mask
+    furniture: Mask
+    doors: list[tuple[NDArray[np.float64], NDArray[np.float64]]]
+
+    def near_floor(self, parts: list[Part]) -> Surfaces:
+        """What of some parts lies about the floor's height."""
+        z = self.floor_z_m
+        return Surfaces.between(*soup_of(parts), z - NEAR_FLOOR_M, z + NEAR_FLOOR_M)
+
+
+def soup_of(parts: list[Part]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """All triangles of parts as one (V, 3) and (F, 3)."""
+    offset = np.cumsum([0] + [len(p.points_m) for p in parts[:-1]])
+    faces = [p.faces + at for p, at in zip(parts, offset, strict=True)]
+    return np.concatenate([p.points_m for p in parts]), np.concatenate(faces)
+
+
+def survey(
+    name: str,
+    parts: list[Part],
+    floor_z_m: float,
+    exact: bool,
+    true_floor: tuple[GridSpec, Mask] | None,
+    building: Mask | None,
+    doors: list[tuple[NDArray[np.float64], NDArray[np.float64]]],
+    wall_parts: list[Part] | None = None,
+) -> Site:
+    """Look over a scene.
+
+    Args:
+        name: of the scene.
+        parts: its meshes.
+        floor_z_m: height of its floor.
+        exact: whether that is all there is to know about its heights.
+        true_floor: where there is floor; None = where the scan has it and no wall stands.
+        building: the building's footprint; None = the scan's.
+        doors: boxes of doorways in plan.
+        wall_parts: the meshes that walls are made of; None = any may be.
+    """
+    vertices, faces = soup_of(parts)
+    everything = Surfaces.between(vertices, faces)
+    if true_floor is None:
+        lower, upper = vertices.min(axis=0)[:2], vertices.max(axis=0)[:2]
+        grid = GridSpec.covering(lower - 0.5, upper + 0.5, CELL_M)
+    else:
+        grid = true_floor[0]
+    centers = cell_centers(grid)
+
+    def met(z: float, within: float) -> Mask:
+        return np.isfinite(heights_near(everything, centers, z, within)).reshape(grid.shape)
+
+    scanned = met(floor_z_m, FLOOR_BAND_M)
+    low, high = FURNITURE_M
+    furniture = met(floor_z_m + (low + high) / 2, (high - low) / 2)
+    wall = _walls(*soup_of(parts if wall_parts is None else wall_parts), grid, floor_z_m)
+    anything = met(floor_z_m + 5.0, 6.0)
+    footprint = filled(ndimage.binary_closing(np.pad(anything, 20), iterations=15))[20:-20, 20:-20]
+    floor = scanned & ~wall if true_floor is None else true_floor[1]
+    return Site(
+        name=name,
+        parts=parts,
+        grid=grid,
+        floor_z_m=floor_z_m,
+        exact=exact,
+        true_floor=floor,
+        scanned=scanned,
+        building=footprint if building is None else building,
+        wall=wall,
+        furniture=furniture,
+        doors=doors,
+    )
+
+
+def filled(mask: Mask) -> Mask:
+    """The mask without holes."""
+    return np.asarray(ndimage.binary_fill_holes(mask), dtype=bool)
+
+
+def cell_centers(grid: GridSpec) -> NDArray[np.float64]:
+    """(rows · columns, 2) centres of all cells."""
+    return grid.center_of(
+        np.stack(np.meshgrid(*map(np.arange, grid.shape), indexing="ij"), axis=-1)
+    ).reshape(-1, 2)
+
+
+def _walls(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64], grid: GridSpec, floor_z_m: float
+) -> Mask:
+    """Cells through which surfaces pass at most heights, and what lies between a wall's faces."""
+    count = np.zeros(grid.shape, dtype=np.int32)
+    corners = vertices[faces]
+    for height in floor_z_m + WALL_SLICES_M:
+        z = corners[..., 2] - height
+        crossing = corners[(z.min(axis=1) < 0) & (z.max(axis=1) > 0)]
+        mask = np.zeros(grid.shape, dtype=bool)
+        cells = grid.cell_of(_samples(crossing, height, grid.cell_m / 2))
+        cells = cells[grid.inside(cells)]
+        mask[cells[:, 0], cells[:, 1]] = True
+        # A surface wavers between neighbouring cells.
+        count += ndimage.binary_dilation(mask, np.ones((3, 3)))
+    steps = round(WALL_THICKNESS_M / grid.cell_m)
+    tall = np.pad(count >= 0.75 * len(WALL_SLICES_M), steps)
+    solid = ndimage.binary_closing(tall, np.ones((steps, steps)))
+    return ndimage.binary_erosion(solid, np.ones((3, 3)))[steps:-steps, steps:-steps]
+
+
+def _samples(corners: NDArray[np.float64], height_m: float, step_m: float) -> NDArray[np.float64]:
+    """Points (N, 2) along the lines in which triangles (F, 3, 3) meet a height."""
+    z = corners[..., 2] - height_m
+    ends = []
+    for k in range(3):
+        a, b = corners[:, k], corners[:, (k + 1) % 3]
+        za, zb = z[:, k], z[:, (k + 1) % 3]
+        cuts = (za < 0) != (zb < 0)
+        t = np.where(cuts, za / np.where(cuts, za - zb, 1.0), np.nan)[:, None]
+        ends.append(a[:, :2] + t * (b - a)[:, :2])
+    stacked = np.stack(ends, axis=1)
+    order = np.isnan(stacked[..., 0]).argsort(axis=1, kind="stable")[:, :2]
+    pair = np.take_along_axis(stacked, order[..., None], axis=1)
+    length = np.linalg.norm(pair[:, 1] - pair[:, 0], axis=1)
+    steps = np.ceil(length / step_m).astype(np.int64) + 1
+    start = np.repeat(np.cumsum(steps) - steps, steps)
+    t = ((np.arange(len(start)) - start) / np.repeat(np.maximum(steps - 1, 1), steps))[:, None]
+    return np.repeat(pair[:, 0], steps, axis=0) * (1 - t) + np.repeat(pair[:, 1], steps, axis=0) * t
