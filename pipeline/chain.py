@@ -13,6 +13,7 @@ from ..formats.errors import InputError
 from ..instruction_gen.records import InstructConfig
 from ..scene_repair.config import RepairConfig
 from ..trajectory_sampler.sampling import SampleConfig
+from .crews import action_timing
 from .kept_robots import kept
 from .ledger import Row
 from .run_folder import RunFolder
@@ -84,7 +85,8 @@ class Chain:
         done = {tuple(row.item.split("/")[:2]) for row in ledger.rows(replay.STAGE)}
         for robot, controller in sorted(done - set(pairs)):
             try:
-                items = self._walks(asked, scenes, robot, controller)
+                seed, actions = self._driven(robot, controller)
+                items = self._walks(asked, scenes, robot, controller, seed, actions)
             except InputError:  # a robot that is known no more
                 items = []
             same = {item.name for item in items if self._is_current(item)}
@@ -112,7 +114,7 @@ class Chain:
         """
         folder = self.folder
         scope = f"{robot}/{controller}/"
-        items = self._walks(asked, scenes, robot, controller)
+        items = self._walks(asked, scenes, robot, controller, self.seed, self.actions)
         rollouts = self._stage(replay.STAGE, items, scope).good()
         items = render.items(
             rollouts,
@@ -151,12 +153,26 @@ class Chain:
         for stage in stages:
             self.context.ledger.select(stage, "", ())
 
+    def _driven(self, robot: str, controller: str) -> tuple[int, SpeedConfig]:
+        """Seed and timing with which a robot was driven when it last joined this run."""
+        for row in self.context.ledger.rows(replay.STAGE):
+            if row.item.startswith(f"{robot}/{controller}/") and "seed" in row.facts:
+                actions = row.facts["actions"]
+                return row.facts["seed"], action_timing(**actions) if actions else self.actions
+        return self.seed, self.actions
+
     def _walks(
-        self, asked: Sequence[Episode], scenes: Mapping[str, Row], robot: str, controller: str
+        self,
+        asked: Sequence[Episode],
+        scenes: Mapping[str, Row],
+        robot: str,
+        controller: str,
+        seed: int,
+        actions: SpeedConfig,
     ) -> list[WorkItem]:
         folder = self.folder
         reference = kept(robot, folder.root)
-        config = replay.config(reference, controller, self.seed, self.actions)
+        config = replay.config(reference, controller, seed, actions)
         return replay.items(asked, scenes, folder.scenes, folder.rollouts, folder.models, config)
 
     def _is_current(self, item: WorkItem) -> bool:

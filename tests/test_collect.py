@@ -220,20 +220,25 @@ def test_vlnce_episodes_are_filtered_aligned_and_walked(run_root, tmp_path):
 
 def test_another_robot_and_controller_join_a_run_on_the_same_episodes(run_root, tmp_path):
     shutil.copytree(run_root, tmp_path / "run")
+    common = ("--episodes", EPISODES, "--out", "run", "--only-success", "--json")
+    closed = ("--robot", "jetbot", "--controller", "speed", "--closed-loop")
+    last_json(vlnpe("collect", *closed, *common, cwd=tmp_path))
+    # What joined earlier stays, although discrete actions are timed otherwise now.
     done = last_json(
         vlnpe(
             *("collect", "--robot", "aliengo,vlnce", "--controller", "path,flash"),
-            *("--episodes", EPISODES, "--out", "run", "--only-success", "--json"),
+            *common,
             cwd=tmp_path,
         )
     )
     stages = done["stages"]
     assert (stages["sample"]["done"], stages["replay"]["reused"]) == (0, EPISODES)
     assert stages["replay"]["done"] == 2 * EPISODES
-    who = [(r["robot"], r["controller"], r["episodes"]) for r in done["robots"]]
+    who = [(r["robot"], r["driven"], r["episodes"]) for r in done["robots"]]
     assert who == [
         ("aliengo", "flash", EPISODES),
         ("aliengo", "path", EPISODES),
+        ("jetbot", "speed, closed loop", EPISODES),
         ("vlnce", "flash", EPISODES),
     ]
     rows = Ledger(tmp_path / "run").rows("replay")

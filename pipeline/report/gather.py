@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean
 from typing import Any
@@ -20,6 +21,7 @@ class RobotRow:
 
     Attributes:
         robot, controller: whom.
+        driven: the controller, and how it carried discrete actions out.
         episodes: how many were tried.
         collected: that ended within 0.25 m of the goal; SR, OS, SPL follow VLN-CE.
         tl: mean length walked.
@@ -32,6 +34,7 @@ class RobotRow:
 
     robot: str
     controller: str
+    driven: str
     episodes: int
     collected: float
     tl: float | None
@@ -90,6 +93,7 @@ def _robot_row(robot: str, controller: str, facts: list[dict[str, Any]], diverge
     return RobotRow(
         robot=robot,
         controller=controller,
+        driven=driven(controller, facts),
         episodes=tried,
         collected=100 * ends[EndReason.SUCCESS] / tried,
         tl=mean("trajectory_length_m"),
@@ -108,3 +112,13 @@ def _robot_row(robot: str, controller: str, facts: list[dict[str, Any]], diverge
         diverged=diverged,
         collisions=sum(bool(f["contacts"]) for f in facts),
     )
+
+
+def driven(controller: str, facts: Sequence[Mapping[str, Any]]) -> str:
+    """The controller in words, e.g. `speed, 50 steps` or `speed, closed loop`."""
+    ways = {
+        "closed loop" if f["actions"]["closed_loop"] else f"{f['actions']['steps']} steps"
+        for f in facts
+        if f.get("actions")
+    }
+    return ", ".join([controller, *sorted(ways)])

@@ -80,14 +80,21 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
 
     lines, dots, crosses, seen = [], [], [], set()
     tracks = [t for t in paths.tracks if t.scene == scene and t.episode.level == int(level)]
+    tracks.sort(key=lambda track: track.robot)
     width = max(2.0, 0.06 * scale)
+    numbers = {robot: k for k, robot in enumerate(paths.colors)}
     for track in tracks:
+        number = numbers[track.robot]
         title = f"{track.episode.episode_id} {track.robot}: {track.end_reason}"
         walked = pixels(track.xy_m)
-        lines.append(_line(walked, paths.colors[track.robot], width, title, False))
+        # Where robots walk the same way, the later one's thinner line leaves the others visible.
+        own = width * (1.0 - 0.6 * number / len(numbers))
+        line = _line(walked, paths.colors[track.robot], own, title, False)
+        lines.append({**line, "robot": number})
         if track.end_reason != "success":
             x, y = walked[-1].round(1).tolist()
-            crosses.append({"x": x, "y": y, "r": round(1.6 * width, 1), "title": title})
+            size = round(1.6 * width, 1)
+            crosses.append({"x": x, "y": y, "r": size, "title": title, "robot": number})
         if track.episode.episode_id in seen:
             continue
         seen.add(track.episode.episode_id)

@@ -8,6 +8,7 @@ from dataclasses import asdict, replace
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from ...collectors.controllers import SpeedConfig
 from ...collectors.replay import ReplayConfig, replay_in
@@ -98,6 +99,8 @@ def process(
         "scene": scene.name,
         "robot": rollout.robot,
         "controller": rollout.controller,
+        "seed": config.seed,
+        "actions": actions(config),
         "end_reason": end,
         "detail": next((e.detail for e in reversed(rollout.events) if e.kind == end), ""),
         "contacts": sum(event.kind in TOUCHING for event in rollout.events),
@@ -108,6 +111,16 @@ def process(
         },
     }
     return ItemResult(facts, failed=rollout.end_reason is not EndReason.SUCCESS)
+
+
+def actions(config: ReplayConfig) -> dict[str, Any]:
+    """How discrete actions were carried out; empty for controllers that know none."""
+    if config.controller != "speed":
+        return {}
+    return {
+        "steps": config.speed.steps_per_action,
+        "closed_loop": config.speed.end_on_displacement,
+    }
 
 
 class DivergedError(VlnpeError):
