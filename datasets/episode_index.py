@@ -1,0 +1,174 @@
+"""What a collected LeRobot dataset holds, episode by episode, without torch or lerobot."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from ..formats.errors import FileFormatError
+from ..formats.lerobot.layout import DATA_PATH, INFO_PATH, VIDEO_PATH, FilePlace
+
+# Of meta/episodes' 250 columns those that loaders and mixtures ask for; statistics stay on disk.
+_PLACES = (
+    "episode_index",
+    "length",
+    "dataset_from_index",
+    "data/chunk_index",
+    "data/file_index",
+)
+_LABELS = (
+    "episode_uid",
+    "trajectory_id",
+    "scene_id",
+    "split",
+    "robot",
+    "controller",
+    "light",
+    "end_reason",
+    "instructions",
+)
+
+
+@dataclass(frozen=True)
+class VideoPlace:
+    """Where an episode's frames lie: a file, and the time of the first frame in it [s]."""
+
+    path: Path
+    from_s: float
+
+
+@dataclass(frozen=True)
+class EpisodeEntry:
+    """One episode of a dataset.
+
+    Attributes:
+        number: its `episode_index`.
+        length: number of frames.
+        first_frame: `index` of its first frame in the dataset.
+        rows: the Parquet file of its frame rows.
+        videos: by feature.
+        uid: `split/scene/id`, the same for every robot, controller and view.
+        trajectory: `scene/trajectory`; episodes of one path share it, whatever their instruction.
+        scene, split, robot, controller, light, end_reason: labels.
+        instructions: its own first.
+    """
+
+    number: int
+    length: int
+    first_frame: int
+    rows: Path
+    videos: dict[str, VideoPlace]
+    uid: str
+    trajectory: str
+    scene: str
+    split: str
+    robot: str
+    controller: str
+    light: str
+    end_reason: str
+    instructions: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class DatasetIndex:
+    """A dataset's `meta/`, as far as loaders need it.
+
+    Attributes:
+        root: the dataset's folder.
+        info: `meta/info.json`.
+        table: the needed columns of `meta/episodes`, in order; some 300 bytes per episode.
+    """
+
+    root: Path
+    info: dict[str, Any]
+    table: pa.Table
+
+    def __len__(self) -> int:
+        return self.table.num_rows
+
+    @property
+    def frames_per_second(self) -> int:
+        """Frame rate."""
+        return int(self.info["fps"])
+
+    @cached_property
+    def shapes(self) -> dict[str, tuple[str, tuple[int, ...]]]:
+        """Type and shape of each feature."""
+        features = self.info["features"].items()
+        return {key: (f["dtype"], tuple(f["shape"])) for key, f in features}
+
+    def labels(self, name: str) -> list[str]:
+        """One label of all episodes, e.g. `end_reason`."""
+        return self.table[name].to_pylist()
+
+    def entry(self, row: int) -> EpisodeEntry:
+        """The episode in row `row`."""
+        values: dict[str, Any] = self.table.slice(row, 1).to_pylist()[0]
+
+        def place(prefix: str) -> FilePlace:
+            return FilePlace(values[f"{prefix}/chunk_index"], values[f"{prefix}/file_index"])
+
+        videos = {
+            key: VideoPlace(
+                self.root / place(f"videos/{key}").path(VIDEO_PATH, video_key=key),
+                values[f"videos/{key}/from_timestamp"],
+            )
+            for key, (dtype, _) in self.shapes.items()
+            if dtype == "video"
+        }
+        return EpisodeEntry(
+            number=values["episode_index"],
+            length=values["length"],
+            first_frame=values["dataset_from_index"],
+            rows=self.root / place("data").path(DATA_PATH),
+            videos=videos,
+            uid=values["episode_uid"],
+            trajectory=f"{values['scene_id']}/{values['trajectory_id']}",
+            scene=values["scene_id"],
+            split=values["split"],
+            robot=values["robot"],
+            controller=values["controller"],
+            light=values["light"],
+            end_reason=values["end_reason"],
+            instructions=tuple(values["instructions"]),
+        )
+
+
+def read_index(root: Path) -> DatasetIndex:
+    """Read a dataset's `meta/`.
+
+    Raises:
+        FileFormatError: no LeRobot v3 dataset, or one without the columns that vlnpe adds.
+    """
+    path = root / INFO_PATH
+    try:
+        info = json.loads(path.read_text())
+        videos = [key for key, f in info["features"].items() if f["dtype"] == "video"]
+        float(info["fps"])
+    except FileNotFoundError as error:
+        raise FileFormatError(path, "missing; no LeRobot dataset lies here") from error
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise FileFormatError(path, f"not the info of a LeRobot dataset: {error!r}") from error
+    columns = [*_PLACES, *_LABELS]
+    for key in videos:
+        columns += [f"videos/{key}/{n}" for n in ("chunk_index", "file_index", "from_timestamp")]
+    files = sorted((root / "meta" / "episodes").rglob("*.parquet"))
+    if not files:
+        raise FileFormatError(root / "meta" / "episodes", "holds no Parquet file")
+    return DatasetIndex(root, info, pa.concat_tables(_read(file, columns) for file in files))
+
+
+def _read(file: Path, columns: list[str]) -> pa.Table:
+    try:
+        missing = sorted(set(columns) - set(pq.read_schema(file).names))
+        if missing:
+            raise FileFormatError(file, f"lacks the columns {missing}; not collected by vlnpe?")
+        return pq.read_table(file, columns=columns).replace_schema_metadata(None)
+    except (OSError, pa.ArrowException) as error:
+        raise FileFormatError(file, f"not readable ({error})") from error

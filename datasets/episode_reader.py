@@ -1,0 +1,179 @@
+"""Frames of an episode as arrays: rows from Parquet, images by decoding the video once through."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from av import VideoFrame
+from av.video.reformatter import Interpolation, VideoReformatter
+from numpy.typing import NDArray
+
+from ..formats.camera import DepthRange
+from ..formats.depth_codes import DEPTH_PIXEL_FORMAT, SHIFT_M, codes_to_depth
+from ..formats.errors import FileFormatError
+from ..formats.lerobot.layout import DEPTH_KEY, RGB_KEY
+from .episode_index import DatasetIndex, EpisodeEntry
+from .video_cursor import OpenVideos
+
+_NEAREST_VALID_M = 1e-3  # any: code 0 alone means invalid
+
+
+class EpisodeReader:
+    """Reads one dataset's episodes; picklable, so that workers get their own.
+
+    Args:
+        index: of the dataset.
+        size_px: side of the square images to give; None leaves them as they are.
+        videos: kept open; shared between readers of one process.
+    """
+
+    def __init__(
+        self, index: DatasetIndex, size_px: int | None = None, videos: OpenVideos | None = None
+    ):
+        self.index = index
+        self._size = size_px
+        self._videos = videos or OpenVideos()
+        self._depth_range = _depth_range(index)
+
+    def rows(self, entry: EpisodeEntry, keys: Sequence[str]) -> dict[str, NDArray[Any]]:
+        """Columns (T, D) of the episode's frame rows, in the dataset's types.
+
+        Raises:
+            FileFormatError: damaged, or a column is missing.
+        """
+        missing = sorted(set(keys) - set(self.index.shapes))
+        if missing:
+            raise FileFormatError(
+                self.index.root,
+                f"has no {', '.join(missing)}; it has {', '.join(sorted(self.index.shapes))}",
+            )
+        table = _episode_table(entry, keys)
+        return {key: _matrix(table[key]) for key in keys}
+
+    def rgbd(
+        self, entry: EpisodeEntry, first: int = 0, count: int | None = None
+    ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """`rgb` and `depth_m` at once, on two threads: decoders leave the interpreter free."""
+        # Opened here: two threads must not change what is open.
+        rgb = self._frames(RGB_KEY, entry, first, count)
+        depth = self._frames(DEPTH_KEY, entry, first, count)
+        with ThreadPoolExecutor(1) as pool:
+            later = pool.submit(self._depth_m, depth)
+            return self._rgb(rgb), later.result()
+
+    def rgb(
+        self, entry: EpisodeEntry, first: int = 0, count: int | None = None
+    ) -> NDArray[np.uint8]:
+        """RGB images (T, H, W, 3) of `count` frames from the episode's `first` on.
+
+        Raises:
+            FileFormatError: the video is damaged.
+        """
+        return self._rgb(self._frames(RGB_KEY, entry, first, count))
+
+    def depth_m(
+        self, entry: EpisodeEntry, first: int = 0, count: int | None = None
+    ) -> NDArray[np.float32]:
+        """Depth images (T, H, W) [m], 0 = invalid; scaled by picking the nearest pixel.
+
+        Raises:
+            FileFormatError: the video is damaged.
+        """
+        return self._depth_m(self._frames(DEPTH_KEY, entry, first, count))
+
+    def _rgb(self, frames: Iterator[VideoFrame]) -> NDArray[np.uint8]:
+        # One for all frames, because setting up its conversion tables costs more than using them.
+        converter = VideoReformatter()
+        images = [
+            converter.reformat(
+                frame, self._size, self._size, "rgb24", interpolation=Interpolation.AREA
+            ).to_ndarray()
+            for frame in frames
+        ]
+        return np.stack(images).astype(np.uint8, copy=False)
+
+    def _depth_m(self, frames: Iterator[VideoFrame]) -> NDArray[np.float32]:
+        images = []
+        for frame in frames:
+            codes = frame.to_ndarray(format=DEPTH_PIXEL_FORMAT)
+            if self._size:  # averages of valid and invalid would be depths that nothing has
+                codes = cv2.resize(
+                    codes, (self._size, self._size), interpolation=cv2.INTER_NEAREST_EXACT
+                )
+            images.append(codes)
+        return codes_to_depth(np.stack(images), self._depth_range)
+
+    def _frames(
+        self, key: str, entry: EpisodeEntry, first: int, count: int | None
+    ) -> Iterator[VideoFrame]:
+        if key not in entry.videos:
+            raise FileFormatError(self.index.root, f"has no video {key}")
+        place, rate = entry.videos[key], self.index.frames_per_second
+        start = round(place.from_s * rate)
+        if count is None:
+            count = entry.length - first
+        if first < 0 or count < 1 or first + count > entry.length:
+            raise ValueError(
+                f"frames {first} … {first + count - 1}; the episode has {entry.length}"
+            )
+        return self._videos.cursor(place.path, rate).frames(start + first, count)
+
+
+def _depth_range(index: DatasetIndex) -> DepthRange:
+    info = index.info["features"].get(DEPTH_KEY, {}).get("info", {})
+    settings = tuple(info.get(f"video.{n}") for n in ("depth_min", "shift", "use_log"))
+    if DEPTH_KEY in index.shapes and settings != (0.0, SHIFT_M, True):
+        raise FileFormatError(
+            index.root, f"depth_min, shift, use_log are {settings}; valid: 0.0, {SHIFT_M}, True"
+        )
+    return DepthRange(_NEAREST_VALID_M, float(info.get("video.depth_max", 1.0)))
+
+
+def _episode_table(entry: EpisodeEntry, keys: Sequence[str]) -> pa.Table:
+    """Only the row groups that hold the episode are read; ours has one per episode."""
+    path: Path = entry.rows
+    try:
+        with pq.ParquetFile(path) as file:
+            groups = _groups(file, entry)
+            table = file.read_row_groups(groups, columns=["index", *keys])
+    except (OSError, pa.ArrowException) as error:
+        raise FileFormatError(path, f"not readable ({error})") from error
+    numbers = table["index"].to_numpy()
+    begin = int(np.searchsorted(numbers, entry.first_frame))
+    table = table.slice(begin, entry.length)
+    if table.num_rows != entry.length or table["index"][0].as_py() != entry.first_frame:
+        raise FileFormatError(path, f"does not hold all frames of episode {entry.number}")
+    return table
+
+
+def _groups(file: pq.ParquetFile, entry: EpisodeEntry) -> list[int]:
+    """Row groups that may hold frames of the episode, by their statistics of `index`."""
+    metadata = file.metadata
+    names = [metadata.schema.column(c).path for c in range(metadata.num_columns)]
+    column = names.index("index")
+    last = entry.first_frame + entry.length - 1
+    found = []
+    for number in range(metadata.num_row_groups):
+        bounds = metadata.row_group(number).column(column).statistics
+        elsewhere = (
+            bounds is not None
+            and bounds.has_min_max
+            and (bounds.min > last or bounds.max < entry.first_frame)
+        )
+        if not elsewhere:
+            found.append(number)
+    return found
+
+
+def _matrix(column: pa.ChunkedArray) -> NDArray[Any]:
+    array = column.combine_chunks()
+    if pa.types.is_fixed_size_list(array.type):
+        return array.flatten().to_numpy().reshape(len(array), array.type.list_size)
+    return array.to_numpy(zero_copy_only=False)[:, None]

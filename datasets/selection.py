@@ -1,0 +1,109 @@
+"""Chosen episodes of one or several datasets, as loaders take them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..formats.errors import InputError
+from .episode_index import DatasetIndex, EpisodeEntry, read_index
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Episodes in a fixed order.
+
+    Attributes:
+        datasets: where they lie.
+        dataset: (N,) which dataset each lies in.
+        row: (N,) its row there.
+    """
+
+    datasets: tuple[DatasetIndex, ...]
+    dataset: NDArray[np.int32]
+    row: NDArray[np.int32]
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    def index(self, number: int) -> DatasetIndex:
+        """The dataset of an episode."""
+        return self.datasets[self.dataset[number]]
+
+    def entry(self, number: int) -> EpisodeEntry:
+        """An episode."""
+        return self.index(number).entry(int(self.row[number]))
+
+    @cached_property
+    def lengths(self) -> NDArray[np.int64]:
+        """(N,) number of frames of each episode."""
+        result = np.zeros(len(self), np.int64)
+        for number, index in enumerate(self.datasets):
+            here = self.dataset == number
+            result[here] = index.table["length"].to_numpy()[self.row[here]]
+        return result
+
+    def labels(self, name: str) -> NDArray[np.object_]:
+        """(N,) a label of each episode, e.g. `robot`."""
+        result = np.empty(len(self), object)
+        for number, index in enumerate(self.datasets):
+            here = self.dataset == number
+            result[here] = np.array([*index.labels(name), None], object)[:-1][self.row[here]]
+        return result
+
+    def trajectories(self) -> NDArray[np.object_]:
+        """(N,) `scene/trajectory` of each episode."""
+        return self.labels("scene_id") + "/" + self.labels("trajectory_id")
+
+    def take(self, mask: NDArray[np.bool_]) -> Selection:
+        """Those that `mask` (N,) names."""
+        return Selection(self.datasets, self.dataset[mask], self.row[mask])
+
+
+def select_all(datasets: Iterable[DatasetIndex | Path]) -> Selection:
+    """All episodes of `datasets`, one after another.
+
+    Raises:
+        FileFormatError: a folder holds no dataset collected by vlnpe.
+    """
+    indices = tuple(d if isinstance(d, DatasetIndex) else read_index(d) for d in datasets)
+    counts = [len(index) for index in indices]
+    return Selection(
+        indices,
+        np.repeat(np.arange(len(indices)), counts).astype(np.int32),
+        np.concatenate([np.zeros(0), *(np.arange(n) for n in counts)]).astype(np.int32),
+    )
+
+
+def common_columns(
+    datasets: Sequence[DatasetIndex],
+) -> dict[str, tuple[str, tuple[int, ...]]]:
+    """Features that all datasets have in the same type and shape: what can be batched together.
+
+    Joints and feet differ between robots, so only datasets of one robot have them in common.
+    """
+    if not datasets:
+        return {}
+    first, *others = datasets
+    return {
+        key: shape
+        for key, shape in first.shapes.items()
+        if all(other.shapes.get(key) == shape for other in others)
+    }
+
+
+def check_frame_rate(datasets: Iterable[DatasetIndex]) -> int:
+    """The datasets' frame rate.
+
+    Raises:
+        InputError: they differ, or there is none.
+    """
+    rates = sorted({index.frames_per_second for index in datasets})
+    if len(rates) != 1:
+        raise InputError(f"frame rates {rates} frames/s; valid: datasets of one rate")
+    return rates[0]

@@ -1,0 +1,160 @@
+"""Whole episodes for recurrent models (Seq2Seq, CMA), as VLN-CE trains them by imitation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch.nn.utils.rnn import PackedSequence, pack_padded_sequence
+from torch.utils.data import Dataset
+
+from ..formats.errors import InputError
+from ..formats.frame_table import DISCRETE_RATE
+from .episode_reader import EpisodeReader
+from .poses import poses_relative
+from .selection import Selection, check_frame_rate
+from .tokens import Tokens
+from .video_cursor import OpenVideos
+
+ACTIONS = 4  # STOP, FORWARD, LEFT, RIGHT
+# VLN-CE's: frames per change of action in R2R's trajectories.
+INFLECTION_COEFFICIENT = 3.2
+_ROWS = ("action.discrete", "action", "observation.state", "observation.progress")
+
+
+@dataclass(frozen=True)
+class SequenceConfig:
+    """What an episode becomes.
+
+    Attributes:
+        size_px: side of the square images; None leaves them as they are.
+        max_steps: T at most; a longer episode is cut there and says so in `cut`.
+        inflection_coefficient: weight of a step whose action differs from the one before.
+        images: whether to decode them at all.
+    """
+
+    size_px: int | None = None
+    max_steps: int = 200
+    inflection_coefficient: float = INFLECTION_COEFFICIENT
+    images: bool = True
+
+    def __post_init__(self) -> None:
+        if self.max_steps < 1 or (self.size_px is not None and self.size_px < 8):
+            raise InputError(
+                f"max_steps {self.max_steps}, size_px {self.size_px}; valid: from 1 and from 8 on"
+            )
+
+
+class EpisodeSequences(Dataset[dict[str, Any]]):
+    """Whole episodes; item n is episode n of the selection.
+
+    An item has T ≤ `max_steps` steps, one per frame (0.25 s):
+
+    | key | type, shape | meaning |
+    | --- | --- | --- |
+    | rgb | uint8 (T, 3, H, W) | what is seen before the action |
+    | depth | float32 (T, 1, H, W) | planar z [m], 0 = invalid |
+    | tokens | int64 (L) | the instruction, see `tokens` |
+    | action | int64 (T) | 0 STOP, 1 FORWARD, 2 LEFT, 3 RIGHT |
+    | previous_action | int64 (T) | 0 at the first step, else 1 + the action before |
+    | weight | float32 (T) | inflection weight: the coefficient where the action changes (and at
+      the first step), else 1 |
+    | progress | float32 (T) | 0 … 1 |
+    | motion | float32 (T, 3) | Δx, Δy [m], Δyaw [rad] to the next frame, in this frame |
+    | pose | float32 (T, 3) | x, y [m], yaw [rad] relative to the first frame |
+    | length | int64 () | T |
+    | cut | bool () | whether the episode goes on |
+    | uid, robot | str | which episode, and whose |
+    """
+
+    def __init__(
+        self,
+        selection: Selection,
+        tokens: Tokens,
+        config: SequenceConfig = SequenceConfig(),
+    ):
+        """Get ready; reads nothing yet.
+
+        Raises:
+            InputError: the datasets have no discrete actions (4 frames/s have them).
+        """
+        rate = check_frame_rate(selection.datasets)
+        if rate != DISCRETE_RATE:
+            raise InputError(
+                f"{selection.datasets[0].root}: {rate} frames/s have no discrete actions; "
+                f"valid: {DISCRETE_RATE}"
+            )
+        self.selection, self.tokens, self.config = selection, tokens, config
+        videos = OpenVideos()
+        self._readers = [EpisodeReader(d, config.size_px, videos) for d in selection.datasets]
+
+    def __len__(self) -> int:
+        return len(self.selection)
+
+    def __getitem__(self, number: int) -> dict[str, Any]:
+        """Episode `number`."""
+        entry = self.selection.entry(number)
+        reader = self._readers[self.selection.dataset[number]]
+        rows = reader.rows(entry, _ROWS)
+        steps = min(entry.length, self.config.max_steps)
+        actions = rows["action.discrete"][:, 0]
+        changed = np.concatenate([[True], np.diff(actions) != 0])
+        item: dict[str, Any] = {
+            "tokens": torch.from_numpy(self.tokens.encode(entry.instructions[0])),
+            "action": _tensor(actions, steps),
+            "previous_action": _tensor(np.concatenate([[0], 1 + actions[:-1]]), steps),
+            "weight": _tensor(
+                np.where(changed, np.float32(self.config.inflection_coefficient), np.float32(1)),
+                steps,
+            ),
+            "progress": _tensor(rows["observation.progress"][:, 0], steps),
+            "motion": _tensor(rows["action"], steps),
+            "pose": _tensor(poses_relative(rows["observation.state"], 0), steps),
+            "length": torch.tensor(steps),
+            "cut": torch.tensor(steps < entry.length),
+            "uid": entry.uid,
+            "robot": entry.robot,
+        }
+        if self.config.images:
+            rgb, depth = reader.rgbd(entry, 0, steps)
+            item["rgb"] = torch.from_numpy(rgb).permute(0, 3, 1, 2)
+            item["depth"] = torch.from_numpy(depth)[:, None]
+        return item
+
+
+def collate_sequences(items: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Pad episodes to the longest: (B, T, …), zeros behind each end.
+
+    Adds `mask` (B, T), true where a step is real. Strings become lists.
+    """
+    lengths = torch.stack([item["length"] for item in items])
+    steps = int(lengths.max())
+    batch: dict[str, Any] = {}
+    for key, first in items[0].items():
+        values = [item[key] for item in items]
+        if not torch.is_tensor(first):
+            batch[key] = values
+        elif key == "tokens" or first.ndim == 0:
+            batch[key] = torch.stack(values)
+        else:
+            padded = first.new_zeros((len(items), steps, *first.shape[1:]))
+            for row, value in zip(padded, values, strict=True):
+                row[: len(value)] = value
+            batch[key] = padded
+    batch["mask"] = torch.arange(steps)[None] < lengths[:, None]
+    return batch
+
+
+def pack(batch: Mapping[str, torch.Tensor], key: str) -> PackedSequence:
+    """One key (B, T, …) of a batch, packed for `torch.nn.GRU` and its kin."""
+    return pack_padded_sequence(
+        batch[key], batch["length"].cpu(), batch_first=True, enforce_sorted=False
+    )
+
+
+def _tensor(values: NDArray[Any], steps: int) -> torch.Tensor:
+    return torch.from_numpy(values[:steps].copy())
