@@ -15,6 +15,7 @@ from ..formats.grid import GridSpec
 from .coverage import COVER_NORMAL_Z
 from .outline import cell_polygons, face_outline, trace_loops
 from .patch_region import Region
+from .tiles import Tiles
 from .world_mesh import WorldMesh
 
 # Inner vertices of a patch stand this far apart, so that it can follow a floor that is not plane.
@@ -59,13 +60,12 @@ def build_patch(
     """
     flat = floor_faces[np.abs(mesh.normals[floor_faces, 2]) >= COVER_NORMAL_Z]
     corners = mesh.vertices[mesh.faces[flat], :2]
-    low, high = corners.min(axis=1), corners.max(axis=1)
+    tiles = Tiles(corners.min(axis=1), corners.max(axis=1))
     builder = _Builder(mesh, height_m, grid)
     pieces: list[list[NDArray[np.float64]]] = []
     areas: list[float] = []
     for part in region:
-        lower, upper = part.bounds_m()
-        near = flat[np.all((high >= lower) & (low <= upper), axis=1)]
+        near = flat[tiles.near(*part.bounds_m())]
         rim = face_outline(mesh.faces[near], mesh.normals[near, 2] > 0)
         wanted = _cross_section(part.polygons_m())
         loops = [mesh.vertices[loop, :2] for loop in trace_loops(rim)]

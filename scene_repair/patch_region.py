@@ -13,6 +13,7 @@ from .coverage import WALL_HEIGHTS_M
 from .maps import Mask, Window, grow, grown_window, label, windows
 from .outline import cell_polygons
 from .slices import slice_marks
+from .tiles import Tiles
 from .world_mesh import WorldMesh
 
 # Cells are divided by this, so that a patch ends within millimetres of a wall's face.
@@ -57,9 +58,8 @@ def patch_region(
         grid: the cells.
         floor_z_m: the level's floor.
     """
-    upright = _upright_faces(mesh, floor_z_m)
-    corners = mesh.vertices[upright][..., :2]
-    lower, upper = corners.min(axis=1), corners.max(axis=1)
+    upright = mesh.vertices[_upright_faces(mesh, floor_z_m)]
+    tiles = Tiles(upright[..., :2].min(axis=1), upright[..., :2].max(axis=1))
     parts, _ = label(grow(fill))
     regions = []
     for k, window in enumerate(windows(parts), start=1):
@@ -69,10 +69,9 @@ def patch_region(
         local = _sub_grid(around, grid)
         inner = _divide(mine)
         if (seam & wall[around]).any():
-            low, high = _bounds(local)
-            near = upright[np.all((upper >= low) & (lower <= high), axis=1)]
+            near = upright[tiles.near(*_bounds(local))].reshape(-1, 3)
             heights = floor_z_m + WALL_HEIGHTS_M
-            face = slice_marks(mesh.vertices, near, local, heights) > 0
+            face = slice_marks(near, np.arange(len(near)).reshape(-1, 3), local, heights) > 0
             open_seam = _divide(seam) & ~(face & _divide(wall[around]))
             cross = ndimage.generate_binary_structure(2, 1)
             inner = ndimage.binary_dilation(
