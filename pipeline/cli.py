@@ -10,7 +10,7 @@ from typing import Annotated, Any, Union
 import tyro
 
 from ..formats.errors import InputError, VlnpeError
-from .commands import chain, collect, look, robots, rollouts
+from .commands import chain, collect, convert, look, mix, robots, rollouts
 
 # Verb → (options record, function that runs it). Order is the chain's order.
 VERBS: dict[str, tuple[type, Callable[[Any], int]]] = {
@@ -24,7 +24,9 @@ VERBS: dict[str, tuple[type, Callable[[Any], int]]] = {
     "replay": (rollouts.Replay, rollouts.run_replay),
     "render": (rollouts.Render, rollouts.run_render),
     "export": (rollouts.Export, rollouts.run_export),
+    "convert": (convert.Convert, convert.run_convert),
     "robots": (robots.Robots, robots.run_robots),
+    "mix": (mix.Mix, mix.run),
     "verify": (look.Verify, look.run_verify),
     "report": (look.Report, look.run_report),
     "doctor": (look.Doctor, look.run_doctor),

@@ -1,0 +1,1 @@
+"""Mixtures of datasets for co-training: which episodes, in which shares, in which order."""

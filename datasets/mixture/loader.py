@@ -1,0 +1,128 @@
+"""Batches of a mixture: in the same order for any number of workers, resumable between any two."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from torch.utils.data import DataLoader, Dataset, default_collate
+
+from ...formats.errors import InputError
+from .sampler import MixtureSampler
+
+Collate = Callable[[list[Any]], Any]
+
+
+class JoinedSources(Dataset[Any]):
+    """Items of several loaders by (source, item); each item also says its `source`."""
+
+    def __init__(self, sources: Sequence[Dataset[Any]]):
+        """Join map-style `sources`."""
+        self.sources = list(sources)
+
+    def __getitem__(self, pair: tuple[int, int]) -> Any:
+        """Item of a source."""
+        source, item = pair
+        return {**self.sources[source][item], "source": source}
+
+
+class MixtureLoader:
+    """Iterates over batches; one pass is one epoch, and the next goes on in the sequence.
+
+    `state_dict` tells how many batches the caller has had, whatever workers have fetched ahead;
+    with `load_state_dict` a new loader yields the very next one.
+
+    Args:
+        sources: loaders in the order of the sampler's sources, with items of common keys.
+        sampler: whose draws make the batches.
+        batch_size: draws per batch; the last of an epoch may be smaller.
+        workers: processes that read and decode; 0 does it in this one.
+        collate: makes a batch of items, e.g. `collate_sequences`.
+    """
+
+    def __init__(
+        self,
+        sources: Sequence[Dataset[Any]],
+        sampler: MixtureSampler,
+        batch_size: int,
+        workers: int = 0,
+        collate: Collate = default_collate,
+    ):
+        """Get ready.
+
+        Raises:
+            InputError: sizes that do not belong together, or a batch without items.
+        """
+        sizes = [len(source) for source in sources]  # type: ignore[arg-type]
+        if sizes != sampler.sizes:
+            raise InputError(f"loaders of {sizes} items, a sampler for {sampler.sizes}")
+        if batch_size < 1 or workers < 0:
+            raise InputError(
+                f"batch size {batch_size}, workers {workers}; valid: from 1, from 0 on"
+            )
+        self._data = JoinedSources(sources)
+        self._sampler, self._batch_size = sampler, batch_size
+        self._workers, self._collate = workers, collate
+        self._given = sampler.drawn  # draws in the batches that the caller has had
+
+    def __len__(self) -> int:
+        """Batches left in this epoch."""
+        left = self._sampler.length - self._given % self._sampler.length
+        return -(-left // self._batch_size)
+
+    def __iter__(self) -> Iterator[Any]:
+        """The rest of the epoch."""
+        self._sampler.drawn = self._given
+        stop = (self._given // self._sampler.length + 1) * self._sampler.length
+        options: dict[str, Any] = {}
+        if self._workers:
+            # Decoders and threads do not survive a fork.
+            options = {"multiprocessing_context": "spawn", "worker_init_fn": _one_thread}
+        batches = DataLoader(
+            self._data,  # type: ignore[arg-type]  # its indices are pairs
+            batch_sampler=_Batches(self._sampler, self._batch_size),
+            num_workers=self._workers,
+            collate_fn=self._collate,
+            **options,
+        )
+        for batch in batches:
+            self._given = min(self._given + self._batch_size, stop)
+            yield batch
+
+    def state_dict(self) -> dict[str, Any]:
+        """Where the caller is; JSON values."""
+        return {**self._sampler.state_dict(), "drawn": self._given}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Go on behind the batch after which `state` was taken.
+
+        Raises:
+            InputError: it was taken of another mixture.
+        """
+        self._sampler.load_state_dict(state)
+        self._given = self._sampler.drawn
+
+
+class _Batches:
+    """Lists of draws."""
+
+    def __init__(self, sampler: MixtureSampler, size: int):
+        self._sampler, self._size = sampler, size
+
+    def __iter__(self) -> Iterator[list[tuple[int, int]]]:
+        batch = []
+        for pair in self._sampler:
+            batch.append(pair)
+            if len(batch) == self._size:
+                yield batch
+                batch = []
+        if batch:
+            yield batch
+
+
+def _one_thread(_worker: int) -> None:
+    import torch
+
+    os.environ["OMP_NUM_THREADS"] = "1"
+    torch.set_num_threads(1)

@@ -1,0 +1,252 @@
+"""What a mixture trains on: datasets found, episodes kept, and why others were not."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...formats.errors import InputError
+from ...formats.lerobot.layout import INFO_PATH
+from ..episode_index import DatasetIndex, read_index
+from ..selection import Selection, check_frame_rate, select_all
+from .recipe import Mixture, Recipe, Source
+
+# In this order an episode is asked; it counts under the first that it fails.
+_LABELS = {
+    "robot": "robots",
+    "controller": "controllers",
+    "light": "lights",
+    "split": "splits",
+    "scene_id": "scenes",
+    "end_reason": "outcomes",
+}
+HELD_OUT, FRACTION = "held out", "fraction"
+
+
+@dataclass(frozen=True)
+class DatasetRow:
+    """What a source takes of one dataset.
+
+    Attributes:
+        root: its folder.
+        robot: whose.
+        episodes, frames: taken.
+        dropped: episodes left out, by reason.
+    """
+
+    root: Path
+    robot: str
+    episodes: int
+    frames: int
+    dropped: Mapping[str, int]
+
+
+@dataclass(frozen=True)
+class SourcePlan:
+    """What a source gives to a mixture.
+
+    Attributes:
+        name: of the source.
+        weight: of the mixture.
+        share: of the draws, 0 … 1.
+        selection: the episodes.
+        rows: by dataset.
+    """
+
+    name: str
+    weight: float
+    share: float
+    selection: Selection
+    rows: tuple[DatasetRow, ...]
+
+
+@dataclass(frozen=True)
+class MixturePlan:
+    """A mixture made concrete.
+
+    Attributes:
+        name: of the mixture.
+        sources: in the recipe's order.
+        unit: what a draw is: `episodes` or `frames`.
+    """
+
+    name: str
+    sources: tuple[SourcePlan, ...]
+    unit: str
+
+    @property
+    def shares(self) -> NDArray[np.float64]:
+        """Share of the draws of each source."""
+        return np.array([source.share for source in self.sources])
+
+    @property
+    def sizes(self) -> list[int]:
+        """Items of each source."""
+        return [_size(source.selection, self.unit) for source in self.sources]
+
+
+class Library:
+    """The datasets under a folder, each read once."""
+
+    def __init__(self, root: Path):
+        """Look in `root`.
+
+        Raises:
+            InputError: no such folder.
+        """
+        if not root.is_dir():
+            raise InputError(f"no such folder: {root}")
+        self.root = root
+        self._read: dict[Path, DatasetIndex] = {}
+
+    def find(self, patterns: Sequence[str]) -> list[DatasetIndex]:
+        """Datasets whose folders match any of the patterns, each once.
+
+        Raises:
+            InputError: a pattern that matches no dataset.
+            FileFormatError: a dataset that vlnpe did not collect.
+        """
+        found: dict[Path, DatasetIndex] = {}
+        for pattern in patterns:
+            folders = [f for f in self._folders(pattern) if (f / INFO_PATH).is_file()]
+            if not folders:
+                raise InputError(f"no LeRobot dataset matches {pattern!r} in {self.root}")
+            for folder in folders:
+                key = folder.resolve()
+                if key not in self._read:
+                    self._read[key] = read_index(folder)
+                found[key] = self._read[key]
+        return list(found.values())
+
+    def _folders(self, pattern: str) -> list[Path]:
+        path = Path(pattern)
+        if path.is_absolute():
+            return sorted(Path(path.anchor).glob(str(path.relative_to(path.anchor))))
+        return sorted(self.root.glob(pattern))
+
+
+def plan_mixture(
+    recipe: Recipe,
+    name: str,
+    library: Library,
+    unit: str = "episodes",
+    held_out: frozenset[str] = frozenset(),
+) -> MixturePlan:
+    """Find a mixture's episodes.
+
+    Args:
+        recipe: names it.
+        name: of the mixture.
+        library: where to look.
+        unit: what a draw is: `episodes` or `frames`.
+        held_out: trajectories (`scene/trajectory`) that no source may take.
+
+    Raises:
+        InputError: a source without a dataset or without any episode; frame rates that differ.
+    """
+    mixture = recipe.mixtures[name]
+    found = {s: choose(recipe.sources[s], s, library, held_out) for s in mixture.weights}
+    shares = _shares(mixture, [_size(selection, unit) for selection, _ in found.values()])
+    plans = tuple(
+        SourcePlan(s, weight, share, *found[s])
+        for (s, weight), share in zip(mixture.weights.items(), shares, strict=True)
+    )
+    check_frame_rate(index for plan in plans for index in plan.selection.datasets)
+    return MixturePlan(name, plans, unit)
+
+
+def choose(
+    source: Source, name: str, library: Library, held_out: frozenset[str] = frozenset()
+) -> tuple[Selection, tuple[DatasetRow, ...]]:
+    """Episodes of one source, and what was left out of each dataset.
+
+    Raises:
+        InputError: nothing is left; tells what the data has.
+    """
+    indices = library.find(source.data)
+    kept, rows, dropped = [], [], {}
+    for index in indices:
+        whole = select_all([index])
+        mask, reasons = _filter(source, whole, held_out)
+        dropped = {k: dropped.get(k, 0) + reasons.get(k, 0) for k in {**dropped, **reasons}}
+        labels = set(whole.labels("robot"))
+        rows.append(
+            DatasetRow(
+                index.root,
+                ", ".join(sorted(labels)),
+                int(mask.sum()),
+                int(whole.lengths[mask].sum()),
+                reasons,
+            )
+        )
+        if mask.any():
+            kept.append((index, np.flatnonzero(mask)))
+    if not kept:
+        raise InputError(_nothing_left(name, indices, dropped, library.root))
+    selection = Selection(
+        tuple(index for index, _ in kept),
+        np.repeat(np.arange(len(kept)), [len(r) for _, r in kept]).astype(np.int32),
+        np.concatenate([r for _, r in kept]).astype(np.int32),
+    )
+    return selection, tuple(rows)
+
+
+def _filter(
+    source: Source, whole: Selection, held_out: frozenset[str]
+) -> tuple[NDArray[np.bool_], dict[str, int]]:
+    mask = np.ones(len(whole), bool)
+    reasons: dict[str, int] = {}
+
+    def keep(passed: NDArray[np.bool_], reasons_of: NDArray[np.object_]) -> None:
+        nonlocal mask
+        for reason in reasons_of[mask & ~passed]:
+            reasons[reason] = reasons.get(reason, 0) + 1
+        mask &= passed
+
+    for label, attribute in _LABELS.items():
+        wanted = getattr(source, attribute)
+        if wanted:
+            labels = whole.labels(label)
+            told = np.array([f"{label.removesuffix('_id')} {value}" for value in labels], object)
+            keep(np.isin(labels.astype(str), wanted), told)
+    trajectories = whole.trajectories()
+    out = np.array([t in held_out for t in trajectories], bool)
+    keep(~out, np.full(len(whole), HELD_OUT, object))
+    if source.fraction < 1.0:
+        lucky = np.array([_uniform(t) < source.fraction for t in trajectories], bool)
+        keep(lucky, np.full(len(whole), FRACTION, object))
+    return mask, reasons
+
+
+def _uniform(trajectory: str) -> float:
+    """A number in [0, 1) that depends on the name alone: what is kept stays when data is added."""
+    digest = hashlib.blake2b(trajectory.encode(), digest_size=8).digest()
+    return int.from_bytes(digest) / 2.0**64
+
+
+def _shares(mixture: Mixture, sizes: Sequence[int]) -> list[float]:
+    by_size = mixture.shares == "size"
+    raw = [
+        weight * (size if by_size else 1)
+        for weight, size in zip(mixture.weights.values(), sizes, strict=True)
+    ]
+    return [value / sum(raw) for value in raw]
+
+
+def _size(selection: Selection, unit: str) -> int:
+    return len(selection) if unit == "episodes" else int(selection.lengths.sum())
+
+
+def _nothing_left(
+    name: str, indices: Sequence[DatasetIndex], dropped: Mapping[str, int], root: Path
+) -> str:
+    told = "; ".join(f"{count} × {reason}" for reason, count in sorted(dropped.items()))
+    return (
+        f"source {name!r}: no episode is left of {len(indices)} datasets in {root} ({told}); "
+        "collect what is missing, or change the recipe"
+    )

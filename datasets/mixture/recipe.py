@@ -1,0 +1,241 @@
+"""Recipes: which data a training takes, as YAML or as frozen records.
+
+    recipe: 1
+    title: Does other robots' data help?
+    sources:                      # queries; what several trainings share is written once
+      humanoid: {robots: [h1], controllers: [path]}
+      quadruped: {robots: [aliengo], controllers: [path], fraction: 0.5}
+    mixtures:                     # what to train on: sources with weights
+      alone: [humanoid]
+      both: {humanoid: 1.0, quadruped: 2.0}
+    evaluate: [humanoid]          # for `vlnpe ablate`: whose held-out episodes are predicted
+
+A source without `data` looks for datasets in all runs under the folder given to the command.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from ...formats.errors import FileFormatError, InputError, UnknownNameError
+from ...formats.rollout import EndReason
+
+VERSION = 1
+OUTCOMES = tuple(str(reason) for reason in EndReason)
+SHARES = ("size", "equal")
+HOLDOUTS = ("auto", "scene", "trajectory")
+EVERYTHING = ("**/lerobot/*",)
+
+
+@dataclass(frozen=True)
+class Source:
+    """A query for episodes. Empty tuples ask for nothing, and everything passes.
+
+    Attributes:
+        data: dataset folders, or patterns of them, relative to the folder searched.
+        robots, controllers, lights, splits, scenes: labels of episodes.
+        outcomes: end reasons; by default the successful ones alone.
+        fraction: of the trajectories, 0 … 1; chosen by their names, so that the same ones are
+            taken from every robot, and a larger fraction contains a smaller one.
+    """
+
+    data: tuple[str, ...] = EVERYTHING
+    robots: tuple[str, ...] = ()
+    controllers: tuple[str, ...] = ()
+    lights: tuple[str, ...] = ()
+    splits: tuple[str, ...] = ()
+    scenes: tuple[str, ...] = ()
+    outcomes: tuple[str, ...] = (str(EndReason.SUCCESS),)
+    fraction: float = 1.0
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """What one training takes.
+
+    Attributes:
+        weights: of each source by name.
+        shares: `size`: a source's share of the draws is its weight times its number of items
+            (episodes or frames), as if the datasets were joined; `equal`: its weight alone.
+    """
+
+    weights: Mapping[str, float]
+    shares: str = "size"
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Named sources and the mixtures made of them.
+
+    Attributes:
+        title: what it asks.
+        sources: by name.
+        mixtures: by name, in the order of the table's rows.
+        evaluate: sources whose held-out episodes an ablation predicts; all of them by default.
+        compare: pairs of mixtures whose difference is of interest: (with, without).
+        holdout: what an ablation holds out: whole scenes, trajectories, or `auto`: scenes where
+            there are several.
+        holdout_fraction: how much of it.
+        seed: of the order of the draws, and the first of an ablation's.
+        train: settings of an ablation's training, see `ablation.config`.
+    """
+
+    title: str
+    sources: Mapping[str, Source]
+    mixtures: Mapping[str, Mixture]
+    evaluate: tuple[str, ...] = ()
+    compare: tuple[tuple[str, str], ...] = ()
+    holdout: str = "auto"
+    holdout_fraction: float = 0.25
+    seed: int = 0
+    train: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.mixtures:
+            raise InputError("a recipe needs at least one mixture")
+        _known("holdout", [self.holdout], HOLDOUTS)
+        _known("source to evaluate", self.evaluate, self.sources)
+        _known("mixture to compare", [n for pair in self.compare for n in pair], self.mixtures)
+        if not 0.0 < self.holdout_fraction < 1.0:
+            raise InputError(f"holdout_fraction {self.holdout_fraction}; valid: between 0 and 1")
+        for name, mixture in self.mixtures.items():
+            _known(f"source in the mixture {name!r}:", mixture.weights, self.sources)
+            _known(f"shares in the mixture {name!r}:", [mixture.shares], SHARES)
+            for source, weight in mixture.weights.items():
+                if not (math.isfinite(weight) and weight > 0):
+                    raise InputError(
+                        f"mixture {name!r}: weight {weight} of {source!r}; valid: above 0"
+                    )
+            if not mixture.weights:
+                raise InputError(f"mixture {name!r} names no source")
+        for name, source in self.sources.items():
+            _known(f"outcome in the source {name!r}:", source.outcomes, OUTCOMES)
+            if not 0.0 < source.fraction <= 1.0:
+                raise InputError(
+                    f"source {name!r}: fraction {source.fraction}; valid: above 0, up to 1"
+                )
+
+
+def read_recipe(path: Path) -> Recipe:
+    """Read a recipe.
+
+    Raises:
+        FileFormatError: not readable, or no YAML mapping; a key, name or value that is not valid,
+            with the valid ones.
+    """
+    import yaml  # late: whoever reads no recipe does without
+
+    try:
+        value = yaml.safe_load(path.read_text())
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileFormatError(path, f"not readable ({error})") from error
+    except yaml.YAMLError as error:
+        raise FileFormatError(path, f"not YAML: {' '.join(str(error).split())}") from error
+    try:
+        return recipe_of(value)
+    except FileFormatError:
+        raise
+    except InputError as error:
+        raise FileFormatError(path, str(error)) from error
+
+
+def recipe_of(value: Any) -> Recipe:
+    """A recipe from what its YAML says.
+
+    Raises:
+        InputError: a key, name or value that is not valid.
+    """
+    top = _mapping("a recipe", value)
+    version = top.pop("recipe", None)
+    if version != VERSION:
+        raise InputError(f"recipe: {version}; valid: {VERSION}")
+    sources = {
+        str(name): _record(Source, f"source {name!r}", entry)
+        for name, entry in _mapping("sources", top.pop("sources", None)).items()
+    }
+    mixtures = {
+        str(name): _mixture(str(name), entry)
+        for name, entry in _mapping("mixtures", top.pop("mixtures", None)).items()
+    }
+    pairs = top.pop("compare", [])
+    if not isinstance(pairs, list) or any(
+        not isinstance(pair, list) or len(pair) != 2 for pair in pairs
+    ):
+        raise InputError("compare: valid is a list of pairs [with, without]")
+    top["compare"] = tuple((str(a), str(b)) for a, b in pairs)
+    top.setdefault("title", "")
+    top["train"] = _mapping("train", top.get("train") or {})
+    return _record(Recipe, "recipe", top | {"sources": sources, "mixtures": mixtures})
+
+
+def _mixture(name: str, value: Any) -> Mixture:
+    """A list of sources, a mapping of weights, or those under `sources` with `shares` beside."""
+    shares = "size"
+    if isinstance(value, dict) and "sources" in value:
+        extra = set(value) - {"sources", "shares"}
+        if extra:
+            raise UnknownNameError(
+                f"key in the mixture {name!r}:", str(min(extra, key=str)), ("sources", "shares")
+            )
+        value, shares = value["sources"], value.get("shares", shares)
+    if isinstance(value, list):
+        value = dict.fromkeys(value, 1.0)
+    weights = _mapping(f"mixture {name!r}", value)
+    return Mixture(
+        {str(k): _number(f"mixture {name!r}: weight of {k!r}", v) for k, v in weights.items()},
+        str(shares),
+    )
+
+
+def _record[T](kind: type[T], what: str, value: Any) -> T:
+    """A frozen record from a mapping, its values checked against the types of its defaults."""
+    given = _mapping(what, value if value is not None else {})
+    known = {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
+    for key, entry in given.items():
+        if key not in known:
+            raise UnknownNameError(f"key in {what}:", str(key), known)
+        default = known[key].default
+        where = f"{what}: {key}"
+        if isinstance(default, tuple) and key != "compare":
+            given[key] = _strings(where, entry)
+        elif isinstance(default, float):
+            given[key] = _number(where, entry)
+        elif isinstance(default, int):
+            if not isinstance(entry, int) or isinstance(entry, bool) or entry < 0:
+                raise InputError(f"{where}: {entry!r}; valid: a whole number from 0 on")
+        elif (isinstance(default, str) or key == "title") and not isinstance(entry, str):
+            raise InputError(f"{where}: {entry!r}; valid: text")
+    missing = [n for n, f in known.items() if f.default is MISSING and n not in given]
+    needed = [n for n in missing if known[n].default_factory is MISSING]
+    if needed:
+        raise InputError(f"{what} lacks {', '.join(needed)}")
+    return kind(**given)
+
+
+def _mapping(what: str, value: Any) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise InputError(f"{what}: {value!r}; valid: a mapping of names to values")
+    return dict(value)
+
+
+def _strings(what: str, value: Any) -> tuple[str, ...]:
+    entries: Sequence[Any] = value if isinstance(value, list) else [value]
+    if not all(isinstance(entry, str) and entry for entry in entries):
+        raise InputError(f"{what}: {value!r}; valid: a name, or a list of names")
+    return tuple(entries)
+
+
+def _number(what: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{what}: {value!r}; valid: a number")
+    return float(value)
+
+
+def _known(kind: str, names: Any, valid: Any) -> None:
+    for name in names:
+        if name not in valid:
+            raise UnknownNameError(kind, name, valid)

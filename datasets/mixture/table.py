@@ -1,0 +1,75 @@
+"""What a mixture trains on, for people and for programs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .plan import DatasetRow, MixturePlan
+
+_HEAD = ("source", "dataset", "robot", "episodes", "frames", "weight", "share", "left out")
+
+
+def plan_text(plan: MixturePlan) -> str:
+    """A table in fixed columns: one line per dataset, with what was left out and why."""
+    lines: list[tuple[str, ...]] = [_HEAD]
+    for source in plan.sources:
+        taken = _items(plan, source.rows)
+        for row in source.rows:
+            share = source.share * _items(plan, (row,)) / max(taken, 1)
+            left = ", ".join(f"{n} {reason}" for reason, n in sorted(row.dropped.items()))
+            lines.append(
+                (
+                    source.name,
+                    row.root.name,
+                    row.robot,
+                    str(row.episodes),
+                    str(row.frames),
+                    f"{source.weight:g}",
+                    f"{100 * share:.1f} %",
+                    left or "-",
+                )
+            )
+    total = [row for source in plan.sources for row in source.rows]
+    episodes, frames = sum(r.episodes for r in total), sum(r.frames for r in total)
+    lines.append(("all", "", "", str(episodes), str(frames), "", "100.0 %", ""))
+    widths = [max(len(line[k]) for line in lines) for k in range(len(_HEAD))]
+    numbers = {3, 4, 5, 6}
+    return "\n".join(
+        "  ".join(
+            cell.rjust(width) if k in numbers else cell.ljust(width)
+            for k, (cell, width) in enumerate(zip(line, widths, strict=True))
+        ).rstrip()
+        for line in lines
+    )
+
+
+def plan_json(plan: MixturePlan) -> dict[str, Any]:
+    """The same as JSON values."""
+    return {
+        "mixture": plan.name,
+        "draws": plan.unit,
+        "sources": [
+            {
+                "source": source.name,
+                "weight": source.weight,
+                "share": source.share,
+                "episodes": len(source.selection),
+                "frames": int(source.selection.lengths.sum()),
+                "datasets": [
+                    {
+                        "dataset": str(row.root),
+                        "robot": row.robot,
+                        "episodes": row.episodes,
+                        "frames": row.frames,
+                        "dropped": dict(row.dropped),
+                    }
+                    for row in source.rows
+                ],
+            }
+            for source in plan.sources
+        ],
+    }
+
+
+def _items(plan: MixturePlan, rows: tuple[DatasetRow, ...]) -> int:
+    return sum(row.episodes if plan.unit == "episodes" else row.frames for row in rows)

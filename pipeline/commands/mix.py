@@ -1,0 +1,84 @@
+"""`vlnpe mix`: what a recipe's mixtures train on."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from ...datasets.mixture.plan import Library, MixturePlan, plan_mixture
+from ...datasets.mixture.recipe import read_recipe
+from ...datasets.mixture.shipped import recipe_path
+from ...datasets.mixture.table import plan_json, plan_text
+from ...formats.atomic import write_json
+from ...formats.errors import InputError, UnknownNameError
+
+
+@dataclass(frozen=True)
+class Mix:
+    """Show what a recipe's mixtures train on: datasets, episodes, shares, what is left out and why.
+
+    Without --dry-run the chosen episodes are also written to --out, by dataset and number.
+    """
+
+    recipe: tyro.conf.Positional[str]
+    """A recipe (.yaml), or a shipped one: cross_embodiment, controller, lighting."""
+    data: Path = Path("runs")
+    """The folder whose runs hold the datasets."""
+    mixture: str | None = None
+    """Only this one of the recipe's mixtures."""
+    draws: str = "episodes"
+    """What is drawn, and what shares count: episodes or frames."""
+    dry_run: bool = False
+    """Only show it."""
+    out: Path | None = None
+    """Where to write the chosen episodes (.json)."""
+    json: Annotated[bool, tyro.conf.arg(name="json")] = False
+    """Print one JSON object with the plan as the last line."""
+
+
+def run(options: Mix) -> int:
+    """Plan the mixtures and print them.
+
+    Raises:
+        InputError: the recipe is not valid, or the data is not there.
+    """
+    if options.draws not in ("episodes", "frames"):
+        raise UnknownNameError("draws", options.draws, ("episodes", "frames"))
+    if not options.dry_run and options.out is None:
+        raise InputError("vlnpe mix: give --dry-run to look only, or --out FILE.json to write to")
+    recipe = read_recipe(recipe_path(options.recipe))
+    if options.mixture is not None and options.mixture not in recipe.mixtures:
+        raise UnknownNameError("mixture", options.mixture, recipe.mixtures)
+    library = Library(options.data)
+    names = [options.mixture] if options.mixture else list(recipe.mixtures)
+    plans = [plan_mixture(recipe, name, library, options.draws) for name in names]
+    for plan in plans:
+        sys.stdout.write(f"{plan.name}: draws are {plan.unit}\n{plan_text(plan)}\n\n")
+    value: dict[str, Any] = {"recipe": recipe.title, "mixtures": [plan_json(p) for p in plans]}
+    if not options.dry_run and options.out is not None:
+        chosen = {plan.name: _episodes(plan) for plan in plans}
+        write_json(options.out, value | {"episodes": chosen})
+        sys.stdout.write(f"{options.out}\n")
+    if options.json:
+        sys.stdout.write(json.dumps(value) + "\n")
+    return 0
+
+
+def _episodes(plan: MixturePlan) -> dict[str, dict[str, list[int]]]:
+    """Episode numbers by source and dataset folder."""
+    result: dict[str, dict[str, list[int]]] = {}
+    for source in plan.sources:
+        chosen = source.selection
+        result[source.name] = {
+            str(index.root): [
+                index.table["episode_index"][int(row)].as_py()
+                for row in chosen.row[chosen.dataset == number]
+            ]
+            for number, index in enumerate(chosen.datasets)
+        }
+    return result
