@@ -110,6 +110,15 @@ def open_dataset(root: Path) -> Dataset:
     return Dataset(root, info, tuple(sorted(numbers)), _facts(root, info))
 
 
+def read_facts(root: Path) -> DatasetFacts:
+    """What belongs to the dataset as a whole.
+
+    Raises:
+        FileFormatError: no LeRobot v3.0 dataset, or damaged.
+    """
+    return _facts(root, _read_info(root))
+
+
 def extract_unit(root: Path, number: int, folder: Path) -> None:
     """Write one episode of a dataset as a unit: rows, statistics and videos unchanged.
 
@@ -148,11 +157,12 @@ def extract_unit(root: Path, number: int, folder: Path) -> None:
     except (KeyError, IndexError, TypeError, ValueError, pa.ArrowException) as error:
         raise FileFormatError(root, f"episode {number} is damaged: {error!r}") from error
 
-    def copy(temporary: Path) -> None:
+    def make(temporary: Path) -> tuple[UnitParts, pa.Table]:
         for key, (video, first) in videos.items():
             copy_frames(video, temporary / f"{key}.mp4", first, length)
+        return parts, rows
 
-    write_unit(folder, parts, rows, copy)
+    write_unit(folder, make)
 
 
 def kept_rollout(root: Path, number: int) -> Path | None:

@@ -37,7 +37,7 @@ from ..mcap.episode import (
 from ..mcap.facts import METADATA_NAME
 from ..mcap.recording import read_recording
 from ..rollout import Rollout
-from .dataset import ROLLOUTS_PATH, DatasetFacts, extract_unit, kept_rollout, open_dataset
+from .dataset import ROLLOUTS_PATH, DatasetFacts, extract_unit, kept_rollout, read_facts
 from .unit_mcap import UNIT_METADATA, extract_unit_mcap, write_unit_mcap
 from .units import ROLLOUT_NAME, row_arrays
 
@@ -91,7 +91,7 @@ def unit_from_dataset(root: Path, number: int, folder: Path) -> None:
     kept = kept_rollout(root, number)
     if kept is not None:
         shutil.copyfile(kept, folder / ROLLOUT_NAME)
-    (folder / DATASET_NAME).write_text(json.dumps(open_dataset(root).facts.to_json()))
+    (folder / DATASET_NAME).write_text(json.dumps(read_facts(root).to_json()))
 
 
 def mcap_from_unit(folder: Path, path: Path) -> None:

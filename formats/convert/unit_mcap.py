@@ -10,9 +10,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+
 from ..errors import FileFormatError
 from ..lerobot.layout import DEPTH_KEY, RGB_KEY
-from ..lerobot.statistics import statistics_from_json
 from ..lerobot.unit import EpisodeUnit, read_episode_unit
 from ..mcap.camera import camera_messages
 from ..mcap.camera_streams import extract_videos
@@ -55,18 +56,9 @@ def write_unit_mcap(path: Path, folder: Path, dataset: Mapping[str, Any] | None 
         rollout, view = frame_rollout(unit, rows), frame_view(unit, rows)
     except (KeyError, TypeError, ValueError) as error:
         raise FileFormatError(folder, f"unit is damaged: {error!r}") from error
-    parts = UnitParts(
-        unit.frames_per_second,
-        unit.robot,
-        unit.features,
-        unit.task,
-        unit.length,
-        unit.statistics,
-        unit.columns,
-    )
     with open_recording(path) as recording:
         recording.writer.write_metadata(INSTRUCTION_METADATA, {"text": unit.task})
-        write_json_metadata(recording, UNIT_METADATA, parts.to_json())
+        write_json_metadata(recording, UNIT_METADATA, UnitParts.of(unit).to_json())
         write_json_metadata(recording, VIEW_METADATA, view.facts)
         if dataset is not None:
             write_json_metadata(recording, DATASET_METADATA, dataset)
@@ -102,25 +94,18 @@ def extract_unit_mcap(contents: Contents, path: Path, folder: Path) -> None:
     index = read_json_metadata(contents, UNIT_METADATA, path)
     view = read_json_metadata(contents, VIEW_METADATA, path)
     try:
-        parts = UnitParts(
-            frames_per_second=index["frames_per_second"],
-            robot=index["robot"],
-            features=index["features"],
-            task=index["task"],
-            length=index["length"],
-            statistics={k: statistics_from_json(v) for k, v in index["statistics"].items()},
-            columns=index["columns"],
-        )
+        parts = UnitParts.from_json(index)
         rows = read_rows(contents, path, parts.features, parts.length)
         files = {"depth": view["depth"] | {"file": f"{DEPTH_KEY}.mp4"}}
         files["rgb"] = view["rgb"] | {"file": f"{RGB_KEY}.mp4"}
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise FileFormatError(path, f"metadata {UNIT_METADATA} is damaged: {error!r}") from error
 
-    def videos(temporary: Path) -> None:
+    def make(temporary: Path) -> tuple[UnitParts, pa.Table]:
         extract_videos(contents, path, temporary, view | files, parts.length)
+        return parts, rows
 
-    write_unit(folder, parts, rows, videos)
+    write_unit(folder, make)
 
 
 def _videos(unit: EpisodeUnit) -> list[str]:

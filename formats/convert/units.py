@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,8 @@ import pyarrow.parquet as pq
 
 from ..atomic import atomic_folder
 from ..lerobot.layout import DATASET_ROWS, Features, row_schema
-from ..lerobot.statistics import Statistics, statistics_to_json
-from ..lerobot.unit import ROWS, UNIT_INDEX, UNIT_VERSION
+from ..lerobot.statistics import Statistics, statistics_from_json, statistics_to_json
+from ..lerobot.unit import ROWS, UNIT_INDEX, UNIT_VERSION, EpisodeUnit
 
 # An episode's whole rollout, kept beside a unit's frame rows: MCAP without pictures.
 ROLLOUT_NAME = "rollout.mcap"
@@ -33,6 +33,30 @@ class UnitParts:
     statistics: Mapping[str, Statistics]
     columns: Mapping[str, Any]
 
+    @staticmethod
+    def of(unit: EpisodeUnit) -> UnitParts:
+        """Those of a unit on disk."""
+        return UnitParts(**{f.name: getattr(unit, f.name) for f in fields(UnitParts)})
+
+    @staticmethod
+    def from_json(index: Mapping[str, Any]) -> UnitParts:
+        """Inverse of `to_json`.
+
+        Raises:
+            KeyError, TypeError, ValueError: not an index, or of another version.
+        """
+        if index["unit_version"] != UNIT_VERSION:
+            raise ValueError(f"unit version {index['unit_version']}; valid: {UNIT_VERSION}")
+        return UnitParts(
+            frames_per_second=index["frames_per_second"],
+            robot=index["robot"],
+            features=index["features"],
+            task=index["task"],
+            length=index["length"],
+            statistics={k: statistics_from_json(v) for k, v in index["statistics"].items()},
+            columns=index["columns"],
+        )
+
     def to_json(self) -> dict[str, Any]:
         """JSON values, as in unit.json."""
         return {
@@ -47,20 +71,17 @@ class UnitParts:
         }
 
 
-def write_unit(
-    folder: Path, parts: UnitParts, rows: pa.Table, write_videos: Callable[[Path], None]
-) -> None:
+def write_unit(folder: Path, make: Callable[[Path], tuple[UnitParts, pa.Table]]) -> None:
     """Write a unit, replaced as a whole.
 
     Args:
         folder: the unit's.
-        parts: its index.
-        rows: of `unit_schema(parts.features)`.
-        write_videos: puts `<key>.mp4` of each video feature into the folder it is given.
+        make: puts `<key>.mp4` of each video feature into the folder it is given, and returns the
+            unit's index and its rows (of `unit_schema`).
     """
     with atomic_folder(folder) as temporary:
+        parts, rows = make(temporary)
         pq.write_table(rows, temporary / ROWS)
-        write_videos(temporary)
         (temporary / UNIT_INDEX).write_text(json.dumps(parts.to_json()))
 
 

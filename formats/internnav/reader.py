@@ -1,0 +1,266 @@
+"""Read the VLN-PE layout, checking all that its loaders take for granted."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from ..errors import FileFormatError
+from . import layout
+from .layout import COLUMNS
+
+MAX_DEPTH = 3  # folders between a root and its scenes' trajectories
+_UNIT_NORM = 1e-3
+_TRAJECTORY = re.compile(r"(trajectory|episode|traj)?[_-]?\d+")
+
+
+@dataclass(frozen=True)
+class SceneFolder:
+    """A folder with data/, meta/ and videos/: a scene's, or one trajectory's.
+
+    Attributes:
+        folder: where it lies.
+        scan, scene: names, from the folders' names; `scan` may be empty.
+        episodes: numbers of its episodes, in order.
+    """
+
+    folder: Path
+    scan: str
+    scene: str
+    episodes: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class LayoutEpisode:
+    """One episode; T rows.
+
+    Attributes:
+        columns: those of `COLUMNS`, (T,) or (T, D), and others that are there.
+        rgb: (T, H, W, 3) uint8; lies on disk.
+        depth: (T, H, W) float, metres / 10; lies on disk.
+        tasks: instructions without repetitions.
+        finish_status, fail_reason: as written; "" where unknown.
+        info: meta/info.json.
+        timestamp_step_s: seconds between rows by their timestamps; None where not told.
+        unit: index of the unit that our own writer had, or None.
+    """
+
+    columns: dict[str, NDArray[Any]]
+    rgb: NDArray[np.uint8]
+    depth: NDArray[Any]
+    tasks: tuple[str, ...]
+    finish_status: str
+    fail_reason: str
+    info: dict[str, Any]
+    timestamp_step_s: float | None
+    unit: dict[str, Any] | None
+
+
+def find_scenes(root: Path) -> list[SceneFolder]:
+    """All scenes under `root`: of a whole dataset, one scan, one scene or one trajectory.
+
+    Raises:
+        FileFormatError: there is none.
+    """
+    found = []
+    for folder in _folders(root, MAX_DEPTH):
+        if (folder / layout.INFO_PATH).is_file() and (folder / "data").is_dir():
+            episodes = sorted(
+                int(path.stem.partition("_")[2])
+                for path in folder.glob("data/chunk-*/episode_*.parquet")
+                if path.stem.partition("_")[2].isdigit()
+            )
+            place = folder.resolve()
+            if _TRAJECTORY.fullmatch(place.name):
+                place = place.parent
+            found.append(SceneFolder(folder, place.parent.name, place.name, tuple(episodes)))
+    if not found:
+        raise FileFormatError(root, f"no VLN-PE scene in it (a folder with {layout.INFO_PATH})")
+    return found
+
+
+def is_layout(root: Path) -> bool:
+    """Whether VLN-PE's layout lies here: a v2.1 dataset somewhere below with frames as .npy."""
+    for folder in _folders(root, MAX_DEPTH):
+        info = folder / layout.INFO_PATH
+        if info.is_file() and not (folder / "meta" / "episodes").is_dir():
+            return (folder / layout.TASKS_PATH).is_file() or (folder / "videos").is_dir()
+    return False
+
+
+def read_layout_episode(folder: Path, number: int) -> LayoutEpisode:
+    """Read and check one episode of a scene's folder.
+
+    Raises:
+        FileFormatError: a file is missing or corrupt, numbers of rows differ, or values are
+            impossible.
+    """
+    info = _read_json(folder / layout.INFO_PATH)
+    columns = _read_columns(folder / _place(layout.DATA_PATH, number))
+    rgb = _read_images(folder / _place(layout.VIDEO_PATH, number, layout.RGB_KEY))
+    depth_path = folder / _place(layout.VIDEO_PATH, number, layout.DEPTH_KEY)
+    depth = _read_images(depth_path)
+    if depth.ndim == 4 and depth.shape[3] == 1:
+        depth = depth[..., 0]
+    count = len(columns["observation.action"])
+    if not count == len(rgb) == len(depth):
+        raise FileFormatError(
+            folder,
+            f"episode {number}: {count} rows, {len(rgb)} colour and {len(depth)} depth frames",
+        )
+    if rgb.dtype != np.uint8 or rgb.ndim != 4 or rgb.shape[3] != 3:
+        raise FileFormatError(
+            folder, f"episode {number}: colour {rgb.dtype} {rgb.shape}; valid: (T, H, W, 3) uint8"
+        )
+    if depth.dtype.kind != "f" or depth.shape != rgb.shape[:3]:
+        raise FileFormatError(
+            depth_path, f"{depth.dtype} {depth.shape}; valid: floats {rgb.shape[:3]}"
+        )
+    tasks, status, reason = _read_tasks(folder, number)
+    stamps = columns.get("timestamp")
+    step = float(np.median(np.diff(stamps))) if stamps is not None and count > 1 else None
+    return LayoutEpisode(
+        columns=columns,
+        rgb=rgb,
+        depth=depth,
+        tasks=tasks,
+        finish_status=status,
+        fail_reason=reason,
+        info=info,
+        timestamp_step_s=step,
+        unit=_kept_unit(folder, number),
+    )
+
+
+def read_dataset_facts(folder: Path) -> dict[str, Any] | None:
+    """Facts of the dataset that our own writer kept, or None.
+
+    Raises:
+        FileFormatError: damaged.
+    """
+    path = folder / layout.DATASET_PATH
+    return _read_json(path) if path.is_file() else None
+
+
+def _folders(root: Path, depth: int) -> Iterator[Path]:
+    yield root
+    if depth and root.is_dir() and not (root / "meta").is_dir():
+        for path in sorted(root.iterdir()):
+            if path.is_dir():
+                yield from _folders(path, depth - 1)
+
+
+def _place(template: str, number: int, key: str = "") -> str:
+    chunk = number // layout.EPISODES_PER_CHUNK
+    return template.format(episode_chunk=chunk, episode_index=number, video_key=key)
+
+
+def _read_columns(path: Path) -> dict[str, NDArray[Any]]:
+    try:
+        table = pq.read_table(path)
+    except (OSError, pa.ArrowException) as error:
+        raise FileFormatError(path, f"not readable ({error})") from error
+    missing = sorted(set(COLUMNS) - set(table.schema.names))
+    if missing:
+        raise FileFormatError(path, f"no column {missing[0]}")
+    if not table.num_rows:
+        raise FileFormatError(path, "no rows")
+    columns = {}
+    for name in table.schema.names:
+        try:
+            values = np.array(table[name].to_pylist())
+        except ValueError as error:
+            raise FileFormatError(path, f"column {name} has rows of different lengths") from error
+        if name in COLUMNS:
+            dtype, size = COLUMNS[name]
+            if values.dtype.kind not in "iuf" or values.size != size * len(values):
+                raise FileFormatError(path, f"column {name}; valid: {size} numbers per row")
+            if not np.all(np.isfinite(values)):
+                raise FileFormatError(path, f"column {name} is not finite everywhere")
+            values = values.astype(dtype).reshape((-1, size) if size > 1 else (-1,))
+        columns[name] = values
+    for name in ("observation.camera_orientation", "observation.robot_orientation"):
+        norm = np.linalg.norm(columns[name], axis=1)
+        if np.any(np.abs(norm - 1.0) > _UNIT_NORM):
+            worst = float(norm[np.argmax(np.abs(norm - 1.0))])
+            raise FileFormatError(path, f"column {name}: a quaternion of length {worst:.3g}")
+    actions = columns["observation.action"]
+    if np.any((actions < 0) | (actions > 3)):
+        raise FileFormatError(path, f"action {actions.max()}; valid: 0 to 3")
+    return columns
+
+
+def _read_images(path: Path) -> NDArray[Any]:
+    try:
+        # Without pickle: a file from elsewhere must not run code.
+        return np.load(path, mmap_mode="r", allow_pickle=False)
+    except FileNotFoundError as error:
+        raise FileFormatError(path, "missing") from error
+    except (OSError, EOFError, ValueError) as error:
+        raise FileFormatError(path, f"truncated or corrupt ({error})") from error
+
+
+def _read_tasks(folder: Path, number: int) -> tuple[tuple[str, ...], str, str]:
+    """Instructions of an episode, by the loaders' rule, and how it finished."""
+    path = folder / layout.TASKS_PATH
+    first, last = 0, 0
+    for line in _read_lines(folder / layout.STATS_PATH):
+        if line.get("episode_index") == number:
+            span = line.get("task_index") or {}
+            first, last = int(_number(span.get("min", 0))), int(_number(span.get("max", 0)))
+    rows = [t for t in _read_lines(path) if first <= int(t.get("task_index", -1)) <= last]
+    texts = [str(t.get("task") or t.get("instruction_text") or "").strip() for t in rows]
+    texts = list(dict.fromkeys(text for text in texts if text))
+    if not texts:
+        raise FileFormatError(path, f"no instruction for episode {number}")
+    return (
+        tuple(texts),
+        str(rows[-1].get("finish_status") or ""),
+        str(rows[-1].get("fail_reason") or ""),
+    )
+
+
+def _number(value: Any) -> Any:
+    """A number, or the first of a list of them, as LeRobot writes statistics."""
+    while isinstance(value, list):
+        value = value[0]
+    return value
+
+
+def _kept_unit(folder: Path, number: int) -> dict[str, Any] | None:
+    path = folder / layout.UNITS_PATH
+    if not path.is_file():
+        return None
+    for line in _read_lines(path):
+        if line.get("episode_index") == number:
+            return line.get("unit")
+    raise FileFormatError(path, f"no episode {number}")
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        value = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise FileFormatError(path, f"not readable ({error})") from error
+    if not isinstance(value, dict):
+        raise FileFormatError(path, "no JSON object")
+    return value
+
+
+def _read_lines(path: Path) -> list[dict[str, Any]]:
+    try:
+        values = [json.loads(line) for line in path.read_text().splitlines() if line.strip()]
+    except (OSError, ValueError) as error:
+        raise FileFormatError(path, f"not readable ({error})") from error
+    if not all(isinstance(value, dict) for value in values):
+        raise FileFormatError(path, "a line that is no JSON object")
+    return values

@@ -1,0 +1,56 @@
+"""The vocabulary of InternNav's instruction tokens."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import logging
+import zlib
+from collections.abc import Iterable
+from pathlib import Path
+
+from ..errors import FileFormatError
+from ..vocabulary import PAD, UNKNOWN, Vocabulary
+from .layout import VOCABULARY_SIZE
+
+log = logging.getLogger(__name__)
+
+
+def own_vocabulary(texts: Iterable[str]) -> Vocabulary:
+    """The vocabulary of `texts`, with a warning when InternNav's models are too small for it."""
+    vocabulary = Vocabulary.of(texts)
+    if len(vocabulary.words) > VOCABULARY_SIZE:
+        log.warning(
+            "%d words; InternNav's CMA has embeddings for %d: raise its vocab_size",
+            len(vocabulary.words),
+            VOCABULARY_SIZE,
+        )
+    return vocabulary
+
+
+def read_vocabulary(path: Path) -> Vocabulary:
+    """The vocabulary of a VLN-CE episode file (.json or .json.gz), for tokens that agree with it.
+
+    Raises:
+        FileFormatError: no such file, or no vocabulary in it.
+    """
+    try:
+        data = path.read_bytes()
+        value = json.loads(gzip.decompress(data) if data[:2] == b"\x1f\x8b" else data)
+        words = tuple(value.get("instruction_vocab", value)["word_list"])
+        if not all(isinstance(word, str) for word in words):
+            raise ValueError("word_list holds more than words")
+    except (
+        OSError,
+        EOFError,
+        ValueError,
+        KeyError,
+        TypeError,
+        AttributeError,
+        zlib.error,
+    ) as error:
+        raise FileFormatError(path, f"no instruction_vocab in it ({error!r})") from error
+    missing = [word for word in (PAD, UNKNOWN) if word not in words]
+    if missing:
+        raise FileFormatError(path, f"word_list lacks {missing[0]}")
+    return Vocabulary(words)
