@@ -35,6 +35,8 @@ ROTOR_KG_M2 = 3.2e-5  # its rotor's inertia, seen through gears of 1:48
 SERVO_S = 0.4  # servo gain over torque at the default scale: soft enough not to make wheels hop
 SPEED_M_S, BACKWARDS_M_S, YAW_RAD_S = 1.0, 0.3, 1.5  # at the default scale
 MAST_X_M = 0.026
+# A thumb's size, and a truck's: beyond, shapes vanish in the floor's own roughness or in no room.
+LEAST_SCALE, MOST_SCALE = 0.2, 50.0
 MAST_CAMERA_M = 0.24  # above the floor: 1.2 m at the default scale
 BRACKET_CAMERA_M = (0.046, 0.0, 0.0575)
 MAST_PITCH_DEG, BRACKET_PITCH_DEG = 10.0, 14.0
@@ -48,10 +50,10 @@ def jetbot(scale: float) -> RobotSpec:
     speeds with √s, so that all sizes move alike (Froude's law).
 
     Raises:
-        InputError: the scale is not a finite number above 0.
+        InputError: the scale is not within its limits.
     """
-    if not (math.isfinite(scale) and scale > 0):
-        raise InputError(f"jetbot@{scale:g}: valid scales are finite numbers above 0")
+    if not LEAST_SCALE <= scale <= MOST_SCALE:
+        raise InputError(f"jetbot@{scale:g}: valid scales are {LEAST_SCALE:g} to {MOST_SCALE:g}")
     name = "jetbot" if scale == DEFAULT_SCALE else f"jetbot@{scale:g}"
     slower = math.sqrt(scale / DEFAULT_SCALE)
     torque_nm = MOTOR_NM * scale**4
