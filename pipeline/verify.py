@@ -13,9 +13,10 @@ from tqdm import tqdm
 
 from ..formats.errors import VlnpeError
 from ..formats.mcap.rollout import read_rollout
-from ..formats.scene_bundle import load_bundle
+from ..formats.scene_bundle import INDEX_NAME, load_bundle
 from ..formats.video_stream import probe_video
 from ..formats.vlnce import read_episodes
+from ..scene_repair.verify import verify_scene
 from .ledger import Ledger, Row
 
 
@@ -28,11 +29,13 @@ class Check:
 
 
 def verify_run(root: Path) -> list[Check]:
-    """Check every current output of the run in `root`.
+    """Check every current output of the run in `root`, or the one repaired scene that it is.
 
     Raises:
         FileFormatError: no run there.
     """
+    if (root / INDEX_NAME).is_file():
+        return [Check(f"scene {root.name}", _unsound("repair", root, root.name))]
     ledger = Ledger.existing(root)
     rows = [row for row in ledger.rows() if row.status == "done"]
     checks = []
@@ -46,10 +49,17 @@ def _problem(root: Path, row: Row) -> str:
         path = root / output
         if not path.exists():
             return f"{output} is missing"
-        try:
-            READERS.get(row.stage, _exists)(path)
-        except (VlnpeError, McapError, OSError, ValueError, KeyError) as error:
-            return f"{output}: {error}"
+        problem = _unsound(row.stage, path, output)
+        if problem:
+            return problem
+    return ""
+
+
+def _unsound(stage: str, path: Path, name: str) -> str:
+    try:
+        READERS.get(stage, _exists)(path)
+    except (VlnpeError, McapError, OSError, ValueError, KeyError) as error:
+        return f"{name}: {error}"
     return ""
 
 
@@ -59,12 +69,10 @@ def _exists(path: Path) -> None:
 
 
 def _scene(path: Path) -> None:
-    bundle = load_bundle(path)
-    bundle.visual()
-    for level in range(len(bundle.level_floor_z_m)):
-        bundle.floor(level)
-        bundle.obstacles(level)
-        bundle.freemap(level)
+    problems = verify_scene(load_bundle(path))["problems"]
+    if problems:
+        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+        raise ValueError(f"{problems[0]}{more}")
 
 
 def _mcap(path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,7 +27,10 @@ from .semantics import labelled_objects
 from .shading import Looks
 from .textures import write_materials
 from .usd_scene import UsdContent, write_usd
+from .verify import RECORD_NAME, verify_scene
 from .world_mesh import WorldMesh
+
+log = logging.getLogger(__name__)
 
 # The pictures: free space around the floor, and limits of their size.
 PICTURE_MARGIN_M = 0.3
@@ -101,20 +105,18 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
             facts={key: facts[key] for key in ("path", "sha256", "licence")},
         ),
     )
-    write_json(
-        out_dir / "repair.json",
-        {
-            "scene_id": scene_id,
-            "source": facts,
-            "triangles_before": len(repaired.original.faces),
-            "triangles_after": len(repaired.mesh.faces),
-            "warnings": list(repaired.scan.warnings),
-            "levels": [
-                describe_level(floor, probes)
-                for floor, probes in zip(repaired.floors, repaired.probes, strict=True)
-            ],
-        },
-    )
+    record = {
+        "scene_id": scene_id,
+        "source": facts,
+        "triangles_before": len(repaired.original.faces),
+        "triangles_after": len(repaired.mesh.faces),
+        "warnings": list(repaired.scan.warnings),
+        "levels": [
+            describe_level(floor, probes)
+            for floor, probes in zip(repaired.floors, repaired.probes, strict=True)
+        ],
+    }
+    write_json(out_dir / RECORD_NAME, record)
     _write_pictures(repaired, out_dir, scene_id, config.picture_px)
     bundle = SceneBundle(
         root=out_dir,
@@ -130,7 +132,14 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
     )
     levels = [(level.floor, level.obstacles, level.freemap) for level in repaired.levels]
     save_bundle(bundle, visual, levels)
-    return load_bundle(out_dir)
+    bundle = load_bundle(out_dir)
+    # Only what lies on the disk can be verified; the record then says what came out.
+    proof = verify_scene(bundle)
+    for problem in proof["problems"]:
+        log.warning("%s: %s", scene_id, problem)
+    record["warnings"] += proof["problems"]
+    write_json(out_dir / RECORD_NAME, {**record, "verification": proof})
+    return bundle
 
 
 def _write_pictures(repaired: Repaired, out_dir: Path, scene_id: str, width_px: int) -> None:

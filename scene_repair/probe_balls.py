@@ -1,0 +1,77 @@
+"""Balls really dropped onto written triangles, in MuJoCo."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+BALL_RADIUS_M = 0.01
+# Balls start with their lowest point this far above the floor, and get this long to settle.
+DROP_M, SETTLE_S, STEP_S = 0.03, 0.4, 0.004
+# Triangles within this distance are there for them, from this far under the floor on.
+REACH_M, BELOW_M = 0.15, 0.1
+TILE_M, BALLS_AT_ONCE = 2.0, 200
+# Triangles are this thick, upwards and downwards: contact needs some depth.
+SKIN_M = 1e-4
+
+
+def drop_balls(
+    triangles_m: NDArray[np.float32], floor_m: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Drop a ball of 2 cm onto each of some points of a floor.
+
+    The triangles are solid from both sides (a rigid MuJoCo flex). Balls do not meet each other.
+
+    Args:
+        triangles_m: (T, 3, 3).
+        floor_m: (N, 3) points on the floor.
+
+    Returns:
+        (N, 3) where the balls' lowest points are in the end.
+    """
+    end = np.empty((len(floor_m), 3))
+    tile = np.floor(floor_m[:, :2] / TILE_M).astype(np.int64)
+    _, number = np.unique(tile, axis=0, return_inverse=True)
+    low, high = triangles_m.min(axis=1), triangles_m.max(axis=1)
+    for k in range(int(number.max(initial=-1)) + 1):
+        mine = np.flatnonzero(number.ravel() == k)
+        for start in range(0, len(mine), BALLS_AT_ONCE):
+            some = mine[start : start + BALLS_AT_ONCE]
+            lower = floor_m[some].min(axis=0) - np.array([REACH_M, REACH_M, BELOW_M])
+            upper = floor_m[some].max(axis=0) + REACH_M
+            near = np.all((high >= lower) & (low <= upper), axis=1)
+            end[some] = _drop(triangles_m[near], floor_m[some])
+    return end
+
+
+def _drop(triangles_m: NDArray[np.float32], floor_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    spec = mujoco.MjSpec()
+    spec.option.timestep = STEP_S
+    if len(triangles_m):
+        points, index = np.unique(triangles_m.reshape(-1, 3), axis=0, return_inverse=True)
+        spec.add_flex(
+            name="floor",
+            dim=2,
+            radius=SKIN_M,
+            vertbody=["world"],
+            vert=points.astype(np.float64).ravel().tolist(),
+            elem=index.ravel().tolist(),
+            selfcollide=mujoco.mjtFlexSelf.mjFLEXSELF_NONE,
+            contype=1,
+            conaffinity=2,
+        )
+    for x, y, z in floor_m:
+        body = spec.worldbody.add_body(pos=[x, y, z + DROP_M + BALL_RADIUS_M])
+        body.add_freejoint()
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            size=[BALL_RADIUS_M, 0.0, 0.0],
+            contype=2,
+            conaffinity=1,
+        )
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    for _ in range(round(SETTLE_S / STEP_S)):
+        mujoco.mj_step(model, data)
+    return data.xpos[1:] - (0.0, 0.0, BALL_RADIUS_M)
