@@ -80,7 +80,8 @@ def stairwell(
             across = 1 - along
             a[across] = (low[across] - 0.04) if side == 0 else high[across]
             b[across] = a[across] + 0.04
-            shapes.append(_box((*a, floor_z), (*b, floor_z + 1.0)))
+            shapes.append(_ring(a, b, floor_z, floor_z + 1.0))
+            shapes.append(_sheet(a, b, floor_z + 1.0))
     return Decoy("Stairs_below", _rect(low, high), _rect(low, high), False, _joined(shapes))
 
 

@@ -25,6 +25,8 @@ ON_FLOOR_ELSEWHERE = 0.97
 # A scan of smaller triangles loses whole ones at ragged holes.
 FINE_TRIANGLES_M = 0.08
 CUT_BAND_M = 0.04
+# What is still at the same height was not cut.
+SAME_SURFACE_M = 0.001
 
 
 @dataclass(frozen=True)
@@ -283,12 +285,19 @@ def removed_floor(
         points: where.
     """
     had = heights_near(before, points, site.floor_z_m, FLOOR_BAND_M)
-    has = heights_near(after, points, site.floor_z_m, FLOOR_BAND_M)
+    gone = np.isnan(heights_near(after, points, np.nan_to_num(had), SAME_SURFACE_M))
     cells = site.grid.cell_of(points)
     # Beneath walls nobody misses a floor.
     true = site.grid.inside(cells)
     true[true] = site.true_floor[tuple(cells[true].T)]
-    return np.where(true & ~np.isfinite(has), had, np.nan)
+    height = np.where(true & gone, had, np.nan)
+    if not site.exact:
+        return height
+    # A fused scan rounds the corner between floor and wall, and wavers; the truth does not.
+    on_rug = np.zeros(len(points), dtype=bool)
+    for lower, upper in site.rugs:
+        on_rug |= np.all((points > lower) & (points < upper), axis=1)
+    return np.where(np.isfinite(height) & ~on_rug, site.floor_z_m, height)
 
 
 def replaced(planted: Planted) -> list[Part]:

@@ -19,7 +19,7 @@ from vlnpe.scene_repair.builtin.generate import generate_scan
 
 from .glb import Glb
 from .plant import Planted, replaced
-from .site import Site, filled, survey
+from .site import Site, filled, floor_height, survey
 
 TUNING_SEEDS = tuple(range(20))
 HELD_OUT_SEEDS = tuple(range(1000, 1020))
@@ -59,10 +59,13 @@ def apartment(seed: int, cache: Path) -> Source:
     building = grown[2 * margin : -2 * margin, 2 * margin : -2 * margin]
     boxes = json.loads((folder / "scan.labels.json").read_text())["objects"]
     doors = [_box_in_plan(b) for b in boxes if b["category"] == "door frame"]
+    rugs = [_box_in_plan(b) for b in boxes if b["category"] == "rug"]
     path = folder / "scan.glb"
     return Source(
         path,
-        survey(f"apartment {seed}", Glb(path).parts(), 0.0, True, (grid, floor), building, doors),
+        survey(
+            f"apartment {seed}", Glb(path).parts(), 0.0, True, (grid, floor), building, doors, rugs
+        ),
     )
 
 
@@ -78,7 +81,7 @@ def house(folder: Path = SHARED) -> Source:
     slabs = [p for p in parts if p.name.startswith("Floor")]
     z = float(np.median(np.concatenate([p.points_m[:, 2] for p in slabs])))
     walls = [p for p in parts if "Wall" in p.name]
-    return Source(path, survey(HOUSE, parts, z, False, None, None, doors, walls))
+    return Source(path, survey(HOUSE, parts, z, False, doors=doors, wall_parts=walls))
 
 
 def headset(name: str, folder: Path = SHARED) -> Source:
@@ -86,8 +89,10 @@ def headset(name: str, folder: Path = SHARED) -> Source:
     path = folder / f"{name}.glb"
     anchors = json.loads((folder / f"{name}.labels.json").read_text())
     floor = next(a for a in anchors if a["label"] == "FLOOR")
-    z = float(floor["pose"]["position"]["y"])
-    return Source(path, survey(name, Glb(path).parts(), z, False, None, None, []))
+    # The label's plane and the mesh differ by up to 6 cm.
+    parts = Glb(path).parts()
+    z = floor_height(parts, float(floor["pose"]["position"]["y"]))
+    return Source(path, survey(name, parts, z, False))
 
 
 def write_planted(planted: Planted, source: Source, out: Path) -> Path:

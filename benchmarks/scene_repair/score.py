@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from .site import NEAR_FLOOR_M, cell_centers, soup_of
 from .vertical import Surfaces, heights_near
 
 # A point is filled when there is a surface this near to where the floor was.
-FILLED_M = 0.05
+FILLED_M = 0.025
 # A hole is filled when so much of it is; a decoy counts as filled from so much on.
 FILLED_SHARE, DECOY_SHARE = 0.98, 0.02
 OPEN_BAND_M = 0.1
@@ -70,7 +70,7 @@ class Score:
         holes: the planted ones, and decoys.
         floor_m2: true floor.
         outside_m2: floor added outside the building.
-        in_walls_m2: floor added inside the building where there is none in truth.
+        in_walls_m2: floor added inside the building where walls stand.
         before, after: share of the true floor that the scan with holes, and the repaired scene,
             have; only where all the floor is known.
         natural_errors_m: height errors where the scan itself had gaps; likewise.
@@ -93,10 +93,18 @@ class Score:
 
 
 @dataclass(frozen=True)
-class _Truth:
+class Truth:
+    """What was planted, and what lay near the floor before and after it was cut."""
+
     planted: Planted
     before: Surfaces
     after: Surfaces
+
+
+def truth_of(planted: Planted) -> Truth:
+    """Look at the floor with and without its holes."""
+    site = planted.site
+    return Truth(planted, site.near_floor(site.parts), site.near_floor(planted.parts))
 
 
 def score(planted: Planted, bundle: SceneBundle) -> Score:
@@ -111,9 +119,12 @@ def score(planted: Planted, bundle: SceneBundle) -> Score:
     record = json.loads((bundle.root / "repair.json").read_text())
     site = planted.site
     z = site.floor_z_m
-    truth = _Truth(planted, site.near_floor(site.parts), site.near_floor(planted.parts))
+    truth = truth_of(planted)
     repaired = Surfaces.between(vertices, faces, z - NEAR_FLOOR_M, z + NEAR_FLOOR_M)
-    holes = [_score_hole(truth, hole, repaired, record, bundle) for hole in planted.holes]
+    holes = [
+        _explained(score_hole(truth, hole, repaired), truth, repaired, record, bundle)
+        for hole in planted.holes
+    ]
     centers = cell_centers(site.grid)
     cut = soup_of(planted.parts)
     cell_m2 = site.grid.cell_m**2
@@ -127,13 +138,14 @@ def score(planted: Planted, bundle: SceneBundle) -> Score:
             closed_up |= hole.outline.contains(centers)
     floor = site.true_floor.ravel() & ~closed_up
     moved = _moved(cut[0][np.unique(cut[1])], vertices, record, bundle)
+    no_floor = ~floor if site.exact else site.wall.ravel()
     natural = floor & added & ~site.scanned.ravel()
     return Score(
         scene=site.name,
         holes=holes,
         floor_m2=float(floor.sum()) * cell_m2,
         outside_m2=float((added & ~site.building.ravel()).sum()) * cell_m2,
-        in_walls_m2=float((added & site.building.ravel() & ~floor & ~closed_up).sum()) * cell_m2,
+        in_walls_m2=float((added & site.building.ravel() & no_floor & ~closed_up).sum()) * cell_m2,
         before=float(had[floor].mean()),
         after=float(has[floor].mean()),
         natural_errors_m=after[natural] - z if site.exact else np.empty(0),
@@ -170,30 +182,42 @@ def sample_inside(outline: Outline, wanted: int = 1500) -> tuple[NDArray[np.floa
         step /= 2
 
 
-def _score_hole(
-    known: _Truth,
-    hole: PlantedHole,
+def score_hole(known: Truth, hole: PlantedHole, repaired: Surfaces) -> HoleScore:
+    """How much of a planted hole or decoy there is floor in."""
+    points, truth, each_m2 = _rays(known, hole)
+    found = heights_near(repaired, points, truth, OPEN_BAND_M if hole.decoy else FILLED_M)
+    there = np.isfinite(found)
+    errors = np.empty(0) if hole.decoy else (found - truth)[there]
+    return HoleScore(hole, len(points) * each_m2, float(there.sum()) * each_m2, errors, "")
+
+
+def _rays(
+    known: Truth, hole: PlantedHole
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Points (N, 2) in a hole where there was floor, its heights (N,), and the area of each."""
+    points, each_m2 = sample_inside(hole.outline)
+    if hole.decoy:
+        return points, np.full(len(points), hole.floor_z_m), each_m2
+    truth = removed_floor(known.planted.site, known.before, known.after, points)
+    there = np.isfinite(truth)
+    return points[there], truth[there], each_m2
+
+
+def _explained(
+    result: HoleScore,
+    known: Truth,
     repaired: Surfaces,
     record: dict[str, Any],
     bundle: SceneBundle,
 ) -> HoleScore:
-    points, each_m2 = sample_inside(hole.outline)
-    if hole.decoy:
-        found = heights_near(repaired, points, hole.floor_z_m, OPEN_BAND_M)
-        area, filled = len(points) * each_m2, float(np.isfinite(found).sum()) * each_m2
-        wrong = filled >= DECOY_SHARE * area
-        reason = _reason(points[np.isfinite(found)], record, bundle, hole) if wrong else ""
-        return HoleScore(hole, area, filled, np.empty(0), reason)
-    truth = removed_floor(known.planted.site, known.before, known.after, points)
-    points, truth = points[np.isfinite(truth)], truth[np.isfinite(truth)]
-    found = heights_near(repaired, points, truth, FILLED_M)
-    there = np.isfinite(found)
-    area = len(points) * each_m2
-    result = HoleScore(hole, area, float(there.sum()) * each_m2, (found - truth)[there], "")
-    if result.filled:
+    """The same with the record's reason, if it is not as it should be."""
+    hole = result.hole
+    if result.filled != hole.decoy:
         return result
-    reason = _reason(points[~there], record, bundle, hole)
-    return HoleScore(hole, result.area_m2, result.filled_m2, result.errors_m, reason)
+    points, truth, _ = _rays(known, hole)
+    found = heights_near(repaired, points, truth, OPEN_BAND_M if hole.decoy else FILLED_M)
+    wrong = points[np.isfinite(found) == hole.decoy]
+    return replace(result, reason=_reason(wrong, record, bundle, hole))
 
 
 def _reason(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,8 @@ from .vertical import Surfaces, heights_near
 CELL_M = 0.02
 # Surfaces this near to the floor's height belong to it: rugs, thresholds, noise.
 FLOOR_BAND_M = 0.05
+# A real floor is as flat as this.
+FLAT_M = 0.02
 # Rays look for surfaces this far from it at most.
 NEAR_FLOOR_M = 0.15
 # Heights above the floor between which furniture is looked for, and where ceilings begin.
@@ -26,6 +29,7 @@ WALL_SLICES_M = np.linspace(0.3, 2.0, 9)
 WALL_THICKNESS_M = 0.28
 
 Mask = NDArray[np.bool_]
+Box = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
@@ -37,13 +41,14 @@ class Site:
         parts: its meshes.
         grid: cells of the following masks.
         floor_z_m: height of the floor.
-        exact: whether the true floor is exactly a plane at that height.
+        exact: whether the true floor is exactly a plane at that height, but for rugs.
         true_floor: (rows, columns) where there is floor in truth.
         scanned: where the scan has it.
         building: everything inside the outer walls, and they.
         wall: where walls stand.
         furniture: what something hangs or stands over, lower than head height.
         doors: boxes (lower, upper) (2,) in plan of doorways.
+        rugs: likewise, of rugs.
     """
 
     name: str
@@ -56,12 +61,26 @@ class Site:
     building: Mask
     wall: Mask
     furniture: Mask
-    doors: list[tuple[NDArray[np.float64], NDArray[np.float64]]]
+    doors: list[Box]
+    rugs: list[Box]
 
     def near_floor(self, parts: list[Part]) -> Surfaces:
         """What of some parts lies about the floor's height."""
         z = self.floor_z_m
         return Surfaces.between(*soup_of(parts), z - NEAR_FLOOR_M, z + NEAR_FLOOR_M)
+
+
+def floor_height(parts: list[Part], about_m: float) -> float:
+    """The height [m] near `about_m` at which most of the level area lies."""
+    vertices, faces = soup_of(parts)
+    corners = vertices[faces]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    z = corners[..., 2].mean(axis=1)
+    near = np.abs(z - about_m) < NEAR_FLOOR_M
+    share, edges = np.histogram(z[near], bins=60, weights=np.abs(cross[near, 2]))
+    peak = edges[int(share.argmax())]
+    close = near & (np.abs(z - peak) < FLAT_M)
+    return float(np.average(z[close], weights=np.abs(cross[close, 2])))
 
 
 def soup_of(parts: list[Part]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -76,9 +95,10 @@ def survey(
     parts: list[Part],
     floor_z_m: float,
     exact: bool,
-    true_floor: tuple[GridSpec, Mask] | None,
-    building: Mask | None,
-    doors: list[tuple[NDArray[np.float64], NDArray[np.float64]]],
+    true_floor: tuple[GridSpec, Mask] | None = None,
+    building: Mask | None = None,
+    doors: Sequence[Box] = (),
+    rugs: Sequence[Box] = (),
     wall_parts: list[Part] | None = None,
 ) -> Site:
     """Look over a scene.
@@ -91,6 +111,7 @@ def survey(
         true_floor: where there is floor; None = where the scan has it and no wall stands.
         building: the building's footprint; None = the scan's.
         doors: boxes of doorways in plan.
+        rugs: likewise, of rugs.
         wall_parts: the meshes that walls are made of; None = any may be.
     """
     vertices, faces = soup_of(parts)
@@ -110,8 +131,11 @@ def survey(
     furniture = met(floor_z_m + (low + high) / 2, (high - low) / 2)
     wall = _walls(*soup_of(parts if wall_parts is None else wall_parts), grid, floor_z_m)
     anything = met(floor_z_m + 5.0, 6.0)
-    footprint = filled(ndimage.binary_closing(np.pad(anything, 20), iterations=15))[20:-20, 20:-20]
-    floor = scanned & ~wall if true_floor is None else true_floor[1]
+    # A scan shows the inner faces of outer walls; the building reaches a little farther.
+    solid = filled(ndimage.binary_closing(np.pad(anything, 20), iterations=15))
+    footprint = ndimage.binary_dilation(solid, iterations=2)[20:-20, 20:-20]
+    # A headset's closed surface rises towards things; that is not floor.
+    floor = met(floor_z_m, FLAT_M) & ~wall if true_floor is None else true_floor[1]
     return Site(
         name=name,
         parts=parts,
@@ -123,7 +147,8 @@ def survey(
         building=footprint if building is None else building,
         wall=wall,
         furniture=furniture,
-        doors=doors,
+        doors=list(doors),
+        rugs=list(rugs),
     )
 
 
