@@ -7,8 +7,11 @@ import re
 # Words that tell variants of one thing apart, or where it is used, but not what it is.
 _GENERIC = {
     "geometry", "mesh", "node", "object", "obj", "group", "default", "root", "scene", "world",
-    "polysurface", "shape", "primitive", "untitled", "none", "material", "model",
+    "polysurface", "shape", "primitive", "untitled", "none", "material", "model", "instance",
+    "component", "xform", "scope", "geom", "sm",
 }  # fmt: skip
+# Names of generated models carry digests: `model_856a914fb4f3_0`.
+_HASH = re.compile(r"(?<![A-Za-z0-9])(?=[0-9a-fA-F]*[0-9])[0-9a-fA-F]{6,}(?![A-Za-z0-9])")
 # Compounds that names run together or that a plain split would misread.
 _ALIASES = {
     "tv": "tv",
@@ -41,7 +44,8 @@ def category_of_name(name: str) -> str:
 
     Splits camel case and separators, drops numbers and single-letter variants (`SofaC_1` → sofa).
     """
-    base = re.sub(r"\.(obj|fbx|dae|ply|stl|glb|gltf|usd[acz]?)\b", "", name, flags=re.IGNORECASE)
+    base = _HASH.sub(" ", name)
+    base = re.sub(r"\.(obj|fbx|dae|ply|stl|glb|gltf|usd[acz]?)\b", "", base, flags=re.IGNORECASE)
     spaced = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", base)
     words = [w.lower() for w in re.split(r"[^A-Za-z]+", spaced) if w]
     words = [w for w in words if len(w) > 1 and w not in _GENERIC]

@@ -22,7 +22,7 @@ from .level_floor import RepairedFloor, repair_floor
 from .levels import ScannedFloor, averted_faces, find_levels
 from .orient import orient
 from .output import Repaired, write_scene
-from .read_mesh import read_mesh
+from .read_scan import read_scan
 from .scan import ScanObject
 from .semantics import label_by_boxes, not_floor, structural
 from .surfaces import find_surfaces
@@ -48,7 +48,7 @@ def repair_scene(
     """Read the scan `source` and write the repaired scene into the existing folder `out_dir`.
 
     Args:
-        source: GLB, glTF, OBJ, PLY, STL or OFF; `<stem>.labels.json` beside it is used if there.
+        source: a mesh, USD stage or point cloud; `<stem>.labels.json` beside it is used if there.
         out_dir: an empty folder; the caller makes it atomic.
         config: settings; None = the defaults.
         progress: called with one short line before each step.
@@ -64,7 +64,7 @@ def repair_scene(
     tell = progress or log.info
     source = Path(source)
     tell(f"reading {source.name}")
-    scan = read_mesh(source)
+    scan = read_scan(source)
     boxes = read_labels(source)
     way = orient(scan, config)
     scan = label_by_boxes(scan, boxes, way.source_to_world)

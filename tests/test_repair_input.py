@@ -20,8 +20,9 @@ from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.label_files import read_labels
 from vlnpe.scene_repair.labels import category_of_name
 from vlnpe.scene_repair.orient import orient
-from vlnpe.scene_repair.read_mesh import read_mesh, weld
+from vlnpe.scene_repair.read_mesh import read_mesh
 from vlnpe.scene_repair.repair import repair_scene
+from vlnpe.scene_repair.soup import weld
 
 SIZE = (4.0, 3.5, 2.6)
 

@@ -1,0 +1,106 @@
+"""Pictures of unknown origin: decoded in bounded memory, or left out with a reason."""
+
+from __future__ import annotations
+
+import io
+import warnings as python_warnings
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from .big_png import shrink_png
+
+# Larger pictures are scaled down while they are decoded.
+MAX_PIXELS, MAX_SIDE = 64_000_000, 4096
+# A progressive JPEG is decoded as a whole, whatever size is asked for.
+MAX_PROGRESSIVE_PIXELS = 200_000_000
+# All pictures of one scan together.
+MAX_TOTAL_PIXELS = 256_000_000
+
+
+def open_picture(data: bytes, name: str, warnings: list[str]) -> Image.Image | None:
+    """A picture whose size is bearable; None, with a line in `warnings`, if there is none in it.
+
+    Small ones are not decoded yet: see `decode_all`.
+    """
+    try:
+        return _open(data, name, warnings)
+    # Pillow's readers raise many types on damaged bytes.
+    except Exception as error:
+        warnings.append(f"picture {name} cannot be read ({_brief(error)}); its colour is used")
+        return None
+
+
+def _open(data: bytes, name: str, warnings: list[str]) -> Image.Image:
+    with python_warnings.catch_warnings():
+        # The size is looked at here, before anything is decoded.
+        python_warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+        limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
+        try:
+            image = Image.open(io.BytesIO(data))
+        finally:
+            Image.MAX_IMAGE_PIXELS = limit
+    width, height = image.size
+    if width * height <= MAX_PIXELS:
+        return image
+    if image.format == "PNG":
+        small = Image.fromarray(shrink_png(data, MAX_SIDE))
+    elif image.format == "JPEG" and not (
+        image.info.get("progressive") and width * height > MAX_PROGRESSIVE_PIXELS
+    ):
+        scale = MAX_SIDE / max(width, height)
+        image.draft("RGB", (max(1, int(width * scale)), max(1, int(height * scale))))
+        image.thumbnail((MAX_SIDE, MAX_SIDE))
+        small = image.convert("RGB")
+        small.format = "JPEG"
+    else:
+        raise ValueError(f"{width} × {height} pixels are too many for {image.format}")
+    warnings.append(
+        f"picture {name} of {width} × {height} pixels scaled down to {small.width} × {small.height}"
+    )
+    return small
+
+
+def decode_all(
+    images: dict[str, Image.Image], warnings: list[str]
+) -> dict[str, Image.Image | None]:
+    """Decode pictures to RGB, all of them smaller if together they would fill the memory.
+
+    Damaged ones become None, with a line in `warnings`.
+    """
+    total = sum(image.width * image.height for image in images.values())
+    scale = min(1.0, (MAX_TOTAL_PIXELS / max(total, 1)) ** 0.5)
+    if scale < 1.0:
+        warnings.append(
+            f"{len(images)} pictures of {total / 1e6:.0f} million pixels together scaled down to "
+            f"{100 * scale:.0f} %"
+        )
+    return {name: _decode(image, name, scale, warnings) for name, image in images.items()}
+
+
+def _decode(image: Image.Image, name: str, scale: float, warnings: list[str]) -> Image.Image | None:
+    kind = image.format
+    try:
+        if image.mode.startswith("I") or image.mode == "F":
+            # Sixteen bits; Pillow would clip them to eight.
+            image = Image.fromarray((np.asarray(image).astype(np.int64) >> 8).astype(np.uint8))
+        picture = image.convert("RGB")
+    except Exception as error:
+        warnings.append(f"picture {name} is damaged ({_brief(error)}); its colour is used")
+        return None
+    if scale < 1.0:
+        size = (max(1, int(picture.width * scale)), max(1, int(picture.height * scale)))
+        picture = picture.resize(size, Image.Resampling.BOX)
+    picture.format = kind
+    return picture
+
+
+def read_picture(path: Path, warnings: list[str]) -> Image.Image | None:
+    """As `open_picture`, from a file that is known to lie where it may."""
+    return open_picture(path.read_bytes(), path.name, warnings)
+
+
+def _brief(error: Exception) -> str:
+    lines = str(error).strip().splitlines()
+    return (lines[0][:120] if lines else "") or type(error).__name__
