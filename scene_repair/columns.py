@@ -62,6 +62,45 @@ def sample_columns(
     return Columns(grid, start, z[order], face[order])
 
 
+def top_faces(
+    vertices_m: NDArray[np.float64], faces: NDArray[np.int64], grid: GridSpec
+) -> NDArray[np.int32]:
+    """Face (rows, columns) that is the highest under each cell's centre, −1 where there is none."""
+    scaled = (vertices_m - (*grid.origin_xy_m, 0.0)) / (grid.cell_m, grid.cell_m, 1.0)
+    face = np.full(grid.shape, -1, dtype=np.int32)
+    height = np.full(grid.shape, -np.inf, dtype=np.float32)
+    _top(scaled, np.ascontiguousarray(faces, dtype=np.int64), height, face)
+    return face
+
+
+@njit(cache=True)
+def _top(vertices, faces, height, face):
+    rows, columns = face.shape
+    for f in range(len(faces)):
+        ax, ay, az = vertices[faces[f, 0]]
+        bx, by, bz = vertices[faces[f, 1]]
+        cx, cy, cz = vertices[faces[f, 2]]
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        if area == 0.0:
+            continue
+        j0 = max(int(np.ceil(min(ax, bx, cx) - 0.5)), 0)
+        j1 = min(int(np.floor(max(ax, bx, cx) - 0.5)), columns - 1)
+        i0 = max(int(np.ceil(min(ay, by, cy) - 0.5)), 0)
+        i1 = min(int(np.floor(max(ay, by, cy) - 0.5)), rows - 1)
+        for i in range(i0, i1 + 1):
+            y = i + 0.5
+            for j in range(j0, j1 + 1):
+                x = j + 0.5
+                u = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / area
+                v = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area
+                w = 1.0 - u - v
+                if u >= 0.0 and v >= 0.0 and w >= -1e-12:
+                    z = u * az + v * bz + w * cz
+                    if z > height[i, j]:
+                        height[i, j] = z
+                        face[i, j] = f
+
+
 @njit(cache=True)
 def _raster(vertices, faces, rows, columns, cursor, z_out, face_out, fill):
     """Count hits per cell, or write them at each cell's cursor.

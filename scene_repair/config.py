@@ -30,7 +30,7 @@ class RepairConfig:
         level_tilt_deg: a scan tilted by more than this is levelled …
         max_tilt_deg: … up to this.
         max_texture_px: larger textures are scaled down.
-        patch_texel_m: texel size of the floor painted into filled holes.
+        patch_texel_m: texel size of the floor painted into filled holes (coarser over large levels).
         picture_px: width of the before and after pictures.
     """
 
@@ -49,7 +49,7 @@ class RepairConfig:
     level_tilt_deg: float = 0.3
     max_tilt_deg: float = 10.0
     max_texture_px: int = 4096
-    patch_texel_m: float = 0.01
+    patch_texel_m: float = 0.005
     picture_px: int = 1400
 
     def __post_init__(self) -> None:

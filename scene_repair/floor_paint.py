@@ -7,14 +7,16 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ..formats.grid import GridSpec
-from .columns import Columns, sample_columns
+from .columns import top_faces
 from .inpaint import inpaint
-from .maps import grow
+from .maps import Window, grow
 from .shading import Looks, barycentric
 from .world_mesh import WorldMesh
 
 # This much floor around a hole is what its filling is copied from.
-AROUND_M = 1.5
+AROUND_M = 2.0
+# With less floor in a room, its neighbours' is copied.
+LEAST_FLOOR_M2 = 0.05
 MARGIN_PX = 3
 
 
@@ -23,6 +25,7 @@ def paint_floor(
     looks: Looks,
     floor_faces: NDArray[np.int64],
     region: NDArray[np.bool_],
+    rooms: NDArray[np.int32],
     grid: GridSpec,
     texel_m: float,
     max_px: int,
@@ -34,7 +37,9 @@ def paint_floor(
         looks: its materials.
         floor_faces: (n,) scanned floor.
         region: (rows, columns) cells under patches.
-        grid: their grid.
+        rooms: (rows, columns) number of the room that each cell belongs to, from 1; floors are
+            continued within a room only.
+        grid: the grid of both.
         texel_m: wanted texel size; coarser if the level is too large for `max_px`.
         max_px: largest side of the image.
 
@@ -46,23 +51,70 @@ def paint_floor(
     high = grid.center_of((rows.max(), columns.max())) + grid.cell_m
     texel_m = max(texel_m, float((high - low).max() + 2 * AROUND_M) / (max_px - 2))
     texels = GridSpec.covering(low, high, texel_m)
-    around = GridSpec.covering(low - AROUND_M, high + AROUND_M, texel_m)
-    i, j = np.indices(around.shape)
-    center = around.center_of(np.stack([i, j], axis=-1))
-    cell = grid.cell_of(center)
-    inside = grid.inside(cell)
-    wanted = np.zeros(around.shape, dtype=bool)
-    wanted[inside] = region[tuple(cell[inside].T)]
-    wanted = grow(wanted, MARGIN_PX)
-    image, known = _look_down(mesh, looks, floor_faces, around)
-    if known.any():
-        image = inpaint(image, known, wanted)
-    di, dj = np.rint(
-        (np.asarray(texels.origin_xy_m) - np.asarray(around.origin_xy_m))[::-1] / texel_m
-    ).astype(int)
-    cropped = image[di : di + texels.rows, dj : dj + texels.columns]
-    pixels = np.clip(np.rint(cropped[::-1] * 255.0), 0, 255).astype(np.uint8)
+    picture = np.zeros((*texels.shape, 3), dtype=np.float32)
+    for room in np.unique(rooms[region]).tolist():
+        own = rooms == room
+        window, image, wanted = _paint_room(
+            mesh, looks, floor_faces, region & own, region, own, grid, texels
+        )
+        picture[window][wanted] = image[wanted]
+    pixels = np.clip(np.rint(picture[::-1] * 255.0), 0, 255).astype(np.uint8)
     return Image.fromarray(pixels), texels
+
+
+def _paint_room(
+    mesh: WorldMesh,
+    looks: Looks,
+    floor_faces: NDArray[np.int64],
+    region: NDArray[np.bool_],
+    others: NDArray[np.bool_],
+    room: NDArray[np.bool_],
+    grid: GridSpec,
+    texels: GridSpec,
+) -> tuple[Window, NDArray[np.float32], NDArray[np.bool_]]:
+    """Floor of one room.
+
+    Args:
+        mesh: the scan without patches.
+        looks: its materials.
+        floor_faces: (n,) scanned floor.
+        region: (rows, columns) cells to paint.
+        others: (rows, columns) cells that are painted in any room.
+        room: (rows, columns) cells whose floor may be copied.
+        grid: their grid.
+        texels: grid of the whole picture.
+
+    Returns:
+        A window of `texels`, colours (h, w, 3) for it, and where they count (h, w).
+    """
+    rows, columns = np.nonzero(region)
+    around = round(AROUND_M / texels.cell_m)
+    corners = grid.center_of(np.array([[rows.min(), columns.min()], [rows.max(), columns.max()]]))
+    (i0, j0), (i1, j1) = texels.cell_of(corners)
+    i0, j0, i1, j1 = i0 - around, j0 - around, i1 + around + 1, j1 + around + 1
+    x, y = texels.origin_xy_m
+    corner = (x + j0 * texels.cell_m, y + i0 * texels.cell_m)
+    seen = GridSpec(corner, texels.cell_m, int(i1 - i0), int(j1 - j0))
+    cells = np.ix_(*_cells_under(seen, grid))
+    mine = region[cells]
+    wanted = grow(mine, MARGIN_PX) & (mine | ~others[cells])
+    face = top_faces(mesh.vertices, mesh.faces[floor_faces], seen)
+    inside = (face >= 0) & room[cells]
+    known = face >= 0
+    if np.count_nonzero(inside) * texels.cell_m**2 >= LEAST_FLOOR_M2:
+        # Beyond a wall lies another floor, which does not continue here.
+        known = inside
+    image = _colors(mesh, looks, floor_faces, np.where(known, face, -1), seen)
+    if known.any():
+        image = inpaint(image, known, wanted, texels.cell_m)
+    window = (
+        slice(max(i0, 0), min(i1, texels.rows)),
+        slice(max(j0, 0), min(j1, texels.columns)),
+    )
+    crop = tuple(
+        slice(w.start - first, w.stop - first) for w, first in zip(window, (i0, j0), strict=True)
+    )
+    return window, image[crop], wanted[crop]
 
 
 def uv_on(grid: GridSpec, xy_m: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -71,18 +123,30 @@ def uv_on(grid: GridSpec, xy_m: NDArray[np.float64]) -> NDArray[np.float32]:
     return ((xy_m - np.asarray(grid.origin_xy_m)) / size).astype(np.float32)
 
 
-def _look_down(
-    mesh: WorldMesh, looks: Looks, floor_faces: NDArray[np.int64], texels: GridSpec
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Colours (rows, columns, 3) of the floor seen from above, and where there is any."""
-    columns: Columns = sample_columns(mesh.vertices, mesh.faces[floor_faces], texels)
-    top = columns.start[1:] - 1
-    hit = np.diff(columns.start) > 0
-    face = floor_faces[columns.face[top[hit]]]
-    cell = np.flatnonzero(hit)
+def _cells_under(texels: GridSpec, grid: GridSpec) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Row of `grid` under each row of texels, and column under each column, clamped."""
+    found = []
+    for axis, (count, limit) in enumerate(zip(texels.shape, grid.shape, strict=True)):
+        at = np.zeros((count, 2))
+        at[:, axis] = np.arange(count)
+        cell = grid.cell_of(texels.center_of(at))[:, axis]
+        found.append(np.clip(cell, 0, limit - 1))
+    return found[0], found[1]
+
+
+def _colors(
+    mesh: WorldMesh,
+    looks: Looks,
+    floor_faces: NDArray[np.int64],
+    face: NDArray[np.int32],
+    texels: GridSpec,
+) -> NDArray[np.float32]:
+    """Colours (rows, columns, 3) of the floor seen from above; 0 where `face` is −1."""
+    cell = np.flatnonzero(face.ravel() >= 0)
+    hit = floor_faces[face.ravel()[cell]]
     point = texels.center_of(np.stack([cell // texels.columns, cell % texels.columns], axis=-1))
-    weights = barycentric(mesh.vertices[mesh.faces[face], :2], point)
-    uv = np.einsum("nk,nkd->nd", weights, mesh.corner_uv[face]).astype(np.float32)
+    weights = barycentric(mesh.vertices[mesh.faces[hit], :2], point)
+    uv = np.einsum("nk,nkd->nd", weights, mesh.corner_uv[hit]).astype(np.float32)
     image = np.zeros((texels.rows * texels.columns, 3), dtype=np.float32)
-    image[cell] = looks.at(mesh.face_material[face], uv)
-    return image.reshape(*texels.shape, 3), hit.reshape(texels.shape)
+    image[cell] = looks.at(mesh.face_material[hit], uv)
+    return image.reshape(*texels.shape, 3)

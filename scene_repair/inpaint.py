@@ -1,43 +1,73 @@
 """Continuing a floor's pattern into holes by copying shifted floor that fits at the rim.
 
-A hole is filled piece by piece. For each piece the shift is sought at which floor elsewhere agrees
-best with what surrounds the piece (masked sum of squared differences for all shifts at once, by
-FFT at half resolution, then refined), which keeps planks and tiles in phase; the seam's remaining
-difference is spread smoothly over the piece. In the spirit of patch-based completion (Efros and
-Freeman 2001; He and Sun 2012).
+A picture of a floor is taken apart into light (its colours, smoothed widely) and pattern (what is
+left). Light is continued smoothly into a hole. The pattern is filled in piece by piece: for each
+piece the shift is sought at which the pattern elsewhere agrees best with what surrounds the piece
+(masked sum of squared differences for all shifts at once, by FFT at low resolution, then refined),
+which keeps planks and tiles in phase. In the spirit of patch-based completion (Efros and Freeman
+2001; He and Sun 2012).
+
+Patterns are copied from plain floor: not from rugs, sunlit patches, and the floor's own rim, which
+scans paint with what stands there; unless a hole's surroundings are not plain themselves.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft, ndimage
+from scipy import ndimage
 
-from .maps import Mask, Window, distance_to, grow, grown_window, nearest_in
+from .light import blurred, split_light
+from .maps import Mask, Window, distance_to, grow, grown_window, label
+from .pattern_search import COARSE, Stock, best_place, reduced
 
 Image32 = NDArray[np.float32]
 
-# Pieces of this size, judged by a ring of this width around them, from a search this far around;
-# even numbers, because the search runs at half resolution.
-PIECE_PX = 48
-RING_PX = 8
-SEARCH_PX = 200
-# The seam's difference is spread inwards by Gaussian means of growing width and falling weight,
-# and beyond their reach by its mean.
-SEAM_SPREAD = ((2.0, 1.0), (6.0, 0.1))
-SEAM_MEAN_WEIGHT = 1e-3
-LUMINANCE = np.array([0.299, 0.587, 0.114], dtype=np.float32)
+# Pieces of this size, judged by a ring of this width around them, from a search this far around.
+PIECE_M, RING_M, SEARCH_M = 0.48, 0.08, 2.0
+# Where no floor so large is known smaller pieces are tried; small ones are sought nearer by.
+HALVINGS = 3
+SEARCH_PER_SIZE, LEAST_SEARCH_M = 8.0, 0.5
+# The scan's rim is taken for smeared this far.
+SMEARED_M = 0.015
+# Floor is plain if its colour, averaged this widely, is near to most of the floor's: within this
+# many times the deviation that most of it keeps, or within a slight change of light.
+PLAIN_SIGMA_M, PLAIN_SHARE, PLAIN_FACTOR, PLAIN_LEAST = 0.06, 0.6, 2.5, 0.12
+# A piece is surrounded by something else than plain floor from this share of its ring on, which
+# then is continued, but not far: what lies deep under furniture is plain floor.
+SPECIAL_SHARE, SPECIAL_DEPTH_M = 0.3, 0.2
+# The seam's difference fades over this distance, at most so much of it.
+SEAM_SIGMA_M, SEAM_LIMIT, SEAM_FADE = 0.02, 0.3, 0.05
 
 
-def inpaint(image: Image32, known: Mask, wanted: Mask) -> Image32:
+@dataclass
+class _Canvas:
+    """The floor's pattern while it is being filled, all (H, W) or (H, W, 3).
+
+    `made` is what has been filled already; `deep` holes reach far away from scanned floor;
+    `sound` can be copied: the scanned floor without its
+    smeared rim; `plain` is the part of it that looks as most of it does.
+    """
+
+    pattern: Image32
+    bright: Image32
+    made: Mask
+    todo: Mask
+    deep: Mask
+    sound: Stock
+    plain: Stock
+
+
+def inpaint(image: Image32, known: Mask, wanted: Mask, texel_m: float) -> Image32:
     """Colours for all `wanted` pixels.
 
     Args:
         image: (H, W, 3) colours in 0–1; only `known` pixels count.
         known: (H, W) bool, at least one.
         wanted: (H, W) bool pixels to fill; known ones stay.
+        texel_m: side of a pixel.
 
     Returns:
         A copy with the wanted pixels filled; pixels in neither mask hold anything.
@@ -50,20 +80,62 @@ def inpaint(image: Image32, known: Mask, wanted: Mask) -> Image32:
     if np.ptp(colors, axis=0).max() < 1e-3:
         result[todo] = colors[0]
         return result
-    bright = result @ LUMINANCE
-    filled = known.copy()
-    # From the rim inwards, so that a piece always touches what is known already.
+    sound = _without_rim(known, texel_m)
+    plain = _plain(image, sound, texel_m)
+    split = split_light(image, known, plain, texel_m)
+    bright = split.pattern.mean(axis=2)
     depth = distance_to(known)
+    scanned = bright.copy()
+    canvas = _Canvas(
+        split.pattern,
+        bright,
+        np.zeros_like(todo),
+        todo.copy(),
+        _deep(todo, depth * texel_m),
+        Stock.of(scanned, sound),
+        Stock.of(scanned, plain),
+    )
+    # From the rim inwards, so that a piece always touches what is known already.
     rows, columns = np.nonzero(todo)
     order = np.argsort(depth[rows, columns], kind="stable")
+    reach = round(PIECE_M / texel_m / 2)
     for i, j in zip(rows[order].tolist(), columns[order].tolist(), strict=True):
-        if todo[i, j]:
-            window = _around((i, j), PIECE_PX // 2, todo.shape)
-            _fill_piece(result, bright, filled, known, todo, window)
-            bright[window] = result[window] @ LUMINANCE
-            filled[window] |= todo[window]
-            todo[window] = False
+        if canvas.todo[i, j]:
+            _fill_piece(canvas, (i, j), reach, texel_m)
+    result[todo] = split.joined(canvas.pattern)[todo]
     return result
+
+
+def _deep(todo: Mask, depth_m: NDArray[np.float64]) -> Mask:
+    """The connected parts of `todo` that reach further than `SPECIAL_DEPTH_M` from the rim."""
+    parts, _ = label(todo)
+    far = np.unique(parts[todo & (depth_m > SPECIAL_DEPTH_M)])
+    return np.isin(parts, far[far > 0])
+
+
+def _without_rim(known: Mask, texel_m: float) -> Mask:
+    """Known pixels away from the rim, or all where there are no others."""
+    inner = ~grow(~known, max(1, round(SMEARED_M / texel_m)))
+    return inner if inner.any() else known
+
+
+def _plain(image: Image32, sound: Mask, texel_m: float) -> Mask:
+    """Where the floor looks as most of it does."""
+    share, mean = reduced(sound, image)
+    sigma = PLAIN_SIGMA_M / texel_m / COARSE
+    weight = blurred(share, sigma)
+    mean = blurred(mean * share[..., None], sigma) / np.maximum(weight, 1e-6)[..., None]
+    tone = np.log(np.maximum(mean, 0.02))
+    seen = share > 0.5
+    if not seen.any():
+        return sound
+    apart = np.abs(tone - np.median(tone[seen], axis=0)).max(axis=2)
+    limit = max(PLAIN_LEAST, PLAIN_FACTOR * float(np.quantile(apart[seen], PLAIN_SHARE)))
+    other = grow(seen & (apart > limit), max(1, round(sigma)))
+    other = np.repeat(np.repeat(other, COARSE, axis=0), COARSE, axis=1)
+    plain = sound.copy()
+    plain[: other.shape[0], : other.shape[1]] &= ~other
+    return plain if np.count_nonzero(plain) > 0.05 * np.count_nonzero(sound) else sound
 
 
 def _around(center: tuple[int, int], reach: int, shape: tuple[int, ...]) -> Window:
@@ -74,109 +146,73 @@ def _around(center: tuple[int, int], reach: int, shape: tuple[int, ...]) -> Wind
     )
 
 
-def _fill_piece(
-    result: Image32, bright: Image32, filled: Mask, source: Mask, todo: Mask, window: Window
-) -> None:
-    """Write the pixels of one piece, those of `todo` in `window`, into `result`."""
-    outer = grown_window(window, RING_PX, todo.shape)
-    hole = np.zeros_like(todo[outer])
+def _fill_piece(canvas: _Canvas, center: tuple[int, int], reach: int, texel_m: float) -> None:
+    """Write the pattern around one pixel that is to do."""
+    for _ in range(HALVINGS):
+        window = _around(center, max(reach, 2), canvas.todo.shape)
+        if _copy_from_elsewhere(canvas, _tight(canvas.todo, window), texel_m):
+            return
+        reach //= 2
+    # Nothing to copy from: light alone.
+    window = _around(center, max(reach, 2), canvas.todo.shape)
+    canvas.pattern[window][canvas.todo[window]] = 0.0
+    _finish(canvas, window)
+
+
+def _tight(mask: Mask, window: Window) -> Window:
+    """The part of a window in which the mask is true somewhere."""
+    rows = np.flatnonzero(mask[window].any(axis=1))
+    columns = np.flatnonzero(mask[window].any(axis=0))
+    top, left = window[0].start, window[1].start
+    return (
+        slice(top + int(rows[0]), top + int(rows[-1]) + 1),
+        slice(left + int(columns[0]), left + int(columns[-1]) + 1),
+    )
+
+
+def _copy_from_elsewhere(canvas: _Canvas, window: Window, texel_m: float) -> bool:
+    """Fill the pixels to do in `window` from where their surroundings fit; whether it was done."""
+    ring_px = round(RING_M / texel_m)
+    outer = grown_window(window, ring_px, canvas.todo.shape)
     inner = tuple(
         slice(w.start - o.start, w.stop - o.start) for w, o in zip(window, outer, strict=True)
     )
-    hole[inner] = todo[window]
-    ring = grow(hole, RING_PX) & filled[outer]
+    hole = np.zeros_like(canvas.todo[outer])
+    hole[inner] = canvas.todo[window]
+    near = grow(hole, ring_px)
+    scanned = near & canvas.sound.source[outer]
+    plain = scanned & canvas.plain.source[outer]
+    other = np.count_nonzero(scanned & ~plain)
+    special = other > SPECIAL_SHARE * max(np.count_nonzero(scanned), 1)
+    special &= not (hole & canvas.deep[outer]).any()
+    stock = canvas.sound if special else canvas.plain
+    ring = (scanned if special else plain) | (near & canvas.made[outer])
+    size_m = max(hole.shape) * texel_m - 2 * RING_M
+    search_m = min(max(SEARCH_PER_SIZE * size_m, LEAST_SEARCH_M), SEARCH_M)
     middle = ((window[0].start + window[0].stop) // 2, (window[1].start + window[1].stop) // 2)
-    search = _around(middle, SEARCH_PX, todo.shape)
-    place = _best_place(bright[search], source[search], bright[outer], ring, hole)
-    target = result[outer]
+    search = _around(middle, round(search_m / texel_m), canvas.todo.shape)
+    place = best_place(stock, search, canvas.bright[outer], ring, hole)
     if place is None:
-        _copy_nearest(target, filled[outer], hole)
-        return
-    i, j = search[0].start + place[0], search[1].start + place[1]
-    donor = result[i : i + hole.shape[0], j : j + hole.shape[1]]
-    seam = np.where(ring[..., None], target - donor, np.float32(0.0))
-    mixed = np.clip(donor + _spread(seam, ring), 0.0, 1.0)
-    target[hole] = mixed[hole]
+        return False
+    i, j = place
+    donor = canvas.pattern[i : i + hole.shape[0], j : j + hole.shape[1]]
+    target = canvas.pattern[outer]
+    known = stock.source[i : i + hole.shape[0], j : j + hole.shape[1]]
+    seam = np.where((ring & known)[..., None], target - donor, np.float32(0.0))
+    target[hole] = (donor + _spread(seam, ring & known, SEAM_SIGMA_M / texel_m))[hole]
+    _finish(canvas, window)
+    return True
 
 
-def _best_place(
-    area: Image32, source: Mask, template: Image32, ring: Mask, hole: Mask
-) -> tuple[int, int] | None:
-    """Where in `area` the ring fits best and all of the hole is known floor; None if nowhere."""
-    if any(a < t + 2 for a, t in zip(area.shape, template.shape, strict=True)):
-        return None
-    rough = _rough_place(
-        area[::2, ::2], source[::2, ::2], template[::2, ::2], ring[::2, ::2], hole[::2, ::2]
-    )
-    if rough is None:
-        return None
-    height, width = hole.shape
-    best, best_cost = None, np.inf
-    for i in range(max(2 * rough[0] - 2, 0), min(2 * rough[0] + 3, area.shape[0] - height + 1)):
-        for j in range(max(2 * rough[1] - 2, 0), min(2 * rough[1] + 3, area.shape[1] - width + 1)):
-            known = source[i : i + height, j : j + width]
-            # Half resolution may have missed single unknown pixels; few of them do no harm.
-            if np.count_nonzero(hole & ~known) > 0.01 * np.count_nonzero(hole):
-                continue
-            both = ring & known
-            difference = (area[i : i + height, j : j + width] - template)[both]
-            cost = float(np.mean(difference**2)) if len(difference) else np.inf
-            if best is None or cost < best_cost:
-                best, best_cost = (i, j), cost
-    return best
+def _finish(canvas: _Canvas, window: Window) -> None:
+    canvas.bright[window] = canvas.pattern[window].mean(axis=2)
+    canvas.made[window] |= canvas.todo[window]
+    canvas.todo[window] = False
 
 
-def _rough_place(
-    area: Image32, source: Mask, template: Image32, ring: Mask, hole: Mask
-) -> tuple[int, int] | None:
-    """Best shift by correlations of masked images."""
-    rows = area.shape[0] - ring.shape[0] + 1
-    columns = area.shape[1] - ring.shape[1] + 1
-    shape = tuple(fft.next_fast_len(n, real=True) for n in area.shape)
-
-    def transform(a: Any) -> Any:
-        return fft.rfft2(a.astype(np.float32), shape)
-
-    def back(spectrum: Any) -> Image32:
-        return np.asarray(fft.irfft2(spectrum, shape), dtype=np.float32)[:rows, :columns]
-
-    available = source.astype(np.float32)
-    weight = ring.astype(np.float32)
-    seen = area * available
-    wanted = template * weight
-    f_available, f_weight = transform(available), np.conj(transform(weight))
-    missing = hole.sum() - back(f_available * np.conj(transform(hole.astype(np.float32))))
-    allowed = missing < 0.5
-    if not allowed.any():
-        return None
-    overlap = back(f_available * f_weight)
-    # Σ ring · known · (area − template)², for every shift at once.
-    cost = back(
-        transform(seen * seen) * f_weight
-        - 2.0 * transform(seen) * np.conj(transform(wanted))
-        + f_available * np.conj(transform(wanted * wanted))
-    )
-    allowed &= overlap >= min(0.5 * float(weight.sum()), float(overlap[allowed].max()))
-    mean = np.where(allowed, cost / np.maximum(overlap, 1.0), np.inf)
-    top, left = np.unravel_index(int(np.argmin(mean)), mean.shape)
-    return int(top), int(left)
-
-
-def _spread(seam: Image32, ring: Mask) -> Image32:
-    """Continue the seam's difference smoothly from the ring over the piece."""
-    mean = seam[ring].mean(axis=0) if ring.any() else np.zeros(3, dtype=np.float32)
-    weight = np.full(ring.shape, SEAM_MEAN_WEIGHT, dtype=np.float32)
-    total = np.tile(mean * np.float32(SEAM_MEAN_WEIGHT), (*ring.shape, 1))
-    for sigma, strength in SEAM_SPREAD:
-        near = ndimage.gaussian_filter(ring.astype(np.float32), sigma, truncate=3.0)
-        weight += strength * near
-        total += strength * ndimage.gaussian_filter(seam, (sigma, sigma, 0), truncate=3.0)
-    return total / weight[..., None]
-
-
-def _copy_nearest(target: Image32, filled: Mask, hole: Mask) -> None:
-    """Nearest known colour: the last resort where no floor is large enough to copy from."""
-    if filled.any():
-        nearest = nearest_in(filled)
-        i, j = np.nonzero(hole)
-        target[i, j] = target[nearest[0][i, j], nearest[1][i, j]]
+def _spread(seam: Image32, ring: Mask, sigma: float) -> Image32:
+    """Continue the seam's difference from the ring into the piece, fading to none."""
+    limited = np.clip(seam, -SEAM_LIMIT, SEAM_LIMIT)
+    weight = ndimage.gaussian_filter(ring.astype(np.float32), sigma, truncate=3.0)
+    total = ndimage.gaussian_filter(limited, (sigma, sigma, 0), truncate=3.0)
+    return np.asarray(total / (weight + SEAM_FADE)[..., None], dtype=np.float32)

@@ -16,7 +16,7 @@ from .flatten import Bump, flatten_bumps
 from .floor_paint import paint_floor, uv_on
 from .holes import Hole, find_holes
 from .levels import ScannedFloor
-from .maps import grow, nearest_in
+from .maps import grow, label, nearest_in
 from .outline import face_outline
 from .patch import Patch, build_patch
 from .patch_region import patch_region
@@ -27,6 +27,8 @@ from .world_mesh import WorldMesh
 
 # Known floor within this distance shapes the heights inside a hole.
 REACH_M = 0.75
+# Smaller pieces of floor between walls and lintels are no rooms.
+ROOM_M2 = 0.5
 
 
 @dataclass(frozen=True)
@@ -139,6 +141,7 @@ def repair_floor(
         Looks(materials),
         floor_faces,
         grow(fill | _cells_at(outlines, fine), 2),
+        _rooms((evidence.covered | fill) & ~evidence.wall & ~passable, fine),
         fine,
         config.patch_texel_m,
         config.max_texture_px,
@@ -159,6 +162,20 @@ def repair_floor(
         patch_area_m2=sum(patch.area_m2),
         cracks=_cracks(patch, fill, fine),
     )
+
+
+def _rooms(floor: NDArray[np.bool_], fine: GridSpec) -> NDArray[np.int32]:
+    """Number of the room that each cell lies in or is nearest to, from 1.
+
+    Args:
+        floor: (rows, columns) floor without what lies under walls and lintels.
+        fine: the cells.
+    """
+    parts, count = label(floor)
+    large = np.bincount(parts.ravel(), minlength=count + 1) * fine.cell_m**2 >= ROOM_M2
+    large[0] = False
+    inside = large[parts]
+    return parts[nearest_in(inside)] if inside.any() else np.ones(fine.shape, dtype=np.int32)
 
 
 def _everywhere(evidence: Evidence, holes: list[Hole], fine: GridSpec) -> NDArray[np.float64]:
