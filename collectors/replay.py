@@ -37,6 +37,7 @@ from .controllers import (
     Teleporter,
     controller_for,
 )
+from .locomotion import GaitPolicy
 from .metrics import rollout_metrics
 from .outcome import OutcomeWatch
 from .recorder import Recorder
@@ -297,11 +298,13 @@ class _Run:
 
     def _common_facts(self) -> dict[str, Any]:
         world, config = self.world, self.config
+        gait = None if self.entry.teleports else world.gait
         floor = mujoco.mjtGeom(int(world.model.geom("floor").type[0]))
         return {
             "seed": config.seed,
             "robot_mass_kg": world.robot.mass_kg,
             "robot_physics": world.physics_hash,
+            "policy_sha256": gait.card.onnx_sha256 if isinstance(gait, GaitPolicy) else None,
             "controller_config": asdict(self.controller_config),
             "timestep_s": TIMESTEP_S,
             "policy_rate_hz": 1.0 / (TIMESTEP_S * POLICY_DECIMATION),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -80,6 +80,27 @@ def decode_frames(path: Path) -> Iterator[av.VideoFrame]:
             raise FileFormatError(path, f"frame {count} is corrupt ({error.strerror})") from error
         if count != stream.frames or count == 0:
             raise FileFormatError(path, f"truncated: {count} of {stream.frames} frames")
+
+
+def pick_frames(path: Path, numbers: Sequence[int]) -> Iterator[av.VideoFrame]:
+    """Yield the frames of the given ascending numbers, decoding few others.
+
+    Raises:
+        FileFormatError: missing, corrupt, or shorter.
+    """
+    with open_video(path) as container:
+        stream = container.streams.video[0]
+        ticks = ticks_per_frame(path, stream)
+        for number in numbers:
+            try:
+                container.seek(number * ticks, stream=stream, backward=True)
+                found = (f for f in container.decode(stream) if f.pts == number * ticks)
+                frame = next(found, None)
+            except FFmpegError as error:
+                raise FileFormatError(path, f"frame {number} is corrupt ({error})") from error
+            if frame is None:
+                raise FileFormatError(path, f"there is no frame {number}")
+            yield frame
 
 
 def demux_packets(path: Path, part: InputContainer, stream: VideoStream) -> Iterator[av.Packet]:

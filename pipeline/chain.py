@@ -106,9 +106,14 @@ class Chain:
         view: View,
         frames_per_second: int,
         only_success: bool,
+        rgb_codec: str,
+        depth_storage: str,
         facts: Mapping[str, Any],
     ) -> None:
         """Replay, render and export the episodes with one robot; `facts` go to the provenance.
+
+        `rgb_codec` is a key of `formats.video.RGB_CODECS`, `depth_storage` what
+        `export.check_depth_storage` takes.
 
         Failures are rendered in any case, and exported unless `only_success`.
         """
@@ -125,6 +130,7 @@ class Chain:
             folder.root,
             view,
             frames_per_second,
+            rgb_codec,
         )
         scope += f"{view.name}/"
         frames = self._stage(render.STAGE, items, scope).good()
@@ -132,7 +138,14 @@ class Chain:
         frames = export.wanted(frames, only_success)
         options = {"options": dict(facts)}
         self.summaries += export.run(
-            self.context, frames, folder.root, folder.scenes, dataset, scope, options
+            self.context,
+            frames,
+            folder.root,
+            folder.scenes,
+            dataset,
+            scope,
+            options,
+            depth_storage,
         )
 
     def _instructed(

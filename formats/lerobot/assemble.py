@@ -16,7 +16,8 @@ import pyarrow.parquet as pq
 from ..atomic import atomic_folder
 from ..errors import FileFormatError
 from ..video import concatenate_videos
-from .card import dataset_card
+from .card import FILM_STRIP, CardFacts, dataset_card
+from .film_strip import film_strip, shown_units
 from .layout import (
     CODEBASE_VERSION,
     DATA_PATH,
@@ -32,6 +33,7 @@ from .layout import (
     tasks_table,
 )
 from .rolling import EpisodeTable, RollingParquet
+from .splits import published_split
 from .statistics import StatisticsSum, column_statistics, statistics_to_json
 from .unit import EpisodeUnit, read_episode_unit
 
@@ -66,8 +68,10 @@ def assemble_dataset(
     Args:
         units: folders written by `write_episode_unit`, of one robot and one view.
         out: dataset folder.
-        provenance: JSON values for meta/provenance.json: configuration hash, code version, …
-        licence: a licence identifier of the hub, for the card.
+        provenance: JSON values for meta/provenance.json: configuration hash, code version, …;
+            `scenes` (name → its source's facts) gives the card its licences, and training
+            episodes in `held_out_scenes` are published as validation.
+        licence: a licence identifier, for the card of scenes of which nothing is known.
         title: of the card.
         limits: when to begin new files.
 
@@ -84,7 +88,7 @@ def assemble_dataset(
         for key in _video_keys(first):
             for number, place in enumerate(_join_videos(key, units, sizes, first, root, limits)):
                 places[number] |= place
-        total, tasks, splits = StatisticsSum(), _Tasks(), {}
+        total, tasks, splits = StatisticsSum(), _Tasks(), _Splits(provenance)
         frames = 0
         schema = row_schema(first.features)
         with (
@@ -124,16 +128,21 @@ def assemble_dataset(
                     },
                     unit.columns,
                 )
-                splits.setdefault(unit.columns["split"], []).append(number)
+                splits.add(number, unit)
                 frames += unit.length
         summary = DatasetSummary(len(units), frames, len(tasks.names))
         info = _info(first, summary, limits)
         _write(root / INFO_PATH, info)
         _write(root / STATS_PATH, total.result())
-        _write(root / SPLITS_PATH, splits)
+        _write(root / SPLITS_PATH, splits.episodes)
         _write(root / PROVENANCE_PATH, dict(provenance))
         pq.write_table(tasks_table(tasks.names), root / TASKS_PATH)
-        (root / "README.md").write_text(dataset_card(title, licence, info, splits))
+        (root / FILM_STRIP).write_bytes(
+            film_strip([read_episode_unit(units[i]) for i in shown_units(len(units))])
+        )
+        far_m = first.columns["depth_far_m"]
+        facts = CardFacts(title, licence, splits.episodes, splits.scenes, far_m, provenance)
+        (root / "README.md").write_text(dataset_card(facts, info))
     return summary
 
 
@@ -149,6 +158,21 @@ class _Tasks:
     @property
     def names(self) -> list[str]:
         return list(self._index)
+
+
+class _Splits:
+    """Episodes and scenes of each published split."""
+
+    def __init__(self, provenance: Mapping[str, Any]) -> None:
+        self._held_out = set(provenance.get("held_out_scenes", ()))
+        self.episodes: dict[str, list[int]] = {}
+        self.scenes: dict[str, set[str]] = {}
+
+    def add(self, number: int, unit: EpisodeUnit) -> None:
+        scene = unit.columns["scene_id"]
+        split = published_split(unit.columns["split"], scene, self._held_out)
+        self.episodes.setdefault(split, []).append(number)
+        self.scenes.setdefault(split, set()).add(scene)
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,17 @@ from .layout import DEPTH_KEY, RGB_KEY, Features, automatic_features
 IMAGE_NAMES = ["height", "width", "channels"]
 
 
+# How depth is kept: a lossless video of 12-bit codes, or images of whole millimetres in the rows.
+DEPTH_STORAGES = ("video", "image")
+
+
 def dataset_features(
     table: FrameTable,
     rgb: VideoFacts,
     depth: VideoFacts,
     rgb_codec: str,
     depth_range: DepthRange,
+    depth_storage: str = "video",
 ) -> Features:
     """Features of a dataset of one robot and one camera view."""
     features: Features = {
@@ -34,20 +39,27 @@ def dataset_features(
         "info": _video_info(rgb, RGB_CODECS[rgb_codec], 3) | {"is_depth_map": False},
     }
     features[DEPTH_KEY] = {
-        "dtype": "video",
+        "dtype": depth_storage,
         "shape": [depth.height_px, depth.width_px, 1],
         "names": IMAGE_NAMES,
-        "info": {"is_depth_map": True, "depth_unit": "m"}
-        | _video_info(depth, DEPTH_CODEC, 1)
-        | {
-            # The parameters by which LeRobot turns codes into depth again.
-            "video.depth_min": 0.0,
-            "video.depth_max": depth_range.far_m,
-            "video.shift": SHIFT_M,
-            "video.use_log": True,
-        },
+        "info": {"is_depth_map": True, "depth_unit": "mm"}
+        if depth_storage == "image"
+        else _depth_video_info(depth, depth_range),
     }
     return features | automatic_features()
+
+
+def _depth_video_info(facts: VideoFacts, depth_range: DepthRange) -> dict[str, Any]:
+    return {
+        "is_depth_map": True,
+        "depth_unit": "m",
+        **_video_info(facts, DEPTH_CODEC, 1),
+        # The parameters by which LeRobot turns codes into depth again.
+        "video.depth_min": 0.0,
+        "video.depth_max": depth_range.far_m,
+        "video.shift": SHIFT_M,
+        "video.use_log": True,
+    }
 
 
 def _video_info(facts: VideoFacts, codec: VideoCodec, channels: int) -> dict[str, Any]:

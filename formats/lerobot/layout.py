@@ -29,6 +29,9 @@ DATASET_ROWS = {"episode_index": "int64", "index": "int64", "task_index": "int64
 
 Features = dict[str, dict[str, Any]]
 
+# An image within a row: an encoded file, and its name, which tells its kind.
+IMAGE_TYPE = pa.struct([("bytes", pa.binary()), ("path", pa.string())])
+
 
 @dataclass(frozen=True)
 class FileLimits:
@@ -70,6 +73,10 @@ def row_schema(features: Features, without: tuple[str, ...] = ()) -> pa.Schema:
     fields, hub_features = [], {}
     for key, feature in features.items():
         if feature["dtype"] == "video" or key in without:
+            continue
+        if feature["dtype"] == "image":
+            fields.append(pa.field(key, IMAGE_TYPE))
+            hub_features[key] = {"_type": "Image"}
             continue
         value = {"dtype": feature["dtype"], "_type": "Value"}
         if list(feature["shape"]) == [1]:

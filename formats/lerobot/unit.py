@@ -2,7 +2,7 @@
 
     <unit>/
       rows.parquet   frame rows without the columns that depend on the place in a dataset
-      observation.images.rgb.mp4, observation.images.depth.mp4
+      observation.images.rgb.mp4, observation.images.depth.mp4 (unless depth is in the rows)
       unit.json      features, task, statistics, episode columns
 
 Units are independent, so any number of processes may write them; a unit is whole or absent.
@@ -13,10 +13,10 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pyarrow as pa
@@ -25,15 +25,17 @@ from numpy.typing import NDArray
 
 from ..atomic import atomic_folder
 from ..camera import CameraModel, DepthRange
-from ..depth_codes import MAX_CODE, codes_to_depth
-from ..errors import FileFormatError
+from ..depth_codes import DEPTH_PIXEL_FORMAT, MAX_CODE, codes_to_depth, codes_to_millimetres
+from ..depth_tiff import decode_depth_tiff, encode_depth_tiff
+from ..errors import FileFormatError, UnknownNameError
 from ..frame_table import FrameTable, build_frame_table
 from ..image_counts import add_depth_codes, add_rgb, new_depth_counts, new_rgb_counts
 from ..rollout import Rollout
 from ..video import VideoFacts, iterate_depth_codes, iterate_rgb_video, probe_video
+from ..video_stream import pick_frames
 from .episode_columns import EPISODE_COLUMNS, episode_columns
-from .features import dataset_features
-from .layout import DATASET_ROWS, DEPTH_KEY, RGB_KEY, Features, row_schema
+from .features import DEPTH_STORAGES, dataset_features
+from .layout import DATASET_ROWS, DEPTH_KEY, IMAGE_TYPE, RGB_KEY, Features, row_schema
 from .statistics import (
     Statistics,
     column_statistics,
@@ -74,6 +76,28 @@ class EpisodeUnit:
         """Return the path of a video."""
         return self.folder / f"{key}.mp4"
 
+    def depth_m(self, numbers: Sequence[int]) -> Iterator[NDArray[np.float32]]:
+        """Yield the depth (H, W) [m] of the frames of the given ascending numbers, 0 = invalid.
+
+        Raises:
+            FileFormatError: the video or the rows are damaged.
+        """
+        if self.features[DEPTH_KEY]["dtype"] == "video":
+            limits = DepthRange(self.columns["depth_near_m"], self.columns["depth_far_m"])
+            for frame in pick_frames(self.video(DEPTH_KEY), numbers):
+                codes = cast(NDArray[np.uint16], frame.to_ndarray(format=DEPTH_PIXEL_FORMAT))
+                yield codes_to_depth(codes, limits)
+            return
+        images = self.rows()[DEPTH_KEY]
+        for number in numbers:
+            try:
+                millimetres = decode_depth_tiff(images[number].as_py()["bytes"])
+            except (IndexError, TypeError, ValueError) as error:
+                raise FileFormatError(
+                    self.folder / ROWS, f"frame {number} has no depth image"
+                ) from error
+            yield (millimetres / np.float32(1000)).astype(np.float32)
+
     def rows(self) -> pa.Table:
         """Load the frame rows.
 
@@ -103,6 +127,7 @@ def write_episode_unit(
     light: str,
     rgb_codec: str = "h264",
     instructions: Sequence[str] | None = None,
+    depth_storage: str = "video",
 ) -> None:
     """Write one episode, whatever its outcome.
 
@@ -119,24 +144,33 @@ def write_episode_unit(
         light: lighting name.
         rgb_codec: the codec `rgb_video` was written with.
         instructions: all instructions of the path; by default the episode's own.
+        depth_storage: one of `DEPTH_STORAGES`; `image` keeps whole millimetres in the rows.
 
     Raises:
+        UnknownNameError: `depth_storage` is none of them.
         ValueError: the frames do not belong to the rollout.
         FileFormatError: a video is damaged, or has another length, rate or size.
     """
+    if depth_storage not in DEPTH_STORAGES:
+        raise UnknownNameError("depth storage", depth_storage, DEPTH_STORAGES)
     table = build_frame_table(rollout, frames, frames_per_second)
     rgb = _checked_video(rgb_video, table, camera)
     depth = _checked_video(depth_video, table, camera)
-    features = dataset_features(table, rgb, depth, rgb_codec, depth_range)
+    features = dataset_features(table, rgb, depth, rgb_codec, depth_range, depth_storage)
     index = np.arange(len(table))
     columns = table.columns | {"timestamp": index / frames_per_second, "frame_index": index}
     statistics = {key: column_statistics(values) for key, values in columns.items()}
-    statistics |= _image_statistics(frames, rgb_video, depth_video, depth_range, len(table))
+    counts = _counts(frames, rgb_video, depth_video)
+    statistics |= _image_statistics(*counts, depth_range, len(table), depth_storage)
     own = instructions or rollout.episode.extra.get("instructions") or [rollout.episode.instruction]
     with atomic_folder(folder) as temporary:
-        pq.write_table(_rows(columns, features), temporary / ROWS)
+        rows = _rows(columns, features)
+        if depth_storage == "image":
+            rows = _with_images(rows, features, depth_video, depth_range)
+        else:
+            _link(depth_video, temporary / f"{DEPTH_KEY}.mp4")
+        pq.write_table(rows, temporary / ROWS)
         _link(rgb_video, temporary / f"{RGB_KEY}.mp4")
-        _link(depth_video, temporary / f"{DEPTH_KEY}.mp4")
         unit = {
             "unit_version": UNIT_VERSION,
             "frames_per_second": frames_per_second,
@@ -192,7 +226,8 @@ def _checked_video(path: Path, table: FrameTable, camera: CameraModel) -> VideoF
 
 
 def _rows(columns: Mapping[str, NDArray[Any]], features: Features) -> pa.Table:
-    schema = row_schema(features, without=tuple(DATASET_ROWS))
+    images = tuple(key for key, feature in features.items() if feature["dtype"] == "image")
+    schema = row_schema(features, without=(*DATASET_ROWS, *images))
     arrays = []
     for field in schema:
         values = columns[field.name]
@@ -204,32 +239,56 @@ def _rows(columns: Mapping[str, NDArray[Any]], features: Features) -> pa.Table:
     return pa.Table.from_arrays(arrays, schema=schema)
 
 
+def _with_images(
+    rows: pa.Table, features: Features, depth_video: Path, depth_range: DepthRange
+) -> pa.Table:
+    """Add the depth images, one at a time: only their encoded bytes are held."""
+    schema = row_schema(features, without=tuple(DATASET_ROWS))
+    data = [
+        encode_depth_tiff(codes_to_millimetres(codes, depth_range))
+        for codes in iterate_depth_codes(depth_video)
+    ]
+    names = [f"frame-{number:06d}.tiff" for number in range(len(data))]
+    images = pa.StructArray.from_arrays(
+        [pa.array(data, pa.binary()), pa.array(names)], fields=list(IMAGE_TYPE)
+    )
+    table = rows.append_column(schema.field(DEPTH_KEY), images).select(schema.names)
+    return table.replace_schema_metadata(schema.metadata)
+
+
+def _counts(
+    frames: Mapping[str, NDArray[Any]], rgb_video: Path, depth_video: Path
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """How often each colour value and each depth code occurs."""
+    if "rgb_counts" in frames and "depth_counts" in frames:
+        return frames["rgb_counts"], frames["depth_counts"]
+    rgb_counts, depth_counts = new_rgb_counts(), new_depth_counts()
+    for image in iterate_rgb_video(rgb_video):
+        add_rgb(rgb_counts, image)
+    for codes in iterate_depth_codes(depth_video):
+        add_depth_codes(depth_counts, codes)
+    return rgb_counts, depth_counts
+
+
 def _image_statistics(
-    frames: Mapping[str, NDArray[Any]],
-    rgb_video: Path,
-    depth_video: Path,
+    rgb_counts: NDArray[np.int64],
+    depth_counts: NDArray[np.int64],
     depth_range: DepthRange,
     length: int,
+    depth_storage: str,
 ) -> dict[str, Statistics]:
-    if "rgb_counts" in frames and "depth_counts" in frames:
-        rgb_counts, depth_counts = frames["rgb_counts"], frames["depth_counts"]
-    else:
-        rgb_counts, depth_counts = new_rgb_counts(), new_depth_counts()
-        _count(iterate_rgb_video(rgb_video), lambda image: add_rgb(rgb_counts, image))
-        _count(iterate_depth_codes(depth_video), lambda codes: add_depth_codes(depth_counts, codes))
     rgb_values = np.arange(256, dtype=np.float32)
     rgb = image_statistics(rgb_values, rgb_counts, length)
-    depth_values = codes_to_depth(np.arange(MAX_CODE + 1, dtype=np.uint16), depth_range)
+    codes = np.arange(MAX_CODE + 1, dtype=np.uint16)
+    if depth_storage == "image":
+        depth_values = codes_to_millimetres(codes, depth_range).astype(np.float32)
+    else:
+        depth_values = codes_to_depth(codes, depth_range)
     return {
         # LeRobot scales colours to 0 … 1 and leaves depth in its unit.
         RGB_KEY: {k: v if k == "count" else v / 255.0 for k, v in rgb.items()},
         DEPTH_KEY: image_statistics(depth_values, depth_counts[None], length),
     }
-
-
-def _count(images: Iterable[NDArray[Any]], add: Any) -> None:
-    for image in images:
-        add(image)
 
 
 def _link(source: Path, target: Path) -> None:

@@ -19,6 +19,7 @@ from ...collectors.robots import RobotSpec
 from ...formats.atomic import sweep
 from ...formats.errors import InputError
 from ...formats.rollout import STATE_RATE_HZ
+from ...formats.video import check_rgb_codec
 from ...formats.vlnce import read_vlnce
 from ...scene_repair.config import RepairConfig
 from ...trajectory_sampler.config import SampleConfig
@@ -30,6 +31,7 @@ from ..ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger
 from ..run_folder import RunFolder, open_run_folder, safe_name
 from ..runner import Context
 from ..stages import repair, report
+from ..stages.export import check_depth_storage
 from ..summary import show_summary
 
 log = logging.getLogger(__name__)
@@ -82,6 +84,10 @@ class Collect:
     """Rendered frames per second: 4, 5, 10, 20, 25 or 50."""
     only_success: bool = False
     """Export only episodes that end at the goal; otherwise all, each with its end reason."""
+    rgb_codec: str = "h264"
+    """Codec of colour videos: h264, or av1, which nobody claims fees for."""
+    depth: str = "video"
+    """How LeRobot datasets keep depth: video (lossless, 12-bit codes) or image (16-bit, mm)."""
     workers: int = 0
     """Worker processes; 0 takes one per core."""
     max_failed: int = 0
@@ -102,6 +108,8 @@ def run(options: Collect) -> int:
     get_light(options.light)
     views = {r.name: make_view(options.camera, r, light=options.light) for r in robots}
     check_frame_rate(options.frames_per_second)
+    check_rgb_codec(options.rgb_codec)
+    check_depth_storage(options.depth)
     count, episode_file = _episodes(options.episodes)
     sampling = _sampling(options, count)
     sources = _sources(options, episode_file)
@@ -129,6 +137,8 @@ def run(options: Collect) -> int:
                 views[robot],
                 options.frames_per_second,
                 options.only_success,
+                options.rgb_codec,
+                options.depth,
                 {
                     "robot": robot,
                     "controller": controller,
@@ -139,6 +149,8 @@ def run(options: Collect) -> int:
                     "sampling": asdict(sampling),
                     "frames_per_second": options.frames_per_second,
                     "only_success": options.only_success,
+                    "rgb_codec": options.rgb_codec,
+                    "depth": options.depth,
                 },
             )
         page = report.write(folder, context, chain.summaries)

@@ -15,6 +15,7 @@ from ...collectors.controllers import SpeedConfig
 from ...collectors.rendering.lights import get_light
 from ...collectors.rendering.views import make_view
 from ...formats.errors import FileFormatError, InputError
+from ...formats.video import check_rgb_codec
 from ...formats.vlnce import read_episodes
 from ..crews import AUTO, action_timing, chosen_robots, crews
 from ..kept_robots import keep, kept
@@ -82,6 +83,8 @@ class Render:
     """Which lighting."""
     frames_per_second: int = 4
     """4, 5, 10, 20, 25 or 50."""
+    rgb_codec: str = "h264"
+    """Codec of colour videos: h264, or av1, which nobody claims fees for."""
     workers: int = 0
     """Worker processes; 0 takes one per core."""
     max_failed: int = 0
@@ -102,6 +105,8 @@ class Export:
     """Folder for lerobot/<dataset>/ and mcap/<dataset>/."""
     only_success: bool = False
     """Export only episodes that end at the goal; otherwise all, each with its end reason."""
+    depth: str = "video"
+    """How LeRobot datasets keep depth: video (lossless, 12-bit codes) or image (16-bit, mm)."""
     workers: int = 0
     """Worker processes; 0 takes one per core."""
     max_failed: int = 0
@@ -139,10 +144,11 @@ def run_render(options: Render) -> int:
     """Render all rollouts of a folder.
 
     Raises:
-        InputError: an unknown camera or light, or an unusable folder.
+        InputError: an unknown camera, light or codec, or an unusable folder.
     """
     get_light(options.light)
     check_frame_rate(options.frames_per_second)
+    check_rgb_codec(options.rgb_codec)
     source = Ledger.existing(options.rollouts)
     scenes = _scene_rows(options.scenes)
     groups: dict[tuple[str, str], dict[str, Row]] = {}
@@ -178,6 +184,7 @@ def run_render(options: Render) -> int:
                 context.ledger.root,
                 view,
                 options.frames_per_second,
+                options.rgb_codec,
             )
             scope = f"{robot}/{controller}/{view.name}/"
             summaries.append(run_stage(context, render.STAGE, items, scope))
@@ -188,8 +195,9 @@ def run_export(options: Export) -> int:
     """Export all rendered rollouts of a folder.
 
     Raises:
-        InputError: an unusable folder.
+        InputError: an unusable folder, or an unknown way to keep depth.
     """
+    export.check_depth_storage(options.depth)
     source = Ledger.existing(options.frames)
     root, folder = source.root.resolve(), options.scenes.resolve()
     groups: dict[tuple[str, ...], dict[str, Row]] = {}
@@ -206,7 +214,7 @@ def run_export(options: Export) -> int:
         for (robot, controller, view), rows in groups.items():
             dataset = export.Dataset.under(context.ledger.root, robot, controller, view)
             scope = f"{robot}/{controller}/{view}/"
-            summaries += export.run(context, rows, root, folder, dataset, scope, {})
+            summaries += export.run(context, rows, root, folder, dataset, scope, {}, options.depth)
     return _tell(options, summaries)
 
 

@@ -4,25 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from ...formats.digest import file_digest
+from ...formats.errors import UnknownNameError
 from ...formats.frame_folder import read_frame_folder
 from ...formats.lerobot import assemble_dataset, write_episode_unit
+from ...formats.lerobot.features import DEPTH_STORAGES
+from ...formats.licences import licence_id
 from ...formats.mcap.episode import write_episode_mcap
 from ...formats.mcap.rollout import read_rollout
 from ...formats.rollout import EndReason
-from ...formats.scene_bundle import load_bundle
-from ..keys import PACKAGE_ROOT, code_version, digest
+from ...formats.scene_bundle import INDEX_NAME, load_bundle
+from ..keys import code_version, digest
 from ..ledger import Row
+from ..provenance import encoding_facts, episode_facts, provenance
 from ..runner import Context, ItemResult, StageSummary, WorkItem, run_stage
 
 STAGE = "export"
 MCAP_STAGE = "mcap"
 DATASET_STAGE = "dataset"
 SCENE_MAP = "after.png"
+CODE = ("formats", "pipeline/stages/export.py", "pipeline/provenance.py")
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,7 @@ def run(
     dataset: Dataset,
     scope: str,
     facts: Mapping[str, Any],
+    depth_storage: str = "video",
 ) -> list[StageSummary]:
     """Export one robot's rendered episodes: units, MCAP files, and the dataset of the units.
 
@@ -77,39 +81,49 @@ def run(
         dataset: where it goes.
         scope: what the items' names begin with.
         facts: configuration and seeds for the provenance.
+        depth_storage: see `check_depth_storage`.
     """
     out = context.ledger.root
-    units = run_stage(context, STAGE, unit_items(frames, root, dataset), scope)
+    items = unit_items(frames, root, dataset, depth_storage)
+    units = run_stage(context, STAGE, items, scope)
     items = mcap_items(frames, root, scenes, dataset)
     summaries = [units, run_stage(context, MCAP_STAGE, items, scope)]
     # The folder of MCAP files is handed on as it is.
     context.ledger.discard(MCAP_STAGE, scope)
-    names = sorted({str(row.facts["scene"]) for row in units.good().values()})
-    used = {name: scenes / name for name in names}
-    items = [dataset_item(units.good(), out, used, dataset, facts)] if units.good() else []
+    items = [dataset_item(units.good(), out, scenes, dataset, facts)] if units.good() else []
     summaries.append(run_stage(context, DATASET_STAGE, items, dataset.name))
     context.ledger.discard(DATASET_STAGE, dataset.name)
     return summaries
 
 
-def unit_items(frames: Mapping[str, Row], root: Path, dataset: Dataset) -> list[WorkItem]:
+def check_depth_storage(name: str) -> None:
+    """Raise UnknownNameError unless depth can be kept so: `video` or `image`."""
+    if name not in DEPTH_STORAGES:
+        raise UnknownNameError("depth storage", name, DEPTH_STORAGES)
+
+
+def unit_items(
+    frames: Mapping[str, Row], root: Path, dataset: Dataset, depth_storage: str
+) -> list[WorkItem]:
     """One LeRobot unit per rendered episode; `frames` are rows of the render stage by item."""
-    code = code_version("formats", "pipeline/stages/export.py")
+    code = code_version(*CODE)
     result = []
     for name, row in frames.items():
         out = dataset.units / name.rsplit("/", 1)[1]
-        arguments = (root / str(row.facts["rollout"]), root / row.outputs[0], out)
-        key = digest(STAGE, row.key, code)
+        rollout = root / str(row.facts["rollout"])
+        arguments = (rollout, root / row.outputs[0], out, depth_storage)
+        key = digest(STAGE, row.key, depth_storage, code)
         result.append(WorkItem(name, key, (out,), process_unit, arguments))
     return result
 
 
-def process_unit(rollout: Path, frames: Path, out: Path) -> ItemResult:
+def process_unit(rollout: Path, frames: Path, out: Path, depth_storage: str) -> ItemResult:
     """Write one episode's LeRobot unit."""
     seen = read_frame_folder(frames)
+    recorded = read_rollout(rollout)
     write_episode_unit(
         out,
-        read_rollout(rollout),
+        recorded,
         seen.arrays,
         seen.frames_per_second,
         rgb_video=seen.rgb_video,
@@ -118,15 +132,22 @@ def process_unit(rollout: Path, frames: Path, out: Path) -> ItemResult:
         depth_range=seen.depth_range,
         light=seen.light,
         rgb_codec=seen.rgb_codec,
+        depth_storage=depth_storage,
     )
-    return ItemResult({"frames": seen.facts["frames"], "scene": seen.facts["scene_id"]})
+    facts = {
+        "frames": seen.facts["frames"],
+        "scene": seen.facts["scene_id"],
+        "made": episode_facts(recorded),
+        "encoding": encoding_facts(seen.facts, depth_storage),
+    }
+    return ItemResult(facts)
 
 
 def mcap_items(
     frames: Mapping[str, Row], root: Path, scenes: Path, dataset: Dataset
 ) -> list[WorkItem]:
     """One MCAP with images per rendered episode."""
-    code = code_version("formats", "pipeline/stages/export.py")
+    code = code_version(*CODE)
     result = []
     for name, row in frames.items():
         out = dataset.mcap / f"{name.rsplit('/', 1)[1]}.mcap"
@@ -146,7 +167,7 @@ def process_mcap(rollout: Path, frames: Path, scene_map: Path, out: Path) -> Ite
 def dataset_item(
     units: Mapping[str, Row],
     root: Path,
-    scenes: Mapping[str, Path],
+    scenes: Path,
     dataset: Dataset,
     facts: Mapping[str, Any],
 ) -> WorkItem:
@@ -155,44 +176,46 @@ def dataset_item(
     Args:
         units: rows of the unit stage by item.
         root: the ledger's folder.
-        scenes: folders of the repaired scenes the episodes lie in.
+        scenes: folder of the run's repaired scenes; those that are held out do not depend on the
+            robot, so that no mixture of robots trains where another validates.
         dataset: where it goes.
         facts: configuration and seeds for the provenance.
     """
-    folders = tuple(root / row.outputs[0] for row in units.values())
-    keys = [row.key for row in units.values()]
+    rows = list(units.values())
+    all_scenes = tuple(sorted(path.parent.name for path in scenes.glob(f"*/{INDEX_NAME}")))
+    used = tuple(scenes / name for name in sorted({str(row.facts["scene"]) for row in rows}))
     key = digest(
-        DATASET_STAGE, keys, dict(facts), code_version("formats", "pipeline/stages/export.py")
+        DATASET_STAGE, [row.key for row in rows], all_scenes, dict(facts), code_version(*CODE)
     )
-    arguments = (folders, tuple(scenes.values()), dataset.lerobot, dict(facts))
+    arguments = (
+        tuple(root / row.outputs[0] for row in rows),
+        used,
+        all_scenes,
+        dataset.lerobot,
+        tuple(row.facts["made"] for row in rows),
+        rows[0].facts["encoding"],
+        dict(facts),
+    )
     return WorkItem(dataset.name, key, (dataset.lerobot,), process_dataset, arguments)
 
 
 def process_dataset(
-    units: Sequence[Path], scenes: Sequence[Path], out: Path, facts: dict[str, Any]
+    units: Sequence[Path],
+    scenes: Sequence[Path],
+    all_scenes: Sequence[str],
+    out: Path,
+    made: Sequence[Mapping[str, Any]],
+    encoding: Mapping[str, Any],
+    facts: Mapping[str, Any],
 ) -> ItemResult:
     """Assemble one dataset."""
     bundles = [load_bundle(scene) for scene in scenes]
-    licences = sorted({_licence_id(str(b.source.get("licence") or "")) for b in bundles})
-    lock = PACKAGE_ROOT / "uv.lock"
-    provenance = {
-        "vlnpe": version("vlnpe"),
-        "code": code_version("collectors", "formats", "scene_repair", "trajectory_sampler"),
-        "lock": file_digest(lock) if lock.is_file() else None,
-        "scenes": {b.scene_id: b.source for b in bundles},
-        **facts,
-    }
+    licences = sorted({licence_id(str(b.source.get("licence") or "")) for b in bundles})
     summary = assemble_dataset(
         units,
         out,
-        provenance=provenance,
-        licence=licences[0] if len(licences) == 1 else "other",
+        provenance=provenance(made, bundles, all_scenes, encoding, facts),
+        licence="-and-".join(licences),
         title=out.name,
     )
     return ItemResult({"episodes": summary.episodes, "frames": summary.frames})
-
-
-def _licence_id(text: str) -> str:
-    """A scene's licence as the hub wants it: an identifier; a whole text stays in provenance."""
-    text = text.strip()
-    return text.lower() if text and len(text.split()) == 1 else "other" if text else "unknown"

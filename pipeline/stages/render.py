@@ -32,6 +32,7 @@ def items(
     base: Path,
     view: View,
     frames_per_second: int,
+    rgb_codec: str = "h264",
 ) -> list[WorkItem]:
     """One item per rollout.
 
@@ -44,19 +45,22 @@ def items(
         base: folder of the ledger that will hold these items.
         view: what to see.
         frames_per_second: of the videos.
+        rgb_codec: key of `formats.video.RGB_CODECS`.
     """
     code = code_version("collectors", "formats", "pipeline/stages/render.py")
     result = []
     for name, row in rollouts.items():
         scene = str(row.facts["scene"])
-        key = digest(STAGE, row.key, scenes[scene].key, view, frames_per_second, code)
+        made_of = (row.key, scenes[scene].key, view, frames_per_second, rgb_codec)
+        key = digest(STAGE, *made_of, code)
         folder, episode = name.rsplit("/", 1)
         out = frames / folder / view.name / episode
         rollout = root / row.outputs[0]
         # Relative, so that a run folder may be moved between rendering and exporting.
         relative = os.path.relpath(rollout, base)
         robot = kept(name.split("/")[0], root)
-        arguments = (scenes_folder / scene, rollout, relative, robot, view, frames_per_second, out)
+        how = (view, frames_per_second, rgb_codec)
+        arguments = (scenes_folder / scene, rollout, relative, robot, *how, out)
         result.append(WorkItem(f"{folder}/{view.name}/{episode}", key, (out,), process, arguments))
     return result
 
@@ -68,6 +72,7 @@ def process(
     robot: str,
     view: View,
     frames_per_second: int,
+    rgb_codec: str,
     out: Path,
 ) -> ItemResult:
     """Render one rollout of `robot`, which is a name or a folder."""
@@ -81,6 +86,7 @@ def process(
             view,
             temporary,
             frames_per_second,
+            codec=rgb_codec,
             robot=get_robot(robot),
         )
     facts = {

@@ -10,6 +10,7 @@ import numpy as np
 
 from tests.support.rollouts import make_frames, make_images, make_rollout
 from vlnpe.formats.camera import CameraModel, DepthRange
+from vlnpe.formats.depth_codes import codes_to_millimetres, depth_to_codes
 from vlnpe.formats.frame_table import build_frame_table
 from vlnpe.formats.image_counts import new_depth_counts, new_rgb_counts
 from vlnpe.formats.lerobot import write_episode_unit
@@ -27,13 +28,15 @@ def write_unit(
     frames_per_second: int = 4,
     counted: bool = True,
     images: tuple[np.ndarray, np.ndarray] | None = None,
+    depth_storage: str = "video",
+    rgb_codec: str = "h264",
 ) -> Path:
     """Encode images and write the unit `root/unit-<number>`."""
     frames: dict[str, Any] = make_frames(rollout, frames_per_second)
     rgb, depth = images or make_images(len(frames["sample_index"]), number)
     rgb_counts, depth_counts = new_rgb_counts(), new_depth_counts()
     rgb_path, depth_path = root / f"rgb-{number}.mp4", root / f"depth-{number}.mp4"
-    write_rgb_video(rgb_path, rgb, frames_per_second, counts=rgb_counts)
+    write_rgb_video(rgb_path, rgb, frames_per_second, rgb_codec, counts=rgb_counts)
     write_depth_video(depth_path, depth, frames_per_second, RANGE, counts=depth_counts)
     if counted:
         frames |= {"rgb_counts": rgb_counts, "depth_counts": depth_counts}
@@ -49,11 +52,19 @@ def write_unit(
         camera=camera,
         depth_range=RANGE,
         light="baked",
+        rgb_codec=rgb_codec,
+        depth_storage=depth_storage,
     )
     return folder
 
 
-def write_units(root: Path, seconds: Sequence[float], frames_per_second: int = 4) -> list[Path]:
+def write_units(
+    root: Path,
+    seconds: Sequence[float],
+    frames_per_second: int = 4,
+    depth_storage: str = "video",
+    rgb_codec: str = "h264",
+) -> list[Path]:
     """Episodes of given lengths; every second executes discrete actions, the last falls."""
     return [
         write_unit(
@@ -61,12 +72,19 @@ def write_units(root: Path, seconds: Sequence[float], frames_per_second: int = 4
             make_rollout(s, n, discrete=n % 2 == 1, fall=n == len(seconds) - 1),
             n,
             frames_per_second,
+            depth_storage=depth_storage,
+            rgb_codec=rgb_codec,
         )
         for n, s in enumerate(seconds)
     ]
 
 
-def write_reference(root: Path, seconds: Sequence[float], frames_per_second: int = 4) -> None:
+def write_reference(
+    root: Path,
+    seconds: Sequence[float],
+    frames_per_second: int = 4,
+    depth_storage: str = "video",
+) -> None:
     """Write the dataset of `write_units` with LeRobot's own writer and the same encoders."""
     from lerobot.configs import DepthEncoderConfig, RGBEncoderConfig
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
@@ -95,7 +113,7 @@ def write_reference(root: Path, seconds: Sequence[float], frames_per_second: int
                 "names": names,
             }
             features["observation.images.depth"] = {
-                "dtype": "video",
+                "dtype": depth_storage,
                 "shape": (*shape, 1),
                 "names": names,
                 "info": {"is_depth_map": True},
@@ -123,8 +141,15 @@ def write_reference(root: Path, seconds: Sequence[float], frames_per_second: int
         for i in range(len(table)):
             frame = {key: values[i] for key, values in table.columns.items()}
             frame["observation.images.rgb"] = rgb[i]
-            frame["observation.images.depth"] = depth[i][..., None]
+            frame["observation.images.depth"] = stored(depth[i], depth_storage)[..., None]
             dataset.add_frame(frame | {"task": rollout.episode.instruction})
         dataset.save_episode(parallel_encoding=False)
     assert dataset is not None
     dataset.finalize()
+
+
+def stored(depth_m: np.ndarray, depth_storage: str) -> np.ndarray:
+    """What an image of whole millimetres holds of a depth image that is kept as codes before."""
+    if depth_storage == "video":
+        return depth_m
+    return codes_to_millimetres(depth_to_codes(depth_m, RANGE), RANGE)

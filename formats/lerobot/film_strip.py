@@ -1,0 +1,76 @@
+"""A picture of a dataset for its card: frames of some episodes, depth beneath colour."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..video_stream import pick_frames
+from .layout import RGB_KEY
+from .unit import EpisodeUnit
+
+EPISODES, FRAMES = 3, 6
+WIDTH_PX, GAP_PX = 160, 4
+HALF_BRIGHT_M = 2.5  # depth that is shown half as bright as the nearest
+
+
+def shown_units(count: int) -> list[int]:
+    """Which of `count` episodes are worth showing: a few, spread evenly."""
+    return _spread(count, EPISODES)
+
+
+def film_strip(units: Sequence[EpisodeUnit]) -> bytes:
+    """Return a PNG: per episode, of at least one, a row of colour images over one of their depth.
+
+    Raises:
+        FileFormatError: a video is damaged.
+    """
+    rows = [row for unit in units for row in (_colours(unit), _depths(unit))]
+    width = max(row.shape[1] for row in rows)
+    sheet = np.full((sum(len(row) + GAP_PX for row in rows) - GAP_PX, width, 3), 255, np.uint8)
+    top = 0
+    for row in rows:
+        sheet[top : top + len(row), : row.shape[1]] = row
+        top += len(row) + GAP_PX
+    done, data = cv2.imencode(".png", sheet[..., ::-1])
+    if not done:
+        raise ValueError(f"cannot encode an image of {sheet.shape} as PNG")
+    return data.tobytes()
+
+
+def _spread(count: int, wanted: int) -> list[int]:
+    """Up to `wanted` indices below `count`, from the first to the last."""
+    return sorted(set(np.linspace(0, count - 1, min(count, wanted)).round().astype(int).tolist()))
+
+
+def _colours(unit: EpisodeUnit) -> NDArray[np.uint8]:
+    numbers = _spread(unit.length, FRAMES)
+    frames = pick_frames(unit.video(RGB_KEY), numbers)
+    images = (np.asarray(frame.to_ndarray(format="rgb24"), np.uint8) for frame in frames)
+    return _row([_small(image) for image in images])
+
+
+def _depths(unit: EpisodeUnit) -> NDArray[np.uint8]:
+    """Near is bright, far is dark, nothing is black."""
+    numbers = _spread(unit.length, FRAMES)
+    images = []
+    for depth_m in unit.depth_m(numbers):
+        nearness = 1.0 / (1.0 + depth_m / HALF_BRIGHT_M)
+        shade = np.where(depth_m > 0, 255.0 * nearness, 0.0).astype(np.uint8)
+        coloured = cv2.applyColorMap(_small(shade), cv2.COLORMAP_BONE)
+        images.append(coloured[..., ::-1])
+    return _row(images)
+
+
+def _small(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    height = max(1, round(image.shape[0] * WIDTH_PX / image.shape[1]))
+    return np.asarray(cv2.resize(image, (WIDTH_PX, height), interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _row(images: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    gap = np.full((images[0].shape[0], GAP_PX, 3), 255, np.uint8)
+    parts = [part for image in images for part in (image, gap)]
+    return np.concatenate(parts[:-1], axis=1)

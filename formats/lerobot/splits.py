@@ -1,0 +1,32 @@
+"""Which episodes train and which validate: no scene is in both."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Collection, Iterable
+
+TRAIN, VALIDATION = "train", "val"
+HELD_OUT_SHARE = 0.1
+
+
+def held_out_scenes(scenes: Iterable[str]) -> frozenset[str]:
+    """Scenes whose training episodes validate instead: a tenth, at least one of several.
+
+    Chosen by the digest of their names, so that all datasets of the same scenes hold out the same.
+    A single scene holds out nothing.
+    """
+    ranked = sorted(set(scenes), key=lambda name: hashlib.sha256(name.encode()).hexdigest())
+    if len(ranked) < 2:
+        return frozenset()
+    return frozenset(ranked[: max(1, round(HELD_OUT_SHARE * len(ranked)))])
+
+
+def published_split(split: str, scene: str, held_out: Collection[str]) -> str:
+    """The split that an episode is published in.
+
+    Args:
+        split: of the episode's source; only `train` is divided, others (`val_unseen`, …) stay.
+        scene: its scene.
+        held_out: scenes that validate.
+    """
+    return VALIDATION if split == TRAIN and scene in held_out else split

@@ -1,0 +1,101 @@
+"""Licences of scenes: which they are, how the hub names them, and whether data may be passed on."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+UNKNOWN, OTHER = "unknown", "other"
+
+# Identifier → whether the hub knows it. All let anybody pass on renderings, with attribution.
+_REDISTRIBUTABLE = {
+    "0bsd": False,
+    "apache-2.0": True,
+    "bsd-2-clause": True,
+    "bsd-3-clause": True,
+    "bsl-1.0": True,
+    "cc-by-3.0": True,
+    "cc-by-4.0": True,
+    "cc-by-nc-4.0": True,
+    "cc-by-nc-sa-4.0": True,
+    "cc-by-sa-3.0": True,
+    "cc-by-sa-4.0": True,
+    "cc0-1.0": True,
+    "cdla-permissive-1.0": True,
+    "cdla-permissive-2.0": True,
+    "cdla-sharing-1.0": True,
+    "isc": True,
+    "mit": True,
+    "mit-0": False,
+    "odbl": True,
+    "odc-by": True,
+    "pddl": True,
+    "unlicense": True,
+    "zlib": True,
+}
+# Renderings of a scan are a derived work, which these forbid to pass on.
+_NO_DERIVATIVES = {"cc-by-nd-4.0", "cc-by-nc-nd-3.0", "cc-by-nc-nd-4.0"}
+
+_TEXTS = (
+    (r"apache license,? version 2\.0", "apache-2.0"),
+    (r"permission is hereby granted, free of charge.*the above copyright notice", "mit"),
+    (r"permission is hereby granted, free of charge", "mit-0"),
+    (r"redistribution and use in source and binary forms.*neither the name", "bsd-3-clause"),
+    (r"redistribution and use in source and binary forms", "bsd-2-clause"),
+    (r"permission to use, copy, modify,? and/?or? distribute this software", "isc"),
+    (r"creative commons attribution-noncommercial-noderiv\w* 4\.0", "cc-by-nc-nd-4.0"),
+    (r"creative commons attribution-noderiv\w* 4\.0", "cc-by-nd-4.0"),
+    (r"creative commons attribution-noncommercial-sharealike 4\.0", "cc-by-nc-sa-4.0"),
+    (r"creative commons attribution-noncommercial 4\.0", "cc-by-nc-4.0"),
+    (r"creative commons attribution-sharealike 4\.0", "cc-by-sa-4.0"),
+    (r"creative commons attribution 4\.0|attribution 4\.0 international", "cc-by-4.0"),
+    (r"cc0 1\.0 universal", "cc0-1.0"),
+)
+
+# A known text with such words in it was changed.
+_LIMITS = r"non-?commercial|no derivative|research purposes? only|not redistribute"
+
+
+def licence_id(text: str) -> str:
+    """Identifier of a licence, lower case, from an identifier or the licence's own text.
+
+    `unknown` for an empty text, `other` for one that is not recognised.
+    """
+    words = " ".join(text.lower().split())
+    if not words:
+        return UNKNOWN
+    if " " not in words:
+        return words
+    short = "-".join(w for w in words.split() if w not in ("the", "license", "licence"))
+    if short in {*_REDISTRIBUTABLE, *_NO_DERIVATIVES}:
+        return short
+    name = next((name for pattern, name in _TEXTS if re.search(pattern, words)), OTHER)
+    limited = re.search(_LIMITS, words) and not name.startswith("cc-")
+    return OTHER if limited else name
+
+
+def may_pass_on(identifier: str) -> bool:
+    """Whether renderings of a scene under this licence may be published; false when in doubt."""
+    return identifier in _REDISTRIBUTABLE
+
+
+def why_not(identifier: str) -> str:
+    """Say in words what keeps data of such a scene from being published."""
+    if identifier in _NO_DERIVATIVES:
+        return f"{identifier} forbids to pass on derived works"
+    if identifier == UNKNOWN:
+        return "its licence is unknown"
+    return f"its licence ({identifier}) is not one that vlnpe knows to allow it"
+
+
+def hub_licence(identifiers: Iterable[str]) -> dict[str, str]:
+    """Licence keys of a dataset card for data made from scenes under these licences."""
+    names = sorted(set(identifiers)) or [UNKNOWN]
+    known = _REDISTRIBUTABLE.get(names[0], names[0] in {UNKNOWN, *_NO_DERIVATIVES})
+    if len(names) == 1 and known:
+        return {"license": names[0]}
+    return {
+        "license": OTHER,
+        "license_name": "-and-".join(names),
+        "license_link": "meta/provenance.json",
+    }

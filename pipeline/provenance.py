@@ -1,0 +1,104 @@
+"""What a dataset says of where it comes from: meta/provenance.json."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from importlib.metadata import version
+from typing import Any
+
+from ..formats.digest import file_digest
+from ..formats.lerobot.splits import held_out_scenes
+from ..formats.rollout import Rollout
+from ..formats.scene_bundle import SceneBundle
+from ..formats.video import DEPTH_CODEC, RGB_CODECS
+from .keys import PACKAGE_ROOT, code_version, digest
+
+ROOMS = ("collectors", "formats", "instruction_gen", "scene_repair", "trajectory_sampler")
+# Facts of a rollout that tell how it was made, not what happened in it.
+MAKING = (
+    "seed",
+    "policy_sha256",
+    "robot_physics",
+    "timestep_s",
+    "policy_rate_hz",
+    "mujoco",
+)
+# Of an instruction; models and prompts are those of a language model, where one wrote it.
+WRITING = ("composer", "model", "prompt_sha256")
+
+
+def episode_facts(rollout: Rollout) -> dict[str, Any]:
+    """How one episode was made, for `provenance`: JSON values."""
+    written = rollout.episode.extra.get("instruction") or {}
+    return {
+        "rollout": {key: rollout.facts.get(key) for key in MAKING}
+        # Settings are many numbers, and the same for all episodes of a run.
+        | {"controller_sha256": digest(rollout.facts.get("controller_config"))},
+        "instruction": {key: written.get(key) for key in WRITING},
+    }
+
+
+def provenance(
+    episodes: Sequence[Mapping[str, Any]],
+    bundles: Sequence[SceneBundle],
+    scenes: Iterable[str],
+    encoding: Mapping[str, Any],
+    facts: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Return JSON values that depend on nothing but the arguments and the code.
+
+    Args:
+        episodes: `episode_facts` of each episode.
+        bundles: the scenes they lie in.
+        scenes: names of all scenes of the run, of which some are held out for validation.
+        encoding: frame rate, light, codecs, … of the pixels.
+        facts: `options`, as the user chose them.
+    """
+    lock = PACKAGE_ROOT / "uv.lock"
+    rollouts = [episode["rollout"] for episode in episodes]
+    written = [episode["instruction"] for episode in episodes]
+    made = {
+        key: _distinct(rollout[key] for rollout in rollouts)
+        for key in (*MAKING, "controller_sha256")
+    }
+    options = dict(facts.get("options") or {})
+    return {
+        "vlnpe": version("vlnpe"),
+        "code_sha256": code_version(*ROOMS),
+        "lock_sha256": file_digest(lock) if lock.is_file() else None,
+        "config_sha256": digest(options, made, dict(encoding)),
+        "scenes": {bundle.scene_id: bundle.source for bundle in bundles},
+        "held_out_scenes": sorted(held_out_scenes(scenes)),
+        "seeds": {"run": options.get("seed"), "replay": made.pop("seed")},
+        "policy_sha256": made.pop("policy_sha256"),
+        "replay": made,
+        "instructions": {key: _counted(one[key] for one in written) for key in WRITING},
+        "encoding": dict(encoding),
+        **facts,
+    }
+
+
+def encoding_facts(meta: Mapping[str, Any], depth_storage: str) -> dict[str, Any]:
+    """How the pixels of a rendered view are kept; `meta` is its meta.json."""
+    depth = {key: meta["depth"][key] for key in ("near_m", "far_m")}
+    stored = asdict(DEPTH_CODEC) if depth_storage == "video" else {"image": "tiff, uint16 mm"}
+    return {
+        "frames_per_second": meta["frames_per_second"],
+        **{key: meta.get(key) for key in ("view", "renderer", "light")},
+        "rgb": asdict(RGB_CODECS[meta["rgb"]["codec"]]),
+        "depth": depth | stored,
+    }
+
+
+def _distinct(values: Iterable[Any]) -> list[Any]:
+    """Different values but None, sorted by their JSON."""
+    texts = {json.dumps(value, sort_keys=True) for value in values if value is not None}
+    return [json.loads(text) for text in sorted(texts)]
+
+
+def _counted(values: Iterable[Any]) -> dict[str, int]:
+    """How many episodes have each value but None."""
+    return dict(sorted(Counter(str(value) for value in values if value is not None).items()))
