@@ -1,0 +1,236 @@
+"""Publish a LeRobot dataset on the Hugging Face hub: plan, check, upload, tag."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from ..formats.atomic import TEMPORARY_PREFIX
+from ..formats.digest import file_digest
+from ..formats.errors import FileFormatError, InputError, VlnpeError
+from ..formats.lerobot.layout import CODEBASE_VERSION, INFO_PATH, PROVENANCE_PATH
+from ..formats.licences import UNKNOWN, licence_id, may_pass_on, why_not
+
+CARD = "README.md"
+REPO = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*/[A-Za-z0-9][A-Za-z0-9._-]*")
+TAG = re.compile(r"[A-Za-z][A-Za-z0-9._-]{0,95}")
+# LeRobot takes tags that look like versions for versions of the format.
+VERSION_LIKE = re.compile(r"v?\d+(\.\d+)*", re.IGNORECASE)
+OURS = ["data/*", "meta/*", "videos/*", "*.png"]  # of an earlier release; replaced as a whole
+
+
+class HubError(VlnpeError):
+    """The hub refused, or could not be reached."""
+
+
+class Hub(Protocol):
+    """What is needed of `huggingface_hub.HfApi`."""
+
+    def repo_exists(self, repo_id: str, *, repo_type: str) -> bool:
+        """Whether there is such a repository."""
+        ...
+
+    def list_repo_refs(self, repo_id: str, *, repo_type: str) -> Any:
+        """Branches and `tags`, each with a `name`."""
+        ...
+
+    def create_repo(self, repo_id: str, *, repo_type: str, private: bool, exist_ok: bool) -> Any:
+        """Create a repository."""
+        ...
+
+    def upload_folder(
+        self,
+        *,
+        repo_id: str,
+        folder_path: str,
+        repo_type: str,
+        commit_message: str,
+        allow_patterns: list[str],
+        delete_patterns: list[str],
+    ) -> Any:
+        """Make one commit; its name is the result's `oid`."""
+        ...
+
+    def create_tag(self, repo_id: str, *, tag: str, revision: str, repo_type: str) -> None:
+        """Name a commit."""
+        ...
+
+    def delete_tag(self, repo_id: str, *, tag: str, repo_type: str) -> None:
+        """Remove a tag."""
+        ...
+
+
+@dataclass(frozen=True)
+class Release:
+    """What would be uploaded.
+
+    Attributes:
+        root: the dataset's folder.
+        repo: `user/name`.
+        tag: of the release; it never moves.
+        private: of a repository that does not exist yet.
+        files: size [bytes] by path in the repository.
+        content_sha256: of all paths and contents.
+        refusals: why the scenes' licences do not let the data be published; empty when they do.
+    """
+
+    root: Path
+    repo: str
+    tag: str
+    private: bool
+    files: Mapping[str, int]
+    content_sha256: str
+    refusals: tuple[str, ...]
+
+    @property
+    def url(self) -> str:
+        """Where the release will be."""
+        return f"https://huggingface.co/datasets/{self.repo}/tree/{self.tag}"
+
+
+def plan_release(root: Path, repo: str, tag: str | None = None, private: bool = False) -> Release:
+    """See what publishing a dataset means; nothing leaves this machine.
+
+    Args:
+        root: the dataset's folder.
+        repo: `user/name`.
+        tag: name of the release; by default one made of the content's digest.
+        private: whether a new repository is private.
+
+    Raises:
+        InputError: a name the hub does not take.
+        FileFormatError: no whole LeRobot dataset.
+    """
+    if not REPO.fullmatch(repo):
+        raise InputError(f"--repo {repo!r}: valid: user/name of letters, digits, '-', '_' and '.'")
+    if tag is not None and (not TAG.fullmatch(tag) or VERSION_LIKE.fullmatch(tag)):
+        raise InputError(
+            f"--tag {tag!r}: valid: letters, digits, '-', '_' and '.', beginning with a letter, "
+            "and no version number, which LeRobot would take for that of its format"
+        )
+    _read_json(root / INFO_PATH)
+    if not (root / CARD).is_file():
+        raise FileFormatError(root / CARD, "missing; a dataset is not published without its card")
+    files = {path.relative_to(root).as_posix(): path.stat().st_size for path in _files(root)}
+    content = _content(root, files)
+    return Release(
+        root, repo, tag or f"data-{content[:12]}", private, files, content, _refusals(root)
+    )
+
+
+def demand_licence(release: Release) -> None:
+    """Raise InputError when a scene's licence does not let the data be published."""
+    if release.refusals:
+        raise InputError(
+            f"{release.root.name} is not published: {'; '.join(release.refusals)}. "
+            "With the owners' permission, say --licence-ok"
+        )
+
+
+def upload(release: Release, hub: Hub | None = None) -> str:
+    """Upload a release as one commit, and tag it; returns the commit.
+
+    Args:
+        release: what `plan_release` returned.
+        hub: the hub; huggingface_hub's own client when None, which takes the token from HF_TOKEN or
+            from `hf auth login`.
+
+    Raises:
+        InputError: the tag exists already, or the hub's client is not installed or offline.
+        HubError: the hub refused, or could not be reached.
+    """
+    hub = hub or _hub()
+    kind = {"repo_type": "dataset"}
+    try:
+        taken = _tags(hub, release.repo) if hub.repo_exists(release.repo, **kind) else set()
+        if release.tag in taken:
+            raise InputError(
+                f"{release.repo} has a release {release.tag} already, and releases never change; "
+                "choose another --tag"
+            )
+        hub.create_repo(release.repo, private=release.private, exist_ok=True, **kind)
+        commit = hub.upload_folder(
+            repo_id=release.repo,
+            folder_path=str(release.root),
+            commit_message=f"Release {release.tag}",
+            allow_patterns=list(release.files),
+            delete_patterns=OURS,
+            **kind,
+        ).oid
+        hub.create_tag(release.repo, tag=release.tag, revision=commit, **kind)
+        # LeRobot looks for this tag; it names the format of the newest data, and moves with it.
+        if CODEBASE_VERSION in taken:
+            hub.delete_tag(release.repo, tag=CODEBASE_VERSION, **kind)
+        hub.create_tag(release.repo, tag=CODEBASE_VERSION, revision=commit, **kind)
+    except VlnpeError:
+        raise
+    except Exception as error:  # the client raises its own, httpx's and the system's
+        raise HubError(f"{release.repo}: {type(error).__name__}: {error}") from error
+    return str(commit)
+
+
+def _tags(hub: Hub, repo: str) -> set[str]:
+    return {ref.name for ref in hub.list_repo_refs(repo, repo_type="dataset").tags}
+
+
+def _hub() -> Hub:
+    if os.environ.get("HF_HUB_OFFLINE", "").upper() in {"1", "ON", "YES", "TRUE"}:
+        raise InputError("HF_HUB_OFFLINE is set: nothing can be uploaded")
+    try:
+        from huggingface_hub import HfApi
+    except ImportError as error:
+        raise InputError(
+            "huggingface_hub is not installed; run: uv sync --inexact --extra train"
+        ) from error
+    return HfApi()
+
+
+def _files(root: Path) -> list[Path]:
+    """The dataset's files; what writers have not finished, and hidden files, are none of it."""
+    hidden = {TEMPORARY_PREFIX[0]}
+    return [
+        path
+        for path in sorted(root.rglob("*"))
+        if path.is_file() and not any(p[0] in hidden for p in path.relative_to(root).parts)
+    ]
+
+
+def _content(root: Path, files: Mapping[str, int]) -> str:
+    state = hashlib.sha256()
+    for name in sorted(files):
+        state.update(f"{name}\0{file_digest(root / name)}\n".encode())
+    return state.hexdigest()
+
+
+def _refusals(root: Path) -> tuple[str, ...]:
+    path = root / PROVENANCE_PATH
+    scenes = _read_json(path).get("scenes") if path.is_file() else None
+    if not isinstance(scenes, dict) or not scenes:
+        return (f"{PROVENANCE_PATH} names no scene, so {why_not(UNKNOWN)}",)
+    found = {
+        name: licence_id(str((source or {}).get("licence") or ""))
+        for name, source in scenes.items()
+    }
+    return tuple(
+        f"scene {name}: {why_not(licence)}"
+        for name, licence in found.items()
+        if not may_pass_on(licence)
+    )
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        value = json.loads(path.read_text())
+    except FileNotFoundError as error:
+        raise FileFormatError(path, "missing; no LeRobot dataset lies here") from error
+    except (OSError, ValueError) as error:
+        raise FileFormatError(path, f"not readable: {error}") from error
+    if not isinstance(value, dict):
+        raise FileFormatError(path, "not a JSON object")
+    return value
