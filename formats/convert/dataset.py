@@ -16,6 +16,7 @@ from ..lerobot.episode_columns import EPISODE_COLUMNS
 from ..lerobot.layout import (
     CODEBASE_VERSION,
     DATASET_ROWS,
+    DEPTH_KEY,
     INFO_PATH,
     PROVENANCE_PATH,
     Features,
@@ -25,6 +26,7 @@ from ..lerobot.statistics import MOMENTS, QUANTILES
 from ..video_mux import copy_frames
 from .units import UnitParts, unit_schema, write_unit
 
+PICTURES = ("video", "image")
 EPISODES_GLOB = "meta/episodes/chunk-*/file-*.parquet"
 # Whole rollouts of the episodes, where a converter had them; LeRobot does not look there.
 ROLLOUTS_PATH = "rollouts/episode_{episode_index:06d}.mcap"
@@ -38,12 +40,14 @@ class DatasetFacts:
         title, licence: of the card.
         provenance: meta/provenance.json.
         limits: when new files begin.
+        depth_storage: one of LeRobot's `DEPTH_STORAGES`.
     """
 
     title: str
     licence: str
     provenance: dict[str, Any]
     limits: FileLimits = FileLimits()  # noqa: RUF009 (frozen)
+    depth_storage: str = "video"
 
     def to_json(self) -> dict[str, Any]:
         """JSON values."""
@@ -61,6 +65,7 @@ class DatasetFacts:
             str(values["licence"]),
             dict(values["provenance"]),
             FileLimits(**values["limits"]),
+            str(values["depth_storage"]),
         )
 
 
@@ -140,7 +145,7 @@ def extract_unit(root: Path, number: int, folder: Path) -> None:
                 key: {
                     name: np.asarray(row[f"stats/{key}/{name}"]) for name in (*MOMENTS, *QUANTILES)
                 }
-                for key in sorted(features, key=lambda key: features[key]["dtype"] == "video")
+                for key in sorted(features, key=lambda key: features[key]["dtype"] in PICTURES)
                 if key not in DATASET_ROWS
             },
             columns={key: row[key] for key in EPISODE_COLUMNS},
@@ -237,7 +242,11 @@ def _facts(root: Path, info: dict[str, Any]) -> DatasetFacts:
         raise FileFormatError(provenance, f"damaged: {error!r}") from error
     front = _card_front(root / "README.md")
     return DatasetFacts(
-        front.get("pretty_name", root.name), front.get("license", "unknown"), value, limits
+        front.get("pretty_name", root.name),
+        front.get("license", "unknown"),
+        value,
+        limits,
+        info["features"][DEPTH_KEY]["dtype"],
     )
 
 

@@ -21,7 +21,7 @@ from ..atomic import atomic_file, atomic_folder
 from ..errors import FileFormatError
 from ..frame_table import build_frame_table
 from ..lerobot import DatasetSummary, assemble_dataset, read_episode_unit, write_episode_unit
-from ..lerobot.layout import DEPTH_KEY, RGB_KEY
+from ..lerobot.layout import RGB_KEY
 from ..lerobot.unit import EpisodeUnit
 from ..mcap.episode import (
     DATASET_METADATA,
@@ -38,6 +38,7 @@ from ..mcap.facts import METADATA_NAME
 from ..mcap.recording import read_recording
 from ..rollout import Rollout
 from .dataset import ROLLOUTS_PATH, DatasetFacts, extract_unit, kept_rollout, read_facts
+from .stored_depth import depth_video
 from .unit_mcap import UNIT_METADATA, extract_unit_mcap, write_unit_mcap
 from .units import ROLLOUT_NAME, row_arrays
 
@@ -54,6 +55,7 @@ def unit_from_mcap(path: Path, folder: Path) -> None:
         FileFormatError: damaged, or an MCAP file without an episode of vlnpe in it.
     """
     contents = read_recording(path)
+    facts = read_json_metadata(contents, DATASET_METADATA, path)
     if UNIT_METADATA in contents.metadata:
         extract_unit_mcap(contents, path, folder)
     elif METADATA_NAME in contents.metadata and VIEW_METADATA in contents.metadata:
@@ -71,12 +73,12 @@ def unit_from_mcap(path: Path, folder: Path) -> None:
                 depth_range=frames.depth_range,
                 light=frames.light,
                 rgb_codec=frames.rgb_codec,
+                depth_storage=(facts or {}).get("depth_storage", "video"),
             )
             write_blind_mcap(folder / ROLLOUT_NAME, seen.rollout, frames, seen.scene_map)
     else:
         what = "a rollout without pictures" if METADATA_NAME in contents.metadata else "no episode"
         raise FileFormatError(path, f"holds {what}; valid: files of `vlnpe export` or `convert`")
-    facts = read_json_metadata(contents, DATASET_METADATA, path)
     if facts is not None:
         (folder / DATASET_NAME).write_text(json.dumps(facts))
 
@@ -113,7 +115,8 @@ def mcap_from_unit(folder: Path, path: Path) -> None:
     with tempfile.TemporaryDirectory(dir=_parent(path), prefix=".vlnpe-tmp-") as temporary:
         frames = Path(temporary)
         shutil.copyfile(unit.video(RGB_KEY), frames / view["rgb"]["file"])
-        shutil.copyfile(unit.video(DEPTH_KEY), frames / view["depth"]["file"])
+        with depth_video(unit) as depth:
+            shutil.copyfile(depth, frames / view["depth"]["file"])
         write_frame_records(frames, view, arrays)
         write_episode_mcap(
             path,

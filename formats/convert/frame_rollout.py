@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from ..episode import Episode
 from ..frame_folder import FrameFolder
 from ..frame_table import StartFrame
 from ..frames import quat_multiply, quat_to_matrix, yaw_to_quat
-from ..lerobot.layout import DEPTH_KEY, RGB_KEY
+from ..lerobot.layout import RGB_KEY
 from ..lerobot.unit import EpisodeUnit
 from ..rollout import Action, ActionSpan, EndReason, Metrics, Rollout
 
@@ -67,8 +68,8 @@ def frame_rollout(unit: EpisodeUnit, rows: Rows) -> Rollout:
     )
 
 
-def frame_view(unit: EpisodeUnit, rows: Rows) -> FrameFolder:
-    """The unit's videos as rendered frames of `frame_rollout`."""
+def frame_view(unit: EpisodeUnit, rows: Rows, depth: Path) -> FrameFolder:
+    """The unit's videos as rendered frames of `frame_rollout`; `depth` is that of its depth."""
     columns = unit.columns
     pose = rows["observation.camera_pose"].astype(np.float64)
     start = start_frame(columns)
@@ -80,7 +81,7 @@ def frame_view(unit: EpisodeUnit, rows: Rows) -> FrameFolder:
     )
     depth_range = DepthRange(columns["depth_near_m"], columns["depth_far_m"])
     codec = unit.features[RGB_KEY]["info"]["video.codec"]
-    rgb, depth = unit.video(RGB_KEY), unit.video(DEPTH_KEY)
+    rgb = unit.video(RGB_KEY)
     facts = {
         "camera": vars(camera) | {"intrinsics": camera.intrinsics.tolist()},
         "depth": {"file": depth.name, "near_m": depth_range.near_m, "far_m": depth_range.far_m},

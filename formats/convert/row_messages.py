@@ -21,7 +21,7 @@ from ..lerobot.layout import Features
 from ..mcap.camera_streams import topic_messages
 from ..mcap.recording import Contents, Recording, nanoseconds
 from ..mcap.topics import Write
-from .units import row_arrays, unit_rows, unit_schema
+from .units import number_schema, row_arrays, unit_rows
 
 ROW_TOPIC = "/dataset/frame"
 SCHEMA_NAME = "vlnpe.DatasetFrame"
@@ -31,7 +31,7 @@ _TYPES = {"float32": FieldDescriptorProto.TYPE_FLOAT, "int64": FieldDescriptorPr
 def row_messages(
     recording: Recording, rows: pa.Table, features: Features, frames_per_second: int
 ) -> Iterator[Write]:
-    """One message per frame row, on `ROW_TOPIC`.
+    """One message per frame row, on `ROW_TOPIC`; images are left out.
 
     Raises:
         ValueError: a feature of a type that messages do not have.
@@ -64,7 +64,7 @@ def read_rows(contents: Contents, path: Path, features: Features, count: int) ->
     messages: list[Any] = topic_messages(contents, path, ROW_TOPIC, count)
     try:
         columns = {}
-        for key in unit_schema(features).names:
+        for key in number_schema(features).names:
             values = [list(getattr(message, _field(key))) for message in messages]
             size = int(np.prod(features[key]["shape"]))
             columns[key] = np.array(values, features[key]["dtype"]).reshape(count, size)
@@ -76,7 +76,7 @@ def read_rows(contents: Contents, path: Path, features: Features, count: int) ->
 def _definition(features: Features) -> FileDescriptorProto:
     file = FileDescriptorProto(name="vlnpe/dataset_frame.proto", package="vlnpe", syntax="proto3")
     message = file.message_type.add(name=SCHEMA_NAME.partition(".")[2])
-    for number, key in enumerate(unit_schema(features).names, 1):
+    for number, key in enumerate(number_schema(features).names, 1):
         dtype = features[key]["dtype"]
         if dtype not in _TYPES:
             raise ValueError(f"feature {key} of type {dtype}; valid: {', '.join(_TYPES)}")

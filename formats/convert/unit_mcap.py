@@ -12,8 +12,9 @@ from typing import Any
 
 import pyarrow as pa
 
+from ..camera import DepthRange
 from ..errors import FileFormatError
-from ..lerobot.layout import DEPTH_KEY, RGB_KEY
+from ..lerobot.layout import DEPTH_KEY, RGB_KEY, Features
 from ..lerobot.unit import EpisodeUnit, read_episode_unit
 from ..mcap.camera import camera_messages
 from ..mcap.camera_streams import extract_videos
@@ -30,6 +31,7 @@ from ..mcap.sensors import action_messages, command_messages, foot_messages, imu
 from ..mcap.topics import event_messages, motion_messages, write_in_order
 from .frame_rollout import frame_rollout, frame_view
 from .row_messages import read_rows, row_messages
+from .stored_depth import depth_video, stores_images, with_depth_images
 from .units import UnitParts, row_arrays, write_unit
 
 UNIT_METADATA = "vlnpe.unit"
@@ -47,15 +49,20 @@ def write_unit_mcap(path: Path, folder: Path, dataset: Mapping[str, Any] | None 
         FileFormatError: the unit is damaged, or has features that MCAP files do not hold.
     """
     unit = read_episode_unit(folder)
-    table = unit.rows()
-    unknown = [k for k in _videos(unit) if k not in (RGB_KEY, DEPTH_KEY)]
+    unknown = [k for k in _pictures(unit.features) if k not in (RGB_KEY, DEPTH_KEY)]
     if unknown:
         raise FileFormatError(folder, f"no MCAP topic for {unknown[0]}")
+    with depth_video(unit) as depth:
+        _write(path, unit, depth, dataset)
+
+
+def _write(path: Path, unit: EpisodeUnit, depth: Path, dataset: Mapping[str, Any] | None) -> None:
+    table = unit.rows()
     try:
         rows = row_arrays(table)
-        rollout, view = frame_rollout(unit, rows), frame_view(unit, rows)
+        rollout, view = frame_rollout(unit, rows), frame_view(unit, rows, depth)
     except (KeyError, TypeError, ValueError) as error:
-        raise FileFormatError(folder, f"unit is damaged: {error!r}") from error
+        raise FileFormatError(unit.folder, f"unit is damaged: {error!r}") from error
     with open_recording(path) as recording:
         recording.writer.write_metadata(INSTRUCTION_METADATA, {"text": unit.task})
         write_json_metadata(recording, UNIT_METADATA, UnitParts.of(unit).to_json())
@@ -103,10 +110,16 @@ def extract_unit_mcap(contents: Contents, path: Path, folder: Path) -> None:
 
     def make(temporary: Path) -> tuple[UnitParts, pa.Table]:
         extract_videos(contents, path, temporary, view | files, parts.length)
-        return parts, rows
+        if not stores_images(parts.features):
+            return parts, rows
+        depth = temporary / f"{DEPTH_KEY}.mp4"
+        depth_range = DepthRange(parts.columns["depth_near_m"], parts.columns["depth_far_m"])
+        filled = with_depth_images(rows, parts.features, depth, depth_range)
+        depth.unlink()
+        return parts, filled
 
     write_unit(folder, make)
 
 
-def _videos(unit: EpisodeUnit) -> list[str]:
-    return [key for key, feature in unit.features.items() if feature["dtype"] == "video"]
+def _pictures(features: Features) -> list[str]:
+    return [key for key, feature in features.items() if feature["dtype"] in ("video", "image")]

@@ -90,9 +90,15 @@ def unit_schema(features: Features) -> pa.Schema:
     return row_schema(features, without=tuple(DATASET_ROWS))
 
 
+def number_schema(features: Features) -> pa.Schema:
+    """Schema of a unit's frame rows without images."""
+    images = tuple(key for key, feature in features.items() if feature["dtype"] == "image")
+    return row_schema(features, without=(*DATASET_ROWS, *images))
+
+
 def unit_rows(columns: Mapping[str, np.ndarray], features: Features) -> pa.Table:
-    """Frame rows of arrays (N, D) or (N,), by feature."""
-    schema = unit_schema(features)
+    """Frame rows, without images, of arrays (N, D) or (N,), by feature."""
+    schema = number_schema(features)
     arrays = []
     for field in schema:
         values = columns[field.name]
@@ -105,10 +111,12 @@ def unit_rows(columns: Mapping[str, np.ndarray], features: Features) -> pa.Table
 
 
 def row_arrays(rows: pa.Table) -> dict[str, np.ndarray]:
-    """Inverse of `unit_rows`: arrays (N, D), or (N,) of single numbers."""
+    """Inverse of `unit_rows`: arrays (N, D), or (N,) of single numbers; images are left out."""
     result = {}
     for name in rows.schema.names:
         column = rows[name].combine_chunks()
+        if pa.types.is_struct(column.type):
+            continue
         if pa.types.is_fixed_size_list(column.type):
             flat = column.flatten().to_numpy(zero_copy_only=False)
             result[name] = flat.reshape(len(rows), column.type.list_size)

@@ -16,8 +16,9 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from ..camera import DepthRange
+from ..convert.stored_depth import stores_images, with_depth_images
 from ..convert.units import UnitParts, unit_rows, write_unit
-from ..depth_codes import MAX_CODE, codes_to_depth
+from ..depth_codes import MAX_CODE, codes_to_depth, codes_to_millimetres
 from ..errors import FileFormatError
 from ..image_counts import new_depth_counts, new_rgb_counts
 from ..lerobot import layout as v3
@@ -74,8 +75,12 @@ def unit_from_layout(
         write_rgb_video(rgb, episode.rgb, rate, codec, rgb_counts)
         write_depth_video(depth, _metres(episode), rate, depth_range, depth_counts)
         parts, rows = own or foreign_parts(scene, number, episode, assumptions, rgb, depth)
-        images = _image_statistics(rgb_counts, depth_counts, depth_range, parts.length)
-        return replace(parts, statistics={**parts.statistics, **images}), rows
+        images = stores_images(parts.features)
+        if images:
+            rows = with_depth_images(rows, parts.features, depth, depth_range)
+            depth.unlink()
+        seen = _image_statistics(rgb_counts, depth_counts, depth_range, parts.length, images)
+        return replace(parts, statistics={**parts.statistics, **seen}), rows
 
     write_unit(folder, make)
     return LayoutFacts(
@@ -110,10 +115,15 @@ def _image_statistics(
     depth_counts: NDArray[np.int64],
     depth_range: DepthRange,
     length: int,
+    millimetres: bool,
 ) -> dict[str, Statistics]:
     values = np.arange(256, dtype=np.float32)
     rgb = image_statistics(values, rgb_counts, length)
-    depths = codes_to_depth(np.arange(MAX_CODE + 1, dtype=np.uint16), depth_range)
+    codes = np.arange(MAX_CODE + 1, dtype=np.uint16)
+    if millimetres:
+        depths = codes_to_millimetres(codes, depth_range).astype(np.float32)
+    else:
+        depths = codes_to_depth(codes, depth_range)
     return {
         # LeRobot scales colours to 0 … 1 and leaves depth in its unit.
         v3.RGB_KEY: {k: v if k == "count" else v / 255.0 for k, v in rgb.items()},

@@ -15,8 +15,8 @@ from numpy.lib.format import open_memmap
 from numpy.typing import NDArray
 
 from ..atomic import atomic_folder
-from ..camera import DepthRange
 from ..convert.frame_rollout import frame_rollout, frame_view
+from ..convert.stored_depth import depth_range_of, depth_video
 from ..convert.units import UnitParts, row_arrays
 from ..errors import FileFormatError
 from ..frames import OPTICAL_IN_BODY, matrix_to_quat, quat_multiply, quat_to_yaw
@@ -95,9 +95,10 @@ def write_scene(
                 raise FileFormatError(
                     unit.folder, f"robot or features differ from those of {first.folder.name}"
                 )
-            columns = _columns(unit, number, frames, task_index)
-            _write_table(temporary, number, columns)
-            _write_frames(temporary, number, unit)
+            with depth_video(unit) as depth:
+                columns = _columns(unit, number, frames, task_index, depth)
+                _write_table(temporary, number, columns)
+                _write_frames(temporary, number, unit, depth)
             own = [_task(unit, task_index + k, t, vocabulary) for k, t in enumerate(episode.tasks)]
             tasks += own
             lines.append(
@@ -133,7 +134,9 @@ def finish_status(end_reason: str) -> tuple[str, str]:
     return "fail", end_reason
 
 
-def _columns(unit: EpisodeUnit, number: int, frames: int, task: int) -> dict[str, NDArray[Any]]:
+def _columns(
+    unit: EpisodeUnit, number: int, frames: int, task: int, depth: Path
+) -> dict[str, NDArray[Any]]:
     """The loaders' columns, LeRobot's, and the unit's own."""
     rows = row_arrays(unit.rows())
     if "action.discrete" not in rows:
@@ -141,7 +144,7 @@ def _columns(unit: EpisodeUnit, number: int, frames: int, task: int) -> dict[str
             unit.folder,
             f"no action.discrete at {unit.frames_per_second} frames/s; valid: 4 frames/s",
         )
-    rollout, view = frame_rollout(unit, rows), frame_view(unit, rows)
+    rollout, view = frame_rollout(unit, rows), frame_view(unit, rows, depth)
     camera = quat_multiply(view.arrays["camera_quat_wxyz"], _BODY_IN_OPTICAL)
     count = unit.length
     index = np.arange(count)
@@ -185,13 +188,10 @@ def _write_table(root: Path, number: int, columns: Mapping[str, NDArray[Any]]) -
     pq.write_table(pa.Table.from_arrays(arrays, schema=schema), path)
 
 
-def _write_frames(root: Path, number: int, unit: EpisodeUnit) -> None:
-    depth_range = DepthRange(unit.columns["depth_near_m"], unit.columns["depth_far_m"])
+def _write_frames(root: Path, number: int, unit: EpisodeUnit, depth: Path) -> None:
     colours = iterate_rgb_video(unit.video(v3.RGB_KEY))
     _write_images(root, number, layout.RGB_KEY, unit.length, colours)
-    depths = (
-        stored_depth(image) for image in iterate_depth_video(unit.video(v3.DEPTH_KEY), depth_range)
-    )
+    depths = (stored_depth(image) for image in iterate_depth_video(depth, depth_range_of(unit)))
     _write_images(root, number, layout.DEPTH_KEY, unit.length, depths)
 
 

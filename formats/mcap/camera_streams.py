@@ -16,11 +16,8 @@ from ..errors import FileFormatError, UnknownNameError
 from ..video import write_depth_video
 from ..video_mux import write_bitstream
 from .camera import DEPTH_TOPIC, RGB_TOPIC
-from .depth_images import decode_depth
+from .depth_images import ANY_NEAR_M, decode_depth
 from .recording import Contents
-
-# Depths that a video gave are in its range already, also those that rounding put below its limit.
-_ANY_NEAR_M = 1e-6
 
 
 def extract_videos(
@@ -55,7 +52,7 @@ def extract_videos(
                 codes = codes.reshape(message.height, message.width)
                 yield codes_to_depth(codes, depth_range)
 
-        anything = DepthRange(_ANY_NEAR_M, depth_range.far_m)
+        anything = DepthRange(ANY_NEAR_M, depth_range.far_m)
         write_depth_video(folder / depth["file"], images(), rate, anything)
     except (KeyError, TypeError, ValueError, UnknownNameError) as error:
         raise FileFormatError(path, f"pictures are damaged: {error!r}") from error

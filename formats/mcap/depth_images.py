@@ -18,6 +18,8 @@ MILLIMETRES, METRES = "16UC1", "32FC1"
 _BYTES = {MILLIMETRES: 2, METRES: 4}
 _CODES = np.arange(MAX_CODE + 1, dtype=np.uint16)
 NO_CODE = -1
+# For writing depths again that a video gave: rounding may have put some below its near limit.
+ANY_NEAR_M = 1e-6
 
 
 @functools.cache

@@ -221,7 +221,7 @@ def write_frame_records(
 ) -> None:
     """Write meta.json and frames.npz of a folder of rendered frames; the videos lie there."""
     (folder / "frames.npz").write_bytes(_pack(arrays))
-    (folder / "meta.json").write_text(json.dumps(dict(facts), indent=2, sort_keys=True) + "\n")
+    (folder / "meta.json").write_text(json.dumps(dict(facts), indent=2) + "\n")
 
 
 def _pack(arrays: Mapping[str, NDArray[Any]]) -> bytes:

@@ -1,0 +1,79 @@
+"""Depth of a unit as a video of codes, whichever way the unit stores it, and back."""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from ..camera import DepthRange
+from ..depth_codes import codes_to_depth, codes_to_millimetres
+from ..depth_tiff import decode_depth_tiff, encode_depth_tiff
+from ..errors import FileFormatError
+from ..lerobot.layout import DEPTH_KEY, IMAGE_TYPE, Features
+from ..lerobot.unit import EpisodeUnit
+from ..mcap.depth_images import ANY_NEAR_M, MILLIMETRES, decode_depth
+from ..video import iterate_depth_codes, write_depth_video
+from .units import unit_schema
+
+
+def stores_images(features: Features) -> bool:
+    """Whether depth lies in the rows as images, not in a video."""
+    return features[DEPTH_KEY]["dtype"] == "image"
+
+
+def depth_range_of(unit: EpisodeUnit) -> DepthRange:
+    """The range of a unit's depth."""
+    return DepthRange(unit.columns["depth_near_m"], unit.columns["depth_far_m"])
+
+
+@contextlib.contextmanager
+def depth_video(unit: EpisodeUnit) -> Iterator[Path]:
+    """Yield a video of the unit's depth: its own, or one made of its images for a while.
+
+    Raises:
+        FileFormatError: an image is damaged, or holds depths that no code stands for.
+    """
+    if not stores_images(unit.features):
+        yield unit.video(DEPTH_KEY)
+        return
+    limits = depth_range_of(unit)
+    images = (codes_to_depth(codes, limits) for codes in _image_codes(unit, limits))
+    with tempfile.TemporaryDirectory(prefix=".vlnpe-tmp-") as temporary:
+        path = Path(temporary) / f"{DEPTH_KEY}.mp4"
+        write_depth_video(
+            path, images, unit.frames_per_second, DepthRange(ANY_NEAR_M, limits.far_m)
+        )
+        yield path
+
+
+def with_depth_images(
+    rows: pa.Table, features: Features, video: Path, depth_range: DepthRange
+) -> pa.Table:
+    """Add the frames of a depth video to rows of numbers, as images of whole millimetres."""
+    schema = unit_schema(features)
+    data = [
+        encode_depth_tiff(codes_to_millimetres(codes, depth_range))
+        for codes in iterate_depth_codes(video)
+    ]
+    names = [f"frame-{number:06d}.tiff" for number in range(len(data))]
+    images = pa.StructArray.from_arrays(
+        [pa.array(data, pa.binary()), pa.array(names)], fields=list(IMAGE_TYPE)
+    )
+    table = rows.append_column(schema.field(DEPTH_KEY), images).select(schema.names)
+    return table.replace_schema_metadata(schema.metadata)
+
+
+def _image_codes(unit: EpisodeUnit, depth_range: DepthRange) -> Iterator[NDArray[np.uint16]]:
+    for number, image in enumerate(unit.rows()[DEPTH_KEY].to_pylist()):
+        try:
+            millimetres = decode_depth_tiff(image["bytes"])
+            codes = decode_depth(millimetres.astype("<u2").tobytes(), MILLIMETRES, depth_range)
+        except (TypeError, ValueError) as error:
+            raise FileFormatError(unit.folder, f"depth image {number}: {error}") from error
+        yield codes.reshape(millimetres.shape)
