@@ -15,6 +15,8 @@ from PIL import Image
 from trimesh.visual.material import PBRMaterial
 from trimesh.visual.texture import TextureVisuals
 
+from vlnpe.formats.scene_bundle import VisualMesh
+
 Array = NDArray[np.float64]
 Inside = Callable[[Array], NDArray[np.bool_]]
 TO_Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
@@ -159,3 +161,14 @@ def ring(x: float, y: float, inner: float, outer: float) -> Inside:
 def either(*shapes: Inside) -> Inside:
     """Inside any of the shapes."""
     return lambda p: np.any([shape(p) for shape in shapes], axis=0)
+
+
+def empty_visual() -> VisualMesh:
+    """No triangles, for bundles of which only the collision matters."""
+    return VisualMesh(
+        np.empty((0, 3), np.float32),
+        np.empty((0, 3), np.int32),
+        np.empty((0, 3, 2), np.float32),
+        np.empty(0, np.int32),
+        np.empty(0, np.int32),
+    )
