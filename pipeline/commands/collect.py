@@ -22,6 +22,7 @@ from ...formats.rollout import STATE_RATE_HZ
 from ...formats.video import check_rgb_codec
 from ...formats.vlnce import read_vlnce
 from ...scene_repair.config import RepairConfig
+from ...scene_repair.kinds import SUFFIXES
 from ...trajectory_sampler.config import SampleConfig
 from ..chain import Chain
 from ..crews import AUTO, action_timing, chosen_robots, crews
@@ -30,6 +31,7 @@ from ..kept_robots import keep
 from ..ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger
 from ..run_folder import RunFolder, open_run_folder, safe_name
 from ..runner import Context
+from ..scan_files import find_scans
 from ..stages import repair, report
 from ..stages.export import check_depth_storage
 from ..summary import show_summary
@@ -37,7 +39,6 @@ from ..summary import show_summary
 log = logging.getLogger(__name__)
 
 BUILTIN = "builtin"
-MESH_SUFFIXES = {".glb", ".gltf", ".obj", ".ply", ".stl"}
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,8 @@ class Collect:
     closed_loop: bool = False
     """Instead, a discrete action lasts until its 0.25 m or 15° are reached."""
     scene: str = BUILTIN
-    """A scan to collect in (.glb .gltf .obj .ply .stl), or `builtin` for a generated apartment."""
+    """A scan to collect in (GLB, glTF, OBJ, PLY, STL, USD or a point cloud; see docs/scans.md), or
+    `builtin` for a generated apartment."""
     scenes: Path | None = None
     """A folder of scans: all of them, or those that a VLN-CE file's scene ids name."""
     episodes: str = "6"
@@ -222,20 +224,13 @@ def _sources(options: Collect, episode_file: Path | None) -> dict[str, Path]:
         source = Path(options.scene)
         repair.source_digest(source)  # says at once when the file is not there
         return {safe_name(source.stem): source}
-    if not options.scenes.is_dir():
-        raise InputError(f"SCENES={options.scenes}: no such folder")
-    files = sorted(p for p in options.scenes.rglob("*") if p.suffix.lower() in MESH_SUFFIXES)
-    found = {safe_name(p.stem): p for p in files}
-    if len(found) < len(files):
-        twice = next(p for p in files if found[safe_name(p.stem)] != p)
-        raise InputError(f"SCENES={options.scenes}: two scans are named {twice.stem}")
+    found = find_scans(options.scenes)
     if episode_file:
         named = {episode.scene_stem for episode in read_vlnce(episode_file).episodes}
         found = {name: path for name, path in found.items() if name in named}
     if not found:
         what = "none of the episodes' scans" if episode_file else "no scan"
-        valid = " ".join(sorted(MESH_SUFFIXES))
-        raise InputError(f"SCENES={options.scenes}: {what} in it; valid: {valid}")
+        raise InputError(f"SCENES={options.scenes}: {what} in it; valid: {' '.join(SUFFIXES)}")
     return found
 
 

@@ -12,13 +12,15 @@ from ...formats.atomic import atomic_folder
 from ...formats.digest import file_digest
 from ...formats.errors import FileFormatError
 from ...scene_repair.config import RepairConfig
+from ...scene_repair.kinds import USD_SUFFIXES
 from ..keys import code_version, digest
 from ..runner import ItemResult, WorkItem
 
 STAGE = "repair"
 # Formats that keep textures or geometry in further files beside them.
 MULTI_FILE = {".gltf", ".obj", ".ply", ".glb", ".usd", ".usda", ".usdc"}
-SIDE_FILES = {".mtl", ".bin", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
+PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
+SIDE_FILES = {".mtl", ".bin", *PICTURES, *USD_SUFFIXES}
 
 
 def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> list[WorkItem]:
@@ -72,7 +74,12 @@ def source_digest(source: Path) -> str:
     if not source.is_file():
         raise FileFormatError(source, "is a folder; SCENE takes one mesh file, SCENES a folder")
     parts: list[object] = [source.name, file_digest(source)]
-    for name in (f"{source.stem}.labels.json", f"LICENSE.{source.stem}", "LICENSE"):
+    for name in (
+        f"{source.stem}.labels.json",
+        f"{source.stem}.house",
+        f"LICENSE.{source.stem}",
+        "LICENSE",
+    ):
         beside = source.with_name(name)
         parts.append(file_digest(beside) if beside.is_file() else None)
     if source.suffix.lower() in MULTI_FILE:
