@@ -43,8 +43,8 @@ class Repair:
     """Turn a scan into a simulation-ready scene: fill the floor's holes, build collision."""
 
     scan: tyro.conf.Positional[Path]
-    """The scan: GLB, glTF, OBJ, PLY, STL, USD, or a point cloud (PLY, PCD). docs/scans.md tells more,
-    also about labels beside it."""
+    """The scan: GLB, glTF, OBJ, PLY, STL, USD, or a point cloud (PLY, PCD); docs/scans.md tells
+    more, also about labels beside it."""
     out: Path = Path("scene")
     """Folder to write the scene into."""
     up: str = "auto"
