@@ -221,7 +221,7 @@ def test_frames_do_not_share_memory(renderer: Renderer) -> None:
 def test_unknown_names_list_the_valid_ones(two_rooms: SceneBundle) -> None:
     with pytest.raises(UnknownNameError, match="renderer 'vulkan'; valid: embree"):
         make_renderer(two_rooms, "vulkan")
-    with pytest.raises(UnknownNameError, match="light 'disco'; valid: baked"):
+    with pytest.raises(UnknownNameError, match="light 'disco'; valid: CL, DL300, DL5000, baked"):
         make_renderer(two_rooms, light="disco")
 
 

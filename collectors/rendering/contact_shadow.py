@@ -1,25 +1,21 @@
 """The soft dark spot under a robot, without which it would seem to float.
 
 Its parts are taken as spheres; a sphere of radius r at distance d in direction u hides the share
-r² (n·u) / d² of the light on a surface with normal n (the form factor of a sphere).
+r² (n·u) / d² of the light on a surface with normal n (the form factor of a sphere); the kernels in
+`shading` add them up.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from .robot_body import GeomSurface, RobotGeometryPose
 
 F32 = NDArray[np.float32]
-f32 = np.float32
 
-REACH_M = 0.8  # no shadow farther than this from every part
-STRENGTH = 3.0
 MIN_RADIUS_M = 0.012  # thinner parts leave no spot worth its time
 MAX_SPHERES_PER_GEOM = 3
-FAST = {"contract", "arcp", "nsz", "reassoc"}
 
 
 class ContactShadow:
@@ -58,59 +54,3 @@ def _spheres(surface: GeomSurface) -> tuple[NDArray[np.float64], float]:
     spread = max(half[longest] - radius, 0.0)
     centers[:, longest] += np.linspace(-spread, spread, count) if count > 1 else 0.0
     return centers, radius
-
-
-@njit(cache=True, error_model="numpy", fastmath=FAST)
-def darken_under(
-    spheres: F32,
-    position: F32,
-    directions: F32,
-    normals: F32,
-    depth: F32,
-    color: F32,
-):
-    """Darken what lies near the spheres.
-
-    Args:
-        spheres: (S, 4) world centre and radius [m].
-        position: (3,) of the camera [m].
-        directions: (N, 3) rays.
-        normals: (N, 3) geometric normals of the hits, any length and side.
-        depth: (N,) ray parameters of the hits.
-        color: (N, 3) linear light, updated.
-    """
-    low = np.full(3, np.inf, dtype=np.float32)
-    high = np.full(3, -np.inf, dtype=np.float32)
-    for s in range(spheres.shape[0]):
-        for k in range(3):
-            low[k] = min(low[k], spheres[s, k] - f32(REACH_M))
-            high[k] = max(high[k], spheres[s, k] + f32(REACH_M))
-    for i in range(depth.shape[0]):
-        t = depth[i]
-        if not t < f32(1e6):
-            continue
-        x = position[0] + t * directions[i, 0]
-        y = position[1] + t * directions[i, 1]
-        z = position[2] + t * directions[i, 2]
-        if x < low[0] or y < low[1] or z < low[2] or x > high[0] or y > high[1] or z > high[2]:
-            continue
-        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
-        along = nx * directions[i, 0] + ny * directions[i, 1] + nz * directions[i, 2]
-        scale = f32(1.0) / np.sqrt(max(nx * nx + ny * ny + nz * nz, f32(1e-20)))
-        if along > f32(0.0):
-            scale = -scale
-        hidden = f32(0.0)
-        for s in range(spheres.shape[0]):
-            ux, uy, uz = spheres[s, 0] - x, spheres[s, 1] - y, spheres[s, 2] - z
-            square = ux * ux + uy * uy + uz * uz
-            if square < f32(REACH_M * REACH_M):
-                height = (nx * ux + ny * uy + nz * uz) * scale
-                if height > f32(0.0):
-                    radius = spheres[s, 3]
-                    square = max(square, radius * radius)
-                    fade = f32(1.0) - square * f32(1.0 / (REACH_M * REACH_M))
-                    hidden += fade * radius * radius * height / (square * np.sqrt(square))
-        factor = np.exp(-f32(STRENGTH) * hidden)
-        color[i, 0] *= factor
-        color[i, 1] *= factor
-        color[i, 2] *= factor

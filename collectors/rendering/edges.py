@@ -37,8 +37,8 @@ def find_edges(
     height: int,
     relative_bend: float,
     min_contrast: int,
-) -> NDArray[np.int64]:
-    """Pixels on a visible geometric edge, (K,) row-major indices.
+) -> NDArray[np.bool_]:
+    """Which pixels (N,) lie on a visible geometric edge.
 
     An edge is where neighbours look different and lie on different surfaces, or where inverse
     depth bends: along a plane it is linear in the image, so that its second difference is zero
@@ -80,11 +80,11 @@ def find_edges(
                 if edge:
                     marked[i] = True
                     marked[j] = True
-    return np.flatnonzero(marked)
+    return marked
 
 
 @njit(cache=True)
-def add_samples(samples: F32, count: int, pixels: NDArray[np.int64], color: F32) -> F32:
+def add_samples(samples: F32, count: int, pixels: NDArray[np.int32], color: F32) -> F32:
     """Mean (K, 3) of each pixel's own colour in `color` (N, 3) and its `count` samples.
 
     `samples` is (K · count, 3), `pixels` (K,).

@@ -14,13 +14,20 @@ from ...formats.errors import UnknownNameError
 class Light:
     """How surfaces are lit.
 
-    A texture of a scan already holds the light of its room, so it is shown as it is. A surface
-    with a plain colour would be a flat patch in which no shape can be seen; it gets the mild fixed
-    shading of a room: brighter from above than from below (`sky`, `ground`), a soft directional
-    part (`key`) that tells walls apart, and a little light from the viewer (`head`).
+    Under `baked`, a texture of a scan already holds the light of its room, so it is shown as it is.
+    A surface with a plain colour would be a flat patch in which no shape can be seen; it gets the
+    mild fixed shading of a room: brighter from above than from below (`sky`, `ground`), a soft
+    directional part (`key`) that tells walls apart, and a little light from the viewer (`head`).
+
+    The other lights take every surface's texture for its own colour and light it: by panels under
+    the ceilings (see `panels.py`), by a lamp on the robot, and by a little light from everywhere.
 
     Attributes:
         name: registry name.
+        relit: whether panels and the lamp light the scene; otherwise the room shading does.
+        panels: strength of the panel lights; 1 is a day's light on the floor.
+        lamp: irradiance of the robot's lamp on a wall 1 m ahead.
+        around: light from everywhere that is open.
         sky, ground: irradiance on plain surfaces facing straight up and down.
         key: strength of the directional part.
         key_direction: (3,) towards it, world; normalised when used.
@@ -32,6 +39,10 @@ class Light:
     """
 
     name: str
+    relit: bool = False
+    panels: float = 0.0
+    lamp: float = 0.0
+    around: float = 0.0
     sky: float = 0.9
     ground: float = 0.6
     key: float = 0.28
@@ -59,7 +70,26 @@ class Light:
         )
 
 
-LIGHTS: dict[str, Light] = {light.name: light for light in (Light("baked"),)}
+# The three of VLN-PE's lighting study, and the scan's own. `DL300` has 300 / 5000 of the light of
+# `DL5000`, seen with a stop more exposure, as a camera at night has.
+NIGHT = 300 / 5000 * 2
+NIGHT_SKY, NO_SKY = (0.012, 0.014, 0.022), (0.002, 0.002, 0.003)
+LIGHTS: dict[str, Light] = {
+    light.name: light
+    for light in (
+        Light("baked"),
+        Light("DL5000", relit=True, panels=0.9, around=0.12),
+        Light(
+            "DL300",
+            relit=True,
+            panels=0.9 * NIGHT,
+            around=0.12 * NIGHT,
+            outside_up=NIGHT_SKY,
+            outside_down=NO_SKY,
+        ),
+        Light("CL", relit=True, lamp=2.4, around=0.012, outside_up=NO_SKY, outside_down=NO_SKY),
+    )
+}
 
 
 def get_light(name: str) -> Light:

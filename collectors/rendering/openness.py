@@ -1,84 +1,60 @@
 """How open space is around each point of a scene: soft corners without tracing them per frame.
 
-A coarse grid of ambient cubes (McTaggart, "Half-Life 2 / Valve Source shading", 2004): per cell and
-per axis direction the share of the hemisphere that is free nearby. It is traced once per scene.
+Per cell and per axis direction of a `CubeGrid`: the share of the hemisphere that is free nearby. It
+is traced once per scene.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
-from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
+
+from .cube_grid import AXES, CubeGrid, cell_centers, filled, mended
+from .packets import PacketScene
 
 f32 = np.float32
 
-CELL_M = 0.2
-MAX_CELLS = 300_000
 RAYS = 40
 REACH_M = 1.8  # farther surfaces do not darken
 
 
-class OpennessGrid(NamedTuple):
-    """Openness around the centres of cells.
+@dataclass(frozen=True)
+class Openness:
+    """What is known of the cells of a scene.
 
     Attributes:
-        cube: (Z, Y, X, 6) uint8, 255 = open; directions +x, −x, +y, −y, +z, −z. (1, 1, 1, 6) and
-            open everywhere where nothing is lit by it.
-        lower_m: (3,) float32 centre of cell (0, 0, 0).
-        per_m: cells per metre.
+        grid: openness, 1 = open.
+        center_m: (Z, Y, X, 3) float32 of the cells, world [m].
+        free: (Z, Y, X, 6) openness before it was rounded.
+        trust: (Z, Y, X) from 0.02 (inside of furniture or walls) to 1 (free).
     """
 
-    cube: NDArray[np.uint8]
-    lower_m: NDArray[np.float32]
-    per_m: np.float32
+    grid: CubeGrid
+    center_m: NDArray[np.float32]
+    free: NDArray[np.floating]
+    trust: NDArray[np.floating]
 
 
-def open_everywhere() -> OpennessGrid:
-    """The grid that darkens nothing."""
-    return OpennessGrid(
-        np.full((1, 1, 1, 6), 255, dtype=np.uint8), np.zeros(3, dtype=f32), f32(1.0)
-    )
-
-
-def trace_openness(scene: EmbreeScene, vertices: NDArray[np.float32]) -> OpennessGrid:
-    """Trace the grid over the bounds of `vertices` (V, 3) [m] in a committed or fresh scene."""
-    lower, upper = vertices.min(0).astype(np.float64), vertices.max(0).astype(np.float64)
-    cell = max(CELL_M, float((np.prod(upper - lower + CELL_M) / MAX_CELLS) ** (1 / 3)))
-    counts = np.maximum(np.ceil((upper - lower) / cell).astype(int), 1)
-    first = 0.5 * (lower + upper) - 0.5 * (counts - 1) * cell
-    x, y, z = (first[k] + cell * np.arange(counts[k]) for k in range(3))
-    grid = np.meshgrid(z, y, x, indexing="ij")
-    origins = np.stack([grid[2], grid[1], grid[0]], axis=-1).reshape(-1, 3).astype(f32)
-
+def trace_openness(scene: PacketScene, vertices: NDArray[np.float32]) -> Openness:
+    """Trace the cells over the bounds of `vertices` (V, 3) [m], of which `scene` is made."""
+    center, grid = cell_centers(vertices)
+    origins = center.reshape(-1, 3)
     directions = _sphere_directions(RAYS)
-    axes = np.concatenate([np.eye(3), -np.eye(3)])[[0, 3, 1, 4, 2, 5]]
-    weights = np.maximum(directions @ axes.T, 0.0).astype(f32)
+    weights = np.maximum(directions @ AXES.T, 0.0).astype(f32)
     total = np.zeros((len(origins), 6), dtype=f32)
     outside = np.zeros(len(origins), dtype=f32)  # share of rays that see fronts or nothing
+    limits = np.full(len(origins), REACH_M, dtype=f32)
     for direction, weight in zip(directions.astype(f32), weights, strict=True):
-        limits = np.full(len(origins), REACH_M, dtype=f32)
-        hit = scene.run(origins, np.tile(direction, (len(origins), 1)), dists=limits, output=True)
-        missed = hit["primID"] < 0
-        free = np.where(missed, f32(1.0), hit["tfar"] / f32(REACH_M))
-        total += free[:, None] * weight
-        outside += missed | (hit["Ng"] @ direction < 0)
-    cube = (total / weights.sum(0)).reshape(*counts[::-1], 6)
-    trust = np.clip((outside / RAYS - 0.5) * 4.0, 0.02, 1.0).reshape(counts[::-1])
-    return OpennessGrid(_filled(cube, trust), first.astype(f32), f32(1.0 / cell))
-
-
-def _filled(cube: NDArray[np.floating], trust: NDArray[np.floating]) -> NDArray[np.uint8]:
-    """Replace cells inside of furniture and walls by what is around them."""
-    spread = gaussian_filter(trust, 0.8, mode="nearest")
-    mean = np.stack(
-        [gaussian_filter(cube[..., k] * trust, 0.8, mode="nearest") / spread for k in range(6)],
-        axis=-1,
-    )
-    mixed = trust[..., None] * cube + (1.0 - trust[..., None]) * mean
-    return np.round(255.0 * np.clip(mixed, 0.0, 1.0)).astype(np.uint8)
+        hits = scene.trace(origins, np.tile(direction, (len(origins), 1)), limits)
+        missed = hits.prim < 0
+        total += np.where(missed, f32(1.0), hits.depth / f32(REACH_M))[:, None] * weight
+        outside += missed | (hits.normal @ direction < 0)
+    cube = (total / weights.sum(0)).reshape(*center.shape[:3], 6)
+    trust = np.clip((outside / RAYS - 0.5) * 4.0, 0.02, 1.0).reshape(center.shape[:3])
+    free = np.clip(mended(cube, trust), 0.0, 1.0)
+    return Openness(filled(grid, free, 1.0), center, free, trust)
 
 
 def _sphere_directions(count: int) -> NDArray[np.float64]:

@@ -39,7 +39,7 @@ def fill_directions(
 
 @njit(cache=True)
 def subpixel_directions(
-    pixels: NDArray[np.int64],
+    pixels: NDArray[np.int32],
     subpixels: NDArray[np.float32],
     rotation: NDArray[np.float64],
     focal_px: float,
@@ -69,3 +69,25 @@ def subpixel_directions(
                     rotation[axis, 0] * x + rotation[axis, 1] * y + rotation[axis, 2]
                 )
     return out
+
+
+def tile_order(width: int, height: int, tile_px: tuple[int, int]) -> NDArray[np.int32]:
+    """Pixels (row-major indices) tile by tile, each of `tile_px` columns and rows; −1 = none.
+
+    Rays of a tile run closest together, so that they make the best packets.
+    """
+    across, down = tile_px
+    rows = np.arange(-(-height // down) * down)
+    columns = np.arange(-(-width // across) * across)
+    index = np.where(
+        (rows[:, None] < height) & (columns < width), rows[:, None] * width + columns, -1
+    )
+    tiles = index.reshape(len(rows) // down, down, len(columns) // across, across)
+    return np.ascontiguousarray(tiles.swapaxes(1, 2)).ravel().astype(np.int32)
+
+
+def list_order(count: int, lanes: int) -> NDArray[np.int32]:
+    """Rays 0 … count − 1 in their order, filled up to whole packets with −1."""
+    order = np.full(-(-count // lanes) * lanes, -1, dtype=np.int32)
+    order[:count] = np.arange(count)
+    return order

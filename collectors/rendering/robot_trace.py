@@ -10,14 +10,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
 from ...formats.camera import CameraModel
 from .contact_shadow import ContactShadow
+from .packets import PacketHits, PacketScene
 from .robot_body import GeomSurface, RobotGeometryPose
-from .shading import Hits, shade_robot
+from .shading import LightArrays, shade_robot
 
 F32 = NDArray[np.float32]
 
@@ -60,9 +59,9 @@ class RobotTracer:
         self._box = self._box.reshape(-1, 8, 3)
         self._scenes = []
         for surface in surfaces:
-            scene = EmbreeScene()
-            TriangleMesh(scene, surface.corners)
-            self._scenes.append(scene)
+            corners = surface.corners.reshape(-1, 3)
+            faces = np.arange(len(corners)).reshape(-1, 3)
+            self._scenes.append(PacketScene(corners, faces))
 
     def visible(
         self,
@@ -105,7 +104,8 @@ class RobotTracer:
         geom: VisibleGeom,
         rays: NDArray[np.int64],
         directions: F32,
-        light: F32,
+        eye: F32,
+        light: LightArrays,
         color: F32,
         depth: F32,
         surface: NDArray[np.int32],
@@ -116,7 +116,8 @@ class RobotTracer:
             geom: from `visible`.
             rays: (K,) indices of the rays that can meet it.
             directions: (N, 3) of all rays, world.
-            light: `Light.parameters()`.
+            eye: (3,) optical centre [m].
+            light: what lights it.
             color: (N, 3) colours so far, updated.
             depth: (N,) depths so far, updated.
             surface: (N,) surface ids so far, updated.
@@ -125,16 +126,17 @@ class RobotTracer:
         origins = np.empty_like(local)
         origins[:] = geom.camera_in_geom_m
         limits = np.minimum(depth[rays], np.float32(1e30))
-        hit = self._scenes[geom.index].run(origins, local, dists=limits, output=True)
-        found = np.flatnonzero(hit["primID"] >= 0)
+        met = self._scenes[geom.index].trace(origins, local, limits)
+        found = np.flatnonzero(met.prim >= 0)
         if not len(found):
             return
         rays = rays[found]
         shape = self.surfaces[geom.index]
-        hits = Hits(*(hit[key][found] for key in ("primID", "u", "v", "tfar")))
+        hits = PacketHits(*(values[found] for values in met))
         shade_robot(
             rays,
             directions,
+            eye,
             hits,
             shape.normals,
             geom.rotation_world,

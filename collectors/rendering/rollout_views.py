@@ -18,11 +18,13 @@ from ...formats.rollout import Rollout
 from ...formats.scene_bundle import SceneBundle
 from ...formats.video import DEPTH_CODEC, RGB_CODECS, write_depth_video, write_rgb_video
 from ..robots import RobotSpec, get_robot
-from .interface import Renderer
-from .robot_body import RobotBody
+from .extras import Extras, write_extras
+from .interface import Frame, Pose, Renderer
+from .lights import get_light
+from .robot_body import RobotBody, RobotGeometryPose
 from .views import VIEWS, CameraPath, Shot, View
 
-Frame = tuple[NDArray[np.uint8], NDArray[np.float32]]
+Picture = tuple[NDArray[np.uint8], NDArray[np.float32]]
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,7 @@ class RolloutFrames:
     Attributes:
         sample_index: (N,) samples of the rollout.
         path: camera poses of the N frames.
+        lamp: the robot's camera at which the light `CL` is; None = at the view's own camera.
     """
 
     rollout: Rollout
@@ -39,6 +42,7 @@ class RolloutFrames:
     body: RobotBody
     sample_index: NDArray[np.int64]
     path: CameraPath
+    lamp: str | None = None
 
     @classmethod
     def plan(
@@ -72,23 +76,38 @@ class RolloutFrames:
         robot = robot or get_robot(rollout.robot)
         body = RobotBody(robot.build_model(floor=False), rollout.joint_names)
         shot = Shot(rollout, samples, view.camera, robot, body, renderer)
-        return cls(rollout, view, body, samples, VIEWS[view.kind].path(shot))
+        kind = VIEWS[view.kind]
+        carried = get_light(view.light).lamp > 0 and not kind.onboard
+        lamp = robot.camera.name if carried else None
+        return cls(rollout, view, body, samples, kind.path(shot), lamp)
 
-    def render(self, renderer: Renderer) -> Iterator[Frame]:
+    def render(self, renderer: Renderer) -> Iterator[Picture]:
         """Yield RGB (H, W, 3) uint8 and depth (H, W) float32 [m] of each frame."""
-        for n, sample in enumerate(self.sample_index):
-            pose = self.body.pose(
-                self.rollout.position_world_m[sample],
-                self.rollout.quat_wxyz[sample],
-                self.rollout.joint_position_rad[sample],
-            )
-            yield renderer.render(
-                self.view.camera,
-                self.path.position_world_m[n],
-                self.path.quat_wxyz[n],
-                pose,
-                float(self.path.cut_above_m[n]),
-            )
+        for n in range(len(self.sample_index)):
+            yield renderer.render(self.view.camera, *self._instant(n))
+
+    def render_labelled(self, renderer: Renderer) -> Iterator[Frame]:
+        """Yield each frame with the names of what its pixels show."""
+        for n in range(len(self.sample_index)):
+            yield renderer.render_labelled(self.view.camera, *self._instant(n))
+
+    def _instant(
+        self, n: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], RobotGeometryPose, float, Pose | None]:
+        """What a renderer is told of frame `n`, after the camera."""
+        sample = self.sample_index[n]
+        state = (
+            self.rollout.position_world_m[sample],
+            self.rollout.quat_wxyz[sample],
+            self.rollout.joint_position_rad[sample],
+        )
+        return (
+            self.path.position_world_m[n],
+            self.path.quat_wxyz[n],
+            self.body.pose(*state),
+            float(self.path.cut_above_m[n]),
+            self.body.camera_pose(self.lamp, *state) if self.lamp else None,
+        )
 
 
 def render_rollout(
@@ -101,6 +120,7 @@ def render_rollout(
     depth_range: DepthRange | None = None,
     codec: str = "h264",
     robot: RobotSpec | None = None,
+    extras: Extras | None = None,
 ) -> int:
     """Render a rollout into `out_dir`; return the number of frames.
 
@@ -118,6 +138,7 @@ def render_rollout(
         depth_range: clip range of the stored depth, default `DepthRange()`.
         codec: key of `formats.video.RGB_CODECS`.
         robot: who walked; the registry's robot of that name when None.
+        extras: further videos (see `extras`), default none.
 
     Raises:
         UnknownNameError: unknown view kind, robot or codec; the message lists the valid names.
@@ -129,7 +150,14 @@ def render_rollout(
     samples = rollout.frame_samples(frames_per_second)
     frames = RolloutFrames.plan(renderer, rollout, view, samples, robot)
     out_dir.mkdir(parents=True, exist_ok=True)
-    count = _write_videos(out_dir, frames.render(renderer), frames_per_second, limits, codec)
+    extras = extras or Extras()
+    if extras.labelled:
+        labelled = frames.render_labelled(renderer)
+    else:
+        nothing = np.zeros((0, 0), dtype=np.int32)
+        labelled = (Frame(*picture, nothing, nothing) for picture in frames.render(renderer))
+    pictures = write_extras(out_dir, labelled, extras, bundle, frames_per_second, limits)
+    count = _write_videos(out_dir, pictures, frames_per_second, limits, codec)
     with atomic_file(out_dir / "frames.npz") as temporary:
         np.savez(
             temporary,
@@ -140,7 +168,7 @@ def render_rollout(
         )
     write_json(
         out_dir / "meta.json",
-        _facts(bundle, rollout, view, count, frames_per_second, limits, codec),
+        _facts(bundle, rollout, view, count, frames_per_second, limits, codec) | extras.facts(),
     )
     return count
 
@@ -188,7 +216,7 @@ def _facts(
 
 def _write_videos(
     folder: Path,
-    frames: Iterator[Frame],
+    frames: Iterator[Picture],
     frames_per_second: int,
     depth_range: DepthRange,
     codec: str,

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
 from ...formats.scene_bundle import VisualMesh
-from .openness import open_everywhere, trace_openness
+from .packets import aligned
 from .shading import SceneArrays
 from .textures import MaterialTable
 
@@ -17,27 +16,46 @@ MAX_ATLAS_COVER = 1.5
 FLATNESS_SAMPLES = 50_000
 
 
-def scene_arrays(mesh: VisualMesh, materials: MaterialTable, scene: EmbreeScene) -> SceneArrays:
+def scene_arrays(mesh: VisualMesh, materials: MaterialTable, relit: bool = False) -> SceneArrays:
     """Gather the arrays and decide which materials the renderer lights.
 
-    Plain colours are always lit. Textures hold the light of a scanned room and are shown as they
-    are, unless most of the scene's textured area cannot hold any: then it is a drawn scene whose
-    textures are bare colours, and all of it is lit. `scene` holds the mesh for the corners' rays.
+    A light that relights a scene lights everything. Otherwise plain colours are always lit, and
+    textures hold the light of a scanned room and are shown as they are, unless most of the scene's
+    textured area cannot hold any: then it is a drawn scene whose textures are bare colours, and all
+    of it is lit.
     """
     textured = materials.texture >= 0
-    drawn = drawn_share(mesh, materials) > 0.5
-    shaded = ~textured | drawn
+    drawn = relit or drawn_share(mesh, materials) > 0.5
     return SceneArrays(
-        vertices=np.ascontiguousarray(mesh.vertices, dtype=np.float32),
-        faces=np.ascontiguousarray(mesh.faces, dtype=np.int32),
-        corner_uv=np.ascontiguousarray(mesh.corner_uv, dtype=np.float32),
-        face_material=np.ascontiguousarray(mesh.face_material, dtype=np.int32),
+        face=_face_records(mesh),
         base_linear=materials.base_linear,
         texture=materials.texture,
-        shaded=shaded,
+        shaded=~textured | drawn,
         pack=materials.pack,
-        openness=trace_openness(scene, mesh.vertices) if shaded.any() else open_everywhere(),
     )
+
+
+def _face_records(mesh: VisualMesh) -> NDArray[np.float32]:
+    """(F, 16); see `SceneArrays.face`."""
+    records = aligned((len(mesh.faces), 16))
+    corner = mesh.vertices[mesh.faces]
+    uv = mesh.corner_uv
+    e, g = (corner[:, k].astype(np.float64) - corner[:, 0] for k in (1, 2))
+    normal = np.cross(e, g)
+    square = np.einsum("fi,fi->f", normal, normal)[:, None]
+    with np.errstate(divide="ignore"):
+        scale = np.where(square > 0.0, 1.0 / square, 0.0)
+    # Gradients of the barycentrics on the triangle's plane.
+    along_u, along_v = np.cross(g, normal) * scale, np.cross(normal, e) * scale
+    for k in range(2):
+        steps = (uv[:, corner_, k] - uv[:, 0, k] for corner_ in (1, 2))
+        first, second = (step[:, None].astype(np.float64) for step in steps)
+        records[:, 3 * k : 3 * k + 3] = along_u * first + along_v * second
+    records[:, 6:8] = uv[:, 0]
+    records[:, 8:10] = uv[:, 1] - uv[:, 0]
+    records[:, 10:12] = uv[:, 2] - uv[:, 0]
+    records[:, 12] = mesh.face_material
+    return records
 
 
 def drawn_share(mesh: VisualMesh, materials: MaterialTable) -> float:

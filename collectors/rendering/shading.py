@@ -13,7 +13,26 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .openness import OpennessGrid
+from .cube_grid import CubeGrid
+from .packets import (
+    DIRECTION,
+    FAR,
+    GEOM,
+    HIT_U,
+    HIT_V,
+    MASK,
+    NEAR,
+    NORMAL,
+    ORIGIN,
+    PACKET_ROWS,
+    PRIM,
+    RAY_FLAGS,
+    TIME,
+    PacketHits,
+    call_intersect,
+    call_occluded,
+    prefetch,
+)
 from .textures import TexturePack
 
 f32 = np.float32
@@ -28,44 +47,67 @@ MAX_TAPS = f32(6.0)
 EXPONENT_BIAS = np.int32(127 << 23)
 HALF_PER_OCTAVE = f32(0.5 / (1 << 23))
 PER_SQUARE = f32(1.0 / 1023.0**2)  # texels hold 10-bit square roots
+# Cosines of the angles off the lamp's axis within which it is full, and beyond which it is dark.
+LAMP_CORE, LAMP_EDGE = 0.95, 0.5
+LAMP_SOFT_M2 = 0.25  # a lamp is no point; nearby things are not burnt out
+# The soft dark spot under a robot; see `contact_shadow`.
+SPHERE_REACH_M = 0.8
+SPHERE_STRENGTH = 3.0
 
 
 class SceneArrays(NamedTuple):
     """The scene as kernels see it.
 
     Attributes:
-        vertices, faces, corner_uv, face_material: the visual mesh.
+        face: (F, 16) all that shading needs of a triangle, in one line of the processor's cache:
+            gradients of the texture coordinates [1/m] (0–2, 3–5), texture coordinates of the first
+            corner (6, 7) and steps to the others (8–11), material (12).
         base_linear: (M, 3) base colours in linear light.
         texture: (M,) int32 index of the texture, −1 = none.
-        shaded: (M,) bool: lit by the room light; otherwise shown as it is.
+        shaded: (M,) bool: lit by the light; otherwise shown as it is.
         pack: the textures.
-        openness: darkens corners of what is lit by the room light.
     """
 
-    vertices: F32
-    faces: NDArray[np.int32]
-    corner_uv: F32
-    face_material: NDArray[np.int32]
+    face: F32
     base_linear: F32
     texture: NDArray[np.int32]
     shaded: NDArray[np.bool_]
     pack: TexturePack
-    openness: OpennessGrid
 
 
-class Hits(NamedTuple):
-    """What N rays met.
+class LightArrays(NamedTuple):
+    """A light as kernels see it.
 
     Attributes:
-        prim: (N,) int32 triangle, −1 = none.
-        u, v: (N,) barycentric coordinates of the second and third corner.
-        depth: (N,) ray parameter, which is planar depth [m].
+        room: `Light.parameters()`.
+        relit: whether light falls only from panels and the lamp, instead of the fixed room light.
+        grid: openness of corners under the fixed room light, else irradiance.
+        lamp: (8,) position [m], direction, strength, unused; strength 0 = no lamp.
+        lamp_apart: whether the lamp stands elsewhere than the eye, so that it throws shadows.
     """
 
-    prim: NDArray[np.int32]
-    u: F32
-    v: F32
-    depth: F32
+    room: F32
+    relit: bool
+    grid: CubeGrid
+    lamp: F32
+    lamp_apart: bool
+
+
+class Packets(NamedTuple):
+    """How kernels trace rays.
+
+    Attributes:
+        scene: address of Embree's scene.
+        arguments: of a packet call.
+        rays, shadow_rays: room for a packet each; see `packets.packet`.
+        lanes: rays per packet.
+    """
+
+    scene: int
+    arguments: NDArray[np.int32]
+    rays: F32
+    shadow_rays: F32
+    lanes: int
 
 
 @njit(inline="always", error_model="numpy")
@@ -122,8 +164,8 @@ def bilinear(texels: NDArray[np.uint32], start, width, height, u, v):
 
 
 @njit(inline="always", error_model="numpy")
-def sample_texture(pack: TexturePack, texture, u, v, du_dx, dv_dx, du_dy, dv_dy):
-    """Colour of a texture over a pixel's footprint: red, green, blue in linear light.
+def footprint(pack: TexturePack, texture, du_dx, dv_dx, du_dy, dv_dy):
+    """How to filter a texture over a pixel's footprint.
 
     The footprint is the parallelogram of the two derivatives. Taps lie along its longer side, the
     mip level follows its shorter one (as graphics hardware does, after McCormack et al., "Feline",
@@ -132,12 +174,13 @@ def sample_texture(pack: TexturePack, texture, u, v, du_dx, dv_dx, du_dy, dv_dy)
     Args:
         pack: all textures.
         texture: index of the texture.
-        u: texture coordinate to the right, float32.
-        v: texture coordinate upwards, float32.
         du_dx: change of u per pixel to the right.
         dv_dx: change of v per pixel to the right.
         du_dy: change of u per pixel down.
         dv_dy: change of v per pixel down.
+
+    Returns:
+        Number of taps, mip level (with its fraction), and the longer side's change of u and v.
     """
     width = f32(pack.size_px[texture, 0, 0])
     height = f32(pack.size_px[texture, 0, 1])
@@ -154,8 +197,7 @@ def sample_texture(pack: TexturePack, texture, u, v, du_dx, dv_dx, du_dy, dv_dy)
         step_v = dv_dy
         long_square, short_square = short_square, long_square
     taps = np.int32(1)
-    level = np.int32(0)
-    fraction = f32(0.0)
+    lod = f32(0.0)
     if long_square > f32(1.0):
         # A sheared footprint is narrower than its shorter side: its area says how narrow.
         area = ax * by - ay * bx
@@ -167,8 +209,42 @@ def sample_texture(pack: TexturePack, texture, u, v, du_dx, dv_dx, du_dy, dv_dy)
         bits = f32(max(short_square, long_square * per_tap * per_tap)).view(np.int32)
         lod = f32(bits - EXPONENT_BIAS) * HALF_PER_OCTAVE
         lod = min(lod, f32(pack.levels[texture] - 1))
-        level = np.int32(lod)
-        fraction = lod - f32(level)
+    return taps, lod, step_u, step_v
+
+
+@njit(inline="always", error_model="numpy")
+def prefetch_texels(pack: TexturePack, texels, texture, lod, u, v):
+    """Fetch the texels around (u, v), which are read soon; `texels` is their address."""
+    level = np.int32(lod)
+    for _ in range(2):
+        width = pack.size_px[texture, level, 0]
+        height = pack.size_px[texture, level, 1]
+        x = np.int64((u - np.floor(u)) * f32(width) - f32(0.5))
+        y = np.int64((f32(1.0) - (v - np.floor(v))) * f32(height) - f32(0.5))
+        at = texels + np.int64(4) * (pack.offset[texture, level] + y * width + x)
+        prefetch(np.uintp(at))
+        prefetch(np.uintp(at + np.int64(4) * width))
+        if lod <= f32(level):
+            break
+        level += np.int32(1)
+
+
+@njit(inline="always", error_model="numpy")
+def sample_texture(pack: TexturePack, texture, u, v, taps, lod, step_u, step_v):
+    """Colour of a texture over a footprint: red, green, blue in linear light.
+
+    Args:
+        pack: all textures.
+        texture: index of the texture.
+        u: texture coordinate to the right, float32.
+        v: texture coordinate upwards, float32.
+        taps: from `footprint`, as are the next.
+        lod: mip level.
+        step_u: change of u along the footprint.
+        step_v: change of v along the footprint.
+    """
+    level = np.int32(lod)
+    fraction = lod - f32(level)
     red = green = blue = f32(0.0)
     share = f32(1.0) / f32(taps)
     step_u *= share
@@ -207,8 +283,8 @@ def sample_texture(pack: TexturePack, texture, u, v, du_dx, dv_dx, du_dy, dv_dy)
 
 
 @njit(inline="always", error_model="numpy")
-def openness_at(grid: OpennessGrid, x, y, z, nx, ny, nz):
-    """Openness (0–1) at a surface point with a unit normal, trilinear.
+def cube_at(grid: CubeGrid, x, y, z, nx, ny, nz):
+    """Value of a grid at a surface point with a unit normal, trilinear.
 
     Args:
         grid: traced grid.
@@ -251,7 +327,7 @@ def openness_at(grid: OpennessGrid, x, y, z, nx, ny, nz):
             (f32(1.0) - fx) * f32(grid.cube[z1, y1, x0, k]) + fx * f32(grid.cube[z1, y1, x1, k])
         )
         result += side * side * (low + fz * (high - low))
-    return result * f32(1.0 / 255.0)
+    return result * grid.scale
 
 
 @njit(inline="always", error_model="numpy")
@@ -276,119 +352,365 @@ def room_light(nx, ny, nz, cosine, light: F32):
     )
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
-def shade_scene(directions: F32, pixel: F32, hits: Hits, scene: SceneArrays, light: F32, out: F32):
-    """Colour of each ray's hit on the scene.
+@njit(inline="always", error_model="numpy")
+def incident(x, y, z, nx, ny, nz, cosine, corners, light: LightArrays, lamp_gain):
+    """Factor by which light makes a surface's colour brighter or darker.
 
     Args:
-        directions: (N, 3).
-        pixel: (2, 3) change of a direction per sample to the right and down: the footprint.
-        hits: of N rays.
-        scene: what was hit.
-        light: `Light.parameters()`.
-        out: (N, 3) linear light, written.
+        x: point [m], x.
+        y: point [m], y.
+        z: point [m], z.
+        nx: unit normal on the viewer's side, x.
+        ny: y.
+        nz: z.
+        cosine: between the normal and the direction to the viewer.
+        corners: whether the fixed room light is darker in corners.
+        light: the light.
+        lamp_gain: 1 where the lamp reaches, 0 in its shadow.
     """
-    for i in range(hits.prim.shape[0]):
-        face = hits.prim[i]
-        if face < 0:
-            x, y, z = directions[i, 0], directions[i, 1], directions[i, 2]
-            rise = z / np.sqrt(x * x + y * y + z * z)
-            up = min(max((rise - HORIZON_FROM) / (HORIZON_TO - HORIZON_FROM), f32(0.0)), f32(1.0))
-            for k in range(3):
-                out[i, k] = light[10 + k] + up * (light[7 + k] - light[10 + k])
-            continue
-        material = scene.face_material[face]
-        texture = scene.texture[material]
-        a, b, c = scene.faces[face, 0], scene.faces[face, 1], scene.faces[face, 2]
-        ax, ay, az = scene.vertices[a, 0], scene.vertices[a, 1], scene.vertices[a, 2]
-        ex = scene.vertices[b, 0] - ax
-        ey = scene.vertices[b, 1] - ay
-        ez = scene.vertices[b, 2] - az
-        gx = scene.vertices[c, 0] - ax
-        gy = scene.vertices[c, 1] - ay
-        gz = scene.vertices[c, 2] - az
-        nx = ey * gz - ez * gy
-        ny = ez * gx - ex * gz
-        nz = ex * gy - ey * gx
-        square = nx * nx + ny * ny + nz * nz
-        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
-        along = nx * dx + ny * dy + nz * dz
-        red = green = blue = f32(1.0)
-        if texture >= 0:
-            # Where the neighbouring pixels' rays meet this plane: exact ray differentials, as
-            # changes of the barycentrics u and v.
-            t = hits.depth[i]
-            scale = f32(0.0)
-            if square > f32(0.0) and along != f32(0.0):
-                scale = t / square
-            else:
-                along = f32(1.0)
-            ux = (gy * nz - gz * ny) * scale
-            uy = (gz * nx - gx * nz) * scale
-            uz = (gx * ny - gy * nx) * scale
-            vx = (ny * ez - nz * ey) * scale
-            vy = (nz * ex - nx * ez) * scale
-            vz = (nx * ey - ny * ex) * scale
-            u_along = (ux * dx + uy * dy + uz * dz) / along
-            v_along = (vx * dx + vy * dy + vz * dz) / along
-            px, py, pz = pixel[0, 0], pixel[0, 1], pixel[0, 2]
-            tilt = nx * px + ny * py + nz * pz
-            u_right = ux * px + uy * py + uz * pz - tilt * u_along
-            v_right = vx * px + vy * py + vz * pz - tilt * v_along
-            px, py, pz = pixel[1, 0], pixel[1, 1], pixel[1, 2]
-            tilt = nx * px + ny * py + nz * pz
-            u_down = ux * px + uy * py + uz * pz - tilt * u_along
-            v_down = vx * px + vy * py + vz * pz - tilt * v_along
-            s0, t0 = scene.corner_uv[face, 0, 0], scene.corner_uv[face, 0, 1]
-            s1, t1 = scene.corner_uv[face, 1, 0] - s0, scene.corner_uv[face, 1, 1] - t0
-            s2, t2 = scene.corner_uv[face, 2, 0] - s0, scene.corner_uv[face, 2, 1] - t0
-            u, v = hits.u[i], hits.v[i]
-            red, green, blue = sample_texture(
-                scene.pack,
-                texture,
-                s0 + u * s1 + v * s2,
-                t0 + u * t1 + v * t2,
-                u_right * s1 + v_right * s2,
-                u_right * t1 + v_right * t2,
-                u_down * s1 + v_down * s2,
-                u_down * t1 + v_down * t2,
+    if not light.relit:
+        factor = room_light(nx, ny, nz, cosine, light.room)
+        if corners:
+            free = cube_at(light.grid, x, y, z, nx, ny, nz)
+            factor *= f32(1.0) - light.room[13] * (f32(1.0) - free)
+        return factor
+    factor = cube_at(light.grid, x, y, z, nx, ny, nz)
+    if light.lamp[6] > f32(0.0):
+        lx, ly, lz = light.lamp[0] - x, light.lamp[1] - y, light.lamp[2] - z
+        square = lx * lx + ly * ly + lz * lz
+        near = f32(1.0) / np.sqrt(max(square, f32(1e-8)))
+        facing = max((nx * lx + ny * ly + nz * lz) * near, f32(0.0))
+        ahead = -(light.lamp[3] * lx + light.lamp[4] * ly + light.lamp[5] * lz) * near
+        beam = (ahead - f32(LAMP_EDGE)) * f32(1.0 / (LAMP_CORE - LAMP_EDGE))
+        beam = min(max(beam, f32(0.0)), f32(1.0))
+        beam = beam * beam * (f32(3.0) - f32(2.0) * beam)
+        factor += lamp_gain * light.lamp[6] * facing * beam / (square + f32(LAMP_SOFT_M2))
+    return factor
+
+
+@njit(inline="always", error_model="numpy")
+def exposed(value, light: LightArrays):
+    """Linear light as the camera records it: what panels and lamps overexpose keeps its shape."""
+    if not light.relit:
+        return value
+    return f32(1.0) - np.exp(-value)
+
+
+@njit(inline="always", error_model="numpy")
+def hidden_share(spheres: F32, x, y, z, nx, ny, nz):
+    """How much of the light on a surface point the spheres of a robot hide; see `contact_shadow`.
+
+    Args:
+        spheres: (S, 4) world centre and radius [m].
+        x: point [m], x.
+        y: point [m], y.
+        z: point [m], z.
+        nx: unit normal on the viewer's side, x.
+        ny: y.
+        nz: z.
+    """
+    hidden = f32(0.0)
+    for s in range(spheres.shape[0]):
+        ux, uy, uz = spheres[s, 0] - x, spheres[s, 1] - y, spheres[s, 2] - z
+        square = ux * ux + uy * uy + uz * uz
+        if square < f32(SPHERE_REACH_M * SPHERE_REACH_M):
+            height = nx * ux + ny * uy + nz * uz
+            if height > f32(0.0):
+                radius = spheres[s, 3]
+                square = max(square, radius * radius)
+                fade = f32(1.0) - square * f32(1.0 / (SPHERE_REACH_M * SPHERE_REACH_M))
+                hidden += fade * radius * radius * height / (square * np.sqrt(square))
+    return hidden
+
+
+@njit(inline="always", error_model="numpy")
+def fill_shadow_ray(packets: Packets, k, x, y, z, nx, ny, nz, lamp):
+    """Put the ray from a point to the lamp into lane `k`.
+
+    Args:
+        packets: rays.
+        k: lane.
+        x: point [m], x.
+        y: point [m], y.
+        z: point [m], z.
+        nx: unit normal on the viewer's side, x.
+        ny: y.
+        nz: z.
+        lamp: its position first.
+    """
+    lanes = packets.lanes
+    rays = packets.shadow_rays
+    bits = rays.view(np.int32)
+    bits[PACKET_ROWS * 16 + k] = -1
+    x += f32(2e-3) * nx
+    y += f32(2e-3) * ny
+    z += f32(2e-3) * nz
+    rays[ORIGIN * lanes + k] = x
+    rays[(ORIGIN + 1) * lanes + k] = y
+    rays[(ORIGIN + 2) * lanes + k] = z
+    rays[DIRECTION * lanes + k] = lamp[0] - x
+    rays[(DIRECTION + 1) * lanes + k] = lamp[1] - y
+    rays[(DIRECTION + 2) * lanes + k] = lamp[2] - z
+    rays[NEAR * lanes + k] = f32(0.0)
+    rays[TIME * lanes + k] = f32(0.0)
+    rays[FAR * lanes + k] = f32(1.0)
+    bits[MASK * lanes + k] = -1
+    bits[RAY_FLAGS * lanes + k] = 0
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def render_rays(
+    order: NDArray[np.int32],
+    directions: F32,
+    pixel: F32,
+    eye: F32,
+    cut_above_m: float,
+    packets: Packets,
+    scene: SceneArrays,
+    light: LightArrays,
+    spheres: F32,
+    color: F32,
+    depth: F32,
+    surface: NDArray[np.int32],
+    prim: NDArray[np.int32],
+):
+    """Trace rays from the eye and shade what of the scene they hit.
+
+    Args:
+        order: (P · lanes,) rays of each packet, −1 = an idle lane.
+        directions: (N, 3), world, of unit length along the optical axis.
+        pixel: (2, 3) change of a direction per sample to the right and down: the footprint.
+        eye: (3,) optical centre [m].
+        cut_above_m: rays start where they pass this world z.
+        packets: how to trace.
+        scene: what there is.
+        light: what lights it.
+        spheres: (S, 4) of the robot, which darken what is near them.
+        color: (N, 3) linear light, written.
+        depth: (N,) planar depth [m], written; inf = nothing.
+        surface: (N,) material, written; −1 = nothing.
+        prim: (N,) triangle, written; −1 = nothing.
+    """
+    lanes = packets.lanes
+    rays = packets.rays
+    bits = rays.view(np.int32)
+    valid = PACKET_ROWS * 16
+    lit_apart = light.relit and light.lamp_apart and light.lamp[6] > f32(0.0)
+    starts = np.zeros(16, dtype=np.float32)
+    materials = np.zeros(16, dtype=np.int32)
+    taps = np.zeros(16, dtype=np.int32)
+    samples = np.zeros((16, 5), dtype=np.float32)  # u, v, mip level, the footprint's side
+    records, texels = np.int64(scene.face.ctypes.data), np.int64(scene.pack.texels.ctypes.data)
+    low = np.full(3, np.inf, dtype=np.float32)
+    high = np.full(3, -np.inf, dtype=np.float32)
+    for s in range(spheres.shape[0]):
+        for k in range(3):
+            low[k] = min(low[k], spheres[s, k] - f32(SPHERE_REACH_M))
+            high[k] = max(high[k], spheres[s, k] + f32(SPHERE_REACH_M))
+    for first in range(0, order.shape[0], lanes):
+        for k in range(lanes):
+            i = order[first + k]
+            bits[valid + k] = -1 if i >= 0 else 0
+            i = max(i, 0)
+            dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
+            start = f32(0.0)
+            if eye[2] > cut_above_m:  # if a ray never passes the cut, it starts far away
+                start = f32(cut_above_m - eye[2]) / min(dz, f32(-1e-6))
+            starts[k] = start
+            rays[ORIGIN * lanes + k] = eye[0] + start * dx
+            rays[(ORIGIN + 1) * lanes + k] = eye[1] + start * dy
+            rays[(ORIGIN + 2) * lanes + k] = eye[2] + start * dz
+            rays[DIRECTION * lanes + k] = dx
+            rays[(DIRECTION + 1) * lanes + k] = dy
+            rays[(DIRECTION + 2) * lanes + k] = dz
+            rays[NEAR * lanes + k] = f32(0.0)
+            rays[TIME * lanes + k] = f32(0.0)
+            rays[FAR * lanes + k] = f32(np.inf)
+            bits[MASK * lanes + k] = -1
+            bits[RAY_FLAGS * lanes + k] = 0
+            bits[GEOM * lanes + k] = -1
+        call_intersect(
+            lanes,
+            rays.ctypes.data + 4 * valid,
+            packets.scene,
+            rays.ctypes.data,
+            packets.arguments.ctypes.data,
+        )
+        for k in range(lanes):
+            if bits[GEOM * lanes + k] != -1:
+                prefetch(np.uintp(records + np.int64(64) * np.int64(bits[PRIM * lanes + k])))
+        if lit_apart:
+            for k in range(lanes):
+                packets.shadow_rays.view(np.int32)[valid + k] = 0
+                i = order[first + k]
+                if i < 0 or bits[GEOM * lanes + k] == -1:
+                    continue
+                nx = rays[NORMAL * lanes + k]
+                ny = rays[(NORMAL + 1) * lanes + k]
+                nz = rays[(NORMAL + 2) * lanes + k]
+                dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
+                flip = f32(1.0) / np.sqrt(max(nx * nx + ny * ny + nz * nz, f32(1e-30)))
+                if nx * dx + ny * dy + nz * dz > f32(0.0):
+                    flip = -flip
+                t = rays[FAR * lanes + k] + starts[k]
+                fill_shadow_ray(
+                    packets,
+                    k,
+                    eye[0] + t * dx,
+                    eye[1] + t * dy,
+                    eye[2] + t * dz,
+                    nx * flip,
+                    ny * flip,
+                    nz * flip,
+                    light.lamp,
+                )
+            call_occluded(
+                lanes,
+                packets.shadow_rays.ctypes.data + 4 * valid,
+                packets.scene,
+                packets.shadow_rays.ctypes.data,
+                packets.arguments.ctypes.data,
             )
-        if scene.shaded[material] and square > f32(0.0):
-            flip = f32(1.0) / np.sqrt(square)
+        for k in range(lanes):
+            i = order[first + k]
+            if i < 0 or bits[GEOM * lanes + k] == -1:
+                continue
+            face = np.uint64(bits[PRIM * lanes + k])
+            material = np.int32(scene.face[face, 12])
+            materials[k] = material
+            texture = scene.texture[np.uint64(material)]
+            if texture >= 0:
+                texture = np.uint64(texture)
+                dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
+                t = rays[FAR * lanes + k] + starts[k]
+                # Where the neighbouring pixels' rays meet this plane: exact ray differentials.
+                nx = rays[NORMAL * lanes + k]
+                ny = rays[(NORMAL + 1) * lanes + k]
+                nz = rays[(NORMAL + 2) * lanes + k]
+                along = nx * dx + ny * dy + nz * dz
+                per_along = f32(0.0)
+                if along != f32(0.0):
+                    per_along = f32(1.0) / along
+                sx, sy, sz = scene.face[face, 0], scene.face[face, 1], scene.face[face, 2]
+                tx, ty, tz = scene.face[face, 3], scene.face[face, 4], scene.face[face, 5]
+                px, py, pz = pixel[0, 0], pixel[0, 1], pixel[0, 2]
+                tilt = (nx * px + ny * py + nz * pz) * per_along
+                px, py, pz = t * (px - tilt * dx), t * (py - tilt * dy), t * (pz - tilt * dz)
+                qx, qy, qz = pixel[1, 0], pixel[1, 1], pixel[1, 2]
+                tilt = (nx * qx + ny * qy + nz * qz) * per_along
+                qx, qy, qz = t * (qx - tilt * dx), t * (qy - tilt * dy), t * (qz - tilt * dz)
+                s1, t1 = scene.face[face, 8], scene.face[face, 9]
+                s2, t2 = scene.face[face, 10], scene.face[face, 11]
+                u = rays[HIT_U * lanes + k]
+                v = rays[HIT_V * lanes + k]
+                sample_u = scene.face[face, 6] + u * s1 + v * s2
+                sample_v = scene.face[face, 7] + u * t1 + v * t2
+                count, lod, step_u, step_v = footprint(
+                    scene.pack,
+                    texture,
+                    px * sx + py * sy + pz * sz,
+                    px * tx + py * ty + pz * tz,
+                    qx * sx + qy * sy + qz * sz,
+                    qx * tx + qy * ty + qz * tz,
+                )
+                prefetch_texels(scene.pack, texels, texture, lod, sample_u, sample_v)
+                taps[k] = count
+                samples[k, 0] = sample_u
+                samples[k, 1] = sample_v
+                samples[k, 2] = lod
+                samples[k, 3] = step_u
+                samples[k, 4] = step_v
+        for k in range(lanes):
+            i = order[first + k]
+            if i < 0:
+                continue
+            dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
+            if bits[GEOM * lanes + k] == -1:
+                depth[i] = f32(np.inf)
+                surface[i] = -1
+                prim[i] = -1
+                rise = dz / np.sqrt(dx * dx + dy * dy + dz * dz)
+                up = (rise - HORIZON_FROM) / (HORIZON_TO - HORIZON_FROM)
+                up = min(max(up, f32(0.0)), f32(1.0))
+                for c in range(3):
+                    below = light.room[10 + c]
+                    color[i, c] = below + up * (light.room[7 + c] - below)
+                continue
+            face = bits[PRIM * lanes + k]
+            t = rays[FAR * lanes + k] + starts[k]
+            nx = rays[NORMAL * lanes + k]
+            ny = rays[(NORMAL + 1) * lanes + k]
+            nz = rays[(NORMAL + 2) * lanes + k]
+            material = materials[k]
+            depth[i] = t
+            surface[i] = material
+            prim[i] = face
+            square = nx * nx + ny * ny + nz * nz
+            along = nx * dx + ny * dy + nz * dz
+            red = scene.base_linear[material, 0]
+            green = scene.base_linear[material, 1]
+            blue = scene.base_linear[material, 2]
+            texture = scene.texture[material]
+            if texture >= 0:
+                r, g, b = sample_texture(
+                    scene.pack,
+                    texture,
+                    samples[k, 0],
+                    samples[k, 1],
+                    taps[k],
+                    samples[k, 2],
+                    samples[k, 3],
+                    samples[k, 4],
+                )
+                red *= r
+                green *= g
+                blue *= b
+            x = eye[0] + t * dx
+            y = eye[1] + t * dy
+            z = eye[2] + t * dz
+            flip = f32(1.0) / np.sqrt(max(square, f32(1e-30)))
             if along > f32(0.0):
                 flip = -flip
-            cosine = np.abs(along * flip) / np.sqrt(dx * dx + dy * dy + dz * dz)
-            nx *= flip
-            ny *= flip
-            nz *= flip
-            free = openness_at(
-                scene.openness,
-                ax + hits.u[i] * ex + hits.v[i] * gx,
-                ay + hits.u[i] * ey + hits.v[i] * gy,
-                az + hits.u[i] * ez + hits.v[i] * gz,
-                nx,
-                ny,
-                nz,
-            )
-            factor = room_light(nx, ny, nz, cosine, light)
-            factor *= f32(1.0) - light[13] * (f32(1.0) - free)
-            red *= factor
-            green *= factor
-            blue *= factor
-        out[i, 0] = scene.base_linear[material, 0] * red
-        out[i, 1] = scene.base_linear[material, 1] * green
-        out[i, 2] = scene.base_linear[material, 2] * blue
+            if scene.shaded[material] and square > f32(0.0):
+                cosine = np.abs(along * flip) / np.sqrt(dx * dx + dy * dy + dz * dz)
+                gain = f32(1.0)
+                if lit_apart and packets.shadow_rays[FAR * lanes + k] < f32(0.0):
+                    gain = f32(0.0)
+                factor = incident(
+                    x, y, z, nx * flip, ny * flip, nz * flip, cosine, True, light, gain
+                )
+                red = exposed(red * factor, light)
+                green = exposed(green * factor, light)
+                blue = exposed(blue * factor, light)
+            if (
+                x > low[0]
+                and y > low[1]
+                and z > low[2]
+                and x < high[0]
+                and y < high[1]
+                and z < high[2]
+            ):
+                hidden = hidden_share(spheres, x, y, z, nx * flip, ny * flip, nz * flip)
+                if hidden > f32(0.0):
+                    factor = np.exp(-f32(SPHERE_STRENGTH) * hidden)
+                    red *= factor
+                    green *= factor
+                    blue *= factor
+            color[i, 0] = red
+            color[i, 1] = green
+            color[i, 2] = blue
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
 def shade_robot(
     rays: NDArray[np.int64],
     directions: F32,
-    hits: Hits,
+    eye: F32,
+    hits: PacketHits,
     corner_normal: F32,
     rotation: F32,
     base_linear: F32,
-    light: F32,
+    light: LightArrays,
     out: F32,
 ):
     """Write the colours of rays that hit one geom of the robot.
@@ -396,17 +718,18 @@ def shade_robot(
     Args:
         rays: (K,) indices of the rays that hit.
         directions: (N, 3) of all rays, world.
+        eye: (3,) optical centre [m].
         hits: of the K rays.
         corner_normal: (F, 3, 3) unit normals at the triangles' corners, geom frame.
         rotation: (3, 3) geom to world.
         base_linear: (3,) colour in linear light.
-        light: `Light.parameters()`.
+        light: what lights it.
         out: (N, 3) linear light, written at `rays`.
     """
     local = np.empty(3, dtype=np.float32)
     for j in range(rays.shape[0]):
         face, i = hits.prim[j], rays[j]
-        u, v = hits.u[j], hits.v[j]
+        u, v, t = hits.u[j], hits.v[j], hits.depth[j]
         w = f32(1.0) - u - v
         for k in range(3):
             local[k] = (
@@ -423,6 +746,17 @@ def shade_robot(
         if along > f32(0.0):
             scale = -scale
         cosine = np.abs(along * scale) / np.sqrt(dx * dx + dy * dy + dz * dz)
-        factor = room_light(nx * scale, ny * scale, nz * scale, cosine, light)
+        factor = incident(
+            eye[0] + t * dx,
+            eye[1] + t * dy,
+            eye[2] + t * dz,
+            nx * scale,
+            ny * scale,
+            nz * scale,
+            cosine,
+            False,
+            light,
+            f32(1.0),
+        )
         for k in range(3):
-            out[i, k] = base_linear[k] * factor
+            out[i, k] = exposed(base_linear[k] * factor, light)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.camera import CameraModel
-from ...formats.errors import UnknownNameError
+from ...formats.errors import InputError, UnknownNameError
 from ...formats.frames import matrix_to_quat
 from ...formats.rollout import Rollout
 from ..robots import RobotSpec, get_robot
@@ -54,10 +55,12 @@ class ViewKind:
     Attributes:
         default_camera: intrinsics for a robot, unless the user says otherwise.
         path: places the camera.
+        onboard: whether it is the robot's own camera, at which its lamp is.
     """
 
     default_camera: Callable[[RobotSpec], CameraModel]
     path: Callable[[Shot], CameraPath]
+    onboard: bool = False
 
 
 @dataclass(frozen=True)
@@ -81,6 +84,15 @@ class View:
         """Folder name: kind, resolution, field of view and light."""
         c = self.camera
         return f"{self.kind}-{c.width_px}x{c.height_px}-{c.hfov_deg:g}deg-{self.light}"
+
+
+@dataclass(frozen=True)
+class CameraWishes:
+    """Intrinsics to use instead of a camera's own; None = its own."""
+
+    width_px: int | None = None
+    height_px: int | None = None
+    hfov_deg: float | None = None
 
 
 def make_view(
@@ -108,6 +120,52 @@ def make_view(
         hfov_deg=hfov_deg or default.hfov_deg,
     )
     return View(kind, camera, light, renderer)
+
+
+CAMERA = re.compile(r"(?P<kind>[a-z_]+)(:(?P<width>\d+)x(?P<height>\d+))?(:(?P<hfov>[\d.]+))?")
+MAX_SIDE_PX = 8192
+
+
+def parse_views(
+    text: str, robot: str | RobotSpec, defaults: CameraWishes, light: str, renderer: str
+) -> list[View]:
+    """Views from `ego,chase:640x480,top:480x480:50`: kind, size [px], horizontal field of view.
+
+    Args:
+        text: one or more cameras, separated by commas.
+        robot: whose.
+        defaults: for what a camera does not say itself.
+        light: light name.
+        renderer: renderer name.
+
+    Raises:
+        UnknownNameError: no such kind or robot; the message lists the valid names.
+        InputError: a camera that cannot be read, of a size no video takes, or named twice.
+    """
+    views = []
+    for word in text.split(","):
+        found = CAMERA.fullmatch(word.strip())
+        if found is None:
+            raise InputError(
+                f"camera {word!r}; valid: KIND[:WIDTHxHEIGHT][:HFOV], e.g. ego:640x480:79"
+            )
+        width = int(found["width"]) if found["width"] else defaults.width_px
+        height = int(found["height"]) if found["height"] else defaults.height_px
+        hfov = float(found["hfov"]) if found["hfov"] else defaults.hfov_deg
+        views.append(make_view(found["kind"], robot, width, height, hfov, light, renderer))
+        camera = views[-1].camera
+        for side in (camera.width_px, camera.height_px):
+            if side % 2 or not 16 <= side <= MAX_SIDE_PX:
+                raise InputError(
+                    f"camera {word!r} of {camera.width_px} x {camera.height_px} px; "
+                    f"valid: even sides from 16 to {MAX_SIDE_PX}"
+                )
+        if not 1.0 <= camera.hfov_deg <= 170.0:
+            raise InputError(f"camera {word!r}: {camera.hfov_deg:g}°; valid: HFOV of 1 to 170")
+    names = [view.name for view in views]
+    if len(set(names)) < len(names):
+        raise InputError(f"camera {text!r}: one of them twice")
+    return views
 
 
 def _ego_path(shot: Shot) -> CameraPath:
@@ -150,7 +208,7 @@ def _top_path(shot: Shot) -> CameraPath:
 
 
 VIEWS: dict[str, ViewKind] = {
-    "ego": ViewKind(lambda robot: robot.camera.model, _ego_path),
+    "ego": ViewKind(lambda robot: robot.camera.model, _ego_path, onboard=True),
     "chase": ViewKind(lambda robot: CameraModel("chase", 640, 480, 75.0), _chase_path),
     "top": ViewKind(lambda robot: CameraModel("top", 480, 480, 50.0), _top_path),
 }
