@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,7 @@ from vlnpe.pipeline import cli
 from vlnpe.pipeline.executors import Workers
 from vlnpe.pipeline.ledger import Ledger
 
+DOCS = Path(__file__).resolve().parents[1] / "docs"
 SECONDS = (2.0, 0.0, 3.0)
 ASSEMBLY: dict[str, Any] = {
     "provenance": {"config": "abc", "scenes": {"two_rooms": {"licence": "MIT"}}},
@@ -163,6 +165,8 @@ def test_mcap_of_a_dataset_shows_what_the_rows_say(tmp_path: Path) -> None:
         zip(rollout.foot_names, rollout.foot_contact[samples[3]].tolist(), strict=True)
     )
     assert topics["/events"][-1][1].message == "end: success"
+    shown = set(re.findall(r'"(/[a-z_/]+)', (DOCS / "foxglove_layout.json").read_text()))
+    assert "/camera/rgb" in shown and shown <= topics.keys()
 
 
 @pytest.mark.parametrize("far_m", [2.0, 5.0, 7.5, 8.0, 10.0, 20.0, 60.0])

@@ -28,7 +28,7 @@ from ..mcap.episode import (
 from ..mcap.plan import plan_messages
 from ..mcap.recording import Contents, open_recording
 from ..mcap.sensors import action_messages, command_messages, foot_messages, imu_messages
-from ..mcap.topics import event_messages, motion_messages, write_in_order
+from ..mcap.topics import event_messages, motion_messages, state_messages, write_in_order
 from .frame_rollout import frame_rollout, frame_view
 from .row_messages import read_rows, row_messages
 from .stored_depth import depth_video, stores_images, with_depth_images
@@ -72,6 +72,7 @@ def _write(path: Path, unit: EpisodeUnit, depth: Path, dataset: Mapping[str, Any
         streams = [
             plan_messages(recording, rollout, walked_every=1),
             row_messages(recording, table, unit.features, unit.frames_per_second),
+            state_messages(recording, rollout),
             motion_messages(recording, rollout, 1),
         ]
         if "action.velocity" in rows:
