@@ -12,6 +12,7 @@ import numpy as np
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
 
+from .decoys import DECOYS
 from .plant import plant
 from .scenes import HOUSE, Source, apartment, headset, house, write_planted
 from .score import Score, score
@@ -39,14 +40,15 @@ class Case:
 
 
 def apartment_case(seed: int, group: str) -> Case:
-    """Holes and one or two decoys in an apartment; which ones, its seed decides."""
-    decoys = (("stairwell",), ("courtyard",), ("shaft",), ("stairwell", "courtyard"))[seed % 4]
-    return Case(group, f"apartment {seed}", seed, decoys)
+    """Holes and two decoys in an apartment; which ones, its seed decides."""
+    names = tuple(DECOYS)
+    pairs = [(a, b) for a in names for b in names if a < b]
+    return Case(group, f"apartment {seed}", seed, pairs[seed % len(pairs)])
 
 
 def house_cases(group: str) -> list[Case]:
     """The house, planted several times."""
-    return [Case(group, HOUSE, k, ("stairwell", "shaft", "courtyard")) for k in range(HOUSE_ROUNDS)]
+    return [Case(group, HOUSE, k, tuple(DECOYS)) for k in range(HOUSE_ROUNDS)]
 
 
 def open_source(scene: str, cache: Path) -> Source:

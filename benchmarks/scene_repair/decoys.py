@@ -113,10 +113,25 @@ def courtyard(
     )
 
 
+def atrium(
+    lower: Corner, upper: Corner, floor_z: float, ceiling_z: float, rng: np.random.Generator
+) -> Decoy:
+    """A void behind a balustrade, a hall's floor a storey below, a glass roof far above."""
+    low, high = lower + 0.1, upper - 0.1
+    bottom = floor_z - STOREY_M
+    shapes = [_ring(low, high, floor_z - SLAB_M, floor_z), _sheet(low, high, bottom)]
+    shapes.append(_ring(low, high, bottom, floor_z - SLAB_M))
+    height = rng.uniform(0.9, 1.1)
+    shapes.append(_ring(low, high, floor_z, floor_z + height))
+    shapes.append(_ring(low - 0.05, high + 0.05, floor_z, floor_z + height))
+    return Decoy("Balustrade", _rect(low, high), _rect(low, high), True, _joined(shapes))
+
+
 DECOYS = {
     "stairwell": DecoyKind(stairwell, ((0.95, 1.2), (2.0, 3.2))),
     "shaft": DecoyKind(shaft, ((1.3, 1.8), (1.3, 2.0))),
     "courtyard": DecoyKind(courtyard, ((1.5, 2.6), (1.5, 3.0))),
+    "atrium": DecoyKind(atrium, ((1.2, 2.2), (1.4, 2.8))),
 }
 
 

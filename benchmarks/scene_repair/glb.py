@@ -20,6 +20,9 @@ from vlnpe.formats.frames import habitat_to_world_position, world_to_habitat_pos
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _FLOAT, _UINT = 5126, 5125
+_TABLES = (
+    "bufferViews", "accessors", "images", "samplers", "textures", "materials", "meshes", "nodes",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -109,6 +112,64 @@ class Glb:
         self.tree["nodes"].append({"name": name, "mesh": len(self.tree["meshes"]) - 1})
         self.tree["scenes"][self.tree.get("scene", 0)]["nodes"].append(len(self.tree["nodes"]) - 1)
         self._pose.append(np.eye(4))
+
+    def absorb(self, other: Glb, shift_m: NDArray[np.float64]) -> None:
+        """Append everything of another file, shifted by (3,), z up."""
+        self.body += b"\0" * (-len(self.body) % 4)
+        start = len(self.body)
+        self.body += other.body
+        counts = {key: len(self.tree.get(key, [])) for key in _TABLES}
+
+        def moved(key: str, row: dict[str, Any], *fields: tuple[str, str]) -> None:
+            row = json.loads(json.dumps(row))
+            for field, table in fields:
+                if field in row:
+                    row[field] += counts[table]
+            self.tree.setdefault(key, []).append(row)
+
+        for view in other.tree["bufferViews"]:
+            moved("bufferViews", {**view, "byteOffset": view.get("byteOffset", 0) + start})
+        for accessor in other.tree["accessors"]:
+            moved("accessors", accessor, ("bufferView", "bufferViews"))
+        for image in other.tree.get("images", []):
+            moved("images", image, ("bufferView", "bufferViews"))
+        for sampler in other.tree.get("samplers", []):
+            moved("samplers", sampler)
+        for texture in other.tree.get("textures", []):
+            moved("textures", texture, ("source", "images"), ("sampler", "samplers"))
+        for material in other.tree.get("materials", []):
+            moved("materials", material)
+            entry = self.tree["materials"][-1].get("pbrMetallicRoughness", {})
+            if "baseColorTexture" in entry:
+                entry["baseColorTexture"]["index"] += counts["textures"]
+        for mesh in other.tree["meshes"]:
+            moved("meshes", mesh)
+            for primitive in self.tree["meshes"][-1]["primitives"]:
+                primitive["attributes"] = {
+                    name: index + counts["accessors"]
+                    for name, index in primitive["attributes"].items()
+                }
+                primitive["indices"] += counts["accessors"]
+                if "material" in primitive:
+                    primitive["material"] += counts["materials"]
+        for node in other.tree["nodes"]:
+            moved("nodes", node, ("mesh", "meshes"))
+            new = self.tree["nodes"][-1]
+            new["children"] = [child + counts["nodes"] for child in node.get("children", [])]
+            if not new["children"]:
+                del new["children"]
+        roots = [
+            k + counts["nodes"] for k in other.tree["scenes"][other.tree.get("scene", 0)]["nodes"]
+        ]
+        self.tree["nodes"].append(
+            {
+                "name": f"group_{len(self.tree['nodes'])}",
+                "translation": world_to_habitat_position(shift_m).tolist(),
+                "children": roots,
+            }
+        )
+        self.tree["scenes"][self.tree.get("scene", 0)]["nodes"].append(len(self.tree["nodes"]) - 1)
+        self._pose = self._poses()
 
     def write(self, path: Path) -> None:
         """Write the file."""

@@ -75,6 +75,8 @@ def plant(
     holes: int = 24,
     decoys: Sequence[str] = (),
     kinds: Sequence[str] = tuple(KINDS),
+    sizes_m: tuple[float, float] | None = None,
+    within: Mask | None = None,
 ) -> Planted:
     """Cut holes and build decoys where they fit.
 
@@ -84,6 +86,8 @@ def plant(
         holes: how many to try for, cycling through `kinds`.
         decoys: names from `DECOYS`, each built once if there is room.
         kinds: names from `KINDS`.
+        sizes_m: least and greatest longer side; None = as the kind has it.
+        within: (rows, columns) cells in which their middles must lie; None = anywhere.
     """
     taken = np.zeros(site.grid.shape, dtype=bool)
     fine = _fine(site)
@@ -111,7 +115,7 @@ def plant(
         taken |= _near_box(site, lower - 0.3, upper + 0.3)
     for k in range(holes):
         kind = kinds[k % len(kinds)]
-        outline = _placed(site, rng, kind, taken)
+        outline = _placed(site, rng, kind, taken, sizes_m, within)
         if outline is None:
             continue
         torn = bool(rng.random() < 0.35)
@@ -165,14 +169,23 @@ def _opened(part: Part, decoy: Decoy, floor_z_m: float) -> Part:
     return part
 
 
-def _placed(site: Site, rng: np.random.Generator, kind: str, taken: Mask) -> Outline | None:
+def _placed(
+    site: Site,
+    rng: np.random.Generator,
+    kind: str,
+    taken: Mask,
+    sizes_m: tuple[float, float] | None,
+    within: Mask | None,
+) -> Outline | None:
     """An outline of a kind at a place that suits it; None if none is found."""
     floor = site.true_floor & site.scanned
     where = _haunts(site, kind, floor) & ~taken
+    if within is not None:
+        where &= within
     cells = np.argwhere(where)
     if not len(site.doors if kind == "threshold" else cells):
         return None
-    least, most = KINDS[kind].sizes_m
+    least, most = sizes_m or KINDS[kind].sizes_m
     for trial in range(TRIES):
         # The longer it takes, the smaller it has to be.
         size = log_uniform(rng, least, max(most * 0.97**trial, least * 1.2))

@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 from scipy.spatial import KDTree
 
 from vlnpe.formats.frames import habitat_to_world_position, world_to_habitat_position
 from vlnpe.formats.scene_bundle import SceneBundle
 
+from .decoys import WALL_M
 from .plant import Planted, PlantedHole, removed_floor
 from .shapes import Outline
 from .site import NEAR_FLOOR_M, cell_centers, soup_of
@@ -132,10 +134,7 @@ def score(planted: Planted, bundle: SceneBundle) -> Score:
     after = heights_near(repaired, centers, z, FILLED_M)
     has = np.isfinite(after)
     added = has & ~had
-    closed_up = np.zeros(len(centers), dtype=bool)
-    for hole in planted.holes:
-        if hole.decoy:
-            closed_up |= hole.outline.contains(centers)
+    closed_up = _decoy_cells(planted)
     floor = site.true_floor.ravel() & ~closed_up
     moved = _moved(cut[0][np.unique(cut[1])], vertices, record, bundle)
     no_floor = ~floor if site.exact else site.wall.ravel()
@@ -153,6 +152,18 @@ def score(planted: Planted, bundle: SceneBundle) -> Score:
         moved_most_m=float(moved.max(initial=0.0)),
         vertices=len(np.unique(cut[1])),
     )
+
+
+def _decoy_cells(planted: Planted) -> NDArray[np.bool_]:
+    """(cells,) in decoys and under the walls around them."""
+    site = planted.site
+    mask = np.zeros(site.grid.shape, dtype=bool)
+    centers = cell_centers(site.grid)
+    for hole in planted.holes:
+        if hole.decoy:
+            mask |= hole.outline.contains(centers).reshape(site.grid.shape)
+    around = round((WALL_M + 0.04) / site.grid.cell_m)
+    return ndimage.binary_dilation(mask, np.ones((3, 3)), iterations=around).ravel()
 
 
 def in_plan(points_world_m: NDArray[np.float64], bundle: SceneBundle) -> NDArray[np.float64]:
