@@ -105,8 +105,8 @@ def _report(episodes: list[Episode], scratch: Path) -> str:
     lines = [
         "## MCAP",
         "",
-        f"{len(episodes)} episodes with {frames} frames of colour and depth: {size:.1f} MB of files,",
-        f"{raw:.1f} MB of messages. One process; the fastest of {ROUNDS} rounds.",
+        f"{len(episodes)} episodes with {frames} frames of colour and depth: {size:.1f} MB of",
+        f"files, {raw:.1f} MB of messages. One process; the fastest of {ROUNDS} rounds.",
         "",
         "| what | MB/s of files | MB/s of messages | ms per frame |",
         "| --- | ---: | ---: | ---: |",
