@@ -9,6 +9,7 @@ from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
@@ -28,6 +29,7 @@ from vlnpe.formats.convert.episodes import (
 )
 from vlnpe.formats.depth_codes import MAX_CODE
 from vlnpe.formats.errors import FileFormatError
+from vlnpe.formats.id_video import IdVideoWriter, read_id_video
 from vlnpe.formats.lerobot import FileLimits, assemble_dataset, read_episode_unit
 from vlnpe.formats.mcap.depth_images import decode_depth, depth_encoding, encode_depth
 from vlnpe.formats.mcap.episode import extract_episode, write_episode_mcap
@@ -132,6 +134,34 @@ def test_an_episode_comes_back_from_a_dataset_message_for_message(
         k: a.data for k, a in two.attachments.items()
     }
     assert_same(rollout, read_rollout(tmp_path / "b.mcap"))
+
+
+def test_labels_go_along(tmp_path: Path) -> None:
+    rollout, frames = make_rollout(2.0), tmp_path / "frames-a"
+    write_frame_folder(frames, rollout)
+    ids = np.random.default_rng(0).integers(0, 65_536, (9, 64, 96))
+    with IdVideoWriter(frames / "semantic.mov", 4) as writer:
+        for image in ids:
+            writer.write(image)
+    (frames / "labels.json").write_text('{"semantic": {"2": "table"}}')
+    meta = json.loads((frames / "meta.json").read_text())
+    meta["semantic"] = {"file": "semantic.mov", "codec": "png"}
+    (frames / "meta.json").write_text(json.dumps(meta))
+    write_episode_mcap(tmp_path / "a.mcap", rollout, frames)
+    for k, (_, message) in enumerate(decode(tmp_path / "a.mcap")["/camera/semantic"]):
+        image = cv2.imdecode(np.frombuffer(message.data, np.uint8), cv2.IMREAD_UNCHANGED)
+        np.testing.assert_array_equal(image, ids[k])
+    unit_from_mcap(tmp_path / "a.mcap", tmp_path / "unit")
+    dataset_from_units([tmp_path / "unit"], tmp_path / "set", DatasetFacts("a", "mit", {}))
+    unit_from_dataset(tmp_path / "set", 0, tmp_path / "back")
+    mcap_from_unit(tmp_path / "back", tmp_path / "b.mcap")
+    seen = extract_episode(tmp_path / "b.mcap", tmp_path / "there")
+    np.testing.assert_array_equal(read_id_video(tmp_path / "there" / "semantic.mov"), ids)
+    assert seen.frames.facts == meta
+    assert (tmp_path / "there/labels.json").read_text() == (frames / "labels.json").read_text()
+    (frames / "semantic.mov").unlink()
+    with pytest.raises(FileFormatError, match=r"semantic\.mov"):
+        write_episode_mcap(tmp_path / "c.mcap", rollout, frames)
 
 
 def test_the_unit_of_an_mcap_file_is_the_exporters(tmp_path: Path) -> None:

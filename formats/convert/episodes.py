@@ -35,6 +35,7 @@ from ..mcap.episode import (
     write_frame_records,
 )
 from ..mcap.facts import METADATA_NAME
+from ..mcap.id_images import extract_id_videos
 from ..mcap.recording import read_recording
 from ..rollout import Rollout
 from .dataset import ROLLOUTS_PATH, DatasetFacts, extract_unit, kept_rollout, read_facts
@@ -117,6 +118,7 @@ def mcap_from_unit(folder: Path, path: Path) -> None:
         shutil.copyfile(unit.video(RGB_KEY), frames / view["rgb"]["file"])
         with depth_video(unit) as depth:
             shutil.copyfile(depth, frames / view["depth"]["file"])
+        extract_id_videos(contents, blind, frames, view, unit.length)
         write_frame_records(frames, view, arrays)
         write_episode_mcap(
             path,

@@ -28,6 +28,7 @@ from ..video import probe_video
 from .camera import camera_messages
 from .camera_streams import extract_videos
 from .facts import JSON_KEY, METADATA_NAME, rollout_facts
+from .id_images import LABELS_NAME, extract_id_videos, id_messages, id_videos
 from .plan import plan_messages
 from .recording import Contents, Recording, open_recording, read_recording
 from .rollout import SHOW_EVERY, rollout_of
@@ -94,6 +95,7 @@ def write_episode_mcap(
             foot_messages(recording, rollout, every),
             action_messages(recording, rollout),
             camera_messages(recording, rollout, view),
+            *id_messages(recording, rollout, view),
             event_messages(recording, rollout),
         )
 
@@ -101,16 +103,17 @@ def write_episode_mcap(
 def write_blind_mcap(
     path: Path, rollout: Rollout, view: FrameFolder, scene_map: bytes | None = None
 ) -> None:
-    """Write all of an episode but its pictures, atomically.
+    """Write all of an episode but colour and depth, atomically.
 
-    A dataset that keeps it beside its videos loses nothing of the episode; `extract_records` reads
-    it.
+    A dataset that keeps it beside its videos loses nothing of the episode; `extract_records` and
+    `extract_id_videos` read it.
     """
     with open_recording(path) as recording:
         write_records(recording, rollout, view, scene_map, None)
         write_in_order(
             state_messages(recording, rollout),
             motion_messages(recording, rollout, SHOW_EVERY),
+            *id_messages(recording, rollout, view),
             event_messages(recording, rollout),
         )
 
@@ -132,6 +135,9 @@ def write_records(
     if scene_map is not None:
         attach(recording, MAP_ATTACHMENT, "image/png", scene_map)
     attach(recording, FRAMES_ATTACHMENT, "application/x-npz", _pack(view.arrays))
+    labels = view.rgb_video.parent / LABELS_NAME
+    if labels.is_file():
+        attach(recording, LABELS_NAME, "application/json", labels.read_bytes())
 
 
 def write_json_metadata(recording: Recording, name: str, value: Mapping[str, Any]) -> None:
@@ -179,7 +185,9 @@ def extract_contents(contents: Contents, path: Path, folder: Path) -> ExtractedE
     """`extract_episode` of a file that was read."""
     rollout, facts, arrays = extract_records(contents, path)
     with atomic_folder(folder) as temporary:
-        extract_videos(contents, path, temporary, facts, len(arrays["sample_index"]))
+        count = len(arrays["sample_index"])
+        extract_videos(contents, path, temporary, facts, count)
+        extract_id_videos(contents, path, temporary, facts, count)
         write_frame_records(temporary, facts, arrays)
     frames = read_frame_folder(folder)
     _check_frames(path, frames, rollout)
@@ -236,6 +244,7 @@ def _check_frames(path: Path, view: FrameFolder, rollout: Rollout) -> None:
     expected = rollout.frame_samples(view.frames_per_second)
     if not np.array_equal(samples, expected[: len(samples)]) or len(samples) == 0:
         raise FileFormatError(path, f"{len(samples)} frames that are not of this rollout")
-    for video in (view.rgb_video, view.depth_video):
+    others = [view.rgb_video.parent / file for file in id_videos(view.facts).values()]
+    for video in (view.rgb_video, view.depth_video, *others):
         if (count := probe_video(video).frames) != len(samples):
             raise FileFormatError(video, f"{count} frames, there are {len(samples)} poses")
