@@ -89,10 +89,17 @@ class Obstacles:
     Attributes:
         center_m: (N, 3) float64 world [m].
         half_m: (N, 3) float64 half sides [m].
+        box_object: (N,) int32 index into the bundle's objects of what most of the box covers, −1 =
+            no named thing; left out, all are −1.
     """
 
     center_m: NDArray[np.float64]
     half_m: NDArray[np.float64]
+    box_object: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, dtype=np.int32))
+
+    def __post_init__(self) -> None:
+        if not len(self.box_object) and len(self.center_m):
+            object.__setattr__(self, "box_object", np.full(len(self.center_m), -1, dtype=np.int32))
 
 
 @dataclass(frozen=True)
@@ -173,7 +180,8 @@ class SceneBundle:
     def obstacles(self, level: int) -> Obstacles:
         """Load a level's collision boxes."""
         with _npz(self.level_folder(level) / "obstacles.npz") as data:
-            return Obstacles(data["center_m"], data["half_m"])
+            known = [key for key in Obstacles.__dataclass_fields__ if key in data.files]
+            return Obstacles(**{key: data[key] for key in known})
 
     def freemap(self, level: int) -> Freemap:
         """Load a level's planning map."""

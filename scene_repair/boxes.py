@@ -21,6 +21,7 @@ def cover_with_boxes(voxels: Voxels, state: NDArray[np.uint8], slack: float = 0.
     Greedy: from each voxel still open a box grows both ways along each axis in turn. It only grows
     while the extents of the surface along each of its upright sides agree to `slack` voxels, so no
     side stands out by more than that before a surface: half a voxel by default. Boxes may overlap.
+    Each belongs to what owns most of the voxels that it covers.
 
     Args:
         voxels: tight extents of what lies in the `MUST` voxels.
@@ -36,7 +37,9 @@ def cover_with_boxes(voxels: Voxels, state: NDArray[np.uint8], slack: float = 0.
     low, high = np.empty((count, 3)), np.empty((count, 3))
     _tight(boxes, state, voxels.lower, voxels.upper, low, high)
     low, high = corner + low * side, corner + high * side
-    return Obstacles((low + high) / 2, (high - low) / 2)
+    owner = np.empty(count, dtype=np.int32)
+    _majority(boxes, state, voxels.owner, owner)
+    return Obstacles((low + high) / 2, (high - low) / 2, owner)
 
 
 # Compiled code copies element by element: array slices would double its compile time.
@@ -170,3 +173,19 @@ def _tight(boxes, state, lower, upper, low, high):
                         base = j if a == 0 else i if a == 1 else k
                         low[b, a] = min(low[b, a], base + lower[i, j, k, a] / STEPS)
                         high[b, a] = max(high[b, a], base + upper[i, j, k, a] / STEPS)
+
+
+@njit(cache=True)
+def _majority(boxes, state, owner, result):
+    """What owns most of the voxels that each box covers (Boyer and Moore's vote, 1981)."""
+    for b in range(len(boxes)):
+        best, votes = -1, 0
+        for i in range(boxes[b, 0], boxes[b, 1] + 1):
+            for j in range(boxes[b, 2], boxes[b, 3] + 1):
+                for k in range(boxes[b, 4], boxes[b, 5] + 1):
+                    if state[i, j, k] != 2:
+                        continue
+                    if votes == 0:
+                        best = owner[i, j, k]
+                    votes += 1 if owner[i, j, k] == best else -1
+        result[b] = best

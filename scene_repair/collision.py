@@ -25,7 +25,10 @@ MARGIN_M = 0.6
 
 @dataclass(frozen=True)
 class LevelCollision:
-    """What the simulator and the planner get for one level."""
+    """What the simulator and the planner get for one level.
+
+    Boxes belong to the mesh's objects until the bundle's are known.
+    """
 
     floor: Floor
     obstacles: Obstacles
@@ -52,6 +55,7 @@ def build_collision(
     voxels = voxelise(
         mesh.vertices,
         mesh.faces,
+        mesh.face_object,
         grid,
         z0,
         layers,

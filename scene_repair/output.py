@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..formats.atomic import write_json
 from ..formats.digest import file_digest
@@ -83,10 +84,20 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
         way.source_to_world,
         heights,
     )
+
     # Patches come after the scan's own objects and belong to none of them.
-    own = repaired.mesh.face_object
-    of_scan = np.where(own < len(index), own, -1)
-    visual = replace(repaired.visual, face_object=np.append(index, np.int32(-1))[of_scan])
+    def named_thing(own: NDArray[np.int32]) -> NDArray[np.int32]:
+        return np.append(index, np.int32(-1))[np.where(own < len(index), own, -1)]
+
+    visual = replace(repaired.visual, face_object=named_thing(repaired.mesh.face_object))
+    levels = [
+        (
+            level.floor,
+            replace(level.obstacles, box_object=named_thing(level.obstacles.box_object)),
+            level.freemap,
+        )
+        for level in repaired.levels
+    ]
     scene_id = config.scene_id or source.stem
     facts = {
         "path": source.name,
@@ -101,7 +112,7 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
             materials=materials,
             labels=repaired.labels,
             objects=named,
-            levels=[(level.floor, level.obstacles) for level in repaired.levels],
+            levels=[(floor, obstacles) for floor, obstacles, _ in levels],
             facts={key: facts[key] for key in ("path", "sha256", "licence")},
         ),
     )
@@ -130,7 +141,6 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
         level_floor_z_m=heights,
         generator=repaired.scan.generator,
     )
-    levels = [(level.floor, level.obstacles, level.freemap) for level in repaired.levels]
     save_bundle(bundle, visual, levels)
     bundle = load_bundle(out_dir)
     # Only what lies on the disk can be verified; the record then says what came out.

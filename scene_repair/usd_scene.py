@@ -4,10 +4,11 @@ Layout, for whoever reads it (Isaac Sim among others):
 
     /World                      default prim
       Looks, Friction           materials
-      Objects/<name>            one prim per named thing, labelled; its meshes below, by material
+      Objects/<name>            one prim per named thing, labelled; its meshes below, by material,
+                                and Collision_<level>: the boxes that a robot can touch of it
       Unnamed/<label>           faces of no named thing
       Collision/Floor_<level>   what carries, facing up
-      Collision/Boxes_<level>   what is in the way
+      Collision/Boxes_<level>   what else is in the way
 
 Colliders are meshes of their own: scanned surfaces are single sheets that face either way, while
 physics engines such as PhysX let things pass through a triangle's back. There is no physics scene
@@ -79,15 +80,9 @@ def write_usd(path: Path, content: UsdContent) -> None:
     visual = content.visual
     nameless = len(content.objects) + 1 + visual.face_label
     part = np.where(visual.face_object < 0, nameless, visual.face_object).astype(np.int64)
-    _meshes(stage, visual, part, _parts(content, names, stage), looks)
-    grip = friction(stage, "/World/Friction")
-    UsdGeom.Scope.Define(stage, "/World/Collision")
-    for k, (floor, obstacles) in enumerate(content.levels):
-        prim = collider(stage, f"/World/Collision/Floor_{k}", *floor_surface(floor), grip)
-        _label(prim, "floor")
-        if len(obstacles.center_m):
-            prim = collider(stage, f"/World/Collision/Boxes_{k}", *box_surfaces(obstacles), grip)
-            _label(prim, "obstacle")
+    paths = _parts(content, names, stage)
+    _meshes(stage, visual, part, paths, looks)
+    _collision(stage, content.levels, paths)
     stage.GetRootLayer().Save()
     problems = check_usd(path)
     if problems:
@@ -179,6 +174,23 @@ def _meshes(
             visual.corner_uv[mine],
             looks[material],
         )
+
+
+def _collision(stage: Usd.Stage, levels: list[tuple[Floor, Obstacles]], paths: list[str]) -> None:
+    """Author the floors, and each thing's boxes below it; boxes of no named thing stay together."""
+    grip = friction(stage, "/World/Friction")
+    UsdGeom.Scope.Define(stage, "/World/Collision")
+    for k, (floor, boxes) in enumerate(levels):
+        prim = collider(stage, f"/World/Collision/Floor_{k}", *floor_surface(floor), grip)
+        _label(prim, "floor")
+        for thing in np.unique(boxes.box_object).tolist():
+            mine = boxes.box_object == thing
+            surfaces = box_surfaces(Obstacles(boxes.center_m[mine], boxes.half_m[mine]))
+            if thing >= 0:
+                collider(stage, f"{paths[thing]}/Collision_{k}", *surfaces, grip)
+            else:
+                prim = collider(stage, f"/World/Collision/Boxes_{k}", *surfaces, grip)
+                _label(prim, "obstacle")
 
 
 def _collapsed(visual: VisualMesh) -> NDArray[np.bool_]:

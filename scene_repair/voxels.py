@@ -27,12 +27,14 @@ class Voxels:
         z0_m: world height of layer 0's bottom.
         lower, upper: (rows, columns, layers, 3) uint8 extent (x, y, z) of what lies in a voxel, in
             1/`STEPS` of its side from its lower corner; upper = 0 in z means empty.
+        owner: (rows, columns, layers) int32 owner of a face in the voxel, −1 = none.
     """
 
     grid: GridSpec
     z0_m: float
     lower: NDArray[np.uint8]
     upper: NDArray[np.uint8]
+    owner: NDArray[np.int32]
 
     @property
     def occupied(self) -> NDArray[np.bool_]:
@@ -43,6 +45,7 @@ class Voxels:
 def voxelise(
     vertices_m: NDArray[np.float64],
     faces: NDArray[np.int64],
+    face_owner: NDArray[np.int32],
     grid: GridSpec,
     z0_m: float,
     layers: int,
@@ -54,6 +57,7 @@ def voxelise(
     Args:
         vertices_m: (V, 3) world.
         faces: (F, 3).
+        face_owner: (F,) what the faces belong to, −1 = nothing.
         grid: horizontal cells.
         z0_m: bottom of the lowest layer.
         layers: number of layers of height `grid.cell_m`.
@@ -65,15 +69,18 @@ def voxelise(
     shape = (*grid.shape, layers, 3)
     lower = np.full(shape, STEPS, dtype=np.uint8)
     upper = np.zeros(shape, dtype=np.uint8)
+    owner = np.full(shape[:3], -1, dtype=np.int32)
     _clip_all(
         scaled,
         np.ascontiguousarray(faces, dtype=np.int64),
+        np.ascontiguousarray(face_owner, dtype=np.int32),
         (cut_below_m - z0_m) / side,
         (cut_above_m - z0_m) / side,
         lower,
         upper,
+        owner,
     )
-    return Voxels(grid, z0_m, lower, upper)
+    return Voxels(grid, z0_m, lower, upper, owner)
 
 
 # Compiled code copies element by element: array slices would double its compile time.
@@ -140,7 +147,7 @@ def _mark(polygon, count, axis, base, lower, upper, i, j, k):
 
 
 @njit(cache=True)
-def _clip_all(vertices, faces, cut_below, cut_above, lower, upper):
+def _clip_all(vertices, faces, face_owner, cut_below, cut_above, lower, upper, owner):
     rows, columns, layers = lower.shape[0], lower.shape[1], lower.shape[2]
     triangle, scratch = np.empty((3, 3)), np.empty((16, 3))
     in_column, in_cell = np.empty((16, 3)), np.empty((16, 3))
@@ -169,3 +176,5 @@ def _clip_all(vertices, faces, cut_below, cut_above, lower, upper):
                         _mark(in_voxel, q, 0, float(j), lower, upper, i, j, k)
                         _mark(in_voxel, q, 1, float(i), lower, upper, i, j, k)
                         _mark(in_voxel, q, 2, float(k), lower, upper, i, j, k)
+                        if face_owner[f] >= 0:
+                            owner[i, j, k] = face_owner[f]

@@ -147,7 +147,10 @@ def test_usd_reopens_with_collision_and_labels(bundle: SceneBundle) -> None:
     assert UsdGeom.GetStageUpAxis(stage) == "Z"
     assert UsdGeom.GetStageMetersPerUnit(stage) == 1.0
     colliders = [p for p in stage.Traverse() if p.HasAPI(UsdPhysics.CollisionAPI)]
-    assert {p.GetName() for p in colliders} == {"Floor_0", "Boxes_0"}
+    paths = {str(p.GetPath()) for p in colliders}
+    assert "/World/Collision/Floor_0" in paths
+    assert "/World/Objects/KitchenTable_1/Collision_0" in paths
+    assert {f"/World/Objects/Wall_{k}/Collision_0" for k in range(4)} <= paths
     assert all(UsdGeom.Imageable(p).GetPurposeAttr().Get() == "guide" for p in colliders)
     triangles, textures, words = 0, set(), set()
     for prim in stage.Traverse():
@@ -167,8 +170,9 @@ def test_usd_reopens_with_collision_and_labels(bundle: SceneBundle) -> None:
     assert {"floor", "kitchen table", "wall"} <= words
     assert textures
     assert all(t.startswith("./") and (bundle.root / t).is_file() for t in textures)
-    boxes = UsdGeom.Mesh.Get(stage, "/World/Collision/Boxes_0")
-    assert len(boxes.GetPointsAttr().Get()) == 8 * len(bundle.obstacles(0).center_m)
+    boxes = [p for p in colliders if p.GetName() in ("Boxes_0", "Collision_0")]
+    corners = sum(len(UsdGeom.Mesh(p).GetPointsAttr().Get()) for p in boxes)
+    assert corners == 8 * len(bundle.obstacles(0).center_m)
 
 
 def test_usd_boxes_face_outwards(bundle: SceneBundle) -> None:
@@ -176,14 +180,15 @@ def test_usd_boxes_face_outwards(bundle: SceneBundle) -> None:
     from pxr import Usd, UsdGeom
 
     stage = Usd.Stage.Open(str(bundle.root / "scene.usdc"))
-    mesh = UsdGeom.Mesh.Get(stage, "/World/Collision/Boxes_0")
+    mesh = UsdGeom.Mesh.Get(stage, "/World/Objects/KitchenTable_1/Collision_0")
     points = np.asarray(mesh.GetPointsAttr().Get())[:8]
     quads = np.asarray(mesh.GetFaceVertexIndicesAttr().Get()).reshape(-1, 4)[:6]
     first = trimesh.Trimesh(points, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]))
     assert first.is_watertight
-    assert first.volume == pytest.approx(
-        float(np.prod(2 * bundle.obstacles(0).half_m[0])), rel=1e-4
-    )
+    obstacles = bundle.obstacles(0)
+    table = [o.name for o in bundle.objects].index("KitchenTable_1")
+    half = obstacles.half_m[obstacles.box_object == table][0]
+    assert first.volume == pytest.approx(float(np.prod(2 * half)), rel=1e-4)
 
 
 def test_usd_has_a_labelled_prim_per_thing(bundle: SceneBundle) -> None:
@@ -198,7 +203,7 @@ def test_usd_has_a_labelled_prim_per_thing(bundle: SceneBundle) -> None:
         assert "SemanticsAPI:Semantics" in prim.GetMetadata("apiSchemas").GetAppliedItems()
         assert prim.GetAttribute("semantic:Semantics:params:semanticType").Get() == "class"
         assert prim.GetAttribute("semantic:Semantics:params:semanticData").Get() == thing.category
-        meshes = [UsdGeom.Mesh(p) for p in prim.GetChildren()]
+        meshes = [UsdGeom.Mesh(p) for p in prim.GetChildren() if p.GetName() != "Collision_0"]
         faces = sum(len(m.GetFaceVertexCountsAttr().Get()) for m in meshes)
         assert faces == (visual.face_object == k).sum() > 0
     box = UsdGeom.BBoxCache(0, ["default"]).ComputeWorldBound(stage.GetPrimAtPath("/World/Objects"))

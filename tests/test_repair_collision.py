@@ -165,12 +165,14 @@ def test_boxes_cover_what_they_must_and_nothing_else(seed: int, must: float, may
         3, dtype=np.uint8
     )
     grid = GridSpec((0.0, 0.0), 1.0, shape[0], shape[1])
-    boxes = cover_with_boxes(Voxels(grid, 0.0, lower, upper), state)
+    owner = np.where(pick < must / 2, 3, -1).astype(np.int32)
+    boxes = cover_with_boxes(Voxels(grid, 0.0, lower, upper, owner), state)
     i, j, k = np.indices(shape).reshape(3, -1)
     centers = np.stack([j + 0.5, i + 0.5, k + 0.5], axis=1)
     covered = inside_boxes(boxes, centers).reshape(shape)
     assert covered[state == MUST].all()
     assert not covered[state == NEVER].any()
+    assert set(boxes.box_object.tolist()) <= {-1, 3}
 
 
 @settings(max_examples=30, deadline=None)
@@ -181,13 +183,15 @@ def test_voxels_hold_every_surface_point(seed: int) -> None:
     faces = rng.permutation(12).reshape(4, 3)
     grid = GridSpec((0.0, 0.0), 0.1, 20, 20)
     low, high = np.zeros(grid.shape), np.full(grid.shape, 2.0)
-    voxels = voxelise(vertices, faces, grid, 0.0, 20, low, high)
+    voxels = voxelise(vertices, faces, np.arange(4, dtype=np.int32), grid, 0.0, 20, low, high)
     corner = np.sort(rng.random((500, 2)), axis=1)
     bary = np.stack([corner[:, 0], corner[:, 1] - corner[:, 0], 1 - corner[:, 1]], axis=1)
     points = np.einsum("nk,fkd->fnd", bary, vertices[faces]).reshape(-1, 3)
     index = np.minimum((points / 0.1).astype(int), 19)
     at = (index[:, 1], index[:, 0], index[:, 2])
     assert voxels.occupied[at].all()
+    assert (voxels.owner[at] >= 0).all()
+    assert (voxels.owner >= 0).sum() == voxels.occupied.sum()
     within = points / 0.1 - index
     assert (within >= voxels.lower[at] / STEPS - 1e-6).all()
     assert (within <= voxels.upper[at] / STEPS + 1e-6).all()

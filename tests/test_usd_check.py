@@ -34,7 +34,7 @@ def content(**changes: object) -> UsdContent:
     )
     grid = GridSpec((0.0, 0.0), 0.05, 8, 8)
     floor = Floor(grid, np.zeros(grid.shape, np.float32), np.eye(8, dtype=bool))
-    boxes = Obstacles(np.array([[0.5, 0.5, 0.5]]), np.array([[0.1, 0.2, 0.3]]))
+    boxes = Obstacles(np.full((2, 3), 0.5), np.full((2, 3), 0.1), np.array([0, -1], np.int32))
     parts = {
         "visual": visual,
         "materials": (Material("red paint", texture="textures/red.png"), Material("red_paint")),
