@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tests.support.lerobot_data import RANGE, write_reference, write_unit, write_units
 from tests.support.rollouts import make_frames, make_images, make_rollout, with_body
 from vlnpe.formats.errors import FileFormatError
 from vlnpe.formats.frame_table import build_frame_table
 from vlnpe.formats.lerobot import FileLimits, assemble_dataset, read_episode_unit
+from vlnpe.formats.lerobot.splits import held_out_scenes
 
 SECONDS = (3.0, 0.0, 4.5, 2.0)
 RGB, DEPTH = "observation.images.rgb", "observation.images.depth"
@@ -96,17 +101,6 @@ def test_history_windows_are_padded_at_the_episode_edge(ours: Path) -> None:
     np.testing.assert_array_equal(item["action"][2], plain[17]["action"])
 
 
-def test_loader_with_spawned_workers(ours: Path) -> None:
-    from torch.utils.data import DataLoader
-
-    dataset = load(ours)
-    loader = DataLoader(
-        dataset, batch_size=16, num_workers=1, multiprocessing_context="spawn", shuffle=False
-    )
-    indices = np.concatenate([batch["index"].numpy() for batch in loader])
-    np.testing.assert_array_equal(indices, np.arange(len(dataset)))
-
-
 def test_one_episode_can_be_selected(ours: Path) -> None:
     dataset = load(ours, episodes=[2])
     assert len(dataset) == 19
@@ -174,30 +168,6 @@ def test_frames_equal_those_lerobot_encodes(ours: Path, reference: Path) -> None
         np.testing.assert_array_equal(mine[i][DEPTH], theirs[i][DEPTH])
 
 
-def test_lerobot_aggregates_ours_with_its_own(ours: Path, reference: Path, tmp_path: Path) -> None:
-    from lerobot.datasets.aggregate import aggregate_datasets
-
-    out = tmp_path / "both"
-    aggregate_datasets(["vlnpe/a", "vlnpe/a"], "vlnpe/both", [ours, ours], out)
-    both = load(out)
-    one = load(ours)
-    assert len(both) == 2 * len(one)
-    np.testing.assert_array_equal(both[len(one) + 16][RGB], one[16][RGB])
-    np.testing.assert_array_equal(both[len(one) + 16]["action"], one[16]["action"])
-
-
-def test_streaming_reads_all_frames(ours: Path) -> None:
-    try:
-        import torchcodec  # noqa: F401
-    except (ImportError, RuntimeError):
-        pytest.skip("LeRobot streams through torchcodec, which needs the system's FFmpeg libraries")
-    from lerobot.datasets.streaming_dataset import StreamingLeRobotDataset
-
-    stream = StreamingLeRobotDataset("vlnpe/test", root=ours, shuffle=False)
-    seen = sorted(int(item["index"]) for item in stream)
-    assert seen == list(range(sum(int(4 * s) + 1 for s in SECONDS)))
-
-
 @pytest.mark.parametrize(("joints", "feet"), [(29, 2), (0, 0)])
 def test_lerobot_reads_every_sensor_of_any_body_by_name(
     tmp_path: Path, joints: int, feet: int
@@ -248,11 +218,51 @@ def test_episode_columns_tell_what_happened(ours: Path) -> None:
 def test_card_splits_and_provenance(ours: Path) -> None:
     card = (ours / "README.md").read_text()
     assert card.startswith("---\nlicense:") and "# Two rooms" in card and "4 episodes" in card
+    assert "none is held out" in card
     assert json.loads((ours / "meta/splits.json").read_text()) == {"train": [0, 1, 2, 3]}
     assert json.loads((ours / "meta/provenance.json").read_text()) == ASSEMBLY["provenance"]
     from huggingface_hub import DatasetCard
 
-    assert DatasetCard.load(ours / "README.md").data.to_dict()["license"] == "apache-2.0"
+    front = DatasetCard.load(ours / "README.md").data.to_dict()
+    assert front["license"] == "apache-2.0"
+    assert front["task_categories"] == ["robotics"] and "LeRobot" in front["tags"]
+    assert front["configs"] == [{"config_name": "default", "data_files": "data/*/*.parquet"}]
+    strip = cv2.imread(str(ours / "film_strip.png"))
+    assert "](film_strip.png)" in card
+    # Three of the episodes, six frames of each, colour over depth.
+    assert strip is not None and strip.shape == (6 * 107 + 5 * 4, 6 * 160 + 5 * 4, 3)
+
+
+def test_scenes_are_in_one_split_only(tmp_path: Path) -> None:
+    units = []
+    for number in range(8):
+        rollout = make_rollout(0.5, number)
+        split = "val_unseen" if number == 7 else "train"
+        episode = replace(rollout.episode, scene_id=f"scene-{number // 2}", split=split)
+        units.append(write_unit(tmp_path, replace(rollout, episode=episode), number))
+    scenes = {f"scene-{k}": {"licence": name} for k, name in enumerate(("MIT", "MIT-0", "", ""))}
+    held_out = held_out_scenes(scenes)
+    assert len(held_out) == 1
+    provenance = {"scenes": scenes, "held_out_scenes": sorted(held_out)}
+    assemble_dataset(units, tmp_path / "set", **(ASSEMBLY | {"provenance": provenance}))
+    splits = json.loads((tmp_path / "set/meta/splits.json").read_text())
+    assert sorted(i for numbers in splits.values() for i in numbers) == list(range(8))
+    scene_of = pq.read_table(tmp_path / "set/meta/episodes")["scene_id"].to_pylist()
+    found = {name: {scene_of[i] for i in numbers} for name, numbers in splits.items()}
+    assert found["val"] == held_out and not found["train"] & found["val"]
+    assert splits["val_unseen"] == [7]
+    card = (tmp_path / "set/README.md").read_text()
+    assert '"mit-and-mit-0-and-unknown"' in card and "| scene-1 | mit-0 |" in card
+    told = "Some scenes are in two splits" if held_out != {"scene-3"} else "No scene"
+    assert told in card
+
+
+@given(st.sets(st.text(min_size=1), max_size=60))
+def test_a_tenth_of_several_scenes_is_held_out_whatever_the_robot(scenes: set[str]) -> None:
+    held_out = held_out_scenes(scenes)
+    assert held_out <= scenes
+    assert len(held_out) == (0 if len(scenes) < 2 else max(1, round(0.1 * len(scenes))))
+    assert held_out_scenes(sorted(scenes, reverse=True)) == held_out
 
 
 @pytest.mark.parametrize("rate", [4, 10, 25])
