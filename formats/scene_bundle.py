@@ -16,6 +16,7 @@ The index is written last: a folder with one is complete.
 from __future__ import annotations
 
 import json
+import zipfile
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -274,8 +275,14 @@ def _npz(path: Path) -> Any:
 
 
 def _save_npz(path: Path, **arrays: Any) -> None:
-    with atomic_file(path) as temporary:
-        np.savez_compressed(temporary, **arrays)
+    # NumPy's own writer compresses three times as long for files 3 % smaller.
+    with (
+        atomic_file(path) as temporary,
+        zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
+    ):
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as stream:
+                np.lib.format.write_array(stream, np.asanyarray(array), allow_pickle=False)
 
 
 def _grid_arrays(grid: GridSpec) -> dict[str, Any]:

@@ -144,7 +144,7 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
     save_bundle(bundle, visual, levels)
     bundle = load_bundle(out_dir)
     # Only what lies on the disk can be verified; the record then says what came out.
-    proof = verify_scene(bundle)
+    proof = verify_scene(bundle, usd_checked=True)
     for problem in proof["problems"]:
         log.warning("%s: %s", scene_id, problem)
     record["warnings"] += proof["problems"]

@@ -6,6 +6,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from .exported import Surface
+
 BALL_RADIUS_M = 0.01
 # Balls start with their lowest point this far above the floor, and get this long to settle.
 DROP_M, SETTLE_S, STEP_S = 0.03, 0.4, 0.004
@@ -33,15 +35,14 @@ def drop_balls(
     end = np.empty((len(floor_m), 3))
     tile = np.floor(floor_m[:, :2] / TILE_M).astype(np.int64)
     _, number = np.unique(tile, axis=0, return_inverse=True)
-    low, high = triangles_m.min(axis=1), triangles_m.max(axis=1)
+    surface = Surface(triangles_m, np.zeros(len(triangles_m), dtype=bool))
     for k in range(int(number.max(initial=-1)) + 1):
         mine = np.flatnonzero(number.ravel() == k)
         for start in range(0, len(mine), BALLS_AT_ONCE):
             some = mine[start : start + BALLS_AT_ONCE]
             lower = floor_m[some].min(axis=0) - np.array([REACH_M, REACH_M, BELOW_M])
             upper = floor_m[some].max(axis=0) + REACH_M
-            near = np.all((high >= lower) & (low <= upper), axis=1)
-            end[some] = _drop(triangles_m[near], floor_m[some])
+            end[some] = _drop(surface.between(lower, upper).triangles_m, floor_m[some])
     return end
 
 
