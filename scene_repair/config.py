@@ -47,7 +47,7 @@ class RepairConfig:
     bump_tolerance_m: float = 0.015
     min_floor_m2: float = 1.5
     level_tilt_deg: float = 0.3
-    max_tilt_deg: float = 10.0
+    max_tilt_deg: float = 25.0
     max_texture_px: int = 4096
     patch_texel_m: float = 0.005
     picture_px: int = 1400

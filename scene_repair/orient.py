@@ -11,6 +11,16 @@ from numpy.typing import NDArray
 from ..formats.errors import SceneError
 from .bounds import robust_bounds
 from .config import UNIT_M, RepairConfig
+from .gravity import (
+    Surfaces,
+    height_range,
+    level_and_upright,
+    likeness,
+    modes,
+    refine,
+    side_evidence,
+)
+from .scale import infer_unit, measure
 from .scan import Scan
 
 # Rows give world x, y, z in source coordinates; each is a rotation. y up is Habitat's convention.
@@ -24,8 +34,14 @@ _TO_Z_UP = {
 }
 # A building, or one room of it, measured along its longer side.
 MIN_EXTENT_M, MAX_EXTENT_M = 1.0, 1000.0
-MIN_HEIGHT_M, MAX_HEIGHT_M = 1.5, 60.0
-USUAL_STOREY_M = 2.7
+# A file's word about up is overruled only by a direction that looks like it this many times more.
+OVERRULE = 4.0
+# A file's word about its unit is doubted (never overruled) from this lead on.
+DOUBT = 8.0
+# How narrowly area must agree with a vertical to speak for it, and what a tilted one must gain.
+NARROW_DEG, LEAST_GAIN = 2.0, 0.03
+# Objects that tell up from down by their names.
+LOW_THINGS, HIGH_THINGS = frozenset({"floor", "rug", "carpet"}), frozenset({"ceiling", "roof"})
 
 
 @dataclass(frozen=True)
@@ -49,27 +65,18 @@ def orient(scan: Scan, config: RepairConfig) -> Orientation:
     Raises:
         SceneError: no unit makes the extent that of a building.
     """
-    normals, area = _normals(scan.vertices, scan.faces)
-    if config.up != "auto":
-        up, up_reason = config.up, "given by the user"
-    elif scan.up is not None:
-        up, up_reason = scan.up
-    else:
-        up, up_reason = _infer_up(scan, normals, area)
+    surfaces = Surfaces.of(scan.vertices, scan.faces)
+    up, up_reason, vertical = _up(scan, surfaces, config)
     to_z_up = _TO_Z_UP[up]
-    lower, upper = robust_bounds(scan.vertices @ to_z_up.T, scan.faces)
+    level, tilt_deg = _levelling(to_z_up @ vertical, config)
+    turned = level @ to_z_up
+    lower, upper = robust_bounds(scan.vertices @ turned.T, scan.faces)
     extent = upper - lower
-    if config.unit != "auto":
-        unit, unit_reason = config.unit, "given by the user"
-    elif scan.unit is not None:
-        unit, unit_reason = scan.unit
-    else:
-        unit, unit_reason = _infer_unit(extent)
+    unit, unit_reason = _unit(scan, surfaces, turned, config)
     scale = UNIT_M[unit]
     _check_extent(extent * scale, unit)
-    level, tilt_deg = _levelling(normals @ to_z_up.T, area, config)
     source_to_world = np.eye(4)
-    source_to_world[:3, :3] = scale * level @ to_z_up
+    source_to_world[:3, :3] = scale * turned
     habitat_to_world = np.eye(4)
     habitat_to_world[:3, :3] = level @ _TO_Z_UP["y"]
     return Orientation(
@@ -87,58 +94,99 @@ def orient(scan: Scan, config: RepairConfig) -> Orientation:
     )
 
 
-def _normals(
-    vertices: NDArray[np.float64], faces: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    cross = np.cross(b - a, c - a)
-    doubled = np.linalg.norm(cross, axis=1)
-    return cross / doubled[:, None], 0.5 * doubled
-
-
-def _infer_up(
-    scan: Scan, normals: NDArray[np.float64], area: NDArray[np.float64]
-) -> tuple[str, str]:
-    """The axis that most area faces along, and its side that carries the things.
-
-    Floors, ceilings and table tops share one direction, while walls divide their area between two;
-    and storeys are lower than buildings are wide. The floor is at the end near which more surface
-    lies: furniture stands, it does not hang.
-    """
-    along = np.array([area[np.abs(normals[:, axis]) > 0.9].sum() for axis in range(3)])
-    lower, upper = robust_bounds(scan.vertices, scan.faces)
-    extent = upper - lower
-    axis = int(np.argmax(along / np.maximum(extent, 1e-9)))
-    centers = scan.vertices[scan.faces].mean(axis=1)[:, axis]
-    height = (centers - lower[axis]) / max(float(extent[axis]), 1e-12)
-    things = (height > 0.05) & (height < 0.95)
-    weight = area[things].sum()
-    mean = float((height[things] * area[things]).sum() / weight) if weight > 0 else 0.0
-    sign = "" if mean <= 0.5 else "-"
-    share = along[axis] / max(area.sum(), 1e-300)
-    return sign + "xyz"[axis], (
-        f"{100 * share:.0f} % of the area faces along {'xyz'[axis]}, over {extent[axis]:.4g} units "
-        f"of height; what lies between floor and ceiling is at {100 * mean:.0f} % on average"
+def _up(
+    scan: Scan, surfaces: Surfaces, config: RepairConfig
+) -> tuple[str, str, NDArray[np.float64]]:
+    """The nearest axis to up, the reason, and the exact direction (3,) of up."""
+    if config.up != "auto":
+        return config.up, "given by the user", _near(surfaces, config.up, config)
+    found = modes(surfaces)
+    like = np.array([likeness(surfaces, mode) for mode in found])
+    if scan.up is not None:
+        axis, reason = scan.up
+        promised = _near(surfaces, axis, config)
+        if not len(found):
+            return axis, reason, promised
+        best = found[np.argmax(like)]
+        lead = float(like.max()) / max(likeness(surfaces, promised), 1e-9)
+        if lead < OVERRULE or abs(float(best @ promised)) > 0.9:
+            return axis, reason, promised
+        exact, evidence = _signed(scan, surfaces, refine(surfaces, best))
+        return (
+            _axis_of(exact),
+            f"{reason}, but {_axis_of(exact)} looks {lead:.1f} times more like it: {evidence}",
+            exact,
+        )
+    if not len(found):
+        return "z", "no direction stands out; taken as z", np.array([0.0, 0.0, 1.0])
+    best = found[np.argmax(like)]
+    exact, evidence = _signed(scan, surfaces, refine(surfaces, best))
+    share, upright = level_and_upright(surfaces, exact)
+    low, high = height_range(surfaces, exact)
+    return (
+        _axis_of(exact),
+        f"{100 * share:.0f} % of the area is level and {100 * upright:.0f} % upright that way, "
+        f"over {high - low:.4g} units of height; {evidence}",
+        exact,
     )
 
 
-def _infer_unit(extent: NDArray[np.float64]) -> tuple[str, str]:
-    best, best_cost = None, np.inf
-    for unit in ("m", "cm", "mm"):
-        size = extent * UNIT_M[unit]
-        if not MIN_EXTENT_M <= size[:2].max() <= MAX_EXTENT_M or size[2] > MAX_HEIGHT_M:
+def _signed(
+    scan: Scan, surfaces: Surfaces, axis: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], str]:
+    """`axis` (3,) or its opposite, whichever is up, and why."""
+    places: dict[bool, list[float]] = {True: [], False: []}
+    centers = surfaces.centers @ axis
+    for k, thing in enumerate(scan.objects):
+        words = thing.category.split()[-1:]
+        for low, names in ((True, LOW_THINGS), (False, HIGH_THINGS)):
+            if set(words) & names and (mine := scan.face_object == k).any():
+                places[low].append(float(np.average(centers[mine], weights=surfaces.area[mine])))
+    if places[True]:
+        rest = places[False] or [float(np.average(centers, weights=surfaces.area))]
+        sign = np.sign(float(np.mean(rest)) - float(np.mean(places[True])))
+        if sign:
+            return axis * sign, f"{len(places[True])} objects named as floor lie low"
+    value, evidence = side_evidence(surfaces, axis)
+    if value < 0:
+        axis = -axis
+        _, evidence = side_evidence(surfaces, axis)
+    return axis, evidence
+
+
+def _axis_of(direction: NDArray[np.float64]) -> str:
+    k = int(np.argmax(np.abs(direction)))
+    return ("" if direction[k] > 0 else "-") + "xyz"[k]
+
+
+def _near(surfaces: Surfaces, axis: str, config: RepairConfig) -> NDArray[np.float64]:
+    """The vertical (3,) near a named axis: the direction that explains most area, refined."""
+    given = _TO_Z_UP[axis][2]
+    best, most = given, 0.0
+    for mode in (given, *modes(surfaces)):
+        turned = mode * (np.sign(mode @ given) or 1.0)
+        if turned @ given < np.cos(np.deg2rad(config.max_tilt_deg)):
             continue
-        # Whole storeys of a usual height; scans are mostly of one storey, seldom of many.
-        cost = abs(np.log(max(size[2], 0.3) / USUAL_STOREY_M))
-        if cost < best_cost:
-            best, best_cost = unit, cost
-    if best is None:
-        return "m", "no unit makes this a building; taken as metres"
-    size = extent * UNIT_M[best]
-    return best, (
-        f"as {best} it measures {size[0]:.2f} × {size[1]:.2f} × {size[2]:.2f} m, "
-        f"nearest to a storey of {USUAL_STOREY_M} m"
-    )
+        exact = refine(surfaces, turned)
+        value = sum(level_and_upright(surfaces, exact, NARROW_DEG))
+        # What is nearer to the named axis goes first, unless it explains clearly less.
+        if value > most * (1.0 + LEAST_GAIN):
+            best, most = exact, value
+    return best
+
+
+def _unit(
+    scan: Scan, surfaces: Surfaces, turned: NDArray[np.float64], config: RepairConfig
+) -> tuple[str, str]:
+    if config.unit != "auto":
+        return config.unit, "given by the user"
+    inferred, evidence, lead = infer_unit(measure(scan, surfaces, turned))
+    if scan.unit is None:
+        return inferred, evidence
+    unit, reason = scan.unit
+    if inferred != unit and lead > DOUBT:
+        reason += f", though {evidence} would be more usual: set --unit {inferred} if so"
+    return unit, reason
 
 
 def _check_extent(size_m: NDArray[np.float64], unit: str) -> None:
@@ -157,25 +205,15 @@ def _length(metres: float) -> str:
     return f"{metres:.4g} m" if metres < 1000 else f"{metres / 1000:.4g} km"
 
 
-def _levelling(
-    normals: NDArray[np.float64], area: NDArray[np.float64], config: RepairConfig
-) -> tuple[NDArray[np.float64], float]:
-    """Rotation that turns the mean normal of nearly horizontal faces upright, and the tilt [deg].
+def _levelling(up: NDArray[np.float64], config: RepairConfig) -> tuple[NDArray[np.float64], float]:
+    """Rotation that turns the direction `up` (3,) to z, and the angle between them [deg].
 
-    Iterated re-weighting around the current estimate settles on the dominant plane.
+    None is made for less than the tilt that is worth levelling, or for more than a scan may have
+    whose up axis somebody named.
     """
-    up = np.array([0.0, 0.0, 1.0])
-    limit = np.cos(np.deg2rad(config.max_tilt_deg + 5.0))
-    for _ in range(20):
-        cosine = normals @ up
-        near = np.abs(cosine) > limit
-        if not near.any():
-            return np.eye(3), 0.0
-        mean = (normals[near] * (np.sign(cosine[near]) * area[near])[:, None]).sum(axis=0)
-        up = mean / np.linalg.norm(mean)
-        limit = max(limit, np.cos(np.deg2rad(3.0))) if _ > 4 else limit
     tilt_deg = float(np.rad2deg(np.arccos(np.clip(up[2], -1.0, 1.0))))
-    if not config.level_tilt_deg < tilt_deg <= config.max_tilt_deg:
+    named = config.up != "auto"
+    if tilt_deg < config.level_tilt_deg or (named and tilt_deg > config.max_tilt_deg):
         return np.eye(3), tilt_deg
     # Shortest rotation from `up` to z (Rodrigues' formula).
     axis = np.cross(up, [0.0, 0.0, 1.0])

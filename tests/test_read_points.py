@@ -31,9 +31,11 @@ def cloud(spacing: float = 0.06) -> tuple[np.ndarray, np.ndarray]:
     both = trimesh.util.concatenate([shell, table])
     rng = np.random.default_rng(0)
     points, faces = trimesh.sample.sample_surface(both, int(both.area / spacing**2), seed=0)
-    points = points + rng.normal(scale=0.003, size=points.shape)
     colors = np.where(both.face_normals[faces][:, 2:3] > 0.5, (0.8, 0.2, 0.2), (0.3, 0.4, 0.6))
-    return points, colors
+    # What stands on the floor hides it.
+    hidden = np.all((points >= (1.0, 1.0, -1)) & (points <= (2.2, 1.8, 1e-6)), axis=1)
+    points = points + rng.normal(scale=0.003, size=points.shape)
+    return points[~hidden], colors[~hidden]
 
 
 def write_pcd(path: Path, points: np.ndarray, colors: np.ndarray, kind: str) -> None:

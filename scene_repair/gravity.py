@@ -1,0 +1,208 @@
+"""Which way is down: floors, ceilings and table tops share one direction, walls stand across it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Normals are gathered in cells of about a degree, whose mean is exact.
+CELLS_PER_UNIT = 60
+MODES, APART_DEG = 12, 12.0
+# A face counts as level (or upright) within this angle of it; noise of scans is as large.
+WIDE_DEG = 6.0
+# The refinement trusts residuals of this size, and less what lies further off.
+TRUSTED_DEG = 0.3
+REFINE_DEG = (8.0, 6.0, 5.0, 4.0, 3.0, 3.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0)
+HEIGHT_BINS = 64
+# Floors and ceilings are where at least this share of the strongest height's level area lies …
+STRONG_SHARE = 0.25
+# … and this share of the height between them next to either is theirs: what remains are things.
+SHELL = 0.12
+# Strong heights nearer together than this share of the whole are one floor, without a ceiling.
+LEAST_ROOM = 0.3
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """A scan's faces as directions and places.
+
+    Attributes:
+        normals: (F, 3) unit.
+        area: (F,).
+        centers: (F, 3).
+        cells, cell_area: mean normals (N, 3) of like-directed faces, their areas (N,); opposite
+            directions count as one.
+    """
+
+    normals: Array
+    area: Array
+    centers: Array
+    cells: Array
+    cell_area: Array
+
+    @staticmethod
+    def of(vertices: Array, faces: NDArray[np.int64]) -> Surfaces:
+        """From triangles with area: vertices (V, 3), faces (F, 3)."""
+        a, b, c = (vertices[faces[:, i]] for i in range(3))
+        cross = np.cross(b - a, c - a)
+        doubled = np.linalg.norm(cross, axis=1)
+        normals = cross / doubled[:, None]
+        area = 0.5 * doubled
+        side = np.where(_positive(normals), 1.0, -1.0)
+        index = np.rint(normals * side[:, None] * CELLS_PER_UNIT).astype(np.int64) + 64
+        _, cell = np.unique(
+            (index[:, 0] << 16) | (index[:, 1] << 8) | index[:, 2], return_inverse=True
+        )
+        weight = area * side
+        count = int(cell.max()) + 1
+        sums = np.stack(
+            [np.bincount(cell, weight * normals[:, k], count) for k in range(3)], axis=1
+        )
+        length = np.linalg.norm(sums, axis=1)
+        known = length > 0
+        return Surfaces(
+            normals,
+            area,
+            (a + b + c) / 3.0,
+            sums[known] / length[known, None],
+            np.bincount(cell, area, count)[known].astype(np.float64),
+        )
+
+
+def _positive(normals: Array) -> NDArray[np.bool_]:
+    """One of each pair of opposite directions."""
+    x, y, z = normals.T
+    return (z > 0) | ((z == 0) & ((y > 0) | ((y == 0) & (x > 0))))
+
+
+def modes(surfaces: Surfaces) -> Array:
+    """Directions (n, 3) that much area faces, most first."""
+    cells, area = surfaces.cells, surfaces.cell_area
+    left = area.copy()
+    found = []
+    for _ in range(MODES):
+        if not left.max() > 0.002 * area.sum():
+            break
+        up = cells[np.argmax(left)]
+        for _ in range(4):
+            cosine = cells @ up
+            near = np.abs(cosine) > np.cos(np.deg2rad(WIDE_DEG))
+            mean = (cells[near] * (np.sign(cosine[near]) * area[near])[:, None]).sum(axis=0)
+            up = mean / np.linalg.norm(mean)
+        left[np.abs(cells @ up) > np.cos(np.deg2rad(APART_DEG))] = 0.0
+        found.append(up)
+    return np.array(found).reshape(-1, 3)
+
+
+def level_and_upright(
+    surfaces: Surfaces, up: Array, within_deg: float = WIDE_DEG
+) -> tuple[float, float]:
+    """Shares of the area that are level and upright, if `up` (3,) is up."""
+    cosine = np.abs(surfaces.cells @ up)
+    total = surfaces.cell_area.sum()
+    level = surfaces.cell_area[cosine > np.cos(np.deg2rad(within_deg))].sum()
+    upright = surfaces.cell_area[cosine < np.sin(np.deg2rad(within_deg))].sum()
+    return float(level / total), float(upright / total)
+
+
+def refine(surfaces: Surfaces, up: Array) -> Array:
+    """The direction nearby that level faces share and upright ones stand across.
+
+    Minimises Σ w (1 − (n·u)²) over level and Σ w (n·u)² over upright faces, an eigenvector of the
+    summed dyads, with weights that lessen what disagrees: where the floor slopes, the walls win.
+    """
+    cells, area = surfaces.cells, surfaces.cell_area
+    for degrees in REFINE_DEG:
+        cosine = np.clip(np.abs(cells @ up), 0.0, 1.0)
+        off = np.minimum(np.arccos(cosine), np.arcsin(cosine))
+        near = off < np.deg2rad(degrees)
+        weight = area / (off + np.deg2rad(TRUSTED_DEG))
+        level = near & (cosine > 0.7)
+        upright = near & (cosine < 0.7)
+        if not level.any():
+            return up
+        dyads = (cells[level] * weight[level, None]).T @ cells[level]
+        dyads -= (cells[upright] * weight[upright, None]).T @ cells[upright]
+        best = np.linalg.eigh(dyads)[1][:, -1]
+        up = best * np.sign(best @ up)
+    return up
+
+
+def height_range(surfaces: Surfaces, up: Array) -> tuple[float, float]:
+    """Lowest and highest place along `up` (3,), a thousandth of the area left out at both ends."""
+    height = surfaces.centers @ up
+    order = np.argsort(height)
+    passed = np.cumsum(surfaces.area[order])
+    low, high = np.searchsorted(passed, np.array([0.001, 0.999]) * passed[-1])
+    return float(height[order[low]]), float(height[order[min(high, len(order) - 1)]])
+
+
+def likeness(surfaces: Surfaces, up: Array) -> float:
+    """How much `up` (3,) looks like the vertical of a building.
+
+    Level area per height, more so if it gathers at few heights: walls in a direction lie at many
+    places, floors and ceilings at few; and storeys are lower than buildings are wide.
+    """
+    level = np.abs(surfaces.normals @ up) > np.cos(np.deg2rad(WIDE_DEG))
+    if not level.any():
+        return 0.0
+    low, high = height_range(surfaces, up)
+    tall = max(high - low, 1e-12)
+    share = (surfaces.centers[level] @ up - low) / tall
+    histogram = np.histogram(share, HEIGHT_BINS, (-0.01, 1.01), weights=surfaces.area[level])[0]
+    inside = histogram.sum()
+    if not inside > 0:
+        return 0.0
+    gathered = np.sqrt(np.square(histogram / inside).sum())
+    width = np.sqrt(surfaces.area.sum())
+    return float(inside / surfaces.area.sum() * gathered * width / tall)
+
+
+def side_evidence(surfaces: Surfaces, up: Array) -> tuple[float, str]:
+    """Which end of the axis `up` (3,) is up: positive if it is `up`, with the reason.
+
+    Furniture stands, it does not hang: what is no wall lies in the lower half. And where faces look
+    into the room, more of what lies between floor and ceiling looks up: undersides go unseen.
+    """
+    cosine, area = surfaces.normals @ up, surfaces.area
+    level = np.abs(cosine) > 0.9
+    low, high = _outermost(surfaces.centers[level] @ up, area[level])
+    bottom, top = height_range(surfaces, up)
+    if not top > bottom:
+        return 0.0, "everything lies in one plane"
+    if high - low < LEAST_ROOM * (top - bottom):
+        # One surface with walls on one side of it: a floor, for ceilings go unscanned more often.
+        center = (0.5 * (low + high) - bottom) / (top - bottom)
+        return 2.0 * (0.5 - center), (
+            f"the one large level surface is at {100 * center:.0f} % of the height"
+        )
+    share = (surfaces.centers @ up - low) / (high - low)
+    signed = area * np.sign(cosine)
+    floor, ceiling = level & (share < SHELL), level & (share > 1 - SHELL)
+    shell = float(area[floor].sum() + area[ceiling].sum())
+    looks_in = float(signed[floor].sum() - signed[ceiling].sum()) / shell
+    things = level & ~floor & ~ceiling
+    weight = float(area[things].sum())
+    if not weight > 0:
+        return 0.0, "nothing stands between floor and ceiling"
+    mean = float((share * area)[things].sum()) / weight
+    facing = looks_in * float(signed[things].sum()) / weight
+    return 2.0 * (0.5 - mean) + 0.5 * facing, (
+        f"what lies level between floor and ceiling is at {100 * mean:.0f} % of the height on "
+        f"average, and {50 + 50 * facing:.0f} % of it looks up"
+    )
+
+
+def _outermost(height: Array, area: Array) -> tuple[float, float]:
+    """Lowest and highest place with much area, of places (n,) with areas (n,)."""
+    if not len(height):
+        return 0.0, 0.0
+    histogram, edges = np.histogram(height, 4 * HEIGHT_BINS, weights=area)
+    smooth = np.convolve(histogram, np.ones(3), mode="same")
+    strong = np.flatnonzero(smooth > STRONG_SHARE * smooth.max())
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    return float(middle[strong[0]]), float(middle[strong[-1]])
