@@ -176,10 +176,12 @@ def _write_pictures(repaired: Repaired, out_dir: Path, scene_id: str, width_px: 
     )
     legends = ([("hole in the floor", RED)], [("floor added", GREEN)])
     for k, ((name, caption), legend) in enumerate(zip(captions, legends, strict=True)):
-        marked = [
-            mark_holes(view[k], f.holes, fine, pixels, before=k == 0)
-            for view, f in zip(views, floors, strict=True)
-        ]
+        marked = {
+            f"level {n}, floor at {f.floor_z_m:.2f} m": mark_holes(
+                view[k], f.holes, fine, pixels, before=k == 0
+            )
+            for n, (view, f) in enumerate(zip(views, floors, strict=True))
+        }
         write_picture(
             marked,
             pixels,

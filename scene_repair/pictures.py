@@ -127,25 +127,32 @@ def mark_holes(
 
 
 def write_picture(
-    views: list[NDArray[np.float32]],
+    views: dict[str, NDArray[np.float32]],
     pixels: GridSpec,
     title: str,
     legend: list[tuple[str, tuple[float, float, float]]],
     path: Path,
 ) -> None:
-    """Stack level views (row 0 = least y) under a title line with legend and scale bar."""
-    gap = 16
+    """Stack level views (row 0 = least y) under a title line with legend and scale bar.
+
+    Views of several levels get their names written above them.
+    """
+    gap, name_px = 16, 30 if len(views) > 1 else 0
     head = 64
     width = pixels.columns
-    height = head + sum(v.shape[0] for v in views) + gap * len(views)
+    height = head + sum(v.shape[0] for v in views.values()) + (gap + name_px) * len(views)
     canvas = np.full((height, width, 3), BACKGROUND, dtype=np.float32)
-    top = head
-    for view in views:
+    top, names = head, []
+    for name, view in views.items():
+        names.append((name, top + 20))
+        top += name_px
         canvas[top : top + view.shape[0]] = view[::-1]
         top += view.shape[0] + gap
     out = np.clip(np.rint(canvas * 255), 0, 255).astype(np.uint8)
     ink = (45, 48, 56)
     font = cv2.FONT_HERSHEY_DUPLEX
+    for name, baseline in names if name_px else ():
+        cv2.putText(out, name, (18, baseline), font, 0.5, ink, 1, cv2.LINE_AA)
     cv2.putText(out, title, (18, 27), font, 0.62, ink, 1, cv2.LINE_AA)
     x = 18
     for text, color in legend:
