@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..formats.camera import DepthRange
 from ..formats.depth_codes import DEPTH_PIXEL_FORMAT, SHIFT_M, codes_to_depth
+from ..formats.depth_tiff import decode_depth_tiff
 from ..formats.errors import FileFormatError
 from ..formats.lerobot.layout import DEPTH_KEY, RGB_KEY
 from .episode_index import DatasetIndex, EpisodeEntry
@@ -40,6 +41,7 @@ class EpisodeReader:
         self.index = index
         self._size = size_px
         self._videos = videos or OpenVideos()
+        self._depth_is_image = index.shapes.get(DEPTH_KEY, ("", ()))[0] == "image"
         self._depth_range = _depth_range(index)
 
     def rows(self, entry: EpisodeEntry, keys: Sequence[str]) -> dict[str, NDArray[Any]]:
@@ -63,9 +65,11 @@ class EpisodeReader:
         """`rgb` and `depth_m` at once, on two threads: decoders leave the interpreter free."""
         # Opened here: two threads must not change what is open.
         rgb = self._frames(RGB_KEY, entry, first, count)
+        if self._depth_is_image:
+            return self._rgb(rgb), self.depth_m(entry, first, count)
         depth = self._frames(DEPTH_KEY, entry, first, count)
         with ThreadPoolExecutor(1) as pool:
-            later = pool.submit(self._depth_m, depth)
+            later = pool.submit(self._depth_of_codes, depth)
             return self._rgb(rgb), later.result()
 
     def rgb(
@@ -84,9 +88,17 @@ class EpisodeReader:
         """Depth images (T, H, W) [m], 0 = invalid; scaled by picking the nearest pixel.
 
         Raises:
-            FileFormatError: the video is damaged.
+            FileFormatError: the video, or an image, is damaged.
         """
-        return self._depth_m(self._frames(DEPTH_KEY, entry, first, count))
+        if not self._depth_is_image:
+            return self._depth_of_codes(self._frames(DEPTH_KEY, entry, first, count))
+        first, count = _part(entry, first, count)
+        images = _episode_table(entry, [DEPTH_KEY]).slice(first, count)[DEPTH_KEY].to_pylist()
+        try:
+            millimetres = [self._sized(decode_depth_tiff(image["bytes"])) for image in images]
+        except ValueError as error:
+            raise FileFormatError(entry.rows, f"episode {entry.number}: {error}") from error
+        return np.stack(millimetres).astype(np.float32) / np.float32(1000)
 
     def _rgb(self, frames: Iterator[VideoFrame]) -> NDArray[np.uint8]:
         # One for all frames, because setting up its conversion tables costs more than using them.
@@ -99,16 +111,16 @@ class EpisodeReader:
         ]
         return np.stack(images).astype(np.uint8, copy=False)
 
-    def _depth_m(self, frames: Iterator[VideoFrame]) -> NDArray[np.float32]:
-        images = []
-        for frame in frames:
-            codes = frame.to_ndarray(format=DEPTH_PIXEL_FORMAT)
-            if self._size:  # averages of valid and invalid would be depths that nothing has
-                codes = cv2.resize(
-                    codes, (self._size, self._size), interpolation=cv2.INTER_NEAREST_EXACT
-                )
-            images.append(codes)
+    def _depth_of_codes(self, frames: Iterator[VideoFrame]) -> NDArray[np.float32]:
+        images = [self._sized(frame.to_ndarray(format=DEPTH_PIXEL_FORMAT)) for frame in frames]
         return codes_to_depth(np.stack(images), self._depth_range)
+
+    def _sized(self, depth: NDArray) -> NDArray[np.uint16]:
+        if not self._size:
+            return depth
+        # Averages of valid and invalid would be depths that nothing has.
+        size = (self._size, self._size)
+        return np.asarray(cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST_EXACT), np.uint16)
 
     def _frames(
         self, key: str, entry: EpisodeEntry, first: int, count: int | None
@@ -117,19 +129,24 @@ class EpisodeReader:
             raise FileFormatError(self.index.root, f"has no video {key}")
         place, rate = entry.videos[key], self.index.frames_per_second
         start = round(place.from_s * rate)
-        if count is None:
-            count = entry.length - first
-        if first < 0 or count < 1 or first + count > entry.length:
-            raise ValueError(
-                f"frames {first} … {first + count - 1}; the episode has {entry.length}"
-            )
+        first, count = _part(entry, first, count)
         return self._videos.cursor(place.path, rate).frames(start + first, count)
+
+
+def _part(entry: EpisodeEntry, first: int, count: int | None) -> tuple[int, int]:
+    """Which frames are meant: all from `first` on, or `count` of them."""
+    if count is None:
+        count = entry.length - first
+    if first < 0 or count < 1 or first + count > entry.length:
+        raise ValueError(f"frames {first} … {first + count - 1}; the episode has {entry.length}")
+    return first, count
 
 
 def _depth_range(index: DatasetIndex) -> DepthRange:
     info = index.info["features"].get(DEPTH_KEY, {}).get("info", {})
     settings = tuple(info.get(f"video.{n}") for n in ("depth_min", "shift", "use_log"))
-    if DEPTH_KEY in index.shapes and settings != (0.0, SHIFT_M, True):
+    is_video = index.shapes.get(DEPTH_KEY, ("", ()))[0] == "video"
+    if is_video and settings != (0.0, SHIFT_M, True):
         raise FileFormatError(
             index.root, f"depth_min, shift, use_log are {settings}; valid: 0.0, {SHIFT_M}, True"
         )

@@ -90,7 +90,7 @@ class NavigationDataset(Dataset[dict[str, Any]]):
         """
         selection = source if isinstance(source, Selection) else select_all([read_index(source)])
         shared = common_columns(selection.datasets)
-        rows = [k for k, (kind, _) in shared.items() if kind != "video"]
+        rows = [k for k, (kind, _) in shared.items() if kind not in ("video", "image")]
         for name in config.columns or ():
             if name not in rows:
                 raise UnknownNameError("column in all datasets", name, rows)

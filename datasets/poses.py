@@ -13,14 +13,25 @@ def planar_poses(state: NDArray) -> NDArray[np.float64]:
     return np.column_stack([state[:, :2].astype(np.float64), quat_to_yaw(state[:, 3:7])])
 
 
-def poses_relative(state: NDArray, frame: int) -> NDArray[np.float32]:
-    """Poses (T, 3): x, y [m], yaw [rad] in (−π, π], seen from the pose of `frame`."""
-    return relative(planar_poses(state), frame).astype(np.float32)
-
-
 def relative(poses: NDArray[np.float64], frame: int) -> NDArray[np.float64]:
     """`poses` (T, 3) in the frame of the pose number `frame`."""
     x, y, yaw = poses[frame]
     offset = poses[:, :2] - (x, y)
     c, s = np.cos(yaw), np.sin(yaw)
     return np.column_stack([offset @ np.array([[c, -s], [s, c]]), wrap_angle(poses[:, 2] - yaw)])
+
+
+def future_poses(poses: NDArray[np.float64], future: int) -> NDArray[np.float32]:
+    """Poses (T, F, 3) of the `future` frames after each, seen from it; the last is repeated."""
+    count = len(poses)
+    ahead = np.minimum(np.arange(count)[:, None] + np.arange(1, future + 1), count - 1)
+    offset = poses[ahead, :2] - poses[:, None, :2]
+    c, s = np.cos(poses[:, None, 2]), np.sin(poses[:, None, 2])
+    return np.stack(
+        [
+            c * offset[..., 0] + s * offset[..., 1],
+            c * offset[..., 1] - s * offset[..., 0],
+            wrap_angle(poses[ahead, 2] - poses[:, None, 2]),
+        ],
+        axis=-1,
+    ).astype(np.float32)

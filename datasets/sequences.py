@@ -15,7 +15,7 @@ from torch.utils.data import Dataset
 from ..formats.errors import InputError
 from ..formats.frame_table import DISCRETE_RATE
 from .episode_reader import EpisodeReader
-from .poses import poses_relative
+from .poses import future_poses, planar_poses, relative
 from .selection import Selection, check_frame_rate
 from .tokens import Tokens
 from .video_cursor import OpenVideos
@@ -34,12 +34,14 @@ class SequenceConfig:
         size_px: side of the square images; None leaves them as they are.
         max_steps: T at most; a longer episode is cut there and says so in `cut`.
         inflection_coefficient: weight of a step whose action differs from the one before.
+        future: number of poses ahead to give at each step; 0 gives none.
         images: whether to decode them at all.
     """
 
     size_px: int | None = None
     max_steps: int = 200
     inflection_coefficient: float = INFLECTION_COEFFICIENT
+    future: int = 0
     images: bool = True
 
     def __post_init__(self) -> None:
@@ -66,6 +68,9 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
     | progress | float32 (T) | 0 … 1 |
     | motion | float32 (T, 3) | Δx, Δy [m], Δyaw [rad] to the next frame, in this frame |
     | pose | float32 (T, 3) | x, y [m], yaw [rad] relative to the first frame |
+    | waypoints | float32 (T, F, 3) | x, y [m], yaw [rad] of the F = `future` frames behind each,
+      seen from it; the last pose is repeated behind the end |
+    | waypoint_valid | bool (T, F) | false behind the end |
     | length | int64 () | T |
     | cut | bool () | whether the episode goes on |
     | uid, robot | str | which episode, and whose |
@@ -102,6 +107,7 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
         rows = reader.rows(entry, _ROWS)
         steps = min(entry.length, self.config.max_steps)
         actions = rows["action.discrete"][:, 0]
+        poses = planar_poses(rows["observation.state"])
         changed = np.concatenate([[True], np.diff(actions) != 0])
         item: dict[str, Any] = {
             "tokens": torch.from_numpy(self.tokens.encode(entry.instructions[0])),
@@ -113,12 +119,16 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
             ),
             "progress": _tensor(rows["observation.progress"][:, 0], steps),
             "motion": _tensor(rows["action"], steps),
-            "pose": _tensor(poses_relative(rows["observation.state"], 0), steps),
+            "pose": _tensor(relative(poses, 0).astype(np.float32), steps),
             "length": torch.tensor(steps),
             "cut": torch.tensor(steps < entry.length),
             "uid": entry.uid,
             "robot": entry.robot,
         }
+        if self.config.future:
+            ahead = np.arange(entry.length)[:, None] + np.arange(1, self.config.future + 1)
+            item["waypoints"] = _tensor(future_poses(poses, self.config.future), steps)
+            item["waypoint_valid"] = _tensor(ahead < entry.length, steps)
         if self.config.images:
             rgb, depth = reader.rgbd(entry, 0, steps)
             item["rgb"] = torch.from_numpy(rgb).permute(0, 3, 1, 2)

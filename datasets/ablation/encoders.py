@@ -1,0 +1,75 @@
+"""Image encoders: small ones of our own, or torchvision's with weights from a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+
+from ...formats.errors import FileFormatError
+from .config import ModelConfig
+
+# Of the images that torchvision's networks were trained on.
+_MEAN, _STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
+DEPTH_SCALE_M = 10.0  # farther away all walls are alike
+
+
+class CompactEncoder(nn.Module):
+    """Convolutions of stride 2; (N, C_in, H, W) to (N, S, C) for S places in the image."""
+
+    def __init__(self, inputs: int, channels: tuple[int, ...]):
+        """Build it for images of `inputs` channels."""
+        super().__init__()
+        stages: list[nn.Module] = []
+        for here in channels:
+            stages += [
+                nn.Conv2d(inputs, here, 3, stride=2, padding=1),
+                nn.GroupNorm(4 if here % 4 == 0 else 1, here),
+                nn.ReLU(inplace=True),
+            ]
+            inputs = here
+        self.stages = nn.Sequential(*stages)
+        self.features = inputs
+
+    def forward(self, images: Tensor) -> Tensor:
+        """Features of each place."""
+        return self.stages(images).flatten(2).transpose(1, 2)
+
+
+class TorchvisionEncoder(nn.Module):
+    """A ResNet without its last layers; (N, 3, H, W) in 0 … 1 to (N, S, C)."""
+
+    def __init__(self, config: ModelConfig):
+        """Build it.
+
+        Raises:
+            FileFormatError: its weights are missing or of another network.
+        """
+        super().__init__()
+        from torchvision.models import get_model
+
+        network = get_model(config.encoder, weights=None)
+        if config.encoder_weights:
+            path = Path(config.encoder_weights)
+            try:
+                network.load_state_dict(torch.load(path, weights_only=True, map_location="cpu"))
+            except (OSError, RuntimeError, ValueError, KeyError) as error:
+                raise FileFormatError(
+                    path, f"no weights of {config.encoder}: {str(error).splitlines()[0]}"
+                ) from error
+        self.features = {"resnet50": 2048}.get(config.encoder, 512)
+        self.stages = nn.Sequential(*list(network.children())[:-2])
+        self.stages.requires_grad_(config.train_encoder)
+
+    def forward(self, images: Tensor) -> Tensor:
+        """Features of each place."""
+        mean, std = (images.new_tensor(v)[:, None, None] for v in (_MEAN, _STD))
+        return self.stages((images - mean) / std).flatten(2).transpose(1, 2)
+
+
+def rgb_encoder(config: ModelConfig) -> CompactEncoder | TorchvisionEncoder:
+    """The encoder of RGB images that the configuration names."""
+    if config.encoder == "compact":
+        return CompactEncoder(3, config.channels)
+    return TorchvisionEncoder(config)

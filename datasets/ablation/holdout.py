@@ -1,0 +1,63 @@
+"""Which trajectories no training may see."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from ...formats.errors import InputError
+from ..mixture.recipe import Recipe
+
+
+@dataclass(frozen=True)
+class Holdout:
+    """What is held out.
+
+    Attributes:
+        by: `scene` or `trajectory`.
+        scenes: whole scenes held out; empty when it goes by trajectory.
+        trajectories: all that are held out, as `scene/trajectory`.
+    """
+
+    by: str
+    scenes: tuple[str, ...]
+    trajectories: frozenset[str]
+
+
+def hold_out(recipe: Recipe, trajectories: Iterable[str]) -> Holdout:
+    """Hold out whole scenes where there are several, else trajectories; no trajectory is in both.
+
+    A trajectory is held out for every robot, controller and light. The choice depends on names and
+    seed alone.
+
+    Args:
+        recipe: how much, and by what.
+        trajectories: `scene/trajectory` of all episodes of the recipe's sources.
+
+    Raises:
+        InputError: too few scenes or trajectories to hold any out.
+    """
+    everything = sorted(set(trajectories))
+    scenes = sorted({scene_of(t) for t in everything})
+    by = recipe.holdout
+    if by == "auto":
+        by = "scene" if len(scenes) > 1 else "trajectory"
+    names = scenes if by == "scene" else everything
+    if len(names) < 2:
+        raise InputError(f"holdout by {by}: only {len(names)} there; valid: from 2 on")
+    count = min(max(round(recipe.holdout_fraction * len(names)), 1), len(names) - 1)
+    chosen = set(sorted(names, key=lambda name: _order(recipe.seed, name))[:count])
+    if by == "trajectory":
+        return Holdout(by, (), frozenset(chosen))
+    held = frozenset(t for t in everything if scene_of(t) in chosen)
+    return Holdout(by, tuple(sorted(chosen)), held)
+
+
+def scene_of(trajectory: str) -> str:
+    """The scene in `scene/trajectory`; scene ids may hold slashes."""
+    return trajectory.rsplit("/", 1)[0]
+
+
+def _order(seed: int, name: str) -> bytes:
+    return hashlib.blake2b(f"{seed}/{name}".encode(), digest_size=8).digest()

@@ -1,0 +1,141 @@
+"""Train one agent on one mixture; an interrupted training goes on at its last checkpoint."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from ...formats.atomic import atomic_file
+from ..mixture.loader import MixtureLoader
+from ..mixture.sampler import MixtureSampler
+from ..sequences import collate_sequences
+from ..tokens import Tokens
+from .agent import Agent
+from .cache import CachedSequences
+from .config import TrainConfig
+from .losses import loss_of
+
+_UNKNOWN = 1  # the vocabulary's index of unknown words
+_MAX_GRADIENT = 5.0
+
+
+def chosen_device(config: TrainConfig) -> torch.device:
+    """The device that the configuration means."""
+    if config.device == "auto":
+        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    return torch.device(config.device)
+
+
+def train_agent(
+    sources: list[CachedSequences],
+    shares: list[float],
+    tokens: Tokens,
+    config: TrainConfig,
+    seed: int,
+    checkpoint: Path,
+    progress: Callable[[int], None],
+) -> Agent:
+    """Train for `config.steps` steps.
+
+    Args:
+        sources: episodes of each source.
+        shares: of the draws.
+        tokens: of the instructions.
+        config: how.
+        seed: of weights, dropout and the order of the draws.
+        checkpoint: file to go on from, and to write to.
+        progress: told the number of steps done after each.
+    """
+    device = chosen_device(config)
+    sampler = MixtureSampler(
+        [len(source) for source in sources], shares, seed, config.steps * config.batch
+    )
+    loader = MixtureLoader(sources, sampler, config.batch, collate=collate_sequences)
+    # Dropout and initial weights draw from torch's own generator; the caller's is left alone.
+    with torch.random.fork_rng():
+        torch.manual_seed(seed)
+        agent = Agent(len(tokens.vocabulary.words), config.model).to(device)
+        optimizer = torch.optim.AdamW(
+            agent.parameters(), config.learning_rate, weight_decay=config.weight_decay
+        )
+        schedule = torch.optim.lr_scheduler.OneCycleLR(
+            optimizer, config.learning_rate, total_steps=config.steps, pct_start=0.1
+        )
+        done = 0
+        if checkpoint.is_file():
+            done = _restore(checkpoint, agent, optimizer, schedule, loader)
+            progress(done)
+        agent.train()
+        batches = iter(loader) if done < config.steps else iter(())
+        for batch in batches:
+            _step(agent, optimizer, _to(batch, device), config)
+            schedule.step()
+            done += 1
+            progress(done)
+            if done % config.checkpoint_every == 0 or done == config.steps:
+                _save(checkpoint, done, agent, optimizer, schedule, loader)
+    return agent.eval()
+
+
+def _step(
+    agent: Agent,
+    optimizer: torch.optim.Optimizer,
+    batch: dict[str, Any],
+    config: TrainConfig,
+) -> None:
+    batch["tokens"] = _forgetting(batch["tokens"], config.unknown)
+    loss = loss_of(agent(batch), batch, config)
+    optimizer.zero_grad(set_to_none=True)
+    loss.backward()
+    torch.nn.utils.clip_grad_norm_(agent.parameters(), _MAX_GRADIENT)
+    optimizer.step()
+
+
+def _forgetting(tokens: Tensor, part: float) -> Tensor:
+    """Replace a part of the words by the unknown word."""
+    forgotten = (torch.rand(tokens.shape) < part).to(tokens.device) & (tokens > _UNKNOWN)
+    return tokens.masked_fill(forgotten, _UNKNOWN)
+
+
+def _to(batch: dict[str, Any], device: torch.device) -> dict[str, Any]:
+    return {k: v.to(device) if torch.is_tensor(v) else v for k, v in batch.items()}
+
+
+def _save(
+    path: Path,
+    done: int,
+    agent: Agent,
+    optimizer: torch.optim.Optimizer,
+    schedule: Any,
+    loader: MixtureLoader,
+) -> None:
+    state = {
+        "done": done,
+        "agent": agent.state_dict(),
+        "optimizer": optimizer.state_dict(),
+        "schedule": schedule.state_dict(),
+        "draws": loader.state_dict(),
+        "random": torch.get_rng_state(),
+    }
+    with atomic_file(path) as temporary:
+        torch.save(state, temporary)
+
+
+def _restore(
+    path: Path,
+    agent: Agent,
+    optimizer: torch.optim.Optimizer,
+    schedule: Any,
+    loader: MixtureLoader,
+) -> int:
+    state = torch.load(path, weights_only=True, map_location="cpu")
+    agent.load_state_dict(state["agent"])
+    optimizer.load_state_dict(state["optimizer"])
+    schedule.load_state_dict(state["schedule"])
+    loader.load_state_dict(state["draws"])
+    torch.set_rng_state(state["random"])
+    return int(state["done"])

@@ -1,0 +1,87 @@
+"""`vlnpe ablate`: train a compact agent on each mixture of a recipe and compare them."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from ...formats.atomic import sweep, write_bytes, write_json
+from ...formats.errors import InputError
+from ..executors import available_cores
+
+TABLE, RESULTS, PLOT, PAGE = "table.md", "results.json", "plot.png", "index.html"
+
+
+@dataclass(frozen=True)
+class Ablate:
+    """Train a compact agent on each of a recipe's mixtures and predict held-out episodes.
+
+    Writes table.md, results.json, plot.png and index.html. The same command goes on where it was
+    interrupted.
+    """
+
+    recipe: tyro.conf.Positional[str]
+    """A recipe (.yaml), or a shipped one: cross_embodiment, controller, lighting."""
+    data: Path = Path("runs")
+    """The folder whose runs hold the datasets."""
+    out: Path = Path("runs/ablation")
+    """Where results, checkpoints and decoded images go."""
+    steps: int | None = None
+    """Training steps per row and seed, instead of the recipe's."""
+    seeds: int | None = None
+    """Trainings per row, instead of the recipe's."""
+    device: str | None = None
+    """cpu, cuda or auto, instead of the recipe's."""
+    json: Annotated[bool, tyro.conf.arg(name="json")] = False
+    """Print one JSON object with the results as the last line."""
+
+
+def run(options: Ablate) -> int:
+    """Run the ablation and write its report.
+
+    Raises:
+        InputError: recipe, settings or data are not valid, or the extra `train` is missing.
+    """
+    # One process; its own threads are all that computes.
+    os.environ.setdefault("OMP_NUM_THREADS", str(available_cores()))
+    from ...datasets.mixture.recipe import read_recipe
+    from ...datasets.mixture.shipped import recipe_path
+
+    try:
+        import torch
+    except ImportError as error:
+        raise InputError("torch is not installed; run: uv sync --inexact --extra train") from error
+    from ...datasets.ablation.plot import plot_png
+    from ...datasets.ablation.report import estimates, report_html, report_json, report_markdown
+    from ...datasets.ablation.run import run_ablation
+
+    recipe = read_recipe(recipe_path(options.recipe))
+    changes: dict[str, Any] = {
+        name: value
+        for name in ("steps", "seeds", "device")
+        if (value := getattr(options, name)) is not None
+    }
+    torch.set_num_threads(available_cores())
+    if options.out.is_dir():
+        sweep(options.out)
+    ablation = run_ablation(recipe, options.data, options.out, changes)
+    picture = plot_png(estimates(ablation), recipe.title)
+    markdown = report_markdown(ablation, PLOT)
+    value = report_json(ablation)
+    out = options.out
+    write_bytes(out / PLOT, picture)
+    write_bytes(out / TABLE, markdown.encode())
+    write_json(out / RESULTS, value)
+    page = report_html(markdown, base64.b64encode(picture).decode())
+    write_bytes(out / PAGE, page.encode())
+    sys.stdout.write(f"{markdown}\n{out / PAGE}\n")
+    if options.json:
+        sys.stdout.write(json.dumps({"report": str(out / PAGE), **value}) + "\n")
+    return 0

@@ -1,0 +1,47 @@
+"""Small datasets of several robots for loaders, mixtures and ablations, by our own writer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from tests.support.lerobot_data import write_unit
+from tests.support.rollouts import make_rollout, with_body
+from vlnpe.formats.lerobot import assemble_dataset
+from vlnpe.formats.rollout import Rollout
+
+WORDS = ("Walk past the table.", "Turn left at the sofa.", "Go to the lamp and stop.")
+
+
+def make_walk(number: int, robot: str, seconds: float, fall: bool = False) -> Rollout:
+    """A walk along its own trajectory: of a scene by `number`, told in one of three ways."""
+    rollout = make_rollout(seconds, number, discrete=robot == "vlnce", fall=fall)
+    body = {"h1": (10, 2), "jetbot": (2, 2), "vlnce": (0, 1)}.get(robot)
+    rollout = with_body(rollout, *body) if body else rollout
+    words = WORDS[number % 3]
+    episode = replace(
+        rollout.episode,
+        episode_id=f"ep{number}",
+        trajectory_id=f"traj{number}",
+        scene_id=f"scene{number % 4}",
+        instruction=words,
+        extra={"instructions": [words]},
+    )
+    controller = "flash" if robot == "vlnce" else "path"
+    return replace(rollout, robot=robot, controller=controller, episode=episode)
+
+
+def write_dataset(
+    root: Path, robot: str, seconds: Sequence[float], falls: Sequence[int] = (), rate: int = 4
+) -> Path:
+    """Write `root/lerobot/<robot>`, an episode for each of `seconds`; those in `falls` fall."""
+    folder = root / "units" / robot
+    folder.mkdir(parents=True)
+    units = [
+        write_unit(folder, make_walk(n, robot, s, n in falls), n, rate)
+        for n, s in enumerate(seconds)
+    ]
+    out = root / "lerobot" / robot
+    assemble_dataset(units, out, provenance={}, licence="mit", title=robot)
+    return out
