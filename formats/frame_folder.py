@@ -2,7 +2,8 @@
 
 rgb.mp4, depth.mp4   see `video`
 frames.npz           sample_index (N,), time_s (N,), camera_position_world_m (N, 3) and
-                     camera_quat_wxyz (N, 4) of the optical frame
+                     camera_quat_wxyz (N, 4) of the optical frame; rgb_counts (3, 256) and
+                     depth_counts (4096,), see `image_counts`
 meta.json            camera, depth range, light, frame rate, codecs
 """
 

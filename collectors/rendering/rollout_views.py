@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ...formats.atomic import atomic_file, write_json
 from ...formats.camera import DepthRange
 from ...formats.errors import UnknownNameError
+from ...formats.image_counts import new_depth_counts, new_rgb_counts
 from ...formats.rollout import Rollout
 from ...formats.scene_bundle import SceneBundle
 from ...formats.video import DEPTH_CODEC, RGB_CODECS, write_depth_video, write_rgb_video
@@ -126,7 +127,8 @@ def render_rollout(
 
     Writes `rgb.mp4`, `depth.mp4` (12-bit codes, see `formats/depth_codes.py`), `frames.npz`
     (`sample_index` (N,), `time_s` (N,), `camera_position_world_m` (N, 3) and `camera_quat_wxyz`
-    (N, 4) of the optical frame) and `meta.json`. Memory does not grow with the rollout's length.
+    (N, 4) of the optical frame, and how often each value occurs, see `formats/image_counts.py`)
+    and `meta.json`. Memory does not grow with the rollout's length.
 
     Args:
         bundle: the scene the renderer was built for.
@@ -157,7 +159,8 @@ def render_rollout(
         nothing = np.zeros((0, 0), dtype=np.int32)
         labelled = (Frame(*picture, nothing, nothing) for picture in frames.render(renderer))
     pictures = write_extras(out_dir, labelled, extras, bundle, frames_per_second, limits)
-    count = _write_videos(out_dir, pictures, frames_per_second, limits, codec)
+    counts = new_rgb_counts(), new_depth_counts()
+    count = _write_videos(out_dir, pictures, frames_per_second, limits, codec, *counts)
     with atomic_file(out_dir / "frames.npz") as temporary:
         np.savez(
             temporary,
@@ -165,6 +168,8 @@ def render_rollout(
             time_s=rollout.time_s[samples],
             camera_position_world_m=frames.path.position_world_m,
             camera_quat_wxyz=frames.path.quat_wxyz,
+            rgb_counts=counts[0],
+            depth_counts=counts[1],
         )
     write_json(
         out_dir / "meta.json",
@@ -220,6 +225,8 @@ def _write_videos(
     frames_per_second: int,
     depth_range: DepthRange,
     codec: str,
+    rgb_counts: NDArray[np.int64],
+    depth_counts: NDArray[np.int64],
 ) -> int:
     """Encode both videos from one pass over `frames`, depth in a thread beside RGB."""
     waiting: queue.Queue[NDArray[np.float32] | BaseException | None] = queue.Queue(maxsize=4)
@@ -242,10 +249,12 @@ def _write_videos(
             depth_frames(),
             frames_per_second,
             depth_range,
+            depth_counts,
         )
         try:
+            colours = rgb_frames(depth_writer)
             count = write_rgb_video(
-                folder / "rgb.mp4", rgb_frames(depth_writer), frames_per_second, codec
+                folder / "rgb.mp4", colours, frames_per_second, codec, rgb_counts
             )
         except BaseException as error:
             _put(waiting, error, depth_writer)
