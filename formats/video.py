@@ -18,6 +18,7 @@ from typing import Any, cast
 import av
 import numpy as np
 from av.bitstream import BitStreamFilterContext
+from av.error import FFmpegError
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
@@ -267,11 +268,14 @@ def iterate_bitstream(path: Path) -> Iterator[bytes]:
     with open_video(path) as container:
         stream = container.streams.video[0]
         packets = demux_packets(path, container, stream)
-        if stream.codec.canonical_name == "h264":
-            annex_b = BitStreamFilterContext("h264_mp4toannexb", stream)
-            packets = (out for packet in packets for out in annex_b.filter(packet))
-        for packet in packets:
-            yield bytes(packet)
+        try:
+            if stream.codec.canonical_name == "h264":
+                annex_b = BitStreamFilterContext("h264_mp4toannexb", stream)
+                packets = (out for packet in packets for out in annex_b.filter(packet))
+            for packet in packets:
+                yield bytes(packet)
+        except FFmpegError as error:
+            raise FileFormatError(path, f"packets are corrupt ({error.strerror})") from error
 
 
 def concatenate_videos(paths: list[Path], out: Path) -> list[int]:

@@ -74,6 +74,13 @@ def copy_frames(path: Path, out: Path, first: int, count: int) -> None:
     Raises:
         FileFormatError: there are not so many frames, or the first is no key frame.
     """
+    try:
+        _copy_frames(path, out, first, count)
+    except FFmpegError as error:
+        raise FileFormatError(path, f"frame {first} ff. are corrupt ({error.strerror})") from error
+
+
+def _copy_frames(path: Path, out: Path, first: int, count: int) -> None:
     with (
         open_video(path) as source,
         atomic_file(out) as temporary,

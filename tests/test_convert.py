@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import re
+import shutil
 from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,8 @@ import cv2
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from tests.support.lerobot_data import write_unit, write_units
 from tests.support.rollouts import make_rollout
@@ -328,6 +332,40 @@ def test_bad_datasets_are_named(tmp_path: Path, damage: str, reason: str) -> Non
     with pytest.raises(FileFormatError, match=reason):
         for number in open_dataset(root).episodes:
             unit_from_dataset(root, number, tmp_path / f"out-{number}")
+
+
+def test_a_card_that_is_no_text_only_loses_the_title(tmp_path: Path) -> None:
+    assemble_dataset(write_units(tmp_path, (0.0,)), tmp_path / "set", **ASSEMBLY)
+    card = tmp_path / "set" / "README.md"
+    card.write_bytes(card.read_bytes().replace(b"pretty_name", b"\xffretty_name"))
+    assert open_dataset(tmp_path / "set").facts.title == "set"
+
+
+@settings(
+    max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(data=st.data())
+def test_any_damage_to_a_dataset_is_named_or_harmless(
+    small: Path, tmp_path: Path, data: st.DataObject
+) -> None:
+    root = tmp_path / "damaged"
+    shutil.rmtree(root, ignore_errors=True)
+    shutil.copytree(small, root)
+    path = data.draw(st.sampled_from(sorted(p for p in root.rglob("*") if p.is_file())))
+    content = bytearray(path.read_bytes())
+    place = data.draw(st.one_of(st.integers(0, 200), st.integers(0, len(content) - 1)))
+    content[min(place, len(content) - 1)] = data.draw(st.integers(0, 255))
+    path.write_bytes(content)
+    with contextlib.suppress(FileFormatError):
+        unit_from_dataset(root, open_dataset(root).episodes[0], tmp_path / "u")
+        mcap_from_unit(tmp_path / "u", tmp_path / "a.mcap")
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("small")
+    assemble_dataset(write_units(root, (0.5,)), root / "set", **ASSEMBLY)
+    return root / "set"
 
 
 def test_a_rollout_of_another_episode_is_refused(tmp_path: Path) -> None:

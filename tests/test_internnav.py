@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import shutil
 from collections.abc import Iterator
@@ -13,6 +14,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from tests.support.lerobot_data import write_unit
 from tests.support.rollouts import make_frames, make_images, make_rollout
@@ -136,6 +139,23 @@ def test_internnavs_loaders_read_ours(layout: Path) -> None:
         fell = number == 2
         assert data["tasks"][-1]["finish_status"] == ("fail" if fell else "success")
         assert data["tasks"][-1]["fail_reason"] == ("fall" if fell else "success")
+
+
+@pytest.mark.parametrize(
+    ("derived", "expected"),
+    [([0, 0, 1, 0, 2, 2, 0, 0, 0], [1, 1, 1, 2, 2, 2, 0, 0, 0]), ([0] * 9, [0] * 9)],
+)
+def test_standing_still_on_the_way_is_no_stop(
+    tmp_path: Path, derived: list[int], expected: list[int]
+) -> None:
+    folder = write_unit(tmp_path, make_rollout(2.0))  # by a continuous controller
+    rows = pq.read_table(folder / "rows.parquet")
+    at = rows.schema.names.index("action.discrete")
+    changed = rows.set_column(at, rows.schema.field(at), pa.array(derived))
+    pq.write_table(changed, folder / "rows.parquet")
+    write_scene(tmp_path / "n1/r2r/s", [SceneEpisode(folder, ("Go.",))], Vocabulary.of(["Go."]))
+    data = loader_data(tmp_path / "n1", "r2r_s_000_000000")
+    assert data["action"].tolist() == expected
 
 
 def test_instructions_are_told_once_and_have_tokens(layout: Path) -> None:
@@ -282,6 +302,9 @@ def set_entry(value: Any) -> Any:
 DAMAGE: dict[str, str] = {
     "cut colour": "truncated or corrupt",
     "pickled depth": "truncated or corrupt",
+    "strange header": "truncated or corrupt",
+    "negative length": "truncated or corrupt",
+    "far away": "column observation.robot_position: 1e\\+200",
     "no colour": "missing",
     "fewer rows": "8 rows, 9 colour and 9 depth frames",
     "fewer depths": "9 rows, 9 colour and 7 depth frames",
@@ -307,6 +330,12 @@ def break_layout(scene: Path, damage: str) -> None:
             rgb.write_bytes(rgb.read_bytes()[:-1000])
         case "pickled depth":
             np.save(depth, np.array([{"a": 1}], dtype=object), allow_pickle=True)
+        case "strange header":
+            rgb.write_bytes(rgb.read_bytes().replace(b"'descr'", b"'\x02escr", 1))
+        case "negative length":
+            rgb.write_bytes(rgb.read_bytes().replace(b"(9, 64", b"(-9,64", 1))
+        case "far away":
+            damage_rows(rows, "observation.robot_position", set_entry(1e200))
         case "no colour":
             rgb.unlink()
         case "fewer rows":
@@ -340,6 +369,29 @@ def test_damaged_episodes_are_named(layout: Path, tmp_path: Path, damage: str) -
     with pytest.raises(FileFormatError, match=DAMAGE[damage]):
         unit_from_layout(scene, 0, tmp_path / "out" / "u", Assumptions())
     assert not (tmp_path / "out").exists() or list((tmp_path / "out").iterdir()) == []
+
+
+@settings(
+    max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(data=st.data(), foreign=st.booleans())
+def test_any_damage_is_named_or_harmless(
+    layout: Path, tmp_path: Path, data: st.DataObject, foreign: bool
+) -> None:
+    scene = tmp_path / "damaged" / "r2r" / "s"
+    shutil.rmtree(scene, ignore_errors=True)
+    shutil.copytree(layout / "r2r" / "two-rooms", scene)
+    if foreign:
+        (scene / "meta" / "vlnpe_episodes.jsonl").unlink()
+    path = data.draw(st.sampled_from(sorted(p for p in scene.rglob("*") if p.is_file())))
+    content = bytearray(path.read_bytes())
+    place = data.draw(st.one_of(st.integers(0, 200), st.integers(0, len(content) - 1)))
+    content[min(place, len(content) - 1)] = data.draw(st.integers(0, 255))
+    path.write_bytes(content)
+    with contextlib.suppress(FileFormatError, InputError):
+        (found,) = find_scenes(scene)
+        unit_from_layout(found, 0, tmp_path / "u", Assumptions(robot="h1"))
+        read_episode_unit(tmp_path / "u")
 
 
 def test_repeated_instructions_count_once(layout: Path, tmp_path: Path) -> None:
@@ -389,9 +441,9 @@ def test_the_command_converts_to_the_layout_and_back(
         json.dumps({"instruction_vocab": {"word_list": ["<pad>", "<unk>", "sofa", "walk", "."]}})
     )
     call = ["convert", str(tmp_path / "set"), "--to", "n1", "--out", str(tmp_path / "there")]
-    assert cli.main([*call, "--vocabulary", str(words)]) == 0
+    assert cli.main([*call, "--vocabulary", str(words), "--scan", "r2r_flash"]) == 0
     root = tmp_path / "there" / "n1" / "set"
-    tasks = [t for key in loader_keys(root, ["r2r"]) for t in loader_data(root, key)["tasks"]]
+    tasks = [t for key in loader_keys(root, ["r2r_flash"]) for t in loader_data(root, key)["tasks"]]
     assert tasks[0]["instruction_tokens"][:3] == [3, 1, 1]
     back = ["convert", str(root), "--to", "lerobot", "--out", str(tmp_path / "back")]
     assert cli.main(back) == 0

@@ -106,7 +106,7 @@ def open_dataset(root: Path) -> Dataset:
             if missing:
                 raise FileFormatError(path, f"not vlnpe's episodes: no column {missing[0]}")
             numbers += pq.read_table(path, columns=["episode_index"])[0].to_pylist()
-        except (OSError, pa.ArrowException) as error:
+        except (OSError, ValueError, pa.ArrowException) as error:
             raise FileFormatError(path, f"not readable ({error})") from error
     if not numbers or sorted(numbers) != list(range(info["total_episodes"])):
         raise FileFormatError(
@@ -204,7 +204,7 @@ def _episode_row(root: Path, number: int) -> dict[str, Any]:
     for path in _episode_files(root):
         try:
             rows = pq.read_table(path, filters=[("episode_index", "=", number)]).to_pylist()
-        except (OSError, pa.ArrowException) as error:
+        except (OSError, ValueError, pa.ArrowException) as error:
             raise FileFormatError(path, f"not readable ({error})") from error
         if rows:
             return rows[0]
@@ -218,7 +218,7 @@ def _frame_rows(
     schema = unit_schema(info["features"])
     try:
         table = pq.read_table(path, filters=[("episode_index", "=", number)], columns=schema.names)
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, ValueError, pa.ArrowException) as error:
         raise FileFormatError(path, f"not readable ({error})") from error
     if table.num_rows != length:
         raise FileFormatError(path, f"episode {number} has {table.num_rows} of {length} rows")
@@ -255,7 +255,7 @@ def _card_front(path: Path) -> dict[str, str]:
     if not path.is_file():
         return {}
     found = {}
-    for line in path.read_text().partition("\n---")[0].splitlines():
+    for line in path.read_text(errors="replace").partition("\n---")[0].splitlines():
         key, _, value = line.partition(": ")
         if key in ("license", "pretty_name"):
             try:

@@ -63,8 +63,14 @@ _ARROW = {"float64": pa.float64(), "float32": pa.float32(), "int64": pa.int64()}
 _RESERVED_SCENES = ("flash", "aliengo")
 
 
+SCANS = ("r2r", "r2r_aliengo", "r2r_flash")
+
+
 def scan_name(robot: str, controller: str) -> str:
-    """The folder of a robot's data; the loaders read no others than these three."""
+    """The folder of a robot's data, one of `SCANS`: the loaders read no others.
+
+    Left to themselves they read `r2r` alone, and the others when they are asked for.
+    """
     if controller == "flash":
         return "r2r_flash"
     return "r2r_aliengo" if robot == "aliengo" else "r2r"

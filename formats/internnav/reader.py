@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from . import layout
 from .layout import COLUMNS
 
 MAX_DEPTH = 3  # folders between a root and its scenes' trajectories
+MAX_NUMBER = 1e6  # of metres, radians or rows: more is damage
 _UNIT_NORM = 1e-3
 _TRAJECTORY = re.compile(r"(trajectory|episode|traj)?[_-]?\d+")
 
@@ -167,7 +169,7 @@ def _place(template: str, number: int, key: str = "") -> str:
 def _read_columns(path: Path) -> dict[str, NDArray[Any]]:
     try:
         table = pq.read_table(path)
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, ValueError, pa.ArrowException) as error:
         raise FileFormatError(path, f"not readable ({error})") from error
     missing = sorted(set(COLUMNS) - set(table.schema.names))
     if missing:
@@ -186,6 +188,8 @@ def _read_columns(path: Path) -> dict[str, NDArray[Any]]:
                 raise FileFormatError(path, f"column {name}; valid: {size} numbers per row")
             if not np.all(np.isfinite(values)):
                 raise FileFormatError(path, f"column {name} is not finite everywhere")
+            if np.any(np.abs(values) > MAX_NUMBER):
+                raise FileFormatError(path, f"column {name}: {np.abs(values).max():.3g}")
             values = values.astype(dtype).reshape((-1, size) if size > 1 else (-1,))
         columns[name] = values
     for name in ("observation.camera_orientation", "observation.robot_orientation"):
@@ -205,7 +209,17 @@ def _read_images(path: Path) -> NDArray[Any]:
         return np.load(path, mmap_mode="r", allow_pickle=False)
     except FileNotFoundError as error:
         raise FileFormatError(path, "missing") from error
-    except (OSError, EOFError, ValueError) as error:
+    except (
+        OSError,
+        EOFError,
+        ValueError,
+        TypeError,
+        SyntaxError,
+        OverflowError,
+        MemoryError,
+        TokenError,
+    ) as error:
+        # The header is a Python literal; a damaged one makes NumPy stumble in many ways.
         raise FileFormatError(path, f"truncated or corrupt ({error})") from error
 
 

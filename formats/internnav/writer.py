@@ -22,7 +22,7 @@ from ..errors import FileFormatError
 from ..frames import OPTICAL_IN_BODY, matrix_to_quat, quat_multiply, quat_to_yaw
 from ..lerobot import layout as v3
 from ..lerobot.unit import EpisodeUnit, read_episode_unit
-from ..rollout import EndReason
+from ..rollout import Action, EndReason
 from ..video import iterate_depth_video, iterate_rgb_video
 from ..vocabulary import Vocabulary
 from . import layout
@@ -157,7 +157,7 @@ def _columns(
         "observation.robot_yaw": quat_to_yaw(rollout.quat_wxyz),
         "observation.progress": np.ravel(rows["observation.progress"]),
         "observation.step": index,
-        "observation.action": np.ravel(rows["action.discrete"]),
+        "observation.action": _actions(unit, np.ravel(rows["action.discrete"])),
         "timestamp": index / unit.frames_per_second,
         "frame_index": index,
         "episode_index": np.full(count, number),
@@ -166,6 +166,19 @@ def _columns(
     }
     # Names that both layouts use hold the same numbers in both.
     return columns | {key: values for key, values in rows.items() if key not in columns}
+
+
+def _actions(unit: EpisodeUnit, discrete: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Actions (T,) in the loaders' sense: STOP ends the episode.
+
+    A continuous controller's robot also stands still on its way, or is slow; a frame then takes the
+    action with which it goes on.
+    """
+    if not unit.columns["action_discrete_derived"]:
+        return discrete
+    moves = np.flatnonzero(discrete)
+    following = np.searchsorted(moves, np.arange(len(discrete)))
+    return np.append(discrete[moves], int(Action.STOP))[following]
 
 
 def _write_table(root: Path, number: int, columns: Mapping[str, NDArray[Any]]) -> None:

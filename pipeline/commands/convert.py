@@ -39,6 +39,9 @@ class Convert:
     """Licence of data that does not tell its own."""
     vocabulary: Path | None = None
     """N1: take instruction tokens from this VLN-CE episode file; by default our own words."""
+    scan: Literal["r2r", "r2r_aliengo", "r2r_flash"] | None = None
+    """N1: the folder to write; by default as robot and controller say. InternNav reads r2r unless
+    told otherwise."""
     robot: str | None = None
     """N1 in: whose data it is; by default as its info.json or its folder says."""
     hfov_deg: float = Assumptions.hfov_deg
@@ -113,4 +116,5 @@ def _options(options: Convert) -> convert.Options:
             options.rgb_codec,
             rate,
         ),
+        options.scan,
     )

@@ -56,11 +56,13 @@ class Options:
         licence: of data that does not tell its own.
         vocabulary: VLN-CE episode file whose words give InternNav's tokens; None: our own words.
         assumptions: of what InternData-N1 does not tell.
+        scan: InternData-N1's folder to write, one of `layout.SCANS`; None: as the robot says.
     """
 
     licence: str
     vocabulary: Path | None
     assumptions: Assumptions
+    scan: str | None = None
 
 
 @dataclass(frozen=True)
@@ -317,7 +319,7 @@ def _scene_items(
     scenes: dict[tuple[str, str], list[tuple[EpisodeUnit, SceneEpisode, str]]] = {}
     for unit, own, row in zip(units, tasks, rows.values(), strict=True):
         place = (
-            layout.scan_name(unit.robot, unit.columns["controller"]),
+            options.scan or layout.scan_name(unit.robot, unit.columns["controller"]),
             layout.scene_name(unit.columns["scene_id"]),
         )
         scenes.setdefault(place, []).append((unit, SceneEpisode(unit.folder, own), row.key))
