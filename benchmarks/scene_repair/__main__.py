@@ -1,20 +1,31 @@
-"""`python -m benchmarks.scene_repair`: plant, repair, measure, and write README.md beside this."""
+"""`python -m benchmarks.scene_repair --complete`: plant, repair, measure, write README.md here.
+
+Without `--complete` it runs what is asked for and prints. Results are kept under
+`runs/bench_scene_repair` and taken again while the code is the same.
+"""
 
 from __future__ import annotations
 
 import logging
+import multiprocessing
+import os
 import sys
-from dataclasses import dataclass
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import tyro
 
-from .cases import Case, apartment_case, house_cases, run_case
-from .scenes import HEADSETS, SHARED, TUNING_SEEDS
-from .tables import by_kind, missed, summary
+from . import report, speed, walk
+from .cases import Case, apartment_case, real_cases, run_case
+from .scenes import HELD_OUT_SEEDS, TUNING_SEEDS
+from .store import Result
 
 log = logging.getLogger("benchmarks")
-RUN = Path(__file__).resolve().parents[2] / "runs" / "bench_scene_repair"
+HERE = Path(__file__).resolve().parent
+RUN = HERE.parents[1] / "runs" / "bench_scene_repair"
+WALK_SEEDS = tuple(range(12))
 
 
 @dataclass(frozen=True)
@@ -23,32 +34,100 @@ class Options:
 
     Attributes:
         seeds: of built-in apartments.
-        scenes: real scans: small_house, quest_….
-        run: folder for scans and repaired scenes.
+        held_out: how many of the seeds that nobody tunes on; none while tuning.
+        scenes: real scans by name, `all` or none.
+        fillers: compare other fillers on the first so many apartments and all real scans.
+        speed: measure time and memory, which takes minutes on an idle core.
+        walks: so many holes are walked over.
+        complete: everything, 40 apartments among it, and write README.md: half an hour or more.
+        quick: two apartments and the real scans, nothing else.
+        keep: take results of older repair code for good.
+        workers: processes.
+        run: folder for scans, scenes and results.
+        write: write README.md and its picture, whatever was run.
     """
 
     seeds: tuple[int, ...] = TUNING_SEEDS
-    scenes: tuple[str, ...] = ("small_house", *HEADSETS)
+    held_out: int = 0
+    scenes: tuple[str, ...] = ("all",)
+    fillers: int = 4
+    speed: bool = False
+    walks: int = 0
+    complete: bool = False
+    quick: bool = False
+    keep: bool = False
+    workers: int = 1
     run: Path = RUN
+    write: bool = False
 
 
 def main(options: Options) -> int:
     logging.basicConfig(level=logging.WARNING, format="%(message)s")
     log.setLevel(logging.INFO)
-    cases = [apartment_case(seed, "apartments") for seed in options.seeds]
-    if SHARED.is_dir():
-        for scene in options.scenes:
-            more = scene in HEADSETS
-            cases += [Case("real scans", scene, 0)] if more else house_cases("real scans")
-    scores = []
-    for case in cases:
-        out = options.run / f"{case.scene} {case.seed}".replace(" ", "-")
-        result, seconds = run_case(case, options.run / "scans", out)
-        scores.append(result)
-        log.info("%s, repaired in %.1f s", case.scene, seconds)
-        log.info("%s\n", "\n".join(missed([result])))
-    log.info("%s", "\n".join([*summary(scores), "", *by_kind(scores), "", *missed(scores)]))
+    options.run.mkdir(parents=True, exist_ok=True)
+    if options.complete:
+        held_out = len(HELD_OUT_SEEDS)
+        options = replace(options, held_out=held_out, speed=True, walks=50, write=True)
+    text = "\n".join(sections(options))
+    if options.write:
+        (HERE / "README.md").write_text(text)
+    log.info("%s", text)
     return 0
+
+
+def sections(options: Options) -> list[str]:
+    """The report's lines."""
+    seeds = options.seeds[:2] if options.quick else options.seeds
+    held_out = HELD_OUT_SEEDS[: options.held_out]
+    groups = {
+        report.TUNING: [apartment_case(seed, report.TUNING) for seed in seeds],
+        report.HELD_OUT: [apartment_case(seed, report.HELD_OUT) for seed in held_out],
+        report.REAL: [
+            case
+            for case in real_cases(report.REAL)
+            if "all" in options.scenes or case.scene in options.scenes
+        ],
+    }
+    compared = {*groups[report.TUNING][: options.fillers], *groups[report.REAL]}
+    if options.fillers == 0:
+        compared = set()
+    cases = [case for group in groups.values() for case in group]
+    done = dict(zip(cases, _results(cases, compared, options), strict=True))
+    lines = [report.INTRODUCTION.format(machine=_machine())]
+    for title, members in groups.items():
+        lines += report.group_section(title, [(case, done[case]) for case in members])
+    lines += report.filler_section([(case, done[case]) for case in cases])
+    runs = speed.measure(options.run / "scans", options.run) if options.speed else []
+    lines += report.speed_section(runs, HERE if options.write else options.run)
+    walks = []
+    if options.walks:
+        walks = walk.walks(WALK_SEEDS, options.run / "scans", options.run, options.walks)
+    return lines + report.walk_section(walks)
+
+
+def _results(cases: list[Case], compared: set[Case], options: Options) -> list[Result]:
+    work = partial(_one, run=options.run, keep=options.keep)
+    flags = [case in compared for case in cases]
+    if options.workers == 1:
+        return [_told(case, work(case, flag)) for case, flag in zip(cases, flags, strict=True)]
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(options.workers, mp_context=context) as pool:
+        results = pool.map(work, cases, flags)
+        return [_told(case, result) for case, result in zip(cases, results, strict=True)]
+
+
+def _one(case: Case, with_fillers: bool, run: Path, keep: bool) -> Result:
+    return run_case(case, run, with_fillers, keep)
+
+
+def _told(case: Case, result: Result) -> Result:
+    log.info("%s, repaired in %.1f CPU seconds", case.folder, result.seconds)
+    return result
+
+
+def _machine() -> str:
+    load = os.getloadavg()[0]
+    return f"On {os.cpu_count()} cores, load {load:.1f} at the end of repairing."
 
 
 if __name__ == "__main__":

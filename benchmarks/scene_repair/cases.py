@@ -13,9 +13,11 @@ from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
 
 from .decoys import DECOYS
+from .fillers import compare
 from .plant import plant
-from .scenes import HOUSE, Source, apartment, headset, house, write_planted
-from .score import Score, score
+from .scenes import HEADSETS, HOUSE, SHARED, Source, apartment, headset, house, write_planted
+from .score import score
+from .store import Result, load, path_of, repair_code, save
 
 HOLES, HOUSE_ROUNDS = 24, 3
 # Pictures are drawn small: nobody looks at hundreds of them.
@@ -38,6 +40,11 @@ class Case:
     seed: int
     decoys: tuple[str, ...] = ()
 
+    @property
+    def folder(self) -> str:
+        """Name of its folder."""
+        return f"{self.scene} {self.seed}".replace(" ", "-")
+
 
 def apartment_case(seed: int, group: str) -> Case:
     """Holes and two decoys in an apartment; which ones, its seed decides."""
@@ -46,9 +53,12 @@ def apartment_case(seed: int, group: str) -> Case:
     return Case(group, f"apartment {seed}", seed, pairs[seed % len(pairs)])
 
 
-def house_cases(group: str) -> list[Case]:
-    """The house, planted several times."""
-    return [Case(group, HOUSE, k, tuple(DECOYS)) for k in range(HOUSE_ROUNDS)]
+def real_cases(group: str) -> list[Case]:
+    """The house, planted several times, and the headsets' rooms; none if they are not here."""
+    if not SHARED.is_dir():
+        return []
+    rounds = [Case(group, HOUSE, k, tuple(DECOYS)) for k in range(HOUSE_ROUNDS)]
+    return rounds + [Case(group, name, 0) for name in HEADSETS]
 
 
 def open_source(scene: str, cache: Path) -> Source:
@@ -58,21 +68,30 @@ def open_source(scene: str, cache: Path) -> Source:
     return house() if scene == HOUSE else headset(scene)
 
 
-def run_case(case: Case, cache: Path, out: Path, holes: int = HOLES) -> tuple[Score, float]:
-    """Plant, repair, measure; and the seconds that the repair took.
+def run_case(case: Case, run: Path, with_fillers: bool, keep: bool = False) -> Result:
+    """Plant, repair and measure, unless that was done with the same code.
 
     Args:
         case: what.
-        cache: where scans of built-in apartments are kept.
-        out: a folder for the planted scan and the repaired scene; emptied first.
-        holes: how many to plant.
+        run: folder for scans, planted scans, repaired scenes and results.
+        with_fillers: let other fillers work on the same scan, too.
+        keep: take a result of older repair code for good.
     """
-    source = open_source(case.scene, cache)
-    planted = plant(source.site, np.random.default_rng(case.seed), holes, case.decoys)
+    path = path_of(run, case, HOLES, with_fillers)
+    known = load(path)
+    if known is not None and (keep or known.code == repair_code()):
+        return known
+    code = repair_code()
+    source = open_source(case.scene, run / "scans")
+    planted = plant(source.site, np.random.default_rng(case.seed), HOLES, case.decoys)
+    out = run / case.folder
     shutil.rmtree(out, ignore_errors=True)
     (out / "bundle").mkdir(parents=True)
     scan = write_planted(planted, source, out)
-    started = time.perf_counter()
+    started = time.process_time()
     bundle = repair_scene(scan, out / "bundle", CONFIG, lambda _: None)
-    seconds = time.perf_counter() - started
-    return score(planted, bundle), seconds
+    seconds = time.process_time() - started
+    others = compare(planted, scan, out) if with_fillers else []
+    result = Result(code, score(planted, bundle), seconds, others)
+    save(path, result)
+    return result

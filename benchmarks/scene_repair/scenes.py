@@ -39,14 +39,20 @@ class Source:
     site: Site
 
 
-def apartment(seed: int, cache: Path) -> Source:
-    """The built-in apartment of a seed, scanned into `cache` unless it lies there already."""
+def scan_folder(seed: int, cache: Path) -> Path:
+    """Where the apartment of a seed lies, scanned into `cache` unless it was before."""
     key = hashlib.sha256(repr(APARTMENT).encode()).hexdigest()[:12]
     folder = cache / f"apartment-{seed}-{key}"
     if not (folder / "truth.npz").is_file():
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         generate_scan(seed, folder, APARTMENT, lambda _: None)
+    return folder
+
+
+def apartment(seed: int, cache: Path) -> Source:
+    """The built-in apartment of a seed."""
+    folder = scan_folder(seed, cache)
     with np.load(folder / "truth.npz") as truth:
         rows, columns = (int(v) for v in truth["shape"])
         x, y = (float(v) for v in truth["origin_xy_m"])

@@ -110,7 +110,7 @@ def by_kind(scores: Sequence[Score]) -> list[str]:
 def missed(scores: Sequence[Score]) -> list[str]:
     """Holes that stayed open, and decoys that were filled, with the repair's own reason."""
     rows = [
-        f"| {s.scene} | {h.hole.name} | {100 * h.hole.size_m:.0f} | {1e4 * h.area_m2:.0f} "
+        f"| {s.scene} | {h.hole.name} | {_middle(h)} | {100 * h.hole.size_m:.0f} | {1e4 * h.area_m2:.0f} "
         f"| {100 * h.share:.1f} | {h.reason} |"
         for s in scores
         for h in s.holes
@@ -119,10 +119,16 @@ def missed(scores: Sequence[Score]) -> list[str]:
     if not rows:
         return ["None."]
     return [
-        "| scene | hole | cm | cm² | % filled | what repair.json says |",
-        "| --- | --- | ---: | ---: | ---: | --- |",
+        "| scene | hole | at x, y | cm | cm² | % filled | what repair.json says |",
+        "| --- | --- | ---: | ---: | ---: | ---: | --- |",
         *rows,
     ]
+
+
+def _middle(score: HoleScore) -> str:
+    lower, upper = score.hole.outline.bounds_m()
+    x, y = (lower + upper) / 2
+    return f"{x:.2f}, {y:.2f}"
 
 
 def _group_table(title: str, groups: list[tuple[str, list[HoleScore]]]) -> list[str]:
