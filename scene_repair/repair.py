@@ -17,13 +17,13 @@ from .bounds import robust_bounds
 from .collision import build_collision
 from .columns import sample_columns
 from .config import RepairConfig
-from .label_files import read_labels
 from .level_floor import RepairedFloor, repair_floor
 from .levels import ScannedFloor, averted_faces, find_levels
 from .orient import orient
 from .output import Repaired, write_scene
 from .read_scan import read_scan
 from .scan import ScanObject
+from .scan_labels import label_scan
 from .semantics import label_by_boxes, not_floor, structural
 from .surfaces import find_surfaces
 from .verify import probe_level
@@ -48,7 +48,8 @@ def repair_scene(
     """Read the scan `source` and write the repaired scene into the existing folder `out_dir`.
 
     Args:
-        source: a mesh, USD stage or point cloud; `<stem>.labels.json` beside it is used if there.
+        source: a mesh, USD stage or point cloud; `<stem>.labels.json` and
+            `<stem>.house` beside it are used if there.
         out_dir: an empty folder; the caller makes it atomic.
         config: settings; None = the defaults.
         progress: called with one short line before each step.
@@ -65,7 +66,7 @@ def repair_scene(
     source = Path(source)
     tell(f"reading {source.name}")
     scan = read_scan(source)
-    boxes = read_labels(source)
+    scan, boxes = label_scan(source, scan)
     way = orient(scan, config)
     scan = label_by_boxes(scan, boxes, way.source_to_world)
     tell(

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..formats.scene_bundle import LabeledObject
 from .label_files import LabelBox
+from .labels import THINGS
 from .scan import Scan, ScanObject
 
 # How far outside its labelled box a face may lie and still belong to it.
@@ -20,7 +21,6 @@ ROOM_PREFIX = "room:"
 FLOOR_CATEGORIES = frozenset(
     {"floor", "carpet", "rug", "mat", "ground", "tile", "tiles", "threshold", "doormat", "ramp"}
 )
-UNKNOWN_CATEGORIES = frozenset({"", "unlabelled", "unknown", "misc", "other", "void"})
 
 
 def label_by_boxes(scan: Scan, boxes: list[LabelBox], source_to_world: NDArray[np.float64]) -> Scan:
@@ -79,18 +79,17 @@ def structural(scan: Scan) -> NDArray[np.bool_]:
 
 
 def not_floor(scan: Scan) -> NDArray[np.bool_]:
-    """(F,) faces whose object is named as something that is no floor."""
-    if not scan.objects:
-        return np.zeros(len(scan.faces), dtype=bool)
-    named = np.array(
-        [o.category not in UNKNOWN_CATEGORIES and not _floor_like(o.category) for o in scan.objects]
-        + [False]
-    )
-    return named[scan.face_object]
+    """(F,) faces whose object is named as something that certainly is no floor.
+
+    A node called after nothing known (`apartment`, `chunk_12`) may hold floor as well.
+    """
+    named = [bool(THINGS.intersection(o.category.split()[-1:])) for o in scan.objects]
+    return np.array([*named, False])[scan.face_object]
 
 
 def _floor_like(category: str) -> bool:
-    return any(word in FLOOR_CATEGORIES for word in category.split())
+    """What ends in a floor's word: a tile floor, but no floor lamp."""
+    return bool(FLOOR_CATEGORIES.intersection(category.split()[-1:]))
 
 
 def labelled_objects(

@@ -1,0 +1,88 @@
+"""All labels of a scan together: those in the file, a labels file, and a `.house` file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .bounds import robust_bounds
+from .house_file import House, read_house
+from .label_files import LabelBox, read_labels
+from .scan import Scan
+
+# Ways in which a z-up building may lie in its file: as it is, or turned y up.
+FRAMES = {
+    "z": np.eye(3),
+    "y": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
+}
+# Bounds of a file and of its labels agree at least this well, as shared over joint volume.
+LEAST_AGREEMENT = 0.3
+# Boxes of one category that share so much of their joint volume are one thing.
+SAME = 0.4
+
+
+def label_scan(source: Path, scan: Scan) -> tuple[Scan, list[LabelBox]]:
+    """Boxes in source coordinates, and the scan with what its labels tell about up.
+
+    A labels file goes before names in the scan, and those before a `.house` file: what is there
+    twice is taken once.
+
+    Raises:
+        FileFormatError: a label file beside the scan is damaged.
+    """
+    boxes = read_labels(source)
+    path = source.with_suffix(".house")
+    if not path.is_file():
+        return scan, boxes
+    house = read_house(path)
+    up, agreement = _frame(house, scan)
+    if agreement < LEAST_AGREEMENT:
+        line = (
+            f"{path.name}: its bounds share {100 * agreement:.0f} % of their volume with the "
+            "scan's; its labels are not used"
+        )
+        return replace(scan, warnings=(*scan.warnings, line)), boxes
+    known = [_bounds(box.corners()) for box in boxes], [box.category for box in boxes]
+    for k, thing in enumerate(scan.objects):
+        faces = scan.faces[scan.face_object == k]
+        if len(faces):
+            known[0].append(_bounds(scan.vertices[faces.ravel()]))
+            known[1].append(thing.category)
+    turn = FRAMES[up]
+    for box in house.boxes:
+        turned = replace(box, center=turn @ box.center, axes=box.axes @ turn.T)
+        here = _bounds(turned.corners())
+        if not any(
+            category == box.category and _shared(here, there) > SAME
+            for there, category in zip(*known, strict=True)
+        ):
+            boxes.append(turned)
+    reason = f"the bounds in {path.name} agree with {up} up ({100 * agreement:.0f} % shared)"
+    unit = scan.unit or ("m", f"{path.name} is in metres")
+    return replace(scan, up=(up, reason), unit=unit), boxes
+
+
+def _bounds(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.stack([points.min(axis=0), points.max(axis=0)])
+
+
+def _frame(house: House, scan: Scan) -> tuple[str, float]:
+    """The frame in which the building's bounds agree best with the scan's, and how well."""
+    there = np.stack(robust_bounds(scan.vertices, scan.faces))
+    agreement = {
+        name: _shared(_bounds(np.stack([house.lower, house.upper]) @ turn.T), there)
+        for name, turn in FRAMES.items()
+    }
+    best = max(agreement, key=lambda name: agreement[name])
+    return best, agreement[best]
+
+
+def _shared(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    """Shared over joint volume of two boxes given by their corners (2, 3)."""
+    sides = np.minimum(one[1], other[1]) - np.maximum(one[0], other[0])
+    both = float(np.prod(np.maximum(sides, 0.0)))
+    joint = float(np.prod(one[1] - one[0]) + np.prod(other[1] - other[0])) - both
+    return both / joint if joint > 0 else 0.0
