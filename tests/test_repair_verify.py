@@ -10,13 +10,17 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 import trimesh
 from numpy.typing import NDArray
+from PIL import Image
 from pxr import Usd, UsdGeom, Vt
 
 from tests.support import scans
+from vlnpe.collectors.physics.level_model import build_level_model
+from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.errors import FileFormatError
 from vlnpe.formats.scene_bundle import SceneBundle, load_bundle
 from vlnpe.pipeline.commands.look import Verify, run_verify
@@ -201,6 +205,71 @@ def test_gap_that_nobody_lists_is_found(copied: SceneBundle) -> None:
     unlisted = verify_scene(copied)["levels"][0]["holes_unlisted"]
     assert len(unlisted) == 1 and near_hole(unlisted[0]["xy_m"])
     assert unlisted[0]["area_m2"] == pytest.approx(np.pi * 0.16, rel=0.2)
+
+
+def test_every_storey_is_verified_and_drawn(tmp_path: Path) -> None:
+    """Two floors joined by a stairwell, which stays open; each has a hole that is filled."""
+    well = scans.rectangle((3.0, 1.0), (4.5, 2.0))
+    parts = [
+        scans.sheet((0, 0), (5, 4), without=scans.disc(*HOLE)),
+        *scans.walls((0, 0), (5, 4), height=5.6),
+        scans.sheet((0, 0), (5, 4), z=2.6, facing_up=False, without=well),
+        scans.sheet((0, 0), (5, 4), z=2.8, without=scans.either(well, scans.disc(1.5, 3.0, 0.3))),
+        scans.box((2.98, 0.98, 2.6), (4.52, 1.0, 2.8)),
+        scans.box((2.98, 2.0, 2.6), (4.52, 2.02, 2.8)),
+        scans.box((2.98, 1.0, 2.6), (3.0, 2.0, 2.8)),
+        scans.box((4.5, 1.0, 2.6), (4.52, 2.0, 2.8)),
+        scans.box((1.0, 1.0, 2.8), (1.6, 1.6, 3.2)),
+    ]
+    out = tmp_path / "bundle"
+    out.mkdir()
+    config = RepairConfig(picture_px=300)
+    bundle = repair_scene(scans.write_glb(parts, tmp_path / "s.glb"), out, config)
+    assert bundle.level_floor_z_m == pytest.approx((0.0, 2.8), abs=1e-3)
+    proof = verify_scene(bundle)
+    assert proof["problems"] == []
+    assert [level["floor_area_m2"] > 15 for level in proof["levels"]] == [True, True]
+    stage = Usd.Stage.Open(str(out / "scene.usdc"))
+    assert [bool(stage.GetPrimAtPath(f"/World/Collision/Floor_{k}")) for k in range(3)] == [
+        True,
+        True,
+        False,
+    ]
+    # The stairwell is open in both maps, and a crate upstairs is no obstacle downstairs.
+    assert not bundle.floor(1).covered[tuple(bundle.floor(1).grid.cell_of((3.7, 1.5)))]
+    crate = bundle.obstacles(1).center_m[:, :2] - (1.3, 1.3)
+    assert (np.abs(crate) < 0.35).all(axis=1).any()
+    free = bundle.freemap(0)
+    assert free.traversable[tuple(free.grid.cell_of((1.3, 1.3)))]
+    with Image.open(out / "after.png") as picture:
+        assert picture.height > 1.5 * picture.width
+    # Taking the patch upstairs away is found upstairs.
+    visual = bundle.visual()
+    patch = [k for k, m in enumerate(bundle.materials) if m.name == "floor_patch_1"]
+    rewrite(out / "visual.npz", without(np.flatnonzero(np.isin(visual.face_material, patch))))
+    problems = verify_scene(bundle)["problems"]
+    assert problems and all(p.startswith("level 1: ") for p in problems)
+
+
+def test_compiled_physics_has_the_verified_floor(sound: SceneBundle) -> None:
+    """Rays and a robot meet MuJoCo's floor where the triangles are: the sunken part, too."""
+    model = build_level_model(sound, 0, get_robot("jetbot"))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    freemap = sound.freemap(0)
+    index = np.argwhere(freemap.free(0.1))[::7]
+    robot = model.body("robot/" + get_robot("jetbot").root_body).id
+    geom = np.zeros(1, dtype=np.int32)
+    off = []
+    for (x, y), (row, column) in zip(freemap.grid.center_of(index), index, strict=True):
+        start = np.array([x, y, 0.5])
+        down = np.array([0.0, 0.0, -1.0])
+        reach = mujoco.mj_ray(model, data, start, down, None, 1, robot, geom, None)
+        if model.geom(geom[0]).name == "floor":
+            off.append(0.5 - reach - float(freemap.floor_z_m[row, column]))
+    assert len(off) > 0.9 * len(index)
+    assert np.abs(off).max() < 0.01
 
 
 @pytest.mark.parametrize("name", ["scene.usdc", "repair.json", "visual.npz"])
