@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from typing import Any
 
 from .plan import DatasetRow, MixturePlan
@@ -10,13 +12,15 @@ _HEAD = ("source", "dataset", "robot", "episodes", "frames", "weight", "share", 
 
 
 def plan_text(plan: MixturePlan) -> str:
-    """A table in fixed columns: one line per dataset, with what was left out and why."""
+    """A table in fixed columns: a line per dataset, with what was left out of it and why.
+
+    Datasets of which a source takes nothing share a line.
+    """
     lines: list[tuple[str, ...]] = [_HEAD]
     for source in plan.sources:
-        taken = _items(plan, source.rows)
-        for row in source.rows:
-            share = source.share * _items(plan, (row,)) / max(taken, 1)
-            left = ", ".join(f"{n} {reason}" for reason, n in sorted(row.dropped.items()))
+        taken = [row for row in source.rows if row.episodes]
+        for row in taken:
+            share = source.share * _items(plan, (row,)) / _items(plan, source.rows)
             lines.append(
                 (
                     source.name,
@@ -26,9 +30,13 @@ def plan_text(plan: MixturePlan) -> str:
                     str(row.frames),
                     f"{source.weight:g}",
                     f"{100 * share:.1f} %",
-                    left or "-",
+                    _reasons([row]),
                 )
             )
+        others = [row for row in source.rows if not row.episodes]
+        if others:
+            name = f"({len(others)} other dataset{'s' * (len(others) > 1)})"
+            lines.append((source.name, name, "", "0", "0", "", "", _reasons(others)))
     total = [row for source in plan.sources for row in source.rows]
     episodes, frames = sum(r.episodes for r in total), sum(r.frames for r in total)
     lines.append(("all", "", "", str(episodes), str(frames), "", "100.0 %", ""))
@@ -69,6 +77,13 @@ def plan_json(plan: MixturePlan) -> dict[str, Any]:
             for source in plan.sources
         ],
     }
+
+
+def _reasons(rows: Sequence[DatasetRow]) -> str:
+    counts: Counter[str] = Counter()
+    for row in rows:
+        counts.update(row.dropped)
+    return ", ".join(f"{count} {reason}" for reason, count in sorted(counts.items())) or "-"
 
 
 def _items(plan: MixturePlan, rows: tuple[DatasetRow, ...]) -> int:
