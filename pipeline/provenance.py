@@ -81,6 +81,21 @@ def provenance(
     }
 
 
+def scene_provenance(bundle: SceneBundle, encoding: Mapping[str, Any]) -> dict[str, Any]:
+    """What an episode's own file says of where it comes from, beside its rollout's facts.
+
+    The same for all episodes of a scene and a view, so that files of one dataset can be joined.
+    """
+    lock = PACKAGE_ROOT / "uv.lock"
+    return {
+        "vlnpe": version("vlnpe"),
+        "code_sha256": code_version(*ROOMS),
+        "lock_sha256": file_digest(lock) if lock.is_file() else None,
+        "scenes": {bundle.scene_id: bundle.source},
+        "encoding": dict(encoding),
+    }
+
+
 def encoding_facts(meta: Mapping[str, Any], depth_storage: str) -> dict[str, Any]:
     """How the pixels of a rendered view are kept; `meta` is its meta.json."""
     depth = {key: meta["depth"][key] for key in ("near_m", "far_m")}

@@ -387,6 +387,16 @@ def test_units_of_several_datasets_say_where_they_are_from(tmp_path: Path) -> No
     assert facts.provenance == {"converted": "note", "sources": [{"made": "a"}, {"made": "b"}]}
 
 
+def test_units_of_one_dataset_bring_their_scenes_together(tmp_path: Path) -> None:
+    units = write_units(tmp_path, (0.0, 0.0))
+    for name, unit in zip(("a", "b"), units, strict=True):
+        facts = DatasetFacts("Set", f"licence-{name}", {"v": 1, "scenes": {name: {"x": name}}})
+        (unit / "dataset.json").write_text(json.dumps(facts.to_json()))
+    joint = joint_facts(units, "unused", "unused", "note")
+    assert joint.provenance == {"v": 1, "scenes": {"a": {"x": "a"}, "b": {"x": "b"}}}
+    assert (joint.title, joint.licence) == ("Set", "other")
+
+
 def test_the_command_goes_there_and_back(
     tmp_path: Path, inline: None, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -11,6 +11,7 @@ import json
 import shutil
 import tempfile
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -187,12 +188,25 @@ def joint_facts(units: Sequence[Path], title: str, licence: str, note: Any) -> D
         unknown |= facts is None
         if facts is not None:
             known.setdefault(json.dumps(facts.to_json(), sort_keys=True), facts)
-    if len(known) == 1 and not unknown:
-        return next(iter(known.values()))
     sources = [facts.provenance for facts in known.values()]
+    first = next(iter(known.values()), None)
+    if first is not None and not unknown and len({_but_scenes(f) for f in known.values()}) == 1:
+        # Episodes of one dataset that know their own scenes only.
+        scenes = {k: v for source in sources for k, v in source.get("scenes", {}).items()}
+        licences = {facts.licence for facts in known.values()}
+        return replace(
+            first,
+            licence=licences.pop() if len(licences) == 1 else "other",
+            provenance=first.provenance | ({"scenes": scenes} if scenes else {}),
+        )
     licences = {facts.licence for facts in known.values()} | ({licence} if unknown else set())
     provenance = {"converted": note} | ({"sources": sources} if sources else {})
     return DatasetFacts(title, licences.pop() if len(licences) == 1 else "other", provenance)
+
+
+def _but_scenes(facts: DatasetFacts) -> str:
+    provenance = {k: v for k, v in facts.provenance.items() if k != "scenes"}
+    return json.dumps(replace(facts, licence="", provenance=provenance).to_json(), sort_keys=True)
 
 
 def _check_rollout(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ...formats.convert.dataset import DatasetFacts
 from ...formats.errors import UnknownNameError
 from ...formats.frame_folder import read_frame_folder
 from ...formats.lerobot import assemble_dataset, write_episode_unit
@@ -18,7 +19,7 @@ from ...formats.rollout import EndReason
 from ...formats.scene_bundle import INDEX_NAME, load_bundle
 from ..keys import code_version, digest
 from ..ledger import Row
-from ..provenance import encoding_facts, episode_facts, provenance
+from ..provenance import encoding_facts, episode_facts, provenance, scene_provenance
 from ..runner import Context, ItemResult, StageSummary, WorkItem, run_stage
 
 STAGE = "export"
@@ -86,7 +87,7 @@ def run(
     out = context.ledger.root
     items = unit_items(frames, root, dataset, depth_storage)
     units = run_stage(context, STAGE, items, scope)
-    items = mcap_items(frames, root, scenes, dataset)
+    items = mcap_items(frames, root, scenes, dataset, depth_storage)
     summaries = [units, run_stage(context, MCAP_STAGE, items, scope)]
     # The folder of MCAP files is handed on as it is.
     context.ledger.discard(MCAP_STAGE, scope)
@@ -144,23 +145,39 @@ def process_unit(rollout: Path, frames: Path, out: Path, depth_storage: str) -> 
 
 
 def mcap_items(
-    frames: Mapping[str, Row], root: Path, scenes: Path, dataset: Dataset
+    frames: Mapping[str, Row], root: Path, scenes: Path, dataset: Dataset, depth_storage: str
 ) -> list[WorkItem]:
     """One MCAP with images per rendered episode."""
     code = code_version(*CODE)
     result = []
     for name, row in frames.items():
         out = dataset.mcap / f"{name.rsplit('/', 1)[1]}.mcap"
-        scene_map = scenes / str(row.facts["scene"]) / SCENE_MAP
-        arguments = (root / str(row.facts["rollout"]), root / row.outputs[0], scene_map, out)
-        key = digest(MCAP_STAGE, row.key, code)
+        scene, rollout = scenes / str(row.facts["scene"]), root / str(row.facts["rollout"])
+        arguments = (rollout, root / row.outputs[0], scene, dataset.name, depth_storage, out)
+        key = digest(MCAP_STAGE, row.key, dataset.name, depth_storage, code)
         result.append(WorkItem(name, key, (out,), process_mcap, arguments))
     return result
 
 
-def process_mcap(rollout: Path, frames: Path, scene_map: Path, out: Path) -> ItemResult:
-    """Write one episode's MCAP."""
-    write_episode_mcap(out, read_rollout(rollout), frames, scene_map=scene_map.read_bytes())
+def process_mcap(
+    rollout: Path, frames: Path, scene: Path, name: str, depth_storage: str, out: Path
+) -> ItemResult:
+    """Write one episode's MCAP, which knows the dataset it belongs to."""
+    bundle = load_bundle(scene)
+    encoding = encoding_facts(read_frame_folder(frames).facts, depth_storage)
+    facts = DatasetFacts(
+        name,
+        licence_id(str(bundle.source.get("licence") or "")),
+        scene_provenance(bundle, encoding),
+        depth_storage=depth_storage,
+    )
+    write_episode_mcap(
+        out,
+        read_rollout(rollout),
+        frames,
+        scene_map=(scene / SCENE_MAP).read_bytes(),
+        dataset=facts.to_json(),
+    )
     return ItemResult({"bytes": out.stat().st_size})
 
 
