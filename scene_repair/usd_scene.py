@@ -22,7 +22,8 @@ none. Labels are written twice: as UsdSemantics' `semantics:labels:class`, and a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import logging
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,11 @@ from .usd_check import check_usd
 from .usd_materials import friction, look
 from .usd_mesh import box_surfaces, collider, floor_surface, visual_mesh
 
+log = logging.getLogger(__name__)
+
 TAXONOMY = "class"
+# Prims cost milliseconds each; beyond this many, the smallest things get none of their own.
+MAX_THINGS = 5000
 
 
 @dataclass(frozen=True)
@@ -60,9 +65,13 @@ class UsdContent:
 def write_usd(path: Path, content: UsdContent) -> None:
     """Write `path` and check what was written; textures are referenced relative to it.
 
+    Of more than `MAX_THINGS` objects those with most faces get prims; the rest stands under
+    /World/Unnamed.
+
     Raises:
         FileFormatError: what was written does not hold; see `check_usd`.
     """
+    content = _largest_things(content)
     stage = Usd.Stage.CreateNew(str(path))
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
@@ -87,6 +96,26 @@ def write_usd(path: Path, content: UsdContent) -> None:
     problems = check_usd(path)
     if problems:
         raise FileFormatError(path, f"written stage does not hold: {'; '.join(problems[:3])}")
+
+
+def _largest_things(content: UsdContent) -> UsdContent:
+    count, visual = len(content.objects), content.visual
+    if count <= MAX_THINGS:
+        return content
+    log.warning("%d objects; the %d with most faces get prims", count, MAX_THINGS)
+    faces = np.bincount(visual.face_object[visual.face_object >= 0], minlength=count)
+    kept = np.sort(np.argsort(-faces, kind="stable")[:MAX_THINGS])
+    number = np.full(count + 1, -1, dtype=np.int32)
+    number[kept] = np.arange(MAX_THINGS)
+    return replace(
+        content,
+        objects=tuple(content.objects[k] for k in kept),
+        visual=replace(visual, face_object=number[visual.face_object]),
+        levels=[
+            (floor, replace(boxes, box_object=number[boxes.box_object]))
+            for floor, boxes in content.levels
+        ],
+    )
 
 
 class _Names:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -70,6 +71,18 @@ def test_names_that_look_alike_stay_apart(written: Path) -> None:
     stage = Usd.Stage.Open(str(written))
     assert stage.GetPrimAtPath("/World/Objects/Crate_1_2").GetDisplayName() == "Crate 1"
     assert stage.GetPrimAtPath("/World/Looks/red_paint_2")
+
+
+def test_too_many_things_share_a_prim(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("vlnpe.scene_repair.usd_scene.MAX_THINGS", 1)
+    whole = content()
+    visual = replace(whole.visual, face_object=np.array([1, 1, 0], np.int32))
+    write_usd(path, content(visual=visual))
+    stage = Usd.Stage.Open(str(path))
+    things = stage.GetPrimAtPath("/World/Objects").GetChildren()
+    assert [t.GetDisplayName() for t in things] == ["Crate 1"]
+    assert stage.GetPrimAtPath("/World/Unnamed/unlabelled/red_paint")
+    assert stage.GetPrimAtPath("/World/Collision/Boxes_0")
 
 
 def test_faces_without_extent_are_left_out(path: Path) -> None:
