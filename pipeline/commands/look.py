@@ -23,10 +23,10 @@ Json = Annotated[bool, tyro.conf.arg(name="json")]
 
 @dataclass(frozen=True)
 class Verify:
-    """Check a run's outputs: every file opens, counts agree, checksums hold."""
+    """Check a run's outputs: every file opens, counts agree, checksums hold, floors carry."""
 
     run: tyro.conf.Positional[Path]
-    """The run folder."""
+    """The run folder, or the folder of one repaired scene."""
     json: Json = False
     """Print one JSON object with the findings as the last line."""
 
