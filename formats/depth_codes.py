@@ -32,10 +32,19 @@ def depth_to_codes(depth_m: ArrayLike, depth_range: DepthRange) -> NDArray[np.ui
     # NaN compares false.
     valid = (depth >= np.float32(depth_range.near_m)) & (depth <= np.float32(depth_range.far_m))
     log_min, log_max = _log_limits(depth_range)
-    # Divided before it is multiplied, in LeRobot's order, so that single-precision roundings agree.
-    norm = (np.log(np.where(valid, depth, 0) + np.float32(SHIFT_M)) - log_min) / (log_max - log_min)
-    codes = np.clip(np.rint(norm * MAX_CODE), 1, MAX_CODE).astype(np.uint16)
-    return np.where(valid, codes, np.uint16(0))
+    # In place: at this size new arrays cost more than arithmetic. Divided before it is multiplied, in
+    # LeRobot's order, so that single-precision roundings agree.
+    work = np.where(valid, depth, np.float32(0))
+    work += np.float32(SHIFT_M)
+    np.log(work, out=work)
+    work -= np.float32(log_min)
+    work /= np.float32(log_max - log_min)
+    work *= np.float32(MAX_CODE)
+    np.rint(work, out=work)
+    np.clip(work, 1, MAX_CODE, out=work)
+    codes = work.astype(np.uint16)
+    codes *= valid
+    return codes
 
 
 def codes_to_depth(codes: NDArray[np.uint16], depth_range: DepthRange) -> NDArray[np.float32]:

@@ -37,9 +37,7 @@ def column_statistics(values: NDArray[Any]) -> Statistics:
         result["std"] = np.zeros_like(mean)
         return result | dict.fromkeys(QUANTILES, mean)
     result["std"] = np.sqrt(np.maximum(0, (columns**2).mean(axis=0) - mean**2))
-    ones = np.ones(len(values))
-    quantiles = np.stack([_quantiles(np.sort(column), ones) for column in columns.T])
-    return result | dict(zip(QUANTILES, quantiles.T, strict=True))
+    return result | dict(zip(QUANTILES, _column_quantiles(columns), strict=True))
 
 
 def image_statistics(
@@ -111,10 +109,27 @@ def _merge(a: Statistics, b: Statistics) -> Statistics:
     return merged | {key: (1 - share) * a[key] + share * b[key] for key in QUANTILES}
 
 
+def _column_quantiles(columns: NDArray[Any]) -> NDArray[np.float64]:
+    """Histogram quantiles (Q, D) of each of D columns (N, D): `_quantiles`, for all at once."""
+    ascending = np.sort(columns, axis=0)
+    edges = [_edges(column) for column in ascending.T]
+    bins = np.stack([_bins(e, column) for e, column in zip(edges, ascending.T, strict=True)], 1)
+    targets = np.array(list(QUANTILES.values())) * len(columns)
+    picked = bins[np.ceil(targets).astype(int) - 1]
+    before = np.sum(bins < picked[:, None], axis=1)
+    in_bin = np.sum(bins <= picked[:, None], axis=1) - before
+    fraction = (targets[:, None] - before) / in_bin
+    lower, upper = (
+        np.stack([e[at] for e, at in zip(edges, (picked + k).T, strict=True)], 1) for k in (0, 1)
+    )
+    first = np.array([e[0] for e in edges])
+    return np.where(picked == 0, first, lower + fraction * (upper - lower))
+
+
 def _quantiles(values: NDArray[Any], weights: NDArray[np.float64]) -> NDArray[np.float64]:
     """Histogram quantiles of ascending `values` (N,) that occur `weights` (N,) times."""
-    edges = np.linspace(values[0] - PADDING, values[-1] + PADDING, BINS + 1)
-    bins = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, BINS - 1)
+    edges = _edges(values)
+    bins = _bins(edges, values)
     first = np.flatnonzero(np.diff(bins, prepend=-1))  # first value of each occupied bin
     occupied = bins[first]
     in_bin = np.add.reduceat(weights, first)
@@ -125,3 +140,11 @@ def _quantiles(values: NDArray[Any], weights: NDArray[np.float64]) -> NDArray[np
     lower, upper = edges[occupied[at]], edges[occupied[at] + 1]
     # LeRobot does not interpolate in the very first bin.
     return np.where(occupied[at] == 0, edges[0], lower + fraction * (upper - lower))
+
+
+def _edges(ascending: NDArray[Any]) -> NDArray[Any]:
+    return np.linspace(ascending[0] - PADDING, ascending[-1] + PADDING, BINS + 1)
+
+
+def _bins(edges: NDArray[Any], values: NDArray[Any]) -> NDArray[np.int64]:
+    return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, BINS - 1)
