@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import warnings as warnings_module
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import trimesh
@@ -14,14 +15,19 @@ from trimesh.visual.material import PBRMaterial, SimpleMaterial
 from trimesh.visual.texture import TextureVisuals
 
 from ..formats.errors import FileFormatError
+from .gltf_check import check_gltf
 from .gltf_facts import gltf_facts
+from .gltf_file import GltfFile
+from .gltf_pictures import with_pictures
+from .images import decode_all
 from .labels import category_of_name
+from .mesh_checks import CHECKS
 from .resolver import ConfinedResolver
 from .scan import Scan, ScanMaterial
 from .soup import Part, merge_parts
 from .srgb import linear_to_srgb
 
-NAMED = (".glb", ".gltf", ".obj")
+GLTF = (".glb", ".gltf")
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off")
 DEFAULT_COLOR = (0.75, 0.74, 0.72)
 
@@ -38,31 +44,59 @@ def read_mesh(path: Path) -> Scan:
     if suffix not in SUFFIXES:
         raise FileFormatError(path, f"unknown kind {suffix!r}; valid: {', '.join(SUFFIXES)}")
     resolver = ConfinedResolver(path.parent)
-    options: dict[str, Any] = {"split_objects": True} if suffix == ".obj" else {}
-    try:
+    if suffix in GLTF:
+        file = GltfFile(path, resolver)
+        check_gltf(path, file)
+        scene = _load(path, file.without_pictures(), resolver)
+        licence, generator = gltf_facts(file.tree)
+        parts = _parts(scene, True, resolver.warnings)
+        parts = with_pictures(parts, file, resolver.warnings)
+        promise = ("y", "glTF is y up by its specification")
+        metres = ("m", "glTF is in metres by its specification")
+    else:
+        if suffix in CHECKS:
+            CHECKS[suffix](path)
         with path.open("rb") as stream:
-            scene = trimesh.load_scene(
-                stream,
-                file_type=suffix[1:],
-                resolver=resolver,
-                process=False,
-                **options,
+            scene = _load(path, stream, resolver)
+        licence, generator, promise, metres = "", {}, None, None
+        parts = _parts(scene, suffix == ".obj", resolver.warnings)
+        parts = _decoded(parts, resolver.warnings)
+    warnings = list(dict.fromkeys(resolver.warnings))
+    if not parts:
+        raise FileFormatError(path, "; ".join(["holds no triangles", *warnings[:3]]))
+    scan = merge_parts(parts, warnings, promise, metres)
+    if not len(scan.faces):
+        raise FileFormatError(path, "holds no usable triangle: " + "; ".join(warnings[:5]))
+    return replace(scan, licence=licence, generator=generator)
+
+
+def _load(path: Path, stream: IO[bytes], resolver: ConfinedResolver) -> trimesh.Scene:
+    kind = path.suffix.lower()[1:]
+    options: dict[str, Any] = {"split_objects": True} if kind == "obj" else {}
+    try:
+        with warnings_module.catch_warnings():
+            # NumPy's deprecation of how text is read half, inside trimesh.
+            warnings_module.simplefilter("ignore", DeprecationWarning)
+            return trimesh.load_scene(
+                stream, file_type=kind, resolver=resolver, process=False, **options
             )
     # Readers fail in many ways on damaged bytes; whatever they raise, the file is at fault.
     except Exception as error:
-        raise FileFormatError(path, f"cannot be read as {suffix[1:]}: {_brief(error)}") from error
-    is_gltf = suffix in (".glb", ".gltf")
-    licence, generator = gltf_facts(path) if is_gltf else ("", {})
-    warnings = list(resolver.warnings)
-    parts = _parts(scene, suffix in NAMED, warnings)
-    if not parts:
-        raise FileFormatError(path, "holds no triangles")
-    promise = ("y", "glTF is y up by its specification") if is_gltf else None
-    metres = ("m", "glTF is in metres by its specification") if is_gltf else None
-    scan = merge_parts(parts, warnings, promise, metres)
-    if not len(scan.faces):
-        raise FileFormatError(path, "holds no usable triangle: " + "; ".join(warnings))
-    return replace(scan, licence=licence, generator=generator)
+        if resolver.refused:
+            raise FileFormatError(path, resolver.refused) from error
+        raise FileFormatError(path, f"cannot be read as {kind}: {_brief(error)}") from error
+
+
+def _decoded(parts: list[Part], warnings: list[str]) -> list[Part]:
+    """Parts with their pictures decoded once, or without them where they are damaged."""
+    images = {str(id(i)): i for p in parts if (i := p.material.image) is not None}
+    pictures = decode_all(images, warnings)
+    return [
+        p
+        if p.material.image is None
+        else replace(p, material=replace(p.material, image=pictures[str(id(p.material.image))]))
+        for p in parts
+    ]
 
 
 def _brief(error: Exception) -> str:

@@ -2,36 +2,72 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
 from trimesh.resolvers import Resolver
+
+from .images import open_picture
+
+PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".gif", ".webp", ".tga")
+MAX_BYTES = 2 << 30
 
 
 class ConfinedResolver(Resolver):
     """Reads files inside one folder (after following links), never the network.
 
     Attributes:
-        warnings: one line per reference that was refused or missing.
+        warnings: one line per reference that was refused or missing, and per damaged picture.
+        refused: the last of those that leaves the folder, empty if none did.
     """
 
     def __init__(self, folder: Path):
         self.folder = folder.resolve()
         self.warnings: list[str] = []
+        self.refused = ""
 
     def get(self, key: str) -> bytes:
         """Bytes of the file that `key` names relative to the folder.
 
+        Pictures too large to be decoded as they are come scaled down.
+
         Raises:
-            FileNotFoundError: outside the folder, or missing.
+            FileNotFoundError: outside the folder, missing, no plain file, or a damaged picture.
         """
         name = str(key).strip()
-        target = (self.folder / name).resolve()
+        try:
+            target = (self.folder / name).resolve()
+        except (OSError, ValueError, RuntimeError) as error:
+            return self._refuse(f"reference {name[:100]!r} is no file name: {error}")
         if "://" in name or not target.is_relative_to(self.folder):
-            return self._refuse(f"reference {name!r} leaves the scan's folder; ignored")
-        if not target.is_file():
-            return self._refuse(f"referenced file {name!r} is missing")
-        return target.read_bytes()
+            self.refused = f"reference {name!r} leaves the scan's folder"
+            return self._refuse(f"{self.refused}; ignored")
+        try:
+            if not target.is_file():
+                return self._refuse(f"referenced file {name!r} is missing")
+            if target.stat().st_size > MAX_BYTES:
+                return self._refuse(
+                    f"referenced file {name!r} is larger than {MAX_BYTES >> 30} GiB"
+                )
+            data = target.read_bytes()
+        except (OSError, ValueError) as error:
+            return self._refuse(f"referenced file {name[:100]!r} cannot be read: {error}")
+        if target.suffix.lower() in PICTURES:
+            return self._bearable(data, name)
+        return data
+
+    def _bearable(self, data: bytes, name: str) -> bytes:
+        found: list[str] = []
+        image = open_picture(data, name, found)
+        if not found:
+            return data
+        if image is None:
+            return self._refuse(found[-1])
+        self.warnings += found
+        small = io.BytesIO()
+        image.save(small, "JPEG" if image.format == "JPEG" else "PNG", quality=92)
+        return small.getvalue()
 
     def _refuse(self, message: str) -> bytes:
         if message not in self.warnings:
