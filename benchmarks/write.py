@@ -1,8 +1,8 @@
 """Frames written per second as LeRobot v3 with depth, against LeRobot's own writer.
 
 Everybody gets the same decoded frames, mapped from files that the system holds in memory, and
-writes videos of the same codecs and settings. LeRobot's streaming writer drops frames when its queue
-is full; here the queue takes a whole episode.
+writes videos of the same codecs and settings. LeRobot's streaming writer drops frames when its
+queue is full; here the queue takes a whole episode.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ from vlnpe.formats.video import (
 from vlnpe.pipeline.executors import available_cores
 from vlnpe.pipeline.ledger import Ledger
 
-EPISODES = 12
-ROUNDS = 3
+EPISODES = 24
+ROUNDS = 2
 FEW, MANY = 8, 64  # episodes whose peak memories are compared
 
 RGB, DEPTH = "observation.images.rgb", "observation.images.depth"

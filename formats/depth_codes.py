@@ -32,8 +32,8 @@ def depth_to_codes(depth_m: ArrayLike, depth_range: DepthRange) -> NDArray[np.ui
     # NaN compares false.
     valid = (depth >= np.float32(depth_range.near_m)) & (depth <= np.float32(depth_range.far_m))
     log_min, log_max = _log_limits(depth_range)
-    # In place: at this size new arrays cost more than arithmetic. Divided before it is multiplied, in
-    # LeRobot's order, so that single-precision roundings agree.
+    # In place: at this size new arrays cost more than arithmetic. Divided before it is multiplied,
+    # in LeRobot's order, so that single-precision roundings agree.
     work = np.where(valid, depth, np.float32(0))
     work += np.float32(SHIFT_M)
     np.log(work, out=work)
