@@ -12,6 +12,7 @@ from mcap.reader import make_reader
 from tqdm import tqdm
 
 from ..formats.errors import VlnpeError
+from ..formats.internnav.reader import find_scenes, read_layout_episode
 from ..formats.mcap.rollout import read_rollout
 from ..formats.scene_bundle import INDEX_NAME, load_bundle
 from ..formats.video_stream import probe_video
@@ -102,6 +103,12 @@ def _dataset(path: Path) -> None:
             raise ValueError(f"{frames} frames in data, {shown} in {key.name}")
 
 
+def _layout(path: Path) -> None:
+    for scene in find_scenes(path):
+        for number in scene.episodes:
+            read_layout_episode(scene.folder, number)
+
+
 READERS: dict[str, Callable[[Path], object]] = {
     "repair": _scene,
     "sample": read_episodes,
@@ -111,4 +118,6 @@ READERS: dict[str, Callable[[Path], object]] = {
     "replay": read_rollout,
     "mcap": _mcap,
     "dataset": _dataset,
+    "lerobot": _dataset,
+    "n1": _layout,
 }

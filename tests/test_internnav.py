@@ -445,8 +445,12 @@ def test_the_command_converts_to_the_layout_and_back(
     root = tmp_path / "there" / "n1" / "set"
     tasks = [t for key in loader_keys(root, ["r2r_flash"]) for t in loader_data(root, key)["tasks"]]
     assert tasks[0]["instruction_tokens"][:3] == [3, 1, 1]
+    assert cli.main(["verify", str(tmp_path / "there")]) == 0
     back = ["convert", str(root), "--to", "lerobot", "--out", str(tmp_path / "back")]
     assert cli.main(back) == 0
+    assert cli.main(["verify", str(tmp_path / "back")]) == 0
+    break_layout(root / "r2r_flash" / "two-rooms", "cut colour")
+    assert cli.main(["verify", str(tmp_path / "there")]) == 1
     assert open_dataset(tmp_path / "back/lerobot/set").facts == open_dataset(tmp_path / "set").facts
     capsys.readouterr()
     with pytest.raises(FileFormatError, match="no instruction_vocab"):
