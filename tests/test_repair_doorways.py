@@ -17,6 +17,7 @@ from tests.support import scans
 from tests.support.bodies import level_geoms, touched_on_the_way
 from vlnpe.formats.grid import GridSpec
 from vlnpe.formats.scene_bundle import Obstacles, SceneBundle, save_bundle
+from vlnpe.scene_repair.builtin import ApartmentConfig, build_apartment
 from vlnpe.scene_repair.collision import LevelCollision, build_collision
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.level_floor import RepairedFloor
@@ -169,3 +170,30 @@ def test_every_bar_of_a_chair_is_solid(dx: float, dy: float, degrees: float) -> 
         line[:, axis] = (low + steps * (high - low))[:, axis]
         line = line[line[:, 2] > 0.05] @ move[:3, :3].T + move[:3, 3]
         assert held(obstacles, line, 0.013).all()
+
+
+@pytest.mark.parametrize(("seed", "degrees"), [(2, 0.0), (5, 31.0)])
+def test_every_doorway_of_a_furnished_home_is_passable(
+    seed: int, degrees: float, tmp_path: Path
+) -> None:
+    """All rooms of a home, with furniture and door frames, are joined by doors of 75 cm."""
+    config = ApartmentConfig(door_width_m=(0.75, 0.75))
+    home = build_apartment(np.random.default_rng(seed), config)
+    corners = home.shape.corners.reshape(-1, 3)
+    shape = trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False)
+    mesh, move = placed([shape], 0.017, 0.041, degrees)
+    size = tuple(home.plan.bounds()[1])
+    collision = collision_of(mesh, move, (size[0], size[1]))
+    spec = level_geoms(bundle_of(collision, tmp_path))
+    doors = [o for o in home.plan.openings if o.kind == "door" and o.room < o.other_room]
+    assert len(doors) >= len(home.plan.rooms) - 1
+    for door in doors:
+        middle = np.empty(2)
+        middle[1 - door.axis] = (door.start_m + door.end_m) / 2
+        middle[door.axis] = home.plan.rooms[door.room].wall_at(door.axis, door.sign)
+        middle[door.axis] += door.sign * home.plan.wall_m / 2
+        reach = np.eye(2)[door.axis] * (home.plan.wall_m / 2 + 0.3)
+        ends = at(move, tuple(middle - reach), tuple(middle + reach))[:, :2]
+        field = collision.freemap.distance_field(ends[0], radius_m=0.25)
+        assert float(field.at(ends[1])) == pytest.approx(2 * np.linalg.norm(reach), abs=0.12), door
+        assert touched_on_the_way(spec, ends[0], ends[1], (0.3, 0.5, 1.7)) == [], door
