@@ -82,7 +82,7 @@ def house(folder: Path = SHARED) -> Source:
     doors = [
         (p.points_m.min(axis=0)[:2] - 0.05, p.points_m.max(axis=0)[:2] + 0.05)
         for p in parts
-        if p.name.startswith(("FoldingDoor", "Door"))
+        if p.name.startswith("FoldingDoor")  # the others lead out of the house
     ]
     slabs = [p for p in parts if p.name.startswith("Floor")]
     z = float(np.median(np.concatenate([p.points_m[:, 2] for p in slabs])))

@@ -25,6 +25,8 @@ NEAR_FLOOR_M = 0.15
 FURNITURE_M = (0.12, 1.7)
 HEADROOM_M = 1.9
 WALL_SLICES_M = np.linspace(0.3, 2.0, 9)
+# Where walls are known by name, those under windows are found at their feet.
+WALL_FOOT_M = np.linspace(0.1, 0.5, 5)
 # A wall's two faces stand at most this far apart.
 WALL_THICKNESS_M = 0.28
 
@@ -129,7 +131,8 @@ def survey(
     scanned = met(floor_z_m, FLOOR_BAND_M)
     low, high = FURNITURE_M
     furniture = met(floor_z_m + (low + high) / 2, (high - low) / 2)
-    wall = _walls(*soup_of(parts if wall_parts is None else wall_parts), grid, floor_z_m)
+    slices = WALL_SLICES_M if wall_parts is None else WALL_FOOT_M
+    wall = _walls(*soup_of(wall_parts or parts), grid, floor_z_m + slices)
     anything = met(floor_z_m + 5.0, 6.0)
     # A scan shows the inner faces of outer walls; the building reaches a little farther.
     solid = filled(ndimage.binary_closing(np.pad(anything, 20), iterations=15))
@@ -165,12 +168,15 @@ def cell_centers(grid: GridSpec) -> NDArray[np.float64]:
 
 
 def _walls(
-    vertices: NDArray[np.float64], faces: NDArray[np.int64], grid: GridSpec, floor_z_m: float
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.int64],
+    grid: GridSpec,
+    slices_m: NDArray[np.float64],
 ) -> Mask:
     """Cells through which surfaces pass at most heights, and what lies between a wall's faces."""
     count = np.zeros(grid.shape, dtype=np.int32)
     corners = vertices[faces]
-    for height in floor_z_m + WALL_SLICES_M:
+    for height in slices_m:
         z = corners[..., 2] - height
         crossing = corners[(z.min(axis=1) < 0) & (z.max(axis=1) > 0)]
         mask = np.zeros(grid.shape, dtype=bool)
@@ -180,7 +186,7 @@ def _walls(
         # A surface wavers between neighbouring cells.
         count += ndimage.binary_dilation(mask, np.ones((3, 3)))
     steps = round(WALL_THICKNESS_M / grid.cell_m)
-    tall = np.pad(count >= 0.75 * len(WALL_SLICES_M), steps)
+    tall = np.pad(count >= 0.75 * len(slices_m), steps)
     solid = ndimage.binary_closing(tall, np.ones((steps, steps)))
     return ndimage.binary_erosion(solid, np.ones((3, 3)))[steps:-steps, steps:-steps]
 

@@ -110,7 +110,8 @@ def by_kind(scores: Sequence[Score]) -> list[str]:
 def missed(scores: Sequence[Score]) -> list[str]:
     """Holes that stayed open, and decoys that were filled, with the repair's own reason."""
     rows = [
-        f"| {s.scene} | {h.hole.name} | {_middle(h)} | {100 * h.hole.size_m:.0f} | {1e4 * h.area_m2:.0f} "
+        f"| {s.scene} | {h.hole.name} | {_middle(h)} | {100 * h.hole.size_m:.0f} "
+        f"| {1e4 * h.area_m2:.0f} "
         f"| {100 * h.share:.1f} | {h.reason} |"
         for s in scores
         for h in s.holes
