@@ -30,7 +30,7 @@ class RepairConfig:
         level_tilt_deg: a scan tilted by more than this is levelled …
         max_tilt_deg: … up to this.
         max_texture_px: larger textures are scaled down.
-        patch_texel_m: texel size of the floor painted into filled holes (coarser over large levels).
+        patch_texel_m: texel size of the floor painted into holes; coarser over large levels.
         picture_px: width of the before and after pictures.
     """
 

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from ..formats.grid import GridSpec
 from .columns import Columns
+from .floor_field import smooth
 from .maps import nearest_in
-from .reference import local_mean, remove_narrow
+from .reference import remove_narrow
 from .slices import slice_marks
 from .world_mesh import WorldMesh
 
@@ -26,6 +27,10 @@ WALL_SHARE = 0.6
 OVERHEAD_M = 1.6
 # Between a floor and the ceiling of the storey below lies no more than this.
 SLAB_M = 0.6
+# Depths under the floor; a shaft's walls pass most of them.
+DEPTHS_M = np.array([0.9, 1.3, 1.7])
+# A sill is level and higher than the foot of a wall.
+SILL_NORMAL_Z, SILL_M = 0.7, 0.15
 
 
 @dataclass(frozen=True)
@@ -43,6 +48,8 @@ class Evidence:
         furniture: something lies between the floor and head height.
         structure: the lowest surface under head height is labelled as wall or window: a sill.
         below: the next surface under the level lies deeper than a floor slab is thick.
+        bare: nothing lies under the level as near as a floor slab is thick.
+        sunk: upright surfaces go down deep under the level.
     """
 
     reference_m: NDArray[np.float64]
@@ -55,6 +62,8 @@ class Evidence:
     furniture: NDArray[np.bool_]
     structure: NDArray[np.bool_]
     below: NDArray[np.bool_]
+    bare: NDArray[np.bool_]
+    sunk: NDArray[np.bool_]
 
 
 def gather_evidence(
@@ -65,6 +74,7 @@ def gather_evidence(
     ignore: NDArray[np.bool_],
     structure: NDArray[np.bool_],
     bump_width_m: float,
+    bump_height_m: float,
     cover_m: float = COVER_M,
 ) -> Evidence:
     """Collect the facts.
@@ -76,11 +86,14 @@ def gather_evidence(
         floor_z_m: the level's median height.
         ignore: (F,) faces that are no floor (labelled furniture).
         structure: (F,) faces labelled as wall or window.
-        bump_width_m: narrower features are not part of the reference.
+        bump_width_m: narrower features are not part of the reference …
+        bump_height_m: … unless they deviate from it by more than this.
         cover_m: a floor may deviate this far from the reference.
     """
     cell_m = columns.grid.cell_m
-    reference = local_mean(remove_narrow(scanned_z_m, cell_m, bump_width_m), 0.06 / cell_m)
+    plain = remove_narrow(scanned_z_m, cell_m, bump_width_m, bump_height_m)
+    # Twice: each round averages few cells, and only such that no step lies between.
+    reference = smooth(smooth(plain))
     everywhere = reference[nearest_in(np.isfinite(reference))]
     flat = (np.abs(mesh.normals[:, 2]) >= COVER_NORMAL_Z) & ~ignore
     z, face = _cover(columns.start, columns.z, columns.face, flat, everywhere.ravel(), cover_m)
@@ -94,6 +107,8 @@ def gather_evidence(
         hit[columns.cell[(above > low) & (above < high)]] = True
         return hit.reshape(shape)
 
+    bare = ~any_in(-SLAB_M, -cover_m)
+    sills = structure & (np.abs(mesh.normals[:, 2]) >= SILL_NORMAL_Z)
     return Evidence(
         reference_m=reference,
         z_m=z,
@@ -103,8 +118,10 @@ def gather_evidence(
         lintel=lintel,
         overhead=any_in(OVERHEAD_M, np.inf),
         furniture=any_in(cover_m, OVERHEAD_M),
-        structure=_lowest(columns, above, cover_m, structure).reshape(shape),
-        below=any_in(-np.inf, -SLAB_M) & ~any_in(-SLAB_M, -cover_m),
+        structure=_lowest(columns, above, cover_m, sills).reshape(shape) & ~any_in(cover_m, SILL_M),
+        below=any_in(-np.inf, -SLAB_M) & bare,
+        bare=bare,
+        sunk=_sunk(mesh, columns.grid, floor_z_m),
     )
 
 
@@ -131,6 +148,11 @@ def _walls(
     tall = np.bitwise_count(marks & lower) >= WALL_SHARE * len(WALL_HEIGHTS_M)
     high = np.bitwise_count(marks & ~lower) >= 2
     return tall, high & ~tall
+
+
+def _sunk(mesh: WorldMesh, grid: GridSpec, floor_z_m: float) -> NDArray[np.bool_]:
+    marks = slice_marks(mesh.vertices, mesh.faces, grid, floor_z_m - DEPTHS_M)
+    return np.bitwise_count(marks) >= 2
 
 
 @njit(cache=True)

@@ -18,12 +18,23 @@ WALL_GAP_M = 2.5
 WALL_RUN_M = 0.3
 # Regions lying open below in more than this share of their cells are stairwells or shafts.
 OPEN_BELOW_SHARE = 0.2
+# So are those whose walls go on downwards along more than this share of the rim, with nothing near
+# under most of it: the bottom may not have been scanned.
+SUNK_SHARE, SUNK_REACH_CELLS = 0.6, 2
+# If floor lies in more than this share of the cells between walls' faces, it runs on under walls.
+FLOORED_WALLS_SHARE = 0.5
 # A level has ceilings if they hang over this share of its floor.
 CEILED_SHARE = 0.6
 # A gap walled in along this share of its rim is a shaft, a courtyard or a wall's inside …
 WALLED_SHARE = 0.8
 # … unless something stands in it that is thicker than a wall: a wardrobe.
 WALL_THICKNESS_M = 0.3
+# Walls, lintels and the outside make up this share of the rim of a window's niche: where a sill is
+# labelled as such, and where it could be any shelf.
+SILL_CLOSED_SHARE, NICHE_CLOSED_SHARE = 0.5, 0.85
+# Parted from the floor along this share of its rim a thin gap is part of a wall, unless floor lies
+# within this distance on two sides of it: then it is a doorway.
+PARTED_SHARE, SIDE_M = 0.95, 0.25
 # Without a ceiling above, in a building that has ceilings, only smaller gaps are scan defects.
 SKYLIGHT_M2 = 1.0
 # A gap that opens to the outside along more of its rim than this is no hole; under a ceiling, where
@@ -58,7 +69,10 @@ class Hole:
 
 @dataclass(frozen=True)
 class _Rim:
-    """Shares of a gap's rim, and of what lies over and under its cells."""
+    """Shares of a gap's rim, and of what lies over and under its cells.
+
+    `sides` is the number of connected pieces of floor that lie near.
+    """
 
     floor: float
     wall: float
@@ -68,8 +82,26 @@ class _Rim:
     furniture: float
     structure: float
     below: float
+    bare: float
+    sunk: float
     area_m2: float
     thickness_m: float
+    sides: int
+
+
+@dataclass(frozen=True)
+class _Around:
+    """What gaps are judged by: cells (rows, columns) of the whole level.
+
+    `floor` counts floor also under lintels and bridged walls, `rooms` only away from any wall.
+    """
+
+    evidence: Evidence
+    grid: GridSpec
+    floor: Mask
+    line: Mask
+    rooms: Mask
+    outside: Mask
 
 
 def find_holes(evidence: Evidence, grid: GridSpec) -> tuple[list[Hole], Mask]:
@@ -83,6 +115,7 @@ def find_holes(evidence: Evidence, grid: GridSpec) -> tuple[list[Hole], Mask]:
     gaps, outside = _gaps(evidence, line, grid)
     covered = evidence.covered
     ceiled = bool(covered.any() and evidence.overhead[covered].mean() >= CEILED_SHARE)
+    floored = floors_run_under_walls(evidence, grid)
     sheltered = evidence.overhead | evidence.furniture
     # Where ceilings exist, what lies under one and what does not are different things: a gap in
     # a room's floor, and the inside of the wall next to it.
@@ -91,15 +124,35 @@ def find_holes(evidence: Evidence, grid: GridSpec) -> tuple[list[Hole], Mask]:
     # What only passes overhead does not part a gap from the floor next to it.
     passable = line & ~evidence.wall
     for cells in classes:
-        floor = _filled(covered, holes)
-        floor |= passable & grow(floor, 2)
         region, _ = label(cells)
-        for k, window in enumerate(windows(region), start=1):
-            grown = grown_window(window, 1, grid.shape)
-            mine = region[grown] == k
-            rim = _look_around(mine, grown, floor, line, outside, evidence, grid)
-            holes.append(Hole(mine, grown, *_judge(rim, ceiled)))
+        places = [
+            (region[grown] == k, grown)
+            for k, window in enumerate(windows(region), start=1)
+            for grown in [grown_window(window, 1, grid.shape)]
+        ]
+        judged: list[Hole] = []
+        # Twice: next to a gap that is filled lies floor.
+        for _ in range(2):
+            filled = _filled(covered, holes + judged)
+            floor = filled | (passable & grow(filled, 2))
+            around = _Around(evidence, grid, floor, line, filled & ~line, outside)
+            judged = [
+                Hole(*place, *_judge(_look_around(*place, around), ceiled, floored))
+                for place in places
+            ]
+        holes += judged
     return holes, passable
+
+
+def floors_run_under_walls(evidence: Evidence, grid: GridSpec) -> bool:
+    """Whether floor lies between the faces of most walls, as in modelled buildings."""
+    steps = round(WALL_THICKNESS_M / grid.cell_m)
+    wall = np.pad(evidence.wall, steps)
+    between = np.zeros_like(wall)
+    for size in ((1, steps), (steps, 1)):
+        between |= ndimage.binary_closing(wall, np.ones(size))
+    between = (between & ~wall)[steps:-steps, steps:-steps]
+    return bool(between.any() and evidence.covered[between].mean() > FLOORED_WALLS_SHARE)
 
 
 def _filled(covered: Mask, holes: list[Hole]) -> Mask:
@@ -145,15 +198,8 @@ def _gaps(evidence: Evidence, line: Mask, grid: GridSpec) -> tuple[Mask, Mask]:
     return gaps, empty & ~gaps
 
 
-def _look_around(
-    cells: Mask,
-    window: Window,
-    floor: Mask,
-    line: Mask,
-    outside: Mask,
-    evidence: Evidence,
-    grid: GridSpec,
-) -> _Rim:
+def _look_around(cells: Mask, window: Window, around: _Around) -> _Rim:
+    evidence, grid = around.evidence, around.grid
     rim = ndimage.binary_dilation(cells) & ~cells
     if not rim.any():
         rim = cells
@@ -163,33 +209,54 @@ def _look_around(
 
     return _Rim(
         # A wall may stand on the floor at its edge; what lies beyond it is parted from that floor.
-        floor=share(floor & ~evidence.wall, rim),
+        floor=share(around.floor & ~evidence.wall, rim),
         wall=share(evidence.wall, rim),
-        line=share(line & ~evidence.covered, rim),
-        outside=share(outside, rim),
+        line=share(around.line & ~evidence.covered, rim),
+        outside=share(around.outside, rim),
         overhead=share(evidence.overhead, cells),
         furniture=share(evidence.furniture, cells),
         structure=share(evidence.structure, cells),
         below=share(evidence.below, cells),
+        bare=share(evidence.bare, cells),
+        sunk=float(grow(evidence.sunk[window], SUNK_REACH_CELLS)[rim].mean()),
         area_m2=float(cells.sum()) * grid.cell_m**2,
         thickness_m=2.0 * float(distance_to(~np.pad(cells, 1)).max()) * grid.cell_m,
+        sides=_sides(cells, window, around),
     )
 
 
-def _judge(rim: _Rim, ceiled: bool) -> tuple[bool, str, str]:
+def _sides(cells: Mask, window: Window, around: _Around) -> int:
+    """Connected pieces of floor within `SIDE_M` of a gap."""
+    reach = round(SIDE_M / around.grid.cell_m)
+    wide = grown_window(window, reach, around.grid.shape)
+    gap = np.zeros_like(around.rooms[wide])
+    top, left = window[0].start - wide[0].start, window[1].start - wide[1].start
+    gap[top : top + cells.shape[0], left : left + cells.shape[1]] = cells
+    return label((distance_to(gap) <= reach) & around.rooms[wide], diagonal=True)[1]
+
+
+def _judge(rim: _Rim, ceiled: bool, floored: bool) -> tuple[bool, str, str]:
     """Whether to fill, the likely cause, and the reason in words."""
     if rim.below >= OPEN_BELOW_SHARE and rim.furniture < 0.5:
         return False, "opening", f"deeper surfaces lie under {100 * rim.below:.0f} %"
+    if rim.sunk >= SUNK_SHARE and rim.bare >= 0.5:
+        return False, "opening", f"walls go on downwards along {100 * rim.sunk:.0f} %"
     tolerated = OPEN_EDGE_SHELTERED if ceiled and rim.overhead >= 0.5 else OPEN_EDGE
     if rim.outside > tolerated:
         return False, "outside", f"open to the outside along {100 * rim.outside:.0f} %"
-    if rim.structure >= 0.5:
+    # Walls and lintels close in on a niche; along a room's wall floor lies on the other side.
+    closed = rim.line + rim.outside
+    if rim.structure >= 0.5 and closed >= SILL_CLOSED_SHARE:
         return False, "wall", f"a sill lies over {100 * rim.structure:.0f} %"
     walled = rim.wall >= WALLED_SHARE or rim.floor < 0.03
     if rim.thickness_m < WALL_THICKNESS_M:
+        if walled and floored:
+            return True, "at a wall", "under a wall, in a scan whose floors run on under walls"
         if walled:
             return False, "wall", f"walled in along {100 * rim.wall:.0f} %, as thin as a wall"
-        if rim.furniture >= 0.5 and rim.line >= 0.5:
+        if closed >= PARTED_SHARE and rim.sides < 2:
+            return False, "wall", "walls and lintels around it, floor on one side only"
+        if rim.furniture >= 0.5 and closed >= NICHE_CLOSED_SHARE:
             return False, "wall", "a window's niche: a sill lies over it, a wall around it"
         if ceiled and rim.overhead + rim.furniture < 0.5 and rim.line >= 0.3:
             return False, "wall", "between a wall's faces: thin, and no ceiling above"

@@ -11,16 +11,16 @@ from scipy import ndimage
 from ..formats.grid import GridSpec
 from .columns import sample_columns
 from .config import RepairConfig
-from .coverage import COVER_M, Evidence, gather_evidence
+from .coverage import COVER_M, COVER_NORMAL_Z, Evidence, gather_evidence
 from .flatten import Bump, flatten_bumps
 from .floor_paint import paint_floor, uv_on
-from .holes import Hole, find_holes
+from .holes import Hole, find_holes, floors_run_under_walls
 from .levels import ScannedFloor
 from .maps import grow, label, nearest_in
 from .outline import face_outline
 from .patch import Patch, build_patch
 from .patch_region import patch_region
-from .reference import fill_heights
+from .reference import STEP_M, fill_heights
 from .scan import ScanMaterial, ScanObject
 from .shading import Looks
 from .world_mesh import WorldMesh
@@ -95,23 +95,24 @@ def repair_floor(
     """
     fine = scanned.grid
 
-    width = config.bump_width_m
+    size = config.bump_width_m, config.bump_height_m + config.bump_tolerance_m
     z, floor_z = scanned.z_m, scanned.floor_z_m
     columns = sample_columns(mesh.vertices, mesh.faces, fine)
     limit = config.bump_height_m
-    evidence = gather_evidence(mesh, columns, z, floor_z, ignore, structure, width, limit)
+    evidence = gather_evidence(mesh, columns, z, floor_z, ignore, structure, *size, limit)
     everywhere = _everywhere(evidence, [], fine)
     mesh, bumps = flatten_bumps(mesh, columns, evidence, everywhere, config)
     if bumps:
         columns = sample_columns(mesh.vertices, mesh.faces, fine)
-    evidence = gather_evidence(mesh, columns, z, floor_z, ignore, structure, width)
+    evidence = gather_evidence(mesh, columns, z, floor_z, ignore, structure, *size)
     holes, passable = find_holes(evidence, fine)
     everywhere = _everywhere(evidence, holes, fine)
     fill = np.zeros(fine.shape, dtype=bool)
     leave = np.zeros(fine.shape, dtype=bool)
     for hole in holes:
         (fill if hole.fill else leave)[hole.window] |= hole.cells
-    fill |= _thin_gaps(fill, evidence.covered, passable & ~grow(leave))
+    under = passable | evidence.wall if floors_run_under_walls(evidence, fine) else passable
+    fill |= _thin_gaps(fill, evidence.covered, under & ~grow(leave))
     height = np.where(evidence.covered, evidence.reference_m, np.nan)
     height = np.where(evidence.covered & ~np.isfinite(height), everywhere, height)
     height = np.where(fill, everywhere, height)
@@ -132,7 +133,7 @@ def repair_floor(
     floor_faces = _floor_faces(mesh, everywhere, fine, ignore)
     cracked = _cracked(mesh, floor_faces, fill | evidence.covered, fine)
     region = patch_region(mesh, fill | cracked, ~leave, evidence.wall, fine, floor_z)
-    patch = build_patch(mesh, floor_faces, region, everywhere, fine)
+    patch = build_patch(mesh, floor_faces, region, _beside(everywhere, fill | cracked), fine)
     if not patch.pieces:
         return result
     outlines = np.concatenate([ring for piece in patch.pieces for ring in piece])
@@ -162,6 +163,14 @@ def repair_floor(
         patch_area_m2=sum(patch.area_m2),
         cracks=_cracks(patch, fill, fine),
     )
+
+
+def _beside(height_m: NDArray[np.float64], fill: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Heights for patches: beyond a step those of the nearest filled cell."""
+    if not fill.any():
+        return height_m
+    level = height_m[nearest_in(fill)]
+    return np.where(np.abs(height_m - level) <= STEP_M, height_m, level)
 
 
 def _rooms(floor: NDArray[np.bool_], fine: GridSpec) -> NDArray[np.int32]:
@@ -245,8 +254,17 @@ def _cracks(patch: Patch, fill: NDArray[np.bool_], fine: GridSpec) -> list[Crack
 def _floor_faces(
     mesh: WorldMesh, height_m: NDArray[np.float64], fine: GridSpec, ignore: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
-    """Faces all of whose corners lie at the reference height."""
-    cell = fine.cell_of(mesh.vertices[:, :2])
-    cell = np.clip(cell, 0, np.array(fine.shape) - 1)
-    near = np.abs(mesh.vertices[:, 2] - height_m[tuple(cell.T)]) <= COVER_M
-    return np.flatnonzero(near[mesh.faces].all(axis=1) & ~ignore)
+    """Faces all of whose corners lie at the reference height, upright ones apart."""
+    z = mesh.vertices[:, 2]
+    low, high = height_m.min() - COVER_M, height_m.max() + COVER_M
+    within = ((z >= low) & (z <= high))[mesh.faces].all(axis=1)
+    flat = np.abs(mesh.normals[:, 2]) >= COVER_NORMAL_Z
+    chosen = np.flatnonzero(within & flat & ~ignore)
+    corners = mesh.vertices[mesh.faces[chosen]]
+    # Compared a little inside of the face: at a step, both floors have corners on its edge.
+    inward = corners.mean(axis=1, keepdims=True)[..., :2] - corners[..., :2]
+    length = np.linalg.norm(inward, axis=-1, keepdims=True)
+    inward *= np.minimum(0.5 * fine.cell_m / np.maximum(length, 1e-12), 1.0)
+    cell = np.clip(fine.cell_of(corners[..., :2] + inward), 0, np.array(fine.shape) - 1)
+    gap = np.abs(corners[..., 2] - height_m[cell[..., 0], cell[..., 1]])
+    return chosen[(gap <= COVER_M).all(axis=1)]

@@ -30,7 +30,7 @@ AROUND_M = 0.3
 WALLS_ABOVE_SHARE = 0.5
 RISES_M = np.array([0.5, 1.0, 1.5])
 # The winding of faces is trusted if this share of the floor agrees.
-ALIKE_SHARE = 0.8
+ALIKE_SHARE = 0.7
 # Pieces of floor too small to be told by themselves lie this near to a floor's height.
 PIECE_M = 0.1
 

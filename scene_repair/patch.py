@@ -15,6 +15,7 @@ from ..formats.grid import GridSpec
 from .coverage import COVER_NORMAL_Z
 from .outline import cell_polygons, face_outline, trace_loops
 from .patch_region import Region
+from .reference import STEP_M
 from .tiles import Tiles
 from .world_mesh import WorldMesh
 
@@ -105,8 +106,11 @@ class _Builder:
 
     def start(self, rim: NDArray[np.int64]) -> None:
         """Begin a region whose surrounding floor has the border edges `rim` (E, 2)."""
-        self.rim = rim
-        self.rim_vertices = np.unique(rim)
+        # At a step two floors have their rims in one place; the patch joins one of them.
+        corner = self.mesh.vertices[rim]
+        level = self._level(corner[..., :2].reshape(-1, 2)).reshape(rim.shape)
+        self.rim = rim[(np.abs(corner[..., 2] - level) <= STEP_M).all(axis=1)]
+        self.rim_vertices = np.unique(self.rim)
         points = self.mesh.vertices[self.rim_vertices, :2]
         self.tree = KDTree(points) if len(points) else None
 
@@ -179,10 +183,14 @@ class _Builder:
             self.count += len(unique)
         return ids
 
+    def _level(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Height of the reference."""
+        position = (xy - np.asarray(self.grid.origin_xy_m)) / self.grid.cell_m - 0.5
+        return ndimage.map_coordinates(self.height_m, position[:, ::-1].T, order=1, mode="nearest")
+
     def _height(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
         """Height of new vertices: on a rim edge that edge's height, else the reference's."""
-        position = (xy - np.asarray(self.grid.origin_xy_m)) / self.grid.cell_m - 0.5
-        z = ndimage.map_coordinates(self.height_m, position[:, ::-1].T, order=1, mode="nearest")
+        z = self._level(xy)
         if not len(self.rim):
             return z
         a = self.mesh.vertices[self.rim[:, 0]]

@@ -10,27 +10,25 @@ from scipy import ndimage, sparse
 from scipy.sparse.linalg import spsolve
 
 from .floor_field import extend
-from .maps import distance_to, grown_window, label, windows
+from .maps import distance_to, grow, grown_window, label, windows
+
+# Heights around a hole that differ by more, with none between, are two floors with a step between.
+STEP_M = 0.06
 
 
-def remove_narrow(z_m: NDArray[np.float64], cell_m: float, width_m: float) -> NDArray[np.float64]:
+def remove_narrow(
+    z_m: NDArray[np.float64], cell_m: float, width_m: float, height_m: float
+) -> NDArray[np.float64]:
     """Heights without bumps and dents narrower than `width_m`; NaN (no floor) stays NaN.
 
-    Grey opening, then closing, with a square of that width (Serra, 1982).
+    Grey opening, then closing, with a square of that width (Serra, 1982). What deviates by more
+    than `height_m` is real, the corner of a sunken area for example, and stays.
     """
     size = 2 * round(width_m / cell_m / 2) + 1
     filled = extend(z_m)
     opened = ndimage.grey_opening(filled, size=(size, size))
     closed = ndimage.grey_closing(opened, size=(size, size))
-    return np.where(np.isfinite(z_m), closed, np.nan)
-
-
-def local_mean(z_m: NDArray[np.float64], sigma_cells: float) -> NDArray[np.float64]:
-    """Gaussian mean over known cells only; NaN stays NaN."""
-    known = np.isfinite(z_m)
-    total = ndimage.gaussian_filter(np.where(known, z_m, 0.0), sigma_cells)
-    weight = ndimage.gaussian_filter(known.astype(float), sigma_cells)
-    return np.where(known, total / np.maximum(weight, 1e-9), np.nan)
+    return np.where(np.abs(closed - z_m) <= height_m, closed, z_m)
 
 
 def fill_heights(
@@ -52,10 +50,24 @@ def fill_heights(
         known = near & np.isfinite(z) & ~mask
         if not known.any():
             continue
+        known &= _alike(z, known, mask)
         plane = _plane(z, known)
         inside = _spread(np.where(known, z - plane, np.nan), mask)
         result[grown][mask] = (plane + inside)[mask]
     return result
+
+
+def _alike(
+    z: NDArray[np.float64], known: NDArray[np.bool_], mask: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Where heights belong to the floor along most of the rim: at a step, others are beyond it."""
+    rim = known & grow(mask)
+    if not rim.any():
+        return known
+    heights = np.sort(z[rim])
+    parts = np.split(heights, np.flatnonzero(np.diff(heights) > STEP_M) + 1)
+    floor = max(parts, key=len)
+    return (z >= floor[0] - STEP_M) & (z <= floor[-1] + STEP_M)
 
 
 def _plane(z: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
