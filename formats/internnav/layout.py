@@ -35,6 +35,7 @@ RGB_KEY = "observation.images.rgb"
 DEPTH_KEY = "observation.images.depth"
 DEPTH_UNIT_M = 10.0  # stored depth is metres over this; 1 is that far or farther, or nothing there
 
+IMAGE_SIZE_PX = 256  # what InternNav's encoders take; its files may hold other sizes
 TOKENS = 200  # of an instruction, padded with 0
 VOCABULARY_SIZE = 2504  # words that InternNav's CMA and Seq2Seq have embeddings for
 

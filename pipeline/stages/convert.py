@@ -283,6 +283,17 @@ def _tell_doubts(rows: Mapping[str, Row]) -> None:
         )
 
 
+def _tell_size(unit: EpisodeUnit) -> None:
+    size = (unit.columns["camera_width_px"], unit.columns["camera_height_px"])
+    if size != (layout.IMAGE_SIZE_PX, layout.IMAGE_SIZE_PX):
+        log.warning(
+            "images of %d × %d; InternNav's depth encoder takes %d × %d: render that size for it",
+            *size,
+            layout.IMAGE_SIZE_PX,
+            layout.IMAGE_SIZE_PX,
+        )
+
+
 def _dataset_item(
     rows: Mapping[str, Row],
     root: Path,
@@ -312,6 +323,7 @@ def _scene_items(
     rows: Mapping[str, Row], root: Path, folder: Path, name: str, options: Options
 ) -> list[WorkItem]:
     units = [read_episode_unit(root / row.outputs[0]) for row in rows.values()]
+    _tell_size(units[0])
     tasks = share_instructions(units)
     texts = [text for own in tasks for text in own]
     vocabulary = read_vocabulary(options.vocabulary) if options.vocabulary else None
