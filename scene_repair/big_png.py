@@ -40,7 +40,9 @@ def shrink_png(data: bytes, max_side: int) -> NDArray[np.uint8]:
         current = np.frombuffer(line, dtype=np.uint8)
         _unfilter(int(current[0]), current[1:], previous, bytes_per_pixel)
         pixels = previous.reshape(width, -1)[:columns]
-        total += _rgb(pixels, kind, depth, palette).reshape(across, -1, 3).sum(axis=1)
+        total += (
+            _rgb(pixels, kind, depth, palette).reshape(across, -1, 3).sum(axis=1, dtype=np.int64)
+        )
         taken += 1
         if taken == min(factor, height):
             result[row] = total // (taken * (columns // across))

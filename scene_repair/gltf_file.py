@@ -20,6 +20,11 @@ from .resolver import ConfinedResolver
 
 MAX_JSON_BYTES = 256 << 20
 JSON_CHUNK, BIN_CHUNK = b"JSON", b"BIN\0"
+# Parts of the tree that are lists of objects.
+TABLES = (
+    "accessors", "bufferViews", "buffers", "images", "materials", "meshes", "nodes", "samplers",
+    "scenes", "textures",
+)  # fmt: skip
 # Where a material may name the picture of its colour: (extension, key).
 COLOR_PICTURES = (
     ("", "baseColorTexture"),
@@ -68,6 +73,10 @@ class GltfFile:
         version = str(self.tree["asset"].get("version", "2"))
         if version.split(".")[0] != "2":
             raise FileFormatError(path, f"is glTF {version}; valid: 2.x")
+        for kind in TABLES:
+            table = self.tree.get(kind, [])
+            if not isinstance(table, list) or not all(isinstance(e, dict) for e in table):
+                raise FileFormatError(path, f"damaged glTF header: {kind} is no list of objects")
         self._buffers: dict[int, bytes | memoryview] = {}
 
     def buffer(self, index: int) -> bytes | memoryview:

@@ -75,8 +75,9 @@ def _load(path: Path, stream: IO[bytes], resolver: ConfinedResolver) -> trimesh.
     options: dict[str, Any] = {"split_objects": True} if kind == "obj" else {}
     try:
         with warnings_module.catch_warnings():
-            # NumPy's deprecation of how text is read half, inside trimesh.
+            # NumPy's words about damaged numbers inside trimesh; they are looked at below.
             warnings_module.simplefilter("ignore", DeprecationWarning)
+            warnings_module.simplefilter("ignore", RuntimeWarning)
             return trimesh.load_scene(
                 stream, file_type=kind, resolver=resolver, process=False, **options
             )
@@ -115,13 +116,17 @@ def _parts(scene: trimesh.Scene, named: bool, warnings: list[str]) -> list[Part]
             continue
         faces = np.asarray(mesh.faces, dtype=np.int64)
         vertices = np.asarray(mesh.vertices, dtype=np.float64)
+        if vertices.shape[1:] != (3,) or faces.shape[1:] != (3,):
+            warnings.append(f"{node}: its points or faces are damaged; skipped")
+            continue
         sound = np.all((faces >= 0) & (faces < len(vertices)), axis=1)
         if not sound.all():
             dropped = int((~sound).sum())
             warnings.append(f"{node}: {dropped} faces with indices out of range dropped")
             faces = faces[sound]
         corner_uv, material, colors = _look(mesh, faces)
-        vertices = vertices @ transform[:3, :3].T + transform[:3, 3]
+        with np.errstate(invalid="ignore", over="ignore"):
+            vertices = vertices @ transform[:3, :3].T + transform[:3, 3]
         if np.linalg.det(transform[:3, :3]) < 0:
             # A mirrored node turns its faces inside out.
             faces, corner_uv = faces[:, ::-1], corner_uv[:, ::-1]
@@ -148,7 +153,9 @@ def _look(
     visual: Any = mesh.visual
     if isinstance(visual, TextureVisuals):
         if visual.uv is not None and len(visual.uv) == len(mesh.vertices):
-            uv = np.nan_to_num(np.asarray(visual.uv, dtype=np.float32)[faces])
+            rows = np.asarray(visual.uv, dtype=np.float32)
+            if rows.ndim == 2 and rows.shape[1] >= 2:
+                uv = np.nan_to_num(rows[:, :2], posinf=0.0, neginf=0.0)[faces]
         return uv, _material(visual.material), None
     if visual.kind in ("vertex", "face"):
         if visual.kind == "vertex":

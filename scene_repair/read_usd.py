@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Sdf, Tf, Usd, UsdGeom
 
 from ..formats.errors import FileFormatError
 from .config import UNIT_M
@@ -33,8 +33,11 @@ def read(path: Path) -> Readings:
     warnings = check_layers(path)
     stage = _open(path, warnings)
     parts = PartList(path, Looks(path.parent.resolve(), warnings), warnings)
-    _walk(stage.GetPseudoRoot(), np.eye(4), "", parts, UsdGeom.XformCache(TIME), 0)
-    up, unit, scale = _conventions(stage, warnings)
+    try:
+        _walk(stage.GetPseudoRoot(), np.eye(4), "", parts, UsdGeom.XformCache(TIME), 0)
+        up, unit, scale = _conventions(stage, warnings)
+    except Tf.ErrorException as error:
+        raise FileFormatError(path, f"damaged: {brief(error)}") from error
     if scale != 1.0:
         for part in parts.parts:
             part.vertices[...] *= scale

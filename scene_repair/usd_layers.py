@@ -147,6 +147,10 @@ def confined(folder: Path, layer: Path, reference: str) -> Path | None:
 
 def brief(error: Exception) -> str:
     """What an error says on one line, without the place in USD's own source."""
-    text = " ".join(str(error).split())
+    try:
+        text = " ".join(str(error).split())
+    except UnicodeDecodeError:
+        # USD quotes the file's bytes, whatever they are.
+        return type(error).__name__
     text = re.sub(r"Error in '[^']*' at line \d+ in file \S+ : ", "", text).strip(" '")
     return text[:200] or type(error).__name__
