@@ -81,10 +81,17 @@ def provenance(
     }
 
 
-def scene_provenance(bundle: SceneBundle, encoding: Mapping[str, Any]) -> dict[str, Any]:
+def scene_provenance(
+    bundle: SceneBundle, held_out: Sequence[str], encoding: Mapping[str, Any]
+) -> dict[str, Any]:
     """What an episode's own file says of where it comes from, beside its rollout's facts.
 
     The same for all episodes of a scene and a view, so that files of one dataset can be joined.
+
+    Args:
+        bundle: the scene.
+        held_out: scenes of the run that validate.
+        encoding: frame rate, light, codecs, … of the pixels.
     """
     lock = PACKAGE_ROOT / "uv.lock"
     return {
@@ -92,6 +99,7 @@ def scene_provenance(bundle: SceneBundle, encoding: Mapping[str, Any]) -> dict[s
         "code_sha256": code_version(*ROOMS),
         "lock_sha256": file_digest(lock) if lock.is_file() else None,
         "scenes": {bundle.scene_id: bundle.source},
+        "held_out_scenes": list(held_out),
         "encoding": dict(encoding),
     }
 

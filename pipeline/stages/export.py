@@ -12,6 +12,7 @@ from ...formats.errors import UnknownNameError
 from ...formats.frame_folder import read_frame_folder
 from ...formats.lerobot import assemble_dataset, write_episode_unit
 from ...formats.lerobot.features import DEPTH_STORAGES
+from ...formats.lerobot.splits import held_out_scenes
 from ...formats.licences import licence_id
 from ...formats.mcap.episode import write_episode_mcap
 from ...formats.mcap.rollout import read_rollout
@@ -149,18 +150,26 @@ def mcap_items(
 ) -> list[WorkItem]:
     """One MCAP with images per rendered episode."""
     code = code_version(*CODE)
+    held_out = tuple(sorted(held_out_scenes(_scene_names(scenes))))
     result = []
     for name, row in frames.items():
         out = dataset.mcap / f"{name.rsplit('/', 1)[1]}.mcap"
         scene, rollout = scenes / str(row.facts["scene"]), root / str(row.facts["rollout"])
-        arguments = (rollout, root / row.outputs[0], scene, dataset.name, depth_storage, out)
-        key = digest(MCAP_STAGE, row.key, dataset.name, depth_storage, code)
+        told = (dataset.name, held_out, depth_storage)
+        arguments = (rollout, root / row.outputs[0], scene, *told, out)
+        key = digest(MCAP_STAGE, row.key, told, code)
         result.append(WorkItem(name, key, (out,), process_mcap, arguments))
     return result
 
 
 def process_mcap(
-    rollout: Path, frames: Path, scene: Path, name: str, depth_storage: str, out: Path
+    rollout: Path,
+    frames: Path,
+    scene: Path,
+    name: str,
+    held_out: Sequence[str],
+    depth_storage: str,
+    out: Path,
 ) -> ItemResult:
     """Write one episode's MCAP, which knows the dataset it belongs to."""
     bundle = load_bundle(scene)
@@ -168,7 +177,7 @@ def process_mcap(
     facts = DatasetFacts(
         name,
         licence_id(str(bundle.source.get("licence") or "")),
-        scene_provenance(bundle, encoding),
+        scene_provenance(bundle, held_out, encoding),
         depth_storage=depth_storage,
     )
     write_episode_mcap(
@@ -199,7 +208,7 @@ def dataset_item(
         facts: configuration and seeds for the provenance.
     """
     rows = list(units.values())
-    all_scenes = tuple(sorted(path.parent.name for path in scenes.glob(f"*/{INDEX_NAME}")))
+    all_scenes = _scene_names(scenes)
     used = tuple(scenes / name for name in sorted({str(row.facts["scene"]) for row in rows}))
     key = digest(
         DATASET_STAGE, [row.key for row in rows], all_scenes, dict(facts), code_version(*CODE)
@@ -214,6 +223,10 @@ def dataset_item(
         dict(facts),
     )
     return WorkItem(dataset.name, key, (dataset.lerobot,), process_dataset, arguments)
+
+
+def _scene_names(scenes: Path) -> tuple[str, ...]:
+    return tuple(sorted(path.parent.name for path in scenes.glob(f"*/{INDEX_NAME}")))
 
 
 def process_dataset(
