@@ -35,4 +35,17 @@ def open_dataset(root: Path, **options: Any) -> LeRobotDataset:
             "lerobot is not installed; run: uv sync --inexact --extra train"
         ) from error
     options.setdefault("depth_output_unit", "m")  # LeRobot's own default is millimetres
+    options.setdefault("video_backend", _video_backend())
     return LeRobotDataset(f"vlnpe/{root.name}", root=root, **options)
+
+
+def _video_backend() -> str:
+    """LeRobot's own choice, without the long warning of its fallback.
+
+    torchcodec comes with LeRobot but needs FFmpeg's libraries of the system; PyAV brings its own.
+    """
+    try:
+        import torchcodec  # noqa: F401
+    except (ImportError, OSError, RuntimeError):
+        return "pyav"
+    return "torchcodec"

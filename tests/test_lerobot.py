@@ -247,7 +247,10 @@ def test_scenes_are_in_one_split_only(tmp_path: Path) -> None:
     assemble_dataset(units, tmp_path / "set", **(ASSEMBLY | {"provenance": provenance}))
     splits = json.loads((tmp_path / "set/meta/splits.json").read_text())
     assert sorted(i for numbers in splits.values() for i in numbers) == list(range(8))
-    scene_of = pq.read_table(tmp_path / "set/meta/episodes")["scene_id"].to_pylist()
+    table = pq.read_table(tmp_path / "set/meta/episodes")
+    scene_of = table["scene_id"].to_pylist()
+    labels = table["split"].to_pylist()
+    assert all(labels[i] == name for name, numbers in splits.items() for i in numbers)
     found = {name: {scene_of[i] for i in numbers} for name, numbers in splits.items()}
     assert found["val"] == held_out and not found["train"] & found["val"]
     assert splits["val_unseen"] == [7]

@@ -110,6 +110,7 @@ def assemble_dataset(
                     key: column_statistics(values) for key, values in own.items()
                 }
                 total.add(statistics)
+                split = splits.add(number, unit)
                 episodes.add(
                     {
                         "episode_index": number,
@@ -126,9 +127,8 @@ def assemble_dataset(
                             for name, value in statistics_to_json(statistics[key]).items()
                         },
                     },
-                    unit.columns,
+                    unit.columns | {"split": split},
                 )
-                splits.add(number, unit)
                 frames += unit.length
         summary = DatasetSummary(len(units), frames, len(tasks.names))
         info = _info(first, summary, limits)
@@ -168,11 +168,13 @@ class _Splits:
         self.episodes: dict[str, list[int]] = {}
         self.scenes: dict[str, set[str]] = {}
 
-    def add(self, number: int, unit: EpisodeUnit) -> None:
+    def add(self, number: int, unit: EpisodeUnit) -> str:
+        """Return the split that episode `number` is published in."""
         scene = unit.columns["scene_id"]
         split = published_split(unit.columns["split"], scene, self._held_out)
         self.episodes.setdefault(split, []).append(number)
         self.scenes.setdefault(split, set()).add(scene)
+        return split
 
 
 @dataclass(frozen=True)

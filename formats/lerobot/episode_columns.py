@@ -22,7 +22,7 @@ EPISODE_COLUMNS: dict[str, pa.DataType] = {
     "trajectory_id": pa.string(),
     "scene_id": pa.string(),
     "level": pa.int64(),
-    "split": pa.string(),
+    "split": pa.string(),  # as published; the unit's, and the uid, have that of its source
     "instructions": _STRINGS,
     "reference_path_world_m": _FLOATS,  # x, y, z of each point in turn
     "start_position_world_m": _FLOATS,
