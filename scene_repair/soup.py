@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .scan import Scan, ScanMaterial, ScanObject
-from .vertex_colors import bake_corner_colors
+from .vertex_colors import MAX_FACES, bake_corner_colors
 
 # Coordinates beyond this are no building in any unit, and would ruin every bounding box.
 MAX_COORDINATE = 1e7
@@ -52,6 +52,7 @@ def merge_parts(
     named: list[ScanObject] = []
     uvs: list[NDArray[np.float32]] = []
     of_material, of_object = [], []
+    parts = [piece for part in parts for piece in _bakeable(part)]
     for part in parts:
         material, uv = part.material, part.uv
         if part.colors is not None:
@@ -93,6 +94,17 @@ def merge_parts(
         unit=unit,
         warnings=tuple(warnings),
     )
+
+
+def _bakeable(part: Part) -> list[Part]:
+    """The part, cut where one image would not hold the colours of all its faces."""
+    if part.colors is None or len(part.faces) <= MAX_FACES:
+        return [part]
+    colors = part.colors
+    cuts = [slice(k, k + MAX_FACES) for k in range(0, len(part.faces), MAX_FACES)]
+    return [
+        replace(part, faces=part.faces[cut], uv=part.uv[cut], colors=colors[cut]) for cut in cuts
+    ]
 
 
 def _usable_faces(

@@ -16,12 +16,14 @@ from PIL import Image
 from tests.support import scans
 from vlnpe.formats.errors import FileFormatError, InputError, SceneError, UnknownNameError
 from vlnpe.formats.frames import habitat_to_world_position
+from vlnpe.scene_repair import soup
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.label_files import read_labels
 from vlnpe.scene_repair.labels import category_of_name
 from vlnpe.scene_repair.orient import orient
 from vlnpe.scene_repair.read_mesh import read_mesh
 from vlnpe.scene_repair.repair import repair_scene
+from vlnpe.scene_repair.scan import ScanMaterial
 from vlnpe.scene_repair.soup import weld
 
 SIZE = (4.0, 3.5, 2.6)
@@ -150,6 +152,24 @@ def test_vertex_colors_are_baked(tmp_path: Path) -> None:
         ) * fy
         corner = colors[mesh.faces][..., :3].astype(float)
         assert np.abs(seen - np.einsum("k,fkd->fd", weights, corner)).max() < 3
+
+
+def test_colours_of_many_faces_take_several_images(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(soup, "MAX_FACES", 10)
+    mesh = scans.sheet((0, 0), (4, 3), step=1.0)
+    colors = np.repeat(np.arange(len(mesh.faces), dtype=np.uint8)[:, None, None], 9).reshape(
+        -1, 3, 3
+    )
+    uv = np.zeros((len(mesh.faces), 3, 2), np.float32)
+    look = ScanMaterial("painted", (1.0, 1.0, 1.0))
+    part = soup.Part("", "", mesh.vertices, mesh.faces, uv, look, colors)
+    scan = soup.merge_parts([part], [])
+    assert len(scan.materials) == 3
+    for face in range(len(scan.faces)):
+        image = scan.materials[scan.face_material[face]].image
+        assert image is not None
+        x, y = scan.corner_uv[face, 0] * (image.width, -image.height) + (0, image.height)
+        assert np.asarray(image)[int(y), int(x)].tolist() == [face] * 3
 
 
 def test_textured_obj_with_its_material_file(tmp_path: Path) -> None:
