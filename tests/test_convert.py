@@ -387,6 +387,23 @@ def test_units_of_several_datasets_say_where_they_are_from(tmp_path: Path) -> No
     assert facts.provenance == {"converted": "note", "sources": [{"made": "a"}, {"made": "b"}]}
 
 
+def test_published_splits_and_rollouts_survive(tmp_path: Path) -> None:
+    unit_from_mcap(export_mcap(tmp_path, make_rollout(1.0)), tmp_path / "unit")
+    facts = DatasetFacts("Set", "mit", {"held_out_scenes": ["two_rooms"]})
+    dataset_from_units([tmp_path / "unit"], tmp_path / "set", facts)
+    assert json.loads((tmp_path / "set/meta/splits.json").read_text()) == {"val": [0]}
+    unit_from_dataset(tmp_path / "set", 0, tmp_path / "there")
+    mcap_from_unit(tmp_path / "there", tmp_path / "a.mcap")
+    unit_from_mcap(tmp_path / "a.mcap", tmp_path / "back")
+    joint = joint_facts([tmp_path / "back"], "unused", "unused", None)
+    dataset_from_units([tmp_path / "back"], tmp_path / "again", joint)
+    before, after = files(tmp_path / "set"), files(tmp_path / "again")
+    assert before.keys() == after.keys()
+    kept = "rollouts/episode_000000.mcap"  # the same messages, but a summary in random order
+    assert [k for k in before if before[k] != after[k] and k != kept] == []
+    assert_same(read_rollout(tmp_path / "set" / kept), read_rollout(tmp_path / "again" / kept))
+
+
 def test_units_of_one_dataset_bring_their_scenes_together(tmp_path: Path) -> None:
     units = write_units(tmp_path, (0.0, 0.0))
     for name, unit in zip(("a", "b"), units, strict=True):
