@@ -10,7 +10,7 @@ from typing import Annotated, Any, Union
 import tyro
 
 from ..formats.errors import InputError, VlnpeError
-from .commands import chain, collect, convert, look, mix, push, robots, rollouts
+from .commands import ablate, chain, collect, convert, look, mix, push, robots, rollouts
 
 # Verb → (options record, function that runs it). Order is the chain's order.
 VERBS: dict[str, tuple[type, Callable[[Any], int]]] = {
@@ -27,6 +27,7 @@ VERBS: dict[str, tuple[type, Callable[[Any], int]]] = {
     "convert": (convert.Convert, convert.run_convert),
     "robots": (robots.Robots, robots.run_robots),
     "mix": (mix.Mix, mix.run),
+    "ablate": (ablate.Ablate, ablate.run),
     "push": (push.Push, push.run_push),
     "verify": (look.Verify, look.run_verify),
     "report": (look.Report, look.run_report),

@@ -35,6 +35,15 @@ MODEL = {"channels": [4, 8], "hidden": 16, "words": 8}
 TINY = {"steps": 6, "seeds": 2, "batch": 2, "size_px": 16, "model": MODEL, "device": "cpu"}
 
 
+@pytest.fixture(autouse=True)
+def one_thread() -> Any:
+    """Threads that wait for each other take long on a busy machine."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("runs")
@@ -69,7 +78,7 @@ def test_from_recipe_to_table_and_again_without_training(
 ) -> None:
     path, out = tmp_path / "recipe.yaml", tmp_path / "out"
     path.write_text(json.dumps(recipe()))
-    call = ["ablate", str(path), "--data", str(runs), "--out", str(out), "--json"]
+    call = ["ablate", str(path), "--data", str(runs), "--out", str(out), "--json", "--threads", "1"]
     assert main(call) == 0
     told = capsys.readouterr().out
     result = json.loads(told.splitlines()[-1])
@@ -126,7 +135,7 @@ def test_training_fits_what_it_sees(episodes: CachedSequences, tmp_path: Path) -
     fitted = Summary.of(score_agent(agent, episodes))
     constant = Summary.of(score_constant(episodes))
     assert fitted.action > constant.action + 0.1
-    assert fitted.waypoint_m < constant.waypoint_m
+    assert fitted.stop > constant.stop + 0.1
 
 
 def test_the_agent_knows_neither_the_future_nor_the_padding(episodes: CachedSequences) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from pickle import UnpicklingError
 
 import torch
 from torch import Tensor, nn
@@ -54,7 +55,7 @@ class TorchvisionEncoder(nn.Module):
             path = Path(config.encoder_weights)
             try:
                 network.load_state_dict(torch.load(path, weights_only=True, map_location="cpu"))
-            except (OSError, RuntimeError, ValueError, KeyError) as error:
+            except (OSError, RuntimeError, ValueError, KeyError, UnpicklingError) as error:
                 raise FileFormatError(
                     path, f"no weights of {config.encoder}: {str(error).splitlines()[0]}"
                 ) from error

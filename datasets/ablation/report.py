@@ -129,15 +129,17 @@ def _setting(ablation: Ablation) -> list[str]:
         f"scene{'s' * (scenes > 1)}, none of which any row has seen by any robot. Episodes "
         f"predicted: {held}.",
         "",
-        f"Every row: {config.seeds} trainings of {config.steps} steps of {config.batch} episodes, "
-        f"images of {config.size_px} px, whatever its amount of data. Predicted step by step with "
-        "the true steps before (teacher forcing), so these are no success rates. Action: part of "
-        "the steps whose action (of 4) is right. Waypoints: mean distance of the next 8 poses "
-        "(2 s). Stop: mean of the parts of the steps within 1 s of the end, and of the others, "
-        "that are recognised; 50 % is chance.",
+        f"Every row: {config.seeds} training{'s' * (config.seeds > 1)} of {config.steps} steps of "
+        f"{config.batch} episodes, images of {config.size_px} px, whatever its amount of data. "
+        "Predicted step by step with the true steps before (teacher forcing), so these are no "
+        "success rates. Action: part of the steps whose action (of 4) is right. Waypoints: mean "
+        "distance of the next 8 poses (2 s). Stop: mean of the parts of the steps within 1 s of "
+        "the end, and of the others, that are recognised; 50 % is chance.",
         "",
         f"± is Student's t-interval at 95 % over {config.seeds} seeds: how much trainings vary, "
-        "not scenes.",
+        "not scenes."
+        if config.seeds > 1
+        else "One training per row tells nothing of how much trainings vary.",
     ]
 
 

@@ -16,7 +16,9 @@ import torch
 from tqdm import tqdm
 
 from ...formats.atomic import write_json
+from ...formats.digest import file_digest
 from ...formats.errors import InputError
+from ...formats.lerobot.layout import STATS_PATH
 from ..mixture.plan import Library, MixturePlan, choose, plan_mixture
 from ..mixture.recipe import Recipe
 from ..selection import Selection
@@ -95,12 +97,11 @@ def run_ablation(
     """
     config = train_config({**recipe.train, **changes})
     library = Library(data)
-    found = {name: choose(source, name, library)[0] for name, source in recipe.sources.items()}
-    used = {n for m in recipe.mixtures.values() for n in m.weights} | set(recipe.evaluate)
-    holdout = hold_out(recipe, [t for n in used for t in found[n].trajectories()])
-    held = {
-        name: _held_out(name, found[name], holdout) for name in recipe.evaluate or recipe.sources
-    }
+    evaluated = recipe.evaluate or tuple(recipe.sources)
+    used = {n for m in recipe.mixtures.values() for n in m.weights} | set(evaluated)
+    found = {name: choose(recipe.sources[name], name, library)[0] for name in sorted(used)}
+    holdout = hold_out(recipe, [t for chosen in found.values() for t in chosen.trajectories()])
+    held = {name: _held_out(name, found[name], holdout) for name in evaluated}
     plans = {
         name: plan_mixture(recipe, name, library, "episodes", holdout.trajectories)
         for name in recipe.mixtures
@@ -127,17 +128,13 @@ def run_ablation(
 
 
 def _held_out(name: str, found: Selection, holdout: Holdout) -> Selection:
-    chosen = found.take(_isin(found, holdout))
+    chosen = found.take(np.array([t in holdout.trajectories for t in found.trajectories()], bool))
     if not len(chosen):
         raise InputError(
             f"source {name!r} has no episode of the held-out {holdout.by}s; collect more, or give "
             "another holdout_fraction or seed"
         )
     return chosen
-
-
-def _isin(found: Selection, holdout: Holdout) -> Any:
-    return np.array([t in holdout.trajectories for t in found.trajectories()], bool)
 
 
 def _cached(
@@ -217,11 +214,14 @@ def _some(source: CachedSequences, sources: int) -> CachedSequences:
 def _job(
     plan: MixturePlan, held: Mapping[str, Selection], config: TrainConfig, seed: int, out: Path
 ) -> _Job:
-    """Its files' names change with everything that its result depends on."""
+    """Its files' names change with everything that its result depends on but the code.
+
+    A dataset is known by the statistics of its frames.
+    """
 
     def episodes(selection: Selection) -> list[Any]:
         return [
-            [str(index.root.resolve()), selection.row[selection.dataset == n].tolist()]
+            [file_digest(index.root / STATS_PATH), selection.row[selection.dataset == n].tolist()]
             for n, index in enumerate(selection.datasets)
         ]
 

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
+import torch
 from torch.utils.data import DataLoader, Dataset, default_collate
 
 from ...formats.errors import InputError
@@ -84,6 +85,7 @@ class MixtureLoader:
             batch_sampler=_Batches(self._sampler, self._batch_size),
             num_workers=self._workers,
             collate_fn=self._collate,
+            generator=torch.Generator(),  # else it would draw from the caller's
             **options,
         )
         for batch in batches:
@@ -122,7 +124,5 @@ class _Batches:
 
 
 def _one_thread(_worker: int) -> None:
-    import torch
-
     os.environ["OMP_NUM_THREADS"] = "1"
     torch.set_num_threads(1)

@@ -97,6 +97,12 @@ class Recipe:
     def __post_init__(self) -> None:
         if not self.mixtures:
             raise InputError("a recipe needs at least one mixture")
+        for name, source in self.sources.items():
+            _known(f"outcome in the source {name!r}:", source.outcomes, OUTCOMES)
+            if not 0.0 < source.fraction <= 1.0:
+                raise InputError(
+                    f"source {name!r}: fraction {source.fraction}; valid: above 0, up to 1"
+                )
         _known("holdout", [self.holdout], HOLDOUTS)
         _known("source to evaluate", self.evaluate, self.sources)
         _known("mixture to compare", [n for pair in self.compare for n in pair], self.mixtures)
@@ -112,12 +118,6 @@ class Recipe:
                     )
             if not mixture.weights:
                 raise InputError(f"mixture {name!r} names no source")
-        for name, source in self.sources.items():
-            _known(f"outcome in the source {name!r}:", source.outcomes, OUTCOMES)
-            if not 0.0 < source.fraction <= 1.0:
-                raise InputError(
-                    f"source {name!r}: fraction {source.fraction}; valid: above 0, up to 1"
-                )
 
 
 def read_recipe(path: Path) -> Recipe:

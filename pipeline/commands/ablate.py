@@ -39,6 +39,8 @@ class Ablate:
     """Trainings per row, instead of the recipe's."""
     device: str | None = None
     """cpu, cuda or auto, instead of the recipe's."""
+    threads: int = 0
+    """Threads that compute; 0 takes one per core."""
     json: Annotated[bool, tyro.conf.arg(name="json")] = False
     """Print one JSON object with the results as the last line."""
 
@@ -49,8 +51,11 @@ def run(options: Ablate) -> int:
     Raises:
         InputError: recipe, settings or data are not valid, or the extra `train` is missing.
     """
-    # One process; its own threads are all that computes.
-    os.environ.setdefault("OMP_NUM_THREADS", str(available_cores()))
+    if options.threads < 0:
+        raise InputError(f"--threads {options.threads}: valid: 0 (one per core) and above")
+    threads = options.threads or available_cores()
+    # Before torch is loaded: it keeps what it finds.
+    os.environ.setdefault("OMP_NUM_THREADS", str(threads))
     from ...datasets.mixture.recipe import read_recipe
     from ...datasets.mixture.shipped import recipe_path
 
@@ -68,7 +73,7 @@ def run(options: Ablate) -> int:
         for name in ("steps", "seeds", "device")
         if (value := getattr(options, name)) is not None
     }
-    torch.set_num_threads(available_cores())
+    torch.set_num_threads(threads)
     if options.out.is_dir():
         sweep(options.out)
     ablation = run_ablation(recipe, options.data, options.out, changes)
