@@ -54,7 +54,9 @@ def _describe_hole(hole: Hole, grid: GridSpec) -> dict[str, Any]:
         "polygons_xy_m": [
             _rounded(polygon) for polygon in cell_polygons(hole.cells, hole.window, grid)
         ],
+        # By cells; what was added is measured on triangles, which reach to the rim and to walls.
         "area_m2": round(hole.area_m2(grid), 5),
+        "added_m2": round(hole.added_m2, 7),
         "cause": hole.cause,
         "action": "filled" if hole.fill else "left",
         "reason": hole.reason,

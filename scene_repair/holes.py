@@ -21,6 +21,9 @@ OPEN_BELOW_SHARE = 0.2
 # So are those whose walls go on downwards along more than this share of the rim, with nothing near
 # under most of it: the bottom may not have been scanned.
 SUNK_SHARE, SUNK_REACH_CELLS = 0.6, 2
+# What lies beside an opening along more than this share of its rim, with something close under it,
+# is the head of its stairs; a rail or a wall of some cells may stand between.
+STAIRS_SHARE, STAIRS_REACH_CELLS = 0.2, 4
 # If floor lies in more than this share of the cells between walls' faces, it runs on under walls.
 FLOORED_WALLS_SHARE = 0.5
 # A level has ceilings if they hang over this share of its floor.
@@ -54,6 +57,7 @@ class Hole:
         fill: whether it is to be filled.
         cause: what most likely made it.
         reason: why it is filled or left.
+        added_m2: area of the triangles that fill it; they reach to the rim and to walls' faces.
     """
 
     cells: Mask
@@ -61,6 +65,7 @@ class Hole:
     fill: bool
     cause: str
     reason: str
+    added_m2: float = 0.0
 
     def area_m2(self, grid: GridSpec) -> float:
         """Area [m²] by cells."""
@@ -87,13 +92,15 @@ class _Rim:
     area_m2: float
     thickness_m: float
     sides: int
+    opening: float
 
 
 @dataclass(frozen=True)
 class _Around:
     """What gaps are judged by: cells (rows, columns) of the whole level.
 
-    `floor` counts floor also under lintels and bridged walls, `rooms` only away from any wall.
+    `floor` counts floor also under lintels and bridged walls, `rooms` only away from any wall;
+    `openings` are gaps that were found to be such.
     """
 
     evidence: Evidence
@@ -102,6 +109,7 @@ class _Around:
     line: Mask
     rooms: Mask
     outside: Mask
+    openings: Mask
 
 
 def find_holes(evidence: Evidence, grid: GridSpec) -> tuple[list[Hole], Mask]:
@@ -135,7 +143,8 @@ def find_holes(evidence: Evidence, grid: GridSpec) -> tuple[list[Hole], Mask]:
         for _ in range(2):
             filled = _filled(covered, holes + judged)
             floor = filled | (passable & grow(filled, 2))
-            around = _Around(evidence, grid, floor, line, filled & ~line, outside)
+            openings = _openings(holes + judged, grid)
+            around = _Around(evidence, grid, floor, line, filled & ~line, outside, openings)
             judged = [
                 Hole(*place, *_judge(_look_around(*place, around), ceiled, floored))
                 for place in places
@@ -161,6 +170,15 @@ def _filled(covered: Mask, holes: list[Hole]) -> Mask:
     for hole in holes:
         floor[hole.window] |= hole.cells & hole.fill
     return floor
+
+
+def _openings(holes: list[Hole], grid: GridSpec) -> Mask:
+    """The gaps that are openings, and a little around them."""
+    found = np.zeros(grid.shape, dtype=bool)
+    for hole in holes:
+        if hole.cause == "opening":
+            found[hole.window] |= hole.cells
+    return grow(found, STAIRS_REACH_CELLS) if found.any() else found
 
 
 def _bridges(evidence: Evidence, grid: GridSpec) -> Mask:
@@ -222,6 +240,7 @@ def _look_around(cells: Mask, window: Window, around: _Around) -> _Rim:
         area_m2=float(cells.sum()) * grid.cell_m**2,
         thickness_m=2.0 * float(distance_to(~np.pad(cells, 1)).max()) * grid.cell_m,
         sides=_sides(cells, window, around),
+        opening=float(around.openings[window][rim].mean()),
     )
 
 
@@ -241,6 +260,8 @@ def _judge(rim: _Rim, ceiled: bool, floored: bool) -> tuple[bool, str, str]:
         return False, "opening", f"deeper surfaces lie under {100 * rim.below:.0f} %"
     if rim.sunk >= SUNK_SHARE and rim.bare >= 0.5:
         return False, "opening", f"walls go on downwards along {100 * rim.sunk:.0f} %"
+    if rim.opening >= STAIRS_SHARE and rim.bare < 0.5:
+        return False, "opening", f"beside an opening along {100 * rim.opening:.0f} %: its stairs"
     tolerated = OPEN_EDGE_SHELTERED if ceiled and rim.overhead >= 0.5 else OPEN_EDGE
     if rim.outside > tolerated:
         return False, "outside", f"open to the outside along {100 * rim.outside:.0f} %"

@@ -155,13 +155,15 @@ def repair_floor(
         len(materials),
         len(objects),
     )
+    holes, cracks = _shared_out(patch, holes, fine)
     return replace(
         result,
+        holes=holes,
         mesh=patched,
         materials=(*materials, ScanMaterial(f"floor_patch_{index}", (1.0, 1.0, 1.0), image)),
         objects=(*objects, ScanObject(f"FloorPatch_{index}", "floor")),
         patch_area_m2=sum(patch.area_m2),
-        cracks=_cracks(patch, fill, fine),
+        cracks=cracks,
     )
 
 
@@ -238,17 +240,30 @@ def _cells_at(points_xy_m: NDArray[np.float64], fine: GridSpec) -> NDArray[np.bo
     return mask
 
 
-def _cracks(patch: Patch, fill: NDArray[np.bool_], fine: GridSpec) -> list[Crack]:
-    """Pieces of the patch that close none of the holes seen on the grid."""
-    holes = grow(fill)
-    found = []
+def _shared_out(patch: Patch, holes: list[Hole], fine: GridSpec) -> tuple[list[Hole], list[Crack]]:
+    """Holes with the area of what fills them, and the pieces that close none seen on the grid.
+
+    A piece that closes several holes counts for each by its cells.
+    """
+    number = np.full(fine.shape, -1)
+    for k, hole in enumerate(holes):
+        if hole.fill:
+            number[hole.window][hole.cells] = k
+    filled = number >= 0
+    near = grow(filled) if filled.any() else filled
+    nearest = number[nearest_in(filled)] if filled.any() else number
+    added, cracks = np.zeros(len(holes)), []
     for rings, area in zip(patch.pieces, patch.area_m2, strict=True):
         outer = max(rings, key=len)
-        cells = fine.cell_of(outer)
-        cells = cells[fine.inside(cells)]
-        if not holes[cells[:, 0], cells[:, 1]].any():
-            found.append(Crack(outer, area))
-    return found
+        cells = fine.cell_of(np.concatenate(rings))
+        cells = tuple(cells[fine.inside(cells)].T)
+        mine = np.unique(nearest[cells][near[cells]])
+        if not len(mine):
+            cracks.append(Crack(outer, area))
+            continue
+        size = np.array([holes[k].cells.sum() for k in mine])
+        added[mine] += area * size / size.sum()
+    return [replace(h, added_m2=float(a)) for h, a in zip(holes, added, strict=True)], cracks
 
 
 def _floor_faces(

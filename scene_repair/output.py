@@ -168,10 +168,10 @@ def _write_pictures(repaired: Repaired, out_dir: Path, scene_id: str, width_px: 
     first = len(repaired.original.faces)
     views = [view_from_above(repaired.mesh, looks, f.floor_z_m, pixels, first) for f in floors]
     filled = sum(h.fill for f in floors for h in f.holes)
-    area = sum(h.area_m2(f.fine) for f in floors for h in f.holes if h.fill)
+    cracks = sum(len(f.cracks) for f in floors)
     added = sum(f.patch_area_m2 for f in floors)
     captions = (
-        ("before", f"as scanned, {filled} holes, {area:.2f} m2 of floor missing"),
+        ("before", f"as scanned, {filled} holes, {cracks} cracks, {added:.2f} m2 of floor missing"),
         ("after", f"repaired, {added:.2f} m2 of floor added"),
     )
     legends = ([("hole in the floor", RED)], [("floor added", GREEN)])
