@@ -14,7 +14,7 @@ from ...formats.errors import InputError, UnknownNameError
 from ...formats.internnav.foreign import Assumptions
 from ...formats.rollout import STATE_RATE_HZ
 from ...formats.video import RGB_CODECS
-from ..stages import convert
+from ..stages import convert, convert_source
 from ..summary import joined, stage_table
 from .collect import opened
 
@@ -69,8 +69,8 @@ def run_convert(options: Convert) -> int:
         InputError: an unusable source or option.
     """
     chosen = _options(options)
-    source = convert.detect(options.source)
-    target = convert.Kind(options.to)
+    source = convert_source.detect(options.source)
+    target = convert_source.Kind(options.to)
     if source.kind is target:
         raise InputError(f"{options.source}: is {target} already; valid: another --to")
     with opened(options.out, options.workers) as context:
@@ -95,7 +95,7 @@ def run_convert(options: Convert) -> int:
     return code
 
 
-def _options(options: Convert) -> convert.Options:
+def _options(options: Convert) -> convert_source.Options:
     if options.rgb_codec not in RGB_CODECS:
         raise UnknownNameError("video codec", options.rgb_codec, RGB_CODECS)
     if not 0 < options.hfov_deg < 180:
@@ -105,7 +105,7 @@ def _options(options: Convert) -> convert.Options:
     rate = options.frames_per_second
     if rate < 1 or STATE_RATE_HZ % rate:
         raise InputError(f"--frames-per-second {rate}; valid: a divisor of {STATE_RATE_HZ}")
-    return convert.Options(
+    return convert_source.Options(
         options.licence,
         options.vocabulary,
         Assumptions(
