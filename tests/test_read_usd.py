@@ -507,3 +507,33 @@ def test_faces_that_lie_are_dropped(tmp_path: Path) -> None:
     text = " ".join(scan.warnings)
     for part in ("out of range", "/Root/lying", "/Root/negative", "invalid coordinates"):
         assert part in text
+
+
+def test_hanging_and_greedy_readers_are_ended(tmp_path: Path) -> None:
+    path = home(tmp_path)
+    with pytest.raises(FileFormatError, match=r"scene\.usda: not read within 0 s"):
+        reader_child.read_in_child("read_usd", path, seconds=0.05)
+    with pytest.raises(FileFormatError, match=r"scene\.usda: (needs more than|its reader failed)"):
+        reader_child.read_in_child("read_usd", path, memory_bytes=200 << 20)
+
+
+def test_mutated_binary_layers_end_in_typed_errors(tmp_path: Path) -> None:
+    """Bytes all over a binary layer, in one child process each: some of them crash it."""
+    stage = new_stage(tmp_path / "sound.usdc")
+    square(stage, "/Root/floor")
+    save(stage)
+    raw = (tmp_path / "sound.usdc").read_bytes()
+    rng = np.random.default_rng(0)
+    for k in range(4):
+        data = bytearray(raw)
+        for at in rng.integers(8, len(raw), 12):
+            data[at] = int(rng.integers(0, 256))
+        path = tmp_path / f"scene{k}.usdc"
+        path.write_bytes(bytes(data))
+        try:
+            scan = read_scan(path)
+        except FileFormatError as error:
+            assert error.path == path
+            assert "\n" not in str(error)
+        else:
+            assert np.isfinite(scan.vertices).all()
