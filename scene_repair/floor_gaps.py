@@ -57,11 +57,12 @@ def check_holes(
         if hole["action"] != "filled":
             listed |= cells
             continue
-        # Holes are listed by sampled cells, which reach a little into the walls around them.
+        # Holes are listed by sampled cells, which reach a little into the walls around them; those
+        # that are all border may lie in walls altogether.
         inner = ~grow(~cells, border)
         open_ = fell & (inner if inner.any() else cells)
-        small = not inner.any() and open_.sum() < max(least**2, SHARE * cells.sum())
-        if open_.any() and not small:
+        large = open_.sum() >= max(least**2, SHARE * cells.sum())
+        if open_.any() and (inner.any() or (large and _in_floor(open_, floor))):
             through = np.argwhere(open_)
             still_open.append(
                 {
@@ -83,15 +84,18 @@ def check_holes(
         if area < least**2 or listed[rows, columns][mine].mean() >= SHARE:
             continue
         wide = grown_window((rows, columns), RIM, grid.shape)
-        gap = parts[wide] == number
-        rim = grow(gap, RIM) & ~gap
-        if not floor[wide][rim].mean() >= RIM_SHARE:
+        if not _in_floor(parts[wide] == number, floor[wide]):
             continue
         inside = np.argwhere(mine)[area // 2] + np.array([rows.start, columns.start])
         unlisted.append(
             {"xy_m": _rounded(grid.center_of(inside)), "area_m2": round(area * cell_m2, 5)}
         )
     return still_open, unlisted
+
+
+def _in_floor(gap: NDArray[np.bool_], floor: NDArray[np.bool_]) -> bool:
+    rim = grow(gap, RIM) & ~gap
+    return bool(floor[rim].mean() >= RIM_SHARE)
 
 
 def _rounded(xy_m: NDArray[np.float64]) -> list[float]:

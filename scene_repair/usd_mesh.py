@@ -12,6 +12,8 @@ from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 from ..formats.scene_bundle import Floor, Obstacles
 from .maps import grow
 
+# Cells of a floor that differ by more do not slope into each other.
+STEP_M = 0.02
 # A box's corners are numbered by bits x, y, z; quads run counter-clockwise seen from outside.
 _BOX_QUADS = np.array(
     [[0, 2, 6, 4], [1, 5, 7, 3], [0, 4, 5, 1], [2, 3, 7, 6], [0, 1, 3, 2], [4, 6, 7, 5]]
@@ -79,19 +81,26 @@ def _mesh(
 def floor_surface(floor: Floor) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """The floor as quads facing up, corner heights averaged from the cells around each corner.
 
-    It reaches one cell beyond the covered ones: under walls, so that nothing slips in between.
+    Cells that lie a step higher or lower do not count, so that edges stay sharp. It reaches one
+    cell beyond the covered ones: under walls, so that nothing slips in between.
     """
-    columns = floor.grid.columns
+    width = floor.grid.columns + 1
     height = np.pad(floor.height_m.astype(np.float64), 1, mode="edge")
-    corner = 0.25 * (height[:-1, :-1] + height[1:, :-1] + height[:-1, 1:] + height[1:, 1:])
     i, j = np.nonzero(grow(floor.covered))
-    width = columns + 1
-    base = i * width + j
-    quads = np.stack([base, base + 1, base + width + 1, base + width], axis=1)
-    used, inverse = np.unique(quads, return_inverse=True)
-    xy = floor.grid.center_of(np.stack([used // width, used % width], axis=1) - 0.5)
-    points = np.column_stack([xy, corner.ravel()[used]]).astype(np.float64)
-    return points, inverse.reshape(quads.shape).astype(np.int64)
+    own = height[i + 1, j + 1]
+    nodes, levels = [], []
+    # Corners counter-clockwise; around node (a, b) lie the padded cells a, a + 1 by b, b + 1.
+    for a, b in ((i, j), (i, j + 1), (i + 1, j + 1), (i + 1, j)):
+        around = np.stack([height[a, b], height[a, b + 1], height[a + 1, b], height[a + 1, b + 1]])
+        same = np.abs(around - own) <= STEP_M
+        nodes.append(a * width + b)
+        levels.append((around * same).sum(axis=0) / same.sum(axis=0))
+    node, z = np.stack(nodes, axis=1).ravel(), np.stack(levels, axis=1).ravel()
+    key = np.stack([node, np.rint(z * 1e5).astype(np.int64)], axis=1)
+    _, first, inverse = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    xy = floor.grid.center_of(np.stack([node[first] // width, node[first] % width], axis=1) - 0.5)
+    points = np.column_stack([xy, z[first]]).astype(np.float64)
+    return points, inverse.reshape(-1, 4).astype(np.int64)
 
 
 def box_surfaces(obstacles: Obstacles) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
