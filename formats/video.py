@@ -42,6 +42,7 @@ __all__ = [
     "DEPTH_CODEC",
     "GROUP_OF_PICTURES",
     "RGB_CODECS",
+    "WATCH_CODEC",
     "VideoCodec",
     "VideoFacts",
     "check_rgb_codec",
@@ -109,6 +110,11 @@ def check_rgb_codec(name: str) -> None:
 # To be looked at, not trained on: one key frame, and a sixth of the bytes.
 CLIP_CODEC = VideoCodec(
     "h264", "h264", "yuv420p", 29, "medium", {"g": 250, "bf": 2, "threads": 1, "tune": "animation"}
+)
+
+# To be looked at, whole episodes: finer than a clip, a key frame every other second.
+WATCH_CODEC = VideoCodec(
+    "h264", "h264", "yuv420p", 23, "veryfast", {"g": 50, "bf": 2, "threads": 1}
 )
 
 # Lossless 12-bit HEVC. Blocks of 16 instead of 64 pixels make lossless encoding 1.7 times as fast

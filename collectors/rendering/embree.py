@@ -127,7 +127,7 @@ class SceneRenderer:
             if geoms:  # a robot out of view leaves no spot worth its time
                 spheres = self._robot.shadow.posed(robot)
         eye = position.astype(np.float32)
-        order = _order(width, height, self._packets.lanes)
+        order = pixel_order(width, height, self._packets.lanes)
         color, depth, surface, prim = self._trace(
             order, self._directions, eye, pixel, spheres, cut_above_m, light
         )
@@ -195,7 +195,8 @@ def first_hit_m(scene: PacketScene, origin_m: ArrayLike, direction: ArrayLike) -
 
 
 @functools.lru_cache(maxsize=8)
-def _order(width: int, height: int, lanes_: int) -> I32:
+def pixel_order(width: int, height: int, lanes_: int) -> I32:
+    """Pixels of an image tile by tile, for packets of that many rays; −1 = none."""
     return tile_order(width, height, TILES[lanes_])
 
 

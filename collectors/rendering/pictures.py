@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -12,11 +13,11 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ...formats.atomic import atomic_file
 from ...formats.rollout import Rollout
-from ...formats.video import CLIP_CODEC, write_rgb_video
+from ...formats.video import CLIP_CODEC, WATCH_CODEC, write_rgb_video
 from ..robots import RobotSpec, get_robot
 from .interface import Renderer
 from .rollout_views import RolloutFrames
-from .views import make_view
+from .views import View, make_view
 
 Picture = NDArray[np.uint8]
 
@@ -118,14 +119,62 @@ def third_person_clip(
         light=renderer.light,
         renderer=renderer.name,
     )
+    pictures = _stamped(renderer, rollout, view, frames_per_second, who, last_s)
+    last: list[Picture] = []
+
+    def remembered() -> Iterator[Picture]:
+        for picture in pictures:
+            last[:] = [picture]
+            yield picture
+
+    write_rgb_video(path, remembered(), frames_per_second, CLIP_CODEC)
+    return last[0]
+
+
+def watchable_video(
+    path: Path,
+    renderer: Renderer,
+    rollout: Rollout,
+    view: View,
+    frames_per_second: int = 25,
+    robot: RobotSpec | None = None,
+) -> int:
+    """Write an `.mp4` of a whole rollout that plays at the robot's own pace.
+
+    Args:
+        path: where to.
+        renderer: made for the view's renderer and light.
+        rollout: recorded states.
+        view: where to look from.
+        frames_per_second: divides 100.
+        robot: who walked; the registry's robot of that name when None.
+
+    Returns:
+        The number of frames.
+
+    Raises:
+        ValueError: the frame rate does not divide 100, or the renderer is not the view's.
+    """
+    who = robot or get_robot(rollout.robot)
+    pictures = _stamped(renderer, rollout, view, frames_per_second, who)
+    return write_rgb_video(path, pictures, frames_per_second, WATCH_CODEC)
+
+
+def _stamped(
+    renderer: Renderer,
+    rollout: Rollout,
+    view: View,
+    frames_per_second: int,
+    robot: RobotSpec,
+    last_s: float = math.inf,
+) -> Iterator[Picture]:
+    """Frames with their time in a corner."""
     samples = rollout.frame_samples(frames_per_second)
     samples = samples[rollout.time_s[samples] >= rollout.time_s[-1] - last_s]
-    frames = RolloutFrames.plan(renderer, rollout, view, samples, who).render(renderer)
-    pictures = [rgb for rgb, _ in frames]
-    for picture, sample in zip(pictures, samples, strict=True):
+    plan = RolloutFrames.plan(renderer, rollout, view, samples, robot)
+    for sample, (picture, _) in zip(samples, plan.render(renderer), strict=True):
         _stamp(picture, f"{rollout.time_s[sample]:.1f} s")
-    write_rgb_video(path, pictures, frames_per_second, CLIP_CODEC)
-    return pictures[-1]
+        yield picture
 
 
 def depth_picture(depth_m: NDArray[np.float32], far_m: float = DEPTH_SHOWN_M) -> Picture:

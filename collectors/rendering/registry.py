@@ -2,14 +2,41 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 
-from ...formats.errors import UnknownNameError
+from ...formats.errors import InputError, UnknownNameError
 from ...formats.scene_bundle import SceneBundle
 from .embree import SceneRenderer
+from .gl import GlRenderer
+from .gl_probe import graphics_card, why_no_gl
 from .interface import Renderer
 
-RENDERERS: dict[str, Callable[[SceneBundle, str], Renderer]] = {"embree": SceneRenderer}
+RENDERERS: dict[str, Callable[[SceneBundle, str], Renderer]] = {
+    "embree": SceneRenderer,
+    "gl": GlRenderer,
+}
+AUTO = "auto"
+
+log = logging.getLogger(__name__)
+
+
+def chosen_renderer(name: str) -> str:
+    """The renderer that `name` stands for; `auto` takes the graphics card where there is one.
+
+    Raises:
+        UnknownNameError: neither `auto` nor a renderer; the message lists the valid names.
+        InputError: `gl`, but nothing can be drawn with OpenGL here; the message says why.
+    """
+    if name == AUTO:
+        card = graphics_card()
+        log.info("renderer: %s", f"gl on {card}" if card else "embree, no graphics card found")
+        return "gl" if card else "embree"
+    if name not in RENDERERS:
+        raise UnknownNameError("renderer", name, [*RENDERERS, AUTO])
+    if name == "gl" and (reason := why_no_gl()):
+        raise InputError(f"renderer gl: {reason}; valid here: embree")
+    return name
 
 
 def make_renderer(bundle: SceneBundle, name: str = "embree", light: str = "baked") -> Renderer:
@@ -18,6 +45,7 @@ def make_renderer(bundle: SceneBundle, name: str = "embree", light: str = "baked
     Raises:
         UnknownNameError: no such renderer or light; the message lists the valid names.
         FileFormatError: the scene's mesh or a texture cannot be read.
+        InputError: `gl`, but no OpenGL context can be had; the message says why.
     """
     if name not in RENDERERS:
         raise UnknownNameError("renderer", name, RENDERERS)

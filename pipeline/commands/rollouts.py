@@ -12,8 +12,10 @@ from typing import Annotated
 import tyro
 
 from ...collectors.controllers import SpeedConfig
-from ...collectors.rendering.lights import get_light
-from ...collectors.rendering.views import make_view
+from ...collectors.rendering.extras import Extras
+from ...collectors.rendering.lights import LIGHTS, get_light
+from ...collectors.rendering.registry import chosen_renderer
+from ...collectors.rendering.views import CameraWishes, parse_views
 from ...formats.errors import FileFormatError, InputError
 from ...formats.video import check_rgb_codec
 from ...formats.vlnce import read_episodes
@@ -27,6 +29,8 @@ from ..stages import export, render, repair, replay
 from ..summary import joined, robot_table, stage_table
 from .chain import scenes_in
 from .collect import check_frame_rate, opened
+
+FRAME_RATE, VIDEO_RATE = 4, 25  # frames per second, unless asked for otherwise
 
 Json = Annotated[bool, tyro.conf.arg(name="json")]
 
@@ -63,7 +67,7 @@ class Replay:
 
 @dataclass(frozen=True)
 class Render:
-    """Render rollouts: RGB and depth videos of any camera."""
+    """Render rollouts: RGB and depth of any cameras, or videos to look at."""
 
     rollouts: tyro.conf.Positional[Path]
     """Folder that `replay` wrote."""
@@ -72,7 +76,8 @@ class Render:
     out: Path = Path("frames")
     """Folder for <robot>/<controller>/<view>/<episode>/."""
     camera: str = "ego"
-    """Which view: ego, chase or top."""
+    """Which views: ego (the robot's own camera), chase, top; several (ego,chase), each with its own
+    size and field of view if wished (ego:640x480:79)."""
     width_px: int | None = None
     """Image width; by default the camera's own."""
     height_px: int | None = None
@@ -80,9 +85,21 @@ class Render:
     hfov_deg: float | None = None
     """Horizontal field of view; by default the camera's own."""
     light: str = "baked"
-    """Which lighting."""
-    frames_per_second: int = 4
-    """4, 5, 10, 20, 25 or 50."""
+    """Which lighting: baked (as scanned), DL5000 (panel lights, day), DL300 (night), CL (a lamp on
+    the robot); several (DL5000,CL), or `all`."""
+    renderer: str = "auto"
+    """Who draws: embree (processor), gl (MuJoCo through EGL), or auto: gl where a graphics card is,
+    else embree."""
+    frames_per_second: int | None = None
+    """4, 5, 10, 20, 25 or 50; by default 4, for videos to look at 25."""
+    semantic: bool = False
+    """Also the label of every pixel: semantic.mov, and labels.json with the names."""
+    instance: bool = False
+    """Also the object of every pixel: instance.mov, and labels.json with the names."""
+    depth_mm: bool = False
+    """Also depth in whole millimetres: depth_mm.mov (16-bit PNG frames)."""
+    video: bool = False
+    """Instead of data, one .mp4 per episode to look at."""
     rgb_codec: str = "h264"
     """Codec of colour videos: h264, or av1, which nobody claims fees for."""
     workers: int = 0
@@ -144,11 +161,15 @@ def run_render(options: Render) -> int:
     """Render all rollouts of a folder.
 
     Raises:
-        InputError: an unknown camera, light or codec, or an unusable folder.
+        InputError: an unknown camera, light, renderer or codec, or an unusable folder.
     """
-    get_light(options.light)
-    check_frame_rate(options.frames_per_second)
+    lights = sorted(LIGHTS) if options.light == "all" else options.light.split(",")
+    for light in lights:
+        get_light(light)
+    rate = options.frames_per_second or (VIDEO_RATE if options.video else FRAME_RATE)
+    check_frame_rate(rate)
     check_rgb_codec(options.rgb_codec)
+    renderer = chosen_renderer(options.renderer)
     source = Ledger.existing(options.rollouts)
     scenes = _scene_rows(options.scenes)
     groups: dict[tuple[str, str], dict[str, Row]] = {}
@@ -156,38 +177,36 @@ def run_render(options: Render) -> int:
         if row.status == "done":
             robot, controller, _ = row.item.split("/", 2)
             groups.setdefault((robot, controller), {})[row.item] = row
+    wishes = CameraWishes(options.width_px, options.height_px, options.hfov_deg)
     views = {
-        (robot, controller): make_view(
-            options.camera,
-            kept(robot, source.root),
-            options.width_px,
-            options.height_px,
-            options.hfov_deg,
-            options.light,
-        )
-        for robot, controller in groups
+        robot: [
+            view
+            for light in lights
+            for view in parse_views(
+                options.camera, kept(robot, source.root), wishes, light, renderer
+            )
+        ]
+        for robot, _ in groups
     }
     if not groups:
         raise FileFormatError(options.rollouts, "no rollout in it")
     walked = {str(row.facts["scene"]) for rows in groups.values() for row in rows.values()}
     _demand_scenes(walked, scenes, options.scenes)
+    extras = Extras(options.semantic, options.instance, options.depth_mm)
+    root, folder = source.root.resolve(), options.scenes.resolve()
     summaries = []
     with opened(options.out, options.workers) as context:
+        out = context.ledger.root
         for (robot, controller), rows in groups.items():
-            view = views[robot, controller]
-            items = render.items(
-                rows,
-                scenes,
-                source.root.resolve(),
-                options.scenes.resolve(),
-                context.ledger.root,
-                context.ledger.root,
-                view,
-                options.frames_per_second,
-                options.rgb_codec,
-            )
-            scope = f"{robot}/{controller}/{view.name}/"
-            summaries.append(run_stage(context, render.STAGE, items, scope))
+            for view in views[robot]:
+                scope = f"{robot}/{controller}/{view.name}/"
+                if options.video:
+                    items = render.video_items(rows, scenes, root, folder, out, view, rate)
+                    summaries.append(run_stage(context, render.VIDEO_STAGE, items, scope))
+                    continue
+                how = (view, rate, options.rgb_codec, extras)
+                items = render.items(rows, scenes, root, folder, out, out, *how)
+                summaries.append(run_stage(context, render.STAGE, items, scope))
     return _tell(options, summaries)
 
 

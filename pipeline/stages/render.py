@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 
+from ...collectors.rendering.extras import Extras
 from ...collectors.rendering.interface import Renderer
+from ...collectors.rendering.pictures import watchable_video
 from ...collectors.rendering.registry import make_renderer
 from ...collectors.rendering.rollout_views import render_rollout
 from ...collectors.rendering.views import View
@@ -21,6 +23,7 @@ from ..ledger import Row
 from ..runner import ItemResult, WorkItem
 
 STAGE = "render"
+VIDEO_STAGE = "video"
 
 
 def items(
@@ -33,6 +36,7 @@ def items(
     view: View,
     frames_per_second: int,
     rgb_codec: str = "h264",
+    extras: Extras | None = None,
 ) -> list[WorkItem]:
     """One item per rollout.
 
@@ -46,12 +50,14 @@ def items(
         view: what to see.
         frames_per_second: of the videos.
         rgb_codec: key of `formats.video.RGB_CODECS`.
+        extras: further videos, default none.
     """
+    extras = extras or Extras()
     code = code_version("collectors", "formats", "pipeline/stages/render.py")
     result = []
     for name, row in rollouts.items():
         scene = str(row.facts["scene"])
-        made_of = (row.key, scenes[scene].key, view, frames_per_second, rgb_codec)
+        made_of = (row.key, scenes[scene].key, view, frames_per_second, rgb_codec, extras)
         key = digest(STAGE, *made_of, code)
         folder, episode = name.rsplit("/", 1)
         out = frames / folder / view.name / episode
@@ -59,7 +65,7 @@ def items(
         # Relative, so that a run folder may be moved between rendering and exporting.
         relative = os.path.relpath(rollout, base)
         robot = kept(name.split("/")[0], root)
-        how = (view, frames_per_second, rgb_codec)
+        how = (view, frames_per_second, rgb_codec, extras)
         arguments = (scenes_folder / scene, rollout, relative, robot, *how, out)
         result.append(WorkItem(f"{folder}/{view.name}/{episode}", key, (out,), process, arguments))
     return result
@@ -73,6 +79,7 @@ def process(
     view: View,
     frames_per_second: int,
     rgb_codec: str,
+    extras: Extras,
     out: Path,
 ) -> ItemResult:
     """Render one rollout of `robot`, which is a name or a folder."""
@@ -88,6 +95,7 @@ def process(
             frames_per_second,
             codec=rgb_codec,
             robot=get_robot(robot),
+            extras=extras,
         )
     facts = {
         "frames": count,
@@ -97,6 +105,55 @@ def process(
         "frames_per_second": frames_per_second,
     }
     return ItemResult(facts)
+
+
+def video_items(
+    rollouts: Mapping[str, Row],
+    scenes: Mapping[str, Row],
+    root: Path,
+    scenes_folder: Path,
+    videos: Path,
+    view: View,
+    frames_per_second: int,
+) -> list[WorkItem]:
+    """One item per rollout: a video to look at, `<robot>/<controller>/<view>/<episode>.mp4`.
+
+    Args:
+        rollouts: rows of the replay stage by item; their outputs are relative to `root`.
+        scenes: rows of the repair stage by scene id.
+        root: the ledger's folder.
+        scenes_folder: of the repaired scenes.
+        videos: output folder.
+        view: what to see.
+        frames_per_second: of the videos.
+    """
+    code = code_version("collectors", "formats", "pipeline/stages/render.py")
+    result = []
+    for name, row in rollouts.items():
+        scene = str(row.facts["scene"])
+        key = digest(VIDEO_STAGE, row.key, scenes[scene].key, view, frames_per_second, code)
+        folder, episode = name.rsplit("/", 1)
+        out = videos / folder / view.name / f"{episode}.mp4"
+        robot = kept(name.split("/")[0], root)
+        arguments = (
+            scenes_folder / scene, root / row.outputs[0], robot, view, frames_per_second, out,
+        )  # fmt: skip
+        item = f"{folder}/{view.name}/{episode}"
+        result.append(WorkItem(item, key, (out,), process_video, arguments))
+    return result
+
+
+def process_video(
+    scene: Path, rollout: Path, robot: str, view: View, frames_per_second: int, out: Path
+) -> ItemResult:
+    """Render one rollout of `robot`, which is a name or a folder, to be looked at."""
+    _, renderer = scene_renderer(scene, view.renderer, view.light)
+    recorded = read_rollout(rollout)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    count = watchable_video(
+        out, renderer, recorded, view, frames_per_second, robot=get_robot(robot)
+    )
+    return ItemResult({"frames": count, "scene": scene.name})
 
 
 @lru_cache(maxsize=1)
