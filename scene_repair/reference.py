@@ -14,6 +14,8 @@ from .maps import distance_to, grow, grown_window, label, windows
 
 # Heights around a hole that differ by more, with none between, are two floors with a step between.
 STEP_M = 0.06
+# A piece of floor is level if heights of neighbouring cells differ by less in this share of it.
+LEVEL_M, LEVEL_SHARE = 0.01, 0.4
 
 
 def remove_narrow(
@@ -22,13 +24,18 @@ def remove_narrow(
     """Heights without bumps and dents narrower than `width_m`; NaN (no floor) stays NaN.
 
     Grey opening, then closing, with a square of that width (Serra, 1982). What deviates by more
-    than `height_m` is real, the corner of a sunken area for example, and stays.
+    than `height_m` and is mostly level is real, the corner of a sunken area for example, and stays;
+    what is not is the foot of a thing, melted into the floor by the scanner.
     """
     size = 2 * round(width_m / cell_m / 2) + 1
     filled = extend(z_m)
     opened = ndimage.grey_opening(filled, size=(size, size))
     closed = ndimage.grey_closing(opened, size=(size, size))
-    return np.where(np.abs(closed - z_m) <= height_m, closed, z_m)
+    parts, count = label(np.abs(closed - z_m) > height_m)
+    spread = ndimage.maximum_filter(filled, 3) - ndimage.minimum_filter(filled, 3)
+    level = np.asarray(ndimage.mean(spread < LEVEL_M, parts, np.arange(count + 1)))
+    real = (level >= LEVEL_SHARE) & (np.arange(count + 1) > 0)
+    return np.where(real[parts], z_m, np.where(np.isfinite(z_m), closed, np.nan))
 
 
 def fill_heights(
