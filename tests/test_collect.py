@@ -249,3 +249,34 @@ def test_another_robot_and_controller_join_a_run_on_the_same_episodes(run_root, 
     page = (tmp_path / "run" / "report" / "index.html").read_text()
     for title in ("aliengo, path controller", "vlnce, flash controller"):
         assert title in page
+
+
+def test_export_alone_may_keep_depth_as_images(run_root, tmp_path):
+    export = ("export", run_root, "--scenes", run_root / "scenes", "--out", "data")
+    last_json(vlnpe(*export, "--depth", "image", "--json", cwd=tmp_path))
+    root = tmp_path / "data" / "lerobot" / f"aliengo-path-{VIEW}"
+    info = json.loads((root / "meta" / "info.json").read_text())
+    assert info["features"]["observation.images.depth"]["dtype"] == "image"
+    assert info["total_episodes"] == EPISODES
+    assert not (root / "videos" / "observation.images.depth").exists()
+    made = json.loads((root / "meta" / "provenance.json").read_text())
+    assert made["scenes"]["apartment-0"]["licence"] == "Apache-2.0"
+    assert len(made["policy_sha256"]) == 1 and made["instructions"]["composer"]
+    assert made["seeds"]["replay"] == [0] and len(made["config_sha256"]) == 64
+    shown = vlnpe("push", root, "--repo", "someone/rooms", cwd=tmp_path)
+    assert shown.returncode == 0 and "nothing was uploaded" in shown.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "valid"),
+    [
+        (("export", "--depth", "png"), "image, video"),
+        (("render", "--rgb-codec", "vp9"), "av1, h264"),
+    ],
+)
+def test_unknown_ways_to_keep_pictures_are_named(run_root, tmp_path, arguments, valid):
+    verb, *options = arguments
+    scenes = ("--scenes", run_root / "scenes", "--out", "out")
+    done = vlnpe(verb, run_root, *scenes, *options, cwd=tmp_path)
+    assert done.returncode == 2 and valid in done.stderr
+    assert not (tmp_path / "out").exists()
