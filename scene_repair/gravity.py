@@ -24,6 +24,8 @@ STRONG_SHARE = 0.25
 SHELL = 0.12
 # Strong heights nearer together than this share of the whole are one floor, without a ceiling.
 LEAST_ROOM = 0.3
+# Where things are says more than which way they face: normals made for point clouds may be wrong.
+FACING = 0.3
 
 
 @dataclass(frozen=True)
@@ -191,7 +193,7 @@ def side_evidence(surfaces: Surfaces, up: Array) -> tuple[float, str]:
         return 0.0, "nothing stands between floor and ceiling"
     mean = float((share * area)[things].sum()) / weight
     facing = looks_in * float(signed[things].sum()) / weight
-    return 2.0 * (0.5 - mean) + 0.5 * facing, (
+    return 2.0 * (0.5 - mean) + FACING * facing, (
         f"what lies level between floor and ceiling is at {100 * mean:.0f} % of the height on "
         f"average, and {50 + 50 * facing:.0f} % of it looks up"
     )

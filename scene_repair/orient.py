@@ -137,10 +137,10 @@ def _signed(
     """`axis` (3,) or its opposite, whichever is up, and why."""
     places: dict[bool, list[float]] = {True: [], False: []}
     centers = surfaces.centers @ axis
-    for k, thing in enumerate(scan.objects):
-        words = thing.category.split()[-1:]
+    for thing, mine in zip(scan.objects, scan.object_faces(), strict=True):
+        word = thing.category.split()[-1:]
         for low, names in ((True, LOW_THINGS), (False, HIGH_THINGS)):
-            if set(words) & names and (mine := scan.face_object == k).any():
+            if names.intersection(word) and len(mine):
                 places[low].append(float(np.average(centers[mine], weights=surfaces.area[mine])))
     if places[True]:
         rest = places[False] or [float(np.average(centers, weights=surfaces.area))]

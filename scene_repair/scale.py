@@ -89,11 +89,9 @@ def _room_height(
 def _labelled_doors(scan: Scan, up: Array) -> tuple[float, str]:
     """Median height of objects that are called doors."""
     found = []
-    for k, thing in enumerate(scan.objects):
-        if thing.category.split()[-1:] == ["door"]:
-            mine = scan.faces[scan.face_object == k]
-            if len(mine):
-                found.append(float(np.ptp(scan.vertices[mine.ravel()] @ up)))
+    for thing, mine in zip(scan.objects, scan.object_faces(), strict=True):
+        if thing.category.split()[-1:] == ["door"] and len(mine):
+            found.append(float(np.ptp(scan.vertices[scan.faces[mine].ravel()] @ up)))
     return (float(np.median(found)), f"{len(found)} labelled") if found else (0.0, "")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -57,3 +58,9 @@ class Scan:
     licence: str = ""
     generator: dict[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+
+    def object_faces(self) -> list[NDArray[np.int64]]:
+        """The faces of each object, as indices."""
+        order = np.argsort(self.face_object, kind="stable")
+        ends = np.searchsorted(self.face_object[order], np.arange(len(self.objects) + 1))
+        return [order[a:b] for a, b in pairwise(ends)]

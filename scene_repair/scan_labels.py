@@ -45,20 +45,18 @@ def label_scan(source: Path, scan: Scan) -> tuple[Scan, list[LabelBox]]:
             "scan's; its labels are not used"
         )
         return replace(scan, warnings=(*scan.warnings, line)), boxes
-    known = [_bounds(box.corners()) for box in boxes], [box.category for box in boxes]
-    for k, thing in enumerate(scan.objects):
-        faces = scan.faces[scan.face_object == k]
-        if len(faces):
-            known[0].append(_bounds(scan.vertices[faces.ravel()]))
-            known[1].append(thing.category)
+    known: dict[str, list[NDArray[np.float64]]] = {}
+    for box in boxes:
+        known.setdefault(box.category, []).append(_bounds(box.corners()))
+    for thing, mine in zip(scan.objects, scan.object_faces(), strict=True):
+        if len(mine):
+            there = _bounds(scan.vertices[scan.faces[mine].ravel()])
+            known.setdefault(thing.category, []).append(there)
     turn = FRAMES[up]
     for box in house.boxes:
         turned = replace(box, center=turn @ box.center, axes=box.axes @ turn.T)
         here = _bounds(turned.corners())
-        if not any(
-            category == box.category and _shared(here, there) > SAME
-            for there, category in zip(*known, strict=True)
-        ):
+        if not any(_shared(here, there) > SAME for there in known.get(box.category, ())):
             boxes.append(turned)
     reason = f"the bounds in {path.name} agree with {up} up ({100 * agreement:.0f} % shared)"
     unit = scan.unit or ("m", f"{path.name} is in metres")
