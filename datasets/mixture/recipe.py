@@ -21,6 +21,8 @@ from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from ...formats.errors import FileFormatError, InputError, UnknownNameError
 from ...formats.rollout import EndReason
 
@@ -127,8 +129,6 @@ def read_recipe(path: Path) -> Recipe:
         FileFormatError: not readable, or no YAML mapping; a key, name or value that is not valid,
             with the valid ones.
     """
-    import yaml  # late: whoever reads no recipe does without
-
     try:
         value = yaml.safe_load(path.read_text())
     except (OSError, UnicodeDecodeError) as error:
