@@ -18,6 +18,8 @@ from benchmarks.scene_repair.scenes import Source, write_planted
 from benchmarks.scene_repair.score import score, score_hole, truth_of
 from benchmarks.scene_repair.shapes import KINDS, Outline, ragged
 from benchmarks.scene_repair.site import survey
+from benchmarks.scene_repair.speed import Run, fit
+from benchmarks.scene_repair.store import Result, load, save
 from benchmarks.scene_repair.tables import by_kind, counted, missed, summary
 from tests.support import scans
 from vlnpe.scene_repair.config import RepairConfig
@@ -172,3 +174,17 @@ def test_planted_holes_are_filled_and_the_decoy_is_not(scene: Source, tmp_path: 
     assert result.moved == 0
     text = "\n".join([*summary([result]), *by_kind([result])])
     assert "planted holes filled | 100.00 %" in text
+    kept = Result("code", result, 1.0, [])
+    save(tmp_path / "result.json", kept)
+    again = load(tmp_path / "result.json")
+    assert again is not None
+    assert again.code == "code"
+    assert [h.hole.name for h in again.score.holes] == [h.hole.name for h in result.holes]
+    assert summary([again.score])[:7] == summary([result])[:7]
+
+
+def test_growth_is_fitted() -> None:
+    runs = [Run(n, 3e-5 * n**1.1, 0.0, 1.0) for n in (100_000, 500_000, 2_000_000)]
+    exponent, seconds = fit(runs)
+    assert exponent == pytest.approx(1.1)
+    assert seconds == pytest.approx(3e-5 * 1_000_000**1.1)

@@ -106,7 +106,7 @@ def sections(options: Options) -> list[str]:
 
 
 def _results(cases: list[Case], compared: set[Case], options: Options) -> list[Result]:
-    work = partial(_one, run=options.run, keep=options.keep)
+    work = partial(run_case, run=options.run, keep=options.keep)
     flags = [case in compared for case in cases]
     if options.workers == 1:
         return [_told(case, work(case, flag)) for case, flag in zip(cases, flags, strict=True)]
@@ -114,10 +114,6 @@ def _results(cases: list[Case], compared: set[Case], options: Options) -> list[R
     with ProcessPoolExecutor(options.workers, mp_context=context) as pool:
         results = pool.map(work, cases, flags)
         return [_told(case, result) for case, result in zip(cases, results, strict=True)]
-
-
-def _one(case: Case, with_fillers: bool, run: Path, keep: bool) -> Result:
-    return run_case(case, run, with_fillers, keep)
 
 
 def _told(case: Case, result: Result) -> Result:

@@ -18,7 +18,7 @@ def report(run: Path) -> str:
         run: folder for scans, scenes and results.
     """
     cases = [apartment_case(seed, "brief") for seed in SEEDS] + real_cases("brief")[:1]
-    results = [run_case(case, run / "scene_repair", True) for case in cases]
+    results = [run_case(case, True, run / "scene_repair") for case in cases]
     names = ", ".join(case.scene for case in cases)
     return "\n".join(
         [

@@ -68,13 +68,13 @@ def open_source(scene: str, cache: Path) -> Source:
     return house() if scene == HOUSE else headset(scene)
 
 
-def run_case(case: Case, run: Path, with_fillers: bool, keep: bool = False) -> Result:
+def run_case(case: Case, with_fillers: bool, run: Path, keep: bool = False) -> Result:
     """Plant, repair and measure, unless that was done with the same code.
 
     Args:
         case: what.
-        run: folder for scans, planted scans, repaired scenes and results.
         with_fillers: let other fillers work on the same scan, too.
+        run: folder for scans, planted scans, repaired scenes and results.
         keep: take a result of older repair code for good.
     """
     path = path_of(run, case, HOLES, with_fillers)
