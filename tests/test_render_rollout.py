@@ -11,20 +11,33 @@ import pytest
 from tests.support.rooms import PARTS
 from tests.support.walks import glide
 from vlnpe.collectors.rendering import rollout_views
+from vlnpe.collectors.rendering.extras import ROBOT_CODE, Extras
 from vlnpe.collectors.rendering.interface import Renderer
-from vlnpe.collectors.rendering.pictures import depth_picture, film_strip, third_person_clip
+from vlnpe.collectors.rendering.pictures import (
+    depth_picture,
+    film_strip,
+    third_person_clip,
+    watchable_video,
+)
 from vlnpe.collectors.rendering.registry import make_renderer
 from vlnpe.collectors.rendering.rollout_views import RolloutFrames, render_rollout
 from vlnpe.collectors.rendering.scene_map import top_down_map
-from vlnpe.collectors.rendering.views import VIEWS, View, make_view
+from vlnpe.collectors.rendering.views import (
+    VIEWS,
+    CameraWishes,
+    View,
+    make_view,
+    parse_views,
+)
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.camera import DepthRange
-from vlnpe.formats.errors import UnknownNameError
+from vlnpe.formats.errors import InputError, UnknownNameError
 from vlnpe.formats.frame_table import build_frame_table
 from vlnpe.formats.frames import quat_to_matrix
+from vlnpe.formats.id_video import read_id_video
 from vlnpe.formats.rollout import Rollout
 from vlnpe.formats.scene_bundle import SceneBundle
-from vlnpe.formats.video import read_depth_video, read_rgb_video
+from vlnpe.formats.video import probe_video, read_depth_video, read_rgb_video
 
 LOWER = np.array([p[2] for p in PARTS])
 UPPER = np.array([p[3] for p in PARTS])
@@ -134,6 +147,84 @@ def test_the_chase_camera_is_never_behind_a_wall(renderer: Renderer, seed: int) 
     local = np.einsum("nji,nj->ni", quat_to_matrix(path.quat_wxyz), base - path.position_world_m)
     assert (local[:, 2] > 0).all()
     assert (np.abs(local[:, :2] / local[:, 2:]) < 0.6).all()
+
+
+def test_labels_and_millimetres_are_written_beside_the_videos(
+    two_rooms: SceneBundle, renderer: Renderer, rollout: Rollout, tmp_path: Path
+) -> None:
+    view = make_view("chase", "aliengo", width_px=64, height_px=48)
+    extras = Extras(semantic=True, instance=True, millimetres=True)
+    count = render_rollout(two_rooms, renderer, rollout, view, tmp_path, 4, extras=extras)
+    semantic, instance, millimetres = (
+        read_id_video(tmp_path / f"{name}.mov") for name in ("semantic", "instance", "depth_mm")
+    )
+    assert semantic.shape == instance.shape == millimetres.shape == (count, 48, 64)
+    names = json.loads((tmp_path / "labels.json").read_text())
+    assert (semantic == ROBOT_CODE).any(axis=(1, 2)).all()  # followed by the camera
+    assert np.array_equal(semantic == ROBOT_CODE, instance == ROBOT_CODE)
+    assert set(np.unique(semantic).astype(str)) <= set(names["semantic"])
+    assert {names["semantic"][str(k)] for k in np.unique(semantic)} >= {"floor", "wall", "robot"}
+    depth = read_depth_video(tmp_path / "depth.mp4", DepthRange())
+    assert np.abs(millimetres / 1000.0 - depth).max() < 0.006  # whole mm against 12-bit codes
+    meta = json.loads((tmp_path / "meta.json").read_text())
+    assert meta["semantic"]["file"] == "semantic.mov"
+
+
+@pytest.mark.parametrize("light", ["DL300", "CL"])
+def test_light_leaves_depth_and_poses_as_they_are(
+    two_rooms: SceneBundle, renderer: Renderer, rollout: Rollout, tmp_path: Path, light: str
+) -> None:
+    lit = make_renderer(two_rooms, light=light)
+    for which, folder in ((renderer, "a"), (lit, "b"), (lit, "c")):
+        view = make_view("top", "aliengo", 64, 48, light=which.light)
+        render_rollout(two_rooms, which, rollout, view, tmp_path / folder, 4)
+    a, b, c = (tmp_path / folder for folder in "abc")
+    with np.load(a / "frames.npz") as one, np.load(b / "frames.npz") as other:
+        for key in set(one.files) - {"rgb_counts"}:
+            np.testing.assert_array_equal(one[key], other[key], err_msg=key)
+    assert (a / "depth.mp4").read_bytes() == (b / "depth.mp4").read_bytes()
+    for name in ("rgb.mp4", "depth.mp4", "meta.json"):  # twice the same bytes
+        assert (b / name).read_bytes() == (c / name).read_bytes()
+    assert (a / "rgb.mp4").read_bytes() != (b / "rgb.mp4").read_bytes()
+
+
+def test_a_video_to_watch_plays_at_the_robots_pace(
+    renderer: Renderer, rollout: Rollout, tmp_path: Path
+) -> None:
+    view = make_view("chase", "aliengo", 64, 48)
+    count = watchable_video(tmp_path / "walk.mp4", renderer, rollout, view, 10)
+    facts = probe_video(tmp_path / "walk.mp4")
+    assert (facts.frames, facts.frames_per_second) == (count, 10)
+    assert count == len(rollout.frame_samples(10))
+
+
+def test_cameras_say_their_size_and_field_of_view() -> None:
+    wishes = CameraWishes(width_px=96)
+    views = parse_views("ego,chase:64x48,top:80x80:50", "aliengo", wishes, "CL", "gl")
+    assert [view.name for view in views] == [
+        "ego-96x256-90deg-CL",
+        "chase-64x48-75deg-CL",
+        "top-80x80-50deg-CL",
+    ]
+    assert {view.renderer for view in views} == {"gl"}
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("ego:33x32", "valid: even sides from 16"),
+        ("ego:0x0", "valid: even sides"),
+        ("ego:99999x64", "to 8192"),
+        ("ego:64x64:179", "valid: HFOV of 1 to 170"),
+        ("ego:wide", "valid: KIND"),
+        ("", "valid: KIND"),
+        ("ego,ego", "twice"),
+        ("drone", "valid: chase, ego, top"),
+    ],
+)
+def test_unusable_cameras_are_refused(text: str, reason: str) -> None:
+    with pytest.raises(InputError, match=reason):
+        parse_views(text, "aliengo", CameraWishes(), "baked", "embree")
 
 
 def test_views_are_named_after_what_they_are() -> None:

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from vlnpe.formats.camera import DepthRange
 from vlnpe.formats.depth_codes import codes_to_depth, depth_to_codes
 from vlnpe.formats.errors import FileFormatError, UnknownNameError
+from vlnpe.formats.id_video import IdVideoWriter, read_id_video
 from vlnpe.formats.video import (
     concatenate_videos,
     probe_video,
@@ -190,3 +191,30 @@ def test_parts_of_different_sizes_are_not_joined(tmp_path: Path) -> None:
     with pytest.raises(FileFormatError, match=r"b\.mp4"):
         concatenate_videos([tmp_path / "a.mp4", tmp_path / "b.mp4"], tmp_path / "all.mp4")
     assert not (tmp_path / "all.mp4").exists()
+
+
+def test_ids_come_back_exactly(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    frames = rng.integers(0, 65536, (5, 33, 47))
+    with IdVideoWriter(tmp_path / "ids.mov", 4) as writer:
+        for frame in frames:
+            writer.write(frame)
+    np.testing.assert_array_equal(read_id_video(tmp_path / "ids.mov"), frames)
+    content = (tmp_path / "ids.mov").read_bytes()
+    (tmp_path / "ids.mov").write_bytes(content[: len(content) // 2])
+    with pytest.raises(FileFormatError, match=r"ids\.mov"):
+        read_id_video(tmp_path / "ids.mov")
+    write_rgb_video(tmp_path / "rgb.mp4", rgb_frames(2), 4)
+    with pytest.raises(FileFormatError, match="a video of ids has gray16be"):
+        read_id_video(tmp_path / "rgb.mp4")
+
+
+@pytest.mark.parametrize("bad", [np.full((4, 4), -1), np.full((4, 4), 65536), np.zeros((4, 5, 3))])
+def test_unusable_ids_leave_nothing_behind(tmp_path: Path, bad: np.ndarray) -> None:
+    with (
+        pytest.raises(ValueError, match="valid:"),
+        IdVideoWriter(tmp_path / "ids.mov", 4) as writer,
+    ):
+        writer.write(np.zeros((4, 4), dtype=int))
+        writer.write(bad.astype(int))
+    assert list(tmp_path.iterdir()) == []

@@ -115,9 +115,9 @@ def make_view(
     default = VIEWS[kind].default_camera(spec)
     camera = CameraModel(
         name=kind,
-        width_px=width_px or default.width_px,
-        height_px=height_px or default.height_px,
-        hfov_deg=hfov_deg or default.hfov_deg,
+        width_px=default.width_px if width_px is None else width_px,
+        height_px=default.height_px if height_px is None else height_px,
+        hfov_deg=default.hfov_deg if hfov_deg is None else hfov_deg,
     )
     return View(kind, camera, light, renderer)
 
