@@ -53,7 +53,8 @@ def read_in_child(
         child = subprocess.Popen(
             command,
             cwd=folder,
-            env={**plain, **dict.fromkeys(ONE_THREAD, "1")},
+            # USD writes a report when it crashes; with the folder it goes away.
+            env={**plain, **dict.fromkeys(ONE_THREAD, "1"), "TMPDIR": folder},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
@@ -76,7 +77,8 @@ def _collect(path: Path, folder: Path, status: int, errors: bytes, memory_bytes:
     if status != 0 or not answer.is_file():
         lines = errors.decode(errors="replace").strip().splitlines()
         why = f"ended by {signal.Signals(-status).name}" if status < 0 else f"status {status}"
-        last = f": {lines[-1].strip()[:160]}" if lines else ""
+        told = [line.strip() for line in lines if "FATAL" in line] or lines[-1:]
+        last = f": {told[0][:160]}" if told else ""
         raise FileFormatError(
             path, f"its reader failed ({why}; it may use {memory_bytes / 2**30:.3g} GiB){last}"
         )

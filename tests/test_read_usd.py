@@ -14,6 +14,7 @@ from PIL import Image
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, UsdShade, UsdUtils
 
 from tests.support import scans
+from tests.support.damage import USDA
 from vlnpe.formats.errors import FileFormatError
 from vlnpe.scene_repair import read_usd, reader_child
 from vlnpe.scene_repair.config import RepairConfig
@@ -517,6 +518,20 @@ def test_hanging_and_greedy_readers_are_ended(tmp_path: Path) -> None:
         reader_child.read_in_child("read_usd", path, memory_bytes=200 << 20)
 
 
+def test_layer_that_crashes_the_library_ends_in_a_typed_error(tmp_path: Path) -> None:
+    """Found by fuzzing: two bytes changed, and USD aborts its process."""
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    assert layer.ImportFromString(USDA.decode())
+    path = tmp_path / "scene.usdc"
+    layer.Export(str(path))
+    raw = bytearray(path.read_bytes())
+    raw[88], raw[462] = 1, 0
+    path.write_bytes(bytes(raw))
+    with pytest.raises(FileFormatError, match=r"scene\.usdc") as caught:
+        read_scan(path)
+    assert "\n" not in str(caught.value)
+
+
 def test_mutated_binary_layers_end_in_typed_errors(tmp_path: Path) -> None:
     """Bytes all over a binary layer, in one child process each: some of them crash it."""
     stage = new_stage(tmp_path / "sound.usdc")
@@ -524,7 +539,7 @@ def test_mutated_binary_layers_end_in_typed_errors(tmp_path: Path) -> None:
     save(stage)
     raw = (tmp_path / "sound.usdc").read_bytes()
     rng = np.random.default_rng(0)
-    for k in range(4):
+    for k in range(2):
         data = bytearray(raw)
         for at in rng.integers(8, len(raw), 12):
             data[at] = int(rng.integers(0, 256))
