@@ -20,7 +20,7 @@ import tyro
 from . import report, speed, walk
 from .cases import Case, apartment_case, real_cases, run_case
 from .scenes import HELD_OUT_SEEDS, TUNING_SEEDS
-from .store import Result
+from .store import Result, kept_rows
 
 log = logging.getLogger("benchmarks")
 HERE = Path(__file__).resolve().parent
@@ -37,8 +37,8 @@ class Options:
         held_out: how many of the seeds that nobody tunes on; none while tuning.
         scenes: real scans by name, `all` or none.
         fillers: compare other fillers on the first so many apartments and all real scans.
-        speed: measure time and memory, which takes minutes on an idle core.
-        walks: so many holes are walked over.
+        speed: measure time and memory anew, which takes minutes on an idle core.
+        walks: so many holes are walked over anew.
         complete: everything, 40 apartments among it, and write README.md: half an hour or more.
         quick: two apartments and the real scans, nothing else.
         keep: take results of older repair code for good.
@@ -97,11 +97,12 @@ def sections(options: Options) -> list[str]:
     for title, members in groups.items():
         lines += report.group_section(title, [(case, done[case]) for case in members])
     lines += report.filler_section([(case, done[case]) for case in cases])
-    runs = speed.measure(options.run / "scans", options.run) if options.speed else []
-    lines += report.speed_section(runs, HERE if options.write else options.run)
-    walks = []
-    if options.walks:
-        walks = walk.walks(WALK_SEEDS, options.run / "scans", options.run, options.walks)
+    scans, folder = options.run / "scans", options.run
+    measured = speed.measure(scans, folder) if options.speed else None
+    runs = kept_rows(folder, "speed", speed.Run, measured)
+    lines += report.speed_section(runs, HERE if options.write else folder)
+    walked = walk.walks(WALK_SEEDS, scans, folder, options.walks) if options.walks else None
+    walks = kept_rows(folder, "walk", walk.Walk, walked)
     return lines + report.walk_section(walks)
 
 

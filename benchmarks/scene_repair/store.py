@@ -83,6 +83,16 @@ def load(path: Path) -> Result | None:
     return Result(data["code"], Score(**score), data["seconds"], fillers)
 
 
+def kept_rows[Row](run: Path, name: str, kind: type[Row], rows: list[Row] | None) -> list[Row]:
+    """Write rows (flat dataclasses) of a table, or read those of an earlier run if None."""
+    path = run / "results" / f"{name}.json"
+    if rows is not None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_json(path, [vars(row) for row in rows])
+        return rows
+    return [kind(**row) for row in json.loads(path.read_text())] if path.is_file() else []
+
+
 def _hole(score: HoleScore) -> dict[str, Any]:
     hole = score.hole
     return {

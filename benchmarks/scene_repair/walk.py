@@ -56,14 +56,16 @@ class Walk:
 
     Attributes:
         scene: where.
-        hole: over which.
+        hole: name of the hole.
+        size_m: its longest side.
         raw, repaired: how it ended on the two floors.
     """
 
     scene: str
-    hole: PlantedHole
-    raw: EndReason
-    repaired: EndReason
+    hole: str
+    size_m: float
+    raw: str
+    repaired: str
 
 
 def walks(seeds: tuple[int, ...], cache: Path, folder: Path, wanted: int = 50) -> list[Walk]:
@@ -122,7 +124,7 @@ def _walked(source: Source, planted: Planted, robot: RobotSpec, out: Path) -> li
     for hole, line in lines:
         episode = _episode(bundle, level, hole, line)
         ends = [replay_in(world, episode, config).end_reason for world in (raw, repaired)]
-        result.append(Walk(planted.site.name, hole, *ends))
+        result.append(Walk(planted.site.name, hole.name, hole.size_m, *(e.value for e in ends)))
     return result
 
 
