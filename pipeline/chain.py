@@ -103,14 +103,14 @@ class Chain:
         scenes: Mapping[str, Row],
         robot: str,
         controller: str,
-        view: View,
+        views: Sequence[View],
         frames_per_second: int,
         only_success: bool,
         rgb_codec: str,
         depth_storage: str,
         facts: Mapping[str, Any],
     ) -> None:
-        """Replay, render and export the episodes with one robot; `facts` go to the provenance.
+        """Replay the episodes with one robot; render and export each view, with `facts`.
 
         `rgb_codec` is a key of `formats.video.RGB_CODECS`, `depth_storage` what
         `export.check_depth_storage` takes.
@@ -121,32 +121,31 @@ class Chain:
         scope = f"{robot}/{controller}/"
         items = self._walks(asked, scenes, robot, controller, self.seed, self.actions)
         rollouts = self._stage(replay.STAGE, items, scope).good()
-        items = render.items(
-            rollouts,
-            scenes,
-            folder.root,
-            folder.scenes,
-            folder.frames,
-            folder.root,
-            view,
-            frames_per_second,
-            rgb_codec,
-        )
-        scope += f"{view.name}/"
-        frames = self._stage(render.STAGE, items, scope).good()
-        dataset = export.Dataset.under(folder.root, robot, controller, view.name)
-        frames = export.wanted(frames, only_success)
-        options = {"options": dict(facts)}
-        self.summaries += export.run(
-            self.context,
-            frames,
-            folder.root,
-            folder.scenes,
-            dataset,
-            scope,
-            options,
-            depth_storage,
-        )
+        for view in views:
+            items = render.items(
+                rollouts,
+                scenes,
+                folder.root,
+                folder.scenes,
+                folder.frames,
+                folder.root,
+                view,
+                frames_per_second,
+                rgb_codec,
+            )
+            seen = f"{scope}{view.name}/"
+            frames = self._stage(render.STAGE, items, seen).good()
+            dataset = export.Dataset.under(folder.root, robot, controller, view.name)
+            self.summaries += export.run(
+                self.context,
+                export.wanted(frames, only_success),
+                folder.root,
+                folder.scenes,
+                dataset,
+                seen,
+                {"options": dict(facts)},
+                depth_storage,
+            )
 
     def _instructed(
         self, source: StageSummary, parts: Mapping[str, Path], split: str

@@ -49,15 +49,18 @@ def drop_balls(
 def _drop(triangles_m: NDArray[np.float32], floor_m: NDArray[np.float64]) -> NDArray[np.float64]:
     spec = mujoco.MjSpec()
     spec.option.timestep = STEP_S
-    if len(triangles_m):
-        points, index = np.unique(triangles_m.reshape(-1, 3), axis=0, return_inverse=True)
+    points, index = np.unique(triangles_m.reshape(-1, 3), axis=0, return_inverse=True)
+    corners = index.reshape(-1, 3)
+    # Slivers whose corners meet in float32 hold nothing, and MuJoCo refuses them.
+    corners = corners[np.all(corners != np.roll(corners, 1, axis=1), axis=1)]
+    if len(corners):
         spec.add_flex(
             name="floor",
             dim=2,
             radius=SKIN_M,
             vertbody=["world"],
             vert=points.astype(np.float64).ravel().tolist(),
-            elem=index.ravel().tolist(),
+            elem=corners.ravel().tolist(),
             selfcollide=mujoco.mjtFlexSelf.mjFLEXSELF_NONE,
             contype=1,
             conaffinity=2,

@@ -222,7 +222,12 @@ def test_another_robot_and_controller_join_a_run_on_the_same_episodes(run_root, 
     shutil.copytree(run_root, tmp_path / "run")
     common = ("--episodes", EPISODES, "--out", "run", "--only-success", "--json")
     closed = ("--robot", "jetbot", "--controller", "speed", "--closed-loop")
-    last_json(vlnpe("collect", *closed, *common, cwd=tmp_path))
+    first = last_json(vlnpe("collect", *closed, "--light", "baked,CL", *common, cwd=tmp_path))
+    walked, drawn = first["stages"]["replay"], first["stages"]["render"]
+    assert (walked["done"], walked["reused"]) == (EPISODES, 0)  # once, under any light
+    assert drawn["done"] == 2 * EPISODES
+    kept = {p.name for p in (tmp_path / "run" / "lerobot").iterdir()}
+    assert {f"jetbot-speed-{VIEW}", f"jetbot-speed-{VIEW}".replace("baked", "CL")} <= kept
     # What joined earlier stays, although discrete actions are timed otherwise now.
     done = last_json(
         vlnpe(

@@ -13,8 +13,7 @@ from typing import Annotated
 import tyro
 
 from ...collectors.controllers import SpeedConfig
-from ...collectors.rendering.lights import get_light
-from ...collectors.rendering.views import make_view
+from ...collectors.rendering.views import CameraWishes
 from ...collectors.robots import RobotSpec
 from ...formats.atomic import sweep
 from ...formats.errors import InputError
@@ -35,6 +34,7 @@ from ..scan_files import find_scans
 from ..stages import repair, report
 from ..stages.export import check_depth_storage
 from ..summary import show_summary
+from ..views import chosen_views
 
 log = logging.getLogger(__name__)
 
@@ -71,9 +71,14 @@ class Collect:
     min_crossings: int = SampleConfig.min_crossings
     """How often a sampled path must pass from one room into another; 0 for a single room."""
     camera: str = "ego"
-    """Which view to render: ego, chase or top."""
+    """Which views to render: ego, chase, top; several (ego,chase), each with its own size and field
+    of view if wished (ego:640x480:79). Each is a dataset of its own."""
     light: str = "baked"
-    """Which lighting to render."""
+    """Which lighting: baked (as scanned), DL5000 (panel lights, day), DL300 (night), CL (a lamp on
+    the robot); several (DL5000,CL), or `all`. Each is a dataset of its own."""
+    renderer: str = "auto"
+    """Who draws: embree (processor), gl (MuJoCo through EGL), or auto: gl where a graphics card is,
+    else embree."""
     up: str = "auto"
     """The scans' up axis: x y z -x -y -z, or auto."""
     unit: str = "auto"
@@ -107,8 +112,8 @@ def run(options: Collect) -> int:
     robots = chosen_robots(options.robot)
     pairs = crews(robots, options.controller)
     actions = action_timing(options.action_steps, options.closed_loop)
-    get_light(options.light)
-    views = {r.name: make_view(options.camera, r, light=options.light) for r in robots}
+    looks = (options.camera, options.light, options.renderer)
+    views = {r.name: chosen_views(*looks, r, CameraWishes()) for r in robots}
     check_frame_rate(options.frames_per_second)
     check_rgb_codec(options.rgb_codec)
     check_depth_storage(options.depth)

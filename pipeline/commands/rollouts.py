@@ -13,9 +13,8 @@ import tyro
 
 from ...collectors.controllers import SpeedConfig
 from ...collectors.rendering.extras import Extras
-from ...collectors.rendering.lights import LIGHTS, get_light
 from ...collectors.rendering.registry import chosen_renderer
-from ...collectors.rendering.views import CameraWishes, parse_views
+from ...collectors.rendering.views import CameraWishes
 from ...formats.errors import FileFormatError, InputError
 from ...formats.video import check_rgb_codec
 from ...formats.vlnce import read_episodes
@@ -27,6 +26,7 @@ from ..report.gather import robot_rows
 from ..runner import StageSummary, run_stage
 from ..stages import export, render, repair, replay
 from ..summary import joined, robot_table, stage_table
+from ..views import chosen_lights, chosen_views
 from .chain import scenes_in
 from .collect import check_frame_rate, opened
 
@@ -163,13 +163,11 @@ def run_render(options: Render) -> int:
     Raises:
         InputError: an unknown camera, light, renderer or codec, or an unusable folder.
     """
-    lights = sorted(LIGHTS) if options.light == "all" else options.light.split(",")
-    for light in lights:
-        get_light(light)
+    chosen_lights(options.light)
     rate = options.frames_per_second or (VIDEO_RATE if options.video else FRAME_RATE)
     check_frame_rate(rate)
     check_rgb_codec(options.rgb_codec)
-    renderer = chosen_renderer(options.renderer)
+    chosen_renderer(options.renderer)
     source = Ledger.existing(options.rollouts)
     scenes = _scene_rows(options.scenes)
     groups: dict[tuple[str, str], dict[str, Row]] = {}
@@ -179,13 +177,9 @@ def run_render(options: Render) -> int:
             groups.setdefault((robot, controller), {})[row.item] = row
     wishes = CameraWishes(options.width_px, options.height_px, options.hfov_deg)
     views = {
-        robot: [
-            view
-            for light in lights
-            for view in parse_views(
-                options.camera, kept(robot, source.root), wishes, light, renderer
-            )
-        ]
+        robot: chosen_views(
+            options.camera, options.light, options.renderer, kept(robot, source.root), wishes
+        )
         for robot, _ in groups
     }
     if not groups:

@@ -20,7 +20,7 @@ STAGE = "repair"
 # Formats that keep textures or geometry in further files beside them.
 MULTI_FILE = {".gltf", ".obj", ".ply", ".glb", ".usd", ".usda", ".usdc"}
 PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
-SIDE_FILES = {".mtl", ".bin", *PICTURES, *USD_SUFFIXES}
+SIDE_FILES = {".mtl", ".mdl", ".bin", *PICTURES, *USD_SUFFIXES}
 
 
 def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> list[WorkItem]:
