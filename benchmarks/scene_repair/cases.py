@@ -77,9 +77,10 @@ def run_case(case: Case, with_fillers: bool, run: Path, keep: bool = False) -> R
         run: folder for scans, planted scans, repaired scenes and results.
         keep: take a result of older repair code for good.
     """
-    path = path_of(run, case, HOLES, with_fillers)
+    path = path_of(run, case, HOLES)
     known = load(path)
-    if known is not None and (keep or known.code == repair_code()):
+    enough = known is not None and (known.fillers or not with_fillers)
+    if known is not None and enough and (keep or known.code == repair_code()):
         return known
     code = repair_code()
     source = open_source(case.scene, run / "scans")

@@ -9,7 +9,7 @@ import numpy as np
 
 from .cases import Case
 from .fillers import table as filler_table
-from .scenes import HEADSETS, HOUSE
+from .scenes import HEADSETS, HELD_OUT_SEEDS, HOUSE, TUNING_SEEDS
 from .speed import PICTURE, TARGET_TRIANGLES, Run
 from .speed import report as speed_report
 from .store import Result, repair_code
@@ -22,7 +22,7 @@ Done = tuple[Case, Result]
 TUNING, HELD_OUT, REAL = "Built-in apartments", "Held-out apartments", "Real scans"
 INTRODUCTION = """# How good is the repair?
 
-Written by `python -m benchmarks.scene_repair`.
+Written by `python -m benchmarks.scene_repair` (`--complete` runs everything that this page has).
 
 {machine}
 
@@ -36,6 +36,7 @@ balustrades. The area of a hole is the floor that went: what lay beneath a wall 
 A point is filled if there is a surface within 2.5 cm of the true floor; a hole, if 98 % of its
 points are; a decoy, if 2 % are. Real scans' truth is their floor before it was cut.
 """
+WANTED = {TUNING: len(TUNING_SEEDS), HELD_OUT: len(HELD_OUT_SEEDS)}
 TEXTS = {
     TUNING: "The virtual scans of {count} homes whose plan is known exactly, by seed {first} … "
     "{last}. Their true floor is the plane z = 0, rugs apart; besides the planted holes they have "
@@ -61,6 +62,8 @@ def group_section(title: str, done: Sequence[Done]) -> list[str]:
         last=max(seeds),
         rounds=sum(case.scene == HOUSE for case, _ in done),
     )
+    if title in WANTED and len(done) < WANTED[title]:
+        text += f" **So far {len(done)} of {WANTED[title]}.**"
     older = sum(result.code != repair_code() for _, result in done)
     seconds = np.median([result.seconds for _, result in done])
     lines = [f"## {title}", "", text, ""]
