@@ -1,8 +1,8 @@
-"""`make bench`: run every benchmark and write benchmarks/README.md.
+"""`make bench`: run the benchmarks and write benchmarks/README.md.
 
 The built-in scene is generated and collected afresh under runs/bench; real scans that lie beside
-the repository, or that are named on the command line, are repaired there, too. Nothing else should
-run meanwhile.
+the repository are collected in, too. Named sections only are measured anew by
+`make bench ONLY="render write"`; the others stay as they were. Nothing else should run meanwhile.
 """
 
 from __future__ import annotations
@@ -10,55 +10,88 @@ from __future__ import annotations
 import logging
 import os
 import platform
+import re
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
 
-from benchmarks import chain, physics, render
+from benchmarks import chain, load, mcap, physics, render, write
 from vlnpe.formats.scene_bundle import SceneBundle, load_bundle
 from vlnpe.pipeline.executors import available_cores
-from vlnpe.scene_repair.config import RepairConfig
-from vlnpe.scene_repair.repair import repair_scene
 
 ROOT = Path(__file__).resolve().parents[1]
 SCANS = (ROOT.parent / "shared" / "scenes" / "small_house.glb",)
+PAGE = ROOT / "benchmarks" / "README.md"
+# In the page's order. All but the first read what the first collected.
+SECTIONS: dict[str, Callable[[Path], str]] = {
+    "chain": chain.report,
+    "physics": lambda run: physics.report(scenes(run)),
+    "render": lambda run: render.report(runs(run)),
+    "write": write.report,
+    "mcap": mcap.report,
+    "load": load.report,
+}
 HEADER = """# Benchmarks
 
 Written by `make bench`. Read the ratios: absolute numbers depend on the machine and its load.
-
-Machine: {machine}, {cores} of {all} cores used, load {load:.1f} at the start; Python {python},
-MuJoCo {mujoco}.
+Floor repair, measured against planted holes, has [its own page](scene_repair/README.md).
 """
 
 log = logging.getLogger("benchmarks")
 
 
-def main() -> int:
+def main(names: list[str]) -> int:
     logging.basicConfig(level=logging.INFO, format="%(message)s")
+    unknown = sorted(set(names) - set(SECTIONS))
+    if unknown:
+        log.error("no section %s; there are: %s", ", ".join(unknown), ", ".join(SECTIONS))
+        return 2
     run = ROOT / "runs" / "bench"
-    header = HEADER.format(
-        machine=cpu_name(),
-        cores=available_cores(),
-        all=os.cpu_count(),
-        load=os.getloadavg()[0],
-        python=platform.python_version(),
-        mujoco=mujoco.__version__,
-    )
-    sections = [header, _logged(chain.report(run))]
-    builtin = load_bundle(next((run / "scenes").iterdir()))
-    scans = [Path(name) for name in sys.argv[1:]] or [p for p in SCANS if p.is_file()]
-    sections.append(_logged(physics.report([builtin, *(repaired(p, run) for p in scans)])))
-    sections.append(_logged(render.report(run)))
-    (ROOT / "benchmarks" / "README.md").write_text("\n".join(sections))
+    if not (run / "manifest.json").is_file():
+        names = ["chain", *names] if names else []
+    sections = kept_sections(PAGE.read_text() if PAGE.is_file() else "")
+    for name, report in SECTIONS.items():
+        if name in names or not names:
+            sections[name] = f"{report(run).strip()}\n\n{machine()}\n"
+            log.info("%s", sections[name])
+            # After each section, so that an interrupted run keeps what it measured.
+            PAGE.write_text(page(sections))
     return 0
 
 
-def repaired(scan: Path, run: Path) -> SceneBundle:
-    """A scan, repaired into `run`."""
-    out = run / "scans" / scan.stem
-    repair_scene(scan, out, RepairConfig(scene_id=scan.stem))
-    return load_bundle(out)
+def kept_sections(text: str) -> dict[str, str]:
+    """Sections of an earlier page by name."""
+    parts = re.split(r"^<!-- (\w+) -->\n", text, flags=re.MULTILINE)[1:]
+    return {name: body.strip() + "\n" for name, body in zip(parts[::2], parts[1::2], strict=True)}
+
+
+def page(sections: dict[str, str]) -> str:
+    bodies = [f"<!-- {name} -->\n{sections[name]}" for name in SECTIONS if name in sections]
+    return "\n".join([HEADER, *bodies])
+
+
+def runs(run: Path) -> list[Path]:
+    """The built-in scene's run and, where real scans are, a small one in each."""
+    others = [run.with_name(f"{run.name}-{scan.stem}") for scan in SCANS if scan.is_file()]
+    for other, scan in zip(others, SCANS, strict=False):
+        if not (other / "report" / "index.html").is_file():
+            chain.collect(other, "--scene", str(scan), "--episodes", "4")
+    return [run, *others]
+
+
+def scenes(run: Path) -> list[SceneBundle]:
+    return [load_bundle(next((r / "scenes").iterdir())) for r in runs(run)]
+
+
+def machine() -> str:
+    """The machine and its load, in a line."""
+    return (
+        f"*{cpu_name()}, {available_cores()} of {os.cpu_count()} cores, load "
+        f"{os.getloadavg()[0]:.1f}; Python {platform.python_version()}, "
+        f"MuJoCo {mujoco.__version__}.*"
+    )
 
 
 def cpu_name() -> str:
@@ -70,10 +103,5 @@ def cpu_name() -> str:
     return platform.processor() or platform.machine()
 
 
-def _logged(section: str) -> str:
-    log.info("%s", section)
-    return section
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 EPISODES = 24
 # Per-episode stages; the others happen once per scene or per dataset.
@@ -15,15 +16,20 @@ PER_EPISODE = ("replay", "render", "export", "mcap")
 NAVDP_PER_HOUR = 104  # trajectories per GPU-hour, camera replay without legged physics
 
 
-def report(run: Path) -> str:
-    """Collect afresh into `run` and return a Markdown section."""
+def collect(run: Path, *options: str) -> dict[str, Any]:
+    """Collect afresh into `run` as a user would; the command's summary."""
     shutil.rmtree(run, ignore_errors=True)
-    command = [sys.executable, "-m", "vlnpe.pipeline.cli", "collect"]
-    command += ["--episodes", str(EPISODES), "--out", str(run), "--json"]
-    started = time.perf_counter()
+    command = [sys.executable, "-m", "vlnpe.pipeline.cli", "collect", *options]
+    command += ["--out", str(run), "--json"]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def report(run: Path) -> str:
+    """Collect into `run` and return a Markdown section."""
+    started = time.perf_counter()
+    summary = collect(run, "--episodes", str(EPISODES))
     seconds = time.perf_counter() - started
-    summary = json.loads(done.stdout.splitlines()[-1])
     stages = summary["stages"]
     lines = [
         "## The chain",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numba
@@ -23,18 +24,18 @@ COMPARED = 6  # frames that are looked at for likeness
 REPEAT_S = 4.0
 
 
-def report(run: Path) -> str:
-    """Render rollouts of each scene of `run` and return a Markdown section.
+def report(runs: Sequence[Path]) -> str:
+    """Render rollouts of each scene of some runs and return a Markdown section.
 
     Embree is the reference. Times are processor time of all threads: on a machine without a card,
     OpenGL draws on the processor with threads of its own.
     """
     numba.set_num_threads(1)
     lines = []
-    for scene in sorted(path for path in (run / "scenes").iterdir() if path.is_dir()):
-        recorded = sorted((run / "rollouts").rglob(f"{scene.name}*.mcap"))[:ROLLOUTS]
-        if recorded:
-            lines += _scene(scene, [read_rollout(path) for path in recorded])
+    for run in runs:
+        scene = next(path for path in (run / "scenes").iterdir() if path.is_dir())
+        recorded = sorted((run / "rollouts").rglob("*.mcap"))[:ROLLOUTS]
+        lines += _scene(scene, [read_rollout(path) for path in recorded])
     reason = why_no_gl()
     device = graphics_card() or "no card: Mesa's llvmpipe on the processor"
     return "\n".join(
