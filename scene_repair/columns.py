@@ -63,18 +63,34 @@ def sample_columns(
 
 
 def top_faces(
-    vertices_m: NDArray[np.float64], faces: NDArray[np.int64], grid: GridSpec
-) -> NDArray[np.int32]:
-    """Face (rows, columns) that is the highest under each cell's centre, −1 where there is none."""
+    vertices_m: NDArray[np.float64],
+    faces: NDArray[np.int64],
+    corner_uv: NDArray[np.float32],
+    grid: GridSpec,
+) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """What is seen from above at each cell's centre.
+
+    Args:
+        vertices_m: (V, 3) world.
+        faces: (F, 3).
+        corner_uv: (F, 3, 2).
+        grid: the cells.
+
+    Returns:
+        The highest face (rows, columns), −1 where there is none, and its texture coordinates there
+        (rows, columns, 2).
+    """
     scaled = (vertices_m - (*grid.origin_xy_m, 0.0)) / (grid.cell_m, grid.cell_m, 1.0)
     face = np.full(grid.shape, -1, dtype=np.int32)
     height = np.full(grid.shape, -np.inf, dtype=np.float32)
-    _top(scaled, np.ascontiguousarray(faces, dtype=np.int64), height, face)
-    return face
+    uv = np.zeros((*grid.shape, 2), dtype=np.float32)
+    corner_uv = np.ascontiguousarray(corner_uv, dtype=np.float32)
+    _top(scaled, np.ascontiguousarray(faces, dtype=np.int64), corner_uv, height, face, uv)
+    return face, uv
 
 
 @njit(cache=True)
-def _top(vertices, faces, height, face):
+def _top(vertices, faces, corner_uv, height, face, uv):
     rows, columns = face.shape
     for f in range(len(faces)):
         ax, ay, az = vertices[faces[f, 0]]
@@ -99,6 +115,12 @@ def _top(vertices, faces, height, face):
                     if z > height[i, j]:
                         height[i, j] = z
                         face[i, j] = f
+                        for k in range(2):
+                            uv[i, j, k] = (
+                                u * corner_uv[f, 0, k]
+                                + v * corner_uv[f, 1, k]
+                                + w * corner_uv[f, 2, k]
+                            )
 
 
 @njit(cache=True)

@@ -10,7 +10,7 @@ from ..formats.grid import GridSpec
 from .columns import top_faces
 from .inpaint import inpaint
 from .maps import Window, grow
-from .shading import Looks, barycentric
+from .shading import Looks
 from .world_mesh import WorldMesh
 
 # This much floor around a hole is what its filling is copied from.
@@ -51,21 +51,30 @@ def paint_floor(
     high = grid.center_of((rows.max(), columns.max())) + grid.cell_m
     texel_m = max(texel_m, float((high - low).max() + 2 * AROUND_M) / (max_px - 2))
     texels = GridSpec.covering(low, high, texel_m)
-    picture = np.zeros((*texels.shape, 3), dtype=np.float32)
+    picture = np.zeros((*texels.shape, 3), dtype=np.uint8)
+    floor = _only(mesh, floor_faces)
     for room in np.unique(rooms[region]).tolist():
         own = rooms == room
-        window, image, wanted = _paint_room(
-            mesh, looks, floor_faces, region & own, region, own, grid, texels
-        )
-        picture[window][wanted] = image[wanted]
-    pixels = np.clip(np.rint(picture[::-1] * 255.0), 0, 255).astype(np.uint8)
-    return Image.fromarray(pixels), texels
+        window, image, wanted = _paint_room(floor, looks, region & own, region, own, grid, texels)
+        picture[window][wanted] = np.rint(np.clip(image[wanted], 0.0, 1.0) * 255.0)
+    return Image.fromarray(picture[::-1]), texels
+
+
+def _only(mesh: WorldMesh, faces: NDArray[np.int64]) -> WorldMesh:
+    """A part of a mesh with the vertices it uses."""
+    used, corners = np.unique(mesh.faces[faces], return_inverse=True)
+    return WorldMesh(
+        mesh.vertices[used],
+        corners.reshape(-1, 3),
+        mesh.corner_uv[faces],
+        mesh.face_material[faces],
+        mesh.face_object[faces],
+    )
 
 
 def _paint_room(
-    mesh: WorldMesh,
+    floor: WorldMesh,
     looks: Looks,
-    floor_faces: NDArray[np.int64],
     region: NDArray[np.bool_],
     others: NDArray[np.bool_],
     room: NDArray[np.bool_],
@@ -75,9 +84,8 @@ def _paint_room(
     """Floor of one room.
 
     Args:
-        mesh: the scan without patches.
+        floor: scanned floor.
         looks: its materials.
-        floor_faces: (n,) scanned floor.
         region: (rows, columns) cells to paint.
         others: (rows, columns) cells that are painted in any room.
         room: (rows, columns) cells whose floor may be copied.
@@ -98,13 +106,14 @@ def _paint_room(
     cells = np.ix_(*_cells_under(seen, grid))
     mine = region[cells]
     wanted = grow(mine, MARGIN_PX) & (mine | ~others[cells])
-    face = top_faces(mesh.vertices, mesh.faces[floor_faces], seen)
+    face, uv = top_faces(floor.vertices, floor.faces, floor.corner_uv, seen)
     inside = (face >= 0) & room[cells]
     known = face >= 0
     if np.count_nonzero(inside) * texels.cell_m**2 >= LEAST_FLOOR_M2:
         # Beyond a wall lies another floor, which does not continue here.
         known = inside
-    image = _colors(mesh, looks, floor_faces, np.where(known, face, -1), seen)
+    image = np.zeros((*seen.shape, 3), dtype=np.float32)
+    image[known] = looks.at(floor.face_material[face[known]], uv[known])
     if known.any():
         image = inpaint(image, known, wanted, texels.cell_m)
     window = (
@@ -132,21 +141,3 @@ def _cells_under(texels: GridSpec, grid: GridSpec) -> tuple[NDArray[np.int64], N
         cell = grid.cell_of(texels.center_of(at))[:, axis]
         found.append(np.clip(cell, 0, limit - 1))
     return found[0], found[1]
-
-
-def _colors(
-    mesh: WorldMesh,
-    looks: Looks,
-    floor_faces: NDArray[np.int64],
-    face: NDArray[np.int32],
-    texels: GridSpec,
-) -> NDArray[np.float32]:
-    """Colours (rows, columns, 3) of the floor seen from above; 0 where `face` is −1."""
-    cell = np.flatnonzero(face.ravel() >= 0)
-    hit = floor_faces[face.ravel()[cell]]
-    point = texels.center_of(np.stack([cell // texels.columns, cell % texels.columns], axis=-1))
-    weights = barycentric(mesh.vertices[mesh.faces[hit], :2], point)
-    uv = np.einsum("nk,nkd->nd", weights, mesh.corner_uv[hit]).astype(np.float32)
-    image = np.zeros((texels.rows * texels.columns, 3), dtype=np.float32)
-    image[cell] = looks.at(mesh.face_material[hit], uv)
-    return image.reshape(*texels.shape, 3)

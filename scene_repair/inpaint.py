@@ -15,12 +15,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from .light import blurred, split_light
-from .maps import Mask, Window, distance_to, grow, grown_window, label
+from .maps import Mask, Window, grow, grown_window, label
 from .pattern_search import COARSE, Stock, best_place, reduced
 
 Image32 = NDArray[np.float32]
@@ -72,19 +72,21 @@ def inpaint(image: Image32, known: Mask, wanted: Mask, texel_m: float) -> Image3
     Returns:
         A copy with the wanted pixels filled; pixels in neither mask hold anything.
     """
-    result = np.where(known[..., None], image, np.float32(0.0))
+    result = image.copy()
     todo = wanted & ~known
     if not todo.any():
         return result
     colors = image[known]
-    if np.ptp(colors, axis=0).max() < 1e-3:
+    if _same(colors[::97]) and _same(colors):
         result[todo] = colors[0]
         return result
     sound = _without_rim(known, texel_m)
     plain = _plain(image, sound, texel_m)
     split = split_light(image, known, plain, texel_m)
-    bright = split.pattern.mean(axis=2)
-    depth = distance_to(known)
+    bright = _bright(split.pattern)
+    depth = np.asarray(
+        cv2.distanceTransform((~known).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    )
     scanned = bright.copy()
     canvas = _Canvas(
         split.pattern,
@@ -102,15 +104,26 @@ def inpaint(image: Image32, known: Mask, wanted: Mask, texel_m: float) -> Image3
     for i, j in zip(rows[order].tolist(), columns[order].tolist(), strict=True):
         if canvas.todo[i, j]:
             _fill_piece(canvas, (i, j), reach, texel_m)
-    result[todo] = split.joined(canvas.pattern)[todo]
+    result[todo] = split.joined(canvas.pattern, todo)
     return result
 
 
-def _deep(todo: Mask, depth_m: NDArray[np.float64]) -> Mask:
+def _same(colors: Image32) -> bool:
+    return bool(np.ptp(colors, axis=0).max() < 1e-3)
+
+
+def _bright(pattern: Image32) -> Image32:
+    """Mean (H, W) of the channels."""
+    return np.asarray(cv2.transform(pattern, np.full((1, 3), 1 / 3)), dtype=np.float32)
+
+
+def _deep(todo: Mask, depth_m: Image32) -> Mask:
     """The connected parts of `todo` that reach further than `SPECIAL_DEPTH_M` from the rim."""
     parts, _ = label(todo)
     far = np.unique(parts[todo & (depth_m > SPECIAL_DEPTH_M)])
-    return np.isin(parts, far[far > 0])
+    deep = np.zeros(int(parts.max()) + 1, dtype=bool)
+    deep[far] = True
+    return deep[parts]
 
 
 def _without_rim(known: Mask, texel_m: float) -> Mask:
@@ -188,9 +201,7 @@ def _copy_from_elsewhere(canvas: _Canvas, window: Window, texel_m: float) -> boo
     stock = canvas.sound if special else canvas.plain
     ring = (scanned if special else plain) | (near & canvas.made[outer])
     size_m = max(hole.shape) * texel_m - 2 * RING_M
-    search_m = min(max(SEARCH_PER_SIZE * size_m, LEAST_SEARCH_M), SEARCH_M)
-    middle = ((window[0].start + window[0].stop) // 2, (window[1].start + window[1].stop) // 2)
-    search = _around(middle, round(search_m / texel_m), canvas.todo.shape)
+    search = _search_window(window, size_m, texel_m, canvas.todo.shape)
     place = best_place(stock, search, canvas.bright[outer], ring, hole)
     if place is None:
         return False
@@ -204,8 +215,19 @@ def _copy_from_elsewhere(canvas: _Canvas, window: Window, texel_m: float) -> boo
     return True
 
 
+def _search_window(window: Window, size_m: float, texel_m: float, shape: tuple[int, ...]) -> Window:
+    """Where to look for what fits at `window`; near pieces share theirs."""
+    reach_m = LEAST_SEARCH_M
+    while reach_m < min(SEARCH_PER_SIZE * size_m, SEARCH_M):
+        reach_m *= 1.6
+    reach = round(reach_m / texel_m)
+    raster = max(reach // 4, 1)
+    i, j = (round((w.start + w.stop) / 2 / raster) * raster for w in window)
+    return _around((i, j), reach, shape)
+
+
 def _finish(canvas: _Canvas, window: Window) -> None:
-    canvas.bright[window] = canvas.pattern[window].mean(axis=2)
+    canvas.bright[window] = _bright(canvas.pattern[window])
     canvas.made[window] |= canvas.todo[window]
     canvas.todo[window] = False
 
@@ -213,6 +235,11 @@ def _finish(canvas: _Canvas, window: Window) -> None:
 def _spread(seam: Image32, ring: Mask, sigma: float) -> Image32:
     """Continue the seam's difference from the ring into the piece, fading to none."""
     limited = np.clip(seam, -SEAM_LIMIT, SEAM_LIMIT)
-    weight = ndimage.gaussian_filter(ring.astype(np.float32), sigma, truncate=3.0)
-    total = ndimage.gaussian_filter(limited, (sigma, sigma, 0), truncate=3.0)
-    return np.asarray(total / (weight + SEAM_FADE)[..., None], dtype=np.float32)
+    side = 2 * round(3 * sigma) + 1
+
+    def blur(a: Image32) -> Image32:
+        smooth = cv2.GaussianBlur(a, (side, side), sigma, borderType=cv2.BORDER_REFLECT)
+        return np.asarray(smooth, dtype=np.float32)
+
+    weight = blur(ring.astype(np.float32))
+    return np.asarray(blur(limited) / (weight + SEAM_FADE)[..., None], dtype=np.float32)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from .maps import Mask
-from .pattern_search import COARSE, blocks, reduced
+from .pattern_search import COARSE, blocks, masked, reduced
 
 Image32 = NDArray[np.float32]
 
@@ -32,9 +32,9 @@ class Split:
     light: Image32
     pattern: Image32
 
-    def joined(self, pattern: Image32) -> Image32:
-        """The colours 0–1 of a pattern in this light."""
-        return np.clip(np.exp(self.light + pattern) - BLACK, 0.0, 1.0).astype(np.float32)
+    def joined(self, pattern: Image32, where: Mask) -> Image32:
+        """The colours (N, 3) in 0–1 of a pattern in this light at the pixels asked for."""
+        return np.clip(np.exp(self.light[where] + pattern[where]) - BLACK, 0.0, 1.0)
 
 
 def split_light(image: Image32, known: Mask, plain: Mask, texel_m: float) -> Split:
@@ -46,7 +46,8 @@ def split_light(image: Image32, known: Mask, plain: Mask, texel_m: float) -> Spl
         plain: (H, W) what light is estimated from.
         texel_m: side of a pixel.
     """
-    tone = np.log(image + BLACK)
+    tone = image + BLACK
+    np.log(tone, out=tone)
     share, mean = reduced(plain, tone)
     share, total = blocks(share), blocks(mean * share[..., None])
     overall = total.sum(axis=(0, 1)) / max(float(share.sum()), 1e-6)
@@ -58,8 +59,8 @@ def split_light(image: Image32, known: Mask, plain: Mask, texel_m: float) -> Spl
         light += strength * blurred(total, sigma)
     light /= weight[..., None]
     wide = _enlarged(light.astype(np.float32), known.shape)
-    pattern = np.where(known[..., None], tone - wide, np.float32(0.0))
-    return Split(wide, pattern.astype(np.float32))
+    tone -= wide
+    return Split(wide, masked(tone, known))
 
 
 def blurred(image: Image32, sigma: float) -> NDArray[np.float64]:

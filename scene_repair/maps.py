@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -51,4 +52,9 @@ def nearest_in(mask: Mask) -> tuple[NDArray[np.intp], ...]:
 
 def grow(mask: Mask, cells: int = 1, within: Mask | None = None) -> Mask:
     """Dilate by `cells` steps of a 3 × 3 square, only over `within` if given."""
+    if within is None and mask.ndim == 2 and mask.size:
+        # All steps at once, at a tenth of the cost.
+        square = np.ones((2 * cells + 1, 2 * cells + 1), dtype=np.uint8)
+        pixels = np.ascontiguousarray(mask, dtype=bool).view(np.uint8)
+        return np.asarray(cv2.dilate(pixels, square)).view(np.bool_)
     return ndimage.binary_dilation(mask, structure=SQUARE, iterations=cells, mask=within)

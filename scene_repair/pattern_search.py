@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import cv2
@@ -20,6 +20,10 @@ COARSE = 4
 UNKNOWN_SHARE = 0.01
 # The template must overlap known picture by this share of it.
 OVERLAP = 0.5
+# At full resolution so many pixels of the ring and of the hole are looked at.
+SAMPLES = 1500
+# Spectra of so many windows are kept.
+KEPT_SPECTRA = 48
 
 
 @dataclass(frozen=True)
@@ -31,12 +35,14 @@ class Stock:
         source: (H, W) where it may be copied from.
         share: (H // COARSE, W // COARSE) part of each block that may be copied.
         mean: mean of that part.
+        spectra: transforms of windows that were searched, which neighbours search again.
     """
 
     picture: Image32
     source: Mask
     share: Image32
     mean: Image32
+    spectra: dict[Window, tuple[Any, Any, Any]] = field(default_factory=dict)
 
     @staticmethod
     def of(picture: Image32, source: Mask) -> Stock:
@@ -62,31 +68,52 @@ def best_place(
     place = _rough_place(stock, search, template, ring, hole)
     if place is None:
         return None
-    ring_at, hole_at = np.nonzero(ring), np.nonzero(hole)
+    ring_at, hole_at = _some(ring), _some(hole)
     wanted = template[ring_at]
-
-    def cost(i: int, j: int) -> float:
-        """Mean squared difference in the ring; inf where the hole could not be copied."""
-        limit = stock.source.shape
-        if i < 0 or j < 0 or i + hole.shape[0] > limit[0] or j + hole.shape[1] > limit[1]:
-            return float("inf")
-        known = stock.source[hole_at[0] + i, hole_at[1] + j]
-        if np.count_nonzero(known) < (1 - UNKNOWN_SHARE) * len(known):
-            return float("inf")
-        both = stock.source[ring_at[0] + i, ring_at[1] + j]
-        difference = (stock.picture[ring_at[0] + i, ring_at[1] + j] - wanted)[both]
-        return float(np.mean(difference**2)) if len(difference) else 0.0
-
-    i, j = place
     for step, reach in ((2, 4), (1, 1)):
-        offsets = range(-reach, reach + 1, step)
-        near = [(i + di, j + dj) for di in offsets for dj in offsets]
-        costs = [cost(*p) for p in near]
-        k = int(np.argmin(costs))
-        if not np.isfinite(costs[k]):
+        offsets = np.arange(-reach, reach + 1, step)
+        near = np.stack(np.meshgrid(offsets, offsets, indexing="ij"), axis=-1).reshape(-1, 2)
+        near += np.array(place)
+        limit = np.array(stock.source.shape) - hole.shape
+        near = near[((near >= 0) & (near <= limit)).all(axis=1)]
+        if not len(near):
             return None
-        i, j = near[k]
-    return i, j
+        cost = _cost(stock, near, ring_at, hole_at, wanted)
+        k = int(np.argmin(cost))
+        if not np.isfinite(cost[k]):
+            return None
+        place = int(near[k, 0]), int(near[k, 1])
+    return place
+
+
+def _some(mask: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of up to `SAMPLES` true pixels, evenly spread."""
+    found = np.flatnonzero(mask)
+    if len(found) > SAMPLES:
+        found = found[np.linspace(0, len(found) - 1, SAMPLES).astype(np.intp)]
+    return found // mask.shape[1], found % mask.shape[1]
+
+
+def _cost(
+    stock: Stock,
+    near: NDArray[np.int64],
+    ring_at: tuple[NDArray[np.intp], NDArray[np.intp]],
+    hole_at: tuple[NDArray[np.intp], NDArray[np.intp]],
+    wanted: Image32,
+) -> NDArray[np.float32]:
+    """Mean squared difference in the ring at places (N, 2); inf where the hole is unknown."""
+    width = stock.source.shape[1]
+    source, picture = stock.source.ravel(), stock.picture.ravel()
+    corner = (near[:, 0] * width + near[:, 1])[:, None]
+    known = source[corner + (hole_at[0] * width + hole_at[1])]
+    whole = known.sum(axis=1) >= (1 - UNKNOWN_SHARE) * known.shape[1]
+    result = np.full(len(near), np.inf, dtype=np.float32)
+    at = corner[whole] + (ring_at[0] * width + ring_at[1])
+    both = source[at]
+    difference = (picture[at] - wanted) * both
+    total = np.einsum("nk,nk->n", difference, difference)
+    result[whole] = total / np.maximum(both.sum(axis=1), 1)
+    return result
 
 
 def _rough_place(
@@ -94,7 +121,7 @@ def _rough_place(
 ) -> tuple[int, int] | None:
     """Best shift by correlations of masked images at low resolution."""
     rows, columns = (slice(w.start // COARSE, w.stop // COARSE) for w in search)
-    available, seen = stock.share[rows, columns], stock.mean[rows, columns]
+    available = stock.share[rows, columns]
     if any(n < COARSE for n in hole.shape):
         return None
     weight, wanted = reduced(ring, template)
@@ -111,7 +138,17 @@ def _rough_place(
     def back(spectrum: Any) -> Image32:
         return np.asarray(fft.irfft2(spectrum, shape), dtype=np.float32)[:height, :width]
 
-    f_available, f_weight = transform(available), np.conj(transform(weight))
+    if (rows, columns) not in stock.spectra:
+        if len(stock.spectra) >= KEPT_SPECTRA:
+            stock.spectra.clear()
+        seen = stock.mean[rows, columns]
+        stock.spectra[rows, columns] = (
+            transform(available),
+            transform(available * seen),
+            transform(available * seen * seen),
+        )
+    f_available, f_seen, f_square = stock.spectra[rows, columns]
+    f_weight = np.conj(transform(weight))
     missing = inside.sum() - back(f_available * np.conj(transform(inside)))
     allowed = missing < UNKNOWN_SHARE * inside.sum() + 1e-3
     if not allowed.any():
@@ -119,8 +156,8 @@ def _rough_place(
     overlap = back(f_available * f_weight)
     # Σ ring · known · (picture − template)², for every shift at once.
     cost = back(
-        transform(available * seen * seen) * f_weight
-        - 2.0 * transform(available * seen) * np.conj(transform(weight * wanted))
+        f_square * f_weight
+        - 2.0 * f_seen * np.conj(transform(weight * wanted))
         + f_available * np.conj(transform(weight * wanted * wanted))
     )
     allowed &= overlap >= min(OVERLAP * float(weight.sum()), float(overlap[allowed].max()))
@@ -132,16 +169,22 @@ def _rough_place(
 def reduced(mask: Mask, image: Image32) -> tuple[Image32, Image32]:
     """Part of each block that the mask covers, and the image's mean over it (H', W'[, 3])."""
     share = blocks(mask.astype(np.float32))
-    known = mask if image.ndim == 2 else mask[..., None]
-    total = blocks(np.where(known, image, np.float32(0.0)))
+    total = blocks(masked(image, mask))
     part = np.maximum(share, np.float32(1e-6))
     return share, np.asarray(total / (part if image.ndim == 2 else part[..., None]), np.float32)
+
+
+def masked(image: Image32, mask: Mask) -> Image32:
+    """The image where the mask is true, 0 elsewhere."""
+    if not image.size:
+        return image.copy()
+    return np.asarray(cv2.copyTo(image, np.ascontiguousarray(mask).view(np.uint8)), np.float32)
 
 
 def blocks(image: Image32) -> Image32:
     """Means over blocks of `COARSE` pixels; what is left over at the end is not seen."""
     rows, columns = image.shape[0] // COARSE, image.shape[1] // COARSE
-    cut = np.ascontiguousarray(image[: rows * COARSE, : columns * COARSE], dtype=np.float32)
+    cut = image[: rows * COARSE, : columns * COARSE]
     if not rows or not columns:
         return np.zeros((rows, columns, *image.shape[2:]), dtype=np.float32)
     return np.asarray(cv2.resize(cut, (columns, rows), interpolation=cv2.INTER_AREA), np.float32)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from .scan import ScanMaterial
+
+ROW = 4096
 
 
 class Looks:
@@ -25,7 +28,7 @@ class Looks:
         if image is None:
             return None
         if index not in self._images:
-            self._images[index] = np.asarray(image.convert("RGB"))
+            self._images[index] = np.ascontiguousarray(image.convert("RGB"))
         return self._images[index]
 
     def at(self, material: NDArray[np.int32], uv: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -35,45 +38,28 @@ class Looks:
             material: (N,) material of each point.
             uv: (N, 2), v up.
         """
+        if not len(material):
+            return np.zeros((0, 3), dtype=np.float32)
+        used = np.flatnonzero(np.bincount(material))
         result = self.colors[material]
-        for index in np.unique(material):
-            pixels = self._image(int(index))
+        for index in used.tolist():
+            pixels = self._image(index)
             if pixels is None:
                 continue
-            mine = material == index
-            result[mine] *= _bilinear(pixels, uv[mine]) / 255.0
+            mine = slice(None) if len(used) == 1 else np.flatnonzero(material == index)
+            result[mine] *= _bilinear(pixels, uv[mine]) * np.float32(1 / 255)
         return result
 
 
-def _bilinear(pixels: NDArray[np.uint8], uv: NDArray[np.float32]) -> NDArray[np.float32]:
+def _bilinear(pixels: NDArray[np.uint8], uv: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Colours (N, 3) at (N, 2), to a 32nd of a pixel."""
     height, width = pixels.shape[:2]
     # Wrapped first: far from zero single precision would blur.
-    x = (uv[:, 0] % 1.0) * width - 0.5
-    y = (1.0 - uv[:, 1] % 1.0) * height - 0.5
-    x0, y0 = np.floor(x), np.floor(y)
-    fx = (x - x0).astype(np.float32)[:, None]
-    fy = (y - y0).astype(np.float32)[:, None]
-    i0, j0 = y0.astype(np.int32) % height, x0.astype(np.int32) % width
-    i1, j1 = (i0 + 1) % height, (j0 + 1) % width
-    flat = pixels.reshape(-1, 3)
-    result = flat[i0 * width + j0] * ((1 - fy) * (1 - fx))
-    result += flat[i0 * width + j1] * ((1 - fy) * fx)
-    result += flat[i1 * width + j0] * (fy * (1 - fx))
-    result += flat[i1 * width + j1] * (fy * fx)
-    return result.astype(np.float32)
-
-
-def barycentric(triangles: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Weights (N, 3) of 2-D points (N, 2) in 2-D triangles (N, 3, 2), clipped to the triangle."""
-    a, b, c = (triangles[:, k] for k in range(3))
-    area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    area = np.where(area == 0, 1e-30, area)
-    v = (points[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (points[:, 1] - a[:, 1]) * (
-        c[:, 0] - a[:, 0]
-    )
-    w = (b[:, 0] - a[:, 0]) * (points[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (
-        points[:, 0] - a[:, 0]
-    )
-    weights = np.stack([1 - (v + w) / area, v / area, w / area], axis=1)
-    weights = np.clip(weights, 0.0, 1.0)
-    return weights / weights.sum(axis=1, keepdims=True)
+    at = uv - np.floor(uv)
+    x = at[:, 0] * width - 0.5
+    y = (1 - at[:, 1]) * height - 0.5
+    # In rows, as a picture's sides are limited.
+    rows = -(-len(uv) // ROW)
+    x, y = (np.resize(a, (rows, ROW)) for a in (x, y))
+    found = cv2.remap(pixels, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
+    return np.asarray(found, dtype=np.uint8).reshape(-1, 3)[: len(uv)]
