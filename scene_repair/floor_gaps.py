@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..formats.grid import GridSpec
-from .maps import grow, grown_window, label, windows
+from .maps import Window, grow, grown_window, label, windows
 from .probe_rays import Probes
 
 # Smaller gaps carry every foot and wheel.
@@ -21,16 +21,31 @@ SHARE, BORDER_M = 0.5, 0.03
 RIM, RIM_SHARE = 2, 0.6
 
 
-def hole_cells(hole: dict[str, Any], grid: GridSpec) -> NDArray[np.bool_]:
-    """The cells of a grid whose centres lie in a hole as it stands in `repair.json`."""
-    drawn = np.zeros(grid.shape, dtype=np.uint8)
+def hole_cells(
+    hole: dict[str, Any], grid: GridSpec, border: int
+) -> tuple[Window, NDArray[np.bool_]]:
+    """The cells of a grid whose centres lie in a hole as it stands in `repair.json`.
+
+    Returns:
+        A window with a border of so many cells around them, and which of it they are.
+    """
+    rings = [
+        (np.asarray(polygon) - np.asarray(grid.origin_xy_m)) / grid.cell_m - 0.5
+        for polygon in hole["polygons_xy_m"]
+    ]
+    if not rings:
+        return (slice(0, 0), slice(0, 0)), np.zeros((0, 0), dtype=bool)
+    every = np.concatenate(rings)[:, ::-1]
+    limit = np.array(grid.shape)
+    low = np.clip(np.floor(every.min(axis=0)).astype(int) - border, 0, limit)
+    high = np.clip(np.ceil(every.max(axis=0)).astype(int) + border + 1, 0, limit)
+    drawn = np.zeros(high - low, dtype=np.uint8)
     scale = 16
-    rings = []
-    for polygon in hole["polygons_xy_m"]:
-        at = (np.asarray(polygon) - np.asarray(grid.origin_xy_m)) / grid.cell_m - 0.5
-        rings.append(np.rint(at * scale).astype(np.int32))
-    cv2.fillPoly(drawn, rings, 1, shift=4)
-    return drawn.astype(bool)
+    if drawn.size:
+        corners = [np.rint((ring - low[::-1]) * scale).astype(np.int32) for ring in rings]
+        cv2.fillPoly(drawn, corners, 1, shift=4)
+    window = slice(int(low[0]), int(high[0])), slice(int(low[1]), int(high[1]))
+    return window, drawn.astype(bool)
 
 
 def check_holes(
@@ -53,17 +68,17 @@ def check_holes(
     border = max(round(BORDER_M / grid.cell_m), 1)
     still_open, listed = [], np.zeros(grid.shape, dtype=bool)
     for number, hole in enumerate(holes):
-        cells = hole_cells(hole, grid)
+        window, cells = hole_cells(hole, grid, border + RIM)
         if hole["action"] != "filled":
-            listed |= cells
+            listed[window] |= cells
             continue
         # Holes are listed by sampled cells, which reach a little into the walls around them; those
         # that are all border may lie in walls altogether.
         inner = ~grow(~cells, border)
-        open_ = fell & (inner if inner.any() else cells)
+        open_ = fell[window] & (inner if inner.any() else cells)
         large = open_.sum() >= max(least**2, SHARE * cells.sum())
-        if open_.any() and (inner.any() or (large and _in_floor(open_, floor))):
-            through = np.argwhere(open_)
+        if open_.any() and (inner.any() or (large and _in_floor(open_, floor[window]))):
+            through = np.argwhere(open_) + np.array([w.start for w in window])
             still_open.append(
                 {
                     "hole": number,
