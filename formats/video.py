@@ -27,6 +27,7 @@ from .camera import DepthRange
 from .depth_codes import DEPTH_PIXEL_FORMAT, codes_to_depth, depth_to_codes
 from .errors import FileFormatError, UnknownNameError
 from .image_counts import add_depth_codes, add_rgb
+from .scheduling import ordinary_threads
 from .video_stream import (
     VideoFacts,
     decode_frames,
@@ -347,7 +348,11 @@ def _encode(
         os.environ.setdefault("SVT_LOG", "1")  # errors only; else stderr hears of each video
     shape, count = first.shape, 0
     tick = Fraction(1, frames_per_second)  # the muxer changes the stream's own time base
-    with atomic_file(path) as temporary, av.open(str(temporary), "w", format="mp4") as container:
+    with (
+        ordinary_threads() as restore,
+        atomic_file(path) as temporary,
+        av.open(str(temporary), "w", format="mp4") as container,
+    ):
         stream = cast(
             VideoStream,
             container.add_stream(codec.encoder, rate=frames_per_second, options=codec.options()),
@@ -362,6 +367,8 @@ def _encode(
             image = convert(frame)
             image.pts, image.time_base = count, tick
             container.mux(stream.encode(image))
+            if count == 0:  # the encoder starts with its first frame
+                restore()
             count += 1
         container.mux(stream.encode(None))
     return count

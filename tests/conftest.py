@@ -8,8 +8,16 @@ import pytest
 
 from tests.support.rooms import write_two_rooms
 from vlnpe.formats.scene_bundle import SceneBundle
+from vlnpe.formats.scheduling import ordinary_threads
 
 SHARED_SCENES = Path(__file__).resolve().parents[2] / "shared" / "scenes"
+
+
+@pytest.fixture(autouse=True)
+def _threads_stay_ordinary():
+    """LeRobot's writer, too, lets SVT-AV1 make this process real-time, which starves all others."""
+    with ordinary_threads():
+        yield
 
 
 @pytest.fixture(scope="session")
