@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..collectors.controllers import SpeedConfig
+from ..collectors.rendering.extras import Extras
 from ..collectors.rendering.views import View
 from ..formats.episode import Episode
 from ..formats.errors import InputError
@@ -19,6 +21,25 @@ from .ledger import Row
 from .run_folder import RunFolder
 from .runner import Context, StageSummary, WorkItem, run_stage
 from .stages import align, episodes, export, render, repair, replay, scans
+
+
+@dataclass(frozen=True)
+class Product:
+    """What is made of rollouts.
+
+    Attributes:
+        frames_per_second: rendered.
+        extras: videos beside colour and depth.
+        only_success: leave failures out of the export; they are rendered in any case.
+        rgb_codec: key of `formats.video.RGB_CODECS`.
+        depth_storage: what `export.check_depth_storage` takes.
+    """
+
+    frames_per_second: int
+    extras: Extras
+    only_success: bool
+    rgb_codec: str
+    depth_storage: str
 
 
 class Chain:
@@ -104,19 +125,10 @@ class Chain:
         robot: str,
         controller: str,
         views: Sequence[View],
-        frames_per_second: int,
-        only_success: bool,
-        rgb_codec: str,
-        depth_storage: str,
+        product: Product,
         facts: Mapping[str, Any],
     ) -> None:
-        """Replay the episodes with one robot; render and export each view, with `facts`.
-
-        `rgb_codec` is a key of `formats.video.RGB_CODECS`, `depth_storage` what
-        `export.check_depth_storage` takes.
-
-        Failures are rendered in any case, and exported unless `only_success`.
-        """
+        """Replay the episodes with one robot; render and export each view, with `facts`."""
         folder = self.folder
         scope = f"{robot}/{controller}/"
         items = self._walks(asked, scenes, robot, controller, self.seed, self.actions)
@@ -130,21 +142,22 @@ class Chain:
                 folder.frames,
                 folder.root,
                 view,
-                frames_per_second,
-                rgb_codec,
+                product.frames_per_second,
+                product.rgb_codec,
+                product.extras,
             )
             seen = f"{scope}{view.name}/"
             frames = self._stage(render.STAGE, items, seen).good()
             dataset = export.Dataset.under(folder.root, robot, controller, view.name)
             self.summaries += export.run(
                 self.context,
-                export.wanted(frames, only_success),
+                export.wanted(frames, product.only_success),
                 folder.root,
                 folder.scenes,
                 dataset,
                 seen,
                 {"options": dict(facts)},
-                depth_storage,
+                product.depth_storage,
             )
 
     def _instructed(

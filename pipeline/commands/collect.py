@@ -13,6 +13,7 @@ from typing import Annotated
 import tyro
 
 from ...collectors.controllers import SpeedConfig
+from ...collectors.rendering.extras import Extras
 from ...collectors.rendering.views import CameraWishes
 from ...collectors.robots import RobotSpec
 from ...formats.atomic import sweep
@@ -23,7 +24,7 @@ from ...formats.vlnce import read_vlnce
 from ...scene_repair.config import RepairConfig
 from ...scene_repair.kinds import SUFFIXES
 from ...trajectory_sampler.config import SampleConfig
-from ..chain import Chain
+from ..chain import Chain, Product
 from ..crews import AUTO, action_timing, chosen_robots, crews
 from ..executors import Workers, available_cores
 from ..kept_robots import keep
@@ -87,6 +88,10 @@ class Collect:
     """The run folder; by default `runs/<scene>`."""
     seed: int = 0
     """Of the built-in apartment, the sampling and everything else that is random."""
+    semantic: bool = False
+    """Also render the label of every pixel (semantic.mov, and in MCAP)."""
+    instance: bool = False
+    """Also render the object of every pixel (instance.mov, and in MCAP)."""
     frames_per_second: int = 4
     """Rendered frames per second: 4, 5, 10, 20, 25 or 50."""
     only_success: bool = False
@@ -112,6 +117,10 @@ def run(options: Collect) -> int:
     robots = chosen_robots(options.robot)
     pairs = crews(robots, options.controller)
     actions = action_timing(options.action_steps, options.closed_loop)
+    extras = Extras(options.semantic, options.instance)
+    product = Product(
+        options.frames_per_second, extras, options.only_success, options.rgb_codec, options.depth
+    )
     looks = (options.camera, options.light, options.renderer)
     views = {r.name: chosen_views(*looks, r, CameraWishes()) for r in robots}
     check_frame_rate(options.frames_per_second)
@@ -142,10 +151,7 @@ def run(options: Collect) -> int:
                 robot,
                 controller,
                 views[robot],
-                options.frames_per_second,
-                options.only_success,
-                options.rgb_codec,
-                options.depth,
+                product,
                 {
                     "robot": robot,
                     "controller": controller,
