@@ -213,6 +213,9 @@ def _gaps(evidence: Evidence, line: Mask, grid: GridSpec) -> tuple[Mask, Mask]:
     near = evidence.covered | inside
     reached = grow(near, round(UNDER_CEILING_REACH_M / grid.cell_m), within=sheltered | near)
     gaps = inside | (reached & sheltered)
+    # What is now shut off from the outside is a gap as well.
+    parts, _ = label(np.pad(empty & ~gaps, 1, constant_values=True))
+    gaps |= empty & (parts != parts[0, 0])[1:-1, 1:-1]
     return gaps, empty & ~gaps
 
 

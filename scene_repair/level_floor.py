@@ -27,6 +27,10 @@ from .world_mesh import WorldMesh
 
 # Known floor within this distance shapes the heights inside a hole.
 REACH_M = 0.75
+# Faces that slope away from the floor at the rim of a hole are covered up to this far from it.
+SLOPE_M = 0.25
+# Steeper than any ramp.
+SLOPE_NORMAL_Z = 0.98
 # Smaller pieces of floor between walls and lintels are no rooms.
 ROOM_M2 = 0.5
 
@@ -131,9 +135,14 @@ def repair_floor(
         [],
     )
     floor_faces = _floor_faces(mesh, everywhere, fine, ignore)
+    # Not those that leave the floor's height between their corners: over pits of a scan.
+    off = np.abs(columns.z - everywhere.ravel()[columns.cell]) > COVER_M
+    off &= np.abs(mesh.normals[columns.face, 2]) < SLOPE_NORMAL_Z
+    floor_faces = np.setdiff1d(floor_faces, columns.face[off & fill.ravel()[columns.cell]])
     cracked = _cracked(mesh, floor_faces, fill | evidence.covered, fine)
-    region = patch_region(mesh, fill | cracked, ~leave, evidence.wall, fine, floor_z)
-    patch = build_patch(mesh, floor_faces, region, _beside(everywhere, fill | cracked), fine)
+    wanted = fill | cracked | _sloping(evidence, floor_faces, fill, fine)
+    region = patch_region(mesh, wanted, ~leave, evidence.wall, fine, floor_z)
+    patch = build_patch(mesh, floor_faces, region, _beside(everywhere, wanted), fine)
     if not patch.pieces:
         return result
     outlines = np.concatenate([ring for piece in patch.pieces for ring in piece])
@@ -211,6 +220,23 @@ def _thin_gaps(
     thin = ndimage.binary_closing(floor, structure=np.ones((3, 3)))[4:-4, 4:-4]
     doorway = ndimage.binary_closing(floor, structure=np.ones((7, 7)))[4:-4, 4:-4] & passable
     return (thin | doorway) & ~covered & grow(fill, 4)
+
+
+def _sloping(
+    evidence: Evidence,
+    floor_faces: NDArray[np.int64],
+    fill: NDArray[np.bool_],
+    fine: GridSpec,
+) -> NDArray[np.bool_]:
+    """Cells at the rim of filled ones whose face is near the floor's height only in part.
+
+    Such a face slopes away beneath the patch or out of it; a patch that ended on it would leave a
+    slit above the slope.
+    """
+    part = evidence.covered & ~np.isin(evidence.face, floor_faces)
+    if not (part.any() and fill.any()):
+        return np.zeros(fine.shape, dtype=bool)
+    return grow(fill, round(SLOPE_M / fine.cell_m), within=part | fill) & part
 
 
 def _cracked(

@@ -14,6 +14,7 @@ from ..formats.grid import GridSpec
 from .columns import Columns
 from .config import RepairConfig
 from .maps import grow
+from .reference import without_pits
 from .slices import slice_marks
 from .surfaces import Surfaces
 from .world_mesh import WorldMesh
@@ -148,7 +149,8 @@ def _floor_of(storey: list[int], surfaces: Surfaces, parts: _Parts, grid: GridSp
     # Where several lie in one cell the lowest is the floor: it is written last.
     order = np.argsort(-surfaces.z_m[mine], kind="stable")
     z[surfaces.cell[mine][order]] = surfaces.z_m[mine][order]
-    return ScannedFloor(grid, z.reshape(grid.shape), float(np.nanmedian(z)))
+    z = without_pits(z.reshape(grid.shape), grid.cell_m)
+    return ScannedFloor(grid, z, float(np.nanmedian(z)))
 
 
 def averted_faces(

@@ -10,12 +10,14 @@ from scipy import ndimage, sparse
 from scipy.sparse.linalg import spsolve
 
 from .floor_field import extend
-from .maps import distance_to, grow, grown_window, label, windows
+from .maps import distance_to, grow, grown_window, label, nearest_in, windows
 
 # Heights around a hole that differ by more, with none between, are two floors with a step between.
 STEP_M = 0.06
 # A piece of floor is level if heights of neighbouring cells differ by less in this share of it.
 LEVEL_M, LEVEL_SHARE = 0.01, 0.4
+# Level pieces smaller than this are no floor of their own.
+PIT_M2 = 0.1
 
 
 def remove_narrow(
@@ -36,6 +38,27 @@ def remove_narrow(
     level = np.asarray(ndimage.mean(spread < LEVEL_M, parts, np.arange(count + 1)))
     real = (level >= LEVEL_SHARE) & (np.arange(count + 1) > 0)
     return np.where(real[parts], z_m, np.where(np.isfinite(z_m), closed, np.nan))
+
+
+def without_pits(z_m: NDArray[np.float64], cell_m: float) -> NDArray[np.float64]:
+    """Heights without small pieces that a step parts from the larger floor nearest to them.
+
+    Pits and blisters of a scan, where it closed a surface over what it had not seen.
+    """
+    cell = np.arange(z_m.size).reshape(z_m.shape)
+    pairs = []
+    for here, there in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
+        level = np.abs(z_m[here] - z_m[there]) < LEVEL_M
+        pairs.append(np.stack([cell[here][level], cell[there][level]]))
+    a, b = np.concatenate(pairs, axis=1)
+    links = sparse.coo_matrix((np.ones(len(a), dtype=bool), (a, b)), shape=(z_m.size, z_m.size))
+    found: Any = sparse.csgraph.connected_components(links, directed=False)
+    known = np.isfinite(z_m)
+    large = known & (np.bincount(found[1])[found[1]].reshape(z_m.shape) * cell_m**2 >= PIT_M2)
+    if not large.any():
+        return z_m
+    nearby = z_m[nearest_in(large)]
+    return np.where(large | (np.abs(z_m - nearby) < STEP_M), z_m, np.nan)
 
 
 def fill_heights(

@@ -95,6 +95,23 @@ def test_planted_hole_is_filled(name: str, ceiling: bool, tmp_path: Path) -> Non
     assert record["probes"]["fell_through"] == 0
 
 
+@pytest.mark.parametrize("bottom", [False, True], ids=["crater", "pit"])
+def test_hole_whose_rim_slopes_away_is_closed_level(bottom: bool, tmp_path: Path) -> None:
+    """Scanners melt rims; a patch that ended on the slope would leave a slit above it."""
+    parts = scans.room(None if bottom else scans.disc(2.5, 2.0, 0.3))
+    vertices = np.array(parts[0].vertices)
+    distance = np.hypot(vertices[:, 0] - 2.5, vertices[:, 1] - 2.0)
+    vertices[:, 2] -= np.clip(0.5 - distance, 0.0, 0.13)
+    parts[0].vertices = vertices
+    bundle = repaired(parts, tmp_path)
+    record = json.loads((bundle.root / "repair.json").read_text())
+    assert record["verification"]["problems"] == []
+    if not bottom:
+        _, seen, height = floor_seen(bundle, (1.9, 1.4), (3.1, 2.6))
+        assert seen.all()
+        assert np.nanmin(height) > -0.031
+
+
 def test_hole_across_a_threshold_is_filled(tmp_path: Path) -> None:
     without = scans.rectangle((3.8, 1.3), (4.3, 2.7))
     bundle = repaired(scans.two_rooms(1.0, without), tmp_path)
