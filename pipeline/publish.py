@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ..formats.atomic import TEMPORARY_PREFIX
+from ..formats.convert.dataset import ROLLOUTS_PATH
 from ..formats.digest import file_digest
 from ..formats.errors import FileFormatError, InputError, VlnpeError
 from ..formats.lerobot.layout import CODEBASE_VERSION, INFO_PATH, PROVENANCE_PATH
@@ -22,7 +23,8 @@ REPO = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*/[A-Za-z0-9][A-Za-z0-9._-]*")
 TAG = re.compile(r"[A-Za-z][A-Za-z0-9._-]{0,95}")
 # LeRobot takes tags that look like versions for versions of the format.
 VERSION_LIKE = re.compile(r"v?\d+(\.\d+)*", re.IGNORECASE)
-OURS = ["data/*", "meta/*", "videos/*", "*.png"]  # of an earlier release; replaced as a whole
+# Of an earlier release; replaced as a whole.
+OURS = ["data/*", "meta/*", "videos/*", f"{ROLLOUTS_PATH.partition('/')[0]}/*", "*.png"]
 
 
 class HubError(VlnpeError):

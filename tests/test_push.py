@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from fnmatch import fnmatch
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -88,6 +89,11 @@ def test_a_release_is_one_commit_under_its_own_tag(
     assert set(uploaded["allow_patterns"]) == {
         p.relative_to(dataset).as_posix() for p in dataset.rglob("*") if p.is_file()
     }
+    # Of an earlier release nothing stays that this one lacks.
+    earlier = ("data/chunk-000/file-007.parquet", "rollouts/episode_000007.mcap", "film_strip.png")
+    for path in earlier:
+        assert any(fnmatch(path, pattern) for pattern in uploaded["delete_patterns"])
+    assert not any(fnmatch("README.md", pattern) for pattern in uploaded["delete_patterns"])
     tagged = [options for name, options in hub.calls if name == "create_tag"]
     assert [t["tag"] for t in tagged] == ["second", "v3.0"]
     assert {t["revision"] for t in tagged} == {"c0ffee"}
