@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.render_scenes import ball_robot, facing, write_wall
+from tests.support.render_scenes import ball_robot, facing, write_covered_floor, write_wall
 from vlnpe.collectors.rendering import gl_draw, registry
 from vlnpe.collectors.rendering.gl_probe import why_no_gl
 from vlnpe.collectors.rendering.interface import NOTHING, ROBOT, Renderer
@@ -77,6 +77,22 @@ def test_both_renderers_cut_the_scene_above(
         other, truth = embree["baked"].render(CAMERA, eye, down, None, cut)
         assert (np.abs(depth - truth) < 2e-3).mean() > 0.99
         assert psnr(rgb, other) > 30.0
+
+
+def test_a_scan_under_a_cut_off_ceiling_keeps_its_colours(needs_gl: None, tmp_path: Path) -> None:
+    # The floor is shown as it is, the ceiling would be lit: the cut has to take it off in both.
+    image = np.full((64, 64, 3), (200, 120, 40), dtype=np.uint8)
+    bundle = write_covered_floor(tmp_path, image)
+    eye, down = [0.0, 0.0, 5.0], facing(0.0, np.pi / 2)
+    camera = CameraModel("down", 64, 64, 30.0)
+    for name in ("embree", "gl"):
+        renderer = make_renderer(bundle, name)
+        rgb, depth = renderer.render(camera, eye, down, None, 1.5)
+        np.testing.assert_allclose(depth, 5.0, atol=2e-3)
+        assert (np.abs(rgb.astype(int) - image[0, 0]) <= 1).all()
+        rgb, depth = renderer.render(camera, eye, down)
+        np.testing.assert_allclose(depth, 3.0, atol=2e-3)
+        assert np.ptp(rgb.reshape(-1, 3).mean(0)) < 3  # the ceiling's grey
 
 
 def test_both_renderers_name_the_same_things(

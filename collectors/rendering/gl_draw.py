@@ -84,6 +84,7 @@ class ModelDrawer:
         self._free = mujoco.MjvCamera()
         self._pixels = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)
         self._pixels.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR  # as it is stored
+        self._cut = _Cut(context, np.zeros(3), np.eye(3), np.inf)
         self._scene.flags[:] = 0  # no shadows, fog, reflections; both sides are drawn
 
     def upload(self, textures: list[list[NDArray[np.uint8]]]) -> None:
@@ -153,7 +154,8 @@ class ModelDrawer:
         rgb = np.empty((height, width, 3), dtype=np.uint8)
         stored = np.empty((height, width), dtype=np.float32)
         view = mujoco.MjrRect(0, 0, width, height)
-        with _Cut(context, position_m, rotation, cut_above_m):
+        self._cut = _Cut(context, position_m, rotation, cut_above_m)
+        with self._cut:
             mujoco.mjr_render(view, self._scene, self._pixels)
         mujoco.mjr_readPixels(rgb, stored, view, self._pixels)
         near, far = np.float32(near_m), np.float32(far_m)
@@ -167,7 +169,8 @@ class ModelDrawer:
         flags = self._scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
         view = mujoco.MjrRect(0, 0, camera.width_px, camera.height_px)
-        mujoco.mjr_render(view, self._scene, self._pixels)
+        with self._cut:
+            mujoco.mjr_render(view, self._scene, self._pixels)
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
         rgb = np.empty((camera.height_px, camera.width_px, 3), dtype=np.uint8)
         mujoco.mjr_readPixels(rgb, None, view, self._pixels)

@@ -44,11 +44,35 @@ def write_wall(root: Path, image: NDArray[np.uint8], repeat: float = 1.0) -> Sce
 
     Seen along +x, the left of the image lies at y = +1. `repeat` times across and up.
     """
-    (root / "textures").mkdir(parents=True, exist_ok=True)
-    Image.fromarray(image).save(root / "textures" / "wall.png")
     vertices = np.array([[2, 1, 0], [2, -1, 0], [2, -1, 2], [2, 1, 2]], dtype=np.float32)
     uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32) * repeat
     faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
+    mesh = VisualMesh(vertices, faces, uv[faces], np.zeros(2, np.int32), np.zeros(2, np.int32))
+    return _write_bundle(
+        root, mesh, (Material("wall", (1.0, 1.0, 1.0), "textures/wall.png"),), image
+    )
+
+
+def write_covered_floor(root: Path, image: NDArray[np.uint8]) -> SceneBundle:
+    """A textured floor, 4 × 4 m around the origin, under a plain grey ceiling at z = 2."""
+    square = np.array([[-2, -2], [2, -2], [2, 2], [-2, 2]], dtype=np.float32)
+    vertices = np.concatenate([np.insert(square, 2, z, axis=1) for z in (0, 2)])
+    uv = np.tile((square + 2) / 4, (2, 1)).astype(np.float32)
+    faces = np.array([[0, 1, 2], [0, 2, 3], [4, 6, 5], [4, 7, 6]], dtype=np.int32)
+    material = np.array([0, 0, 1, 1], dtype=np.int32)
+    mesh = VisualMesh(vertices, faces, uv[faces], material, np.zeros(4, np.int32))
+    materials = (
+        Material("floor", (1.0, 1.0, 1.0), "textures/wall.png"),
+        Material("ceiling", (0.5, 0.5, 0.5), None),
+    )
+    return _write_bundle(root, mesh, materials, image)
+
+
+def _write_bundle(
+    root: Path, mesh: VisualMesh, materials: tuple[Material, ...], image: NDArray[np.uint8]
+) -> SceneBundle:
+    (root / "textures").mkdir(parents=True, exist_ok=True)
+    Image.fromarray(image).save(root / "textures" / "wall.png")
     grid = GridSpec((-2.0, -2.0), 0.5, 8, 8)
     flat = np.zeros(grid.shape, dtype=np.float32)
     everywhere = np.ones(grid.shape, dtype=bool)
@@ -58,12 +82,11 @@ def write_wall(root: Path, image: NDArray[np.uint8], repeat: float = 1.0) -> Sce
         source={"path": "wall", "sha256": "0" * 64, "licence": "Apache-2.0"},
         source_to_world=np.eye(4),
         habitat_to_world=np.eye(4),
-        materials=(Material("wall", (1.0, 1.0, 1.0), "textures/wall.png"),),
+        materials=materials,
         labels=("wall",),
         objects=(),
         level_floor_z_m=(0.0,),
     )
-    mesh = VisualMesh(vertices, faces, uv[faces], np.zeros(2, np.int32), np.zeros(2, np.int32))
     boxes = Obstacles(np.zeros((0, 3)), np.zeros((0, 3)))
     save_bundle(
         bundle, mesh, [(Floor(grid, flat, everywhere), boxes, Freemap(grid, flat, everywhere))]
