@@ -150,7 +150,18 @@ def _depth_range(index: DatasetIndex) -> DepthRange:
         raise FileFormatError(
             index.root, f"depth_min, shift, use_log are {settings}; valid: 0.0, {SHIFT_M}, True"
         )
-    return DepthRange(_NEAREST_VALID_M, float(info.get("video.depth_max", 1.0)))
+    far_m = info.get("video.depth_max")
+    if not is_video:
+        return DepthRange(_NEAREST_VALID_M, 1.0)  # unused: images hold millimetres
+    if (
+        isinstance(far_m, bool)
+        or not isinstance(far_m, int | float)
+        or not far_m > _NEAREST_VALID_M
+    ):
+        raise FileFormatError(
+            index.root, f"video.depth_max of {DEPTH_KEY} is {far_m!r}; valid: metres"
+        )
+    return DepthRange(_NEAREST_VALID_M, float(far_m))
 
 
 def _episode_table(entry: EpisodeEntry, keys: Sequence[str]) -> pa.Table:

@@ -15,6 +15,8 @@ from hypothesis import strategies as st
 
 from tests.support.lerobot_data import RANGE, stored, write_reference, write_unit, write_units
 from tests.support.rollouts import make_images, make_rollout
+from vlnpe.datasets.episode_index import read_index
+from vlnpe.datasets.episode_reader import EpisodeReader
 from vlnpe.formats.depth_tiff import decode_depth_tiff, encode_depth_tiff
 from vlnpe.formats.errors import FileFormatError, UnknownNameError
 from vlnpe.formats.lerobot import FileLimits, assemble_dataset, read_episode_unit
@@ -158,3 +160,15 @@ def test_depth_reads_back_the_same_from_images_and_videos(tmp_path: Path) -> Non
     video = read_episode_unit(write_unit(tmp_path / "b", make_rollout(2.0)))
     for a, b in zip(image.depth_m([0, 3, 8]), video.depth_m([0, 3, 8]), strict=True):
         np.testing.assert_allclose(a, b, atol=5.1e-4)
+
+
+@pytest.mark.parametrize("told", [None, "far", float("nan"), 0.0, True])
+def test_depth_videos_of_an_unknown_range_are_refused(tmp_path: Path, told: Any) -> None:
+    assemble_dataset([write_unit(tmp_path, make_rollout(1.0, 0), 0)], tmp_path / "set", **ASSEMBLY)
+    path = tmp_path / "set" / "meta" / "info.json"
+    info = json.loads(path.read_text())
+    EpisodeReader(read_index(tmp_path / "set"))
+    info["features"][DEPTH]["info"]["video.depth_max"] = told
+    path.write_text(json.dumps(info))
+    with pytest.raises(FileFormatError, match=r"video\.depth_max.*valid: metres"):
+        EpisodeReader(read_index(tmp_path / "set"))
