@@ -28,7 +28,7 @@ from vlnpe.formats.errors import FileFormatError, InputError
 from vlnpe.formats.frame_table import build_frame_table
 from vlnpe.formats.internnav.foreign import Assumptions
 from vlnpe.formats.internnav.layout import scan_name, scene_name
-from vlnpe.formats.internnav.reader import find_scenes
+from vlnpe.formats.internnav.reader import find_scenes, read_layout_episode
 from vlnpe.formats.internnav.to_unit import unit_from_layout
 from vlnpe.formats.internnav.tokens import read_vocabulary
 from vlnpe.formats.internnav.writer import SceneEpisode, share_instructions, write_scene
@@ -38,6 +38,7 @@ from vlnpe.formats.video import iterate_depth_codes, read_rgb_video
 from vlnpe.formats.vocabulary import Vocabulary
 from vlnpe.pipeline import cli
 from vlnpe.pipeline.ledger import Ledger
+from vlnpe.pipeline.stages.convert_source import Options, detect, unit_items
 
 RGB, DEPTH = "observation.images.rgb", "observation.images.depth"
 
@@ -264,6 +265,10 @@ def test_theirs_becomes_units_with_what_is_known(layout: Path, tmp_path: Path) -
             np.testing.assert_allclose(codes, expected_codes, atol=3)
 
 
+def test_what_nobody_tells_is_said(layout: Path) -> None:
+    assert "oracle_success" in json.dumps(Assumptions().note()["derived"])
+
+
 def frame_columns(rollout: Rollout) -> dict[str, np.ndarray]:
     return build_frame_table(rollout, make_frames(rollout), 4).columns
 
@@ -315,9 +320,26 @@ DAMAGE: dict[str, str] = {
     "not finite": "not finite",
     "no rotation": "a quaternion of length 0",
     "strange action": "action 7; valid: 0 to 3",
+    "negative action": "action -2; valid: 0 to 3",
+    "timestamp of words": "timestamp; valid: one number a row",
+    "no statistics, no rows": "no instruction for episode 0",
+    "task of words": "task_index 'x'; valid: a whole number",
+    "half a task": "task_index 0.5; valid: a whole number",
+    "list of tasks": r"task_index \[0, 1\]; valid: its min and max",
+    "empty span": r"task_index \[\]; valid: a whole number",
+    "unnumbered task": "task_index 'x'; valid: a whole number",
+    "rows of words": "task_index of its rows; valid: one whole number a row",
     "no instruction": "no instruction for episode 0",
     "half a line": r"tasks\.jsonl: not readable",
 }
+
+
+def tell_tasks(scene: Path, told: dict[str, Any]) -> None:
+    """Say of episode 0's instructions, in episodes_stats.jsonl, only `told`."""
+    path = scene / "meta/episodes_stats.jsonl"
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    lines[0] = {"episode_index": 0, **told}
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
 
 
 def break_layout(scene: Path, damage: str) -> None:
@@ -356,6 +378,28 @@ def break_layout(scene: Path, damage: str) -> None:
             damage_rows(rows, "observation.robot_orientation", set_entry(0.0))
         case "strange action":
             damage_rows(rows, "observation.action", set_entry(7))
+        case "negative action":
+            damage_rows(rows, "observation.action", set_entry(-2))
+        case "timestamp of words":
+            damage_rows(rows, "timestamp", lambda values: np.full(len(values), "x"))
+        case "no statistics, no rows":
+            tell_tasks(scene, {})
+            (scene / "meta/episodes.jsonl").unlink()
+            pq.write_table(pq.read_table(rows).drop_columns(["task_index"]), rows)
+        case "task of words":
+            tell_tasks(scene, {"task_index": {"min": "x", "max": 0}})
+        case "half a task":
+            tell_tasks(scene, {"task_index": {"min": 0, "max": 0.5}})
+        case "list of tasks":
+            tell_tasks(scene, {"task_index": [0, 1]})
+        case "empty span":
+            tell_tasks(scene, {"stats": {"task_index": {"min": [], "max": [0]}}})
+        case "unnumbered task":
+            lines = [json.loads(line) | {"task_index": "x"} for line in tasks.open()]
+            tasks.write_text("\n".join(map(json.dumps, lines)))
+        case "rows of words":
+            tell_tasks(scene, {})
+            damage_rows(rows, "task_index", lambda values: np.full(len(values), "x"))
         case "no instruction":
             tasks.write_text("\n".join(tasks.read_text().splitlines()[2:]) + "\n")
         case "half a line":
@@ -392,6 +436,42 @@ def test_any_damage_is_named_or_harmless(
         (found,) = find_scenes(scene)
         unit_from_layout(found, 0, tmp_path / "u", Assumptions(robot="h1"))
         read_episode_unit(tmp_path / "u")
+
+
+@pytest.mark.parametrize("told", ["statistics", "nested", "rows", "episodes"])
+def test_each_episode_has_its_own_instructions_whoever_tells_them(layout: Path, told: str) -> None:
+    (scene,) = find_scenes(make_foreign(layout))
+    tasks = scene.folder / "meta/tasks.jsonl"
+    texts = [json.loads(line) for line in tasks.read_text().splitlines()]
+    for line in texts:
+        line["task"] = f"{line['task']} {line['task_index']}"
+    tasks.write_text("".join(json.dumps(line) + "\n" for line in texts))
+    known = [read_layout_episode(scene.folder, number) for number in range(3)]
+    assert len({episode.tasks for episode in known}) == 3
+    episodes = [
+        json.dumps({"episode_index": number, "tasks": list(episode.tasks)})
+        for number, episode in enumerate(known)
+    ]
+    (scene.folder / "meta/episodes.jsonl").write_text("\n".join(episodes))
+    stats = scene.folder / "meta/episodes_stats.jsonl"
+    lines = [json.loads(line) for line in stats.read_text().splitlines()]
+    for number in range(3):
+        if told == "nested":
+            span = {k: [v] for k, v in lines[number]["task_index"].items() if k in ("min", "max")}
+            lines[number] = {"episode_index": number, "stats": {"task_index": span}}
+        elif told == "episodes":
+            rows = scene.folder / f"data/chunk-000/episode_{number:06d}.parquet"
+            pq.write_table(pq.read_table(rows).drop_columns(["task_index"]), rows)
+    if told in ("rows", "episodes"):
+        lines = []
+    stats.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    for number in range(3):
+        found = read_layout_episode(scene.folder, number)
+        # A row names one task; the span of the statistics may hold more instructions of the path.
+        assert found.tasks == known[number].tasks or (
+            told == "rows" and found.tasks and set(found.tasks) <= set(known[number].tasks)
+        )
+        assert found.finish_status == known[number].finish_status
 
 
 def test_repeated_instructions_count_once(layout: Path, tmp_path: Path) -> None:
@@ -481,6 +561,24 @@ def test_the_command_converts_theirs_and_quarantines_what_is_damaged(
     assert [p.name for p in made] == ["r2r-two-rooms-000001.mcap", "r2r-two-rooms-000002.mcap"]
     topics = decode(made[0])
     assert "/imu" not in topics and len(topics["/camera/rgb"]) == 13
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["info.json", "tasks.jsonl", "episodes.jsonl", "episodes_stats.jsonl", "vlnpe_episodes.jsonl"],
+)
+def test_changed_metadata_is_converted_anew(layout: Path, tmp_path: Path, name: str) -> None:
+    def keys() -> list[str]:
+        (items,) = unit_items(
+            detect(layout), tmp_path, Options("mit", None, Assumptions())
+        ).values()
+        return [item.key for item in items]
+
+    before = keys()
+    assert before == keys()
+    path = layout / "r2r" / "two-rooms" / "meta" / name
+    path.write_text(path.read_text() + "\n")
+    assert not set(before) & set(keys())
 
 
 def test_other_frame_rates_have_no_discrete_actions(tmp_path: Path, inline: None) -> None:  # noqa: F811

@@ -84,6 +84,8 @@ class Assumptions:
                 "observation.state: velocities, from differences of poses",
                 "start frame: the first pose, with the floor base_height_m below it",
                 "metrics: from poses and finish status; unknown numbers are NaN",
+                "metrics/oracle_success: that of metrics/success; a failed episode may have passed "
+                "its goal, which nobody tells",
             ],
             "missing": ["goal", "reference path", "joints", "IMU", "contacts", "commands"],
         }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,6 +16,8 @@ from numpy.typing import NDArray
 
 from ..errors import FileFormatError
 from . import layout
+from .episode_tasks import read_tasks
+from .json_files import read_json, read_lines
 from .layout import COLUMNS
 
 MAX_DEPTH = 3  # folders between a root and its scenes' trajectories
@@ -106,7 +107,7 @@ def read_layout_episode(folder: Path, number: int) -> LayoutEpisode:
         FileFormatError: a file is missing or corrupt, numbers of rows differ, or values are
             impossible.
     """
-    info = _read_json(folder / layout.INFO_PATH)
+    info = read_json(folder / layout.INFO_PATH)
     columns = _read_columns(folder / _place(layout.DATA_PATH, number))
     rgb = _read_images(folder / _place(layout.VIDEO_PATH, number, layout.RGB_KEY))
     depth_path = folder / _place(layout.VIDEO_PATH, number, layout.DEPTH_KEY)
@@ -127,16 +128,18 @@ def read_layout_episode(folder: Path, number: int) -> LayoutEpisode:
         raise FileFormatError(
             depth_path, f"{depth.dtype} {depth.shape}; valid: floats {rgb.shape[:3]}"
         )
-    tasks, status, reason = _read_tasks(folder, number)
+    tasks = read_tasks(folder, number, columns.get("task_index"))
     stamps = columns.get("timestamp")
+    if stamps is not None and (stamps.dtype.kind not in "iuf" or stamps.ndim != 1):
+        raise FileFormatError(folder, f"episode {number}: timestamp; valid: one number a row")
     step = float(np.median(np.diff(stamps))) if stamps is not None and count > 1 else None
     return LayoutEpisode(
         columns=columns,
         rgb=rgb,
         depth=depth,
-        tasks=tasks,
-        finish_status=status,
-        fail_reason=reason,
+        tasks=tasks.texts,
+        finish_status=tasks.finish_status,
+        fail_reason=tasks.fail_reason,
         info=info,
         timestamp_step_s=step,
         unit=_kept_unit(folder, number),
@@ -150,7 +153,7 @@ def read_dataset_facts(folder: Path) -> dict[str, Any] | None:
         FileFormatError: damaged.
     """
     path = folder / layout.DATASET_PATH
-    return _read_json(path) if path.is_file() else None
+    return read_json(path) if path.is_file() else None
 
 
 def _folders(root: Path, depth: int) -> Iterator[Path]:
@@ -198,8 +201,9 @@ def _read_columns(path: Path) -> dict[str, NDArray[Any]]:
             worst = float(norm[np.argmax(np.abs(norm - 1.0))])
             raise FileFormatError(path, f"column {name}: a quaternion of length {worst:.3g}")
     actions = columns["observation.action"]
-    if np.any((actions < 0) | (actions > 3)):
-        raise FileFormatError(path, f"action {actions.max()}; valid: 0 to 3")
+    strange = (actions < 0) | (actions > 3)
+    if np.any(strange):
+        raise FileFormatError(path, f"action {actions[strange][0]}; valid: 0 to 3")
     return columns
 
 
@@ -223,58 +227,11 @@ def _read_images(path: Path) -> NDArray[Any]:
         raise FileFormatError(path, f"truncated or corrupt ({error})") from error
 
 
-def _read_tasks(folder: Path, number: int) -> tuple[tuple[str, ...], str, str]:
-    """Instructions of an episode, by the loaders' rule, and how it finished."""
-    path = folder / layout.TASKS_PATH
-    first, last = 0, 0
-    for line in _read_lines(folder / layout.STATS_PATH):
-        if line.get("episode_index") == number:
-            span = line.get("task_index") or {}
-            first, last = int(_number(span.get("min", 0))), int(_number(span.get("max", 0)))
-    rows = [t for t in _read_lines(path) if first <= int(t.get("task_index", -1)) <= last]
-    texts = [str(t.get("task") or t.get("instruction_text") or "").strip() for t in rows]
-    texts = list(dict.fromkeys(text for text in texts if text))
-    if not texts:
-        raise FileFormatError(path, f"no instruction for episode {number}")
-    return (
-        tuple(texts),
-        str(rows[-1].get("finish_status") or ""),
-        str(rows[-1].get("fail_reason") or ""),
-    )
-
-
-def _number(value: Any) -> Any:
-    """A number, or the first of a list of them, as LeRobot writes statistics."""
-    while isinstance(value, list):
-        value = value[0]
-    return value
-
-
 def _kept_unit(folder: Path, number: int) -> dict[str, Any] | None:
     path = folder / layout.UNITS_PATH
     if not path.is_file():
         return None
-    for line in _read_lines(path):
+    for line in read_lines(path):
         if line.get("episode_index") == number:
             return line.get("unit")
     raise FileFormatError(path, f"no episode {number}")
-
-
-def _read_json(path: Path) -> dict[str, Any]:
-    try:
-        value = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise FileFormatError(path, f"not readable ({error})") from error
-    if not isinstance(value, dict):
-        raise FileFormatError(path, "no JSON object")
-    return value
-
-
-def _read_lines(path: Path) -> list[dict[str, Any]]:
-    try:
-        values = [json.loads(line) for line in path.read_text().splitlines() if line.strip()]
-    except (OSError, ValueError) as error:
-        raise FileFormatError(path, f"not readable ({error})") from error
-    if not all(isinstance(value, dict) for value in values):
-        raise FileFormatError(path, "a line that is no JSON object")
-    return values

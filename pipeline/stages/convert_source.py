@@ -132,7 +132,8 @@ def unit_items(source: Source, units: Path, options: Options) -> dict[str, list[
             add(source.name, file.stem, _seen([file]), process_mcap, file, out)
     elif source.kind is Kind.LEROBOT:
         opened = open_dataset(path)
-        seen = _seen(f for f in sorted(path.rglob("*")) if f.is_file())
+        # Digested once: the list of a large dataset is long, and it is in every episode's key.
+        seen = digest(_seen(f for f in sorted(path.rglob("*")) if f.is_file()))
         for number in opened.episodes:
             episode = f"episode_{number:06d}"
             out = units / source.name / episode
@@ -162,8 +163,17 @@ def _layout_files(folder: Path, number: int) -> list[Path]:
             folder / layout.VIDEO_PATH.format(video_key=key, **names)
             for key in (layout.RGB_KEY, layout.DEPTH_KEY)
         ),
-        folder / layout.TASKS_PATH,
-        folder / layout.STATS_PATH,
+        *(
+            folder / name
+            for name in (
+                layout.INFO_PATH,
+                layout.TASKS_PATH,
+                layout.EPISODES_PATH,
+                layout.STATS_PATH,
+                layout.UNITS_PATH,
+                layout.DATASET_PATH,
+            )
+        ),
     ]
 
 
