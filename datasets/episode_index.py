@@ -32,6 +32,10 @@ _LABELS = (
     "light",
     "end_reason",
     "instructions",
+    "camera_name",
+    "camera_width_px",
+    "camera_height_px",
+    "action_discrete_derived",
 )
 
 
@@ -57,6 +61,8 @@ class EpisodeEntry:
         trajectory: `scene/trajectory`; episodes of one path share it, whatever their instruction.
         scene, split, robot, controller, light, end_reason: labels.
         instructions: its own first.
+        camera: the view that its images show.
+        actions_derived: `action.discrete` was not executed, but is the nearest to each motion.
     """
 
     number: int
@@ -73,6 +79,8 @@ class EpisodeEntry:
     light: str
     end_reason: str
     instructions: tuple[str, ...]
+    camera: str
+    actions_derived: bool
 
 
 @dataclass(frozen=True)
@@ -137,6 +145,8 @@ class DatasetIndex:
             light=values["light"],
             end_reason=values["end_reason"],
             instructions=tuple(values["instructions"]),
+            camera=values["camera_name"],
+            actions_derived=values["action_discrete_derived"],
         )
 
 

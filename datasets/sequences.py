@@ -13,7 +13,7 @@ from torch.nn.utils.rnn import PackedSequence, pack_padded_sequence
 from torch.utils.data import Dataset
 
 from ..formats.errors import InputError
-from ..formats.frame_table import DISCRETE_RATE
+from ..formats.frame_table import DISCRETE_RATE, stop_only_at_end
 from .episode_reader import EpisodeReader
 from .poses import future_poses, planar_poses, relative
 from .selection import Selection, check_frame_rate
@@ -61,7 +61,8 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
     | rgb | uint8 (T, 3, H, W) | what is seen before the action |
     | depth | float32 (T, 1, H, W) | planar z [m], 0 = invalid |
     | tokens | int64 (L) | the instruction, see `tokens` |
-    | action | int64 (T) | 0 STOP, 1 FORWARD, 2 LEFT, 3 RIGHT |
+    | action | int64 (T) | 0 STOP, 1 FORWARD, 2 LEFT, 3 RIGHT; derived ones without STOP on the
+      way, see `stop_only_at_end` |
     | previous_action | int64 (T) | 0 at the first step, else 1 + the action before |
     | weight | float32 (T) | inflection weight: the coefficient where the action changes (and at
       the first step), else 1 |
@@ -107,6 +108,8 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
         rows = reader.rows(entry, _ROWS)
         steps = min(entry.length, self.config.max_steps)
         actions = rows["action.discrete"][:, 0]
+        if entry.actions_derived:
+            actions = stop_only_at_end(actions)
         poses = planar_poses(rows["observation.state"])
         changed = np.concatenate([[True], np.diff(actions) != 0])
         item: dict[str, Any] = {

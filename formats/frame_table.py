@@ -212,6 +212,18 @@ def nearest_actions(motion: NDArray[np.float64]) -> NDArray[np.int64]:
     return result
 
 
+def stop_only_at_end(actions: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Nearest actions (T,) in VLN-CE's sense, where STOP ends the episode.
+
+    A continuous controller's robot also stands still or is slow on its way, and `nearest_actions`
+    are STOP there. Such a frame takes the action with which it goes on; frames behind the last
+    motion stay STOP.
+    """
+    moves = np.flatnonzero(actions)
+    following = np.searchsorted(moves, np.arange(len(actions)))
+    return np.append(actions[moves], int(Action.STOP))[following]
+
+
 def _rotate_about_z(vectors: NDArray[np.float64], angle_rad: NDArray | float) -> NDArray:
     c, s = np.cos(angle_rad), np.sin(angle_rad)
     x, y, z = np.moveaxis(vectors, -1, 0)

@@ -30,7 +30,7 @@ from vlnpe.datasets.sequences import (
 from vlnpe.datasets.tokens import Tokens, tokens_of_file, training_tokens
 from vlnpe.datasets.windows import WaypointWindows, WindowConfig
 from vlnpe.formats.errors import FileFormatError, InputError, UnknownNameError
-from vlnpe.formats.frame_table import build_frame_table, integrate_motion
+from vlnpe.formats.frame_table import build_frame_table, integrate_motion, stop_only_at_end
 from vlnpe.formats.lerobot import FileLimits, assemble_dataset
 from vlnpe.formats.vlnce import write_episodes
 
@@ -115,7 +115,7 @@ def test_sequences_are_the_walks_that_were_written(root: Path, tokens: Tokens) -
         rollout = make_walk(number, "aliengo", seconds)
         table = build_frame_table(rollout, make_frames(rollout), 4)
         item = sequences[number]
-        actions = table.columns["action.discrete"][:, 0]
+        actions = stop_only_at_end(table.columns["action.discrete"][:, 0])
         count = len(actions)
         assert (int(item["length"]), bool(item["cut"])) == (count, False)
         np.testing.assert_array_equal(item["action"], actions)
@@ -135,6 +135,26 @@ def test_sequences_are_the_walks_that_were_written(root: Path, tokens: Tokens) -
             torch.testing.assert_close(item["rgb"][step], frame[RGB], atol=0, rtol=0)
             torch.testing.assert_close(item["depth"][step], frame[DEPTH], atol=1e-6, rtol=0)
         assert (item["rgb"].dtype, item["depth"].dtype) == (torch.uint8, torch.float32)
+
+
+def test_stop_is_learned_at_the_end_alone(tokens: Tokens, tmp_path: Path) -> None:
+    slow = write_dataset(tmp_path, "aliengo", (8.0,))  # below 0.5 m/s for a while
+    raw = NavigationDataset(slow, NavigationConfig(depth=False))
+    stored = np.array([int(raw[n]["action.discrete"]) for n in range(len(raw))])
+    moves = np.flatnonzero(stored)
+    assert (stored[: moves[-1]] == 0).sum() > 1
+    item = EpisodeSequences(select_all([slow]), tokens, SequenceConfig(images=False))[0]
+    actions = item["action"].numpy()
+    np.testing.assert_array_equal(actions[moves], stored[moves])
+    assert actions[: moves[-1]].all() and not actions[moves[-1] + 1 :].any()
+    for frame in np.flatnonzero(stored[: moves[-1]] == 0):
+        assert actions[frame] == stored[moves[moves > frame][0]]
+    assert item["previous_action"].tolist() == [0, *(actions[:-1] + 1)]
+    changed = np.concatenate([[True], np.diff(actions) != 0])
+    np.testing.assert_allclose(item["weight"], np.where(changed, np.float32(3.2), 1))
+    executed = write_dataset(tmp_path, "vlnce", (2.0,))
+    table = read_index(executed)
+    assert not table.entry(0).actions_derived and read_index(slow).entry(0).actions_derived
 
 
 def test_a_long_episode_is_cut_and_says_so(root: Path, tokens: Tokens) -> None:

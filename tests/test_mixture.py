@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -158,6 +159,28 @@ def test_the_plan_counts_what_it_takes_and_why_not(runs: Path) -> None:
     assert set(rest.selection.trajectories()) == everything - some
 
 
+def test_other_views_and_copies_are_left_out_and_counted(runs: Path, tmp_path: Path) -> None:
+    for camera in ("ego", "chase"):
+        write_dataset(tmp_path / "a", "h1", [0.5, 0.75, 0.5], camera=camera)
+    shutil.copytree(tmp_path / "a" / "lerobot" / "h1", tmp_path / "b" / "lerobot" / "converted")
+    library = Library(tmp_path)
+
+    def taken(**changes: Any) -> tuple[list[str], Counter[str]]:
+        selection, rows = choose(Source(robots=("h1",), **changes), "x", library)
+        dropped: Counter[str] = Counter()
+        for row in rows:
+            dropped.update(row.dropped)
+        entries = [selection.entry(n) for n in range(len(selection))]
+        return sorted(f"{e.camera} {e.uid.split('/')[-1]}" for e in entries), dropped
+
+    own = ["ego ep0", "ego ep1", "ego ep2"]
+    assert taken() == (own, {"camera chase": 3, "duplicate": 3})
+    every, dropped = taken(cameras=())
+    assert every == [*(f"chase ep{n}" for n in range(3)), *own] and dropped == {"duplicate": 3}
+    with pytest.raises(InputError, match="6 × camera ego"):
+        taken(cameras=("top",))
+
+
 def test_a_larger_fraction_contains_a_smaller_one_for_every_robot(runs: Path) -> None:
     library = Library(runs)
     taken = {
@@ -177,7 +200,7 @@ def test_a_larger_fraction_contains_a_smaller_one_for_every_robot(runs: Path) ->
     [
         ({"recipe": 2}, "valid: 1"),
         ({"surces": {}}, "unknown key in recipe: 'surces'; valid: compare, evaluate"),
-        ({"sources": {"humanoid": {"robot": "h1"}}}, "'robot'; valid: controllers, data"),
+        ({"sources": {"humanoid": {"robot": "h1"}}}, "'robot'; valid: cameras, controllers, data"),
         ({"sources": {"humanoid": {"outcomes": ["won"]}}}, "'won'; valid: collision_start"),
         ({"sources": {"humanoid": {"fraction": 2}}}, "fraction 2"),
         ({"sources": {"humanoid": {"robots": [3]}}}, "a name, or a list of names"),

@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +22,22 @@ _LABELS = {
     "robot": "robots",
     "controller": "controllers",
     "light": "lights",
+    "camera_name": "cameras",
     "split": "splits",
     "scene_id": "scenes",
     "end_reason": "outcomes",
 }
-HELD_OUT, FRACTION = "held out", "fraction"
+# What tells two recordings apart; any two that agree in all are copies of one.
+_IDENTITY = (
+    "episode_uid",
+    "robot",
+    "controller",
+    "light",
+    "camera_name",
+    "camera_width_px",
+    "camera_height_px",
+)
+DUPLICATE, HELD_OUT, FRACTION = "duplicate", "held out", "fraction"
 
 
 @dataclass(frozen=True)
@@ -165,14 +177,18 @@ def choose(
 ) -> tuple[Selection, tuple[DatasetRow, ...]]:
     """Episodes of one source, and what was left out of each dataset.
 
+    A recording that lies in several datasets (a conversion, or a run that was copied) is taken
+    from the first alone.
+
     Raises:
         InputError: nothing is left; tells what the data has.
     """
     indices = library.find(source.data)
     kept, rows, dropped = [], [], {}
+    seen: set[tuple[Any, ...]] = set()
     for index in indices:
         whole = select_all([index])
-        mask, reasons = _filter(source, whole, held_out)
+        mask, reasons = _filter(source, whole, held_out, seen)
         dropped = {k: dropped.get(k, 0) + reasons.get(k, 0) for k in {**dropped, **reasons}}
         labels = set(whole.labels("robot"))
         rows.append(
@@ -197,8 +213,9 @@ def choose(
 
 
 def _filter(
-    source: Source, whole: Selection, held_out: frozenset[str]
+    source: Source, whole: Selection, held_out: frozenset[str], seen: set[tuple[Any, ...]]
 ) -> tuple[NDArray[np.bool_], dict[str, int]]:
+    """Which episodes to take, and why not the others; `seen` grows by those that fit."""
     mask = np.ones(len(whole), bool)
     reasons: dict[str, int] = {}
 
@@ -212,8 +229,15 @@ def _filter(
         wanted = getattr(source, attribute)
         if wanted:
             labels = whole.labels(label)
-            told = np.array([f"{label.removesuffix('_id')} {value}" for value in labels], object)
+            name = label.removesuffix("_id").removesuffix("_name")
+            told = np.array([f"{name} {value}" for value in labels], object)
             keep(np.isin(labels.astype(str), wanted), told)
+    new = np.ones(len(whole), bool)
+    facts = list(zip(*(whole.labels(name) for name in _IDENTITY), strict=True))
+    for number in np.flatnonzero(mask):
+        new[number] = facts[number] not in seen
+        seen.add(facts[number])
+    keep(new, np.full(len(whole), DUPLICATE, object))
     trajectories = whole.trajectories()
     out = np.array([t in held_out for t in trajectories], bool)
     keep(~out, np.full(len(whole), HELD_OUT, object))

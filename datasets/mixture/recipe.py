@@ -31,6 +31,7 @@ OUTCOMES = tuple(str(reason) for reason in EndReason)
 SHARES = ("size", "equal")
 HOLDOUTS = ("auto", "scene", "trajectory")
 EVERYTHING = ("**/lerobot/*",)
+OWN_VIEW = "ego"
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,8 @@ class Source:
     Attributes:
         data: dataset folders, or patterns of them, relative to the folder searched.
         robots, controllers, lights, splits, scenes: labels of episodes.
+        cameras: views; by default the robot's own alone, as those beside it or above it show what
+            no robot sees.
         outcomes: end reasons; by default the successful ones alone.
         fraction: of the trajectories, 0 … 1; chosen by their names, so that the same ones are
             taken from every robot, and a larger fraction contains a smaller one.
@@ -49,6 +52,7 @@ class Source:
     robots: tuple[str, ...] = ()
     controllers: tuple[str, ...] = ()
     lights: tuple[str, ...] = ()
+    cameras: tuple[str, ...] = (OWN_VIEW,)
     splits: tuple[str, ...] = ()
     scenes: tuple[str, ...] = ()
     outcomes: tuple[str, ...] = (str(EndReason.SUCCESS),)

@@ -19,10 +19,11 @@ from ..convert.frame_rollout import frame_rollout, frame_view
 from ..convert.stored_depth import depth_range_of, depth_video
 from ..convert.units import UnitParts, row_arrays
 from ..errors import FileFormatError
+from ..frame_table import stop_only_at_end
 from ..frames import OPTICAL_IN_BODY, matrix_to_quat, quat_multiply, quat_to_yaw
 from ..lerobot import layout as v3
 from ..lerobot.unit import EpisodeUnit, read_episode_unit
-from ..rollout import Action, EndReason
+from ..rollout import EndReason
 from ..video import iterate_depth_video, iterate_rgb_video
 from ..vocabulary import Vocabulary
 from . import layout
@@ -169,16 +170,8 @@ def _columns(
 
 
 def _actions(unit: EpisodeUnit, discrete: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Actions (T,) in the loaders' sense: STOP ends the episode.
-
-    A continuous controller's robot also stands still on its way, or is slow; a frame then takes the
-    action with which it goes on.
-    """
-    if not unit.columns["action_discrete_derived"]:
-        return discrete
-    moves = np.flatnonzero(discrete)
-    following = np.searchsorted(moves, np.arange(len(discrete)))
-    return np.append(discrete[moves], int(Action.STOP))[following]
+    """Actions (T,) in the loaders' sense: STOP ends the episode."""
+    return stop_only_at_end(discrete) if unit.columns["action_discrete_derived"] else discrete
 
 
 def _write_table(root: Path, number: int, columns: Mapping[str, NDArray[Any]]) -> None:

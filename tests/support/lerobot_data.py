@@ -30,6 +30,7 @@ def write_unit(
     images: tuple[np.ndarray, np.ndarray] | None = None,
     depth_storage: str = "video",
     rgb_codec: str = "h264",
+    camera_name: str = "front",
 ) -> Path:
     """Encode images and write the unit `root/unit-<number>`."""
     frames: dict[str, Any] = make_frames(rollout, frames_per_second)
@@ -40,7 +41,7 @@ def write_unit(
     write_depth_video(depth_path, depth, frames_per_second, RANGE, counts=depth_counts)
     if counted:
         frames |= {"rgb_counts": rgb_counts, "depth_counts": depth_counts}
-    camera = CameraModel("front", rgb.shape[2], rgb.shape[1], 90.0)
+    camera = CameraModel(camera_name, rgb.shape[2], rgb.shape[1], 90.0)
     folder = root / f"unit-{number}"
     write_episode_unit(
         folder,

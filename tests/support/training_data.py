@@ -33,15 +33,24 @@ def make_walk(number: int, robot: str, seconds: float, fall: bool = False) -> Ro
 
 
 def write_dataset(
-    root: Path, robot: str, seconds: Sequence[float], falls: Sequence[int] = (), rate: int = 4
+    root: Path,
+    robot: str,
+    seconds: Sequence[float],
+    falls: Sequence[int] = (),
+    rate: int = 4,
+    camera: str = "ego",
 ) -> Path:
-    """Write `root/lerobot/<robot>`, an episode for each of `seconds`; those in `falls` fall."""
-    folder = root / "units" / robot
+    """Write `root/lerobot/<robot>`, an episode for each of `seconds`; those in `falls` fall.
+
+    Views of other cameras lie in `root/lerobot/<robot>-<camera>`.
+    """
+    name = robot if camera == "ego" else f"{robot}-{camera}"
+    folder = root / "units" / name
     folder.mkdir(parents=True)
     units = [
-        write_unit(folder, make_walk(n, robot, s, n in falls), n, rate)
+        write_unit(folder, make_walk(n, robot, s, n in falls), n, rate, camera_name=camera)
         for n, s in enumerate(seconds)
     ]
-    out = root / "lerobot" / robot
+    out = root / "lerobot" / name
     assemble_dataset(units, out, provenance={}, licence="mit", title=robot)
     return out
