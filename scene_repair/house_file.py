@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from ..formats.errors import FileFormatError
 from .label_files import LabelBox
 from .labels import category_of_name
+from .side_files import MAX_HOUSE_BYTES, side_file
 
 HEADER = "ASCII 1."
-MAX_BYTES = 256 << 20
 ROOMS = {
     "a": "bathroom", "b": "bedroom", "c": "closet", "d": "dining room", "e": "entrance hall",
     "f": "family room", "g": "garage", "h": "hallway", "i": "library", "j": "laundry room",
@@ -47,15 +47,16 @@ class House:
     upper: NDArray[np.float64]
 
 
-def read_house(path: Path) -> House:
-    """Read a `.house` file.
+def read_house(path: Path) -> House | None:
+    """Read a `.house` file; None if there is no such file.
 
     Raises:
-        FileFormatError: not one, or damaged.
+        FileFormatError: not one, damaged, or a link out of its folder.
     """
-    if path.stat().st_size > MAX_BYTES:
-        raise FileFormatError(path, f"larger than {MAX_BYTES >> 20} MiB")
-    lines = path.read_text(errors="replace").splitlines()
+    data = side_file(path.parent, path.name, MAX_HOUSE_BYTES)
+    if data is None:
+        return None
+    lines = data.decode(errors="replace").splitlines()
     if not lines or not lines[0].startswith(HEADER):
         raise FileFormatError(path, f"does not begin with {HEADER!r}, as .house files do")
     categories: dict[str, str] = {}

@@ -12,9 +12,13 @@ from numpy.typing import NDArray
 
 from ..formats.errors import FileFormatError
 from .labels import category_of_name
+from .side_files import LABELS_NAME, MAX_LABELS_BYTES, side_file
+from .soup import MAX_COORDINATE
 
 # Half thickness given to flat labels (walls, doors, table tops), in source units.
 FLAT = 0.05
+# Shorter quaternions tell no direction.
+LEAST_QUATERNION = 1e-6
 
 
 @dataclass(frozen=True)
@@ -49,21 +53,31 @@ def read_labels(source: Path) -> list[LabelBox]:
     """Boxes of `<stem>.labels.json` beside `source`; none if there is no such file.
 
     Raises:
-        FileFormatError: the file is neither of the two known formats.
+        FileFormatError: the file is neither of the two known formats, too large, or a link out of
+            the folder.
     """
-    path = source.with_name(f"{source.stem}.labels.json")
-    if not path.is_file():
+    path = source.with_name(LABELS_NAME.format(stem=source.stem))
+    text = side_file(path.parent, path.name, MAX_LABELS_BYTES)
+    if text is None:
         return []
     try:
-        data = json.loads(path.read_text())
+        data = json.loads(text)
         if isinstance(data, dict):
             return [_own(entry) for entry in _objects_of(data)]
         return [_headset(k, entry) for k, entry in enumerate(data)]
-    except (ValueError, KeyError, TypeError, UnicodeDecodeError) as error:
+    # Numbers of hundreds of digits overflow, and deep nesting ends the parser's stack.
+    except (
+        ValueError,
+        KeyError,
+        TypeError,
+        AttributeError,
+        OverflowError,
+        RecursionError,
+    ) as error:
         raise FileFormatError(
             path,
-            f"not a label file ({error!r}); valid: an object with frame 'source' and objects of "
-            "name, category, lower, upper, or a list of headset anchors",
+            f"not a label file ({type(error).__name__}: {str(error)[:200]}); valid: an object "
+            "with frame 'source' and objects of name, category, lower, upper, or a list of headset anchors",
         ) from error
 
 
@@ -76,8 +90,10 @@ def _objects_of(data: dict[str, Any]) -> list[dict[str, Any]]:
 def _own(entry: dict[str, Any]) -> LabelBox:
     lower = np.array(entry["lower"], dtype=np.float64)
     upper = np.array(entry["upper"], dtype=np.float64)
-    if lower.shape != (3,) or upper.shape != (3,) or not np.all(np.isfinite([lower, upper])):
-        raise ValueError(f"{entry['name']}: lower and upper must be three finite numbers")
+    if lower.shape != (3,) or upper.shape != (3,) or not _bounded(lower, upper):
+        raise ValueError(
+            f"{entry['name']}: lower and upper must be three numbers within ±{MAX_COORDINATE:.0e}"
+        )
     return LabelBox(
         str(entry["name"]),
         str(entry["category"]),
@@ -106,9 +122,12 @@ def _headset(index: int, entry: dict[str, Any]) -> LabelBox:
         extent = np.array([plane["extent"]["width"], 2 * FLAT, plane["extent"]["height"]])
     else:
         raise ValueError(f"anchor {index} has neither plane nor box")
-    category = category_of_name(str(entry["label"]).lower().replace("_", " "))
+    if not _bounded(position, corner, extent):
+        raise ValueError(f"anchor {index}: its numbers must be within ±{MAX_COORDINATE:.0e}")
+    label = str(entry["label"])
+    category = category_of_name(label.lower().replace("_", " "))
     return LabelBox(
-        f"{entry['label'].title().replace('_', '')}_{index}",
+        f"{label.title().replace('_', '')}_{index}",
         category,
         position + rotation @ (corner + extent / 2),
         rotation.T,
@@ -116,8 +135,16 @@ def _headset(index: int, entry: dict[str, Any]) -> LabelBox:
     )
 
 
+def _bounded(*values: NDArray[np.float64]) -> bool:
+    """Whether all values are finite and such as a building may have."""
+    return all(bool((np.abs(v) < MAX_COORDINATE).all()) for v in values)
+
+
 def _rotation(xyzw: NDArray[np.float64]) -> NDArray[np.float64]:
-    x, y, z, w = xyzw / np.linalg.norm(xyzw)
+    length = float(np.linalg.norm(xyzw))
+    if not np.isfinite(length) or length < LEAST_QUATERNION:
+        raise ValueError(f"{xyzw.tolist()} is no rotation: its length is {length:g}")
+    x, y, z, w = xyzw / length
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],

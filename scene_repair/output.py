@@ -26,6 +26,7 @@ from .pictures import GREEN, GREY, RED, mark_holes, view_from_above, write_pictu
 from .scan import Scan, ScanMaterial
 from .semantics import labelled_objects
 from .shading import Looks
+from .side_files import LICENCE_NAMES, MAX_LICENCE_BYTES, side_file
 from .textures import write_materials
 from .usd_scene import UsdContent, write_usd
 from .verify import RECORD_NAME, verify_scene
@@ -36,7 +37,6 @@ log = logging.getLogger(__name__)
 # The pictures: free space around the floor, and limits of their size.
 PICTURE_MARGIN_M = 0.3
 PICTURE_PIXELS, MIN_PICTURE_PX = 1_800_000, 900
-LICENCE_NAMES = ("LICENSE.{stem}", "{stem}.LICENSE", "{stem}.license.txt", "LICENSE")
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
     facts = {
         "path": source.name,
         "sha256": file_digest(source),
-        "licence": repaired.scan.licence or _licence(source),
+        "licence": repaired.scan.licence or licence_beside(source),
         **way.evidence,
     }
     write_usd(
@@ -191,13 +191,18 @@ def _write_pictures(repaired: Repaired, out_dir: Path, scene_id: str, width_px: 
         )
 
 
-def _licence(source: Path) -> str:
-    """Text of the licence file beside the source, empty if there is none."""
-    for name in LICENCE_NAMES:
-        path = source.with_name(name.format(stem=source.stem))
-        if path.is_file():
+def licence_beside(source: Path) -> str:
+    """Text of the licence file beside the source, empty if there is none.
+
+    Raises:
+        FileFormatError: no text, too large, or a link out of the folder.
+    """
+    for name in (pattern.format(stem=source.stem) for pattern in LICENCE_NAMES):
+        data = side_file(source.parent, name, MAX_LICENCE_BYTES)
+        if data is not None:
             try:
-                return path.read_text()
+                return data.decode()
             except UnicodeDecodeError as error:
+                path = source.with_name(name)
                 raise FileFormatError(path, "licence is not text in UTF-8") from error
     return ""

@@ -12,6 +12,7 @@ from .bounds import robust_bounds
 from .house_file import House, read_house
 from .label_files import LabelBox, read_labels
 from .scan import Scan
+from .side_files import HOUSE_NAME
 
 # Ways in which a z-up building may lie in its file: as it is, or turned y up.
 FRAMES = {
@@ -34,10 +35,10 @@ def label_scan(source: Path, scan: Scan) -> tuple[Scan, list[LabelBox]]:
         FileFormatError: a label file beside the scan is damaged.
     """
     boxes = read_labels(source)
-    path = source.with_suffix(".house")
-    if not path.is_file():
-        return scan, boxes
+    path = source.with_name(HOUSE_NAME.format(stem=source.stem))
     house = read_house(path)
+    if house is None:
+        return scan, boxes
     up, agreement = _frame(house, scan)
     if agreement < LEAST_AGREEMENT:
         line = (

@@ -13,6 +13,7 @@ from ...formats.digest import file_digest
 from ...formats.errors import FileFormatError
 from ...scene_repair.config import RepairConfig
 from ...scene_repair.kinds import USD_SUFFIXES
+from ...scene_repair.side_files import side_names
 from ..keys import code_version, digest
 from ..runner import ItemResult, WorkItem
 
@@ -20,6 +21,7 @@ STAGE = "repair"
 # Formats that keep textures or geometry in further files beside them.
 MULTI_FILE = {".gltf", ".obj", ".ply", ".glb", ".usd", ".usda", ".usdc"}
 PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
+MAX_BESIDE = 100_000
 SIDE_FILES = {".mtl", ".mdl", ".bin", *PICTURES, *USD_SUFFIXES}
 
 
@@ -67,27 +69,45 @@ def source_digest(source: Path) -> str:
     """Digest of a scan and of the files beside it that it may refer to.
 
     Raises:
-        FileFormatError: missing, or not a file.
+        FileFormatError: missing, not a file, or among very many others.
     """
     if not source.exists():
-        raise FileFormatError(source, "no such file; SCENE takes a mesh file or `builtin`")
+        raise FileFormatError(source, "no such file")
     if not source.is_file():
-        raise FileFormatError(source, "is a folder; SCENE takes one mesh file, SCENES a folder")
+        raise FileFormatError(
+            source, "is a folder; give one scan, or with SCENES=, a folder of them"
+        )
     parts: list[object] = [source.name, file_digest(source)]
-    for name in (
-        f"{source.stem}.labels.json",
-        f"{source.stem}.house",
-        f"LICENSE.{source.stem}",
-        "LICENSE",
-    ):
+    for name in side_names(source):
         beside = source.with_name(name)
         parts.append(file_digest(beside) if beside.is_file() else None)
     if source.suffix.lower() in MULTI_FILE:
         # Hashing gigabytes of textures at every start would be slower than what it saves.
-        for path in sorted(source.parent.rglob("*")):
-            inside = path.relative_to(source.parent)
-            hidden = any(part.startswith(".") or part == "runs" for part in inside.parts)
-            if path.suffix.lower() in SIDE_FILES and not hidden and path.is_file():
-                stat = path.stat()
-                parts.append((inside.as_posix(), stat.st_size, stat.st_mtime_ns))
+        for path in _beside(source):
+            stat = path.stat()
+            inside = path.relative_to(source.parent).as_posix()
+            parts.append((inside, stat.st_size, stat.st_mtime_ns))
     return digest(parts)
+
+
+def _beside(source: Path) -> list[Path]:
+    """Files in and below the scan's folder that it may refer to, in order of their paths."""
+    found: list[Path] = []
+    looked = 0
+    for folder, folders, files in source.parent.walk():
+        folders[:] = [name for name in folders if not name.startswith(".") and name != "runs"]
+        looked += len(folders) + len(files)
+        if looked > MAX_BESIDE:
+            raise FileFormatError(
+                source,
+                f"its folder {source.parent} holds more than {MAX_BESIDE:,} files, all of which it "
+                "may refer to; valid: a folder for the scan and its textures alone",
+            )
+        found += [
+            folder / name
+            for name in files
+            if Path(name).suffix.lower() in SIDE_FILES
+            and not name.startswith(".")
+            and (folder / name).is_file()
+        ]
+    return sorted(found)

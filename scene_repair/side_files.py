@@ -1,0 +1,38 @@
+"""Small files beside a scan (labels, licence): found by name, and only inside the scan's folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..formats.errors import FileFormatError
+
+LICENCE_NAMES = ("LICENSE.{stem}", "{stem}.LICENSE", "{stem}.license.txt", "LICENSE")
+MAX_LICENCE_BYTES = 1 << 20
+LABELS_NAME, MAX_LABELS_BYTES = "{stem}.labels.json", 64 << 20
+HOUSE_NAME, MAX_HOUSE_BYTES = "{stem}.house", 256 << 20
+
+
+def side_names(source: Path) -> list[str]:
+    """Names of all files beside the scan `source` that are read with it if they are there."""
+    return [n.format(stem=source.stem) for n in (LABELS_NAME, HOUSE_NAME, *LICENCE_NAMES)]
+
+
+def side_file(folder: Path, name: str, max_bytes: int) -> bytes | None:
+    """Bytes of the file `name` in `folder`, None if there is none.
+
+    Raises:
+        FileFormatError: a link out of the folder, larger than `max_bytes`, or unreadable.
+    """
+    path = folder / name
+    try:
+        if not path.is_file():
+            return None
+        target = path.resolve()
+        if not target.is_relative_to(folder.resolve()):
+            raise FileFormatError(path, "is a link that leaves the scan's folder")
+        size = target.stat().st_size
+        if size > max_bytes:
+            raise FileFormatError(path, f"is larger than {max_bytes >> 20} MiB ({size:,} bytes)")
+        return target.read_bytes()
+    except (OSError, RuntimeError) as error:
+        raise FileFormatError(path, f"cannot be read: {error}") from error
