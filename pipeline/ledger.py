@@ -83,14 +83,15 @@ class Ledger:
 
     @staticmethod
     def existing(root: Path) -> Ledger:
-        """Open a ledger that must be there.
+        """Open a ledger that must be there: in `root`, or in the run folder that `root` is part of.
 
         Raises:
-            FileFormatError: `root` holds no run.
+            FileFormatError: `root` holds no run, and is no part of one.
         """
-        if not (root / MANIFEST_NAME).is_file() and not (root / JOURNAL_NAME).is_file():
-            raise FileFormatError(root, f"no run here ({MANIFEST_NAME} is missing)")
-        return Ledger(root)
+        for folder in (root, root.absolute().parent):
+            if any((folder / name).is_file() for name in (MANIFEST_NAME, JOURNAL_NAME)):
+                return Ledger(folder)
+        raise FileFormatError(root, f"no run here ({MANIFEST_NAME} is missing)")
 
     def rows(self, stage: str | None = None) -> list[Row]:
         """Current rows, of all stages or of one, in item order."""

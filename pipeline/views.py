@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from ..collectors.rendering.lights import LIGHTS, get_light
+from ..collectors.rendering.lights import LIGHTS
 from ..collectors.rendering.registry import chosen_renderer
 from ..collectors.rendering.views import CameraWishes, View, parse_views
 from ..collectors.robots import RobotSpec
+from ..formats.errors import UnknownNameError
 
 ALL = "all"
 
@@ -17,7 +18,10 @@ def chosen_lights(text: str) -> list[str]:
         UnknownNameError: there is no such light; the message lists the valid names.
     """
     names = sorted(LIGHTS) if text == ALL else [part.strip() for part in text.split(",")]
-    return [get_light(name).name for name in dict.fromkeys(names)]
+    for name in names:
+        if name not in LIGHTS:
+            raise UnknownNameError("light", name, [*LIGHTS, ALL])
+    return list(dict.fromkeys(names))
 
 
 def chosen_views(

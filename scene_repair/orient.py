@@ -109,7 +109,9 @@ def _up(
             return axis, reason, promised
         best = found[np.argmax(like)]
         lead = float(like.max()) / max(likeness(surfaces, promised), 1e-9)
-        if lead < OVERRULE or abs(float(best @ promised)) > 0.9:
+        # Bare walls lying flat look like floor and ceiling; what stands between them would tell.
+        bare = side_evidence(surfaces, best)[0] == 0.0
+        if lead < OVERRULE or bare or abs(float(best @ promised)) > 0.9:
             return axis, reason, promised
         exact, evidence = _signed(scan, surfaces, refine(surfaces, best))
         return (

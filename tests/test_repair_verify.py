@@ -288,7 +288,7 @@ def test_damaged_record_is_named(text: str, copied: SceneBundle) -> None:
 
 def test_command_shows_it(copied: SceneBundle, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_verify(Verify(copied.root)) == 0
-    assert "1 outputs checked, 0 bad" in capsys.readouterr().out
+    assert "outputs checked: 1, bad: 0" in capsys.readouterr().out
     rewrite(copied.root / "visual.npz", without(patch_faces(copied)[-1:]))
     assert run_verify(Verify(copied.root)) == 1
     assert "rays fall through the floor in visual.npz, the first at x " in capsys.readouterr().out

@@ -45,6 +45,10 @@ class SampleResult:
         return f"{len(self.episodes)} of {self.requested} episodes; dropped candidates: {reasons}"
 
 
+# Paths shorter than this are no navigation.
+LEAST_WORTH_M = 1.0
+
+
 def sample_episodes(
     bundle: SceneBundle, config: SampleConfig, rng: np.random.Generator
 ) -> SampleResult:
@@ -77,7 +81,8 @@ def sample_episodes(
         raise SceneError(
             f"{bundle.scene_id}: no episode of {config.min_length_m:g} … {config.max_length_m:g} m "
             f"for a robot of radius {config.robot_radius_m:g} m: the connected free floor has "
-            f"{area:.1f} m², the longest way on it about {longest:.1f} m; {result.summary}"
+            f"{area:.1f} m², the longest way on it about {longest:.1f} m; {result.summary}. "
+            f"{_advice(longest)}"
         )
     single = sorted({c.level for c in kept if len(c.crossed) < config.min_crossings})
     if single:
@@ -89,6 +94,12 @@ def sample_episodes(
     if len(episodes) < config.count:
         logger.warning("%s: %s", bundle.scene_id, result.summary)
     return result
+
+
+def _advice(longest_m: float) -> str:
+    if longest_m < LEAST_WORTH_M:
+        return "No option helps: there is hardly room for this robot; a narrower one may have it"
+    return f"Shorter paths may be had: --min-length-m {0.8 * longest_m:.1f} --min-crossings 0"
 
 
 def _fill(

@@ -65,7 +65,7 @@ def run_verify(options: Verify) -> int:
     else:
         for check in bad:
             sys.stdout.write(f"BAD  {check.what}: {check.problem}\n")
-        sys.stdout.write(f"{len(checks)} outputs checked, {len(bad)} bad\n")
+        sys.stdout.write(f"outputs checked: {len(checks)}, bad: {len(bad)}\n")
     return int(bool(bad))
 
 

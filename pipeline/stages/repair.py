@@ -75,7 +75,7 @@ def source_digest(source: Path) -> str:
         raise FileFormatError(source, "no such file")
     if not source.is_file():
         raise FileFormatError(
-            source, "is a folder; give one scan, or with SCENES=, a folder of them"
+            source, "is a folder; valid: one scan, or SCENES=<folder>"
         )
     parts: list[object] = [source.name, file_digest(source)]
     for name in side_names(source):
