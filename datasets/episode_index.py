@@ -168,10 +168,15 @@ def read_index(root: Path) -> DatasetIndex:
     columns = [*_PLACES, *_LABELS]
     for key in videos:
         columns += [f"videos/{key}/{n}" for n in ("chunk_index", "file_index", "from_timestamp")]
-    files = sorted((root / "meta" / "episodes").rglob("*.parquet"))
+    files = episode_tables(root)
     if not files:
         raise FileFormatError(root / "meta" / "episodes", "holds no Parquet file")
     return DatasetIndex(root, info, pa.concat_tables(_read(file, columns) for file in files))
+
+
+def episode_tables(root: Path) -> list[Path]:
+    """The Parquet files of a dataset's `meta/episodes`, in order."""
+    return sorted((root / "meta" / "episodes").rglob("*.parquet"))
 
 
 def _read(file: Path, columns: list[str]) -> pa.Table:

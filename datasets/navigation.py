@@ -101,18 +101,14 @@ class NavigationDataset(Dataset[dict[str, Any]]):
         self.lerobot = [open_dataset(d.root, video_backend="pyav") for d in selection.datasets]
         videos = OpenVideos()
         self._readers = [EpisodeReader(d, config.size_px, videos) for d in selection.datasets]
-        self._ends = np.cumsum(selection.lengths)
 
     def __len__(self) -> int:
-        return int(self._ends[-1]) if len(self._ends) else 0
+        return self.selection.frames
 
     def __getitem__(self, number: int) -> dict[str, Any]:
         """Frame `number`, counted through all episodes of the selection."""
-        if not 0 <= number < len(self):
-            raise IndexError(number)
-        episode = int(np.searchsorted(self._ends, number, side="right"))
+        episode, frame = self.selection.place_of_frame(number)
         entry = self.selection.entry(episode)
-        frame = number - int(self._ends[episode]) + entry.length
         dataset = int(self.selection.dataset[episode])
         item = self._columns(dataset, entry, frame) | self._images(dataset, entry, frame)
         item["task"], item["robot"], item["uid"] = entry.instructions[0], entry.robot, entry.uid

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,6 +14,17 @@ from numpy.typing import NDArray
 
 from ..formats.errors import InputError
 from .episode_index import DatasetIndex, EpisodeEntry, read_index
+
+# What tells an episode from all others, and what it says.
+_IDENTITY = (
+    "episode_uid",
+    "robot",
+    "controller",
+    "light",
+    "camera_name",
+    "end_reason",
+    "instructions",
+)
 
 
 @dataclass(frozen=True)
@@ -60,9 +73,41 @@ class Selection:
         """(N,) `scene/trajectory` of each episode."""
         return self.labels("scene_id") + "/" + self.labels("trajectory_id")
 
+    @cached_property
+    def frames(self) -> int:
+        """Frames of all episodes."""
+        return int(self.lengths.sum())
+
+    def place_of_frame(self, number: int) -> tuple[int, int]:
+        """Episode and frame in it of frame `number`, counted through all episodes.
+
+        Raises:
+            IndexError: there is no such frame.
+        """
+        if not 0 <= number < self.frames:
+            raise IndexError(number)
+        episode = int(np.searchsorted(self._ends, number, side="right"))
+        return episode, number - int(self._ends[episode] - self.lengths[episode])
+
+    @cached_property
+    def _ends(self) -> NDArray[np.int64]:
+        return np.cumsum(self.lengths)
+
+    @cached_property
+    def digest(self) -> str:
+        """Of which episodes these are, in order: names, labels, lengths, instructions."""
+        columns = [self.labels(name).tolist() for name in _IDENTITY]
+        facts = json.dumps([*columns, self.lengths.tolist()])
+        return hashlib.blake2b(facts.encode(), digest_size=12).hexdigest()
+
     def take(self, mask: NDArray[np.bool_]) -> Selection:
         """Those that `mask` (N,) names."""
         return Selection(self.datasets, self.dataset[mask], self.row[mask])
+
+
+def joined_digest(selections: Iterable[Selection]) -> str:
+    """Of several selections, in order."""
+    return "-".join(selection.digest for selection in selections)
 
 
 def select_all(datasets: Iterable[DatasetIndex | Path]) -> Selection:

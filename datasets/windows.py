@@ -84,19 +84,15 @@ class WaypointWindows(Dataset[dict[str, Any]]):
         self.selection, self.tokens, self.config = selection, tokens, config
         videos = OpenVideos()
         self._readers = [EpisodeReader(d, config.size_px, videos) for d in selection.datasets]
-        self._ends = np.cumsum(selection.lengths)
         self._rows: OrderedDict[int, dict[str, NDArray[Any]]] = OrderedDict()
 
     def __len__(self) -> int:
-        return int(self._ends[-1]) if len(self._ends) else 0
+        return self.selection.frames
 
     def __getitem__(self, number: int) -> dict[str, Any]:
         """The window of frame `number`, counted through all episodes."""
-        if not 0 <= number < len(self):
-            raise IndexError(number)
-        episode = int(np.searchsorted(self._ends, number, side="right"))
+        episode, frame = self.selection.place_of_frame(number)
         entry = self.selection.entry(episode)
-        frame = number - int(self._ends[episode]) + entry.length
         reader = self._readers[self.selection.dataset[episode]]
         rows = self._episode_rows(episode, entry, reader)
         poses, motion = planar_poses(rows["observation.state"]), rows["action"]

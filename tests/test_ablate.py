@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 import torch
+from numpy.typing import NDArray
 
 from tests.support.training_data import WORDS, write_dataset
 from vlnpe.datasets.ablation.agent import FUTURE, Agent
@@ -23,7 +26,9 @@ from vlnpe.datasets.ablation.evaluate import (
 )
 from vlnpe.datasets.ablation.holdout import hold_out
 from vlnpe.datasets.ablation.intervals import over_seeds, paired_differences
-from vlnpe.datasets.ablation.train import train_agent
+from vlnpe.datasets.ablation.run import training_job
+from vlnpe.datasets.ablation.train import learning_rate_factor, train_agent
+from vlnpe.datasets.mixture.plan import Library, plan_mixture
 from vlnpe.datasets.mixture.recipe import recipe_of
 from vlnpe.datasets.selection import select_all
 from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig, collate_sequences
@@ -155,6 +160,68 @@ def test_the_agent_knows_neither_the_future_nor_the_padding(episodes: CachedSequ
     assert not torch.equal(both["action"][0, steps - 2], other["action"][0, steps - 2])
 
 
+def test_short_instructions_are_read_as_if_alone(episodes: CachedSequences) -> None:
+    torch.manual_seed(0)
+    agent = Agent(40, ModelConfig(channels=(4, 8), hidden=16)).eval()
+    short, long = dict(episodes[0]), dict(episodes[3])
+    for item, words in ((short, 3), (long, 77)):
+        item["tokens"] = torch.zeros(80, dtype=torch.int64)
+        item["tokens"][:words] = torch.randint(1, 40, (words,))
+    with torch.no_grad():
+        both = agent(collate_sequences([short, long]))
+        alone = agent(collate_sequences([short]))
+    steps = int(short["length"])
+    for key, value in both.items():
+        torch.testing.assert_close(value[0, :steps], alone[key][0], atol=1e-5, rtol=0)
+
+
+@pytest.mark.parametrize("steps", range(1, 13))
+def test_the_learning_rate_rises_and_falls_whatever_the_steps(steps: int) -> None:
+    weight = torch.nn.Parameter(torch.zeros(1))
+    optimizer = torch.optim.AdamW([weight], 1.0)
+    schedule = torch.optim.lr_scheduler.LambdaLR(
+        optimizer, lambda step: learning_rate_factor(step, steps)
+    )
+    rates = []
+    for _ in range(steps):
+        rates.append(schedule.get_last_lr()[0])
+        optimizer.step()
+        schedule.step()
+    assert min(rates) > 0 and max(rates) == 1
+    assert rates[rates.index(1.0) :] == sorted(rates[rates.index(1.0) :], reverse=True)
+
+
+@pytest.mark.parametrize("steps", [1, 10])
+def test_few_steps_are_enough_to_run(steps: int, episodes: CachedSequences, tmp_path: Path) -> None:
+    config = train_config({**TINY, "steps": steps})
+    done: list[int] = []
+    train_agent(
+        [episodes], [1.0], episodes.sequences.tokens, config, 0, tmp_path / "a.pt", done.append
+    )
+    assert done == list(range(1, steps + 1))
+
+
+def test_a_result_belongs_to_the_very_episodes_and_words(
+    episodes: CachedSequences, runs: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(runs / "run" / "lerobot", tmp_path / "lerobot")
+    made = recipe_of(recipe())
+
+    def result() -> Path:
+        plan = plan_mixture(made, "alone", Library(tmp_path))
+        held = {"humanoid": plan.sources[0].selection}
+        return training_job(plan, held, train_config(TINY), 0, tmp_path).result
+
+    before = result()
+    assert result() == before
+    for file in (tmp_path / "lerobot" / "h1" / "meta" / "episodes").rglob("*.parquet"):
+        table = pq.read_table(file)
+        place = table.column_names.index("instructions")
+        told = [["Turn around."]] * table.num_rows
+        pq.write_table(table.set_column(place, "instructions", [told]), file)
+    assert result() != before
+
+
 def test_baselines_are_what_they_say(episodes: CachedSequences) -> None:
     items = [episodes[n] for n in range(len(episodes))]
     actions = np.concatenate([item["action"].numpy() for item in items])
@@ -188,6 +255,35 @@ def test_intervals_hold_the_truth_and_pairs_narrow_them() -> None:
     assert same.low == same.high == 0
     with pytest.raises(ValueError, match="same episodes"):
         paired_differences(ours, [theirs[0][:-1]], rng)
+
+
+@pytest.mark.parametrize(("of_seeds", "of_paths"), [(0.03, 0.005), (0.005, 0.1), (0.02, 0.06)])
+def test_intervals_of_differences_hold_the_truth_as_often_as_they_say(
+    of_seeds: float, of_paths: float
+) -> None:
+    rng = np.random.default_rng(5)
+    truth, trials, paths, seeds, frames = 0.02, 300, 16, 3, 100_000
+
+    def runs(gain: NDArray[np.float64]) -> list[list[EpisodeScore]]:
+        parts = 0.5 + gain + rng.normal(0, of_seeds, (seeds, 1))
+        return [
+            [score(f"s/{n}", round(frames * part), frames) for n, part in enumerate(run)]
+            for run in parts
+        ]
+
+    held = 0
+    for _ in range(trials):
+        hard = rng.normal(0, 0.1, paths)  # for both
+        ours = runs(hard + truth + rng.normal(0, of_paths, paths))
+        found = paired_differences(ours, runs(hard), rng)["action"]
+        held += found.low <= truth <= found.high
+    assert held / trials >= 0.92
+
+
+def test_one_training_tells_no_interval() -> None:
+    run = [[score("s/0", 3), score("s/1", 4)]]
+    found = paired_differences(run, run, np.random.default_rng(0))["action"]
+    assert found.mean == 0 and np.isnan([found.low, found.high]).all()
 
 
 @pytest.mark.parametrize(
@@ -236,6 +332,14 @@ def test_pretrained_encoders_come_from_a_file(episodes: CachedSequences, tmp_pat
     first = next(iter(agent.rgb.state_dict().values()))
     torch.testing.assert_close(first, weights["conv1.weight"])
     assert agent(collate_sequences([episodes[0]]))["action"].shape[-1] == 4
+    agent.train()
+    before = {k: v.clone() for k, v in agent.rgb.state_dict().items()}
+    optimizer = torch.optim.AdamW(agent.parameters(), 0.1, weight_decay=0.5)
+    agent(collate_sequences([episodes[0]]))["action"].square().sum().backward()
+    optimizer.step()
+    for name, value in agent.rgb.state_dict().items():  # buffers, too
+        assert torch.equal(value, before[name]), name
+    assert agent.depth.training and not agent.rgb.stages.training
     path.write_bytes(b"no weights")
     with pytest.raises(InputError, match=r"resnet\.pt"):
         Agent(20, model)

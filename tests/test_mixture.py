@@ -8,6 +8,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from hypothesis import given, settings
@@ -92,8 +93,38 @@ def test_it_goes_on_anywhere_and_splits_among_processes(
     rest = list(second)
     assert [*given_out, *rest] == whole[: drawn + len(rest)]
     assert (drawn + len(rest)) % length == 0
-    shared = [sampler(rank, world, 12).draws(0, 12) for rank in range(world)]
-    assert [pair for step in zip(*shared, strict=True) for pair in step] == whole[: 12 * world]
+    ranks = [sampler(rank, world, 12) for rank in range(world)]
+    assert ranks[0].draws(5, 7) == ranks[0].draws(0, 12)[5:]
+    joined = [p for step in zip(*(r.draws(0, 60) for r in ranks), strict=True) for p in step]
+    for source, size in enumerate([7, 3, 19]):  # all processes together give out every item once
+        items = [item for s, item in joined if s == source]
+        for begin in range(0, len(items) - size + 1, size):
+            assert sorted(items[begin : begin + size]) == list(range(size))
+
+
+@pytest.mark.parametrize("world", [1, 2, 3, 5, 8, 13, 64])
+def test_shares_hold_for_each_process_and_for_all(world: int) -> None:
+    shares = np.array([0.5, 0.3, 0.2])
+    ranks = [MixtureSampler([90, 50, 70], shares, 4, None, r, world) for r in range(world)]
+    chosen = np.array([[source for source, _ in rank.draws(0, 120)] for rank in ranks])
+    counts = (chosen[..., None] == np.arange(3)).cumsum(1)  # (rank, draw, source)
+    expected = np.arange(1, 121)[:, None] * shares
+    assert abs(counts - expected).max() < 3
+    assert abs(counts.sum(0) - world * expected).max() < 10
+    runs = np.diff(np.flatnonzero(np.diff(chosen[0]) != 0))
+    assert runs.max() <= 3  # nobody trains on one source for long
+
+
+def test_a_state_belongs_to_its_episodes(runs: Path) -> None:
+    library = Library(runs)
+    plan = plan_mixture(recipe_of(recipe()), "alone", library)
+    others = recipe(sources=recipe()["sources"] | {"humanoid": {"robots": ["vlnce"]}})
+    other = plan_mixture(recipe_of(others), "alone", library)
+    assert plan.sizes == other.sizes
+    first, second = (MixtureSampler(p.sizes, p.shares, content=p.digest) for p in (plan, other))
+    with pytest.raises(InputError, match="content"):
+        second.load_state_dict(first.state_dict())
+    first.load_state_dict(json.loads(json.dumps(first.state_dict())))
 
 
 def test_epochs_and_seeds_differ() -> None:

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 
 import torch
 from torch import Tensor, nn
+from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 
 from ..sequences import ACTIONS
 from .config import ModelConfig
@@ -58,9 +59,13 @@ class Agent(nn.Module):
         state, _ = self.first(torch.cat([seen, done], -1))
 
         tokens = batch["tokens"]
-        longest = max(int((tokens != 0).sum(1).max()), 1)  # padding behind all is never read
-        tokens = tokens[:, :longest]
-        words, _ = self.reader(self.dropout(self.embedding(tokens)))
+        lengths = (tokens != 0).sum(1).clamp(min=1)
+        tokens = tokens[:, : int(lengths.max())]
+        # Packed, for the direction that reads backwards must begin at each instruction's own end.
+        packed = pack_padded_sequence(
+            self.dropout(self.embedding(tokens)), lengths.cpu(), True, enforce_sorted=False
+        )
+        words, _ = pad_packed_sequence(self.reader(packed)[0], batch_first=True)
         told = _attend(self.ask_words(state), words, tokens == 0)
         looked = [
             _look(self.ask_rgb(told), rgb),

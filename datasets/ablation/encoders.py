@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from pickle import UnpicklingError
+from typing import Self
 
 import torch
 from torch import Tensor, nn
@@ -61,7 +62,15 @@ class TorchvisionEncoder(nn.Module):
                 ) from error
         self.features = {"resnet50": 2048}.get(config.encoder, 512)
         self.stages = nn.Sequential(*list(network.children())[:-2])
+        self._frozen = not config.train_encoder
         self.stages.requires_grad_(config.train_encoder)
+
+    def train(self, mode: bool = True) -> Self:
+        """Frozen stages stay as in prediction, else batch normalisation would go on learning."""
+        super().train(mode)
+        if self._frozen:
+            self.stages.eval()
+        return self
 
     def forward(self, images: Tensor) -> Tensor:
         """Features of each place."""

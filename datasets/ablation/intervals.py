@@ -25,7 +25,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Difference:
-    """A difference of means with its interval."""
+    """A difference of means with its interval; NaN ends where nothing tells of it."""
 
     mean: float
     low: float
@@ -49,8 +49,12 @@ def paired_differences(
 ) -> Mapping[str, Difference]:
     """Difference of two mixtures' summaries, ours − theirs, by metric, at 95 %.
 
-    Bootstrap over both things that vary: seeds are drawn with replacement for each mixture, and
-    trajectories with replacement for both together, because both predict the same ones.
+    Both things that vary are in it. Seeds: the squared standard error of each mixture's mean over
+    its trainings. Trajectories: the variance of the difference over bootstrap samples of them, the
+    same for both mixtures, because both predict the same ones. The width is Student's t with the
+    degrees of freedom of the sum (Welch, 1947; Satterthwaite, 1946): with few trainings an interval
+    from resampled seeds alone would be much too narrow. One training, or one trajectory, tells
+    nothing of what varies: the ends are NaN.
 
     Args:
         ours: by seed, scores of held-out episodes.
@@ -66,19 +70,41 @@ def paired_differences(
     trajectories, member = np.unique(names, return_inverse=True)
     a = np.stack([_counts(run, member, len(trajectories)) for run in ours])
     b = np.stack([_counts(run, member, len(trajectories)) for run in theirs])
-    differences = np.empty((_RESAMPLES, 3))
-    for k in range(_RESAMPLES):
-        drawn = rng.integers(0, len(trajectories), len(trajectories))
-        of_ours = a[rng.integers(0, len(a), len(a))][:, drawn].sum(1)
-        of_theirs = b[rng.integers(0, len(b), len(b))][:, drawn].sum(1)
-        differences[k] = _metrics(of_ours).mean(0) - _metrics(of_theirs).mean(0)
-    mean = _metrics(a.sum(1)).mean(0) - _metrics(b.sum(1)).mean(0)
-    edge = 50 * (1 - CONFIDENCE)
-    low, high = np.percentile(differences, [edge, 100 - edge], axis=0)
+    of_ours, of_theirs = _metrics(a.sum(1)), _metrics(b.sum(1))  # (seeds, 3)
+    mean = of_ours.mean(0) - of_theirs.mean(0)
+    half = np.full(3, np.nan)
+    if min(len(a), len(b), len(trajectories)) > 1:
+        # How often each trajectory is drawn, (resamples, trajectories).
+        count = len(trajectories)
+        times = rng.multinomial(count, np.full(count, 1 / count), _RESAMPLES).astype(np.float64)
+        drawn = [_metrics(np.tensordot(times, runs, (1, 1))).mean(1) for runs in (a, b)]
+        variances = np.stack(
+            [
+                of_ours.var(0, ddof=1) / len(a),
+                of_theirs.var(0, ddof=1) / len(b),
+                # A bootstrap variance is that of n values divided by n, not n − 1.
+                (drawn[0] - drawn[1]).var(0, ddof=1) * count / (count - 1),
+            ]
+        )
+        half = _half_width(variances, np.array([len(a), len(b), count]) - 1)
     return {
-        name: Difference(float(mean[k]), float(low[k]), float(high[k]))
+        name: Difference(float(mean[k]), float(mean[k] - half[k]), float(mean[k] + half[k]))
         for k, name in enumerate(Summary.__dataclass_fields__)
     }
+
+
+def _half_width(variances: NDArray[np.float64], freedom: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Half the width (K,) of an interval of a sum of parts with `variances` (P, K).
+
+    Args:
+        variances: of the parts.
+        freedom: (P,) degrees of freedom with which each was estimated.
+    """
+    total = variances.sum(0)
+    spread = (variances**2 / freedom[:, None]).sum(0)
+    # Nothing varies: no width, whatever the degrees of freedom.
+    degrees = np.divide(total**2, spread, out=np.ones_like(total), where=spread > 0)
+    return student_t.ppf(0.5 + CONFIDENCE / 2, degrees) * np.sqrt(total)
 
 
 _COLUMNS = (

@@ -47,12 +47,12 @@ def report_json(ablation: Ablation) -> dict[str, Any]:
     """Everything as JSON values; NaN is null."""
 
     def estimate(value: Estimate) -> dict[str, float | None]:
-        return {"mean": value.mean, "half": None if math.isnan(value.half) else value.half}
+        return {"mean": value.mean, "half": _or_none(value.half)}
 
     return {
         "title": ablation.recipe.title,
-        "interval": "95 %: Student's t over seeds; differences: bootstrap over seeds and "
-        "held-out trajectories",
+        "interval": "95 %: Student's t over seeds; differences: Welch's t over seeds and "
+        "bootstrapped held-out trajectories",
         "holdout": {
             "by": ablation.holdout.by,
             "scenes": list(ablation.holdout.scenes),
@@ -69,7 +69,10 @@ def report_json(ablation: Ablation) -> dict[str, Any]:
         "differences": [
             {
                 **entry,
-                "difference": {m: vars(d) for m, d in entry["difference"].items()},
+                "difference": {
+                    metric: {k: _or_none(v) for k, v in vars(difference).items()}
+                    for metric, difference in entry["difference"].items()
+                },
             }
             for entry in differences(ablation)
         ],
@@ -197,8 +200,9 @@ def _why(row: Row, reached: float) -> str:
 
 def _comparisons(ablation: Ablation) -> list[str]:
     lines = [
-        "Interval: bootstrap at 95 % over seeds and held-out trajectories, the same trajectories "
-        "for both rows. It is of these held-out scenes; other scenes vary more.",
+        "Interval: Welch's t at 95 %, over seeds and over bootstrapped held-out trajectories, the "
+        "same trajectories for both rows. It is of these held-out scenes; other scenes vary more. "
+        "Bold: 0 is outside; of many numbers some are so by chance.",
         "",
         "| | on | action, points | waypoints, m | stop, points |",
         "| --- | --- | ---: | ---: | ---: |",
@@ -228,7 +232,13 @@ def _cell(metric: str, value: Estimate) -> str:
     return text + unit
 
 
+def _or_none(value: float) -> float | None:
+    return None if math.isnan(value) else value
+
+
 def _span(value: Difference, scale: float, digits: int) -> str:
+    if math.isnan(value.low):
+        return f"{scale * value.mean:+.{digits}f}"
     low, high = scale * value.low, scale * value.high
     mark = "**" if low > 0 or high < 0 else ""
     return f"{mark}{scale * value.mean:+.{digits}f}{mark} ({low:+.{digits}f} … {high:+.{digits}f})"

@@ -7,7 +7,7 @@ import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +15,12 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
+from ...formats import frame_table
 from ...formats.atomic import write_json
 from ...formats.digest import file_digest
 from ...formats.errors import InputError
 from ...formats.lerobot.layout import STATS_PATH
+from ..episode_index import episode_tables
 from ..mixture.plan import Library, MixturePlan, choose, plan_mixture
 from ..mixture.recipe import Recipe
 from ..selection import Selection
@@ -72,7 +74,7 @@ class Ablation:
 
 
 @dataclass(frozen=True)
-class _Job:
+class Job:
     """One training, and where its parts lie."""
 
     seed: int
@@ -175,7 +177,7 @@ def _row(
     scores: dict[str, list[list[EpisodeScore]]] = {name: [] for name in held}
     training = []
     for seed in range(first_seed, first_seed + config.seeds):
-        job = _job(plan, held, config, seed, out)
+        job = training_job(plan, held, config, seed, out)
         before = bar.n
         if not job.result.is_file():
             bar.set_postfix_str(f"{plan.name}, seed {seed}")
@@ -211,28 +213,42 @@ def _some(source: CachedSequences, sources: int) -> CachedSequences:
     return CachedSequences(sequences, source.folder)
 
 
-def _job(
+def training_job(
     plan: MixturePlan, held: Mapping[str, Selection], config: TrainConfig, seed: int, out: Path
-) -> _Job:
-    """Its files' names change with everything that its result depends on but the code.
+) -> Job:
+    """Its files' names change with everything that its result depends on.
 
-    A dataset is known by the statistics of its frames.
+    Frames are known by their statistics, episodes by their names, labels and instructions.
     """
 
     def episodes(selection: Selection) -> list[Any]:
-        return [
-            [file_digest(index.root / STATS_PATH), selection.row[selection.dataset == n].tolist()]
-            for n, index in enumerate(selection.datasets)
+        files = [
+            file_digest(path)
+            for index in selection.datasets
+            for path in (index.root / STATS_PATH, *episode_tables(index.root))
         ]
+        return [selection.digest, selection.row.tolist(), files]
 
     facts = {
         "config": config.to_json() | {"seeds": 0, "checkpoint_every": 0},
         "sources": [[s.name, s.share, episodes(s.selection)] for s in plan.sources],
         "held": {name: episodes(selection) for name, selection in held.items()},
         "seed": seed,
+        "code": _code_digest(),
         "torch": torch.__version__,
     }
     digest = hashlib.blake2b(json.dumps(facts, sort_keys=True).encode(), digest_size=6).hexdigest()
     slug = re.sub(r"[^a-z0-9]+", "-", plan.name.lower()).strip("-")
     stem = out / "rows" / f"{slug}-seed{seed}-{digest}"
-    return _Job(seed, stem.with_suffix(".pt"), stem.with_suffix(".json"))
+    return Job(seed, stem.with_suffix(".pt"), stem.with_suffix(".json"))
+
+
+@cache
+def _code_digest() -> str:
+    """Of the source files that lead from datasets to scores; those that tell of them matter not."""
+    root = Path(__file__).parents[1]
+    telling = {root / "ablation" / name for name in ("intervals.py", "plot.py", "report.py")}
+    files = [path for path in sorted(root.rglob("*.py")) if path not in telling]
+    told = "".join(f"{path.relative_to(root)} {file_digest(path)}\n" for path in files)
+    labels = file_digest(Path(frame_table.__file__))
+    return hashlib.blake2b((told + labels).encode(), digest_size=12).hexdigest()

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...formats.errors import InputError
 from ...formats.lerobot.layout import INFO_PATH
 from ..episode_index import DatasetIndex, read_index
-from ..selection import Selection, check_frame_rate, select_all
+from ..selection import Selection, check_frame_rate, joined_digest, select_all
 from .recipe import Mixture, Recipe, Source
 
 # In this order an episode is asked; it counts under the first that it fails.
@@ -95,6 +95,11 @@ class MixturePlan:
     def shares(self) -> NDArray[np.float64]:
         """Share of the draws of each source."""
         return np.array([source.share for source in self.sources])
+
+    @property
+    def digest(self) -> str:
+        """What the episodes of all sources are; changes when any of them does."""
+        return joined_digest(source.selection for source in self.sources)
 
     @property
     def sizes(self) -> list[int]:

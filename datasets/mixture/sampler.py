@@ -5,6 +5,9 @@ that shares hold within a few draws, at once and not only on average. Within a s
 a shuffled order, each once before any comes again; the shuffle is a keyed permutation computed
 item by item, so memory does not grow with the number of items, and going on from the middle costs
 nothing.
+
+Several processes each take a golden-ratio sequence of their own, shifted evenly against each
+other: so shares hold for each process within a few draws, and for all of them together.
 """
 
 from __future__ import annotations
@@ -20,14 +23,14 @@ from ...formats.errors import InputError
 _GOLDEN = (5**0.5 - 1) / 2
 _BLOCK = 4096
 _ROUNDS = 4
-_STATE_VERSION = 1
+_STATE_VERSION = 2
 
 
 class MixtureSampler:
     """Yields (source, item) pairs, `length` per epoch; each epoch goes on in the sequence.
 
     It runs in the process that asks for batches, and workers only fetch what it names: their
-    number changes nothing. Of `world` processes the one with `rank` takes every `world`-th draw.
+    number changes nothing. `world` processes take draws in turn, the one with `rank` its own.
 
     Args:
         sizes: items of each source.
@@ -35,6 +38,8 @@ class MixtureSampler:
         seed: of order and shuffles.
         length: draws per epoch and process; by default all items together, divided by `world`.
         rank, world: of how many processes this is which.
+        content: what the items are (`MixturePlan.digest`), so that a saved state is refused where
+            they have changed; sizes alone would not tell.
     """
 
     def __init__(
@@ -45,6 +50,7 @@ class MixtureSampler:
         length: int | None = None,
         rank: int = 0,
         world: int = 1,
+        content: str = "",
     ):
         """Begin at the first draw.
 
@@ -60,7 +66,7 @@ class MixtureSampler:
             raise InputError(f"rank {rank} of {world}; valid: 0 … {world - 1}")
         self.sizes = [int(n) for n in sizes]
         self.shares = given / given.sum()
-        self.seed, self.rank, self.world = seed, rank, world
+        self.seed, self.rank, self.world, self.content = seed, rank, world, content
         self.length = max(sum(self.sizes) // world, 1) if length is None else length
         if self.length < 1:
             raise InputError(f"length {self.length}; valid: from 1 on")
@@ -130,6 +136,7 @@ class MixtureSampler:
             "shares": self.shares.round(12).tolist(),
             "length": self.length,
             "world": self.world,
+            "content": self.content,
         }
 
     def _counts_before(self, start: int) -> NDArray[np.int64]:
@@ -142,7 +149,8 @@ class MixtureSampler:
         return counts
 
     def _sources(self, start: int, stop: int) -> NDArray[np.int64]:
-        points = np.modf(np.arange(start, stop) * _GOLDEN + self._offset)[0]
+        turn, rank = np.divmod(np.arange(start, stop), self.world)
+        points = np.modf(turn * _GOLDEN + rank / self.world + self._offset)[0]
         found = np.searchsorted(np.cumsum(self.shares), points, side="right")
         return np.minimum(found, len(self.sizes) - 1)
 
