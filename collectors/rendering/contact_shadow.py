@@ -2,7 +2,7 @@
 
 Its parts are taken as spheres; a sphere of radius r at distance d in direction u hides the share
 r² (n·u) / d² of the light on a surface with normal n (the form factor of a sphere); the kernels in
-`shading` add them up.
+`surface_light` add them up.
 """
 
 from __future__ import annotations

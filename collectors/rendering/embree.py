@@ -12,14 +12,15 @@ from ...formats.frames import quat_to_matrix
 from ...formats.scene_bundle import SceneBundle
 from .edges import add_samples, encode_srgb, find_edges
 from .interface import NOTHING, ROBOT, Frame, Pose
+from .kernel_data import LightArrays, Packets
 from .lights import get_light
 from .packets import TILES, PacketScene, lanes, packet
+from .ray_kernel import render_rays
 from .rays import SUBPIXELS, fill_directions, list_order, subpixel_directions, tile_order
 from .robot_body import RobotGeometryPose
 from .robot_trace import RobotTracer, VisibleGeom
 from .scene_arrays import scene_arrays
 from .scene_light import light_arrays, with_lamp
-from .shading import LightArrays, Packets, render_rays
 from .srgb import encode_table
 from .textures import load_materials
 

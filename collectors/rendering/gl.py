@@ -15,19 +15,21 @@ from ...formats.camera import CameraModel
 from ...formats.frames import quat_to_matrix
 from ...formats.scene_bundle import SceneBundle
 from .contact_shadow import ContactShadow
+from .drawn_kernels import light_pixels
 from .edges import add_samples, encode_srgb, find_edges
 from .embree import EDGE_BEND, MIN_CONTRAST, first_hit_m, pixel_order
 from .gl_draw import HIDDEN_GROUP, NEAR_M, GlContext, ModelDrawer, gl_context
 from .gl_model import robot_model, scene_pieces
 from .interface import NOTHING, ROBOT, Frame, Pose
+from .kernel_data import LightArrays, Packets
 from .lights import get_light
 from .packets import PacketScene, lanes, packet
+from .ray_kernel import render_rays
 from .rays import SUBPIXELS, fill_directions, list_order, subpixel_directions
 from .robot_body import GeomSurface, RobotGeometryPose
 from .robot_trace import HOUSING_MARGIN_M
 from .scene_arrays import scene_arrays
 from .scene_light import light_arrays, with_lamp
-from .shading import LightArrays, Packets, light_pixels, render_rays
 from .srgb import decode_table, encode_table
 from .textures import load_materials
 

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from ...formats.camera import CameraModel
 from .contact_shadow import ContactShadow
+from .drawn_kernels import shade_robot
+from .kernel_data import LightArrays
 from .packets import PacketHits, PacketScene
 from .robot_body import GeomSurface, RobotGeometryPose
-from .shading import LightArrays, shade_robot
 
 F32 = NDArray[np.float32]
 

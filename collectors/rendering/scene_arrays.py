@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.scene_bundle import VisualMesh
+from .kernel_data import SceneArrays
 from .packets import aligned
-from .shading import SceneArrays
 from .textures import MaterialTable
 
 # A scan's atlas shows each texel at one place, so that its triangles cover at most the whole

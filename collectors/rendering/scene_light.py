@@ -8,11 +8,11 @@ from numpy.typing import ArrayLike, NDArray
 from ...formats.frames import quat_to_matrix
 from ...formats.scene_bundle import SceneBundle, VisualMesh
 from .cube_grid import CubeGrid, constant_grid, filled
+from .kernel_data import LightArrays
 from .lights import Light
 from .openness import trace_openness
 from .packets import PacketScene
 from .panels import place_panels, trace_panels
-from .shading import LightArrays
 
 
 def light_arrays(
