@@ -23,8 +23,9 @@ from ..lerobot.layout import (
     FileLimits,
 )
 from ..lerobot.statistics import MOMENTS, QUANTILES
+from ..lerobot.unit_rows import unit_schema
 from ..video_mux import copy_frames
-from .units import UnitParts, unit_schema, write_unit
+from .units import UnitParts, write_unit
 
 PICTURES = ("video", "image")
 EPISODES_GLOB = "meta/episodes/chunk-*/file-*.parquet"

@@ -24,6 +24,7 @@ from ..frame_table import build_frame_table
 from ..lerobot import DatasetSummary, assemble_dataset, read_episode_unit, write_episode_unit
 from ..lerobot.layout import RGB_KEY
 from ..lerobot.unit import EpisodeUnit
+from ..lerobot.unit_rows import row_arrays
 from ..mcap.episode import (
     DATASET_METADATA,
     MAP_ATTACHMENT,
@@ -42,7 +43,7 @@ from ..rollout import Rollout
 from .dataset import ROLLOUTS_PATH, DatasetFacts, extract_unit, kept_rollout, read_facts
 from .stored_depth import depth_video
 from .unit_mcap import UNIT_METADATA, extract_unit_mcap, write_unit_mcap
-from .units import ROLLOUT_NAME, row_arrays
+from .units import ROLLOUT_NAME
 
 DATASET_NAME = "dataset.json"
 

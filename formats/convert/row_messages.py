@@ -18,10 +18,10 @@ from google.protobuf.descriptor_pb2 import (
 
 from ..errors import FileFormatError
 from ..lerobot.layout import Features
+from ..lerobot.unit_rows import number_schema, row_arrays, unit_rows
 from ..mcap.camera_streams import topic_messages
 from ..mcap.recording import Contents, Recording, nanoseconds
 from ..mcap.topics import Write
-from .units import number_schema, row_arrays, unit_rows
 
 ROW_TOPIC = "/dataset/frame"
 SCHEMA_NAME = "vlnpe.DatasetFrame"

@@ -8,23 +8,17 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
 
 from ..camera import DepthRange
-from ..depth_codes import codes_to_depth, codes_to_millimetres
-from ..depth_tiff import decode_depth_tiff, encode_depth_tiff
+from ..depth_codes import codes_to_depth
+from ..depth_tiff import decode_depth_tiff
 from ..errors import FileFormatError
-from ..lerobot.layout import DEPTH_KEY, IMAGE_TYPE, Features
+from ..lerobot.layout import DEPTH_KEY
 from ..lerobot.unit import EpisodeUnit
+from ..lerobot.unit_rows import stores_images
 from ..mcap.depth_images import ANY_NEAR_M, MILLIMETRES, decode_depth
-from ..video import iterate_depth_codes, write_depth_video
-from .units import unit_schema
-
-
-def stores_images(features: Features) -> bool:
-    """Whether depth lies in the rows as images, not in a video."""
-    return features[DEPTH_KEY]["dtype"] == "image"
+from ..video import write_depth_video
 
 
 def depth_range_of(unit: EpisodeUnit) -> DepthRange:
@@ -50,23 +44,6 @@ def depth_video(unit: EpisodeUnit) -> Iterator[Path]:
             path, images, unit.frames_per_second, DepthRange(ANY_NEAR_M, limits.far_m)
         )
         yield path
-
-
-def with_depth_images(
-    rows: pa.Table, features: Features, video: Path, depth_range: DepthRange
-) -> pa.Table:
-    """Add the frames of a depth video to rows of numbers, as images of whole millimetres."""
-    schema = unit_schema(features)
-    data = [
-        encode_depth_tiff(codes_to_millimetres(codes, depth_range))
-        for codes in iterate_depth_codes(video)
-    ]
-    names = [f"frame-{number:06d}.tiff" for number in range(len(data))]
-    images = pa.StructArray.from_arrays(
-        [pa.array(data, pa.binary()), pa.array(names)], fields=list(IMAGE_TYPE)
-    )
-    table = rows.append_column(schema.field(DEPTH_KEY), images).select(schema.names)
-    return table.replace_schema_metadata(schema.metadata)
 
 
 def _image_codes(unit: EpisodeUnit, depth_range: DepthRange) -> Iterator[NDArray[np.uint16]]:

@@ -16,6 +16,7 @@ from ..camera import DepthRange
 from ..errors import FileFormatError
 from ..lerobot.layout import DEPTH_KEY, RGB_KEY, Features
 from ..lerobot.unit import EpisodeUnit, read_episode_unit
+from ..lerobot.unit_rows import row_arrays, stores_images, with_depth_images
 from ..mcap.camera import camera_messages
 from ..mcap.camera_streams import extract_videos
 from ..mcap.episode import (
@@ -31,8 +32,8 @@ from ..mcap.sensors import action_messages, command_messages, foot_messages, imu
 from ..mcap.topics import event_messages, motion_messages, state_messages, write_in_order
 from .frame_rollout import frame_rollout, frame_view
 from .row_messages import read_rows, row_messages
-from .stored_depth import depth_video, stores_images, with_depth_images
-from .units import UnitParts, row_arrays, write_unit
+from .stored_depth import depth_video
+from .units import UnitParts, write_unit
 
 UNIT_METADATA = "vlnpe.unit"
 

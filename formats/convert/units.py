@@ -8,12 +8,11 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from ..atomic import atomic_folder
-from ..lerobot.layout import DATASET_ROWS, Features, row_schema
+from ..lerobot.layout import Features
 from ..lerobot.statistics import Statistics, statistics_from_json, statistics_to_json
 from ..lerobot.unit import ROWS, UNIT_INDEX, UNIT_VERSION, EpisodeUnit
 
@@ -83,43 +82,3 @@ def write_unit(folder: Path, make: Callable[[Path], tuple[UnitParts, pa.Table]])
         parts, rows = make(temporary)
         pq.write_table(rows, temporary / ROWS)
         (temporary / UNIT_INDEX).write_text(json.dumps(parts.to_json()))
-
-
-def unit_schema(features: Features) -> pa.Schema:
-    """Schema of a unit's frame rows."""
-    return row_schema(features, without=tuple(DATASET_ROWS))
-
-
-def number_schema(features: Features) -> pa.Schema:
-    """Schema of a unit's frame rows without images."""
-    images = tuple(key for key, feature in features.items() if feature["dtype"] == "image")
-    return row_schema(features, without=(*DATASET_ROWS, *images))
-
-
-def unit_rows(columns: Mapping[str, np.ndarray], features: Features) -> pa.Table:
-    """Frame rows, without images, of arrays (N, D) or (N,), by feature."""
-    schema = number_schema(features)
-    arrays = []
-    for field in schema:
-        values = columns[field.name]
-        if pa.types.is_fixed_size_list(field.type):
-            flat = pa.array(np.ascontiguousarray(values).ravel(), field.type.value_type)
-            arrays.append(pa.FixedSizeListArray.from_arrays(flat, type=field.type))
-        else:
-            arrays.append(pa.array(np.asarray(values).reshape(-1)).cast(field.type))
-    return pa.Table.from_arrays(arrays, schema=schema)
-
-
-def row_arrays(rows: pa.Table) -> dict[str, np.ndarray]:
-    """Inverse of `unit_rows`: arrays (N, D), or (N,) of single numbers; images are left out."""
-    result = {}
-    for name in rows.schema.names:
-        column = rows[name].combine_chunks()
-        if pa.types.is_struct(column.type):
-            continue
-        if pa.types.is_fixed_size_list(column.type):
-            flat = column.flatten().to_numpy(zero_copy_only=False)
-            result[name] = flat.reshape(len(rows), column.type.list_size)
-        else:
-            result[name] = column.to_numpy(zero_copy_only=False)
-    return result

@@ -15,7 +15,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from ..camera import CameraModel, DepthRange
-from ..convert.units import UnitParts, unit_rows
+from ..convert.units import UnitParts
 from ..errors import InputError
 from ..frame_table import DISCRETE_RATE, FrameTable, StartFrame, planar_motion
 from ..frames import (
@@ -28,6 +28,7 @@ from ..frames import (
 from ..lerobot.features import dataset_features
 from ..lerobot.layout import EPISODE_ROWS
 from ..lerobot.statistics import column_statistics
+from ..lerobot.unit_rows import unit_rows
 from ..rollout import EndReason
 from ..video import probe_video
 from . import layout

@@ -16,13 +16,12 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from ..camera import DepthRange
-from ..convert.stored_depth import stores_images, with_depth_images
-from ..convert.units import UnitParts, unit_rows, write_unit
-from ..depth_codes import MAX_CODE, codes_to_depth, codes_to_millimetres
+from ..convert.units import UnitParts, write_unit
 from ..errors import FileFormatError
 from ..image_counts import new_depth_counts, new_rgb_counts
 from ..lerobot import layout as v3
-from ..lerobot.statistics import Statistics, image_statistics
+from ..lerobot.statistics import picture_statistics
+from ..lerobot.unit_rows import stores_images, unit_rows, with_depth_images
 from ..video import write_depth_video, write_rgb_video
 from . import layout
 from .foreign import DEPTH_RANGE, Assumptions, foreign_parts
@@ -79,7 +78,7 @@ def unit_from_layout(
         if images:
             rows = with_depth_images(rows, parts.features, depth, depth_range)
             depth.unlink()
-        seen = _image_statistics(rgb_counts, depth_counts, depth_range, parts.length, images)
+        seen = picture_statistics(rgb_counts, depth_counts, depth_range, parts.length, images)
         return replace(parts, statistics={**parts.statistics, **seen}), rows
 
     write_unit(folder, make)
@@ -108,24 +107,3 @@ def _own_parts(episode: LayoutEpisode, folder: Path) -> tuple[UnitParts, pa.Tabl
         return parts, unit_rows(episode.columns, parts.features)
     except (KeyError, TypeError, ValueError, pa.ArrowException) as error:
         raise FileFormatError(folder / layout.UNITS_PATH, f"damaged: {error!r}") from error
-
-
-def _image_statistics(
-    rgb_counts: NDArray[np.int64],
-    depth_counts: NDArray[np.int64],
-    depth_range: DepthRange,
-    length: int,
-    millimetres: bool,
-) -> dict[str, Statistics]:
-    values = np.arange(256, dtype=np.float32)
-    rgb = image_statistics(values, rgb_counts, length)
-    codes = np.arange(MAX_CODE + 1, dtype=np.uint16)
-    if millimetres:
-        depths = codes_to_millimetres(codes, depth_range).astype(np.float32)
-    else:
-        depths = codes_to_depth(codes, depth_range)
-    return {
-        # LeRobot scales colours to 0 … 1 and leaves depth in its unit.
-        v3.RGB_KEY: {k: v if k == "count" else v / 255.0 for k, v in rgb.items()},
-        v3.DEPTH_KEY: image_statistics(depths, depth_counts[None], length),
-    }

@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from ..atomic import atomic_folder
 from ..convert.frame_rollout import frame_rollout, frame_view
 from ..convert.stored_depth import depth_range_of, depth_video
-from ..convert.units import UnitParts, row_arrays
+from ..convert.units import UnitParts
 from ..errors import FileFormatError
 from ..frame_table import stop_only_at_end
 from ..frames import OPTICAL_IN_BODY, matrix_to_quat, quat_multiply, quat_to_yaw
 from ..lerobot import layout as v3
 from ..lerobot.unit import EpisodeUnit, read_episode_unit
+from ..lerobot.unit_rows import row_arrays
 from ..rollout import EndReason
 from ..video import iterate_depth_video, iterate_rgb_video
 from ..vocabulary import Vocabulary

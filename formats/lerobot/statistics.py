@@ -13,6 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..camera import DepthRange
+from ..depth_codes import MAX_CODE, codes_to_depth, codes_to_millimetres
+from .layout import DEPTH_KEY, RGB_KEY
+
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 MOMENTS = ("min", "max", "mean", "std", "count")
 BINS = 5000
@@ -81,6 +85,35 @@ class StatisticsSum:
     def result(self) -> dict[str, dict[str, Any]]:
         """Return the statistics as JSON values."""
         return {key: statistics_to_json(value) for key, value in self._features.items()}
+
+
+def picture_statistics(
+    rgb_counts: NDArray[np.int64],
+    depth_counts: NDArray[np.int64],
+    depth_range: DepthRange,
+    length: int,
+    millimetres: bool,
+) -> dict[str, Statistics]:
+    """Statistics of an episode's colours and depth, from how often each value occurs.
+
+    Args:
+        rgb_counts: (3, 256).
+        depth_counts: (4096,) of depth codes.
+        depth_range: of the codes.
+        length: number of frames.
+        millimetres: whether depth is stored as images of millimetres, not as a video of codes.
+    """
+    rgb = image_statistics(np.arange(256, dtype=np.float32), rgb_counts, length)
+    codes = np.arange(MAX_CODE + 1, dtype=np.uint16)
+    if millimetres:
+        depths = codes_to_millimetres(codes, depth_range).astype(np.float32)
+    else:
+        depths = codes_to_depth(codes, depth_range)
+    return {
+        # LeRobot scales colours to 0 … 1 and leaves depth in its unit.
+        RGB_KEY: {k: v if k == "count" else v / 255.0 for k, v in rgb.items()},
+        DEPTH_KEY: image_statistics(depths, depth_counts[None], length),
+    }
 
 
 def statistics_to_json(statistics: Statistics) -> dict[str, Any]:

@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from ..atomic import atomic_folder
 from ..camera import CameraModel, DepthRange
-from ..depth_codes import DEPTH_PIXEL_FORMAT, MAX_CODE, codes_to_depth, codes_to_millimetres
-from ..depth_tiff import decode_depth_tiff, encode_depth_tiff
+from ..depth_codes import DEPTH_PIXEL_FORMAT, codes_to_depth
+from ..depth_tiff import decode_depth_tiff
 from ..errors import FileFormatError, UnknownNameError
 from ..frame_table import FrameTable, build_frame_table
 from ..image_counts import add_depth_codes, add_rgb, new_depth_counts, new_rgb_counts
@@ -35,14 +35,15 @@ from ..video import VideoFacts, iterate_depth_codes, iterate_rgb_video, probe_vi
 from ..video_stream import pick_frames
 from .episode_columns import EPISODE_COLUMNS, episode_columns
 from .features import DEPTH_STORAGES, dataset_features
-from .layout import DATASET_ROWS, DEPTH_KEY, IMAGE_TYPE, RGB_KEY, Features, row_schema
+from .layout import DEPTH_KEY, RGB_KEY, Features
 from .statistics import (
     Statistics,
     column_statistics,
-    image_statistics,
+    picture_statistics,
     statistics_from_json,
     statistics_to_json,
 )
+from .unit_rows import stores_images, unit_rows, with_depth_images
 
 UNIT_INDEX = "unit.json"
 UNIT_VERSION = 1
@@ -161,12 +162,12 @@ def write_episode_unit(
     columns = table.columns | {"timestamp": index / frames_per_second, "frame_index": index}
     statistics = {key: column_statistics(values) for key, values in columns.items()}
     counts = _counts(frames, rgb_video, depth_video)
-    statistics |= _image_statistics(*counts, depth_range, len(table), depth_storage)
+    statistics |= picture_statistics(*counts, depth_range, len(table), stores_images(features))
     own = instructions or rollout.episode.extra.get("instructions") or [rollout.episode.instruction]
     with atomic_folder(folder) as temporary:
-        rows = _rows(columns, features)
-        if depth_storage == "image":
-            rows = _with_images(rows, features, depth_video, depth_range)
+        rows = unit_rows(columns, features)
+        if stores_images(features):
+            rows = with_depth_images(rows, features, depth_video, depth_range)
         else:
             _link(depth_video, temporary / f"{DEPTH_KEY}.mp4")
         pq.write_table(rows, temporary / ROWS)
@@ -225,37 +226,6 @@ def _checked_video(path: Path, table: FrameTable, camera: CameraModel) -> VideoF
     return facts
 
 
-def _rows(columns: Mapping[str, NDArray[Any]], features: Features) -> pa.Table:
-    images = tuple(key for key, feature in features.items() if feature["dtype"] == "image")
-    schema = row_schema(features, without=(*DATASET_ROWS, *images))
-    arrays = []
-    for field in schema:
-        values = columns[field.name]
-        if pa.types.is_fixed_size_list(field.type):
-            flat = pa.array(np.ascontiguousarray(values).ravel(), field.type.value_type)
-            arrays.append(pa.FixedSizeListArray.from_arrays(flat, type=field.type))
-        else:
-            arrays.append(pa.array(values.reshape(-1)).cast(field.type))
-    return pa.Table.from_arrays(arrays, schema=schema)
-
-
-def _with_images(
-    rows: pa.Table, features: Features, depth_video: Path, depth_range: DepthRange
-) -> pa.Table:
-    """Add the depth images, one at a time: only their encoded bytes are held."""
-    schema = row_schema(features, without=tuple(DATASET_ROWS))
-    data = [
-        encode_depth_tiff(codes_to_millimetres(codes, depth_range))
-        for codes in iterate_depth_codes(depth_video)
-    ]
-    names = [f"frame-{number:06d}.tiff" for number in range(len(data))]
-    images = pa.StructArray.from_arrays(
-        [pa.array(data, pa.binary()), pa.array(names)], fields=list(IMAGE_TYPE)
-    )
-    table = rows.append_column(schema.field(DEPTH_KEY), images).select(schema.names)
-    return table.replace_schema_metadata(schema.metadata)
-
-
 def _counts(
     frames: Mapping[str, NDArray[Any]], rgb_video: Path, depth_video: Path
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -268,27 +238,6 @@ def _counts(
     for codes in iterate_depth_codes(depth_video):
         add_depth_codes(depth_counts, codes)
     return rgb_counts, depth_counts
-
-
-def _image_statistics(
-    rgb_counts: NDArray[np.int64],
-    depth_counts: NDArray[np.int64],
-    depth_range: DepthRange,
-    length: int,
-    depth_storage: str,
-) -> dict[str, Statistics]:
-    rgb_values = np.arange(256, dtype=np.float32)
-    rgb = image_statistics(rgb_values, rgb_counts, length)
-    codes = np.arange(MAX_CODE + 1, dtype=np.uint16)
-    if depth_storage == "image":
-        depth_values = codes_to_millimetres(codes, depth_range).astype(np.float32)
-    else:
-        depth_values = codes_to_depth(codes, depth_range)
-    return {
-        # LeRobot scales colours to 0 … 1 and leaves depth in its unit.
-        RGB_KEY: {k: v if k == "count" else v / 255.0 for k, v in rgb.items()},
-        DEPTH_KEY: image_statistics(depth_values, depth_counts[None], length),
-    }
 
 
 def _link(source: Path, target: Path) -> None:

@@ -1,0 +1,80 @@
+"""Frame rows of a unit: without the columns that depend on the place in a dataset."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+
+from ..camera import DepthRange
+from ..depth_codes import codes_to_millimetres
+from ..depth_tiff import encode_depth_tiff
+from ..video import iterate_depth_codes
+from .layout import DATASET_ROWS, DEPTH_KEY, IMAGE_TYPE, Features, row_schema
+
+
+def unit_schema(features: Features) -> pa.Schema:
+    """Schema of a unit's frame rows."""
+    return row_schema(features, without=tuple(DATASET_ROWS))
+
+
+def number_schema(features: Features) -> pa.Schema:
+    """Schema of a unit's frame rows without images."""
+    images = tuple(key for key, feature in features.items() if feature["dtype"] == "image")
+    return row_schema(features, without=(*DATASET_ROWS, *images))
+
+
+def unit_rows(columns: Mapping[str, np.ndarray], features: Features) -> pa.Table:
+    """Frame rows, without images, of arrays (N, D) or (N,), by feature."""
+    schema = number_schema(features)
+    arrays = []
+    for field in schema:
+        values = columns[field.name]
+        if pa.types.is_fixed_size_list(field.type):
+            flat = pa.array(np.ascontiguousarray(values).ravel(), field.type.value_type)
+            arrays.append(pa.FixedSizeListArray.from_arrays(flat, type=field.type))
+        else:
+            arrays.append(pa.array(np.asarray(values).reshape(-1)).cast(field.type))
+    return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def row_arrays(rows: pa.Table) -> dict[str, np.ndarray]:
+    """Inverse of `unit_rows`: arrays (N, D), or (N,) of single numbers; images are left out."""
+    result = {}
+    for name in rows.schema.names:
+        column = rows[name].combine_chunks()
+        if pa.types.is_struct(column.type):
+            continue
+        if pa.types.is_fixed_size_list(column.type):
+            flat = column.flatten().to_numpy(zero_copy_only=False)
+            result[name] = flat.reshape(len(rows), column.type.list_size)
+        else:
+            result[name] = column.to_numpy(zero_copy_only=False)
+    return result
+
+
+def stores_images(features: Features) -> bool:
+    """Whether depth lies in the rows as images, not in a video."""
+    return features[DEPTH_KEY]["dtype"] == "image"
+
+
+def with_depth_images(
+    rows: pa.Table, features: Features, video: Path, depth_range: DepthRange
+) -> pa.Table:
+    """Add the frames of a depth video to rows of numbers, as images of whole millimetres.
+
+    One at a time: only their encoded bytes are held.
+    """
+    schema = unit_schema(features)
+    data = [
+        encode_depth_tiff(codes_to_millimetres(codes, depth_range))
+        for codes in iterate_depth_codes(video)
+    ]
+    names = [f"frame-{number:06d}.tiff" for number in range(len(data))]
+    images = pa.StructArray.from_arrays(
+        [pa.array(data, pa.binary()), pa.array(names)], fields=list(IMAGE_TYPE)
+    )
+    table = rows.append_column(schema.field(DEPTH_KEY), images).select(schema.names)
+    return table.replace_schema_metadata(schema.metadata)
