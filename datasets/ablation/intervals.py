@@ -77,7 +77,7 @@ def paired_differences(
         # How often each trajectory is drawn, (resamples, trajectories).
         count = len(trajectories)
         times = rng.multinomial(count, np.full(count, 1 / count), _RESAMPLES).astype(np.float64)
-        drawn = [_metrics(np.tensordot(times, runs, (1, 1))).mean(1) for runs in (a, b)]
+        drawn = [_metrics(np.einsum("rt,stk->rsk", times, runs)).mean(1) for runs in (a, b)]
         variances = np.stack(
             [
                 of_ours.var(0, ddof=1) / len(a),
