@@ -12,19 +12,19 @@ from numpy.typing import NDArray
 
 CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 BLOCK = 4 << 20
-MAX_PIXELS = 4_000_000_000
+MAX_PIXELS, MAX_SIDE = 4_000_000_000, 200_000
 
 
 def shrink_png(data: bytes, max_side: int) -> NDArray[np.uint8]:
     """RGB pixels (H, W, 3) of a PNG file, averaged down by a whole factor; memory for a few rows.
 
     Raises:
-        ValueError: damaged, interlaced, fewer than 8 bits a sample, or more than 4 billion pixels.
+        ValueError: damaged, interlaced, fewer than 8 bits a sample, or of too many pixels.
     """
     width, height, depth, kind, _, _, interlaced = struct.unpack(">IIBBBBB", data[16:29])
     if interlaced or depth not in (8, 16) or kind not in CHANNELS:
         raise ValueError(f"{width} × {height} pixels, interlaced or of few bits, are too many")
-    if width * height > MAX_PIXELS:
+    if width * height > MAX_PIXELS or max(width, height) > MAX_SIDE:
         raise ValueError(f"{width} × {height} pixels are too many")
     factor = -(-max(width, height) // max_side)
     across, down = max(1, width // factor), max(1, height // factor)
@@ -74,7 +74,7 @@ def _palette(data: bytes) -> NDArray[np.uint8]:
 def _lines(data: bytes, length: int) -> Iterator[bytes]:
     """Rows as they are stored: one byte that names the filter, then the samples."""
     unpack = zlib.decompressobj()
-    left = b""
+    left = bytearray()
     for kind, body in _chunks(data):
         if kind != b"IDAT":
             continue
@@ -84,8 +84,8 @@ def _lines(data: bytes, length: int) -> Iterator[bytes]:
             packed = unpack.unconsumed_tail
             whole = len(left) // length * length
             for start in range(0, whole, length):
-                yield left[start : start + length]
-            left = left[whole:]
+                yield bytes(left[start : start + length])
+            del left[:whole]
             if unpack.eof:
                 return
 

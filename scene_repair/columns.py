@@ -12,7 +12,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from ..formats.errors import SceneError
 from ..formats.grid import GridSpec
+
+# Hits take 40 bytes each while they are sorted; tests of a cell with a face, a nanosecond or two.
+MAX_HITS, MAX_TESTS = 200_000_000, 20_000_000_000
+FACES_AT_ONCE = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -46,13 +51,27 @@ def sample_columns(
         vertices_m: (V, 3) world.
         faces: (F, 3).
         grid: where to sample.
+
+    Raises:
+        SceneError: so many surfaces lie above each other that time or memory would not do.
     """
     scaled = (vertices_m - (*grid.origin_xy_m, 0.0)) / (grid.cell_m, grid.cell_m, 1.0)
     faces = np.ascontiguousarray(faces, dtype=np.int64)
+    tests = _tests(scaled, faces, grid)
+    if tests > MAX_TESTS:
+        raise SceneError(
+            f"its faces cover {tests:,} cells of {grid.cell_m:g} m together, those above each "
+            f"other counted for each; valid: up to {MAX_TESTS:,} (cut it into parts)"
+        )
     counts = np.zeros(grid.rows * grid.columns + 1, dtype=np.int64)
     empty_z, empty_face = np.empty(0, dtype=np.float32), np.empty(0, dtype=np.int32)
     _raster(scaled, faces, grid.rows, grid.columns, counts, empty_z, empty_face, False)
     start = np.concatenate([[0], np.cumsum(counts[:-1])])
+    if start[-1] > MAX_HITS:
+        raise SceneError(
+            f"its surfaces meet the vertical lines through cells of {grid.cell_m:g} m "
+            f"{int(start[-1]):,} times; valid: up to {MAX_HITS:,} (cut it into parts)"
+        )
     cursor = start.copy()
     z = np.empty(start[-1], dtype=np.float32)
     face = np.empty(start[-1], dtype=np.int32)
@@ -60,6 +79,17 @@ def sample_columns(
     cell = np.repeat(np.arange(len(start) - 1), np.diff(start))
     order = np.lexsort((z, cell))
     return Columns(grid, start, z[order], face[order])
+
+
+def _tests(scaled: NDArray[np.float64], faces: NDArray[np.int64], grid: GridSpec) -> int:
+    """How many cells lie in the rectangles around all faces; `scaled` is in cells."""
+    total = 0.0
+    for first in range(0, len(faces), FACES_AT_ONCE):
+        corners = scaled[faces[first : first + FACES_AT_ONCE], :2]
+        limits = (grid.columns, grid.rows)
+        sides = np.clip(corners.max(axis=1), 0, limits) - np.clip(corners.min(axis=1), 0, limits)
+        total += float((sides[:, 0] * sides[:, 1]).sum())
+    return int(total)
 
 
 def top_faces(

@@ -11,8 +11,14 @@ from .gltf_file import GltfFile
 COMPONENT_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 MAX_TRIANGLES, MAX_NODES, MAX_DEPTH = 20_000_000, 50_000, 500
-# Accessors without data are zeros, as many as they say.
+# Accessors without data are zeros, as many as they say; all of them together.
 MAX_ZEROS = 10_000_000
+# Each primitive gets vertices of its own, also where many share one buffer.
+MAX_VERTICES = 60_000_000
+# Nodes that show a mesh again multiply its triangles, which costs a file nothing.
+MAX_REPEATED = 5_000_000
+# What views and accessors may take beyond twice the bytes that are there: each becomes a copy.
+SPARE_BYTES = 2 << 30
 COMPRESSED = {
     "KHR_draco_mesh_compression": "Draco",
     "EXT_meshopt_compression": "meshopt",
@@ -31,10 +37,21 @@ def check_gltf(path: Path, file: GltfFile) -> None:
     try:
         _refuse_compressed(path, tree)
         views = [_view(file, k, view) for k, view in enumerate(tree.get("bufferViews", []))]
-        for k, accessor in enumerate(tree.get("accessors", [])):
+        sizes = [
             _accessor(path, k, accessor, tree.get("bufferViews", []), views)
+            for k, accessor in enumerate(tree.get("accessors", []))
+        ]
+        _multiples(path, file, sum(views), sum(sizes))
         _nodes(path, tree)
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+    # Infinity is a number for Python's JSON, and no integer.
+    except (
+        KeyError,
+        TypeError,
+        ValueError,
+        IndexError,
+        AttributeError,
+        OverflowError,
+    ) as error:
         raise FileFormatError(path, f"damaged glTF header: {error!r}") from error
 
 
@@ -69,7 +86,8 @@ def _accessor(
     accessor: dict[str, Any],
     views: list[dict[str, Any]],
     lengths: list[int],
-) -> None:
+) -> int:
+    """How many bytes an accessor takes, once it lies inside its view."""
     count = int(accessor["count"])
     size = COMPONENT_BYTES[accessor["componentType"]] * COMPONENTS[accessor["type"]]
     if count < 0:
@@ -77,7 +95,7 @@ def _accessor(
     if "bufferView" not in accessor:
         if count > MAX_ZEROS:
             raise ValueError(f"accessor {index} promises {count:,} elements without data")
-        return
+        return count * size
     number = int(accessor["bufferView"])
     if not 0 <= number < len(views):
         raise ValueError(f"accessor {index} lies in buffer view {number} of {len(views)}")
@@ -90,11 +108,32 @@ def _accessor(
             f"accessor {index} ({count:,} elements) ends at byte {end:,} of a buffer view of "
             f"{lengths[number]:,}",
         )
+    return count * size
+
+
+def _multiples(path: Path, file: GltfFile, in_views: int, in_accessors: int) -> None:
+    """Few bytes must not become many by being named often."""
+    zeros = sum(int(a["count"]) for a in file.tree.get("accessors", []) if "bufferView" not in a)
+    if zeros > MAX_ZEROS:
+        raise FileFormatError(path, f"its accessors promise {zeros:,} elements without data")
+    held = file.held_bytes()
+    for what, total in (("buffer views", in_views), ("accessors", in_accessors)):
+        if total > 2 * held + SPARE_BYTES:
+            raise FileFormatError(
+                path, f"its {what} take {total:,} bytes together of {held:,} that are there"
+            )
 
 
 def _nodes(path: Path, tree: dict[str, Any]) -> None:
     """Nodes must form a forest, and not multiply their meshes beyond reason."""
     nodes, meshes = tree.get("nodes", []), tree.get("meshes", [])
+    vertices = sum(_vertices(mesh, tree.get("accessors", [])) for mesh in meshes)
+    if vertices > MAX_VERTICES:
+        raise FileFormatError(
+            path,
+            f"its pieces have {vertices:,} vertices together, shared ones counted for each; valid: "
+            f"up to {MAX_VERTICES:,}",
+        )
     triangles = [_triangles(mesh, tree.get("accessors", [])) for mesh in meshes]
     scenes = tree.get("scenes", [])
     roots = [n for scene in scenes for n in scene.get("nodes", [])] or list(range(len(nodes)))
@@ -125,6 +164,17 @@ def _nodes(path: Path, tree: dict[str, Any]) -> None:
         )
     if total > MAX_TRIANGLES:
         raise FileFormatError(path, f"places {total:,} triangles; valid: up to {MAX_TRIANGLES:,}")
+    if total > max(MAX_REPEATED, 2 * sum(triangles)):
+        raise FileFormatError(
+            path,
+            f"shows {sum(triangles):,} triangles so often that they become {total:,}; valid: up to "
+            f"{MAX_REPEATED:,}, or twice as many as it holds",
+        )
+
+
+def _vertices(mesh: dict[str, Any], accessors: list[dict[str, Any]]) -> int:
+    places = [primitive["attributes"].get("POSITION") for primitive in mesh["primitives"]]
+    return sum(int(accessors[number]["count"]) for number in places if number is not None)
 
 
 def _triangles(mesh: dict[str, Any], accessors: list[dict[str, Any]]) -> int:

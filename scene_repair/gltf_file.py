@@ -31,6 +31,8 @@ COLOR_PICTURES = (
     ("KHR_materials_pbrSpecularGlossiness", "diffuseTexture"),
 )
 PICTURE_SOURCES = ("EXT_texture_webp",)
+# What is read of vertices; the library would copy all others, too, for each piece.
+ATTRIBUTES = ("POSITION", "TEXCOORD_0", "COLOR_0")
 
 
 @dataclass(frozen=True)
@@ -93,6 +95,10 @@ class GltfFile:
                 self._buffers[index] = self._bin
         return self._buffers[index]
 
+    def held_bytes(self) -> int:
+        """How many bytes all buffers have that were read, each file counted once."""
+        return sum({id(data): len(data) for data in self._buffers.values()}.values())
+
     def buffer_length(self, index: int) -> int:
         """How many bytes a buffer really has."""
         if index < 0:
@@ -133,6 +139,19 @@ class GltfFile:
             return Picture(int(image), str(name), _affine(transform), int(coordinates))
         return None
 
+    def place_of(self, image: int) -> str:
+        """Where an image lies; several images may name one place.
+
+        Raises:
+            ValueError: it lies nowhere.
+        """
+        entry = self.tree["images"][image]
+        if "bufferView" in entry:
+            return f"view {entry['bufferView']}"
+        if not isinstance(entry.get("uri"), str):
+            raise ValueError("it lies nowhere")
+        return entry["uri"]
+
     def picture_bytes(self, image: int) -> bytes:
         """The encoded bytes of an image.
 
@@ -145,15 +164,14 @@ class GltfFile:
             view = self.tree["bufferViews"][entry["bufferView"]]
             start = int(view.get("byteOffset", 0))
             return bytes(self.buffer(int(view["buffer"]))[start : start + int(view["byteLength"])])
-        if "uri" not in entry:
-            raise ValueError("it lies nowhere")
-        uri = entry["uri"]
+        uri = self.place_of(image)
         return self._bytes_of(uri) if uri.startswith("data:") else self.resolver.get(unquote(uri))
 
     def without_pictures(self) -> io.BytesIO:
-        """The file as bytes, its pictures left out and its materials named by their number.
+        """The file as bytes, without pictures and all that is not read of vertices.
 
-        Pictures are opened apart, in bounded memory; the number tells whose they are.
+        Pictures are opened apart, in bounded memory; materials are named by their number, which
+        tells whose they are.
         """
         tree = {k: v for k, v in self.tree.items() if k not in ("images", "textures")}
         materials = [
@@ -161,6 +179,11 @@ class GltfFile:
         ]
         if materials:
             tree["materials"] = materials
+        if "meshes" in tree:
+            tree["meshes"] = [
+                {**mesh, "primitives": [_plain(p) for p in mesh["primitives"]]}
+                for mesh in tree["meshes"]
+            ]
         text = json.dumps(tree).encode()
         if self.path.suffix.lower() == ".gltf":
             return io.BytesIO(text)
@@ -172,14 +195,28 @@ class GltfFile:
         return io.BytesIO(b"".join([struct.pack("<4sII", b"glTF", 2, total), *pieces]))
 
 
+def _plain(primitive: dict[str, Any]) -> dict[str, Any]:
+    attributes = {k: v for k, v in primitive["attributes"].items() if k in ATTRIBUTES}
+    return {**primitive, "attributes": attributes}
+
+
 def _affine(transform: dict[str, Any]) -> NDArray[np.float64]:
-    """KHR_texture_transform: scaled, turned, then moved."""
+    """KHR_texture_transform: scaled, turned, then moved.
+
+    Raises:
+        ValueError: not finite.
+        OverflowError: an integer of hundreds of digits.
+    """
     angle = float(transform.get("rotation", 0.0))
+    if not np.isfinite(angle):
+        raise ValueError("its texture transform is not finite")
     scale = np.array(transform.get("scale", (1.0, 1.0)), dtype=np.float64)
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     result = np.zeros((2, 3))
     result[:, :2] = turn * scale[None, :]
     result[:, 2] = transform.get("offset", (0.0, 0.0))
+    if not np.isfinite(result).all():
+        raise ValueError("its texture transform is not finite")
     return result
 
 

@@ -9,7 +9,7 @@ from PIL import Image
 
 from ..formats.errors import FileFormatError
 from .gltf_file import GltfFile, Picture
-from .images import decode_all, open_picture
+from .images import PixelBudget, decode_all, open_picture
 from .soup import Part
 
 
@@ -17,6 +17,8 @@ def with_pictures(parts: list[Part], file: GltfFile, warnings: list[str]) -> lis
     """Parts whose materials, named by number, have their names and pictures back."""
     materials = file.tree.get("materials", [])
     opened: dict[str, Image.Image] = {}
+    budget = PixelBudget()
+    tried: set[str] = set()
     wanted: dict[int, Picture] = {}
     for number in sorted({int(p.material.name) for p in parts if _numbered(p, materials)}):
         try:
@@ -29,11 +31,13 @@ def with_pictures(parts: list[Part], file: GltfFile, warnings: list[str]) -> lis
                     "only the first set is read"
                 )
             wanted[number] = picture
-            if str(picture.image) not in opened:
+            place = file.place_of(picture.image)
+            if place not in tried:
+                tried.add(place)
                 data = file.picture_bytes(picture.image)
-                image = open_picture(data, picture.name, warnings)
+                image = open_picture(data, picture.name, warnings, budget)
                 if image is not None:
-                    opened[str(picture.image)] = image
+                    opened[place] = image
         except (
             OSError,
             ValueError,
@@ -41,6 +45,7 @@ def with_pictures(parts: list[Part], file: GltfFile, warnings: list[str]) -> lis
             IndexError,
             TypeError,
             AttributeError,
+            OverflowError,
             FileFormatError,
         ) as error:
             warnings.append(f"material {number}: its picture cannot be read ({error})")
@@ -53,7 +58,7 @@ def with_pictures(parts: list[Part], file: GltfFile, warnings: list[str]) -> lis
         number = int(part.material.name)
         name = str(materials[number].get("name") or f"material_{number}")
         picture = wanted.get(number)
-        image = pictures.get(str(picture.image)) if picture else None
+        image = pictures.get(file.place_of(picture.image)) if picture else None
         uv = part.uv
         if picture is not None and image is not None and np.any(picture.to_uv != np.eye(2, 3)):
             # The map is meant for v down.

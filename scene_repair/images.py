@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import warnings as python_warnings
-from pathlib import Path
+from dataclasses import dataclass
 
 import numpy as np
 from PIL import Image
@@ -17,31 +17,58 @@ MAX_PIXELS, MAX_SIDE = 64_000_000, 4096
 MAX_PROGRESSIVE_PIXELS = 200_000_000
 # All pictures of one scan together.
 MAX_TOTAL_PIXELS = 256_000_000
+# As many pixels are decoded at most for one scan, before anything is scaled down.
+MAX_SOURCE_PIXELS = 8_000_000_000
+# Pillow hands some others to programs outside. Phones write JPEG that it calls MPO.
+FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TIFF", "GIF", "TGA")
+FOUND_FORMATS = (*FORMATS, "MPO")
 
 
-def open_picture(data: bytes, name: str, warnings: list[str]) -> Image.Image | None:
+@dataclass
+class PixelBudget:
+    """How many pixels the pictures of one scan may still have as they are stored."""
+
+    left: int = MAX_SOURCE_PIXELS
+
+    def take(self, width: int, height: int) -> None:
+        """Account for one picture.
+
+        Raises:
+            ValueError: there are not so many left.
+        """
+        if width * height > self.left:
+            raise ValueError(
+                f"the scan's pictures have more than {MAX_SOURCE_PIXELS:,} pixels together"
+            )
+        self.left -= width * height
+
+
+def open_picture(
+    data: bytes, name: str, warnings: list[str], budget: PixelBudget
+) -> Image.Image | None:
     """A picture whose size is bearable; None, with a line in `warnings`, if there is none in it.
 
     Small ones are not decoded yet: see `decode_all`.
     """
     try:
-        return _open(data, name, warnings)
+        return _open(data, name, warnings, budget)
     # Pillow's readers raise many types on damaged bytes.
     except Exception as error:
-        warnings.append(f"picture {name} cannot be read ({_brief(error)}); its colour is used")
+        warnings.append(f"picture {name} cannot be read ({brief(error)}); its colour is used")
         return None
 
 
-def _open(data: bytes, name: str, warnings: list[str]) -> Image.Image:
+def _open(data: bytes, name: str, warnings: list[str], budget: PixelBudget) -> Image.Image:
     with python_warnings.catch_warnings():
         # The size is looked at here, before anything is decoded.
         python_warnings.simplefilter("ignore", Image.DecompressionBombWarning)
         limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
         try:
-            image = Image.open(io.BytesIO(data))
+            image = Image.open(io.BytesIO(data), formats=FORMATS)
         finally:
             Image.MAX_IMAGE_PIXELS = limit
     width, height = image.size
+    budget.take(width, height)
     if width * height <= MAX_PIXELS:
         return image
     if image.format == "PNG":
@@ -82,12 +109,14 @@ def decode_all(
 def _decode(image: Image.Image, name: str, scale: float, warnings: list[str]) -> Image.Image | None:
     kind = image.format
     try:
+        if kind is not None and kind not in FOUND_FORMATS:
+            raise ValueError(f"{kind} is not read; valid: {', '.join(FORMATS)}")
         if image.mode.startswith("I") or image.mode == "F":
             # Sixteen bits; Pillow would clip them to eight.
             image = Image.fromarray((np.asarray(image).astype(np.int64) >> 8).astype(np.uint8))
         picture = image.convert("RGB")
     except Exception as error:
-        warnings.append(f"picture {name} is damaged ({_brief(error)}); its colour is used")
+        warnings.append(f"picture {name} is damaged ({brief(error)}); its colour is used")
         return None
     if scale < 1.0:
         size = (max(1, int(picture.width * scale)), max(1, int(picture.height * scale)))
@@ -96,11 +125,7 @@ def _decode(image: Image.Image, name: str, scale: float, warnings: list[str]) ->
     return picture
 
 
-def read_picture(path: Path, warnings: list[str]) -> Image.Image | None:
-    """As `open_picture`, from a file that is known to lie where it may."""
-    return open_picture(path.read_bytes(), path.name, warnings)
-
-
-def _brief(error: Exception) -> str:
+def brief(error: Exception) -> str:
+    """The first line of what an error says, or its type where it says nothing."""
     lines = str(error).strip().splitlines()
-    return (lines[0][:120] if lines else "") or type(error).__name__
+    return (lines[0][:160] if lines else "") or type(error).__name__

@@ -77,7 +77,8 @@ def read_labels(source: Path) -> list[LabelBox]:
         raise FileFormatError(
             path,
             f"not a label file ({type(error).__name__}: {str(error)[:200]}); valid: an object "
-            "with frame 'source' and objects of name, category, lower, upper, or a list of headset anchors",
+            "with frame 'source' and objects of name, category, lower, upper, or a list of "
+            "headset anchors",
         ) from error
 
 

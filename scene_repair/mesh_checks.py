@@ -11,6 +11,7 @@ from .ply_header import read_header
 
 STL_HEADER, STL_TRIANGLE = 84, 50
 MAX_GROUPS = 50_000
+OFF_HEADER = 65_536
 MAX_TRIANGLES = 20_000_000
 BLOCK = 8 << 20
 
@@ -72,8 +73,10 @@ def check_off(path: Path) -> None:
         FileFormatError: names what is wrong.
     """
     with path.open("rb") as stream:
-        words = stream.read(4096).split()
-    numbers = [w for w in words[:8] if w.isdigit()]
+        lines = stream.read(OFF_HEADER).splitlines()
+    # Comments may stand between the signature and the numbers, and have numbers in them.
+    words = [word for line in lines for word in line.partition(b"#")[0].split()]
+    numbers = [w for w in words[:4] if w.isdigit()]
     size = path.stat().st_size
     if len(numbers) >= 2 and 4 * (int(numbers[0]) + int(numbers[1])) > size:
         raise FileFormatError(

@@ -19,17 +19,16 @@ from .gltf_check import check_gltf
 from .gltf_facts import gltf_facts
 from .gltf_file import GltfFile
 from .gltf_pictures import with_pictures
-from .images import decode_all
+from .images import brief, decode_all
+from .kinds import MESH_SUFFIXES
 from .labels import category_of_name
 from .mesh_checks import CHECKS
 from .resolver import ConfinedResolver
-from .scan import Scan, ScanMaterial
+from .scan import DEFAULT_COLOR, Scan, ScanMaterial
 from .soup import Part, merge_parts
 from .srgb import linear_to_srgb
 
 GLTF = (".glb", ".gltf")
-SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off")
-DEFAULT_COLOR = (0.75, 0.74, 0.72)
 
 
 def read_mesh(path: Path) -> Scan:
@@ -41,8 +40,8 @@ def read_mesh(path: Path) -> Scan:
     if not path.is_file():
         raise FileFormatError(path, "no such file")
     suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise FileFormatError(path, f"unknown kind {suffix!r}; valid: {', '.join(SUFFIXES)}")
+    if suffix not in MESH_SUFFIXES:
+        raise FileFormatError(path, f"unknown kind {suffix!r}; valid: {', '.join(MESH_SUFFIXES)}")
     resolver = ConfinedResolver(path.parent)
     if suffix in GLTF:
         file = GltfFile(path, resolver)
@@ -85,7 +84,7 @@ def _load(path: Path, stream: IO[bytes], resolver: ConfinedResolver) -> trimesh.
     except Exception as error:
         if resolver.refused:
             raise FileFormatError(path, resolver.refused) from error
-        raise FileFormatError(path, f"cannot be read as {kind}: {_brief(error)}") from error
+        raise FileFormatError(path, f"cannot be read as {kind}: {brief(error)}") from error
 
 
 def _decoded(parts: list[Part], warnings: list[str]) -> list[Part]:
@@ -98,11 +97,6 @@ def _decoded(parts: list[Part], warnings: list[str]) -> list[Part]:
         else replace(p, material=replace(p.material, image=pictures[str(id(p.material.image))]))
         for p in parts
     ]
-
-
-def _brief(error: Exception) -> str:
-    lines = str(error).strip().splitlines()
-    return (lines[0][:160] if lines else "") or type(error).__name__
 
 
 def _parts(scene: trimesh.Scene, named: bool, warnings: list[str]) -> list[Part]:
@@ -125,6 +119,9 @@ def _parts(scene: trimesh.Scene, named: bool, warnings: list[str]) -> list[Part]
             warnings.append(f"{node}: {dropped} faces with indices out of range dropped")
             faces = faces[sound]
         corner_uv, material, colors = _look(mesh, faces)
+        # Pieces may share one buffer of vertices, of which each takes few.
+        used, inverse = np.unique(faces, return_inverse=True)
+        vertices, faces = vertices[used], inverse.reshape(-1, 3)
         with np.errstate(invalid="ignore", over="ignore"):
             vertices = vertices @ transform[:3, :3].T + transform[:3, 3]
         if np.linalg.det(transform[:3, :3]) < 0:

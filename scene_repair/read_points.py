@@ -21,6 +21,7 @@ from ..formats.errors import FileFormatError, InputError
 from .pcd_header import check_pcd
 from .ply_header import read_header
 from .readings import LookRef, RawPart, Readings
+from .scan import DEFAULT_COLOR
 
 LIBRARIES = "libgl1 libgomp1 libusb-1.0-0 libx11-6"
 INSTALL = "point clouds need the extra `scan`: uv sync --extra scan, or pip install 'vlnpe[scan]'"
@@ -33,7 +34,6 @@ CELL_SPACINGS, MIN_DEPTH, MAX_DEPTH = 1.5, 5, 10
 # Surface further from any point than this many typical distances was never seen, and neither was
 # that which this share of the thinnest supported surface is made of.
 TRIM_SPACINGS, TRIM_SHARE = 4.0, 0.01
-COLOR = (0.75, 0.74, 0.72)
 
 
 def read(path: Path) -> Readings:
@@ -70,7 +70,7 @@ def read(path: Path) -> Readings:
         at_vertex = colors[near].mean(axis=1)
         painted = np.rint(255 * np.clip(at_vertex, 0, 1)).astype(np.uint8)[faces]
     part = RawPart("cloud", "", vertices, faces, np.zeros((len(faces), 3, 2), "f4"), 0, painted)
-    return Readings([part], [LookRef("points", COLOR)], None, None, warnings)
+    return Readings([part], [LookRef("points", DEFAULT_COLOR)], None, None, warnings)
 
 
 def _open3d() -> Any:

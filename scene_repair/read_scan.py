@@ -7,18 +7,16 @@ from pathlib import Path
 from PIL import Image
 
 from ..formats.errors import FileFormatError
-from .images import decode_all, open_picture
+from .images import PixelBudget, decode_all, open_picture
+from .kinds import CLOUD_SUFFIXES, SUFFIXES, USD_SUFFIXES
 from .ply_header import has_faces
-from .read_mesh import SUFFIXES as MESH_SUFFIXES
 from .read_mesh import read_mesh
 from .reader_child import read_in_child
 from .readings import LookRef, Readings
+from .resolver import MAX_BYTES
 from .scan import Scan, ScanMaterial
 from .soup import Part, merge_parts
 from .usd_package import read_member
-
-USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
-SUFFIXES = (*MESH_SUFFIXES, *USD_SUFFIXES, ".pcd")
 
 
 def read_scan(path: Path) -> Scan:
@@ -36,7 +34,7 @@ def read_scan(path: Path) -> Scan:
         raise FileFormatError(path, f"unknown kind {suffix!r}; valid: {', '.join(SUFFIXES)}")
     if suffix in USD_SUFFIXES:
         return scan_of(path, read_in_child("read_usd", path))
-    if suffix == ".pcd" or (suffix == ".ply" and not has_faces(path)):
+    if suffix in CLOUD_SUFFIXES or (suffix == ".ply" and not has_faces(path)):
         return scan_of(path, read_in_child("read_points", path))
     return read_mesh(path)
 
@@ -64,10 +62,13 @@ def scan_of(path: Path, readings: Readings) -> Scan:
 def _materials(folder: Path, looks: list[LookRef], warnings: list[str]) -> list[ScanMaterial]:
     """Looks with their pictures, each opened once."""
     opened: dict[str, Image.Image] = {}
+    tried: set[str] = set()
+    budget = PixelBudget()
     for look in looks:
         key = look.texture + look.member
-        if look.texture and key not in opened:
-            image = _picture(folder, look, warnings)
+        if look.texture and key not in tried:
+            tried.add(key)
+            image = _picture(folder, look, warnings, budget)
             if image is not None:
                 opened[key] = image
     pictures = decode_all(opened, warnings)
@@ -77,14 +78,20 @@ def _materials(folder: Path, looks: list[LookRef], warnings: list[str]) -> list[
     ]
 
 
-def _picture(folder: Path, look: LookRef, warnings: list[str]) -> Image.Image | None:
+def _picture(
+    folder: Path, look: LookRef, warnings: list[str], budget: PixelBudget
+) -> Image.Image | None:
     path = Path(look.texture).resolve()
     if not path.is_relative_to(folder):
         warnings.append(f"reference {look.texture!r} leaves the scan's folder; ignored")
         return None
     try:
+        # A package is no smaller than any of its members: they lie in it uncompressed.
+        if not look.member and path.stat().st_size > MAX_BYTES:
+            warnings.append(f"picture {path.name} is larger than {MAX_BYTES >> 30} GiB")
+            return None
         data = read_member(path, look.member) if look.member else path.read_bytes()
     except (OSError, FileFormatError) as error:
         warnings.append(f"picture {look.member or path.name} cannot be read: {error}")
         return None
-    return open_picture(data, look.member or path.name, warnings)
+    return open_picture(data, look.member or path.name, warnings, budget)

@@ -8,10 +8,10 @@ from typing import Any
 
 from trimesh.resolvers import Resolver
 
-from .images import open_picture
+from .images import PixelBudget, open_picture
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".gif", ".webp", ".tga")
-MAX_BYTES = 2 << 30
+MAX_BYTES, MAX_TOTAL_BYTES = 2 << 30, 6 << 30
 
 
 class ConfinedResolver(Resolver):
@@ -26,11 +26,14 @@ class ConfinedResolver(Resolver):
         self.folder = folder.resolve()
         self.warnings: list[str] = []
         self.refused = ""
+        self._known: dict[Path, bytes] = {}
+        self._budget = PixelBudget()
 
     def get(self, key: str) -> bytes:
         """Bytes of the file that `key` names relative to the folder.
 
-        Pictures too large to be decoded as they are come scaled down.
+        Pictures too large to be decoded as they are come scaled down. What is asked for again is
+        not read again.
 
         Raises:
             FileNotFoundError: outside the folder, missing, no plain file, or a damaged picture.
@@ -43,23 +46,31 @@ class ConfinedResolver(Resolver):
         if "://" in name or not target.is_relative_to(self.folder):
             self.refused = f"reference {name!r} leaves the scan's folder"
             return self._refuse(f"{self.refused}; ignored")
+        if target in self._known:
+            return self._known[target]
         try:
             if not target.is_file():
                 return self._refuse(f"referenced file {name!r} is missing")
-            if target.stat().st_size > MAX_BYTES:
+            size = target.stat().st_size
+            if size > MAX_BYTES:
                 return self._refuse(
                     f"referenced file {name!r} is larger than {MAX_BYTES >> 30} GiB"
+                )
+            if size + sum(map(len, self._known.values())) > MAX_TOTAL_BYTES:
+                return self._refuse(
+                    f"referenced files have more than {MAX_TOTAL_BYTES >> 30} GiB together"
                 )
             data = target.read_bytes()
         except (OSError, ValueError) as error:
             return self._refuse(f"referenced file {name[:100]!r} cannot be read: {error}")
         if target.suffix.lower() in PICTURES:
-            return self._bearable(data, name)
+            data = self._bearable(data, name)
+        self._known[target] = data
         return data
 
     def _bearable(self, data: bytes, name: str) -> bytes:
         found: list[str] = []
-        image = open_picture(data, name, found)
+        image = open_picture(data, name, found, self._budget)
         if not found:
             return data
         if image is None:
@@ -78,12 +89,9 @@ class ConfinedResolver(Resolver):
         """Refused: a scan is only read."""
         raise PermissionError(f"a scan's folder is read-only: {name}")
 
-    def namespaced(self, namespace: str) -> ConfinedResolver:
-        """A resolver for a sub-folder, refused when it leaves the folder."""
-        target = (self.folder / namespace).resolve()
-        if not target.is_relative_to(self.folder):
-            raise FileNotFoundError(f"folder {namespace!r} leaves the scan's folder")
-        return ConfinedResolver(target)
+    def namespaced(self, namespace: str) -> Resolver:
+        """Refused: none of the kinds that are read here ask for sub-folders."""
+        raise PermissionError(f"sub-folders are not read: {namespace}")
 
     def keys(self) -> list[str]:
         """Names of the files that can be read."""

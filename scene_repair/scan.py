@@ -10,6 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+# Surfaces that say nothing of their colour: plaster.
+DEFAULT_COLOR = (0.75, 0.74, 0.72)
+
 
 @dataclass(frozen=True)
 class ScanMaterial:

@@ -13,9 +13,9 @@ from pathlib import Path, PurePosixPath
 from pxr import Sdf
 
 from ..formats.errors import FileFormatError
+from .kinds import USD_SUFFIXES
 from .usd_package import check_package
 
-USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 MAX_LAYERS = 20_000
 SIGNATURES = {b"#usda": ".usda", b"#usd ": ".usda", b"PXR-U": ".usdc", b"PK\x03\x04": ".usdz"}
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdShade
 
 from .readings import LookRef
+from .scan import DEFAULT_COLOR
 from .srgb import linear_to_srgb
 
 CONTEXTS = ("", "mdl")
@@ -43,7 +44,7 @@ class Look:
     to_uv: NDArray[np.float64]
 
 
-PLAIN = Look(LookRef("plain", (0.75, 0.74, 0.72)), "", np.eye(2, 3))
+PLAIN = Look(LookRef("plain", DEFAULT_COLOR), "", np.eye(2, 3))
 
 
 class Looks:

@@ -6,10 +6,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdPhysics, UsdShade
 
 from ..formats.scene_bundle import Material
+from .srgb import srgb_to_linear
 
 # What MuJoCo's level models use by default, too.
 FRICTION = 0.8
@@ -22,7 +22,7 @@ def look(stage: Usd.Stage, path: str, material: Material) -> UsdShade.Material:
     shader.CreateIdAttr("UsdPreviewSurface")
     shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(0.9)
     color = shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
-    linear = _srgb_to_linear(np.array(material.base_color))
+    linear = srgb_to_linear(np.array(material.base_color))
     if material.texture is None:
         color.Set(Gf.Vec3f(*(float(v) for v in linear)))
     else:
@@ -54,7 +54,3 @@ def friction(stage: Usd.Stage, path: str) -> UsdShade.Material:
     physics.CreateDynamicFrictionAttr(FRICTION)
     physics.CreateRestitutionAttr(0.0)
     return made
-
-
-def _srgb_to_linear(srgb: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)

@@ -19,12 +19,17 @@ from PIL import Image
 
 from tests.support import scans
 from tests.support.damage import damage, picture_bytes, sound_files
-from vlnpe.formats.errors import FileFormatError, InputError
-from vlnpe.scene_repair import images, read_usd
+from vlnpe.formats.errors import FileFormatError, InputError, SceneError
+from vlnpe.formats.grid import GridSpec
+from vlnpe.scene_repair import columns as columns_module
+from vlnpe.scene_repair import gltf_check, images, read_usd
 from vlnpe.scene_repair.big_png import shrink_png
+from vlnpe.scene_repair.columns import sample_columns
+from vlnpe.scene_repair.gltf_file import GltfFile
 from vlnpe.scene_repair.ply_header import read_header
-from vlnpe.scene_repair.read_mesh import read_mesh
+from vlnpe.scene_repair.read_mesh import _load, _parts, read_mesh
 from vlnpe.scene_repair.read_scan import read_scan, scan_of
+from vlnpe.scene_repair.resolver import ConfinedResolver
 from vlnpe.scene_repair.scan import Scan
 
 
@@ -95,6 +100,22 @@ def test_handmade_triangle_is_sound(tmp_path: Path) -> None:
             "without data",
         ),
         ({"bufferViews": [{"buffer": 0, "byteLength": 10**9}]}, "1,000,000,000 of"),
+        (
+            {"bufferViews": [{"buffer": 0, "byteOffset": float("inf"), "byteLength": 36}]},
+            "OverflowError",
+        ),
+        (
+            {
+                "accessors": [
+                    {"bufferView": 0, "componentType": 5126, "count": 1e999, "type": "VEC3"}
+                ]
+            },
+            "OverflowError",
+        ),
+        (
+            {"accessors": [{"componentType": 5126, "count": 6_000_000, "type": "VEC3"}] * 2},
+            "12,000,000 elements without data",
+        ),
         ({"buffers": [{"byteLength": 42, "uri": "../x.bin"}]}, "leaves the scan's folder"),
         ({"buffers": [{"byteLength": 42, "uri": "/etc/hostname"}]}, "leaves the scan's folder"),
         ({"buffers": [{"byteLength": 42, "uri": "http://x.test/a.bin"}]}, "leaves the scan's"),
@@ -148,6 +169,89 @@ def test_lying_gltf_is_refused(change: dict[str, Any], what: str, tmp_path: Path
     with pytest.raises(FileFormatError, match=what) as caught:
         read_mesh(path)
     assert caught.value.path == path
+
+
+@pytest.mark.parametrize("rotation", [10**400, float("inf"), float("nan"), "a"])
+def test_impossible_texture_transforms_leave_the_colour(rotation: Any, tmp_path: Path) -> None:
+    png = base64.b64encode(picture_bytes(4, 4)).decode()
+    tree, data = picture_tree(f"data:image/png;base64,{png}")
+    info = tree["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]
+    info["extensions"] = {"KHR_texture_transform": {"rotation": rotation}}
+    path = tmp_path / "scan.glb"
+    path.write_bytes(glb(tree, data))
+    scan = read_mesh(path)
+    check_sound(scan)
+    assert scan.materials[0].image is None
+    assert any("its picture cannot be read" in w for w in scan.warnings)
+
+
+def test_a_buffer_named_often_is_read_once(tmp_path: Path) -> None:
+    tree, data = triangle_tree()
+    (tmp_path / "a.bin").write_bytes(data)
+    tree["buffers"] = [{"byteLength": len(data), "uri": "./" * k + "a.bin"} for k in range(50)]
+    path = tmp_path / "scan.gltf"
+    path.write_text(json.dumps(tree))
+    resolver = ConfinedResolver(tmp_path)
+    file = GltfFile(path, resolver)
+    assert all(file.buffer(k) is file.buffer(0) for k in range(50))
+    assert file.held_bytes() == len(data)
+    assert len(read_mesh(path).faces) == 1
+
+
+@pytest.mark.parametrize(
+    ("limit", "value", "what"),
+    [
+        ("MAX_VERTICES", 8, "9 vertices"),
+        ("SPARE_BYTES", -40, "accessors take"),
+        ("MAX_REPEATED", 8, "so often that they become 9"),
+    ],
+)
+def test_little_that_becomes_much_is_refused(
+    limit: str, value: int, what: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    tree, data = triangle_tree()
+    tree["meshes"] *= 3
+    tree["nodes"] = [{"mesh": 0}] * 9
+    tree["scenes"] = [{"nodes": list(range(9))}]
+    if limit == "SPARE_BYTES":
+        tree["accessors"] += [tree["accessors"][0]] * 3
+    path = tmp_path / "scan.glb"
+    path.write_bytes(glb(tree, data))
+    assert len(read_mesh(path).faces) == 9
+    monkeypatch.setattr(gltf_check, limit, value)
+    with pytest.raises(FileFormatError, match=what):
+        read_mesh(path)
+
+
+def test_pieces_of_a_shared_buffer_keep_their_own_vertices(tmp_path: Path) -> None:
+    places = np.random.default_rng(0).uniform(0, 5, (3000, 3)).astype("<f4")
+    tree, _ = triangle_tree()
+    tree["bufferViews"] = [{"buffer": 0, "byteLength": places.nbytes}]
+    tree["accessors"] = tree["accessors"][:1]
+    tree["accessors"][0]["count"] = len(places)
+    data = places.tobytes()
+    for k in range(100):
+        index = np.arange(3 * k, 3 * k + 3, dtype="<u4").tobytes()
+        tree["bufferViews"].append({"buffer": 0, "byteOffset": len(data), "byteLength": 12})
+        tree["accessors"].append(
+            {"bufferView": k + 1, "componentType": 5125, "count": 3, "type": "SCALAR"}
+        )
+        data += index
+    tree["buffers"][0]["byteLength"] = len(data)
+    tree["meshes"] = [
+        {
+            "primitives": [
+                {"attributes": {"POSITION": 0, "NORMAL": 0}, "indices": k + 1} for k in range(100)
+            ]
+        }
+    ]
+    path = tmp_path / "scan.glb"
+    path.write_bytes(glb(tree, data))
+    file = GltfFile(path, ConfinedResolver(tmp_path))
+    parts = _parts(_load(path, file.without_pictures(), ConfinedResolver(tmp_path)), True, [])
+    assert [len(part.vertices) for part in parts] == [3] * 100
+    found = np.concatenate([p.vertices[p.faces].reshape(-1, 3) for p in parts])
+    assert sorted(map(tuple, found)) == sorted(map(tuple, places[:300].astype(float)))
 
 
 def test_indices_out_of_range_are_dropped(tmp_path: Path) -> None:
@@ -252,6 +356,44 @@ def big_png(width: int, height: int, color: int = 2) -> bytes:
     )
 
 
+@pytest.mark.parametrize("name", ["a.eps", "a.png"])
+def test_pictures_for_outside_programs_are_not_read(name: str, tmp_path: Path) -> None:
+    Image.new("RGB", (4, 4), (255, 0, 0)).save(tmp_path / name, "EPS")
+    (tmp_path / "scan.glb").write_bytes(glb(*picture_tree(name)))
+    (tmp_path / "scan.mtl").write_text(f"newmtl paint\nKd 0.2 0.4 0.6\nmap_Kd {name}\n")
+    (tmp_path / "scan.obj").write_text(
+        "mtllib scan.mtl\nv 0 0 0\nv 4 0 0\nv 4 0 3\nvt 0 0\nusemtl paint\nf 1/1 2/1 3/1\n"
+    )
+    for file in ("scan.glb", "scan.obj"):
+        scan = read_mesh(tmp_path / file)
+        assert all(m.image is None for m in scan.materials), file
+        assert any("picture" in w for w in scan.warnings), (file, scan.warnings)
+
+
+def test_images_of_one_place_are_opened_once_and_within_the_budget(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    png = base64.b64encode(picture_bytes(40, 40)).decode()
+    tree, data = picture_tree(f"data:image/png;base64,{png}")
+    tree["images"] *= 5
+    tree["textures"] = [{"source": k} for k in range(5)]
+    tree["materials"] = [
+        {"pbrMetallicRoughness": {"baseColorTexture": {"index": k}}} for k in range(5)
+    ]
+    one = tree["meshes"][0]["primitives"][0]
+    tree["meshes"][0]["primitives"] = [{**one, "material": k} for k in range(5)]
+    path = tmp_path / "scan.glb"
+    path.write_bytes(glb(tree, data))
+    monkeypatch.setattr(images.PixelBudget.__init__, "__defaults__", (2000,))
+    scan = read_mesh(path)
+    assert len({id(m.image) for m in scan.materials}) == 1
+    assert not scan.warnings
+    monkeypatch.setattr(images.PixelBudget.__init__, "__defaults__", (1000,))
+    scan = read_mesh(path)
+    assert all(m.image is None for m in scan.materials)
+    assert any("pixels together" in w for w in scan.warnings)
+
+
 @pytest.mark.parametrize("suffix", ["glb", "obj"])
 def test_enormous_picture_is_scaled_down(suffix: str, tmp_path: Path) -> None:
     (tmp_path / "wide.png").write_bytes(big_png(30_000, 2_200))
@@ -293,6 +435,7 @@ def test_shrinking_while_reading_is_the_mean(mode: str) -> None:
 @pytest.mark.parametrize(
     "data",
     [
+        SIGNATURE + struct.pack(">I4sIIBBBBB", 13, b"IHDR", 2**30, 1, 8, 2, 0, 0, 0) + bytes(9),
         big_png(9000, 8000)[:5000],
         b"\x89PNG\r\n\x1a\n"
         + struct.pack(">I4sIIBBBBB", 13, b"IHDR", 2**31 - 1, 2**31 - 1, 8, 2, 0, 0, 0),
@@ -301,7 +444,7 @@ def test_shrinking_while_reading_is_the_mean(mode: str) -> None:
 )
 def test_picture_bombs_and_stumps_are_left_out(data: bytes) -> None:
     warnings: list[str] = []
-    image = images.open_picture(data, "a", warnings)
+    image = images.open_picture(data, "a", warnings, images.PixelBudget())
     found = images.decode_all({} if image is None else {"a": image}, warnings)
     assert found.get("a") is None
     assert warnings
@@ -354,6 +497,15 @@ def test_off_that_promises_too_much(tmp_path: Path) -> None:
         read_mesh(path)
 
 
+def test_off_with_comments(tmp_path: Path) -> None:
+    path = tmp_path / "scan.off"
+    path.write_text(
+        "OFF\n# made 2026 by 4000000000 hands, 4000000000 0\n\n3 1 0 # counts\n"
+        "0 0 0\n1 0 0\n1 1 0\n3 0 1 2\n"
+    )
+    assert len(read_mesh(path).faces) == 1
+
+
 def test_obj_of_very_many_groups(tmp_path: Path) -> None:
     path = tmp_path / "scan.obj"
     path.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\n" + "o a\nf 1 2 3\n" * 60_000)
@@ -390,6 +542,23 @@ def test_obj_that_takes_its_materials_from_outside(tmp_path: Path) -> None:
     scan = read_mesh(folder / "scan.obj")
     check_sound(scan)
     assert any("'../out.mtl' leaves the scan's folder" in w for w in scan.warnings)
+
+
+@pytest.mark.parametrize(
+    ("limit", "what"), [("MAX_HITS", "meet the vertical lines"), ("MAX_TESTS", "cells of 0.1 m")]
+)
+def test_endless_stacks_of_faces_are_refused(
+    limit: str, what: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sheet = scans.sheet((0, 0), (2, 2))
+    vertices = np.concatenate([sheet.vertices + np.array([0, 0, 0.1 * k]) for k in range(10)])
+    faces = np.concatenate([sheet.faces + len(sheet.vertices) * k for k in range(10)])
+    grid = GridSpec.covering(np.zeros(2), np.full(2, 2.0), 0.1)
+    columns = sample_columns(vertices, faces, grid)
+    assert len(columns.z) >= 10 * 400
+    monkeypatch.setattr(columns_module, limit, 3999)
+    with pytest.raises(SceneError, match=what):
+        sample_columns(vertices, faces, grid)
 
 
 SOUND = sound_files()
