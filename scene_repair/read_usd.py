@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -53,7 +54,8 @@ def _open(path: Path, warnings: list[str]) -> Usd.Stage:
     if not stage:
         raise FileFormatError(path, "cannot be composed")
     for problem in problems:
-        text = " ".join(str(problem).split())
+        # Layers without a file are named by their place in memory, which differs in each run.
+        text = re.sub(r"anon:0x[0-9a-f]+(:[^\s@]*)?", "anonymous", " ".join(str(problem).split()))
         if "cycle" in type(problem).__name__.lower() or "cycle" in str(problem.errorType).lower():
             raise FileFormatError(path, f"references run in a circle: {text[:300]}")
         warnings.append(f"composition: {text[:200]}")

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, UsdShade, UsdUtils
 
@@ -22,6 +23,7 @@ from vlnpe.scene_repair.orient import orient
 from vlnpe.scene_repair.read_scan import read_scan, scan_of
 from vlnpe.scene_repair.repair import repair_scene
 from vlnpe.scene_repair.scan import Scan
+from vlnpe.scene_repair.usd_shapes import simple_shape
 
 SQUARE = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0)]
 
@@ -416,15 +418,17 @@ def test_references_in_a_circle_are_refused(tmp_path: Path) -> None:
         (tmp_path / f"{one}.usda").write_text(
             f'#usda 1.0\n(defaultPrim = "R")\ndef Xform "R" (references = @./{other}.usda@) {{}}\n'
         )
-    with pytest.raises(FileFormatError, match="circle"):
+    with pytest.raises(FileFormatError, match="circle") as caught:
         read_here(tmp_path / "scene.usda")
+    assert "0x" not in str(caught.value)
 
 
 def test_sublayers_in_a_circle_are_refused(tmp_path: Path) -> None:
     for one, other in (("scene", "b"), ("b", "scene")):
         (tmp_path / f"{one}.usda").write_text(f"#usda 1.0\n(subLayers = [@./{other}.usda@])\n")
-    with pytest.raises(FileFormatError, match="circle"):
+    with pytest.raises(FileFormatError, match="circle") as caught:
         read_here(tmp_path / "scene.usda")
+    assert "0x" not in str(caught.value)
 
 
 def test_packed_package_is_refused(tmp_path: Path) -> None:
@@ -559,3 +563,43 @@ def test_mutated_binary_layers_end_in_typed_errors(tmp_path: Path) -> None:
             assert "\n" not in str(error)
         else:
             assert np.isfinite(scan.vertices).all()
+
+
+SHAPES = {
+    "Cube": {"size": 3.0},
+    "Plane": {"width": 10.0, "length": 4.0},
+    "Sphere": {"radius": 1.5},
+    "Cylinder": {"radius": 1.0, "height": 6.0},
+    "Cone": {"radius": 1.0, "height": 6.0},
+    "Capsule": {"radius": 1.0, "height": 6.0},
+    "Cylinder_1": {"radiusBottom": 1.0, "radiusTop": 0.5, "height": 6.0},
+    "Capsule_1": {"radiusBottom": 1.0, "radiusTop": 0.5, "height": 6.0},
+}
+
+
+@pytest.mark.parametrize("axis", ["X", "Y", "Z"])
+@pytest.mark.parametrize("kind", SHAPES)
+def test_plain_shapes_fill_the_extent_that_usd_tells(kind: str, axis: str) -> None:
+    stage = Usd.Stage.CreateInMemory()
+    prim = stage.DefinePrim("/shape", kind)
+    for name, value in SHAPES[kind].items():
+        prim.GetAttribute(name).Set(value)
+    if kind not in ("Cube", "Sphere"):
+        prim.GetAttribute("axis").Set(axis)
+    found = simple_shape(prim)
+    assert found is not None
+    points, faces = found
+    extent = np.array(
+        UsdGeom.Boundable.ComputeExtentFromPlugins(UsdGeom.Boundable(prim), Usd.TimeCode.Default())
+    )
+    assert points.min(axis=0) == pytest.approx(extent[0], abs=1e-6)
+    assert points.max(axis=0) == pytest.approx(extent[1], abs=1e-6)
+    mesh = trimesh.Trimesh(points, faces)
+    assert (mesh.area_faces > 0).all()
+    if kind == "Plane":
+        assert mesh.face_normals == pytest.approx(np.eye(3)["XYZ".index(axis)][None].repeat(2, 0))
+    else:
+        assert mesh.is_watertight
+        assert mesh.volume > 0
+    if kind in ("Cone", "Cylinder_1", "Capsule_1"):
+        assert mesh.center_mass["XYZ".index(axis)] < -0.1
