@@ -179,12 +179,22 @@ def _verdicts(ablation: Ablation) -> list[str]:
             if short:
                 text += f"Not reached by: {', '.join(short)}."
         else:
-            text += f", short of the +10 asked for. {_why(ablation.rows[best], reached)}"
+            text += f", short of the +10 asked for. {_why(ablation.rows[best], reached, constant)}"
         lines.append(text.rstrip())
     return lines
 
 
-def _why(row: Row, reached: float) -> str:
+def _why(row: Row, reached: float, constant: float) -> str:
+    left = 1 - constant
+    if left < 2 * MARGIN:
+        return (
+            f"All other actions are only {100 * left:.1f} % of the steps, so +10 would be most of "
+            f"what can be gained. {_fit(row, reached)}"
+        )
+    return _fit(row, reached)
+
+
+def _fit(row: Row, reached: float) -> str:
     fitted = over_seeds([Summary.of(run).action for run in row.training]).mean
     episodes = sum(len(source.selection) for source in row.plan.sources)
     if fitted - reached > MARGIN:
