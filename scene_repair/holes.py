@@ -30,6 +30,8 @@ FLOORED_WALLS_SHARE = 0.5
 CEILED_SHARE = 0.6
 # A gap walled in along this share of its rim is a shaft, a courtyard or a wall's inside …
 WALLED_SHARE = 0.8
+# What lies between a wall's faces has them along this share of its rim at least.
+BETWEEN_FACES_SHARE = 0.5
 # … unless something stands in it that is thicker than a wall: a wardrobe.
 WALL_THICKNESS_M = 0.3
 # Walls, lintels and the outside make up this share of the rim of a window's niche: where a sill is
@@ -274,7 +276,8 @@ def _judge(rim: _Rim, ceiled: bool, floored: bool) -> tuple[bool, str, str]:
         return False, "wall", f"a sill lies over {100 * rim.structure:.0f} %"
     walled = rim.wall >= WALLED_SHARE or rim.floor < 0.03
     if rim.thickness_m < WALL_THICKNESS_M:
-        if walled and floored:
+        # Real walls: a strip of a courtyard between bridged walls has no floor around it, either.
+        if walled and floored and rim.wall >= BETWEEN_FACES_SHARE:
             return True, "at a wall", "under a wall, in a scan whose floors run on under walls"
         if walled:
             return False, "wall", f"walled in along {100 * rim.wall:.0f} %, as thin as a wall"
