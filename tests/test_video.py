@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import av
@@ -137,6 +140,35 @@ def test_the_same_frames_give_the_same_bytes(tmp_path: Path) -> None:
     for kind in ("rgb", "depth"):
         first, second = (tmp_path / f"{kind}_{n}.mp4" for n in "ab")
         assert first.read_bytes() == second.read_bytes()
+
+
+ENCODE = """
+import sys
+from pathlib import Path
+from tests.test_video import RANGE, depth_frames, rgb_frames
+from vlnpe.formats.video import CLIP_CODEC, WATCH_CODEC, write_depth_video, write_rgb_video
+for codec in ("h264", CLIP_CODEC, WATCH_CODEC):
+    write_rgb_video(Path("a.mp4"), rgb_frames(14, 150, 200), 4, codec)
+    sys.stdout.buffer.write(Path("a.mp4").read_bytes())
+write_depth_video(Path("a.mp4"), depth_frames(14, 150, 200), 4, RANGE)
+sys.stdout.buffer.write(Path("a.mp4").read_bytes())
+"""
+
+
+def test_bytes_do_not_depend_on_what_memory_held_before(tmp_path: Path) -> None:
+    root = Path(__file__).resolve().parents[1]
+    encoded = [
+        subprocess.run(
+            [sys.executable, "-c", ENCODE],
+            cwd=tmp_path,
+            # glibc fills fresh memory with this byte, inverted.
+            env=os.environ | {"MALLOC_PERTURB_": fill, "PYTHONPATH": str(root)},
+            stdout=subprocess.PIPE,
+            check=True,
+        ).stdout
+        for fill in ("0", "90", "201")
+    ]
+    assert encoded[0] == encoded[1] == encoded[2]
 
 
 @pytest.mark.parametrize(
