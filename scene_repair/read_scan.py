@@ -86,7 +86,6 @@ def _picture(
         warnings.append(f"reference {look.texture!r} leaves the scan's folder; ignored")
         return None
     try:
-        # A package is no smaller than any of its members: they lie in it uncompressed.
         if not look.member and path.stat().st_size > MAX_BYTES:
             warnings.append(f"picture {path.name} is larger than {MAX_BYTES >> 30} GiB")
             return None

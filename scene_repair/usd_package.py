@@ -7,7 +7,7 @@ from pathlib import Path, PurePosixPath
 
 from ..formats.errors import FileFormatError
 
-MAX_MEMBERS = 100_000
+MAX_MEMBERS, MAX_MEMBER_BYTES = 100_000, 2 << 30
 
 
 def check_package(path: Path) -> list[str]:
@@ -49,10 +49,13 @@ def read_member(path: Path, name: str) -> bytes:
     """One member's bytes; the package must have been checked.
 
     Raises:
-        FileFormatError: there is no such member, or it is damaged.
+        FileFormatError: there is no such member, or it is damaged or larger than 2 GiB.
     """
     try:
         with zipfile.ZipFile(path) as package:
+            size = package.getinfo(name).file_size
+            if size > MAX_MEMBER_BYTES:
+                raise ValueError(f"{size:,} bytes are too many")
             return package.read(name)
     except Exception as error:
         raise FileFormatError(path, f"member {name!r} cannot be read: {error}") from error

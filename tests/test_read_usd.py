@@ -17,10 +17,12 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, UsdShade, UsdUtils
 from tests.support import scans
 from tests.support.damage import USDA
 from vlnpe.formats.errors import FileFormatError
-from vlnpe.scene_repair import read_usd, reader_child
+from vlnpe.scene_repair import read_scan as read_scan_module
+from vlnpe.scene_repair import read_usd, reader_child, usd_package
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.orient import orient
 from vlnpe.scene_repair.read_scan import read_scan, scan_of
+from vlnpe.scene_repair.readings import LookRef
 from vlnpe.scene_repair.repair import repair_scene
 from vlnpe.scene_repair.scan import Scan
 from vlnpe.scene_repair.usd_shapes import simple_shape
@@ -603,3 +605,23 @@ def test_plain_shapes_fill_the_extent_that_usd_tells(kind: str, axis: str) -> No
         assert mesh.volume > 0
     if kind in ("Cone", "Cylinder_1", "Capsule_1"):
         assert mesh.center_mass["XYZ".index(axis)] < -0.1
+
+
+def test_enormous_picture_files_leave_the_colour(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Image.new("RGB", (8, 8), (255, 0, 0)).save(tmp_path / "paint.png")
+    with zipfile.ZipFile(tmp_path / "scene.usdz", "w") as package:
+        package.write(tmp_path / "paint.png", "paint.png")
+    looks = [
+        LookRef("a", (1.0, 0.0, 0.0), str(tmp_path / "paint.png")),
+        LookRef("b", (1.0, 0.0, 0.0), str(tmp_path / "scene.usdz"), "paint.png"),
+    ]
+    folder, warnings = tmp_path.resolve(), []
+    found = read_scan_module._materials(folder, looks, warnings)
+    assert all(m.image is not None for m in found)
+    monkeypatch.setattr(read_scan_module, "MAX_BYTES", 10)
+    monkeypatch.setattr(usd_package, "MAX_MEMBER_BYTES", 10)
+    found = read_scan_module._materials(folder, looks, warnings)
+    assert all(m.image is None for m in found)
+    assert len(warnings) == 2
