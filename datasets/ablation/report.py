@@ -189,15 +189,16 @@ def _why(row: Row, reached: float, constant: float) -> str:
     if left < 2 * MARGIN:
         return (
             f"All other actions are only {100 * left:.1f} % of the steps, so +10 would be most of "
-            f"what can be gained. {_fit(row, reached)}"
+            f"what can be gained. {_fit(row, reached, left / 2)}"
         )
-    return _fit(row, reached)
+    return _fit(row, reached, MARGIN)
 
 
-def _fit(row: Row, reached: float) -> str:
+def _fit(row: Row, reached: float, much: float) -> str:
+    """Whether it lacks data or training: it lacks data if it does `much` better on what it saw."""
     fitted = over_seeds([Summary.of(run).action for run in row.training]).mean
     episodes = sum(len(source.selection) for source in row.plan.sources)
-    if fitted - reached > MARGIN:
+    if fitted - reached > much:
         return (
             f"It gets {100 * fitted:.1f} % of its training steps right, so it fits what it has "
             f"seen, and {episodes} episodes are too few to carry over: collect more."
