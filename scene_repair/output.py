@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from ..formats.atomic import write_json
 from ..formats.digest import file_digest
-from ..formats.errors import FileFormatError
 from ..formats.grid import GridSpec
 from ..formats.scene_bundle import SceneBundle, VisualMesh, load_bundle, save_bundle
 from .collision import LevelCollision
@@ -26,7 +25,6 @@ from .pictures import GREEN, GREY, RED, mark_holes, view_from_above, write_pictu
 from .scan import Scan, ScanMaterial
 from .semantics import labelled_objects
 from .shading import Looks
-from .side_files import LICENCE_NAMES, MAX_LICENCE_BYTES, side_file
 from .textures import write_materials
 from .usd_scene import UsdContent, write_usd
 from .verify import RECORD_NAME, verify_scene
@@ -102,7 +100,7 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
     facts = {
         "path": source.name,
         "sha256": file_digest(source),
-        "licence": repaired.scan.licence or licence_beside(source),
+        "licence": repaired.scan.licence,
         **way.evidence,
     }
     write_usd(
@@ -189,20 +187,3 @@ def _write_pictures(repaired: Repaired, out_dir: Path, scene_id: str, width_px: 
             [*legend, ("left open", GREY)],
             out_dir / f"{name}.png",
         )
-
-
-def licence_beside(source: Path) -> str:
-    """Text of the licence file beside the source, empty if there is none.
-
-    Raises:
-        FileFormatError: no text, too large, or a link out of the folder.
-    """
-    for name in (pattern.format(stem=source.stem) for pattern in LICENCE_NAMES):
-        data = side_file(source.parent, name, MAX_LICENCE_BYTES)
-        if data is not None:
-            try:
-                return data.decode()
-            except UnicodeDecodeError as error:
-                path = source.with_name(name)
-                raise FileFormatError(path, "licence is not text in UTF-8") from error
-    return ""

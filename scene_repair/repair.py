@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ from .read_scan import read_scan
 from .scan import ScanObject
 from .scan_labels import label_scan
 from .semantics import label_by_boxes, not_floor, structural
+from .side_files import licence_beside
 from .surfaces import find_surfaces
 from .verify import probe_level
 from .world_mesh import WorldMesh
@@ -58,7 +60,7 @@ def repair_scene(
         The bundle as it was written.
 
     Raises:
-        FileFormatError: the file is missing, damaged or holds no mesh.
+        FileFormatError: the file or one beside it is missing, damaged or holds no mesh.
         SceneError: it holds a mesh, but no building with a floor.
     """
     config = config or RepairConfig()
@@ -66,6 +68,7 @@ def repair_scene(
     source = Path(source)
     tell(f"reading {source.name}")
     scan = read_scan(source)
+    scan = replace(scan, licence=scan.licence or licence_beside(source))
     scan, boxes = label_scan(source, scan)
     way = orient(scan, config)
     scan = label_by_boxes(scan, boxes, way.source_to_world)

@@ -36,3 +36,20 @@ def side_file(folder: Path, name: str, max_bytes: int) -> bytes | None:
         return target.read_bytes()
     except (OSError, RuntimeError) as error:
         raise FileFormatError(path, f"cannot be read: {error}") from error
+
+
+def licence_beside(source: Path) -> str:
+    """Text of the licence file beside the source, empty if there is none.
+
+    Raises:
+        FileFormatError: no text, too large, or a link out of the folder.
+    """
+    for name in (pattern.format(stem=source.stem) for pattern in LICENCE_NAMES):
+        data = side_file(source.parent, name, MAX_LICENCE_BYTES)
+        if data is not None:
+            try:
+                return data.decode()
+            except UnicodeDecodeError as error:
+                path = source.with_name(name)
+                raise FileFormatError(path, "licence is not text in UTF-8") from error
+    return ""

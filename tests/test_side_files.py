@@ -11,10 +11,10 @@ from tests.support import scans
 from vlnpe.formats.errors import FileFormatError
 from vlnpe.pipeline.stages import repair
 from vlnpe.scene_repair.label_files import read_labels
-from vlnpe.scene_repair.output import licence_beside
 from vlnpe.scene_repair.read_scan import read_scan
+from vlnpe.scene_repair.repair import repair_scene
 from vlnpe.scene_repair.scan_labels import label_scan
-from vlnpe.scene_repair.side_files import side_file, side_names
+from vlnpe.scene_repair.side_files import licence_beside, side_file, side_names
 
 
 @pytest.mark.parametrize("name", side_names(Path("home.glb")))
@@ -121,3 +121,18 @@ def test_source_digest_follows_side_files_and_stops_in_crowds(
     monkeypatch.setattr(repair, "MAX_BESIDE", 5)
     with pytest.raises(FileFormatError, match="more than 5 files"):
         repair.source_digest(source)
+
+
+def test_a_scene_takes_its_licence_from_the_folder_or_nothing_is_made(tmp_path: Path) -> None:
+    (tmp_path / "secret").write_text("secret")
+    folder, out = tmp_path / "scan", tmp_path / "out"
+    folder.mkdir()
+    out.mkdir()
+    source = scans.write_glb(scans.room(), folder / "home.glb")
+    (folder / "LICENSE").symlink_to(tmp_path / "secret")
+    with pytest.raises(FileFormatError, match="leaves the scan's folder"):
+        repair_scene(source, out)
+    assert not list(out.iterdir())
+    (folder / "LICENSE").unlink()
+    (folder / "LICENSE").write_text("CC-BY-4.0")
+    assert repair_scene(source, out).source["licence"] == "CC-BY-4.0"
