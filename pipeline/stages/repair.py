@@ -74,9 +74,7 @@ def source_digest(source: Path) -> str:
     if not source.exists():
         raise FileFormatError(source, "no such file")
     if not source.is_file():
-        raise FileFormatError(
-            source, "is a folder; valid: one scan, or SCENES=<folder>"
-        )
+        raise FileFormatError(source, "is a folder; valid: one scan, or SCENES=<folder>")
     parts: list[object] = [source.name, file_digest(source)]
     for name in side_names(source):
         beside = source.with_name(name)
