@@ -14,7 +14,16 @@ HOUSE_NAME, MAX_HOUSE_BYTES = "{stem}.house", 256 << 20
 
 def side_names(source: Path) -> list[str]:
     """Names of all files beside the scan `source` that are read with it if they are there."""
-    return [n.format(stem=source.stem) for n in (LABELS_NAME, HOUSE_NAME, *LICENCE_NAMES)]
+    stem = source.stem
+    return [LABELS_NAME.format(stem=stem), HOUSE_NAME.format(stem=stem), *licence_names(stem)]
+
+
+def licence_names(stem: str) -> list[str]:
+    """Names a licence may have, the nearest first: `quest_room` may be under `LICENSE.quest`."""
+    own = [pattern.format(stem=stem) for pattern in LICENCE_NAMES]
+    ends = [k for k, letter in enumerate(stem) if letter in "_-" and k > 0]
+    family = [LICENCE_NAMES[0].format(stem=stem[:k]) for k in reversed(ends)]
+    return [*own[:-1], *family, own[-1]]
 
 
 def side_file(folder: Path, name: str, max_bytes: int) -> bytes | None:
@@ -44,7 +53,7 @@ def licence_beside(source: Path) -> str:
     Raises:
         FileFormatError: no text, too large, or a link out of the folder.
     """
-    for name in (pattern.format(stem=source.stem) for pattern in LICENCE_NAMES):
+    for name in licence_names(source.stem):
         data = side_file(source.parent, name, MAX_LICENCE_BYTES)
         if data is not None:
             try:

@@ -36,6 +36,21 @@ def test_links_inside_the_folder_are_read(tmp_path: Path) -> None:
     assert licence_beside(tmp_path / "home.glb") == "MIT"
 
 
+@pytest.mark.parametrize(
+    ("beside", "expected"),
+    [
+        (["LICENSE", "LICENSE.home", "LICENSE.home_2"], "LICENSE.home_2"),
+        (["LICENSE", "LICENSE.home", "LICENSE.ho"], "LICENSE.home"),
+        (["LICENSE", "LICENSE.other"], "LICENSE"),
+        (["LICENSE.other"], ""),
+    ],
+)
+def test_the_nearest_licence_counts(tmp_path: Path, beside: list[str], expected: str) -> None:
+    for name in beside:
+        (tmp_path / name).write_text(name)
+    assert licence_beside(tmp_path / "home_2.glb") == expected
+
+
 def test_side_files_are_bounded(tmp_path: Path) -> None:
     assert side_file(tmp_path, "a", 10) is None
     (tmp_path / "a").write_bytes(bytes(11))
