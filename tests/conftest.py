@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -13,11 +14,21 @@ from vlnpe.formats.scheduling import ordinary_threads
 SHARED_SCENES = Path(__file__).resolve().parents[2] / "shared" / "scenes"
 
 
+@pytest.fixture(scope="session")
+def _make_threads_ordinary() -> Iterator[Callable[[], None]]:
+    with ordinary_threads() as restore:
+        yield restore
+
+
 @pytest.fixture(autouse=True)
-def _threads_stay_ordinary():
-    """LeRobot's writer, too, lets SVT-AV1 make this process real-time, which starves all others."""
-    with ordinary_threads():
-        yield
+def _threads_stay_ordinary(_make_threads_ordinary: Callable[[], None]) -> Iterator[None]:
+    """LeRobot's writer, too, lets SVT-AV1 make this process real-time, which starves all others.
+
+    Before each test as well: fixtures of modules run earlier.
+    """
+    _make_threads_ordinary()
+    yield
+    _make_threads_ordinary()
 
 
 @pytest.fixture(scope="session")

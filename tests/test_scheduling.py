@@ -31,7 +31,7 @@ def test_no_encoder_makes_this_process_real_time(tmp_path, codec):
 
     write_rgb_video(tmp_path / "a.mp4", frames(), 4, codec)
     # Also while it encodes: frames are made by processes and threads that start meanwhile.
-    assert set.union(*seen, policies()) == {os.SCHED_OTHER}
+    assert not set.union(*seen, policies()) & {os.SCHED_FIFO, os.SCHED_RR}
 
 
 def test_a_thread_that_becomes_real_time_is_made_ordinary():
