@@ -35,7 +35,7 @@ collect:  ## Collect a dataset: make collect ROBOT=aliengo [SCENE=scan.glb EPISO
 
 train-gait:  ## Train a walking policy: make train-gait ROBOT=aliengo [OUT=folder]
 	@$(SETUP) full
-	@$(BIN)/python -m vlnpe.collectors.locomotion.train "$(ROBOT)" $(if $(OUT),--out "$(OUT)")
+	@$(BIN)/python -m vlnpe.collectors.gait_training.train "$(ROBOT)" $(if $(OUT),--out "$(OUT)")
 
 test:  ## Run all tests (installs the full environment with torch and lerobot)
 	@$(SETUP) full

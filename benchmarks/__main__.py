@@ -18,8 +18,8 @@ from pathlib import Path
 import mujoco
 
 from benchmarks import chain, load, mcap, physics, render, write
-from vlnpe.formats.scene_bundle import SceneBundle, load_bundle
-from vlnpe.pipeline.executors import available_cores
+from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
+from vlnpe.pipeline.engine.executors import available_cores
 
 ROOT = Path(__file__).resolve().parents[1]
 SCANS = (ROOT.parent / "shared" / "scenes" / "small_house.glb",)

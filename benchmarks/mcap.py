@@ -22,7 +22,7 @@ from vlnpe.formats.convert.episodes import mcap_from_unit, unit_from_mcap
 from vlnpe.formats.mcap.episode import write_episode_mcap
 from vlnpe.formats.mcap.recording import Contents, open_recording, read_recording
 from vlnpe.formats.mcap.rollout import read_rollout
-from vlnpe.pipeline.ledger import Ledger
+from vlnpe.pipeline.engine.ledger import Ledger
 
 EPISODES = 6
 ROUNDS = 3

@@ -13,8 +13,8 @@ from vlnpe.collectors.drives import gait_for
 from vlnpe.collectors.replay import ReplayConfig, replay_in
 from vlnpe.collectors.robots import POLICY_DECIMATION, ROBOTS, TIMESTEP_S, RobotHandles, RobotSpec
 from vlnpe.collectors.world import open_world
-from vlnpe.formats.episode import Episode
-from vlnpe.formats.scene_bundle import SceneBundle
+from vlnpe.formats.core.episode import Episode
+from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.trajectory_sampler.config import SampleConfig
 from vlnpe.trajectory_sampler.sampling import sample_episodes
 

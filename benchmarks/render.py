@@ -9,14 +9,14 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from vlnpe.collectors.rendering.gl_probe import graphics_card, why_no_gl
+from vlnpe.collectors.rendering.camera.rollout_views import RolloutFrames
+from vlnpe.collectors.rendering.camera.views import make_view
+from vlnpe.collectors.rendering.gl.probe import graphics_card, why_no_gl
 from vlnpe.collectors.rendering.interface import Renderer
 from vlnpe.collectors.rendering.registry import make_renderer
-from vlnpe.collectors.rendering.rollout_views import RolloutFrames
-from vlnpe.collectors.rendering.views import make_view
+from vlnpe.formats.core.rollout import Rollout
 from vlnpe.formats.mcap.rollout import read_rollout
-from vlnpe.formats.rollout import Rollout
-from vlnpe.formats.scene_bundle import load_bundle
+from vlnpe.formats.scene.bundle import load_bundle
 
 SIZES = ((224, 224), (256, 256), (640, 480))
 ROLLOUTS = 2

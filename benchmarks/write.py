@@ -24,12 +24,12 @@ from typing import Any
 
 import numpy as np
 
-from vlnpe.formats.frame_folder import FrameFolder, read_frame_folder
-from vlnpe.formats.frame_table import build_frame_table
-from vlnpe.formats.image_counts import new_depth_counts, new_rgb_counts
 from vlnpe.formats.lerobot import assemble_dataset, write_episode_unit
 from vlnpe.formats.mcap.rollout import read_rollout
-from vlnpe.formats.video import (
+from vlnpe.formats.rendered.folder import FrameFolder, read_frame_folder
+from vlnpe.formats.rendered.image_counts import new_depth_counts, new_rgb_counts
+from vlnpe.formats.rendered.table import build_frame_table
+from vlnpe.formats.video.mp4 import (
     DEPTH_CODEC,
     RGB_CODECS,
     read_depth_video,
@@ -37,8 +37,8 @@ from vlnpe.formats.video import (
     write_depth_video,
     write_rgb_video,
 )
-from vlnpe.pipeline.executors import available_cores
-from vlnpe.pipeline.ledger import Ledger
+from vlnpe.pipeline.engine.executors import available_cores
+from vlnpe.pipeline.engine.ledger import Ledger
 
 EPISODES = 24
 ROUNDS = 2

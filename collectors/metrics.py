@@ -17,10 +17,10 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.distance import cdist
 
-from ..formats.episode import Episode
-from ..formats.freemap import AGENT_RADIUS_M, DistanceField, Freemap
-from ..formats.planning import path_length
-from ..formats.rollout import STATE_RATE_HZ, EndReason, Metrics
+from ..formats.core.episode import Episode
+from ..formats.core.rollout import STATE_RATE_HZ, EndReason, Metrics
+from ..formats.scene.freemap import AGENT_RADIUS_M, DistanceField, Freemap
+from ..wayfinding.planning import path_length
 from .polyline import space_evenly
 
 ACTION_RATE_HZ = 4

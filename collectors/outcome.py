@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from ..formats.rollout import EndReason
+from ..formats.core.rollout import EndReason
 from .robots import POLICY_DECIMATION
 from .world import World
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..formats.frames import quat_to_matrix
-from ..formats.rollout import STATE_RATE_HZ
+from ..formats.core.frames import quat_to_matrix
+from ..formats.core.rollout import STATE_RATE_HZ
 from .world import World
 
 Array = NDArray[np.float64]

@@ -19,24 +19,10 @@ from typing import Any, cast
 import mujoco
 import numpy as np
 
-from ..formats.episode import Episode
-from ..formats.rollout import (
-    STATE_RATE_HZ,
-    Action,
-    ActionSpan,
-    EndReason,
-    Event,
-    Rollout,
-)
-from ..formats.scene_bundle import SceneBundle
-from .controllers import (
-    STOPPED,
-    Controller,
-    Pose,
-    Task,
-    Teleporter,
-    controller_for,
-)
+from ..formats.core.episode import Episode
+from ..formats.core.rollout import STATE_RATE_HZ, Action, ActionSpan, EndReason, Event, Rollout
+from ..formats.scene.bundle import SceneBundle
+from .controllers import STOPPED, Controller, Pose, Task, Teleporter, controller_for
 from .locomotion import GaitPolicy
 from .metrics import rollout_metrics
 from .outcome import OutcomeWatch

@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ..formats.errors import InputError
-from ..formats.frames import quat_to_yaw
+from ..formats.core.errors import InputError
+from ..formats.core.frames import quat_to_yaw
 from .drives import gait_for
 from .locomotion.policy import GaitPolicy
 from .robots import POLICY_DECIMATION, TIMESTEP_S, RobotHandles, RobotSpec

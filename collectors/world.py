@@ -11,8 +11,8 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..formats.freemap import Freemap
-from ..formats.scene_bundle import SceneBundle
+from ..formats.scene.bundle import SceneBundle
+from ..formats.scene.freemap import Freemap
 from .controllers import Pose
 from .drives import gait_for
 from .physics import FloorSurface, LevelModelConfig, ObstacleGate, level_model

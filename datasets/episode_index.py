@@ -11,7 +11,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ..formats.errors import FileFormatError
+from ..formats.core.errors import FileFormatError
 from ..formats.lerobot.layout import DATA_PATH, INFO_PATH, VIDEO_PATH, FilePlace
 
 # Of meta/episodes' 250 columns those that loaders and mixtures ask for; statistics stay on disk.

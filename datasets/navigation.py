@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch.utils.data import Dataset
 
-from ..formats.errors import InputError, UnknownNameError
+from ..formats.core.errors import InputError, UnknownNameError
 from ..formats.lerobot.layout import DEPTH_KEY, RGB_KEY
 from .episode_index import EpisodeEntry, read_index
 from .episode_reader import EpisodeReader

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..formats.frames import quat_to_yaw, wrap_angle
+from ..formats.core.frames import quat_to_yaw, wrap_angle
 
 
 def planar_poses(state: NDArray) -> NDArray[np.float64]:

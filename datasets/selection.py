@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..formats.errors import InputError
+from ..formats.core.errors import InputError
 from .episode_index import DatasetIndex, EpisodeEntry, read_index
 
 # What tells an episode from all others, and what it says.

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from torch.nn.utils.rnn import PackedSequence, pack_padded_sequence
 from torch.utils.data import Dataset
 
-from ..formats.errors import InputError
-from ..formats.frame_table import DISCRETE_RATE, stop_only_at_end
+from ..formats.core.errors import InputError
+from ..formats.rendered.table import DISCRETE_RATE, stop_only_at_end
 from .episode_reader import EpisodeReader
 from .poses import future_poses, planar_poses, relative
 from .selection import Selection, check_frame_rate

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..formats.errors import FileFormatError
-from ..formats.vlnce import read_vlnce
-from ..formats.vocabulary import PAD, UNKNOWN, Vocabulary
+from ..formats.core.errors import FileFormatError
+from ..formats.vlnce.files import read_vlnce
+from ..formats.vlnce.vocabulary import PAD, UNKNOWN, Vocabulary
 
 LONG, SHORT = 200, 80  # what VLN-CE pads to, and what R2R's agents without a simulator do
 

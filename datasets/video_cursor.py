@@ -12,7 +12,7 @@ import av
 from av.error import FFmpegError
 from av.video.stream import VideoStream
 
-from ..formats.errors import FileFormatError
+from ..formats.core.errors import FileFormatError
 
 # Decoding on over this many unwanted frames is cheaper than seeking: key frames are 2 apart.
 _NEAR = 2

@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch.utils.data import Dataset
 
-from ..formats.errors import InputError
+from ..formats.core.errors import InputError
 from .episode_index import EpisodeEntry
 from .episode_reader import EpisodeReader
 from .poses import planar_poses, relative

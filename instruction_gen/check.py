@@ -6,10 +6,10 @@ import re
 
 import numpy as np
 
-from ..formats.episode import Episode
-from ..formats.planning import resample
-from ..formats.regions import ROOM_OF_OBJECT, ROOM_PREFIX, RegionMap, region_map
-from ..formats.scene_bundle import LabeledObject, SceneBundle
+from ..formats.core.episode import Episode
+from ..formats.scene.bundle import LabeledObject, SceneBundle
+from ..wayfinding.planning import resample
+from ..wayfinding.regions import ROOM_OF_OBJECT, ROOM_PREFIX, RegionMap, region_map
 from .actions import find_turns, route_of
 from .records import Instruction
 

@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..formats.episode import Episode
-from ..formats.regions import RegionMap, region_map
-from ..formats.scene_bundle import SceneBundle
+from ..formats.core.episode import Episode
+from ..formats.scene.bundle import SceneBundle
+from ..wayfinding.regions import RegionMap, region_map
 from . import phrases
 from .actions import RoomChange, Route, Turn, route_of
 from .landmarks import STOP_M, Sighting, sightings

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..formats.episode import Episode
-from ..formats.errors import InputError, UnknownNameError
-from ..formats.regions import RegionMap, region_map
-from ..formats.scene_bundle import SceneBundle, load_bundle
-from ..formats.vlnce import scene_stem
+from ..formats.core.episode import Episode
+from ..formats.core.errors import InputError, UnknownNameError
+from ..formats.scene.bundle import SceneBundle, load_bundle
+from ..formats.vlnce.files import scene_stem
+from ..wayfinding.regions import RegionMap, region_map
 from .check import check_instruction
 from .compose import OFFLINE, compose_instruction
 from .records import InstructConfig, Instruction

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..formats.planning import resample
-from ..formats.regions import ROOM_PREFIX, RegionMap
-from ..formats.scene_bundle import LabeledObject, SceneBundle
+from ..formats.scene.bundle import LabeledObject, SceneBundle
+from ..wayfinding.planning import resample
+from ..wayfinding.regions import ROOM_PREFIX, RegionMap
 
 # Parts of the building, things too common or too flat to steer by, and collections of parts.
 # fmt: off

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..formats.errors import UnknownNameError
+from ..formats.core.errors import UnknownNameError
 
 STYLES = ("mixed", "concise", "detailed")
 

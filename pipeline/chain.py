@@ -8,18 +8,18 @@ from pathlib import Path
 from typing import Any
 
 from ..collectors.controllers import SpeedConfig
-from ..collectors.rendering.extras import Extras
-from ..collectors.rendering.views import View
-from ..formats.episode import Episode
-from ..formats.errors import InputError
+from ..collectors.rendering.camera.extras import Extras
+from ..collectors.rendering.camera.views import View
+from ..formats.core.episode import Episode
+from ..formats.core.errors import InputError
 from ..instruction_gen.records import InstructConfig
 from ..scene_repair.config import RepairConfig
 from ..trajectory_sampler.sampling import SampleConfig
 from .crews import action_timing
+from .engine.ledger import Row
+from .engine.run_folder import RunFolder
+from .engine.runner import Context, StageSummary, WorkItem, run_stage
 from .kept_robots import kept
-from .ledger import Row
-from .run_folder import RunFolder
-from .runner import Context, StageSummary, WorkItem, run_stage
 from .stages import align, episodes, export, render, repair, replay, scans
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Union
 
 import tyro
 
-from ..formats.errors import InputError, VlnpeError
+from ..formats.core.errors import InputError, VlnpeError
 from .commands import ablate, chain, collect, convert, look, mix, push, robots, rollouts
 
 # Verb → (options record, function that runs it). Order is the chain's order.

@@ -4,16 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ..collectors.controllers import (
-    CONTROLLERS,
-    SpeedConfig,
-    get_controller,
-    valid_controllers,
-)
+from ..collectors.controllers import CONTROLLERS, SpeedConfig, get_controller, valid_controllers
 from ..collectors.controllers.expert import FORWARD_M, TURN_RAD
 from ..collectors.controllers.speed import SpeedController
 from ..collectors.robots import ROBOTS, TIMESTEP_S, RobotSpec, get_robot
-from ..formats.errors import InputError
+from ..formats.core.errors import InputError
 
 ALL, AUTO = "all", "auto"
 USUAL = "path"  # what `auto` means for whatever has a body

@@ -6,8 +6,8 @@ import shutil
 from pathlib import Path
 
 from ..collectors.robots import RobotSpec
-from ..collectors.robots.folder import folder_digest, folder_files
-from ..formats.atomic import atomic_folder
+from ..collectors.robots.folder.load import folder_digest, folder_files
+from ..formats.core.atomic import atomic_folder
 
 FOLDER = "robots"
 

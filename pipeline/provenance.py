@@ -9,12 +9,12 @@ from dataclasses import asdict
 from importlib.metadata import version
 from typing import Any
 
-from ..formats.digest import file_digest
+from ..formats.core.digest import file_digest
+from ..formats.core.rollout import Rollout
 from ..formats.lerobot.splits import held_out_scenes
-from ..formats.rollout import Rollout
-from ..formats.scene_bundle import SceneBundle
-from ..formats.video import DEPTH_CODEC, RGB_CODECS
-from .keys import PACKAGE_ROOT, code_version, digest
+from ..formats.scene.bundle import SceneBundle
+from ..formats.video.mp4 import DEPTH_CODEC, RGB_CODECS
+from .engine.keys import PACKAGE_ROOT, code_version, digest
 
 ROOMS = ("collectors", "formats", "instruction_gen", "scene_repair", "trajectory_sampler")
 # Facts of a rollout that tell how it was made, not what happened in it.

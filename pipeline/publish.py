@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from ..formats.atomic import TEMPORARY_PREFIX
 from ..formats.convert.dataset import ROLLOUTS_PATH
-from ..formats.digest import file_digest
-from ..formats.errors import FileFormatError, InputError, VlnpeError
+from ..formats.core.atomic import TEMPORARY_PREFIX
+from ..formats.core.digest import file_digest
+from ..formats.core.errors import FileFormatError, InputError, VlnpeError
+from ..formats.core.licences import UNKNOWN, licence_id, may_pass_on, why_not
 from ..formats.lerobot.layout import CODEBASE_VERSION, INFO_PATH, PROVENANCE_PATH
-from ..formats.licences import UNKNOWN, licence_id, may_pass_on, why_not
 
 CARD = "README.md"
 REPO = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*/[A-Za-z0-9][A-Za-z0-9._-]*")

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..collectors.controllers import valid_controllers
+from ..collectors.gait_training.gates import GateResult, gate_results
 from ..collectors.locomotion.card import PolicyCard
-from ..collectors.locomotion.gates import GateResult, gate_results
 from ..collectors.locomotion.policy import GaitPolicy
-from ..collectors.rendering.studio import Sitter
+from ..collectors.rendering.people.studio import Sitter
 from ..collectors.robots import RobotSpec
-from ..formats.errors import FileFormatError
+from ..formats.core.errors import FileFormatError
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..formats.errors import InputError
-from ..scene_repair.kinds import SUFFIXES, USD_SUFFIXES
-from .run_folder import safe_name
+from ..formats.core.errors import InputError
+from ..scene_repair.scan.kinds import SUFFIXES, USD_SUFFIXES
+from .engine.run_folder import safe_name
 
 
 def find_scans(folder: Path) -> dict[str, Path]:

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import TextIO
 
 from .doctor import find_uv
-from .ledger import Ledger
+from .engine.ledger import Ledger
+from .engine.run_folder import RunFolder
+from .engine.runner import StageSummary
 from .report.gather import RobotRow, robot_rows
-from .run_folder import RunFolder
-from .runner import StageSummary
 
 log = logging.getLogger(__name__)
 LEROBOT = "lerobot[viz]==0.6.1"

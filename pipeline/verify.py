@@ -11,14 +11,14 @@ from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from tqdm import tqdm
 
-from ..formats.errors import VlnpeError
+from ..formats.core.errors import VlnpeError
 from ..formats.internnav.reader import find_scenes, read_layout_episode
 from ..formats.mcap.rollout import read_rollout
-from ..formats.scene_bundle import INDEX_NAME, load_bundle
-from ..formats.video_stream import probe_video
-from ..formats.vlnce import read_episodes
-from ..scene_repair.verify import verify_scene
-from .ledger import Ledger, Row
+from ..formats.scene.bundle import INDEX_NAME, load_bundle
+from ..formats.video.stream import probe_video
+from ..formats.vlnce.files import read_episodes
+from ..scene_repair.verify.carrying import verify_scene
+from .engine.ledger import Ledger, Row
 
 
 @dataclass(frozen=True)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from ..collectors.rendering.lights import LIGHTS
+from ..collectors.rendering.camera.views import CameraWishes, View, parse_views
+from ..collectors.rendering.light.lights import LIGHTS
 from ..collectors.rendering.registry import chosen_renderer
-from ..collectors.rendering.views import CameraWishes, View, parse_views
 from ..collectors.robots import RobotSpec
-from ..formats.errors import UnknownNameError
+from ..formats.core.errors import UnknownNameError
 
 ALL = "all"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..formats.errors import UnknownNameError
+from ..formats.core.errors import UnknownNameError
 
 UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
 UNIT_M = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}

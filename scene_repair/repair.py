@@ -11,25 +11,25 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..formats.errors import SceneError
-from ..formats.grid import GridSpec
-from ..formats.scene_bundle import SceneBundle, VisualMesh
-from .bounds import robust_bounds
-from .collision import build_collision
-from .columns import sample_columns
+from ..formats.core.errors import SceneError
+from ..formats.scene.bundle import SceneBundle, VisualMesh
+from ..formats.scene.grid import GridSpec
+from .collide.level_collision import build_collision
 from .config import RepairConfig
-from .level_floor import RepairedFloor, repair_floor
-from .levels import ScannedFloor, averted_faces, find_levels
-from .orient import orient
-from .output import Repaired, write_scene
-from .read_scan import read_scan
-from .scan import ScanObject
-from .scan_labels import label_scan
-from .semantics import label_by_boxes, not_floor, structural
-from .side_files import licence_beside
-from .surfaces import find_surfaces
-from .verify import probe_level
-from .world_mesh import WorldMesh
+from .floor.levels import ScannedFloor, averted_faces, find_levels
+from .floor.repair_level import RepairedFloor, repair_floor
+from .floor.surfaces import find_surfaces
+from .grid.columns import sample_columns
+from .grid.world_mesh import WorldMesh
+from .labels.attach import label_scan
+from .labels.semantics import label_by_boxes, not_floor, structural
+from .orient.bounds import robust_bounds
+from .orient.transform import orient
+from .scan.dispatch import read_scan
+from .scan.record import ScanObject
+from .scan.side_files import licence_beside
+from .verify.carrying import probe_level
+from .write.scene import Repaired, write_scene
 
 log = logging.getLogger(__name__)
 

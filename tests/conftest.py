@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from tests.support.rooms import write_two_rooms
-from vlnpe.formats.scene_bundle import SceneBundle
-from vlnpe.formats.scheduling import ordinary_threads
+from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.formats.video.scheduling import ordinary_threads
 
 SHARED_SCENES = Path(__file__).resolve().parents[2] / "shared" / "scenes"
 

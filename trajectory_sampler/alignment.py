@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..formats.episode import Episode
-from ..formats.frames import HABITAT_TO_WORLD, habitat_to_world_yaw, transform_points
-from ..formats.freemap import AGENT_RADIUS_M, Freemap, nearest_cell
-from ..formats.planning import floor_z, plan_path, segments_free, simplify_path
-from ..formats.scene_bundle import SceneBundle
-from ..formats.vlnce import VlnceEpisode, VlnceFile
+from ..formats.core.episode import Episode
+from ..formats.core.frames import HABITAT_TO_WORLD, habitat_to_world_yaw, transform_points
+from ..formats.scene.bundle import SceneBundle
+from ..formats.scene.freemap import AGENT_RADIUS_M, Freemap, nearest_cell
+from ..formats.vlnce.files import VlnceEpisode, VlnceFile
+from ..wayfinding.planning import floor_z, plan_path, segments_free, simplify_path
 
 Array = NDArray[np.float64]
 

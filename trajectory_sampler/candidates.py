@@ -10,17 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.measure import label
 
-from ..formats.crossings import Crossing, crossings
-from ..formats.freemap import AGENT_RADIUS_M, Freemap
-from ..formats.planning import (
-    PlanConfig,
-    path_length,
-    plan_path,
-    segments_free,
-    simplify_path,
-)
-from ..formats.regions import RegionMap, region_map
-from ..formats.scene_bundle import SceneBundle
+from ..formats.scene.bundle import SceneBundle
+from ..formats.scene.freemap import AGENT_RADIUS_M, Freemap
+from ..wayfinding.crossings import Crossing, crossings
+from ..wayfinding.planning import PlanConfig, path_length, plan_path, segments_free, simplify_path
+from ..wayfinding.regions import RegionMap, region_map
 from .config import SampleConfig
 from .similarity import path_gap
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..formats.errors import InputError
+from ..formats.core.errors import InputError
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ..formats.crossings import DOORWAY_M
-from ..formats.episode import Episode
-from ..formats.errors import SceneError
-from ..formats.frames import wrap_angle
-from ..formats.planning import point_along
-from ..formats.scene_bundle import SceneBundle
+from ..formats.core.episode import Episode
+from ..formats.core.errors import SceneError
+from ..formats.core.frames import wrap_angle
+from ..formats.scene.bundle import SceneBundle
+from ..wayfinding.crossings import DOORWAY_M
+from ..wayfinding.planning import point_along
 from .candidates import Candidate, Level, from_one_start, longest_way, open_level
 from .config import SampleConfig
 

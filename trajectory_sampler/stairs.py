@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..formats.errors import InputError
-from ..formats.vlnce import VlnceFile
+from ..formats.core.errors import InputError
+from ..formats.vlnce.files import VlnceFile
 
 MAX_STEP_M = 0.3  # VLN-PE's public rule
 

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from vlnpe.formats.frames import habitat_to_world_position
-from vlnpe.formats.grid import GridSpec
-from vlnpe.scene_repair.builtin.config import ApartmentConfig, ScanConfig
-from vlnpe.scene_repair.builtin.generate import generate_scan
+from vlnpe.apartments.config import ApartmentConfig, ScanConfig
+from vlnpe.apartments.generate import generate_scan
+from vlnpe.formats.core.frames import habitat_to_world_position
+from vlnpe.formats.scene.grid import GridSpec
 
 from .glb import Glb
 from .plant import Planted, replaced

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import KDTree
 
-from vlnpe.formats.frames import habitat_to_world_position, world_to_habitat_position
-from vlnpe.formats.scene_bundle import SceneBundle
+from vlnpe.formats.core.frames import habitat_to_world_position, world_to_habitat_position
+from vlnpe.formats.scene.bundle import SceneBundle
 
 from .decoys import WALL_M
 from .plant import Planted, PlantedHole, removed_floor

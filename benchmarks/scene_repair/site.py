@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from vlnpe.formats.grid import GridSpec
+from vlnpe.formats.scene.grid import GridSpec
 
 from .glb import Part
 from .vertical import Surfaces, heights_near

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vlnpe.scene_repair.builtin.generate import generate_scan
+from vlnpe.apartments.generate import generate_scan
 
 from .glb import Glb
 from .scenes import APARTMENT, apartment

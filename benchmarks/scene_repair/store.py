@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from vlnpe.formats.atomic import write_json
-from vlnpe.pipeline.keys import code_version, digest
+from vlnpe.formats.core.atomic import write_json
+from vlnpe.pipeline.engine.keys import code_version, digest
 
 from .fillers import FillerScore
 from .plant import PlantedHole

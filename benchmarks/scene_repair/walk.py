@@ -23,10 +23,10 @@ from scipy import ndimage
 from vlnpe.collectors.replay import ReplayConfig, replay_in
 from vlnpe.collectors.robots import RobotSpec, get_robot
 from vlnpe.collectors.world import World, open_world
-from vlnpe.formats.episode import Episode
-from vlnpe.formats.grid import GridSpec
-from vlnpe.formats.rollout import EndReason
-from vlnpe.formats.scene_bundle import SceneBundle
+from vlnpe.formats.core.episode import Episode
+from vlnpe.formats.core.rollout import EndReason
+from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.scene_repair.repair import repair_scene
 
 from .cases import CONFIG

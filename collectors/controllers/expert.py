@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ...formats.rollout import Action
+from ...formats.core.rollout import Action
 from .geometry import RouteCursor, wrap_angle
 from .interface import Pose
 from .route import STEP_M, Route

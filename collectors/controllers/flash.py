@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from ...formats.rollout import Action
+from ...formats.core.rollout import Action
 from .expert import FORWARD_M, TURN_RAD, Expert, ExpertConfig
 from .geometry import wrap_angle
 from .interface import Jump, Pose, Task

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from ...formats.grid import GridSpec
+from ...formats.scene.grid import GridSpec
 
 
 def wrap_angle(angle_rad: float) -> float:

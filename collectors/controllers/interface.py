@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.freemap import Freemap
-from ...formats.rollout import Action
+from ...formats.core.rollout import Action
+from ...formats.scene.freemap import Freemap
 from ..robots import CommandLimits
 
 

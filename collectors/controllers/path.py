@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...formats.planning import plan_path
+from ...wayfinding.planning import plan_path
 from .geometry import RouteCursor, clip, wrap_angle
 from .interface import STOPPED, Decision, Pose, Task
 from .route import STEP_M, Route, make_route, plan_route

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from ...formats.errors import InputError, UnknownNameError
+from ...formats.core.errors import InputError, UnknownNameError
 from ..robots import RobotSpec
 from .flash import FlashConfig, FlashController
 from .interface import Controller, Task, Teleporter

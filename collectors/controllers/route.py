@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...formats.freemap import Freemap
-from ...formats.planning import plan_path, segments_free
+from ...formats.scene.freemap import Freemap
+from ...wayfinding.planning import plan_path, segments_free
 from ..polyline import space_evenly
 
 Array = NDArray[np.float64]

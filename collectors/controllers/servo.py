@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ...formats.rollout import Action
+from ...formats.core.rollout import Action
 from ..robots import CommandLimits
 from .expert import FORWARD_M, TURN_RAD
 from .geometry import clip, wrap_angle

@@ -15,7 +15,7 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
-from ...formats.rollout import Action
+from ...formats.core.rollout import Action
 from ..robots import TIMESTEP_S
 from .expert import FORWARD_M, TURN_RAD, Expert, ExpertConfig
 from .geometry import clip, wrap_angle

@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from ...formats.atomic import write_json
-from ...formats.errors import FileFormatError
+from ...formats.core.atomic import write_json
+from ...formats.core.errors import FileFormatError
 from ..robots import POLICY_DECIMATION, TIMESTEP_S, RobotSpec
 from .gait import FACTORS, GaitClock
 from .observation import layout

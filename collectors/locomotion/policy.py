@@ -12,7 +12,7 @@ import numpy as np
 import onnxruntime
 from numpy.typing import ArrayLike, NDArray
 
-from ...formats.errors import FileFormatError
+from ...formats.core.errors import FileFormatError
 from ..robots import CARD_NAME, POLICY_NAME, RobotHandles, RobotSpec
 from .card import POLICY_FOLDER, PolicyCard, PolicyMismatchError, load_card
 from .quick import QuickStep

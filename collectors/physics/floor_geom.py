@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, maximum_filter
 
-from ...formats.freemap import Freemap
-from ...formats.grid import GridSpec
+from ...formats.scene.freemap import Freemap
+from ...formats.scene.grid import GridSpec
 from .config import LevelModelConfig
 from .floor_surface import FloorSurface
 

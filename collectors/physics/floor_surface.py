@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import distance_transform_edt
 
-from ...formats.scene_bundle import Floor
+from ...formats.scene.bundle import Floor
 
 # Walls stand on cells that no scan covers; feet next to a wall must not fall into a crack there.
 SKIRT_M = 0.3

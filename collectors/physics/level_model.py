@@ -20,7 +20,7 @@ import mujoco
 import numpy as np
 
 from ... import formats
-from ...formats.scene_bundle import Obstacles, SceneBundle
+from ...formats.scene.bundle import Obstacles, SceneBundle
 from ..robots import RobotSpec, apply_physics_options
 from .config import LevelModelConfig
 from .floor_geom import add_floor, walked_heights

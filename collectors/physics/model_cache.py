@@ -10,7 +10,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from ...formats.atomic import atomic_file
+from ...formats.core.atomic import atomic_file
 
 log = logging.getLogger(__name__)
 

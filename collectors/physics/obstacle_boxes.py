@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from ...formats.freemap import Freemap
-from ...formats.scene_bundle import Obstacles
+from ...formats.scene.bundle import Obstacles
+from ...formats.scene.freemap import Freemap
 
 Array = NDArray[np.float64]
 TOUCH_M = 1e-4  # boxes closer than this count as touching

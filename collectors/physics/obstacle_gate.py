@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from ...formats.grid import GridSpec
+from ...formats.scene.grid import GridSpec
 
 OBSTACLE_BIT = 1 << 20  # contype of obstacles, conaffinity of all that may touch them
 # No part moves farther between two looks, 20 ms apart: that would be 5 m/s.

@@ -7,22 +7,22 @@ import functools
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...formats.camera import CameraModel
-from ...formats.frames import quat_to_matrix
-from ...formats.scene_bundle import SceneBundle
-from .edges import add_samples, encode_srgb, find_edges
+from ...formats.core.camera import CameraModel
+from ...formats.core.frames import quat_to_matrix
+from ...formats.scene.bundle import SceneBundle
+from .camera.rays import SUBPIXELS, fill_directions, list_order, subpixel_directions, tile_order
 from .interface import NOTHING, ROBOT, Frame, Pose
-from .kernel_data import LightArrays, Packets
-from .lights import get_light
-from .packets import TILES, PacketScene, lanes, packet
-from .ray_kernel import render_rays
-from .rays import SUBPIXELS, fill_directions, list_order, subpixel_directions, tile_order
-from .robot_body import RobotGeometryPose
-from .robot_trace import RobotTracer, VisibleGeom
-from .scene_arrays import scene_arrays
-from .scene_light import light_arrays, with_lamp
-from .srgb import encode_table
-from .textures import load_materials
+from .kernels.data import LightArrays, Packets
+from .kernels.edges import add_samples, encode_srgb, find_edges
+from .kernels.eye_rays import render_rays
+from .kernels.packets import TILES, PacketScene, lanes, packet
+from .kernels.srgb import encode_table
+from .light.lights import get_light
+from .light.scene_light import light_arrays, with_lamp
+from .scene.arrays import scene_arrays
+from .scene.robot_body import RobotGeometryPose
+from .scene.robot_trace import RobotTracer, VisibleGeom
+from .scene.textures import load_materials
 
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]

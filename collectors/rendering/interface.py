@@ -7,8 +7,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...formats.camera import CameraModel
-from .robot_body import RobotGeometryPose
+from ...formats.core.camera import CameraModel
+from .scene.robot_body import RobotGeometryPose
 
 # Position (3,) [m] and optical quaternion (4,) in the world.
 Pose = tuple[ArrayLike, ArrayLike]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 
-from ...formats.errors import InputError, UnknownNameError
-from ...formats.scene_bundle import SceneBundle
+from ...formats.core.errors import InputError, UnknownNameError
+from ...formats.scene.bundle import SceneBundle
 from .embree import SceneRenderer
-from .gl import GlRenderer
-from .gl_probe import graphics_card, why_no_gl
+from .gl.probe import graphics_card, why_no_gl
+from .gl.renderer import GlRenderer
 from .interface import Renderer
 
 RENDERERS: dict[str, Callable[[SceneBundle, str], Renderer]] = {

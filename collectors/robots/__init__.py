@@ -1,6 +1,6 @@
 """The robots: public facts, own MJCF models of primitive shapes, one registry."""
 
-from .folder import CARD_NAME, POLICY_NAME
+from .folder.load import CARD_NAME, POLICY_NAME
 from .handles import RobotHandles
 from .physics import POLICY_DECIMATION, TIMESTEP_S, apply_physics_options
 from .registry import ROBOTS, get_robot

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.errors import InputError
+from ...formats.core.errors import InputError
 from .spec import RobotSpec
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from ...formats.errors import FileFormatError, InputError, UnknownNameError
-from .aliengo import ALIENGO
-from .folder import load_robot_folder
-from .folder_facts import FACTS_NAME
-from .g1 import G1
-from .h1 import H1
-from .jetbot import JETBOT, jetbot
+from ...formats.core.errors import FileFormatError, InputError, UnknownNameError
+from .aliengo.robot import ALIENGO
+from .folder.facts import FACTS_NAME
+from .folder.load import load_robot_folder
+from .g1.robot import G1
+from .h1.robot import H1
+from .jetbot.robot import JETBOT, jetbot
 from .spec import RobotSpec
 from .vlnce import VLNCE
 

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.camera import CameraModel
+from ...formats.core.camera import CameraModel
 from .drive import WheelDrive
 from .physics import apply_physics_options
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import mujoco
 
-from ...formats.camera import CameraModel
+from ...formats.core.camera import CameraModel
 from .shapes import (
     Color,
     add_camera,

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch.utils.data import Dataset
 
-from ...formats.atomic import atomic_file
+from ...formats.core.atomic import atomic_file
 from ..sequences import EpisodeSequences
 
 _DEPTH_STEP_M = 0.001  # depth is kept in whole millimetres

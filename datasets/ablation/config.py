@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
-from ...formats.errors import InputError, UnknownNameError
+from ...formats.core.errors import InputError, UnknownNameError
 
 ENCODERS = ("compact", "resnet18", "resnet34", "resnet50")
 

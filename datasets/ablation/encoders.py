@@ -9,7 +9,7 @@ from typing import Self
 import torch
 from torch import Tensor, nn
 
-from ...formats.errors import FileFormatError
+from ...formats.core.errors import FileFormatError
 from .config import ModelConfig
 
 # Of the images that torchvision's networks were trained on.

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ...formats.errors import InputError
+from ...formats.core.errors import InputError
 from ..mixture.recipe import Recipe
 
 

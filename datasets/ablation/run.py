@@ -15,11 +15,11 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
-from ...formats import frame_table
-from ...formats.atomic import write_json
-from ...formats.digest import file_digest
-from ...formats.errors import InputError
+from ...formats.core.atomic import write_json
+from ...formats.core.digest import file_digest
+from ...formats.core.errors import InputError
 from ...formats.lerobot.layout import STATS_PATH
+from ...formats.rendered import table as frame_table
 from ..episode_index import episode_tables
 from ..mixture.plan import Library, MixturePlan, choose, plan_mixture
 from ..mixture.recipe import Recipe

@@ -11,7 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from ...formats.atomic import atomic_file
+from ...formats.core.atomic import atomic_file
 from ..mixture.loader import MixtureLoader
 from ..mixture.sampler import MixtureSampler
 from ..selection import joined_digest

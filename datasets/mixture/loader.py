@@ -9,7 +9,7 @@ from typing import Any
 import torch
 from torch.utils.data import DataLoader, Dataset, default_collate
 
-from ...formats.errors import InputError
+from ...formats.core.errors import InputError
 from .sampler import MixtureSampler
 
 Collate = Callable[[list[Any]], Any]

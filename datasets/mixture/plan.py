@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.errors import InputError
+from ...formats.core.errors import InputError
 from ...formats.lerobot.layout import INFO_PATH
 from ..episode_index import DatasetIndex, read_index
 from ..selection import Selection, check_frame_rate, joined_digest, select_all

@@ -23,8 +23,8 @@ from typing import Any
 
 import yaml
 
-from ...formats.errors import FileFormatError, InputError, UnknownNameError
-from ...formats.rollout import EndReason
+from ...formats.core.errors import FileFormatError, InputError, UnknownNameError
+from ...formats.core.rollout import EndReason
 
 VERSION = 1
 OUTCOMES = tuple(str(reason) for reason in EndReason)

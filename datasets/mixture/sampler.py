@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.errors import InputError
+from ...formats.core.errors import InputError
 
 _GOLDEN = (5**0.5 - 1) / 2
 _BLOCK = 4096

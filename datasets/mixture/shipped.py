@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ...formats.errors import InputError
+from ...formats.core.errors import InputError
 
 FOLDER = Path(__file__).resolve().parents[1] / "recipes"
 

@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ..errors import FileFormatError
+from ..core.errors import FileFormatError
 from ..lerobot.episode_columns import EPISODE_COLUMNS
 from ..lerobot.layout import (
     CODEBASE_VERSION,
@@ -24,7 +24,7 @@ from ..lerobot.layout import (
 )
 from ..lerobot.statistics import MOMENTS, QUANTILES
 from ..lerobot.unit_rows import unit_schema
-from ..video_mux import copy_frames
+from ..video.mux import copy_frames
 from .units import UnitParts, write_unit
 
 PICTURES = ("video", "image")

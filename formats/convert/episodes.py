@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from ..atomic import atomic_file, atomic_folder
-from ..errors import FileFormatError
-from ..frame_table import build_frame_table
+from ..core.atomic import atomic_file, atomic_folder
+from ..core.errors import FileFormatError
+from ..core.rollout import Rollout
 from ..lerobot import DatasetSummary, assemble_dataset, read_episode_unit, write_episode_unit
 from ..lerobot.layout import RGB_KEY
 from ..lerobot.unit import EpisodeUnit
@@ -39,7 +39,7 @@ from ..mcap.episode import (
 from ..mcap.facts import METADATA_NAME
 from ..mcap.id_images import extract_id_videos
 from ..mcap.recording import read_recording
-from ..rollout import Rollout
+from ..rendered.table import build_frame_table
 from .dataset import ROLLOUTS_PATH, DatasetFacts, extract_unit, kept_rollout, read_facts
 from .stored_depth import depth_video
 from .unit_mcap import UNIT_METADATA, extract_unit_mcap, write_unit_mcap

@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import CameraModel, DepthRange
-from ..episode import Episode
-from ..frame_folder import FrameFolder
-from ..frame_table import StartFrame
-from ..frames import quat_multiply, quat_to_matrix, yaw_to_quat
+from ..core.camera import CameraModel, DepthRange
+from ..core.episode import Episode
+from ..core.frames import quat_multiply, quat_to_matrix, yaw_to_quat
+from ..core.rollout import Action, ActionSpan, EndReason, Metrics, Rollout
 from ..lerobot.layout import RGB_KEY
 from ..lerobot.unit import EpisodeUnit
-from ..rollout import Action, ActionSpan, EndReason, Metrics, Rollout
+from ..rendered.folder import FrameFolder
+from ..rendered.table import StartFrame
 
 Rows = Mapping[str, NDArray[Any]]
 

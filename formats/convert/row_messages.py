@@ -16,7 +16,7 @@ from google.protobuf.descriptor_pb2 import (
     FileDescriptorSet,
 )
 
-from ..errors import FileFormatError
+from ..core.errors import FileFormatError
 from ..lerobot.layout import Features
 from ..lerobot.unit_rows import number_schema, row_arrays, unit_rows
 from ..mcap.camera_streams import topic_messages

@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import DepthRange
-from ..depth_codes import codes_to_depth
-from ..depth_tiff import decode_depth_tiff
-from ..errors import FileFormatError
+from ..core.camera import DepthRange
+from ..core.errors import FileFormatError
 from ..lerobot.layout import DEPTH_KEY
 from ..lerobot.unit import EpisodeUnit
 from ..lerobot.unit_rows import stores_images
 from ..mcap.depth_images import ANY_NEAR_M, MILLIMETRES, decode_depth
-from ..video import write_depth_video
+from ..video.depth_codes import codes_to_depth
+from ..video.depth_tiff import decode_depth_tiff
+from ..video.mp4 import write_depth_video
 
 
 def depth_range_of(unit: EpisodeUnit) -> DepthRange:

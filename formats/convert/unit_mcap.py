@@ -12,8 +12,8 @@ from typing import Any
 
 import pyarrow as pa
 
-from ..camera import DepthRange
-from ..errors import FileFormatError
+from ..core.camera import DepthRange
+from ..core.errors import FileFormatError
 from ..lerobot.layout import DEPTH_KEY, RGB_KEY, Features
 from ..lerobot.unit import EpisodeUnit, read_episode_unit
 from ..lerobot.unit_rows import row_arrays, stores_images, with_depth_images

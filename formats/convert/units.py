@@ -11,7 +11,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ..atomic import atomic_folder
+from ..core.atomic import atomic_folder
 from ..lerobot.layout import Features
 from ..lerobot.statistics import Statistics, statistics_from_json, statistics_to_json
 from ..lerobot.unit import ROWS, UNIT_INDEX, UNIT_VERSION, EpisodeUnit

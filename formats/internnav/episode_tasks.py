@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import FileFormatError
+from ..core.errors import FileFormatError
 from . import layout
 from .json_files import read_lines
 

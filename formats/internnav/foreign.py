@@ -14,23 +14,23 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from ..camera import CameraModel, DepthRange
 from ..convert.units import UnitParts
-from ..errors import InputError
-from ..frame_table import DISCRETE_RATE, FrameTable, StartFrame, planar_motion
-from ..frames import (
+from ..core.camera import CameraModel, DepthRange
+from ..core.errors import InputError
+from ..core.frames import (
     OPTICAL_IN_BODY,
     matrix_to_quat,
     quat_multiply,
     quat_to_matrix,
     quat_to_yaw,
 )
+from ..core.rollout import EndReason
 from ..lerobot.features import dataset_features
 from ..lerobot.layout import EPISODE_ROWS
 from ..lerobot.statistics import column_statistics
 from ..lerobot.unit_rows import unit_rows
-from ..rollout import EndReason
-from ..video import probe_video
+from ..rendered.table import DISCRETE_RATE, FrameTable, StartFrame, planar_motion
+from ..video.mp4 import probe_video
 from . import layout
 from .reader import LayoutEpisode, SceneFolder
 

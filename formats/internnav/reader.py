@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from ..errors import FileFormatError
+from ..core.errors import FileFormatError
 from . import layout
 from .episode_tasks import read_tasks
 from .json_files import read_json, read_lines

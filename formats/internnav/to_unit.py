@@ -15,14 +15,14 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from ..camera import DepthRange
 from ..convert.units import UnitParts, write_unit
-from ..errors import FileFormatError
-from ..image_counts import new_depth_counts, new_rgb_counts
+from ..core.camera import DepthRange
+from ..core.errors import FileFormatError
 from ..lerobot import layout as v3
 from ..lerobot.statistics import picture_statistics
 from ..lerobot.unit_rows import stores_images, unit_rows, with_depth_images
-from ..video import write_depth_video, write_rgb_video
+from ..rendered.image_counts import new_depth_counts, new_rgb_counts
+from ..video.mp4 import write_depth_video, write_rgb_video
 from . import layout
 from .foreign import DEPTH_RANGE, Assumptions, foreign_parts
 from .reader import LayoutEpisode, SceneFolder, read_layout_episode

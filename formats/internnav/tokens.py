@@ -9,8 +9,8 @@ import zlib
 from collections.abc import Iterable
 from pathlib import Path
 
-from ..errors import FileFormatError
-from ..vocabulary import PAD, UNKNOWN, Vocabulary
+from ..core.errors import FileFormatError
+from ..vlnce.vocabulary import PAD, UNKNOWN, Vocabulary
 from .layout import VOCABULARY_SIZE
 
 log = logging.getLogger(__name__)

@@ -14,19 +14,19 @@ import pyarrow.parquet as pq
 from numpy.lib.format import open_memmap
 from numpy.typing import NDArray
 
-from ..atomic import atomic_folder
 from ..convert.frame_rollout import frame_rollout, frame_view
 from ..convert.stored_depth import depth_range_of, depth_video
 from ..convert.units import UnitParts
-from ..errors import FileFormatError
-from ..frame_table import stop_only_at_end
-from ..frames import OPTICAL_IN_BODY, matrix_to_quat, quat_multiply, quat_to_yaw
+from ..core.atomic import atomic_folder
+from ..core.errors import FileFormatError
+from ..core.frames import OPTICAL_IN_BODY, matrix_to_quat, quat_multiply, quat_to_yaw
+from ..core.rollout import EndReason
 from ..lerobot import layout as v3
 from ..lerobot.unit import EpisodeUnit, read_episode_unit
 from ..lerobot.unit_rows import row_arrays
-from ..rollout import EndReason
-from ..video import iterate_depth_video, iterate_rgb_video
-from ..vocabulary import Vocabulary
+from ..rendered.table import stop_only_at_end
+from ..video.mp4 import iterate_depth_video, iterate_rgb_video
+from ..vlnce.vocabulary import Vocabulary
 from . import layout
 from .layout import AUTOMATIC_COLUMNS, COLUMNS
 

@@ -13,9 +13,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ..atomic import atomic_folder
-from ..errors import FileFormatError
-from ..video import concatenate_videos
+from ..core.atomic import atomic_folder
+from ..core.errors import FileFormatError
+from ..video.mp4 import concatenate_videos
 from .card import FILM_STRIP, CardFacts, dataset_card
 from .film_strip import film_strip, shown_units
 from .layout import (

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..licences import hub_licence, licence_id
+from ..core.licences import hub_licence, licence_id
 from .layout import DEPTH_KEY
 
 FILM_STRIP = "film_strip.png"

@@ -8,9 +8,9 @@ from typing import Any
 
 import pyarrow as pa
 
-from ..camera import CameraModel, DepthRange
-from ..frame_table import FrameTable, StartFrame
-from ..rollout import Metrics, Rollout
+from ..core.camera import CameraModel, DepthRange
+from ..core.rollout import Metrics, Rollout
+from ..rendered.table import FrameTable, StartFrame
 
 _FLOATS = pa.list_(pa.field("element", pa.float64()))
 _STRINGS = pa.list_(pa.field("element", pa.string()))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..camera import DepthRange
-from ..depth_codes import SHIFT_M
-from ..frame_table import FrameTable
-from ..video import DEPTH_CODEC, GROUP_OF_PICTURES, RGB_CODECS, VideoCodec, VideoFacts
+from ..core.camera import DepthRange
+from ..rendered.table import FrameTable
+from ..video.depth_codes import SHIFT_M
+from ..video.mp4 import DEPTH_CODEC, GROUP_OF_PICTURES, RGB_CODECS, VideoCodec, VideoFacts
 from .layout import DEPTH_KEY, RGB_KEY, Features, automatic_features
 
 IMAGE_NAMES = ["height", "width", "channels"]

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..video_stream import pick_frames
+from ..video.stream import pick_frames
 from .layout import RGB_KEY
 from .unit import EpisodeUnit
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import DepthRange
-from ..depth_codes import MAX_CODE, codes_to_depth, codes_to_millimetres
+from ..core.camera import DepthRange
+from ..video.depth_codes import MAX_CODE, codes_to_depth, codes_to_millimetres
 from .layout import DEPTH_KEY, RGB_KEY
 
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}

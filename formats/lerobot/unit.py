@@ -23,16 +23,16 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from ..atomic import atomic_folder
-from ..camera import CameraModel, DepthRange
-from ..depth_codes import DEPTH_PIXEL_FORMAT, codes_to_depth
-from ..depth_tiff import decode_depth_tiff
-from ..errors import FileFormatError, UnknownNameError
-from ..frame_table import FrameTable, build_frame_table
-from ..image_counts import add_depth_codes, add_rgb, new_depth_counts, new_rgb_counts
-from ..rollout import Rollout
-from ..video import VideoFacts, iterate_depth_codes, iterate_rgb_video, probe_video
-from ..video_stream import pick_frames
+from ..core.atomic import atomic_folder
+from ..core.camera import CameraModel, DepthRange
+from ..core.errors import FileFormatError, UnknownNameError
+from ..core.rollout import Rollout
+from ..rendered.image_counts import add_depth_codes, add_rgb, new_depth_counts, new_rgb_counts
+from ..rendered.table import FrameTable, build_frame_table
+from ..video.depth_codes import DEPTH_PIXEL_FORMAT, codes_to_depth
+from ..video.depth_tiff import decode_depth_tiff
+from ..video.mp4 import VideoFacts, iterate_depth_codes, iterate_rgb_video, probe_video
+from ..video.stream import pick_frames
 from .episode_columns import EPISODE_COLUMNS, episode_columns
 from .features import DEPTH_STORAGES, dataset_features
 from .layout import DEPTH_KEY, RGB_KEY, Features

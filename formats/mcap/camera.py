@@ -20,10 +20,10 @@ from foxglove.messages import (
 )
 from numpy.typing import NDArray
 
-from ..frame_folder import FrameFolder
-from ..frames import matrix_to_quat, quat_to_matrix
-from ..rollout import Rollout
-from ..video import RGB_CODECS, iterate_bitstream, iterate_depth_codes
+from ..core.frames import matrix_to_quat, quat_to_matrix
+from ..core.rollout import Rollout
+from ..rendered.folder import FrameFolder
+from ..video.mp4 import RGB_CODECS, iterate_bitstream, iterate_depth_codes
 from .depth_images import depth_encoding, encode_depth
 from .recording import Recording, nanoseconds, timestamp
 from .topics import BASE_FRAME, CAMERA_FRAME, Write, quaternion, vector

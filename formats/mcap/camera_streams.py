@@ -10,11 +10,11 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.message import DecodeError, Message
 from mcap.records import Schema
 
-from ..camera import DepthRange
-from ..depth_codes import codes_to_depth
-from ..errors import FileFormatError, UnknownNameError
-from ..video import write_depth_video
-from ..video_mux import write_bitstream
+from ..core.camera import DepthRange
+from ..core.errors import FileFormatError, UnknownNameError
+from ..video.depth_codes import codes_to_depth
+from ..video.mp4 import write_depth_video
+from ..video.mux import write_bitstream
 from .camera import DEPTH_TOPIC, RGB_TOPIC
 from .depth_images import ANY_NEAR_M, decode_depth
 from .recording import Contents

@@ -11,8 +11,8 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import DepthRange
-from ..depth_codes import MAX_CODE, MAX_MILLIMETRES_M, codes_to_depth, codes_to_millimetres
+from ..core.camera import DepthRange
+from ..video.depth_codes import MAX_CODE, MAX_MILLIMETRES_M, codes_to_depth, codes_to_millimetres
 
 MILLIMETRES, METRES = "16UC1", "32FC1"
 _BYTES = {MILLIMETRES: 2, METRES: 4}

@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..atomic import atomic_folder
-from ..errors import FileFormatError
-from ..frame_folder import FrameFolder, read_frame_folder
-from ..rollout import STATE_RATE_HZ, Rollout
-from ..video import probe_video
+from ..core.atomic import atomic_folder
+from ..core.errors import FileFormatError
+from ..core.rollout import STATE_RATE_HZ, Rollout
+from ..rendered.folder import FrameFolder, read_frame_folder
+from ..video.mp4 import probe_video
 from .camera import camera_messages
 from .camera_streams import extract_videos
 from .facts import JSON_KEY, METADATA_NAME, rollout_facts

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ..episode import Episode
-from ..errors import FileFormatError
-from ..rollout import Action, ActionSpan, EndReason, Event, Metrics, Rollout
+from ..core.episode import Episode
+from ..core.errors import FileFormatError
+from ..core.rollout import Action, ActionSpan, EndReason, Event, Metrics, Rollout
 
 METADATA_NAME = "vlnpe.rollout"
 JSON_KEY = "json"

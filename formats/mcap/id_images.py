@@ -12,11 +12,11 @@ from foxglove.channels import CompressedImageChannel
 from foxglove.messages import CompressedImage
 from numpy.typing import NDArray
 
-from ..errors import FileFormatError
-from ..frame_folder import FrameFolder
-from ..id_video import CODEC, IdVideoWriter
-from ..rollout import Rollout
-from ..video import iterate_bitstream
+from ..core.errors import FileFormatError
+from ..core.rollout import Rollout
+from ..rendered.folder import FrameFolder
+from ..video.id_video import CODEC, IdVideoWriter
+from ..video.mp4 import iterate_bitstream
 from .camera_streams import topic_messages
 from .recording import Contents, Recording, nanoseconds, timestamp
 from .topics import CAMERA_FRAME, Write

@@ -20,7 +20,7 @@ from foxglove.messages import (
 )
 from numpy.typing import NDArray
 
-from ..rollout import Rollout
+from ..core.rollout import Rollout
 from .recording import Recording, nanoseconds, timestamp
 from .topics import WORLD_FRAME, Write, vector
 

@@ -17,8 +17,8 @@ from mcap.exceptions import McapError
 from mcap.records import Attachment, Channel, Footer, Message, Metadata, Schema, Statistics
 from mcap.stream_reader import CRCValidationError, StreamReader
 
-from ..atomic import atomic_file
-from ..errors import FileFormatError
+from ..core.atomic import atomic_file
+from ..core.errors import FileFormatError
 
 NANOSECONDS = 1_000_000_000
 # No threads: episodes are written in parallel.

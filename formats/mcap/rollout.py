@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..errors import FileFormatError
-from ..rollout import Rollout
+from ..core.errors import FileFormatError
+from ..core.rollout import Rollout
 from .facts import METADATA_NAME, rollout_facts, rollout_fields
 from .recording import Contents, open_recording, read_recording
 from .state import decode_states

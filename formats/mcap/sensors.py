@@ -7,7 +7,7 @@ from typing import Any
 
 import foxglove
 
-from ..rollout import Rollout
+from ..core.rollout import Rollout
 from .recording import Recording, nanoseconds
 from .topics import Write
 

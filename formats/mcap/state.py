@@ -19,8 +19,8 @@ from google.protobuf.descriptor_pb2 import (
 )
 from numpy.typing import NDArray
 
-from ..errors import FileFormatError
-from ..rollout import Rollout
+from ..core.errors import FileFormatError
+from ..core.rollout import Rollout
 
 SCHEMA_NAME = "vlnpe.RobotState"
 DOUBLE, BOOL = FieldDescriptorProto.TYPE_DOUBLE, FieldDescriptorProto.TYPE_BOOL

@@ -26,7 +26,7 @@ from foxglove.messages import (
 )
 from numpy.typing import NDArray
 
-from ..rollout import EndReason, Rollout
+from ..core.rollout import EndReason, Rollout
 from .recording import Recording, nanoseconds, timestamp
 from .state import SCHEMA_NAME, encode_states, state_schema
 

@@ -12,9 +12,9 @@ from typing import Annotated, Any
 
 import tyro
 
-from ...formats.atomic import sweep, write_bytes, write_json
-from ...formats.errors import InputError
-from ..executors import available_cores
+from ...formats.core.atomic import sweep, write_bytes, write_json
+from ...formats.core.errors import InputError
+from ..engine.executors import available_cores
 
 TABLE, RESULTS, PLOT, PAGE = "table.md", "results.json", "plot.png", "index.html"
 

@@ -10,8 +10,8 @@ from typing import Annotated, Any
 
 import tyro
 
-from ...formats.errors import InputError
-from ...formats.scene_bundle import INDEX_NAME
+from ...formats.core.errors import InputError
+from ...formats.scene.bundle import INDEX_NAME
 from ...instruction_gen.records import InstructConfig
 from ...scene_repair.config import RepairConfig
 from ...trajectory_sampler.sampling import SampleConfig

@@ -13,24 +13,24 @@ from typing import Annotated
 import tyro
 
 from ...collectors.controllers import SpeedConfig
-from ...collectors.rendering.extras import Extras
-from ...collectors.rendering.views import CameraWishes
+from ...collectors.rendering.camera.extras import Extras
+from ...collectors.rendering.camera.views import CameraWishes
 from ...collectors.robots import RobotSpec
-from ...formats.atomic import sweep
-from ...formats.errors import InputError
-from ...formats.rollout import STATE_RATE_HZ
-from ...formats.video import check_rgb_codec
-from ...formats.vlnce import read_vlnce
+from ...formats.core.atomic import sweep
+from ...formats.core.errors import InputError
+from ...formats.core.rollout import STATE_RATE_HZ
+from ...formats.video.mp4 import check_rgb_codec
+from ...formats.vlnce.files import read_vlnce
 from ...scene_repair.config import RepairConfig
-from ...scene_repair.kinds import SUFFIXES
+from ...scene_repair.scan.kinds import SUFFIXES
 from ...trajectory_sampler.config import SampleConfig
 from ..chain import Chain, Product
 from ..crews import AUTO, action_timing, chosen_robots, crews
-from ..executors import Workers, available_cores
+from ..engine.executors import Workers, available_cores
+from ..engine.ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger
+from ..engine.run_folder import RunFolder, open_run_folder, safe_name
+from ..engine.runner import Context
 from ..kept_robots import keep
-from ..ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger
-from ..run_folder import RunFolder, open_run_folder, safe_name
-from ..runner import Context
 from ..scan_files import find_scans
 from ..stages import repair, report
 from ..stages.export import check_depth_storage

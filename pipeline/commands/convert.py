@@ -10,10 +10,10 @@ from typing import Annotated, Literal
 
 import tyro
 
-from ...formats.errors import InputError, UnknownNameError
+from ...formats.core.errors import InputError, UnknownNameError
+from ...formats.core.rollout import STATE_RATE_HZ
 from ...formats.internnav.foreign import Assumptions
-from ...formats.rollout import STATE_RATE_HZ
-from ...formats.video import RGB_CODECS
+from ...formats.video.mp4 import RGB_CODECS
 from ..stages import convert, convert_source
 from ..summary import joined, stage_table
 from .collect import opened

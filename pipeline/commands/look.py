@@ -11,10 +11,10 @@ from typing import Annotated
 import tyro
 
 from ..doctor import examine, remedy
-from ..executors import Workers
-from ..ledger import Ledger
-from ..run_folder import RunFolder
-from ..runner import Context
+from ..engine.executors import Workers
+from ..engine.ledger import Ledger
+from ..engine.run_folder import RunFolder
+from ..engine.runner import Context
 from ..stages import report
 from ..verify import verify_run
 

@@ -14,8 +14,8 @@ from ...datasets.mixture.plan import Library, MixturePlan, plan_mixture
 from ...datasets.mixture.recipe import read_recipe
 from ...datasets.mixture.shipped import recipe_path
 from ...datasets.mixture.table import plan_json, plan_text
-from ...formats.atomic import write_json
-from ...formats.errors import InputError, UnknownNameError
+from ...formats.core.atomic import write_json
+from ...formats.core.errors import InputError, UnknownNameError
 
 
 @dataclass(frozen=True)

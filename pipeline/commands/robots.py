@@ -11,8 +11,8 @@ from typing import Annotated
 import tyro
 
 from ...collectors.robots import ROBOTS, RobotSpec, get_robot
-from ...collectors.robots.folder_export import export_robot
-from ...formats.errors import FileFormatError, InputError
+from ...collectors.robots.folder.export import export_robot
+from ...formats.core.errors import FileFormatError, InputError
 
 
 @dataclass(frozen=True)
@@ -84,8 +84,8 @@ def _list(options: Robots, done: _Done) -> None:
 
 
 def _view(robot: RobotSpec, out: Path, done: _Done) -> None:
-    from ...collectors.rendering.pictures import Picture, save_picture
-    from ...collectors.rendering.studio import make_studio, turntable, walking_strip
+    from ...collectors.rendering.people.pictures import Picture, save_picture
+    from ...collectors.rendering.people.studio import make_studio, turntable, walking_strip
     from ...collectors.stroll import stroll
 
     if out.exists() and not out.is_dir():

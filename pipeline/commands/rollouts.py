@@ -12,18 +12,18 @@ from typing import Annotated
 import tyro
 
 from ...collectors.controllers import SpeedConfig
-from ...collectors.rendering.extras import Extras
+from ...collectors.rendering.camera.extras import Extras
+from ...collectors.rendering.camera.views import CameraWishes
 from ...collectors.rendering.registry import chosen_renderer
-from ...collectors.rendering.views import CameraWishes
-from ...formats.errors import FileFormatError, InputError
-from ...formats.video import check_rgb_codec
-from ...formats.vlnce import read_episodes
+from ...formats.core.errors import FileFormatError, InputError
+from ...formats.video.mp4 import check_rgb_codec
+from ...formats.vlnce.files import read_episodes
 from ..crews import AUTO, action_timing, chosen_robots, crews
+from ..engine.keys import digest
+from ..engine.ledger import Ledger, Row
+from ..engine.runner import StageSummary, run_stage
 from ..kept_robots import keep, kept
-from ..keys import digest
-from ..ledger import Ledger, Row
 from ..report.gather import robot_rows
-from ..runner import StageSummary, run_stage
 from ..stages import export, render, repair, replay
 from ..summary import joined, robot_table, stage_table
 from ..views import chosen_lights, chosen_views

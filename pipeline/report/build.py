@@ -10,7 +10,7 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, select_autoescape
 
-from ..ledger import Ledger, Row
+from ..engine.ledger import Ledger, Row
 from ..stages.pictures import STAGE as PICTURES_STAGE
 from ..stages.pictures import Pictures
 from .failures import failure_figures

@@ -8,7 +8,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-from ..ledger import Row
+from ..engine.ledger import Row
 
 # Base64 included. A page of this size still opens at once, and holds about 150 clips.
 CLIPS_BYTES = 16_000_000

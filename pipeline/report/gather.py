@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from statistics import fmean
 from typing import Any
 
-from ...formats.rollout import EndReason
-from ..ledger import Ledger, Row
+from ...formats.core.rollout import EndReason
+from ..engine.ledger import Ledger, Row
 from ..stages.replay import DivergedError
 
 

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.episode import Episode
+from ...formats.core.episode import Episode
 from ...formats.mcap.rollout import read_rollout
-from ..ledger import Row
+from ..engine.ledger import Row
 from .images import data_uri
 
 REFERENCE, START, GOAL = "#ffffff", "#1a9850", "#2b5fb8"

@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from ...formats.digest import file_digest
-from ...formats.scene_bundle import load_bundle
-from ...formats.vlnce import VlnceFile, read_vlnce, write_episodes, write_vlnce
+from ...formats.core.digest import file_digest
+from ...formats.scene.bundle import load_bundle
+from ...formats.vlnce.files import VlnceFile, read_vlnce, write_episodes, write_vlnce
 from ...trajectory_sampler.alignment import align_episodes
 from ...trajectory_sampler.stairs import filter_stairs
-from ..keys import code_version, digest
-from ..ledger import Ledger, Row
-from ..runner import ItemResult, StageSummary, WorkItem
+from ..engine.keys import code_version, digest
+from ..engine.ledger import Ledger, Row
+from ..engine.runner import ItemResult, StageSummary, WorkItem
 
 STAGE = "align"
 FILTER_STAGE = "filter"

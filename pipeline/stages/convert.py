@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ...formats.atomic import write_json
 from ...formats.convert.dataset import DatasetFacts
 from ...formats.convert.episodes import (
     dataset_from_units,
@@ -15,14 +14,15 @@ from ...formats.convert.episodes import (
     mcap_from_unit,
     unit_dataset,
 )
-from ...formats.errors import InputError
+from ...formats.core.atomic import write_json
+from ...formats.core.errors import InputError
 from ...formats.internnav import layout
 from ...formats.internnav.tokens import own_vocabulary, read_vocabulary
 from ...formats.internnav.writer import SceneEpisode, share_instructions, write_scene
 from ...formats.lerobot import EpisodeUnit, read_episode_unit
-from ..keys import code_version, digest
-from ..ledger import Row
-from ..runner import Context, ItemResult, StageSummary, WorkItem, run_stage
+from ..engine.keys import code_version, digest
+from ..engine.ledger import Row
+from ..engine.runner import Context, ItemResult, StageSummary, WorkItem, run_stage
 from .convert_source import CODE, UNIT_STAGE, Kind, Options, Source, source_note, unit_items
 
 log = logging.getLogger(__name__)

@@ -12,14 +12,14 @@ from typing import Any
 
 from ...formats.convert.dataset import DatasetFacts, open_dataset
 from ...formats.convert.episodes import DATASET_NAME, unit_from_dataset, unit_from_mcap
-from ...formats.errors import FileFormatError
+from ...formats.core.errors import FileFormatError
 from ...formats.internnav import layout
 from ...formats.internnav.foreign import Assumptions
 from ...formats.internnav.reader import SceneFolder, find_scenes, is_layout, read_dataset_facts
 from ...formats.internnav.to_unit import unit_from_layout
 from ...formats.lerobot import read_episode_unit
-from ..keys import code_version, digest
-from ..runner import ItemResult, WorkItem
+from ..engine.keys import code_version, digest
+from ..engine.runner import ItemResult, WorkItem
 
 UNIT_STAGE = "unit"
 CODE = ("formats", "pipeline/stages/convert.py", "pipeline/stages/convert_source.py")

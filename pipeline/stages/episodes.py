@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ...formats.episode import Episode
-from ...formats.scene_bundle import load_bundle
-from ...formats.vlnce import read_episodes, write_episodes
+from ...formats.core.episode import Episode
+from ...formats.scene.bundle import load_bundle
+from ...formats.vlnce.files import read_episodes, write_episodes
 from ...instruction_gen.instruct import instruct_episodes
 from ...instruction_gen.records import InstructConfig
 from ...trajectory_sampler.sampling import SampleConfig, sample_episodes
-from ..keys import code_version, digest
-from ..ledger import Row
-from ..runner import ItemResult, WorkItem
+from ..engine.keys import code_version, digest
+from ..engine.ledger import Row
+from ..engine.runner import ItemResult, WorkItem
 
 SAMPLE_CODE = ("trajectory_sampler", "formats", "pipeline/stages/episodes.py")
 

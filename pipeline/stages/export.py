@@ -8,20 +8,20 @@ from pathlib import Path
 from typing import Any
 
 from ...formats.convert.dataset import DatasetFacts
-from ...formats.errors import UnknownNameError
-from ...formats.frame_folder import read_frame_folder
+from ...formats.core.errors import UnknownNameError
+from ...formats.core.licences import licence_id
+from ...formats.core.rollout import EndReason
 from ...formats.lerobot import assemble_dataset, write_episode_unit
 from ...formats.lerobot.features import DEPTH_STORAGES
 from ...formats.lerobot.splits import held_out_scenes
-from ...formats.licences import licence_id
 from ...formats.mcap.episode import write_episode_mcap
 from ...formats.mcap.rollout import read_rollout
-from ...formats.rollout import EndReason
-from ...formats.scene_bundle import INDEX_NAME, load_bundle
-from ..keys import code_version, digest
-from ..ledger import Row
+from ...formats.rendered.folder import read_frame_folder
+from ...formats.scene.bundle import INDEX_NAME, load_bundle
+from ..engine.keys import code_version, digest
+from ..engine.ledger import Row
+from ..engine.runner import Context, ItemResult, StageSummary, WorkItem, run_stage
 from ..provenance import encoding_facts, episode_facts, provenance, scene_provenance
-from ..runner import Context, ItemResult, StageSummary, WorkItem, run_stage
 
 STAGE = "export"
 MCAP_STAGE = "mcap"

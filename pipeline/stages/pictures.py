@@ -9,13 +9,13 @@ from pathlib import Path
 
 from ...collectors.controllers import CONTROLLERS
 from ...collectors.robots import get_robot
-from ...formats.atomic import write_json
+from ...formats.core.atomic import write_json
 from ...formats.mcap.rollout import read_rollout
+from ..engine.keys import code_version, digest
+from ..engine.ledger import Ledger, Row
+from ..engine.run_folder import RunFolder
+from ..engine.runner import Context, ItemResult, StageSummary, WorkItem, run_stage
 from ..kept_robots import kept
-from ..keys import code_version, digest
-from ..ledger import Ledger, Row
-from ..run_folder import RunFolder
-from ..runner import Context, ItemResult, StageSummary, WorkItem, run_stage
 from .render import scene_renderer
 
 STAGE = "pictures"
@@ -72,8 +72,8 @@ def _map_items(folder: RunFolder, ledger: Ledger) -> dict[str, WorkItem]:
 
 def process_map(scene: Path, level: int, out: Path) -> ItemResult:
     """Render one level from above."""
-    from ...collectors.rendering.pictures import save_picture
-    from ...collectors.rendering.scene_map import top_down_map
+    from ...collectors.rendering.people.pictures import save_picture
+    from ...collectors.rendering.people.scene_map import top_down_map
 
     bundle, renderer = scene_renderer(scene)
     picture = top_down_map(bundle, renderer, level)
@@ -114,7 +114,7 @@ def _strip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict
 
 def process_strip(scene: Path, rollout: Path, robot: str, out: Path) -> ItemResult:
     """Render one episode of a robot, by its name or folder, as a strip of pictures."""
-    from ...collectors.rendering.pictures import film_strip
+    from ...collectors.rendering.people.pictures import film_strip
 
     walked = read_rollout(rollout)
     film_strip(out, scene_renderer(scene)[1], walked, robot=get_robot(robot))
@@ -142,7 +142,7 @@ def _clip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict[
 
 def process_clip(scene: Path, rollout: Path, robot: str, out: Path) -> ItemResult:
     """Render the last seconds of one episode, and its last frame as a picture."""
-    from ...collectors.rendering.pictures import save_picture, third_person_clip
+    from ...collectors.rendering.people.pictures import save_picture, third_person_clip
 
     _, renderer = scene_renderer(scene)
     walked = read_rollout(rollout)

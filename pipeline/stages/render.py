@@ -7,20 +7,20 @@ from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 
-from ...collectors.rendering.extras import Extras
+from ...collectors.rendering.camera.extras import Extras
+from ...collectors.rendering.camera.rollout_views import render_rollout
+from ...collectors.rendering.camera.views import View
 from ...collectors.rendering.interface import Renderer
-from ...collectors.rendering.pictures import watchable_video
+from ...collectors.rendering.people.pictures import watchable_video
 from ...collectors.rendering.registry import make_renderer
-from ...collectors.rendering.rollout_views import render_rollout
-from ...collectors.rendering.views import View
 from ...collectors.robots import get_robot
-from ...formats.atomic import atomic_folder
+from ...formats.core.atomic import atomic_folder
 from ...formats.mcap.rollout import read_rollout
-from ...formats.scene_bundle import SceneBundle, load_bundle
+from ...formats.scene.bundle import SceneBundle, load_bundle
+from ..engine.keys import code_version, digest
+from ..engine.ledger import Row
+from ..engine.runner import ItemResult, WorkItem
 from ..kept_robots import kept
-from ..keys import code_version, digest
-from ..ledger import Row
-from ..runner import ItemResult, WorkItem
 
 STAGE = "render"
 VIDEO_STAGE = "video"

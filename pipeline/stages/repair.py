@@ -8,14 +8,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from ...formats.atomic import atomic_folder
-from ...formats.digest import file_digest
-from ...formats.errors import FileFormatError
+from ...formats.core.atomic import atomic_folder
+from ...formats.core.digest import file_digest
+from ...formats.core.errors import FileFormatError
 from ...scene_repair.config import RepairConfig
-from ...scene_repair.kinds import USD_SUFFIXES
-from ...scene_repair.side_files import side_names
-from ..keys import code_version, digest
-from ..runner import ItemResult, WorkItem
+from ...scene_repair.scan.kinds import USD_SUFFIXES
+from ...scene_repair.scan.side_files import side_names
+from ..engine.keys import code_version, digest
+from ..engine.runner import ItemResult, WorkItem
 
 STAGE = "repair"
 # Formats that keep textures or geometry in further files beside them.

@@ -14,16 +14,16 @@ from ...collectors.controllers import SpeedConfig
 from ...collectors.replay import ReplayConfig, replay_in
 from ...collectors.robots import get_robot
 from ...collectors.world import World, open_world
-from ...formats.atomic import write_json
-from ...formats.episode import Episode
-from ...formats.errors import VlnpeError
+from ...formats.core.atomic import write_json
+from ...formats.core.episode import Episode
+from ...formats.core.errors import VlnpeError
+from ...formats.core.rollout import EndReason
 from ...formats.mcap.rollout import write_rollout
-from ...formats.rollout import EndReason
-from ...formats.scene_bundle import load_bundle
-from ..keys import code_version, digest
-from ..ledger import Row
-from ..run_folder import safe_name
-from ..runner import ItemResult, WorkItem
+from ...formats.scene.bundle import load_bundle
+from ..engine.keys import code_version, digest
+from ..engine.ledger import Row
+from ..engine.run_folder import safe_name
+from ..engine.runner import ItemResult, WorkItem
 
 STAGE = "replay"
 TOUCHING = ("contact", "collision_target", "collision_start")  # events with an obstacle

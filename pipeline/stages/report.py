@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from ...formats.atomic import write_bytes
-from ..keys import code_version, digest
+from ...formats.core.atomic import write_bytes
+from ..engine.keys import code_version, digest
+from ..engine.run_folder import RunFolder
+from ..engine.runner import Context, ItemResult, StageSummary, WorkItem, run_stage
 from ..report.build import build_page
 from ..report.gather import replay_rows
-from ..run_folder import RunFolder
-from ..runner import Context, ItemResult, StageSummary, WorkItem, run_stage
 from . import pictures
 
 STAGE = "report"

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ...formats.atomic import atomic_folder
-from ..keys import code_version, digest
-from ..runner import ItemResult, WorkItem
+from ...formats.core.atomic import atomic_folder
+from ..engine.keys import code_version, digest
+from ..engine.runner import ItemResult, WorkItem
 
 STAGE = "scan"
 
 
 def item(seed: int, folder: Path) -> WorkItem:
     """The work item that writes the apartment of `seed` into `folder`."""
-    code = code_version("scene_repair/builtin", "formats", "pipeline/stages/scans.py")
+    code = code_version("apartments", "formats", "pipeline/stages/scans.py")
     key = digest(STAGE, seed, code)
     return WorkItem(folder.name, key, (folder,), process, (seed, folder))
 
@@ -21,7 +21,7 @@ def item(seed: int, folder: Path) -> WorkItem:
 def process(seed: int, folder: Path) -> ItemResult:
     """Generate one scan."""
     # Takes long to import: only where the work is done.
-    from ...scene_repair.builtin import generate_scan
+    from ...apartments import generate_scan
 
     with atomic_folder(folder) as temporary:
         scan = generate_scan(seed, temporary)

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vlnpe.collectors.physics.level_model import build_level_model
 from vlnpe.collectors.robots import get_robot
-from vlnpe.formats.scene_bundle import SceneBundle
+from vlnpe.formats.scene.bundle import SceneBundle
 
 
 def level_geoms(bundle: SceneBundle, level: int = 0, robot: str = "h1") -> mujoco.MjSpec:

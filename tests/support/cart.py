@@ -20,7 +20,7 @@ from vlnpe.collectors.robots import (
     JointFacts,
     RobotSpec,
 )
-from vlnpe.formats.camera import CameraModel
+from vlnpe.formats.core.camera import CameraModel
 
 WHEEL_M, TRACK_M, CASTER_M = 0.1, 0.3, 0.05
 GAP_M = 0.003  # casters only catch a tilting cart: the wheels must carry it to grip

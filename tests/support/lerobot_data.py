@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from tests.support.rollouts import make_frames, make_images, make_rollout
-from vlnpe.formats.camera import CameraModel, DepthRange
-from vlnpe.formats.depth_codes import codes_to_millimetres, depth_to_codes
-from vlnpe.formats.frame_table import build_frame_table
-from vlnpe.formats.image_counts import new_depth_counts, new_rgb_counts
+from vlnpe.formats.core.camera import CameraModel, DepthRange
+from vlnpe.formats.core.rollout import Rollout
 from vlnpe.formats.lerobot import write_episode_unit
-from vlnpe.formats.rollout import Rollout
-from vlnpe.formats.video import DEPTH_CODEC, RGB_CODECS, write_depth_video, write_rgb_video
+from vlnpe.formats.rendered.image_counts import new_depth_counts, new_rgb_counts
+from vlnpe.formats.rendered.table import build_frame_table
+from vlnpe.formats.video.depth_codes import codes_to_millimetres, depth_to_codes
+from vlnpe.formats.video.mp4 import DEPTH_CODEC, RGB_CODECS, write_depth_video, write_rgb_video
 
 RANGE = DepthRange(0.05, 20.0)
 CAMERA = CameraModel("front", 96, 64, 90.0)

@@ -9,11 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from vlnpe.formats.camera import CameraModel
-from vlnpe.formats.frames import OPTICAL_IN_BODY, matrix_to_quat
-from vlnpe.formats.freemap import Freemap
-from vlnpe.formats.grid import GridSpec
-from vlnpe.formats.scene_bundle import (
+from vlnpe.formats.core.camera import CameraModel
+from vlnpe.formats.core.frames import OPTICAL_IN_BODY, matrix_to_quat
+from vlnpe.formats.scene.bundle import (
     Floor,
     Material,
     Obstacles,
@@ -22,6 +20,8 @@ from vlnpe.formats.scene_bundle import (
     load_bundle,
     save_bundle,
 )
+from vlnpe.formats.scene.freemap import Freemap
+from vlnpe.formats.scene.grid import GridSpec
 
 SQUARE = CameraModel("test", 128, 128, 90.0)
 

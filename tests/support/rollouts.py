@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from vlnpe.formats.episode import Episode
-from vlnpe.formats.frames import (
+from vlnpe.formats.core.episode import Episode
+from vlnpe.formats.core.frames import (
     OPTICAL_IN_BODY,
     matrix_to_quat,
     quat_multiply,
     quat_to_matrix,
     yaw_to_quat,
 )
-from vlnpe.formats.rollout import (
+from vlnpe.formats.core.rollout import (
     STATE_RATE_HZ,
     Action,
     ActionSpan,

@@ -12,9 +12,7 @@ import numpy as np
 import trimesh
 from PIL import Image
 
-from vlnpe.formats.freemap import Freemap
-from vlnpe.formats.grid import GridSpec
-from vlnpe.formats.scene_bundle import (
+from vlnpe.formats.scene.bundle import (
     Floor,
     LabeledObject,
     Material,
@@ -24,6 +22,8 @@ from vlnpe.formats.scene_bundle import (
     load_bundle,
     save_bundle,
 )
+from vlnpe.formats.scene.freemap import Freemap
+from vlnpe.formats.scene.grid import GridSpec
 
 WALL = 0.1
 # name, category, lower, upper, material

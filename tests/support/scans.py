@@ -15,7 +15,7 @@ from PIL import Image
 from trimesh.visual.material import PBRMaterial
 from trimesh.visual.texture import TextureVisuals
 
-from vlnpe.formats.scene_bundle import VisualMesh
+from vlnpe.formats.scene.bundle import VisualMesh
 
 Array = NDArray[np.float64]
 Inside = Callable[[Array], NDArray[np.bool_]]

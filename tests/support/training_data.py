@@ -8,8 +8,8 @@ from pathlib import Path
 
 from tests.support.lerobot_data import write_unit
 from tests.support.rollouts import make_rollout, with_body
+from vlnpe.formats.core.rollout import Rollout
 from vlnpe.formats.lerobot import assemble_dataset
-from vlnpe.formats.rollout import Rollout
 
 WORDS = ("Walk past the table.", "Turn left at the sofa.", "Go to the lamp and stop.")
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vlnpe.collectors.robots import get_robot
-from vlnpe.formats.episode import Episode
-from vlnpe.formats.frames import yaw_to_quat
-from vlnpe.formats.rollout import STATE_RATE_HZ, EndReason, Metrics, Rollout
+from vlnpe.formats.core.episode import Episode
+from vlnpe.formats.core.frames import yaw_to_quat
+from vlnpe.formats.core.rollout import STATE_RATE_HZ, EndReason, Metrics, Rollout
 
 
 def glide(points_xy_m: ArrayLike, robot: str = "aliengo", speed_m_s: float = 0.8) -> Rollout:

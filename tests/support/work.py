@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from vlnpe.formats.atomic import atomic_file
-from vlnpe.formats.errors import FileFormatError, SceneError
-from vlnpe.pipeline.runner import ItemResult
+from vlnpe.formats.core.atomic import atomic_file
+from vlnpe.formats.core.errors import FileFormatError, SceneError
+from vlnpe.pipeline.engine.runner import ItemResult
 
 
 def write(path: Path, text: str) -> ItemResult:

@@ -1,0 +1,172 @@
+"""The built-in scene: builds a home, scans it, writes the scan and its truth."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..formats.core.frames import world_to_habitat_position
+from .config import ApartmentConfig
+from .glb import GlbNode, write_glb
+from .home.apartment import build_apartment
+from .home.true_scene import TrueScene
+from .scanner.bake import Baker, ChartVertices, chart_vertices, page_corners
+from .scanner.charts import Charts, cut
+from .scanner.labelling import label_faces
+from .scanner.packing import Packing, pack
+from .scanner.scan import fuse
+from .scanner.surface import ScanMesh, extract
+from .scanner.tracing import Tracer
+from .truth import write_truth
+
+_log = logging.getLogger(__name__)
+
+
+def generate_scan(
+    seed: int,
+    out_dir: Path,
+    config: ApartmentConfig = ApartmentConfig(),  # noqa: B008  (frozen)
+    progress: Callable[[str], None] | None = None,
+) -> Path:
+    """Generate the apartment of `seed` and scan it.
+
+    Writes into the existing folder `out_dir`: `scan.glb` (y up, metres, one node per object),
+    `scan.labels.json` (bounds of every object and room in the GLB's coordinates) and `truth.npz`
+    (see `truth.write_truth`). The same seed and configuration give the same files.
+
+    Args:
+        seed: at least 0; every seed is another home.
+        out_dir: where to write.
+        config: how to build and scan.
+        progress: called with the name of each step as it begins.
+
+    Returns:
+        Path of `scan.glb`.
+
+    Raises:
+        ValueError: `config` admits no home.
+    """
+    tell = progress or _log.info
+    rng = np.random.default_rng(seed)
+    tell("building the apartment")
+    scene = build_apartment(rng, config)
+    tracer = Tracer(scene.shape.corners)
+    tell("scanning")
+    volume = fuse(rng, scene, tracer, config.scan)
+    tell("meshing")
+    mesh = extract(volume, config.scan.target_faces)
+    del volume
+    tell("unfolding")
+    label = label_faces(mesh, tracer, scene.face_object)
+    charts = cut(mesh, label, _texel_sizes(scene, config))
+    packing = pack(charts, config.scan.page_px)
+    split = chart_vertices(mesh, charts)
+    tell("lighting")
+    baker = Baker(rng, scene, tracer, config.scan)
+    light = baker.vertex_light(mesh, split)
+    tell("painting")
+    pages = [
+        _encode(baker.page(mesh, charts, split, light, packing, k), config.scan.jpeg_quality)
+        for k in range(len(packing.page_size))
+    ]
+    tell("writing")
+    pose = scan_pose(config)
+    nodes = _nodes(scene, mesh, label, charts, packing, split, pose)
+    write_glb(out_dir / "scan.glb", nodes, pages, {"seed": seed, "licence": "Apache-2.0"})
+    (out_dir / "scan.labels.json").write_text(
+        json.dumps({"frame": "source", "objects": _labels(scene, pose)}, indent=1) + "\n"
+    )
+    write_truth(out_dir / "truth.npz", scene.plan, mesh, pose)
+    return out_dir / "scan.glb"
+
+
+def scan_pose(config: ApartmentConfig) -> NDArray[np.float64]:
+    """(4, 4) from world to the scanner's (z up) frame; identity by default."""
+    c, s = np.cos(np.deg2rad(config.scan_tilt_deg)), np.sin(np.deg2rad(config.scan_tilt_deg))
+    pose = np.eye(4)
+    pose[:3, :3] = [[1, 0, 0], [0, c, -s], [0, s, c]]
+    pose[:3, 3] = -pose[:3, :3] @ np.asarray(config.scan_offset_m)
+    return pose
+
+
+def _texel_sizes(scene: TrueScene, config: ApartmentConfig) -> NDArray[np.float64]:
+    fine = {"floor", "rug"}
+    return np.array(
+        [
+            config.scan.floor_texel_m if o.category in fine else config.scan.texel_m
+            for o in scene.objects
+        ]
+    )
+
+
+def _encode(image: NDArray[np.uint8], quality: int) -> bytes:
+    done, data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+    if not done:
+        raise ValueError(f"cannot encode a texture page of shape {image.shape} as JPEG")
+    return data.tobytes()
+
+
+def _nodes(
+    scene: TrueScene,
+    mesh: ScanMesh,
+    label: NDArray[np.int32],
+    charts: Charts,
+    packing: Packing,
+    split: ChartVertices,
+    pose: NDArray[np.float64],
+) -> list[GlbNode]:
+    corner = page_corners(charts, packing)
+    uv = np.zeros((len(split.vertex), 2))
+    uv[split.face.ravel()] = corner.reshape(-1, 2)
+    # Rounded once for all nodes, so that equal positions stay equal after the split.
+    moved = mesh.vertices @ pose[:3, :3].T + pose[:3, 3]
+    points = world_to_habitat_position(moved).astype(np.float32)
+    order = np.argsort(label, kind="stable")
+    starts = np.searchsorted(label[order], np.arange(len(scene.objects) + 1))
+    nodes = []
+    for k, thing in enumerate(scene.objects):
+        mine = order[starts[k] : starts[k + 1]]
+        if not len(mine):
+            continue
+        used, faces = np.unique(split.face[mine], return_inverse=True)
+        page = int(packing.page[charts.chart[mine[0]]])
+        nodes.append(
+            GlbNode(
+                thing.name,
+                points[split.vertex[used]],
+                (uv[used] / packing.page_size[page]).astype(np.float32),
+                faces.reshape(-1, 3).astype(np.uint32),
+                page,
+            )
+        )
+    return nodes
+
+
+def _labels(scene: TrueScene, pose: NDArray[np.float64]) -> list[dict]:
+    things = [(o.name, o.category, o.lower_m, o.upper_m) for o in scene.objects]
+    counts: dict[str, int] = {}
+    for room in scene.plan.rooms:
+        stem = "Room_" + room.kind.replace("'", "").replace(" ", "_")
+        counts[stem] = counts.get(stem, 0) + 1
+        low, high = (*room.lower_m, 0.0), (*room.upper_m, scene.plan.ceiling_m)
+        things.append((f"{stem}_{counts[stem]}", f"room:{room.kind}", low, high))
+    result = []
+    for name, category, low, high in things:
+        ends = np.array([low, high])
+        box = np.array([[ends[i, 0], ends[j, 1], ends[k, 2]] for i, j, k in np.ndindex(2, 2, 2)])
+        source = world_to_habitat_position(box @ pose[:3, :3].T + pose[:3, 3])
+        result.append(
+            {
+                "name": name,
+                "category": category,
+                "lower": np.round(source.min(0), 4).tolist(),
+                "upper": np.round(source.max(0), 4).tolist(),
+            }
+        )
+    return result

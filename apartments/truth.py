@@ -1,0 +1,81 @@
+"""The perfect floor, kept beside the scan so that a repair can be measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..formats.scene.grid import GridSpec
+from .home.plan import FloorPlan
+from .home.shell import wall_frame
+from .scanner.surface import ScanMesh
+
+CELL_M = 0.02
+
+
+def true_floor(plan: FloorPlan, cell_m: float = CELL_M) -> tuple[GridSpec, NDArray[np.bool_]]:
+    """Grid and (rows, columns) mask of all floor, beneath furniture too, without walls."""
+    lower, upper = plan.bounds()
+    grid = GridSpec.covering(lower - 0.5, upper + 0.5, cell_m)
+    rows, columns = np.indices(grid.shape)
+    xy = grid.center_of(np.stack([rows, columns], -1))
+    mask = np.zeros(grid.shape, dtype=bool)
+    for room in plan.rooms:
+        mask |= np.all((xy > room.lower_m) & (xy < room.upper_m), axis=-1)
+    for door in (o for o in plan.openings if o.kind == "door"):
+        place = wall_frame(plan.rooms[door.room], door.axis, door.sign)
+        p, q = place(door.start_m, -0.01, 0)[:2], place(door.end_m, plan.wall_m, 0)[:2]
+        mask |= np.all((xy > np.minimum(p, q)) & (xy < np.maximum(p, q)), axis=-1)
+    return grid, mask
+
+
+def covered_cells(grid: GridSpec, triangles_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(rows, columns) that triangles (F, 3, 2 or 3) cover as seen from above."""
+    covered = np.zeros(grid.shape, dtype=bool)
+    flat = triangles_m[..., :2]
+    longest = np.linalg.norm(flat - np.roll(flat, 1, axis=1), axis=2).max(1)
+    # So many samples along an edge that no covered cell is missed.
+    order = np.ceil(np.maximum(longest, 1e-6) / (0.6 * grid.cell_m)).astype(int)
+    for n in np.unique(order):
+        mine = flat[order == n]
+        i, j = np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij")
+        inside = i + j <= n
+        b, c = i[inside] / n, j[inside] / n
+        weights = np.stack([1 - b - c, b, c], -1)
+        xy = np.einsum("sk,fki->fsi", weights, mine).reshape(-1, 2)
+        cells = grid.cell_of(xy)
+        cells = cells[grid.inside(cells)]
+        covered[cells[:, 0], cells[:, 1]] = True
+    return covered
+
+
+def seen_floor(grid: GridSpec, mesh: ScanMesh) -> NDArray[np.bool_]:
+    """(rows, columns) where the scan has upward triangles within 8 cm of the floor z = 0."""
+    normals, _ = mesh.normals()
+    points = mesh.vertices[mesh.faces]
+    use = (np.abs(points[..., 2]).max(1) < 0.08) & (normals[:, 2] > 0.7)
+    return covered_cells(grid, points[use])
+
+
+def write_truth(
+    path: Path, plan: FloorPlan, mesh: ScanMesh, world_to_scan: NDArray[np.float64]
+) -> None:
+    """Write `truth.npz`.
+
+    It holds the grid (`origin_xy_m`, `cell_m`, `shape`) and over it `floor_z_m` (NaN off the
+    floor), `floor_mask` and `seen_mask`, all in the world frame (z up), and the (4, 4)
+    `world_to_scan`, identity unless the scanner was tilted or moved.
+    """
+    grid, floor = true_floor(plan)
+    np.savez_compressed(
+        path,
+        origin_xy_m=np.asarray(grid.origin_xy_m),
+        cell_m=np.float64(grid.cell_m),
+        shape=np.asarray(grid.shape),
+        floor_z_m=np.where(floor, np.float32(0), np.float32(np.nan)),
+        floor_mask=floor,
+        seen_mask=seen_floor(grid, mesh) & floor,
+        world_to_scan=world_to_scan,
+    )

@@ -1,0 +1,149 @@
+"""Gaits under the product's own controllers, many robots at once, on open ground."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...formats.core.rollout import Action
+from ...formats.scene.freemap import Freemap
+from ...formats.scene.grid import GridSpec
+from ..controllers import STOPPED, Controller, PathConfig, Pose, Task
+from ..controllers.path import PathController
+from ..locomotion.policy import GaitPolicy
+from ..outcome import OutcomeConfig
+from ..robots import RobotSpec
+from .trial import STEP_S, Conditions, Trial
+
+Array = NDArray[np.float64]
+
+CONTROL_HZ = 100  # `Trial` tells two poses per step of 20 ms
+REST_S = 0.5  # as in a replay, a robot must still stand after it stopped
+
+
+def random_path(rng: np.random.Generator, length_m: float = 12.0) -> Array:
+    """Corners (P, 2) of a polyline from the origin: stretches of 1–3 m, turns of up to 90°."""
+    points: list[Array] = [np.zeros(2)]
+    heading, left = 0.0, length_m
+    while left > 0.05:
+        stretch = min(left, rng.uniform(1.0, 3.0))
+        points.append(points[-1] + stretch * np.array([math.cos(heading), math.sin(heading)]))
+        left -= stretch
+        heading += rng.uniform(-np.pi / 2, np.pi / 2)
+    return np.array(points)
+
+
+@cache
+def open_ground(half_m: float = 30.0, cell_m: float = 0.25) -> Freemap:
+    """A map of a free square around the origin."""
+    cells = round(2 * half_m / cell_m)
+    grid = GridSpec((-half_m, -half_m), cell_m, cells, cells)
+    return Freemap(grid, np.zeros(grid.shape, np.float32), np.ones(grid.shape, dtype=bool))
+
+
+def task_along(robot: RobotSpec, path: Array) -> Task:
+    """The task of following corners (P, 2) on open ground."""
+    return Task(
+        reference_xy_m=path,
+        goal_xy_m=path[-1],
+        freemap=open_ground(),
+        radius_m=robot.footprint_radius_m,
+        limits=robot.command_limits,
+        goal_tolerance_m=OutcomeConfig().success_m,
+    )
+
+
+@dataclass(frozen=True)
+class StartedAction:
+    """A discrete action at its start: when [s] and from which pose (3,) x, y [m], heading [rad]."""
+
+    action: Action
+    time_s: float
+    pose: Array
+
+
+class Drivers:
+    """One controller for each robot of a trial, asked as often as it wants to be.
+
+    Attributes:
+        done_s: (N,) when each controller was done [s]; inf before.
+        actions: discrete actions started so far, robot by robot; each ends where the next starts.
+    """
+
+    def __init__(self, controllers: Sequence[Controller], trial: Trial) -> None:
+        self.controllers, self.trial = controllers, trial
+        self._commands = np.zeros((len(controllers), 3))
+        self._every = [CONTROL_HZ // c.rate_hz for c in controllers]
+        self._tick = 0
+        self.done_s = np.full(len(controllers), np.inf)
+        self.actions: list[list[StartedAction]] = [[] for _ in controllers]
+        self._ask(trial.poses[:, 1])
+
+    def step(self) -> None:
+        """Advance the trial by 20 ms, asking the controllers at both of its poses."""
+        self.trial.step(self._commands)
+        self.trial.leave(self.trial.time_s > self.done_s + REST_S)
+        for half in (0, 1):
+            self._tick += 1
+            self._ask(self.trial.poses[:, half])
+
+    def _ask(self, poses: Array) -> None:
+        now_s = self._tick / CONTROL_HZ
+        for i in np.flatnonzero(self.trial.going & np.isinf(self.done_s)).tolist():
+            if self._tick % self._every[i]:
+                continue
+            decision = self.controllers[i].step(now_s, Pose(*poses[i].tolist()))
+            self._commands[i] = decision.command
+            if decision.action is not None:
+                self.actions[i].append(StartedAction(decision.action, now_s, poses[i].copy()))
+            if decision.done:
+                self._commands[i] = STOPPED
+                self.done_s[i] = now_s
+
+
+def follow_paths(
+    policy: GaitPolicy, count: int, conditions: Conditions, rng: np.random.Generator
+) -> dict[str, float]:
+    """Follow random 12 m paths under move-along-path as it is by default.
+
+    Reached means what success means in a replay: it stopped, and half a second later still stands
+    within the goal's tolerance.
+    """
+    paths = [random_path(rng) for _ in range(count)]
+    trial = Trial(policy, conditions, np.zeros((count, 2)), np.zeros(count), rng)
+    outcome = OutcomeConfig()
+    controllers = [PathController(task_along(policy.robot, p), PathConfig()) for p in paths]
+    drivers = Drivers(controllers, trial)
+    nominal_s = np.array([c.nominal_s for c in controllers])
+    off: list[float] = []
+    while trial.going.any():
+        drivers.step()
+        late = np.isinf(drivers.done_s) & (trial.time_s > outcome.timeout_factor * nominal_s)
+        trial.leave(late)
+        if round(trial.time_s / STEP_S) % 10 == 0:
+            off += [
+                distance_to(paths[i], trial.position_m[i, :2]) for i in np.flatnonzero(trial.going)
+            ]
+    goals = np.array([p[-1] for p in paths])
+    near = np.linalg.norm(trial.position_m[:, :2] - goals, axis=1) <= outcome.success_m
+    reached = near & np.isfinite(drivers.done_s) & ~trial.fallen
+    return {
+        "paths": count,
+        "reached": float(reached.mean()),
+        "falls": int(trial.fallen.sum()),
+        "distance_to_path_mean_m": float(np.mean(off)) if off else math.nan,
+        "seconds_mean": float(np.mean(drivers.done_s[reached])) if reached.any() else math.nan,
+    }
+
+
+def distance_to(path: Array, point: Array) -> float:
+    """Distance [m] of a point (2,) to a polyline (P, 2)."""
+    start, along = path[:-1], np.diff(path, axis=0)
+    share = np.einsum("pi,pi->p", point - start, along) / np.einsum("pi,pi->p", along, along)
+    nearest = start + np.clip(share, 0.0, 1.0)[:, None] * along
+    return float(np.linalg.norm(nearest - point, axis=1).min())

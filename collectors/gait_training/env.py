@@ -1,0 +1,303 @@
+"""Hundreds of robots in `mujoco.batch`, as the vectorised environment `rsl_rl` expects."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import mujoco
+import numpy as np
+import torch
+from mujoco.batch import Batch
+from numpy.typing import NDArray
+from rsl_rl.env import VecEnv
+from tensordict import TensorDict
+
+from ..locomotion.gait import joint_targets
+from ..locomotion.observation import RobotState, layout, observe, states_of
+from ..robots import POLICY_DECIMATION, TIMESTEP_S, RobotHandles, RobotSpec, apply_physics_options
+from .commands import command_bounds, sample_commands
+from .config import TrainingConfig
+from .gaits import GAITS
+from .mirror import Symmetry
+from .randomize import randomize_models
+from .rewards import SMOOTHNESS_TERMS, BodyFacts, StepFacts, reward_terms
+from .terrain import Terrain
+
+Array = NDArray[np.float64]
+STEP_S = TIMESTEP_S * POLICY_DECIMATION
+
+
+def build_training_model(robot: RobotSpec, terrain: Terrain) -> mujoco.MjModel:
+    """The robot over a terrain, with the physics options of the product."""
+    spec = robot.spec()
+    apply_physics_options(spec)
+    terrain.add_to(spec)
+    return spec.compile()
+
+
+class GaitEnv(VecEnv):
+    """Velocity tracking on a terrain, with randomised bodies, latency and pushes."""
+
+    def __init__(
+        self,
+        robot: RobotSpec,
+        config: TrainingConfig,
+        terrain: Terrain,
+        rng: np.random.Generator,
+        threads: int,
+    ) -> None:
+        self.robot, self.config, self.terrain, self.rng = robot, config, terrain, rng
+        self.gait = GAITS[robot.name]
+        self.cfg = asdict(config)
+        self.device = "cpu"
+        self.num_envs, self.num_actions = config.envs, robot.policy_joints
+        self.max_episode_length = round(config.episode_s / STEP_S)
+        self.episode_length_buf = torch.zeros(config.envs, dtype=torch.long)
+        model = build_training_model(robot, terrain)
+        self.handles = RobotHandles.find(robot, model)
+        self._sole_radius = self.handles.sole_radius_m
+        self.symmetry = Symmetry.of(robot)
+        self._default = robot.default_joint_rad
+        self._zero = self._default[: robot.policy_joints]
+        self.batch = Batch(model, config.envs, threads)
+        self.physical = randomize_models(self.batch, self.handles, config, rng)
+        self._qpos, self._qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
+        self._geom_xpos = self.batch.bind("geom_xpos")
+        self._com = self.batch.bind("subtree_com")
+        self._force = self.batch.bind("actuator_force")
+        self._sensors = self.batch.bind("sensordata")
+        self._noise = np.concatenate(
+            [np.full(w, config.noise.get(name, 0.0)) for name, w in layout(self.num_actions)]
+        )
+        self._body = BodyFacts(
+            base_height_m=robot.base_height_m,
+            default_joint_rad=self._zero,
+            stand_joint_rad=np.tile(config.stand_joint_rad, len(robot.feet)),
+            joint_range_rad=np.array([j.range_rad for j in robot.joints[: robot.policy_joints]]),
+            sideways=self.symmetry.joint_signs.numpy() < 0,
+        )
+        self._command_bounds = command_bounds(
+            robot.command_limits, config.command_margin, config.command_beyond
+        )
+        self._latency = rng.integers(0, config.latency_substeps + 1, config.envs)
+        # Control vectors follow the model's actuator order, which is the policy's here.
+        self._ctrl_order = np.argsort(self.handles.actuators)
+        self._allocate()
+        self._reset(np.arange(self.num_envs))
+
+    def _allocate(self) -> None:
+        n, j, f = self.num_envs, self.num_actions, len(self.robot.feet)
+        self._action, self._previous, self._older = (np.zeros((n, j)) for _ in range(3))
+        self._target = np.tile(self._default, (n, 1))
+        self._command, self._phase = np.zeros((n, 3)), np.zeros(n)
+        self._moving = np.zeros(n, dtype=bool)
+        self._next_command, self._next_push = np.zeros(n), np.zeros(n)
+        self._linear_mean, self._yaw_mean = np.zeros((n, 2)), np.zeros(n)
+        self._foot_position, self._joint_velocity = np.zeros((n, f, 3)), np.zeros((n, j))
+        self._foot_contact = np.ones((n, f), dtype=bool)
+        self._foot_height, self._height = np.zeros((n, f)), np.zeros(n)
+        self._age = np.zeros(n, dtype=np.int64)
+        self.push_scale = self.smoothness_scale = 1.0
+        self.statistics: dict[str, list[float]] = {}
+
+    def get_observations(self) -> TensorDict:
+        """Current observations: group `policy` (noisy) and group `privileged` (critic only)."""
+        clean = observe(
+            self._state(),
+            self._zero,
+            self._command,
+            self._phase,
+            self._moving,
+            self._action,
+        )
+        noisy = clean + self._noise * self.rng.uniform(-1, 1, clean.shape)
+        privileged = np.concatenate(
+            [
+                self._linear_mean,
+                self._yaw_mean[:, None],
+                self._height[:, None],
+                self._foot_contact,
+                self._foot_height,
+                self.physical,
+            ],
+            axis=1,
+        )
+        return TensorDict(
+            {
+                "policy": torch.from_numpy(noisy.astype(np.float32)),
+                "privileged": torch.from_numpy(privileged.astype(np.float32)),
+            },
+            batch_size=[self.num_envs],
+        )
+
+    def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
+        """One policy step of every simulation; see `rsl_rl.env.VecEnv.step`."""
+        clip = self.config.action_clip
+        self._older, self._previous = self._previous, self._action
+        self._action = np.clip(actions.numpy().astype(np.float64), -clip, clip)
+        self._advance_physics()
+        self._age += 1
+        facts = self._measure()
+        terms = reward_terms(facts, self._body, self.config)
+        reward = sum(self._weight(name) * value for name, value in terms.items())
+        reward = np.clip(np.nan_to_num(np.asarray(reward)), -20.0, 20.0) * STEP_S
+
+        fallen = self._fallen(facts)
+        expired = self._age >= self.max_episode_length
+        left = np.max(np.abs(self._qpos[:, :2]), axis=1) > self.terrain.half_m
+        time_out = (expired | left) & ~fallen
+        self._note(facts, terms, fallen, reward)
+        done = fallen | time_out
+        self._change_commands()
+        self._push()
+        if done.any():
+            self._reset(np.flatnonzero(done))
+        self._phase = self.gait.advance(self._phase, self._moving, STEP_S)
+        self.episode_length_buf = torch.from_numpy(self._age.copy())
+        return (
+            self.get_observations(),
+            torch.from_numpy(reward.astype(np.float32)),
+            torch.from_numpy(done),
+            {"time_outs": torch.from_numpy(time_out)},
+        )
+
+    def _weight(self, name: str) -> float:
+        # Punished for every jerk from the start, a robot would learn to stand still.
+        scale = self.smoothness_scale if name in SMOOTHNESS_TERMS else 1.0
+        return scale * getattr(self.config.rewards, name)
+
+    def _advance_physics(self) -> None:
+        late = self._target
+        reference = self.gait.reference(self._phase, self._moving, self._command)
+        self._target = target = joint_targets(
+            self._default, reference, self.robot.action_scale_rad, self._action
+        )
+        # Each simulation applies the new target some physics steps late.
+        fresh = np.arange(POLICY_DECIMATION) >= self._latency[:, None]
+        control = np.where(fresh[..., None], target[:, None], late[:, None])
+        self.batch.rollout(POLICY_DECIMATION, control[..., self._ctrl_order], record=())
+
+    def _state(self) -> RobotState:
+        return states_of(self._qpos, self._qvel, self.handles)
+
+    def _measure(self) -> StepFacts:
+        state = self._state()
+        linear, angular = state.linear_velocity_m_s, state.angular_velocity_rad_s
+        # The gait makes the velocity swing: means go over about half a cycle.
+        blend = STEP_S * 2.0 * self.gait.frequency_hz
+        self._linear_mean = self._linear_mean + blend * (linear[:, :2] - self._linear_mean)
+        self._yaw_mean = self._yaw_mean + blend * (angular[:, 2] - self._yaw_mean)
+        soles = self._geom_xpos[:, self.handles.sole_geoms]
+        position = soles.mean(axis=2)
+        # A robot that was just placed has no foot velocity yet.
+        speed = np.linalg.norm((position - self._foot_position)[..., :2], axis=-1) / STEP_S
+        speed *= self._age[:, None] > 1
+        self._foot_position = position.copy()
+        self._sole_z = soles[..., 2] - self._sole_radius
+        self._foot_height = (self._sole_z - self.terrain.at(soles[..., :2])).min(axis=-1)
+        self._foot_contact = self._sensors[:, self.handles.foot_touch] > 1.0
+        base = self._qpos[:, self.handles.root_qpos : self.handles.root_qpos + 3]
+        self._height = base[:, 2] - self.terrain.at(position[..., :2]).mean(axis=1)
+        acceleration = (state.joint_rad_s - self._joint_velocity) / STEP_S
+        self._joint_velocity = state.joint_rad_s.copy()
+        return StepFacts(
+            command=self._command,
+            moving=self._moving,
+            linear_velocity=linear,
+            angular_velocity=angular,
+            linear_mean=self._linear_mean,
+            yaw_mean=self._yaw_mean,
+            gravity=state.gravity,
+            height_m=self._height,
+            torque_nm=self._force[:, self.handles.actuators[: self.num_actions]],
+            joint_rad=state.joint_rad,
+            joint_rad_s=state.joint_rad_s,
+            joint_acceleration=acceleration,
+            action=self._action,
+            previous_action=self._previous,
+            older_action=self._older,
+            foot_phase=self.gait.foot_phase(self._phase),
+            foot_contact=self._foot_contact,
+            foot_height_m=self._foot_height,
+            foot_speed_m_s=speed,
+        )
+
+    def _fallen(self, facts: StepFacts) -> NDArray[np.bool_]:
+        slack, g, fall = self.config.fall_slack, facts.gravity, self.robot.fall
+        roll = np.abs(np.arctan2(-g[:, 1], -g[:, 2]))
+        pitch = np.abs(np.arcsin(np.clip(g[:, 0], -1, 1)))
+        lowest = self._sole_z.min(axis=(1, 2))
+        low = self._com[:, self.handles.root_body, 2] - lowest < fall.com_to_foot_m
+        broken = ~np.isfinite(self._qpos).all(axis=1) | (np.abs(self._qvel).max(axis=1) > 100)
+        return (roll > slack * fall.roll_rad) | (pitch > slack * fall.pitch_rad) | low | broken
+
+    def _change_commands(self) -> None:
+        due = np.flatnonzero(self._age * STEP_S >= self._next_command)
+        if len(due):
+            self._command[due] = sample_commands(self.rng, len(due), self._command_bounds)
+            wait = self.rng.uniform(*self.config.command_s, len(due))
+            self._next_command[due] = self._age[due] * STEP_S + wait
+            self._moving = self.gait.moving(self._command)
+
+    def _push(self) -> None:
+        due = np.flatnonzero(self._age * STEP_S >= self._next_push)
+        if len(due):
+            angle = self.rng.uniform(0, 2 * np.pi, len(due))
+            kick = self.push_scale * self.config.push_m_s * self.rng.uniform(0.3, 1, len(due))
+            v = self.handles.root_dof
+            self._qvel[due, v] += kick * np.cos(angle)
+            self._qvel[due, v + 1] += kick * np.sin(angle)
+            wait = self.rng.uniform(*self.config.push_s, len(due))
+            self._next_push[due] = self._age[due] * STEP_S + wait
+
+    def _reset(self, ids: NDArray[np.intp]) -> None:
+        n, rng, h = len(ids), self.rng, self.handles
+        self.batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
+        q, v = h.root_qpos, h.root_dof
+        reach = min(self.terrain.half_m - 1.0, 10.0)
+        xy = rng.uniform(-reach, reach, (n, 2))
+        around = xy[:, None] + rng.uniform(-0.35, 0.35, (n, 16, 2))
+        self._qpos[ids, q : q + 2] = xy
+        ground = self.terrain.at(around).max(axis=1)
+        self._qpos[ids, q + 2] = ground + self.robot.spawn_height_m + rng.uniform(-0.03, 0.02, n)
+        yaw = rng.uniform(-np.pi, np.pi, n)
+        half = np.stack([np.cos(yaw / 2), np.zeros(n), np.zeros(n), np.sin(yaw / 2)], axis=1)
+        self._qpos[ids, q + 3 : q + 7] = half
+        joints = self._default + rng.uniform(-0.12, 0.12, (n, len(self._default)))
+        self._qpos[np.ix_(ids, h.joint_qpos)] = joints
+        self._qvel[ids, v : v + 6] = rng.uniform(-0.2, 0.2, (n, 6))
+        self._age[ids] = 0
+        self._target[ids] = self._default
+        for array in (self._action, self._previous, self._older, self._linear_mean):
+            array[ids] = 0.0
+        self._phase[ids], self._yaw_mean[ids], self._joint_velocity[ids] = 0.0, 0.0, 0.0
+        self._height[ids], self._foot_height[ids] = self.robot.base_height_m, 0.0
+        self._foot_contact[ids] = True
+        self._next_command[ids] = 0.0
+        self._next_push[ids] = rng.uniform(*self.config.push_s, n)
+        self._change_commands()
+
+    def _note(
+        self,
+        facts: StepFacts,
+        terms: dict[str, Array],
+        fallen: NDArray[np.bool_],
+        reward: Array,
+    ) -> None:
+        walking = facts.moving & (self._age > 50)
+        note = {
+            "reward": float(reward.mean()) / STEP_S,
+            "falls_per_minute": float(fallen.mean()) / STEP_S * 60.0,
+            "linear_error": _mean(
+                np.linalg.norm(facts.linear_mean - facts.command[:, :2], axis=1), walking
+            ),
+            "yaw_error": _mean(np.abs(facts.yaw_mean - facts.command[:, 2]), walking),
+        }
+        for name, value in terms.items():
+            note[f"term_{name}"] = float(value.mean()) * self._weight(name)
+        for name, value in note.items():
+            self.statistics.setdefault(name, []).append(value)
+
+
+def _mean(values: Array, where: NDArray[np.bool_]) -> float:
+    return float(values[where].mean()) if where.any() else 0.0

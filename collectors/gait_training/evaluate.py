@@ -1,0 +1,123 @@
+"""How well a gait walks: the table that goes into its card, and the gates it must pass.
+
+`python -m vlnpe.collectors.gait_training.evaluate aliengo` measures the installed policy;
+`--policy runs/gait-aliengo` the one in a training's folder, `--publish` installs that one with its
+table.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import tyro
+
+from ...formats.core.atomic import atomic_file
+from ..controllers import SpeedConfig
+from ..locomotion.card import POLICY_FOLDER, save_card
+from ..locomotion.policy import GaitPolicy
+from ..robots import RobotSpec, get_robot
+from .action_errors import action_errors
+from .aim import calibrated
+from .driven import follow_paths
+from .gates import CLOSED_LOOP, TIMED, gate_results
+from .measures import command_grid, pushes, standing, velocity_errors
+from .terrain import noise_terrain
+from .trial import POLICY_DECIMATION, Conditions
+
+log = logging.getLogger(__name__)
+
+SEED = 1234  # of everything; terrain and seeds are not training's
+
+
+def evaluation_table(policy: GaitPolicy, seed: int = SEED, scale: float = 1.0) -> dict[str, Any]:
+    """The whole table; `scale` < 1 takes fewer robots."""
+    rng = np.random.default_rng(seed)
+    many, few = max(2, round(200 * scale)), max(2, round(24 * scale))
+    rough = {f"noise_{cm}cm": noise_terrain(rng, 0.01 * cm) for cm in (4, 6)}
+    grid = command_grid(policy.robot)
+    table: dict[str, Any] = {"seed": seed, "standing": standing(policy)}
+    for friction in (0.5, 1.1):
+        for late, substeps in (("", 0), ("_20ms_late", POLICY_DECIMATION)):
+            conditions = Conditions(friction=friction, latency_substeps=substeps)
+            name = f"grid_friction_{friction:g}{late}"
+            table[name] = velocity_errors(policy, grid, conditions, rng)
+    bumps = Conditions.mixed(len(grid), rng, rough["noise_4cm"])
+    table["grid_noise_4cm"] = velocity_errors(policy, grid, bumps, rng)
+    for name, config in {
+        TIMED: SpeedConfig(),
+        CLOSED_LOOP: SpeedConfig(end_on_displacement=True),
+    }.items():
+        table[name] = action_errors(policy, config, few, Conditions.mixed(few, rng), rng)
+    for name, terrain in {"flat": None, **rough}.items():
+        conditions = Conditions.mixed(many, rng, terrain)
+        table[f"paths_{name}"] = follow_paths(policy, many, conditions, rng)
+    table["pushes"] = pushes(policy, many, 0.5, rng)
+    return table
+
+
+def publish(robot: RobotSpec, source: Path, target: Path) -> dict[str, Any]:
+    """Calibrate and evaluate the policy in `source`; write it and its card to `target`.
+
+    Returns:
+        The evaluation table.
+    """
+    policy = calibrated(GaitPolicy.load(robot, source))
+    card = replace(policy.card, evaluation=evaluation_table(policy))
+    network = (source / f"{robot.name}.onnx").read_bytes()
+    with atomic_file(target / f"{robot.name}.onnx") as temporary:
+        temporary.write_bytes(network)
+    save_card(card, target / f"{robot.name}.json")
+    return card.evaluation
+
+
+def report(evaluation: dict[str, Any]) -> str:
+    """The gates, one line each, for people, and what VLN-PE's timing makes of discrete actions."""
+    lines = [str(result) for result in gate_results(evaluation)]
+    timed = evaluation[TIMED]
+    lines.append(
+        f"  (discrete actions of 0.25 s each, 90 %: {timed['position_p90_m']:.3f} m, "
+        f"{timed['heading_p90_deg']:.1f}°, {timed['falls']} of {timed['robots']} robots fell)"
+    )
+    return "\n".join(lines)
+
+
+def main(
+    robot: Annotated[str, tyro.conf.Positional],
+    policy: Path = POLICY_FOLDER,
+    scale: float = 1.0,
+    publish_it: Annotated[bool, tyro.conf.arg(name="publish")] = False,
+    strips: Path | None = None,
+) -> None:
+    """Measure a policy and print its evaluation table and its gates.
+
+    Args:
+        robot: registry name.
+        policy: folder of `<robot>.onnx` and `<robot>.json`; default the installed one.
+        scale: below 1 takes fewer robots, for a quick look.
+        publish_it: install the policy, with its table, beside this file.
+        strips: measure nothing, write film strips of walking, turning and standing here.
+    """
+    logging.basicConfig(level=logging.INFO, format="%(message)s")
+    spec = get_robot(robot)
+    if strips is not None:
+        # Late, because drawing loads much that measuring does not need.
+        from .strips import write_strips
+
+        strips.mkdir(parents=True, exist_ok=True)
+        for path in write_strips(GaitPolicy.load(spec, policy), strips):
+            log.info("%s", path)
+        return
+    if publish_it:
+        evaluation = publish(spec, policy, POLICY_FOLDER)
+    else:
+        evaluation = evaluation_table(GaitPolicy.load(spec, policy), scale=scale)
+    log.info("%s\n\n%s", json.dumps(evaluation, indent=1), report(evaluation))
+
+
+if __name__ == "__main__":
+    tyro.cli(main)

@@ -1,0 +1,174 @@
+"""Train a gait; going on after an interruption is calling it again.
+
+`python -m vlnpe.collectors.gait_training.train aliengo [--publish]`
+
+Writes `checkpoint.pt`, `curve.csv` and, at each checkpoint, the policy and its card into the
+output folder; `--publish` evaluates the result and installs it beside this file.
+"""
+
+from __future__ import annotations
+
+import csv
+import logging
+import time
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import tyro
+from rsl_rl.runners import OnPolicyRunner
+
+from ...formats.core.atomic import atomic_file
+from ...formats.core.errors import UnknownNameError, VlnpeError
+from ..locomotion.card import POLICY_FOLDER
+from ..robots import RobotSpec, get_robot
+from .config import PHASES, ppo_config
+from .env import GaitEnv
+from .export import write_policy
+from .terrain import Terrain, rough_terrain
+
+log = logging.getLogger(__name__)
+CHUNK = 10  # iterations per line of the learning curve
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Train one robot's gait.
+
+    Attributes:
+        robot: registry name.
+        out: folder of checkpoints and learning curve; default `runs/gait-<robot>`.
+        seed: of everything.
+        threads: for physics.
+        publish: evaluate the result and install it into the package.
+        iterations: PPO iterations per phase; default as configured. For a quick trial.
+    """
+
+    robot: tyro.conf.Positional[str]
+    out: Path | None = None
+    seed: int = 0
+    threads: int = 2
+    publish: bool = False
+    iterations: int | None = None
+
+
+def run(arguments: Arguments) -> None:
+    """Train as the command line says.
+
+    Raises:
+        UnknownNameError: there is no such robot, or no recipe for its gait.
+    """
+    if arguments.robot not in PHASES:
+        raise UnknownNameError("robot to train", arguments.robot, PHASES)
+    robot = get_robot(arguments.robot)
+    out = arguments.out or Path("runs") / f"gait-{robot.name}"
+    train(robot, out, arguments.seed, arguments.threads, arguments.iterations)
+    if arguments.publish:
+        # Late, because it needs more than training does.
+        from .evaluate import publish
+
+        publish(robot, out, POLICY_FOLDER)
+
+
+def train(
+    robot: RobotSpec, out: Path, seed: int, threads: int, iterations: int | None = None
+) -> None:
+    """Run all phases of the robot's training, going on from the last checkpoint in `out`."""
+    # The networks are small: more torch threads cost more than they give.
+    torch.set_num_threads(1)
+    out.mkdir(parents=True, exist_ok=True)
+    checkpoint = out / "checkpoint.pt"
+    done, samples, wall_s = 0, 0, 0.0
+    first = 0
+    for number, (phase, planned) in enumerate(PHASES[robot.name]):
+        last = first + (planned if iterations is None else iterations)
+        if checkpoint.exists():
+            # Our own file, written below.
+            progress = torch.load(checkpoint, weights_only=False)["infos"]
+            done, samples, wall_s = (progress[k] for k in ("iterations", "samples", "wall_s"))
+        if done >= last:
+            first = last
+            continue
+        log.info("phase %d: %s terrain, iterations %d to %d", number, phase.terrain, done, last)
+        rng = np.random.default_rng([seed, number, done])
+        torch.manual_seed(seed + done)
+        terrain = rough_terrain(rng) if phase.terrain == "rough" else Terrain()
+        env = GaitEnv(robot, phase, terrain, rng, threads)
+        runner = OnPolicyRunner(env, {**ppo_config(phase, seed), "multi_gpu": None})
+        if checkpoint.exists():
+            runner.load(str(checkpoint))
+        while done < last:
+            started = time.monotonic()
+            # Robots first learn to walk, then to walk smoothly and to be kicked.
+            env.push_scale = min(1.0, max(0.0, (done - 100) / 300))
+            env.smoothness_scale = min(1.0, 0.2 + done / 300)
+            count = min(CHUNK, last - done)
+            runner.learn(count)
+            done += count
+            samples += count * phase.envs * phase.steps
+            wall_s += time.monotonic() - started
+            _write_curve(out / "curve.csv", env, runner, done, samples, wall_s)
+            progress = {"iterations": done, "samples": samples, "wall_s": wall_s}
+            with atomic_file(checkpoint) as temporary:
+                runner.save(str(temporary), progress)
+            if done % 50 == 0 or done == last:
+                write_policy(
+                    robot, phase, runner.alg.get_policy(), _facts(robot, seed, progress), out
+                )
+        first = last
+
+
+def _facts(robot: RobotSpec, seed: int, progress: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "algorithm": "PPO (rsl-rl-lib) over mujoco.batch",
+        "seed": seed,
+        **progress,
+        "phases": [{**asdict(p), "iterations": count} for p, count in PHASES[robot.name]],
+        "versions": {name: version(name) for name in ("mujoco", "rsl-rl-lib", "torch")},
+    }
+
+
+def _write_curve(
+    path: Path, env: GaitEnv, runner: OnPolicyRunner, done: int, samples: int, wall_s: float
+) -> None:
+    row = {
+        "iteration": done,
+        "samples": samples,
+        "wall_s": round(wall_s, 1),
+        "learning_rate": runner.alg.learning_rate,
+        "action_std": float(runner.alg.get_policy().output_std.detach().mean()),
+        **{name: round(float(np.mean(v)), 5) for name, v in env.statistics.items()},
+    }
+    env.statistics.clear()
+    log.info(
+        "%5d  %5.1f M  %6.0f s  reward %6.3f  error %.3f m/s %.3f rad/s  falls/min %.2f",
+        done,
+        samples / 1e6,
+        wall_s,
+        row["reward"],
+        row["linear_error"],
+        row["yaw_error"],
+        row["falls_per_minute"],
+    )
+    fresh = not path.exists()
+    with path.open("a", newline="") as file:
+        writer = csv.DictWriter(file, fieldnames=list(row))
+        if fresh:
+            writer.writeheader()
+        writer.writerow(row)
+
+
+def main() -> None:
+    """Command line of `make train-gait`."""
+    logging.basicConfig(level=logging.INFO, format="%(message)s")
+    try:
+        run(tyro.cli(Arguments))
+    except VlnpeError as error:
+        raise SystemExit(f"train-gait: {error}") from None
+
+
+if __name__ == "__main__":
+    main()

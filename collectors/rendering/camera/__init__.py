@@ -1,0 +1,1 @@
+"""Where cameras are, what rays they cast, and what they record."""

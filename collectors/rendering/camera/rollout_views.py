@@ -1,0 +1,280 @@
+"""A recorded rollout, seen by a camera: videos, camera poses and intrinsics in one folder."""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....formats.core.atomic import atomic_file, write_json
+from ....formats.core.camera import DepthRange
+from ....formats.core.errors import UnknownNameError
+from ....formats.core.rollout import Rollout
+from ....formats.rendered.image_counts import new_depth_counts, new_rgb_counts
+from ....formats.scene.bundle import SceneBundle
+from ....formats.video.mp4 import DEPTH_CODEC, RGB_CODECS, write_depth_video, write_rgb_video
+from ...robots import RobotSpec, get_robot
+from ..interface import Frame, Pose, Renderer
+from ..light.lights import get_light
+from ..scene.robot_body import RobotBody, RobotGeometryPose
+from .extras import Extras, write_extras
+from .views import VIEWS, CameraPath, Shot, View
+
+Picture = tuple[NDArray[np.uint8], NDArray[np.float32]]
+
+
+@dataclass(frozen=True)
+class RolloutFrames:
+    """The frames of a rollout before they are rendered.
+
+    Attributes:
+        sample_index: (N,) samples of the rollout.
+        path: camera poses of the N frames.
+        lamp: the robot's camera at which the light `CL` is; None = at the view's own camera.
+    """
+
+    rollout: Rollout
+    view: View
+    body: RobotBody
+    sample_index: NDArray[np.int64]
+    path: CameraPath
+    lamp: str | None = None
+
+    @classmethod
+    def plan(
+        cls,
+        renderer: Renderer,
+        rollout: Rollout,
+        view: View,
+        samples: NDArray[np.int64],
+        robot: RobotSpec | None = None,
+    ) -> RolloutFrames:
+        """Place the view's camera at `samples` (N,).
+
+        Args:
+            renderer: made for the view's renderer and light.
+            rollout: recorded states.
+            view: where to look from.
+            samples: of the rollout.
+            robot: who walked; the registry's robot of that name when None.
+
+        Raises:
+            UnknownNameError: no such view kind or robot; the message lists the valid names.
+            ValueError: the renderer is not the one the view asks for.
+        """
+        if view.kind not in VIEWS:
+            raise UnknownNameError("camera", view.kind, VIEWS)
+        if (renderer.name, renderer.light) != (view.renderer, view.light):
+            raise ValueError(
+                f"view {view.name} asks for renderer {view.renderer} with light {view.light}, "
+                f"given {renderer.name} with {renderer.light}"
+            )
+        robot = robot or get_robot(rollout.robot)
+        body = RobotBody(robot.build_model(floor=False), rollout.joint_names)
+        shot = Shot(rollout, samples, view.camera, robot, body, renderer)
+        kind = VIEWS[view.kind]
+        carried = get_light(view.light).lamp > 0 and not kind.onboard
+        lamp = robot.camera.name if carried else None
+        return cls(rollout, view, body, samples, kind.path(shot), lamp)
+
+    def render(self, renderer: Renderer) -> Iterator[Picture]:
+        """Yield RGB (H, W, 3) uint8 and depth (H, W) float32 [m] of each frame."""
+        for n in range(len(self.sample_index)):
+            yield renderer.render(self.view.camera, *self._instant(n))
+
+    def render_labelled(self, renderer: Renderer) -> Iterator[Frame]:
+        """Yield each frame with the names of what its pixels show."""
+        for n in range(len(self.sample_index)):
+            yield renderer.render_labelled(self.view.camera, *self._instant(n))
+
+    def _instant(
+        self, n: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], RobotGeometryPose, float, Pose | None]:
+        """What a renderer is told of frame `n`, after the camera."""
+        sample = self.sample_index[n]
+        state = (
+            self.rollout.position_world_m[sample],
+            self.rollout.quat_wxyz[sample],
+            self.rollout.joint_position_rad[sample],
+        )
+        return (
+            self.path.position_world_m[n],
+            self.path.quat_wxyz[n],
+            self.body.pose(*state),
+            float(self.path.cut_above_m[n]),
+            self.body.camera_pose(self.lamp, *state) if self.lamp else None,
+        )
+
+
+def render_rollout(
+    bundle: SceneBundle,
+    renderer: Renderer,
+    rollout: Rollout,
+    view: View,
+    out_dir: Path,
+    frames_per_second: int = 4,
+    depth_range: DepthRange | None = None,
+    codec: str = "h264",
+    robot: RobotSpec | None = None,
+    extras: Extras | None = None,
+) -> int:
+    """Render a rollout into `out_dir`; return the number of frames.
+
+    Writes `rgb.mp4`, `depth.mp4` (12-bit codes, see `formats/video/depth_codes.py`), `frames.npz`
+    (`sample_index` (N,), `time_s` (N,), `camera_position_world_m` (N, 3) and `camera_quat_wxyz`
+    (N, 4) of the optical frame, and how often each value occurs, see `formats/rendered/image_counts.py`)
+    and `meta.json`. Memory does not grow with the rollout's length.
+
+    Args:
+        bundle: the scene the renderer was built for.
+        renderer: made for the view's renderer and light.
+        rollout: recorded states.
+        view: where to look from, and with which intrinsics.
+        out_dir: made when missing; the caller makes it atomic.
+        frames_per_second: divides the rollout's sample rate.
+        depth_range: clip range of the stored depth, default `DepthRange()`.
+        codec: key of `formats.video.RGB_CODECS`.
+        robot: who walked; the registry's robot of that name when None.
+        extras: further videos (see `extras`), default none.
+
+    Raises:
+        UnknownNameError: unknown view kind, robot or codec; the message lists the valid names.
+        ValueError: frame rate that does not divide 100, or renderer and view that do not match.
+    """
+    if codec not in RGB_CODECS:
+        raise UnknownNameError("video codec", codec, RGB_CODECS)
+    limits = depth_range or DepthRange()
+    samples = rollout.frame_samples(frames_per_second)
+    frames = RolloutFrames.plan(renderer, rollout, view, samples, robot)
+    out_dir.mkdir(parents=True, exist_ok=True)
+    extras = extras or Extras()
+    if extras.labelled:
+        labelled = frames.render_labelled(renderer)
+    else:
+        nothing = np.zeros((0, 0), dtype=np.int32)
+        labelled = (Frame(*picture, nothing, nothing) for picture in frames.render(renderer))
+    pictures = write_extras(out_dir, labelled, extras, bundle, frames_per_second, limits)
+    counts = new_rgb_counts(), new_depth_counts()
+    count = _write_videos(out_dir, pictures, frames_per_second, limits, codec, *counts)
+    with atomic_file(out_dir / "frames.npz") as temporary:
+        np.savez(
+            temporary,
+            sample_index=samples,
+            time_s=rollout.time_s[samples],
+            camera_position_world_m=frames.path.position_world_m,
+            camera_quat_wxyz=frames.path.quat_wxyz,
+            rgb_counts=counts[0],
+            depth_counts=counts[1],
+        )
+    write_json(
+        out_dir / "meta.json",
+        _facts(bundle, rollout, view, count, frames_per_second, limits, codec) | extras.facts(),
+    )
+    return count
+
+
+def _facts(
+    bundle: SceneBundle,
+    rollout: Rollout,
+    view: View,
+    count: int,
+    frames_per_second: int,
+    depth_range: DepthRange,
+    codec: str,
+) -> dict[str, object]:
+    camera = view.camera
+    return {
+        "scene_id": bundle.scene_id,
+        "episode_id": rollout.episode.episode_id,
+        "robot": rollout.robot,
+        "controller": rollout.controller,
+        "view": view.name,
+        "kind": view.kind,
+        "renderer": view.renderer,
+        "light": view.light,
+        "frames": count,
+        "frames_per_second": frames_per_second,
+        "camera": {
+            "name": camera.name,
+            "width_px": camera.width_px,
+            "height_px": camera.height_px,
+            "hfov_deg": camera.hfov_deg,
+            "intrinsics": camera.intrinsics.tolist(),
+            "frame": "optical: x right, y down, z forward",
+        },
+        "depth": {
+            "meaning": "planar z in metres, 0 = invalid",
+            "near_m": depth_range.near_m,
+            "far_m": depth_range.far_m,
+            "file": "depth.mp4",
+            "codec": DEPTH_CODEC.canonical,
+            "pixel_format": DEPTH_CODEC.pixel_format,
+        },
+        "rgb": {"file": "rgb.mp4", "codec": codec},
+    }
+
+
+def _write_videos(
+    folder: Path,
+    frames: Iterator[Picture],
+    frames_per_second: int,
+    depth_range: DepthRange,
+    codec: str,
+    rgb_counts: NDArray[np.int64],
+    depth_counts: NDArray[np.int64],
+) -> int:
+    """Encode both videos from one pass over `frames`, depth in a thread beside RGB."""
+    waiting: queue.Queue[NDArray[np.float32] | BaseException | None] = queue.Queue(maxsize=4)
+
+    def depth_frames() -> Iterator[NDArray[np.float32]]:
+        while (item := waiting.get()) is not None:
+            if isinstance(item, BaseException):
+                raise item  # no half video when rendering failed
+            yield item
+
+    def rgb_frames(depth_writer: Future[int]) -> Iterator[NDArray[np.uint8]]:
+        for rgb, depth in frames:
+            _put(waiting, depth, depth_writer)
+            yield rgb
+
+    with ThreadPoolExecutor(max_workers=1, thread_name_prefix="depth") as pool:
+        depth_writer = pool.submit(
+            write_depth_video,
+            folder / "depth.mp4",
+            depth_frames(),
+            frames_per_second,
+            depth_range,
+            depth_counts,
+        )
+        try:
+            colours = rgb_frames(depth_writer)
+            count = write_rgb_video(
+                folder / "rgb.mp4", colours, frames_per_second, codec, rgb_counts
+            )
+        except BaseException as error:
+            _put(waiting, error, depth_writer)
+            raise
+        _put(waiting, None, depth_writer)
+        depth_writer.result()
+    return count
+
+
+def _put(
+    waiting: queue.Queue[NDArray[np.float32] | BaseException | None],
+    item: NDArray[np.float32] | BaseException | None,
+    reader: Future[int],
+) -> None:
+    """Hand over an item, unless the reader has ended; its own error is raised by `result`."""
+    while not reader.done():
+        try:
+            waiting.put(item, timeout=0.5)
+        except queue.Full:
+            continue
+        return
+    if not isinstance(item, BaseException):
+        reader.result()

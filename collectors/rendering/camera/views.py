@@ -1,0 +1,214 @@
+"""Where cameras are during a rollout: the robot's own, one that follows it, one from above."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....formats.core.camera import CameraModel
+from ....formats.core.errors import InputError, UnknownNameError
+from ....formats.core.frames import matrix_to_quat
+from ....formats.core.rollout import Rollout
+from ...robots import RobotSpec, get_robot
+from ..interface import Renderer
+from ..scene.robot_body import RobotBody
+from .chase import chase_poses
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CameraPath:
+    """Camera poses of N frames.
+
+    Attributes:
+        position_world_m: (N, 3) optical centre [m].
+        quat_wxyz: (N, 4) optical frame to world.
+        cut_above_m: (N,) world z above which the scene is left out; inf = nothing.
+    """
+
+    position_world_m: Array
+    quat_wxyz: Array
+    cut_above_m: Array
+
+
+@dataclass(frozen=True)
+class Shot:
+    """What a view kind may look at to place its camera."""
+
+    rollout: Rollout
+    samples: NDArray[np.int64]
+    camera: CameraModel
+    robot: RobotSpec
+    body: RobotBody
+    renderer: Renderer
+
+
+@dataclass(frozen=True)
+class ViewKind:
+    """How one kind of view is made.
+
+    Attributes:
+        default_camera: intrinsics for a robot, unless the user says otherwise.
+        path: places the camera.
+        onboard: whether it is the robot's own camera, at which its lamp is.
+    """
+
+    default_camera: Callable[[RobotSpec], CameraModel]
+    path: Callable[[Shot], CameraPath]
+    onboard: bool = False
+
+
+@dataclass(frozen=True)
+class View:
+    """One way to look at rollouts.
+
+    Attributes:
+        kind: key of `VIEWS`.
+        camera: intrinsics.
+        light: light name.
+        renderer: renderer name.
+    """
+
+    kind: str
+    camera: CameraModel
+    light: str = "baked"
+    renderer: str = "embree"
+
+    @property
+    def name(self) -> str:
+        """Folder name: kind, resolution, field of view and light."""
+        c = self.camera
+        return f"{self.kind}-{c.width_px}x{c.height_px}-{c.hfov_deg:g}deg-{self.light}"
+
+
+@dataclass(frozen=True)
+class CameraWishes:
+    """Intrinsics to use instead of a camera's own; None = its own."""
+
+    width_px: int | None = None
+    height_px: int | None = None
+    hfov_deg: float | None = None
+
+
+def make_view(
+    kind: str,
+    robot: str | RobotSpec,
+    width_px: int | None = None,
+    height_px: int | None = None,
+    hfov_deg: float | None = None,
+    light: str = "baked",
+    renderer: str = "embree",
+) -> View:
+    """A view of kind `kind` of a robot or its name; what is None is the kind's default.
+
+    Raises:
+        UnknownNameError: no such kind or robot; the message lists the valid names.
+    """
+    if kind not in VIEWS:
+        raise UnknownNameError("camera", kind, VIEWS)
+    spec = get_robot(robot) if isinstance(robot, str) else robot
+    default = VIEWS[kind].default_camera(spec)
+    camera = CameraModel(
+        name=kind,
+        width_px=default.width_px if width_px is None else width_px,
+        height_px=default.height_px if height_px is None else height_px,
+        hfov_deg=default.hfov_deg if hfov_deg is None else hfov_deg,
+    )
+    return View(kind, camera, light, renderer)
+
+
+CAMERA = re.compile(r"(?P<kind>[a-z_]+)(:(?P<width>\d+)x(?P<height>\d+))?(:(?P<hfov>[\d.]+))?")
+MAX_SIDE_PX = 8192
+
+
+def parse_views(
+    text: str, robot: str | RobotSpec, defaults: CameraWishes, light: str, renderer: str
+) -> list[View]:
+    """Views from `ego,chase:640x480,top:480x480:50`: kind, size [px], horizontal field of view.
+
+    Args:
+        text: one or more cameras, separated by commas.
+        robot: whose.
+        defaults: for what a camera does not say itself.
+        light: light name.
+        renderer: renderer name.
+
+    Raises:
+        UnknownNameError: no such kind or robot; the message lists the valid names.
+        InputError: a camera that cannot be read, of a size no video takes, or named twice.
+    """
+    views = []
+    for word in text.split(","):
+        found = CAMERA.fullmatch(word.strip())
+        if found is None:
+            raise InputError(
+                f"camera {word!r}; valid: KIND[:WIDTHxHEIGHT][:HFOV], e.g. ego:640x480:79"
+            )
+        width = int(found["width"]) if found["width"] else defaults.width_px
+        height = int(found["height"]) if found["height"] else defaults.height_px
+        hfov = float(found["hfov"]) if found["hfov"] else defaults.hfov_deg
+        views.append(make_view(found["kind"], robot, width, height, hfov, light, renderer))
+        camera = views[-1].camera
+        for side in (camera.width_px, camera.height_px):
+            if side % 2 or not 16 <= side <= MAX_SIDE_PX:
+                raise InputError(
+                    f"camera {word!r} of {camera.width_px} x {camera.height_px} px; "
+                    f"valid: even sides from 16 to {MAX_SIDE_PX}"
+                )
+        if not 1.0 <= camera.hfov_deg <= 170.0:
+            raise InputError(f"camera {word!r}: {camera.hfov_deg:g}°; valid: HFOV of 1 to 170")
+    names = [view.name for view in views]
+    if len(set(names)) < len(names):
+        raise InputError(f"camera {text!r}: one of them twice")
+    return views
+
+
+def _ego_path(shot: Shot) -> CameraPath:
+    poses = [
+        shot.body.camera_pose(
+            shot.robot.camera.name,
+            shot.rollout.position_world_m[i],
+            shot.rollout.quat_wxyz[i],
+            shot.rollout.joint_position_rad[i],
+        )
+        for i in shot.samples
+    ]
+    return CameraPath(
+        np.array([p for p, _ in poses]),
+        np.array([q for _, q in poses]),
+        np.full(len(poses), np.inf),
+    )
+
+
+def _chase_path(shot: Shot) -> CameraPath:
+    position, quat = chase_poses(
+        shot.rollout, shot.samples, shot.robot.base_height_m, shot.camera, shot.renderer
+    )
+    return CameraPath(position, quat, np.full(len(position), np.inf))
+
+
+TOP_HEIGHT_M = 9.0
+# Below the lintels of most doors, so that one sees through them from above.
+TOP_CUT_M = 2.0
+# Looking straight down, north (+y) up in the image.
+DOWN = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
+
+
+def _top_path(shot: Shot) -> CameraPath:
+    rollout, samples = shot.rollout, shot.samples
+    floor = rollout.floor_z_m[samples]
+    position = rollout.position_world_m[samples].copy()
+    position[:, 2] = floor + TOP_HEIGHT_M
+    return CameraPath(position, np.tile(matrix_to_quat(DOWN), (len(samples), 1)), floor + TOP_CUT_M)
+
+
+VIEWS: dict[str, ViewKind] = {
+    "ego": ViewKind(lambda robot: robot.camera.model, _ego_path, onboard=True),
+    "chase": ViewKind(lambda robot: CameraModel("chase", 640, 480, 75.0), _chase_path),
+    "top": ViewKind(lambda robot: CameraModel("top", 480, 480, 50.0), _top_path),
+}

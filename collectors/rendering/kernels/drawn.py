@@ -1,0 +1,175 @@
+"""Kernels that light what is known already: a robot's hits, and pictures that OpenGL drew.
+
+Helpers are inlined from `surface_light`; see `ray_kernel` about numba's cache.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from .data import F32, FAST, LightArrays
+from .packets import PacketHits
+from .surface_light import (
+    HORIZON_FROM,
+    HORIZON_TO,
+    SPHERE_STRENGTH,
+    exposed,
+    hidden_share,
+    incident,
+)
+
+f32 = np.float32
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def shade_robot(
+    rays: NDArray[np.int64],
+    directions: F32,
+    eye: F32,
+    hits: PacketHits,
+    corner_normal: F32,
+    rotation: F32,
+    base_linear: F32,
+    light: LightArrays,
+    out: F32,
+):
+    """Write the colours of rays that hit one geom of the robot.
+
+    Args:
+        rays: (K,) indices of the rays that hit.
+        directions: (N, 3) of all rays, world.
+        eye: (3,) optical centre [m].
+        hits: of the K rays.
+        corner_normal: (F, 3, 3) unit normals at the triangles' corners, geom frame.
+        rotation: (3, 3) geom to world.
+        base_linear: (3,) colour in linear light.
+        light: what lights it.
+        out: (N, 3) linear light, written at `rays`.
+    """
+    local = np.empty(3, dtype=np.float32)
+    for j in range(rays.shape[0]):
+        face, i = hits.prim[j], rays[j]
+        u, v, t = hits.u[j], hits.v[j], hits.depth[j]
+        w = f32(1.0) - u - v
+        for k in range(3):
+            local[k] = (
+                w * corner_normal[face, 0, k]
+                + u * corner_normal[face, 1, k]
+                + v * corner_normal[face, 2, k]
+            )
+        nx = rotation[0, 0] * local[0] + rotation[0, 1] * local[1] + rotation[0, 2] * local[2]
+        ny = rotation[1, 0] * local[0] + rotation[1, 1] * local[1] + rotation[1, 2] * local[2]
+        nz = rotation[2, 0] * local[0] + rotation[2, 1] * local[1] + rotation[2, 2] * local[2]
+        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
+        along = nx * dx + ny * dy + nz * dz
+        scale = f32(1.0) / np.sqrt(max(nx * nx + ny * ny + nz * nz, f32(1e-12)))
+        if along > f32(0.0):
+            scale = -scale
+        cosine = np.abs(along * scale) / np.sqrt(dx * dx + dy * dy + dz * dz)
+        factor = incident(
+            eye[0] + t * dx,
+            eye[1] + t * dy,
+            eye[2] + t * dz,
+            nx * scale,
+            ny * scale,
+            nz * scale,
+            cosine,
+            False,
+            light,
+            f32(1.0),
+        )
+        for k in range(3):
+            out[i, k] = exposed(base_linear[k] * factor, light)
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def light_pixels(
+    rgb: NDArray[np.uint8],
+    depth: F32,
+    state: NDArray[np.uint8],
+    width: int,
+    height: int,
+    directions: F32,
+    eye: F32,
+    decode: F32,
+    light: LightArrays,
+    lamp_gain: F32,
+    spheres: F32,
+    out: F32,
+):
+    """Light a picture of the surfaces' own colours.
+
+    The normal of a pixel is that of the plane through it and its nearer neighbours, one in its row
+    and one in its column: on a flat surface exact, and at an edge that of the pixel's own side.
+
+    Args:
+        rgb: (N, 3) sRGB of the surfaces.
+        depth: (N,) planar depth [m], 0 = nothing.
+        state: (N,) 0 nothing, 1 shown as it is, 2 lit, 3 the robot.
+        width: image width [px].
+        height: image height [px].
+        directions: (N, 3), world, of unit length along the optical axis.
+        eye: (3,) optical centre [m].
+        decode: (256,) linear light of each byte.
+        light: what lights it.
+        lamp_gain: (N,) 0 in the lamp's shadow, or (0,): no shadow.
+        spheres: (S, 4) of the robot, which darken what is near them.
+        out: (N, 3) linear light, written.
+    """
+    for i in range(depth.shape[0]):
+        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
+        if state[i] == 0:
+            rise = dz / np.sqrt(dx * dx + dy * dy + dz * dz)
+            up = (rise - HORIZON_FROM) / (HORIZON_TO - HORIZON_FROM)
+            up = min(max(up, f32(0.0)), f32(1.0))
+            for c in range(3):
+                below = light.room[10 + c]
+                out[i, c] = below + up * (light.room[7 + c] - below)
+            continue
+        red, green, blue = decode[rgb[i, 0]], decode[rgb[i, 1]], decode[rgb[i, 2]]
+        if state[i] > 1 or spheres.shape[0] > 0:
+            row = i // width
+            column = i - row * width
+            t = depth[i]
+            a = i - 1 if column > 0 else i + 1
+            if 0 < column < width - 1 and abs(depth[i + 1] - t) < abs(depth[a] - t):
+                a = i + 1
+            b = i - width if row > 0 else i + width
+            if 0 < row < height - 1 and abs(depth[i + width] - t) < abs(depth[b] - t):
+                b = i + width
+            ax = depth[a] * directions[a, 0] - t * dx
+            ay = depth[a] * directions[a, 1] - t * dy
+            az = depth[a] * directions[a, 2] - t * dz
+            bx = depth[b] * directions[b, 0] - t * dx
+            by = depth[b] * directions[b, 1] - t * dy
+            bz = depth[b] * directions[b, 2] - t * dz
+            nx = ay * bz - az * by
+            ny = az * bx - ax * bz
+            nz = ax * by - ay * bx
+            along = nx * dx + ny * dy + nz * dz
+            flip = f32(1.0) / np.sqrt(max(nx * nx + ny * ny + nz * nz, f32(1e-30)))
+            if along > f32(0.0):
+                flip = -flip
+            cosine = np.abs(along * flip) / np.sqrt(dx * dx + dy * dy + dz * dz)
+            nx *= flip
+            ny *= flip
+            nz *= flip
+            x, y, z = eye[0] + t * dx, eye[1] + t * dy, eye[2] + t * dz
+            if state[i] > 1:
+                gain = lamp_gain[i] if lamp_gain.shape[0] > 0 else f32(1.0)
+                factor = incident(x, y, z, nx, ny, nz, cosine, state[i] == 2, light, gain)
+                red = exposed(red * factor, light)
+                green = exposed(green * factor, light)
+                blue = exposed(blue * factor, light)
+            if state[i] != 3 and spheres.shape[0] > 0:
+                hidden = hidden_share(spheres, x, y, z, nx, ny, nz)
+                if hidden > f32(0.0):
+                    factor = np.exp(-f32(SPHERE_STRENGTH) * hidden)
+                    red *= factor
+                    green *= factor
+                    blue *= factor
+        out[i, 0] = red
+        out[i, 1] = green
+        out[i, 2] = blue

@@ -1,0 +1,161 @@
+"""Light that falls on a point of a surface, to be inlined into kernels."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from ..light.cube_grid import CubeGrid
+from .data import F32, LightArrays
+
+f32 = np.float32
+
+# Sines of the elevations between which the dark of a hole turns into sky.
+HORIZON_FROM, HORIZON_TO = f32(0.05), f32(0.3)
+# Cosines of the angles off the lamp's axis within which it is full, and beyond which it is dark.
+LAMP_CORE, LAMP_EDGE = 0.95, 0.5
+LAMP_SOFT_M2 = 0.25  # a lamp is no point; nearby things are not burnt out
+# The soft dark spot under a robot; see `contact_shadow`.
+SPHERE_REACH_M = 0.8
+SPHERE_STRENGTH = 3.0
+
+
+@njit(inline="always", error_model="numpy")
+def cube_at(grid: CubeGrid, x, y, z, nx, ny, nz):
+    """Value of a grid at a surface point with a unit normal, trilinear.
+
+    Args:
+        grid: traced grid.
+        x: point [m], x.
+        y: point [m], y.
+        z: point [m], z.
+        nx: normal on the viewer's side, x.
+        ny: normal, y.
+        nz: normal, z.
+    """
+    # Three quarters of a cell in front of the surface, so that cells behind it count little.
+    off = f32(0.75)
+    gx = (x - grid.lower_m[0]) * grid.per_m + off * nx
+    gy = (y - grid.lower_m[1]) * grid.per_m + off * ny
+    gz = (z - grid.lower_m[2]) * grid.per_m + off * nz
+    gx = min(max(gx, f32(0.0)), f32(grid.cube.shape[2] - 1))
+    gy = min(max(gy, f32(0.0)), f32(grid.cube.shape[1] - 1))
+    gz = min(max(gz, f32(0.0)), f32(grid.cube.shape[0] - 1))
+    x0 = np.int64(gx)
+    y0 = np.int64(gy)
+    z0 = np.int64(gz)
+    fx = gx - f32(x0)
+    fy = gy - f32(y0)
+    fz = gz - f32(z0)
+    x1 = min(x0 + 1, grid.cube.shape[2] - 1)
+    y1 = min(y0 + 1, grid.cube.shape[1] - 1)
+    z1 = min(z0 + 1, grid.cube.shape[0] - 1)
+    result = f32(0.0)
+    for axis in range(3):
+        side = nx if axis == 0 else (ny if axis == 1 else nz)
+        k = 2 * axis if side >= f32(0.0) else 2 * axis + 1
+        low = (f32(1.0) - fy) * (
+            (f32(1.0) - fx) * f32(grid.cube[z0, y0, x0, k]) + fx * f32(grid.cube[z0, y0, x1, k])
+        ) + fy * (
+            (f32(1.0) - fx) * f32(grid.cube[z0, y1, x0, k]) + fx * f32(grid.cube[z0, y1, x1, k])
+        )
+        high = (f32(1.0) - fy) * (
+            (f32(1.0) - fx) * f32(grid.cube[z1, y0, x0, k]) + fx * f32(grid.cube[z1, y0, x1, k])
+        ) + fy * (
+            (f32(1.0) - fx) * f32(grid.cube[z1, y1, x0, k]) + fx * f32(grid.cube[z1, y1, x1, k])
+        )
+        result += side * side * (low + fz * (high - low))
+    return result * grid.scale
+
+
+@njit(inline="always", error_model="numpy")
+def room_light(nx, ny, nz, cosine, light: F32):
+    """Factor of the fixed room shading.
+
+    Args:
+        nx: unit normal on the viewer's side, x.
+        ny: y.
+        nz: z.
+        cosine: between the normal and the direction to the viewer.
+        light: `Light.parameters()`.
+    """
+    up = f32(0.5) + f32(0.5) * nz
+    facing = nx * light[4] + ny * light[5] + nz * light[6]
+    # Half-Lambert for the key: opposite walls differ, none falls into black.
+    return (
+        light[1]
+        + (light[0] - light[1]) * up
+        + light[2] * f32(0.5) * facing
+        + light[3] * (cosine - f32(0.5))
+    )
+
+
+@njit(inline="always", error_model="numpy")
+def incident(x, y, z, nx, ny, nz, cosine, corners, light: LightArrays, lamp_gain):
+    """Factor by which light makes a surface's colour brighter or darker.
+
+    Args:
+        x: point [m], x.
+        y: point [m], y.
+        z: point [m], z.
+        nx: unit normal on the viewer's side, x.
+        ny: y.
+        nz: z.
+        cosine: between the normal and the direction to the viewer.
+        corners: whether the fixed room light is darker in corners.
+        light: the light.
+        lamp_gain: 1 where the lamp reaches, 0 in its shadow.
+    """
+    if not light.relit:
+        factor = room_light(nx, ny, nz, cosine, light.room)
+        if corners:
+            free = cube_at(light.grid, x, y, z, nx, ny, nz)
+            factor *= f32(1.0) - light.room[13] * (f32(1.0) - free)
+        return factor
+    factor = cube_at(light.grid, x, y, z, nx, ny, nz)
+    if light.lamp[6] > f32(0.0):
+        lx, ly, lz = light.lamp[0] - x, light.lamp[1] - y, light.lamp[2] - z
+        square = lx * lx + ly * ly + lz * lz
+        near = f32(1.0) / np.sqrt(max(square, f32(1e-8)))
+        facing = max((nx * lx + ny * ly + nz * lz) * near, f32(0.0))
+        ahead = -(light.lamp[3] * lx + light.lamp[4] * ly + light.lamp[5] * lz) * near
+        beam = (ahead - f32(LAMP_EDGE)) * f32(1.0 / (LAMP_CORE - LAMP_EDGE))
+        beam = min(max(beam, f32(0.0)), f32(1.0))
+        beam = beam * beam * (f32(3.0) - f32(2.0) * beam)
+        factor += lamp_gain * light.lamp[6] * facing * beam / (square + f32(LAMP_SOFT_M2))
+    return factor
+
+
+@njit(inline="always", error_model="numpy")
+def exposed(value, light: LightArrays):
+    """Linear light as the camera records it: what panels and lamps overexpose keeps its shape."""
+    if not light.relit:
+        return value
+    return f32(1.0) - np.exp(-value)
+
+
+@njit(inline="always", error_model="numpy")
+def hidden_share(spheres: F32, x, y, z, nx, ny, nz):
+    """How much of the light on a surface point the spheres of a robot hide; see `contact_shadow`.
+
+    Args:
+        spheres: (S, 4) world centre and radius [m].
+        x: point [m], x.
+        y: point [m], y.
+        z: point [m], z.
+        nx: unit normal on the viewer's side, x.
+        ny: y.
+        nz: z.
+    """
+    hidden = f32(0.0)
+    for s in range(spheres.shape[0]):
+        ux, uy, uz = spheres[s, 0] - x, spheres[s, 1] - y, spheres[s, 2] - z
+        square = ux * ux + uy * uy + uz * uz
+        if square < f32(SPHERE_REACH_M * SPHERE_REACH_M):
+            height = nx * ux + ny * uy + nz * uz
+            if height > f32(0.0):
+                radius = spheres[s, 3]
+                square = max(square, radius * radius)
+                fade = f32(1.0) - square * f32(1.0 / (SPHERE_REACH_M * SPHERE_REACH_M))
+                hidden += fade * radius * radius * height / (square * np.sqrt(square))
+    return hidden

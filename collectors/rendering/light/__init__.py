@@ -1,0 +1,1 @@
+"""Lights, and what of them is computed once per scene."""

@@ -1,0 +1,103 @@
+"""Lights by name, as the few numbers that the shading kernels need."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....formats.core.errors import UnknownNameError
+
+
+@dataclass(frozen=True)
+class Light:
+    """How surfaces are lit.
+
+    Under `baked`, a texture of a scan already holds the light of its room, so it is shown as it is.
+    A surface with a plain colour would be a flat patch in which no shape can be seen; it gets the
+    mild fixed shading of a room: brighter from above than from below (`sky`, `ground`), a soft
+    directional part (`key`) that tells walls apart, and a little light from the viewer (`head`).
+
+    The other lights take every surface's texture for its own colour and light it: by panels under
+    the ceilings (see `panels.py`), by a lamp on the robot, and by a little light from everywhere.
+
+    Attributes:
+        name: registry name.
+        relit: whether panels and the lamp light the scene; otherwise the room shading does.
+        panels: strength of the panel lights; 1 is a day's light on the floor.
+        lamp: irradiance of the robot's lamp on a wall 1 m ahead.
+        around: light from everywhere that is open.
+        sky, ground: irradiance on plain surfaces facing straight up and down.
+        key: strength of the directional part.
+        key_direction: (3,) towards it, world; normalised when used.
+        head: strength of the part that falls off with the angle between surface and view ray.
+        corner: how much closed corners are darkened, 0–1 (see `openness.py`).
+        outside_up: colour (linear light) where nothing is hit above the horizon: the sky over a
+            scene without a ceiling.
+        outside_down: colour where nothing is hit towards or below the horizon: the dark of a hole.
+    """
+
+    name: str
+    relit: bool = False
+    panels: float = 0.0
+    lamp: float = 0.0
+    around: float = 0.0
+    sky: float = 0.9
+    ground: float = 0.6
+    key: float = 0.28
+    key_direction: tuple[float, float, float] = (0.45, 0.8, 0.4)
+    head: float = 0.08
+    corner: float = 0.9
+    outside_up: tuple[float, float, float] = (0.40, 0.47, 0.56)
+    outside_down: tuple[float, float, float] = (0.05, 0.05, 0.055)
+
+    def parameters(self) -> NDArray[np.float32]:
+        """(14,) float32: sky, ground, key, head, key direction, outside up and down, corner."""
+        direction = np.asarray(self.key_direction) / np.linalg.norm(self.key_direction)
+        return np.array(
+            [
+                self.sky,
+                self.ground,
+                self.key,
+                self.head,
+                *direction,
+                *self.outside_up,
+                *self.outside_down,
+                self.corner,
+            ],
+            dtype=np.float32,
+        )
+
+
+# The three of VLN-PE's lighting study, and the scan's own. `DL300` has 300 / 5000 of the light of
+# `DL5000`, seen with a stop more exposure, as a camera at night has.
+NIGHT = 300 / 5000 * 2
+NIGHT_SKY, NO_SKY = (0.012, 0.014, 0.022), (0.002, 0.002, 0.003)
+LIGHTS: dict[str, Light] = {
+    light.name: light
+    for light in (
+        Light("baked"),
+        Light("DL5000", relit=True, panels=0.9, around=0.12),
+        Light(
+            "DL300",
+            relit=True,
+            panels=0.9 * NIGHT,
+            around=0.12 * NIGHT,
+            outside_up=NIGHT_SKY,
+            outside_down=NO_SKY,
+        ),
+        Light("CL", relit=True, lamp=2.4, around=0.012, outside_up=NO_SKY, outside_down=NO_SKY),
+    )
+}
+
+
+def get_light(name: str) -> Light:
+    """The light called `name`.
+
+    Raises:
+        UnknownNameError: there is none; the message lists the valid names.
+    """
+    if name not in LIGHTS:
+        raise UnknownNameError("light", name, LIGHTS)
+    return LIGHTS[name]

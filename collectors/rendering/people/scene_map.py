@@ -1,0 +1,83 @@
+"""A level from above with the ceiling taken off, and where world points lie in the picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ....formats.core.camera import CameraModel
+from ....formats.core.frames import matrix_to_quat
+from ....formats.scene.bundle import SceneBundle
+from ..camera.views import DOWN
+from ..interface import Renderer
+
+# So far away that a wall as high as the cut leans by less than a centimetre at 5 m from the centre.
+HEIGHT_M = 1000.0
+CUT_M = 1.9
+MARGIN_M = 0.4
+MAX_SIDE_PX = 2000
+PAPER = 250
+
+
+@dataclass(frozen=True)
+class SceneMap:
+    """A picture of a level from above, +y up.
+
+    Attributes:
+        image: (H, W, 3) uint8 sRGB; blank where there is nothing.
+        left_m: world x of the picture's left border [m].
+        top_m: world y of the picture's upper border [m].
+        px_per_m: scale.
+    """
+
+    image: NDArray[np.uint8]
+    left_m: float
+    top_m: float
+    px_per_m: float
+
+    def to_pixel(self, xy_world_m: ArrayLike) -> NDArray[np.float64]:
+        """World points (..., 2) [m] to (column, row) (..., 2); pixel centres at integer + 0.5."""
+        xy = np.asarray(xy_world_m, dtype=np.float64)
+        return np.stack([xy[..., 0] - self.left_m, self.top_m - xy[..., 1]], -1) * self.px_per_m
+
+
+def top_down_map(
+    bundle: SceneBundle, renderer: Renderer, level: int = 0, px_per_m: float = 50.0
+) -> SceneMap:
+    """Render a level from above, cut open at `CUT_M` over its floor.
+
+    Args:
+        bundle: the scene.
+        renderer: of that scene.
+        level: which level.
+        px_per_m: scale; less when a side would exceed `MAX_SIDE_PX`.
+
+    Raises:
+        ValueError: no such level, or a level without any floor.
+    """
+    floor = bundle.floor(level)
+    cells = np.argwhere(floor.covered)
+    if not len(cells):
+        raise ValueError(f"level {level} of {bundle.scene_id} has no floor to map")
+    half = 0.5 * floor.grid.cell_m + MARGIN_M
+    lower = floor.grid.center_of(cells.min(0)) - half
+    upper = floor.grid.center_of(cells.max(0)) + half
+    scale = min(px_per_m, MAX_SIDE_PX / float((upper - lower).max()))
+    width, height = (int(side) for side in np.ceil((upper - lower) * scale))
+    center = 0.5 * (lower + upper)
+    floor_z = bundle.level_floor_z_m[level]
+    # Seen from HEIGHT_M over the floor, a pixel spans 1 / scale there.
+    camera = CameraModel(
+        "map", width, height, float(2 * np.rad2deg(np.arctan(0.5 * width / scale / HEIGHT_M)))
+    )
+    image, depth = renderer.render(
+        camera,
+        [*center, floor_z + HEIGHT_M],
+        matrix_to_quat(DOWN),
+        cut_above_m=floor_z + CUT_M,
+    )
+    image[depth <= 0] = PAPER
+    corner = center + np.array([-0.5 * width, 0.5 * height]) / scale
+    return SceneMap(image, float(corner[0]), float(corner[1]), scale)

@@ -1,0 +1,1 @@
+"""The scene and the robot as arrays for the kernels."""

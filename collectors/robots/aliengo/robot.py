@@ -1,0 +1,145 @@
+"""Unitree Aliengo: a 24.6 kg quadruped with twelve joints."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+
+import mujoco
+
+from ....formats.core.camera import CameraModel
+from ..shapes import (
+    add_camera,
+    add_collision,
+    add_imu,
+    add_joint,
+    add_servo,
+    add_touch,
+    set_inertia,
+    start_robot,
+)
+from ..spec import CameraMount, CommandLimits, FallThresholds, Foot, JointFacts, RobotSpec
+from .shell import dress_calf, dress_hip, dress_thigh, dress_trunk
+
+LEGS = ("FL", "FR", "RL", "RR")
+HIP_X_M, HIP_Y_M = 0.2399, 0.051
+ABDUCTION_M = 0.083
+LINK_M = 0.25  # thigh and calf
+FOOT_RADIUS_M = 0.0265
+# Rotor inertia seen through the gears and dry friction of such actuators; not published, typical.
+ARMATURE_KG_M2 = 0.01
+FRICTIONLOSS_NM = 0.2
+
+
+def _leg_joints(leg: str) -> tuple[JointFacts, ...]:
+    return (
+        JointFacts(f"{leg}_hip_joint", 0.0, (-1.22, 1.22), 40.0, 2.0, 35.3),
+        # The published thigh joint turns freely; one turn of freedom keeps simulation honest.
+        JointFacts(f"{leg}_thigh_joint", 0.8, (-3.14, 3.14), 40.0, 2.0, 35.3),
+        JointFacts(f"{leg}_calf_joint", -1.5, (-2.775, -0.646), 40.0, 2.0, 44.4),
+    )
+
+
+def build_aliengo(robot: RobotSpec) -> mujoco.MjSpec:
+    """The robot alone; collision, visual shapes, servos, sensors and the ego camera."""
+    spec, base = start_robot(robot)
+    set_inertia(base, robot.link_mass_kg["base"], (0.0, 0.0, 0.0), (0.55, 0.2, 0.112))
+    add_collision(base, "trunk", "box", (0.3, 0.085, 0.056))
+    add_collision(base, "head", "capsule", (0.05,), ends=((0.31, -0.03, 0.01), (0.31, 0.03, 0.01)))
+    dress_trunk(base)
+    add_imu(spec, base)
+    add_camera(base, robot.camera)
+    facts = {joint.name: joint for joint in robot.joints}
+    for leg in LEGS:
+        _add_leg(spec, base, leg, facts, robot)
+    for joint in robot.joints:
+        add_servo(spec, joint)
+    return spec
+
+
+def _add_leg(
+    spec: mujoco.MjSpec,
+    base: mujoco.MjsBody,
+    leg: str,
+    facts: dict[str, JointFacts],
+    robot: RobotSpec,
+) -> None:
+    front = 1.0 if leg[0] == "F" else -1.0
+    left = 1.0 if leg[1] == "L" else -1.0
+
+    def joint(body: mujoco.MjsBody, part: str, axis: tuple[float, float, float]) -> None:
+        add_joint(body, facts[f"{leg}_{part}_joint"], axis, ARMATURE_KG_M2, FRICTIONLOSS_NM)
+
+    hip = base.add_body(name=f"{leg}_hip", pos=[front * HIP_X_M, left * HIP_Y_M, 0.0])
+    joint(hip, "hip", (1.0, 0.0, 0.0))
+    # The abduction motor sits on the trunk's end, the thigh motor in the hip: both near the axis.
+    hip_center = (-0.02 * front, 0.035 * left, 0.0)
+    set_inertia(hip, robot.link_mass_kg[f"{leg}_hip"], hip_center, (0.12, 0.1, 0.1))
+    add_collision(
+        hip,
+        f"{leg}_hip",
+        "capsule",
+        (0.046,),
+        ends=((0.0, left * 0.05, 0.0), (0.0, left * 0.06, 0.0)),
+    )
+    dress_hip(hip, front, left)
+
+    thigh = hip.add_body(name=f"{leg}_thigh", pos=[0.0, left * ABDUCTION_M, 0.0])
+    joint(thigh, "thigh", (0.0, 1.0, 0.0))
+    thigh_center = (0.0, 0.0, -0.1)
+    set_inertia(thigh, robot.link_mass_kg[f"{leg}_thigh"], thigh_center, (0.05, 0.04, 0.26))
+    add_collision(
+        thigh, f"{leg}_thigh", "capsule", (0.024,), ends=((0.0, 0.0, -0.03), (0.0, 0.0, -0.23))
+    )
+    dress_thigh(thigh, left)
+
+    calf = thigh.add_body(name=f"{leg}_calf", pos=[0.0, 0.0, -LINK_M])
+    joint(calf, "calf", (0.0, 1.0, 0.0))
+    set_inertia(calf, robot.link_mass_kg[f"{leg}_calf"], (0.0, 0.0, -0.135), (0.02, 0.02, 0.25))
+    add_collision(
+        calf, f"{leg}_calf", "capsule", (0.014,), ends=((0.0, 0.0, -0.03), (0.0, 0.0, -0.21))
+    )
+    foot = (0.0, 0.0, -LINK_M)
+    add_collision(calf, f"{leg}_foot", "sphere", (FOOT_RADIUS_M,), position=foot, foot=True)
+    add_touch(spec, calf, f"{leg}_foot", foot, FOOT_RADIUS_M + 0.005)
+    dress_calf(calf)
+
+
+ALIENGO = RobotSpec(
+    name="aliengo",
+    title="Unitree Aliengo",
+    mass_kg=24.636,
+    link_mass_kg=MappingProxyType(
+        {
+            "base": 13.04,
+            **{f"{leg}_hip": 1.993 for leg in LEGS},
+            **{f"{leg}_thigh": 0.639 for leg in LEGS},
+            **{f"{leg}_calf": 0.267 for leg in LEGS},
+        }
+    ),
+    joints=tuple(joint for leg in LEGS for joint in _leg_joints(leg)),
+    policy_joints=12,
+    action_scale_rad=0.5,
+    root_body="base",
+    root_joint="root",
+    feet=tuple(Foot(f"{leg}_foot", (f"{leg}_foot",)) for leg in LEGS),
+    base_height_m=0.36,
+    spawn_height_m=0.393,
+    footprint_radius_m=0.30,
+    camera=CameraMount(
+        name="ego",
+        body="base",
+        # In front of its housing on top of the head, so that the robot never sees its own shell.
+        position_body_m=(0.372, 0.0, 0.088),
+        pitch_down_deg=8.0,
+        model=CameraModel("ego", 256, 256, 90.0),
+    ),
+    fall=FallThresholds(com_to_foot_m=0.18),
+    command_limits=CommandLimits((-0.3, 1.0), (-0.3, 0.3), (-1.05, 1.05)),
+    sources=(
+        "masses, link lengths, joint and torque limits: Unitree's published robot description",
+        "fall thresholds, camera height (0.40–0.50 m) and HFOV 90°: VLN-PE",
+        "PD gains and default pose: common practice of velocity-tracking policies on this robot",
+        "link inertias: uniform boxes of the links' outer size with the published masses",
+    ),
+    build=build_aliengo,
+)

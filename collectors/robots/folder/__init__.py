@@ -1,0 +1,1 @@
+"""A user's own robot, from a folder."""

@@ -1,0 +1,239 @@
+"""robot.toml: what is to be known of a user's own robot beside its model, read strictly."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ....formats.core.camera import CameraModel
+from ....formats.core.errors import FileFormatError
+from ..drive import WheelDrive
+from ..spec import CommandLimits, FallThresholds, Foot
+
+FACTS_NAME = "robot.toml"
+NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
+
+
+@dataclass(frozen=True)
+class FolderFacts:
+    """The content of a robot.toml; see docs/robots.md for what each field means.
+
+    What is None is taken from the model: heights from its default pose, the number of policy
+    joints from the number of joints.
+    """
+
+    name: str
+    title: str
+    sources: tuple[str, ...]
+    footprint_radius_m: float
+    base_height_m: float | None
+    spawn_height_m: float | None
+    joints: tuple[tuple[str, float], ...]
+    policy_joints: int | None
+    action_scale_rad: float | None
+    feet: tuple[Foot, ...]
+    camera_name: str
+    camera: CameraModel
+    fall: FallThresholds
+    command_limits: CommandLimits
+    drive: WheelDrive | None
+
+
+def read_facts(path: Path) -> FolderFacts:
+    """Read a robot.toml.
+
+    Raises:
+        FileFormatError: missing, no TOML, or a field that is missing, unknown or of the wrong
+            kind; the message names the field and what is valid.
+    """
+    try:
+        raw = tomllib.loads(path.read_text())
+    except FileNotFoundError:
+        raise FileFormatError(path, "missing; every robot folder needs one") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise FileFormatError(path, f"no TOML: {error}") from error
+    return _Table(path, "", raw).facts()
+
+
+class _Table:
+    """One table of the file, whose keys are asked for one by one; what is left over is unknown."""
+
+    def __init__(self, path: Path, name: str, raw: dict[str, Any]):
+        self.path, self.name, self.raw = path, name, raw
+        self.known: list[str] = []
+
+    def facts(self) -> FolderFacts:
+        name = self.text("name")
+        if not NAME_PATTERN.fullmatch(name):
+            raise self.error("name", f"is {name!r}; valid: letters, digits, - and _")
+        camera = self.table("camera")
+        result = FolderFacts(
+            name=name,
+            title=self.text("title", name),
+            sources=tuple(self.texts("sources", ())),
+            footprint_radius_m=self.positive("footprint_radius_m"),
+            base_height_m=self.optional_positive("base_height_m"),
+            spawn_height_m=self.optional_positive("spawn_height_m"),
+            joints=tuple(_joint(table) for table in self.tables("joints")),
+            policy_joints=self.count("policy_joints"),
+            action_scale_rad=self.optional_positive("action_scale_rad"),
+            feet=tuple(_foot(table) for table in self.tables("feet")),
+            camera_name=camera.text("name"),
+            camera=_camera(camera),
+            fall=_fall(self.table("fall")),
+            command_limits=_limits(self.table("command_limits")),
+            drive=_drive(self.table("drive")) if self.get("drive") is not None else None,
+        )
+        self.refuse_unknown()
+        return result
+
+    def error(self, key: str, reason: str) -> FileFormatError:
+        """Args: key: the field; reason: what is wrong with it and what is valid."""
+        field = f"{self.name}.{key}" if self.name else key
+        return FileFormatError(self.path, f"{field} {reason}")
+
+    def get(self, key: str, default: Any = None) -> Any:
+        self.known.append(key)
+        return self.raw.get(key, default)
+
+    def refuse_unknown(self) -> None:
+        for key in self.raw:
+            if key not in self.known:
+                near = difflib.get_close_matches(key, self.known, 1)
+                hint = f" (did you mean {near[0]}?)" if near else ""
+                valid = ", ".join(dict.fromkeys(self.known))
+                raise self.error(key, f"is unknown{hint}; valid: {valid}")
+
+    def text(self, key: str, default: str | None = None) -> str:
+        value = self.get(key, default)
+        if not isinstance(value, str) or not value:
+            raise self.error(key, _complaint(value, "a text in quotes"))
+        return value
+
+    def texts(self, key: str, default: Sequence[str] | None = None) -> Sequence[str]:
+        value = self.get(key, default)
+        good = isinstance(value, list | tuple) and all(isinstance(v, str) and v for v in value)
+        if not good or (default is None and not value):
+            raise self.error(key, _complaint(value, 'a list of texts, e.g. ["a", "b"]'))
+        return value
+
+    def number(self, key: str, default: float | None = None) -> float:
+        value = self.get(key, default)
+        if not _is_number(value):
+            raise self.error(key, _complaint(value, "a number"))
+        return float(value)
+
+    def positive(self, key: str, default: float | None = None) -> float:
+        value = self.get(key, default)
+        if not _is_number(value) or value <= 0:
+            raise self.error(key, _complaint(value, "a number above 0"))
+        return float(value)
+
+    def not_negative(self, key: str) -> float:
+        value = self.get(key)
+        if not _is_number(value) or value < 0:
+            raise self.error(key, _complaint(value, "a number, 0 or above"))
+        return float(value)
+
+    def optional_positive(self, key: str) -> float | None:
+        return self.positive(key) if self.get(key) is not None else None
+
+    def count(self, key: str) -> int | None:
+        value = self.get(key)
+        if value is not None and (type(value) is not int or value < 1):
+            raise self.error(key, _complaint(value, "a whole number above 0"))
+        return value
+
+    def pair(self, key: str) -> tuple[float, float]:
+        value = self.get(key)
+        good = isinstance(value, list) and len(value) == 2 and all(map(_is_number, value))
+        if not good or not value[0] <= 0 <= value[1]:
+            raise self.error(key, _complaint(value, "[low, high] with low ≤ 0 ≤ high"))
+        return float(value[0]), float(value[1])
+
+    def table(self, key: str) -> _Table:
+        value = self.get(key)
+        if not isinstance(value, dict):
+            raise self.error(key, _complaint(value, f"a table: [{key}]"))
+        return _Table(self.path, key, value)
+
+    def tables(self, key: str) -> list[_Table]:
+        value = self.get(key)
+        if not isinstance(value, list) or not all(isinstance(v, dict) for v in value):
+            raise self.error(key, _complaint(value, f"a list of tables: [[{key}]]"))
+        names = [v.get("name") for v in value]
+        twice = next((n for n in names if n is not None and names.count(n) > 1), None)
+        if twice is not None:
+            raise self.error(key, f"names {twice!r} twice")
+        return [
+            _Table(self.path, f"{key}.{n}" if isinstance(n, str) else f"{key}[{k}]", v)
+            for k, (n, v) in enumerate(zip(names, value, strict=True))
+        ]
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _complaint(value: Any, valid: str) -> str:
+    return f"{'is missing' if value is None else f'is {value!r}'}; valid: {valid}"
+
+
+def _joint(table: _Table) -> tuple[str, float]:
+    joint = table.text("name"), table.number("default_rad", 0.0)
+    table.refuse_unknown()
+    return joint
+
+
+def _foot(table: _Table) -> Foot:
+    foot = Foot(table.text("name"), tuple(table.texts("soles")))
+    table.refuse_unknown()
+    return foot
+
+
+def _camera(table: _Table) -> CameraModel:
+    width, height = table.count("width_px") or 256, table.count("height_px") or 256
+    hfov = table.positive("hfov_deg", 90.0)
+    if hfov >= 180.0:
+        raise table.error("hfov_deg", f"is {hfov:g}; valid: above 0, below 180")
+    table.refuse_unknown()
+    return CameraModel("ego", width, height, hfov)
+
+
+def _fall(table: _Table) -> FallThresholds:
+    usual = FallThresholds(com_to_foot_m=0.0)
+    fall = FallThresholds(
+        com_to_foot_m=table.not_negative("com_to_foot_m"),
+        roll_rad=math.radians(table.positive("roll_deg", math.degrees(usual.roll_rad))),
+        pitch_rad=math.radians(table.positive("pitch_deg", math.degrees(usual.pitch_rad))),
+    )
+    table.refuse_unknown()
+    return fall
+
+
+def _limits(table: _Table) -> CommandLimits:
+    limits = CommandLimits(table.pair("vx_m_s"), table.pair("vy_m_s"), table.pair("yaw_rad_s"))
+    table.refuse_unknown()
+    return limits
+
+
+def _drive(table: _Table) -> WheelDrive:
+    drive = WheelDrive(
+        left=tuple(table.texts("left")),
+        right=tuple(table.texts("right")),
+        wheel_radius_m=table.positive("wheel_radius_m"),
+        track_m=table.positive("track_m"),
+        ramp_m_s2=table.positive("ramp_m_s2", 2.0),
+        ramp_rad_s2=table.positive("ramp_rad_s2", 5.0),
+    )
+    both = sorted(set(drive.left) & set(drive.right))
+    if both:
+        raise table.error("right", f"names {both[0]!r}, which is on the left already")
+    table.refuse_unknown()
+    return drive

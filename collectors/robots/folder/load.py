@@ -1,0 +1,122 @@
+"""A user's own robot: a folder of facts, model and policy; see docs/robots.md.
+
+- robot.toml: facts.
+- model.xml: MJCF, with its meshes beside it.
+- policy.onnx, policy.json: the trained gait of a robot that walks, and its card.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from functools import partial
+from pathlib import Path
+
+import mujoco
+
+from ....formats.core.errors import FileFormatError
+from ..spec import Foot, RobotSpec
+from .facts import FACTS_NAME, FolderFacts, read_facts
+from .model import ModelReader, compile_model, load_model
+
+POLICY_NAME, CARD_NAME = "policy.onnx", "policy.json"
+SPAWN_GAP_M = 0.001
+
+
+def load_robot_folder(folder: Path) -> RobotSpec:
+    """Read a robot's folder and check everything in it but the policy, which loading it checks.
+
+    Raises:
+        FileFormatError: anything is missing or wrong; names the file, the field and what is valid.
+    """
+    folder = folder.resolve()
+    facts = read_facts(folder / FACTS_NAME)
+    build = partial(_build, folder=folder, feet=facts.feet)
+    spec = load_model(folder, facts.feet)
+    root = spec.worldbody.bodies[0]
+    model = compile_model(folder, spec)
+    reader = ModelReader(folder, model, facts)
+    reader.check_feet()
+    joints = reader.joints()
+    _check_mover(folder, facts)
+    stands_m = reader.standing_m(root.name)
+    walks = facts.drive is None and bool(joints)
+    policy_joints = (facts.policy_joints or len(joints)) if walks else 0
+    if policy_joints > len(joints):
+        raise FileFormatError(
+            folder / FACTS_NAME, f"policy_joints is {policy_joints}; valid: 1 … {len(joints)}"
+        )
+    return RobotSpec(
+        name=facts.name,
+        title=facts.title,
+        mass_kg=round(float(model.body_subtreemass[0]), 9),
+        link_mass_kg={model.body(i).name: float(model.body_mass[i]) for i in range(1, model.nbody)},
+        joints=joints,
+        policy_joints=policy_joints,
+        action_scale_rad=facts.action_scale_rad or 0.0,
+        root_body=root.name,
+        root_joint=root.joints[0].name,
+        feet=facts.feet,
+        base_height_m=facts.base_height_m or stands_m,
+        spawn_height_m=facts.spawn_height_m or stands_m + SPAWN_GAP_M,
+        footprint_radius_m=facts.footprint_radius_m,
+        camera=reader.camera(),
+        fall=facts.fall,
+        command_limits=facts.command_limits,
+        sources=facts.sources,
+        build=build,
+        drive=facts.drive,
+        folder=folder,
+        content_sha256=folder_digest(folder),
+    )
+
+
+def _build(robot: RobotSpec, folder: Path, feet: tuple[Foot, ...]) -> mujoco.MjSpec:
+    spec = load_model(folder, feet)
+    spec.modelname = robot.name
+    return spec
+
+
+def _check_mover(folder: Path, facts: FolderFacts) -> None:
+    """A robot with joints has either wheels or a policy, and can go forward.
+
+    Raises:
+        FileFormatError: it has both or none, or lacks what belongs to it.
+    """
+    path = folder / FACTS_NAME
+    policy = [name for name in (POLICY_NAME, CARD_NAME) if (folder / name).is_file()]
+    if facts.drive is not None:
+        if policy:
+            raise FileFormatError(
+                path, f"has [drive], but there is a {policy[0]} too; valid: either of them"
+            )
+    elif facts.joints:
+        if len(policy) < 2:
+            raise FileFormatError(
+                folder,
+                f"nothing moves this robot; valid: {POLICY_NAME} and {CARD_NAME} for one that "
+                f"walks, [drive] in {FACTS_NAME} for one on wheels",
+            )
+        if facts.action_scale_rad is None:
+            raise FileFormatError(
+                path, "action_scale_rad is missing; valid: the policy's, e.g. 0.5"
+            )
+    if facts.joints and facts.command_limits.vx_m_s[1] <= 0:
+        raise FileFormatError(path, "command_limits.vx_m_s must reach above 0; valid: [-0.3, 1.0]")
+
+
+def folder_files(folder: Path) -> list[Path]:
+    """All files that belong to a robot, in a fixed order; hidden ones do not."""
+    return sorted(
+        path
+        for path in folder.rglob("*")
+        if path.is_file() and not any(p.startswith(".") for p in path.relative_to(folder).parts)
+    )
+
+
+def folder_digest(folder: Path) -> str:
+    """SHA-256 hex over the names and contents of a robot's files."""
+    state = hashlib.sha256()
+    for path in folder_files(folder):
+        content = hashlib.sha256(path.read_bytes()).hexdigest()
+        state.update(f"{path.relative_to(folder).as_posix()}={content};".encode())
+    return state.hexdigest()

@@ -1,0 +1,292 @@
+"""model.xml: a user's MJCF, completed by the sensors that replay reads and checked against facts.
+
+Whatever shapes motion stays as the user wrote it; only names and sensors are added.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ....formats.core.errors import FileFormatError
+from ..handles import sole_radius_m
+from ..spec import CameraMount, Foot, JointFacts
+from .facts import FACTS_NAME, FolderFacts
+
+MODEL_NAME = "model.xml"
+ROOT_JOINT = "root"
+_FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
+_SOLES = (
+    mujoco.mjtGeom.mjGEOM_SPHERE,
+    mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+    mujoco.mjtGeom.mjGEOM_CYLINDER,
+)
+
+
+def load_model(folder: Path, feet: Iterable[Foot]) -> mujoco.MjSpec:
+    """The robot alone, its base at the origin, with named actuators, an IMU and touch sensors.
+
+    Raises:
+        FileFormatError: model.xml is missing, is no MJCF, holds more or less than one free body,
+            or lacks a foot's soles.
+    """
+    path = folder / MODEL_NAME
+    if not path.is_file():
+        raise FileFormatError(path, "missing; every robot folder needs an MJCF model")
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+    except ValueError as error:
+        raise _refused(path, error) from error
+    for key in list(spec.keys):
+        spec.delete(key)
+    root = _root(path, spec)
+    root.pos = [0.0, 0.0, 0.0]
+    root.joints[0].name = root.joints[0].name or ROOT_JOINT
+    driven = [a for a in spec.actuators if a.trntype == mujoco.mjtTrn.mjTRN_JOINT]
+    targets = [actuator.target for actuator in driven]
+    for actuator, target in zip(driven, targets, strict=True):
+        if targets.count(target) > 1:
+            raise FileFormatError(path, f"joint {target!r} has several actuators; valid: one")
+        actuator.name = target
+    _add_sensors(path, spec, root, feet)
+    return spec
+
+
+def compile_model(folder: Path, spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """Compile what `load_model` gave.
+
+    Raises:
+        FileFormatError: MuJoCo refuses the model.
+    """
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise _refused(folder / MODEL_NAME, error) from error
+
+
+def _refused(path: Path, error: ValueError) -> FileFormatError:
+    return FileFormatError(path, f"MuJoCo refuses it: {' '.join(str(error).split())}")
+
+
+def _root(path: Path, spec: mujoco.MjSpec) -> mujoco.MjsBody:
+    if spec.worldbody.geoms:
+        name = spec.worldbody.geoms[0].name or "without a name"
+        raise FileFormatError(
+            path, f"the world holds a geom ({name}); valid: one robot and nothing else, no floor"
+        )
+    bodies = list(spec.worldbody.bodies)
+    if len(bodies) != 1:
+        raise FileFormatError(path, f"the world holds {len(bodies)} bodies; valid: one, the robot")
+    root = bodies[0]
+    if not root.name:
+        raise FileFormatError(path, "the robot's base body has no name; give it one")
+    kinds = [joint.type for joint in root.joints]
+    if kinds != [_FREE] or sum(joint.type == _FREE for joint in spec.joints) != 1:
+        raise FileFormatError(
+            path, f"body {root.name!r} must float: valid: a <freejoint/> there and nowhere else"
+        )
+    return root
+
+
+def _add_sensors(
+    path: Path, spec: mujoco.MjSpec, root: mujoco.MjsBody, feet: Iterable[Foot]
+) -> None:
+    """Add what is missing of `gyro`, `accelerometer` and the feet's touch sensors."""
+    there = {sensor.name for sensor in spec.sensors}
+
+    def add(name: str, kind: mujoco.mjtSensor, site: str) -> None:
+        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site)
+
+    imu = {
+        "gyro": mujoco.mjtSensor.mjSENS_GYRO,
+        "accelerometer": mujoco.mjtSensor.mjSENS_ACCELEROMETER,
+    }
+    if imu.keys() - there:
+        root.add_site(name="vlnpe_imu", group=4)
+    for name, kind in imu.items():
+        if name not in there:
+            add(name, kind, "vlnpe_imu")
+    geoms = {geom.name: geom for geom in spec.geoms}
+    places: dict[str, tuple[NDArray[np.float64], float]] = {}
+    for foot in feet:
+        for sole in foot.soles:
+            if sole not in geoms:
+                raise FileFormatError(
+                    path,
+                    f"no geom {sole!r}, which {FACTS_NAME} names among feet.{foot.name}.soles; "
+                    f"valid: {_names(geoms)}",
+                )
+        touch = f"{foot.name}_touch"
+        if touch in there:
+            continue
+        first = geoms[foot.soles[0]]
+        if any(geoms[sole].parent != first.parent for sole in foot.soles):
+            raise FileFormatError(path, f"the soles of foot {foot.name!r} are on different bodies")
+        places = places or _places(path, spec)
+        center = np.mean([places[sole][0] for sole in foot.soles], axis=0)
+        reach = max(
+            float(np.linalg.norm(places[sole][0] - center)) + places[sole][1] for sole in foot.soles
+        )
+        first.parent.add_site(
+            name=touch, pos=center, size=[1.05 * reach + 0.002, 0.0, 0.0], group=4
+        )
+        add(touch, mujoco.mjtSensor.mjSENS_TOUCH, touch)
+
+
+def _places(path: Path, spec: mujoco.MjSpec) -> dict[str, tuple[NDArray[np.float64], float]]:
+    """Position in its body [m] and radius [m] of every geom by name.
+
+    Only the compiler knows where frames and `fromto` put a geom.
+    """
+    model = compile_model(path.parent, spec)
+    return {
+        model.geom(i).name: (model.geom_pos[i].copy(), float(model.geom_rbound[i]))
+        for i in range(model.ngeom)
+    }
+
+
+class ModelReader:
+    """Reads what the compiled model knows; every complaint names file, field and valid values."""
+
+    def __init__(self, folder: Path, model: mujoco.MjModel, facts: FolderFacts):
+        self.model, self.facts = model, facts
+        self.path, self.facts_path = folder / MODEL_NAME, folder / FACTS_NAME
+        self.data = mujoco.MjData(model)
+        names = [model.joint(i).name for i in range(model.njnt)]
+        for name, default in facts.joints:
+            if name not in names:
+                raise self._wrong(
+                    f"joints.{name}", f"is not in {MODEL_NAME}; valid: {_names(names)}"
+                )
+            self.data.qpos[model.joint(name).qposadr[0]] = default
+        mujoco.mj_kinematics(model, self.data)
+        mujoco.mj_camlight(model, self.data)
+
+    def _wrong(self, field: str, reason: str) -> FileFormatError:
+        return FileFormatError(self.facts_path, f"{field} {reason}")
+
+    def joints(self) -> tuple[JointFacts, ...]:
+        """Limits and servos of the joints, in the facts' order.
+
+        Raises:
+            FileFormatError: a joint without a fitting servo, or a servo of an unlisted joint.
+        """
+        model, facts = self.model, self.facts
+        wheels = (
+            {} if facts.drive is None else dict.fromkeys((*facts.drive.left, *facts.drive.right))
+        )
+        listed = [name for name, _ in facts.joints]
+        for name in wheels:
+            if name not in listed:
+                raise self._wrong("drive", f"names {name!r}; valid: {_names(listed)}")
+        for i in range(model.nu):
+            if model.actuator(i).name not in listed:
+                raise FileFormatError(
+                    self.path,
+                    f"actuator {model.actuator(i).name!r} moves a joint that is not among joints "
+                    f"in {FACTS_NAME}; valid: {_names(listed)}",
+                )
+        return tuple(self._joint(name, value, name in wheels) for name, value in facts.joints)
+
+    def _joint(self, name: str, default_rad: float, wheel: bool) -> JointFacts:
+        model, joint = self.model, self.model.joint(name)
+        if joint.type[0] != _HINGE:
+            raise FileFormatError(self.path, f"joint {name!r} is no hinge; valid: hinges")
+        limits = (-math.inf, math.inf)
+        if model.jnt_limited[joint.id]:
+            limits = float(joint.range[0]), float(joint.range[1])
+        if not limits[0] <= default_rad <= limits[1]:
+            raise self._wrong(
+                f"joints.{name}.default_rad",
+                f"is {default_rad:g}; valid: {limits[0]:.4g} … {limits[1]:.4g}",
+            )
+        known = [model.actuator(i).name for i in range(model.nu)]
+        if name not in known:
+            raise FileFormatError(self.path, f"joint {name!r} has no actuator; valid: one")
+        servo = model.actuator(name)
+        gain, bias = servo.gainprm, servo.biasprm
+        simple = not servo.dyntype[0] and not servo.gaintype[0] and servo.biastype[0] == 1
+        simple = simple and servo.gear[0] == 1.0 and gain[0] > 0
+        if wheel:
+            fits = simple and bias[1] == 0.0 and bias[2] == -gain[0]
+            kind, kp, kd = "<velocity kv=…> of gear 1, for a wheel", 0.0, gain[0]
+        else:
+            fits = simple and bias[1] == -gain[0]
+            kind, kp, kd = "<position kp=… kv=…> of gear 1", gain[0], -bias[2]
+        if not fits:
+            raise FileFormatError(self.path, f"the actuator of joint {name!r} must be a {kind}")
+        x, y, z = self.data.xaxis[joint.id].tolist()
+        if wheel and y < 0.99:
+            raise FileFormatError(
+                self.path,
+                f"wheel {name!r} turns about ({x:.2g}, {y:.2g}, {z:.2g}) of the robot; valid: "
+                "(0, 1, 0), which is forward",
+            )
+        limit = math.inf
+        if servo.forcelimited[0]:
+            limit = float(servo.forcerange[1])
+        if model.jnt_actfrclimited[joint.id]:
+            limit = min(limit, float(model.jnt_actfrcrange[joint.id, 1]))
+        if not math.isfinite(limit):
+            raise FileFormatError(
+                self.path, f"the actuator of joint {name!r} has no forcerange; give its torque [Nm]"
+            )
+        return JointFacts(name, default_rad, limits, float(kp), float(kd), limit)
+
+    def check_feet(self) -> None:
+        """Raises FileFormatError: soles of a wrong shape or number."""
+        feet = self.facts.feet
+        if not feet or len({len(foot.soles) for foot in feet}) != 1:
+            raise self._wrong("feet", "valid: one or more, each with the same number of soles")
+        for foot in feet:
+            for sole in foot.soles:
+                geom = self.model.geom(sole)
+                shape = mujoco.mjtGeom(int(geom.type[0]))
+                if shape not in _SOLES:
+                    kind = shape.name.removeprefix("mjGEOM_").lower()
+                    raise self._wrong(
+                        f"feet.{foot.name}.soles",
+                        f"names {sole!r}, a {kind}; valid: spheres (for wheels also cylinders and "
+                        "ellipsoids)",
+                    )
+                if not (geom.contype[0] or geom.conaffinity[0]):
+                    raise self._wrong(
+                        f"feet.{foot.name}.soles", f"names {sole!r}, which nothing can touch"
+                    )
+
+    def standing_m(self, root_body: str) -> float:
+        """Height of the base above the lowest sole in the default pose [m]."""
+        ids = np.array([self.model.geom(s).id for foot in self.facts.feet for s in foot.soles])
+        lowest = self.data.geom_xpos[ids, 2] - sole_radius_m(self.model, ids)
+        return float(self.data.body(root_body).xpos[2] - lowest.min())
+
+    def camera(self) -> CameraMount:
+        """Where the model's camera is mounted.
+
+        Raises:
+            FileFormatError: no camera of that name.
+        """
+        model, name = self.model, self.facts.camera_name
+        names = [model.camera(i).name for i in range(model.ncam)]
+        if name not in names:
+            valid = _names(names) or f"add a <camera> to {MODEL_NAME}"
+            raise self._wrong("camera.name", f"is {name!r}; valid: {valid}")
+        camera = model.camera(name)
+        down = min(max(float(self.data.cam_xmat[camera.id, 8]), -1.0), 1.0)
+        return CameraMount(
+            name=name,
+            body=model.body(int(model.cam_bodyid[camera.id])).name,
+            position_body_m=(float(camera.pos[0]), float(camera.pos[1]), float(camera.pos[2])),
+            # A camera looks along its −z: where its +z points up, it looks down.
+            pitch_down_deg=round(math.degrees(math.asin(down)), 6),
+            model=self.facts.camera,
+        )
+
+
+def _names(names: Iterable[str]) -> str:
+    return ", ".join(sorted(name for name in names if name))

@@ -1,0 +1,1 @@
+"""Records, frames, typed errors and atomic files that every format shares."""

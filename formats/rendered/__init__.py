@@ -1,0 +1,1 @@
+"""A rendered view of a rollout: its folder, and the per-frame columns taken from it."""

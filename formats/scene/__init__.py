@@ -1,0 +1,1 @@
+"""The repaired scene on disk: bundle, grids and planning maps."""

@@ -1,0 +1,1 @@
+"""RGB, depth and id videos: codecs, reading, writing and copying of streams."""

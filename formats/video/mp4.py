@@ -1,0 +1,308 @@
+"""RGB and depth videos in MP4: encode, decode, and concatenate without encoding again.
+
+Both are written as LeRobot 0.6.1 reads them: short groups of pictures, so that any frame is at
+most one decode away from a key frame, and no B-frames, so that decode order is display order and
+stream copies keep exact timestamps.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, cast
+
+import av
+import numpy as np
+from av.bitstream import BitStreamFilterContext
+from av.error import FFmpegError
+from av.video.stream import VideoStream
+from numpy.typing import NDArray
+
+from ..core.atomic import atomic_file
+from ..core.camera import DepthRange
+from ..core.errors import FileFormatError
+from ..rendered.image_counts import add_depth_codes, add_rgb
+from .codecs import (
+    CLIP_CODEC,
+    DEPTH_CODEC,
+    GROUP_OF_PICTURES,
+    RGB_CODECS,
+    WATCH_CODEC,
+    VideoCodec,
+    check_rgb_codec,
+)
+from .depth_codes import DEPTH_PIXEL_FORMAT, codes_to_depth, depth_to_codes
+from .scheduling import ordinary_threads
+from .stream import (
+    VideoFacts,
+    decode_frames,
+    demux_packets,
+    open_video,
+    probe_video,
+    stream_settings,
+    ticks_per_frame,
+)
+
+__all__ = [
+    "CLIP_CODEC",
+    "DEPTH_CODEC",
+    "GROUP_OF_PICTURES",
+    "RGB_CODECS",
+    "WATCH_CODEC",
+    "VideoCodec",
+    "VideoFacts",
+    "check_rgb_codec",
+    "concatenate_videos",
+    "iterate_bitstream",
+    "iterate_depth_codes",
+    "iterate_depth_video",
+    "iterate_rgb_video",
+    "probe_video",
+    "read_depth_video",
+    "read_rgb_video",
+    "write_depth_video",
+    "write_rgb_video",
+]
+
+
+def write_rgb_video(
+    path: Path,
+    frames: Iterable[NDArray[np.uint8]],
+    frames_per_second: int,
+    codec: str | VideoCodec = "h264",
+    counts: NDArray[np.int64] | None = None,
+) -> int:
+    """Encode RGB `frames`, each (H, W, 3) uint8, H and W even; return their number.
+
+    Args:
+        path: output, MP4.
+        frames: the images.
+        frames_per_second: frame rate.
+        codec: key of `RGB_CODECS`, or an encoder's settings.
+        counts: (3, 256); how often each value occurs in each channel is added to it, so that
+            statistics need no decoding (see `image_counts`).
+
+    Raises:
+        ValueError: no frame, or a frame of another shape, type or odd size.
+        UnknownNameError: `codec` is not in `RGB_CODECS`.
+    """
+    if isinstance(codec, str):
+        check_rgb_codec(codec)
+        codec = RGB_CODECS[codec]
+
+    def convert(frame: NDArray[np.uint8]) -> av.VideoFrame:
+        if frame.ndim != 3 or frame.shape[2] != 3 or frame.dtype != np.uint8:
+            raise ValueError(
+                f"RGB frame of shape {frame.shape} {frame.dtype}; valid: (H, W, 3) uint8"
+            )
+        if frame.shape[0] % 2 or frame.shape[1] % 2:
+            raise ValueError(
+                f"frame size {frame.shape[1]} x {frame.shape[0]}; both must be even for yuv420p"
+            )
+        if counts is not None:
+            add_rgb(counts, frame)
+        return av.VideoFrame.from_ndarray(np.ascontiguousarray(frame), format="rgb24")
+
+    return _encode(path, frames, frames_per_second, codec, convert)
+
+
+def write_depth_video(
+    path: Path,
+    frames_m: Iterable[NDArray[np.float32]],
+    frames_per_second: int,
+    depth_range: DepthRange,
+    counts: NDArray[np.int64] | None = None,
+) -> int:
+    """Encode planar depth losslessly, quantised to 12 bits; return the number of frames.
+
+    Depth is quantised as LeRobot's `quantize_depth` does with `depth_min = 0` and `depth_max =
+    far_m` (see `depth_codes`). Readings outside `depth_range` or not finite become 0, invalid.
+
+    Args:
+        path: output, MP4.
+        frames_m: the images, each (H, W) float32 [m].
+        frames_per_second: frame rate.
+        depth_range: valid depths.
+        counts: (4096,); how often each depth code occurs is added to it.
+
+    Raises:
+        ValueError: no frame, or a frame of another shape.
+    """
+
+    def convert(depth_m: NDArray[np.float32]) -> av.VideoFrame:
+        if depth_m.ndim != 2:
+            raise ValueError(f"depth frame of shape {depth_m.shape}; valid: (H, W)")
+        codes = depth_to_codes(depth_m, depth_range)
+        if counts is not None:
+            add_depth_codes(counts, codes)
+        height, width = codes.shape
+        frame = av.VideoFrame(width, height, DEPTH_PIXEL_FORMAT)
+        plane = frame.planes[0]
+        # Rows are padded in memory; a straight copy would skew the image.
+        rows = np.frombuffer(cast(Any, plane), np.uint16).reshape(height, plane.line_size // 2)
+        rows[:, :width] = codes
+        return frame
+
+    return _encode(path, frames_m, frames_per_second, DEPTH_CODEC, convert)
+
+
+def iterate_rgb_video(path: Path) -> Iterator[NDArray[np.uint8]]:
+    """Decode an RGB video frame by frame, each (H, W, 3) uint8.
+
+    Raises:
+        FileFormatError: missing, truncated or corrupt.
+    """
+    for frame in decode_frames(path):
+        yield cast(NDArray[np.uint8], frame.to_ndarray(format="rgb24"))
+
+
+def iterate_depth_video(path: Path, depth_range: DepthRange) -> Iterator[NDArray[np.float32]]:
+    """Decode a depth video frame by frame, each (H, W) float32 [m], 0 = invalid.
+
+    Args:
+        path: the video.
+        depth_range: the range it was written with.
+
+    Raises:
+        FileFormatError: missing, truncated, corrupt, or no depth video.
+    """
+    for codes in iterate_depth_codes(path):
+        yield codes_to_depth(codes, depth_range)
+
+
+def iterate_depth_codes(path: Path) -> Iterator[NDArray[np.uint16]]:
+    """Decode a depth video frame by frame to its codes, each (H, W) uint16; see `depth_codes`.
+
+    Raises:
+        FileFormatError: missing, truncated, corrupt, or no depth video.
+    """
+    for frame in decode_frames(path):
+        if frame.format.name != DEPTH_PIXEL_FORMAT:
+            raise FileFormatError(
+                path, f"pixel format {frame.format.name}, a depth video has {DEPTH_PIXEL_FORMAT}"
+            )
+        yield cast(NDArray[np.uint16], frame.to_ndarray(format=DEPTH_PIXEL_FORMAT))
+
+
+def read_rgb_video(path: Path) -> NDArray[np.uint8]:
+    """Decode a whole RGB video, (T, H, W, 3) uint8; raises as `iterate_rgb_video`."""
+    return np.stack(list(iterate_rgb_video(path)))
+
+
+def read_depth_video(path: Path, depth_range: DepthRange) -> NDArray[np.float32]:
+    """Decode a whole depth video, (T, H, W) float32 [m]; raises as `iterate_depth_video`."""
+    return np.stack(list(iterate_depth_video(path, depth_range)))
+
+
+def iterate_bitstream(path: Path) -> Iterator[bytes]:
+    """Yield each frame's bytes as streams carry them, without decoding.
+
+    H.264 comes in Annex B form with parameter sets before each key frame, AV1 as low-overhead
+    units: what Foxglove's CompressedVideo wants.
+
+    Raises:
+        FileFormatError: missing, truncated or corrupt.
+    """
+    with open_video(path) as container:
+        stream = container.streams.video[0]
+        packets = demux_packets(path, container, stream)
+        try:
+            if stream.codec.canonical_name == "h264":
+                annex_b = BitStreamFilterContext("h264_mp4toannexb", stream)
+                packets = (out for packet in packets for out in annex_b.filter(packet))
+            for packet in packets:
+                yield bytes(packet)
+        except FFmpegError as error:
+            raise FileFormatError(path, f"packets are corrupt ({error.strerror})") from error
+
+
+def concatenate_videos(paths: list[Path], out: Path) -> list[int]:
+    """Join videos by copying their packets; return each part's number of frames.
+
+    Frame i of the result has the timestamp i / frames per second, exactly. All parts must come
+    from the same encoder settings. Nothing is decoded, and memory stays flat.
+
+    Raises:
+        ValueError: no part.
+        FileFormatError: a part is corrupt or not compatible with the first.
+    """
+    if not paths:
+        raise ValueError("no video to concatenate")
+    counts: list[int] = []
+    with (
+        atomic_file(out) as temporary,
+        av.open(str(temporary), "w", options={"movflags": "faststart"}) as container,
+        open_video(paths[0]) as first,
+    ):
+        template = first.streams.video[0]
+        output = container.add_stream_from_template(template, opaque=True)
+        output.time_base = template.time_base
+        settings = stream_settings(template)
+        extradata = template.codec_context.extradata
+        ticks = ticks_per_frame(paths[0], template)
+        total = 0
+        for path in paths:
+            with open_video(path) as part:
+                stream = part.streams.video[0]
+                if stream_settings(stream) != settings:
+                    raise FileFormatError(
+                        path, f"settings {stream_settings(stream)} differ from {settings}"
+                    )
+                if stream.codec_context.extradata != extradata:
+                    raise FileFormatError(path, "encoder parameter sets differ from the first part")
+                count = 0
+                for packet in demux_packets(path, part, stream):
+                    if packet.pts != count * ticks or packet.dts != packet.pts:
+                        raise FileFormatError(path, f"frame {count} is not at its regular time")
+                    packet.pts = packet.dts = (total + count) * ticks
+                    packet.duration = ticks
+                    packet.stream = output
+                    container.mux(packet)
+                    count += 1
+                counts.append(count)
+                total += count
+    return counts
+
+
+def _encode(
+    path: Path,
+    frames: Iterable[Any],
+    frames_per_second: int,
+    codec: VideoCodec,
+    convert: Any,
+) -> int:
+    iterator = iter(frames)
+    first = next(iterator, None)
+    if first is None:
+        raise ValueError(f"no frame to write to {path}")
+    if codec.encoder == "libsvtav1":
+        os.environ.setdefault("SVT_LOG", "1")  # errors only; else stderr hears of each video
+    shape, count = first.shape, 0
+    tick = Fraction(1, frames_per_second)  # the muxer changes the stream's own time base
+    with (
+        ordinary_threads() as restore,
+        atomic_file(path) as temporary,
+        av.open(str(temporary), "w", format="mp4") as container,
+    ):
+        stream = cast(
+            VideoStream,
+            container.add_stream(codec.encoder, rate=frames_per_second, options=codec.options()),
+        )
+        stream.height, stream.width = shape[:2]
+        stream.pix_fmt = codec.pixel_format
+        stream.time_base = tick
+        stream.codec_context.thread_count = 1
+        for frame in itertools.chain([first], iterator):
+            if frame.shape != shape:
+                raise ValueError(f"frame {count} has shape {frame.shape}, the first {shape}")
+            image = convert(frame)
+            image.pts, image.time_base = count, tick
+            container.mux(stream.encode(image))
+            if count == 0:  # the encoder starts with its first frame
+                restore()
+            count += 1
+        container.mux(stream.encode(None))
+    return count

@@ -1,0 +1,109 @@
+"""Copy encoded packets between videos and bare streams; nothing is decoded."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import cast
+
+import av
+from av.bitstream import BitStreamFilterContext
+from av.container import InputContainer
+from av.error import FFmpegError
+
+from ..core.atomic import atomic_file
+from ..core.errors import FileFormatError, UnknownNameError
+from .stream import open_video, ticks_per_frame
+
+# Codec → FFmpeg's reader of its bare stream, and what must stand before each packet for it.
+_RAW_FORMATS = {"h264": ("h264", b""), "av1": ("obu", b"\x12\x00")}
+# Parameter sets repeated in the stream: a video file has them once, in its header.
+_PARAMETER_SETS = "filter_units=remove_types=7-8"
+
+
+def write_bitstream(
+    path: Path, packets: Sequence[bytes], codec: str, frames_per_second: int
+) -> None:
+    """Write an MP4 of packets as `iterate_bitstream` yields them, one per frame, unchanged.
+
+    Args:
+        path: output.
+        packets: at least one; the first is a key frame.
+        codec: `h264` or `av1`.
+        frames_per_second: frame i gets the time i / frames_per_second.
+
+    Raises:
+        UnknownNameError: another codec.
+        ValueError: the packets are no such stream, or not one per frame.
+    """
+    if codec not in _RAW_FORMATS:
+        raise UnknownNameError("video codec", codec, _RAW_FORMATS)
+    raw_format, separator = _RAW_FORMATS[codec]
+    stream_bytes = b"".join(separator + packet for packet in packets)
+    options = {"framerate": str(frames_per_second)}
+    try:
+        with (
+            av.open(io.BytesIO(stream_bytes), format=raw_format, options=options) as raw,
+            atomic_file(path) as temporary,
+            av.open(str(temporary), "w", format="mp4") as container,
+        ):
+            stream = cast(InputContainer, raw).streams.video[0]
+            output = container.add_stream_from_template(stream, opaque=True)
+            tick = output.time_base = Fraction(1, frames_per_second)
+            strip = BitStreamFilterContext(_PARAMETER_SETS, stream) if codec == "h264" else None
+            count = 0
+            for packet in cast(InputContainer, raw).demux(stream):
+                if not packet.size:  # the demuxer's flush
+                    continue
+                for kept in strip.filter(packet) if strip else [packet]:
+                    kept.pts = kept.dts = count
+                    kept.duration, kept.time_base, kept.stream = 1, tick, output
+                    container.mux(kept)
+                    count += 1
+            if count != len(packets):
+                raise ValueError(f"{len(packets)} packets hold {count} frames")
+    except FFmpegError as error:
+        raise ValueError(f"not a {codec} stream ({error.strerror})") from error
+
+
+def copy_frames(path: Path, out: Path, first: int, count: int) -> None:
+    """Write frames `first` … `first + count − 1` of a video as one of their own, unchanged.
+
+    Raises:
+        FileFormatError: there are not so many frames, or the first is no key frame.
+    """
+    try:
+        _copy_frames(path, out, first, count)
+    except FFmpegError as error:
+        raise FileFormatError(path, f"frame {first} ff. are corrupt ({error.strerror})") from error
+
+
+def _copy_frames(path: Path, out: Path, first: int, count: int) -> None:
+    with (
+        open_video(path) as source,
+        atomic_file(out) as temporary,
+        av.open(str(temporary), "w", format="mp4") as container,
+    ):
+        stream = source.streams.video[0]
+        ticks = ticks_per_frame(path, stream)
+        output = container.add_stream_from_template(stream, opaque=True)
+        output.time_base = stream.time_base
+        source.seek(first * ticks, stream=stream, backward=True)
+        done = 0
+        for packet in source.demux(stream):
+            if not packet.size or packet.pts is None or packet.pts < first * ticks:
+                continue
+            if packet.pts != (first + done) * ticks or packet.dts != packet.pts:
+                raise FileFormatError(path, f"frame {first + done} is not at its regular time")
+            if done == 0 and not packet.is_keyframe:
+                raise FileFormatError(path, f"frame {first} begins an episode and is no key frame")
+            packet.pts = packet.dts = done * ticks
+            packet.duration, packet.stream = ticks, output
+            container.mux(packet)
+            done += 1
+            if done == count:
+                break
+        if done != count:
+            raise FileFormatError(path, f"frames end at {first + done}; {first + count} needed")

@@ -1,0 +1,148 @@
+"""Open videos, and read their packets and frames, noticing what is damaged or missing."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import av
+from av.container import InputContainer
+from av.error import FFmpegError
+from av.video.stream import VideoStream
+
+from ..core.errors import FileFormatError
+
+
+@dataclass(frozen=True)
+class VideoFacts:
+    """What a video says of itself. `frames` is the number of packets."""
+
+    width_px: int
+    height_px: int
+    codec: str
+    pixel_format: str
+    frames_per_second: int
+    frames: int
+
+
+def probe_video(path: Path) -> VideoFacts:
+    """Read a video's header.
+
+    Raises:
+        FileFormatError: missing, truncated or corrupt.
+    """
+    with open_video(path) as container:
+        stream = container.streams.video[0]
+        return VideoFacts(
+            width_px=stream.width,
+            height_px=stream.height,
+            codec=stream.codec.canonical_name,
+            pixel_format=stream.pix_fmt or "",
+            frames_per_second=round(float(stream.average_rate or 0)),
+            frames=stream.frames,
+        )
+
+
+@contextlib.contextmanager
+def open_video(path: Path) -> Iterator[InputContainer]:
+    """Open a file that has a video stream.
+
+    Raises:
+        FileFormatError: missing, no video, or its header is lost.
+    """
+    try:
+        container = av.open(str(path))
+    except (FFmpegError, OSError) as error:
+        raise FileFormatError(path, f"not a readable video ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise FileFormatError(path, "not a readable video (its tags are no text)") from error
+    with contextlib.closing(container):
+        if not container.streams.video:
+            raise FileFormatError(path, "no video stream")
+        yield container
+
+
+def decode_frames(path: Path) -> Iterator[av.VideoFrame]:
+    """Yield all frames; a video that lost some must not look like a short one.
+
+    Raises:
+        FileFormatError: missing, truncated or corrupt.
+    """
+    count = 0
+    with open_video(path) as container:
+        stream = container.streams.video[0]
+        try:
+            for frame in container.decode(stream):
+                yield frame
+                count += 1
+        except FFmpegError as error:
+            raise FileFormatError(path, f"frame {count} is corrupt ({error.strerror})") from error
+        if count != stream.frames or count == 0:
+            raise FileFormatError(path, f"truncated: {count} of {stream.frames} frames")
+
+
+def pick_frames(path: Path, numbers: Sequence[int]) -> Iterator[av.VideoFrame]:
+    """Yield the frames of the given ascending numbers, decoding few others.
+
+    Raises:
+        FileFormatError: missing, corrupt, or shorter.
+    """
+    with open_video(path) as container:
+        stream = container.streams.video[0]
+        ticks = ticks_per_frame(path, stream)
+        for number in numbers:
+            try:
+                container.seek(number * ticks, stream=stream, backward=True)
+                found = (f for f in container.decode(stream) if f.pts == number * ticks)
+                frame = next(found, None)
+            except FFmpegError as error:
+                raise FileFormatError(path, f"frame {number} is corrupt ({error})") from error
+            if frame is None:
+                raise FileFormatError(path, f"there is no frame {number}")
+            yield frame
+
+
+def demux_packets(path: Path, part: InputContainer, stream: VideoStream) -> Iterator[av.Packet]:
+    """Yield all packets of an open video, one per frame.
+
+    Raises:
+        FileFormatError: a packet is corrupt, or some are missing.
+    """
+    count = 0
+    for packet in part.demux(stream):
+        if packet.dts is None:  # the demuxer's flush
+            continue
+        if packet.is_corrupt:
+            raise FileFormatError(path, f"packet {count} is corrupt")
+        yield packet
+        count += 1
+    if count != stream.frames or count == 0:
+        raise FileFormatError(path, f"truncated: {count} of {stream.frames} frames")
+
+
+def ticks_per_frame(path: Path, stream: VideoStream) -> int:
+    """Duration of a frame in the stream's time base.
+
+    Raises:
+        FileFormatError: it is not a whole number.
+    """
+    rate, base = stream.average_rate, stream.time_base
+    ticks = Fraction(0) if not rate or not base else 1 / (rate * base)
+    if ticks < 1 or ticks.denominator != 1:
+        raise FileFormatError(path, f"frame rate {rate} does not fit the time base {base}")
+    return int(ticks)
+
+
+def stream_settings(stream: VideoStream) -> tuple[str, int, int, str, str, str]:
+    """What must agree between videos that are joined by copying packets."""
+    return (
+        stream.codec.canonical_name,
+        stream.width,
+        stream.height,
+        str(stream.pix_fmt),
+        str(stream.average_rate),
+        str(stream.time_base),
+    )

@@ -1,0 +1,1 @@
+"""VLN-CE's episode files, in Habitat's coordinates."""

@@ -1,0 +1,215 @@
+"""VLN-CE episode files: gzip JSON in Habitat coordinates.
+
+`read_vlnce` reads anybody's file as it stands; `write_episodes` and `read_episodes` carry our
+world-frame `Episode` records in the same schema. Our extra keys lie in `info.vlnpe`, because
+Habitat's loader accepts only the known keys at an episode's top level, but any in `info`.
+"""
+
+from __future__ import annotations
+
+import gzip
+import json
+import zlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..core.atomic import write_bytes
+from ..core.episode import Episode
+from ..core.errors import FileFormatError
+from ..core.frames import (
+    habitat_to_world_position,
+    world_to_habitat_position,
+    world_to_habitat_rotation,
+)
+from .reader import EpisodeReader
+from .records import OUR_KEY, VlnceEpisode, VlnceFile, VlnceGoal, scene_stem
+from .vocabulary import Vocabulary
+
+__all__ = [
+    "VlnceEpisode",
+    "VlnceFile",
+    "VlnceGoal",
+    "read_episodes",
+    "read_vlnce",
+    "scene_stem",
+    "write_episodes",
+    "write_vlnce",
+]
+
+FORMAT_VERSION = 1
+_TOKENS = 200  # VLN-CE pads or cuts every instruction to this many tokens
+
+
+def read_vlnce(path: Path | str) -> VlnceFile:
+    """Read a VLN-CE episode file, gzip or plain JSON (told apart by content, not by name).
+
+    Raises:
+        FileFormatError: missing or unreadable file, broken gzip or JSON, or an episode that
+            lacks a key or has one of the wrong kind; names the file, the episode and the reason.
+    """
+    path = Path(path)
+    document = _load(path)
+    if not isinstance(document, dict) or not isinstance(document.get("episodes"), list):
+        raise FileFormatError(path, 'not a VLN-CE episode file: no list "episodes" at the top')
+    episodes = []
+    seen: set[str] = set()
+    for index, raw in enumerate(document["episodes"]):
+        reader = EpisodeReader(path, index, raw)
+        episode = reader.episode()
+        if str(episode.episode_id) in seen:
+            raise reader.error("its episode_id occurs twice in the file")
+        seen.add(str(episode.episode_id))
+        episodes.append(episode)
+    vocabulary = document.get("instruction_vocab")
+    if vocabulary is not None and not isinstance(vocabulary, dict):
+        raise FileFormatError(path, "instruction_vocab is not an object")
+    extra = {k: v for k, v in document.items() if k not in ("episodes", "instruction_vocab")}
+    return VlnceFile(path, tuple(episodes), vocabulary, extra)
+
+
+def write_vlnce(path: Path | str, file: VlnceFile) -> None:
+    """Write `file`'s records back in the same schema, atomically, unknown keys included.
+
+    A name that ends in `.gz` is compressed. Equal content gives equal bytes.
+    """
+    document: dict[str, Any] = dict(file.extra)
+    document["episodes"] = [_episode_json(e) for e in file.episodes]
+    if file.vocabulary is not None:
+        document["instruction_vocab"] = file.vocabulary
+    _dump(Path(path), document)
+
+
+def write_episodes(path: Path | str, episodes: Sequence[Episode]) -> None:
+    """Write world-frame episodes in VLN-CE's schema, atomically.
+
+    Positions are Habitat coordinates of the repaired world: (x, y, z) → (x, z, −y). What the
+    schema lacks (level, split, heading, extra keys) lies in each episode's `info.vlnpe`. A name
+    that ends in `.gz` is compressed. Equal episodes give equal bytes.
+
+    Raises:
+        ValueError: two episodes share an id.
+    """
+    ids = [e.episode_id for e in episodes]
+    if len(set(ids)) != len(ids):
+        twice = sorted({i for i in ids if ids.count(i) > 1})
+        raise ValueError(f"episode ids must be unique, repeated: {', '.join(twice)}")
+    vocabulary = Vocabulary.of(e.instruction for e in episodes)
+    records = tuple(_to_vlnce(e, vocabulary) for e in episodes)
+    write_vlnce(path, VlnceFile(Path(path), records, vocabulary.to_json()))
+
+
+def read_episodes(path: Path | str) -> list[Episode]:
+    """Read what `write_episodes` wrote, exactly.
+
+    Raises:
+        FileFormatError: as `read_vlnce`, and for files that our writer did not make (align those
+            with a repaired scene first).
+    """
+    file = read_vlnce(path)
+    return [_to_episode(file.path, e) for e in file.episodes]
+
+
+def _to_vlnce(episode: Episode, vocabulary: Vocabulary) -> VlnceEpisode:
+    ours = {
+        "format_version": FORMAT_VERSION,
+        "split": episode.split,
+        "level": episode.level,
+        "start_yaw_rad": episode.start_yaw_rad,
+        "extra": episode.extra,
+    }
+    return VlnceEpisode(
+        episode_id=episode.episode_id,
+        trajectory_id=episode.trajectory_id,
+        scene_id=episode.scene_id,
+        start_position_habitat_m=world_to_habitat_position(episode.start_position_world_m),
+        start_rotation_xyzw=world_to_habitat_rotation(episode.start_yaw_rad),
+        instruction_text=episode.instruction,
+        instruction_tokens=tuple(vocabulary.encode(episode.instruction, _TOKENS)),
+        goals=(
+            VlnceGoal(
+                world_to_habitat_position(episode.goal_position_world_m), episode.goal_radius_m
+            ),
+        ),
+        reference_path_habitat_m=world_to_habitat_position(episode.reference_path_world_m),
+        info={"geodesic_distance": episode.geodesic_distance_m, OUR_KEY: ours},
+    )
+
+
+def _to_episode(path: Path, raw: VlnceEpisode) -> Episode:
+    def fail(reason: str) -> FileFormatError:
+        return FileFormatError(path, f"episode {raw.episode_id!r}: {reason}")
+
+    ours = raw.info.get(OUR_KEY)
+    if not isinstance(ours, dict):
+        raise fail(f"no info.{OUR_KEY}: a foreign VLN-CE file, align it with its scenes first")
+    if ours.get("format_version") != FORMAT_VERSION:
+        version = ours.get("format_version")
+        raise fail(f"format version {version}, this code reads {FORMAT_VERSION}")
+    if not raw.goals or not len(raw.reference_path_habitat_m):
+        raise fail("no goal or no reference path")
+    try:
+        return Episode(
+            episode_id=str(raw.episode_id),
+            trajectory_id=str(raw.trajectory_id),
+            scene_id=raw.scene_id,
+            split=str(ours["split"]),
+            level=int(ours["level"]),
+            start_position_world_m=habitat_to_world_position(raw.start_position_habitat_m),
+            start_yaw_rad=float(ours["start_yaw_rad"]),
+            goal_position_world_m=habitat_to_world_position(raw.goals[0].position_habitat_m),
+            reference_path_world_m=habitat_to_world_position(raw.reference_path_habitat_m),
+            geodesic_distance_m=float(raw.info["geodesic_distance"]),
+            instruction=raw.instruction_text,
+            goal_radius_m=raw.goals[0].radius_m,
+            extra=dict(ours["extra"]),
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise fail(f"info.{OUR_KEY} is damaged: {error!r}") from error
+
+
+def _episode_json(e: VlnceEpisode) -> dict[str, Any]:
+    instruction: dict[str, Any] = {"instruction_text": e.instruction_text}
+    if e.instruction_tokens is not None:
+        instruction["instruction_tokens"] = list(e.instruction_tokens)
+    result: dict[str, Any] = {
+        "episode_id": e.episode_id,
+        "trajectory_id": e.trajectory_id,
+        "scene_id": e.scene_id,
+        "start_position": e.start_position_habitat_m.tolist(),
+        "start_rotation": e.start_rotation_xyzw.tolist(),
+        "info": e.info,
+        "instruction": instruction,
+    }
+    if e.goals:
+        result["goals"] = [
+            {"position": g.position_habitat_m.tolist(), "radius": g.radius_m} for g in e.goals
+        ]
+    if len(e.reference_path_habitat_m):
+        result["reference_path"] = e.reference_path_habitat_m.tolist()
+    return {**result, **e.extra}
+
+
+def _load(path: Path) -> Any:
+    try:
+        data = path.read_bytes()
+        if data[:2] == b"\x1f\x8b":
+            data = gzip.decompress(data)
+        return json.loads(data)
+    except FileNotFoundError as error:
+        raise FileFormatError(path, "no such file") from error
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise FileFormatError(path, f"broken gzip: {error}") from error
+    except OSError as error:
+        raise FileFormatError(path, f"cannot be read: {error.strerror}") from error
+    except ValueError as error:  # also bad UTF-8, and integers of thousands of digits
+        raise FileFormatError(path, f"not JSON: {error}") from error
+    except RecursionError as error:
+        raise FileFormatError(path, "not an episode file: nested too deeply") from error
+
+
+def _dump(path: Path, document: Mapping[str, Any]) -> None:
+    data = json.dumps(document, ensure_ascii=False, allow_nan=False).encode()
+    if path.suffix == ".gz":
+        data = gzip.compress(data, compresslevel=6, mtime=0)
+    write_bytes(path, data)

@@ -1,0 +1,141 @@
+"""Strict reading of one VLN-CE episode."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import FileFormatError
+from .records import VlnceEpisode, VlnceGoal
+
+_KNOWN = {
+    "episode_id",
+    "trajectory_id",
+    "scene_id",
+    "start_position",
+    "start_rotation",
+    "info",
+    "goals",
+    "instruction",
+    "reference_path",
+}
+
+
+class EpisodeReader:
+    """Strict reading of one episode; every complaint names file, episode and key."""
+
+    def __init__(self, path: Path, index: int, raw: Any):
+        self.path, self.index, self.raw = path, index, raw
+        if not isinstance(raw, dict):
+            raise self.error("not an object")
+
+    def error(self, reason: str) -> FileFormatError:
+        """The error to raise for `reason`, naming file and episode."""
+        name = self.raw.get("episode_id") if isinstance(self.raw, dict) else None
+        where = f"episode {name!r}" if name is not None else "an episode without id"
+        return FileFormatError(self.path, f"{where} (number {self.index}): {reason}")
+
+    def episode(self) -> VlnceEpisode:
+        """Read the whole episode.
+
+        Raises:
+            FileFormatError: a key is missing or of the wrong kind.
+        """
+        raw = self.raw
+        instruction = self._mapping("instruction")
+        text = instruction.get("instruction_text")
+        if not isinstance(text, str):
+            raise self.error("instruction.instruction_text is missing or no string")
+        return VlnceEpisode(
+            episode_id=self._identity("episode_id"),
+            trajectory_id=self._identity("trajectory_id"),
+            scene_id=self._scene_id(),
+            start_position_habitat_m=self._vector(raw.get("start_position"), 3, "start_position"),
+            start_rotation_xyzw=self._rotation(),
+            instruction_text=text,
+            instruction_tokens=self._tokens(instruction.get("instruction_tokens")),
+            goals=self._goals(),
+            reference_path_habitat_m=self._path_points(),
+            info=self._mapping("info", optional=True),
+            extra={k: v for k, v in raw.items() if k not in _KNOWN},
+        )
+
+    def _mapping(self, key: str, optional: bool = False) -> dict[str, Any]:
+        value = self.raw.get(key)
+        if value is None and optional:
+            return {}
+        if not isinstance(value, dict):
+            raise self.error(f"{key} is missing or no object")
+        return value
+
+    def _identity(self, key: str) -> int | str:
+        value = self.raw.get(key)
+        if isinstance(value, bool) or not isinstance(value, int | str):
+            raise self.error(f"{key} is missing or neither integer nor string")
+        return value
+
+    def _scene_id(self) -> str:
+        value = self.raw.get("scene_id")
+        if not isinstance(value, str) or not Path(value).stem:
+            raise self.error("scene_id is missing or no path-like string")
+        return value
+
+    def _vector(self, value: Any, length: int, key: str) -> NDArray[np.float64]:
+        if not isinstance(value, list) or len(value) != length or not all(map(_finite, value)):
+            raise self.error(f"{key} must be {length} finite numbers, is {_brief(value)}")
+        return np.array(value, dtype=np.float64)
+
+    def _rotation(self) -> NDArray[np.float64]:
+        quaternion = self._vector(self.raw.get("start_rotation"), 4, "start_rotation")
+        norm = float(np.linalg.norm(quaternion))
+        # Public files round to a few digits, so allow for that, not for another convention.
+        if abs(norm - 1.0) > 0.01:
+            raise self.error(f"start_rotation must have length 1, has {norm:.4f}")
+        return quaternion
+
+    def _tokens(self, value: Any) -> tuple[int, ...] | None:
+        if value is None:
+            return None
+        if not isinstance(value, list) or not all(type(v) is int for v in value):
+            raise self.error(f"instruction_tokens must be integers, is {_brief(value)}")
+        return tuple(value)
+
+    def _goals(self) -> tuple[VlnceGoal, ...]:
+        value = self.raw.get("goals")
+        if value is None:
+            return ()
+        if not isinstance(value, list) or not all(isinstance(g, dict) for g in value):
+            raise self.error("goals must be a list of objects")
+        result = []
+        for k, goal in enumerate(value):
+            radius = goal.get("radius", 3.0)
+            if not _finite(radius) or radius <= 0:
+                raise self.error(f"goals[{k}].radius must be positive, is {_brief(radius)}")
+            position = self._vector(goal.get("position"), 3, f"goals[{k}].position")
+            result.append(VlnceGoal(position, float(radius)))
+        return tuple(result)
+
+    def _path_points(self) -> NDArray[np.float64]:
+        value = self.raw.get("reference_path")
+        if value is None:
+            return np.zeros((0, 3))
+        if not isinstance(value, list):
+            raise self.error("reference_path must be a list of positions")
+        points = [self._vector(p, 3, f"reference_path[{k}]") for k, p in enumerate(value)]
+        return np.array(points).reshape(-1, 3)
+
+
+def _finite(value: Any) -> bool:
+    """Whether a JSON value is a number that a float can hold."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return -sys.float_info.max <= value <= sys.float_info.max
+
+
+def _brief(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,1 @@
+"""Stage runner, ledger, keys and worker processes."""

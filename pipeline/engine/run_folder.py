@@ -1,0 +1,98 @@
+"""Where everything lies in a run folder."""
+
+from __future__ import annotations
+
+import errno
+import re
+import shutil
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...formats.core.errors import InputError
+
+MINIMUM_FREE_BYTES = 256 * 1024**2
+
+
+def safe_name(text: str) -> str:
+    """A file name that says `text`: anything but letters, digits, `.`, `_`, `-` becomes `-`."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", text).strip("-.") or "unnamed"
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """Paths of one run; see DESIGN's data flow."""
+
+    root: Path
+
+    def scan(self, scene: str) -> Path:
+        """Folder of a generated scan."""
+        return self.root / "scans" / scene
+
+    @property
+    def scenes(self) -> Path:
+        """Folder of repaired scenes."""
+        return self.root / "scenes"
+
+    def episodes(self, name: str) -> Path:
+        """An episode file."""
+        return self.root / "episodes" / f"{name}.json.gz"
+
+    @property
+    def models(self) -> Path:
+        """Compiled physics models, kept for the next worker and the next run."""
+        return self.root / "models"
+
+    @property
+    def rollouts(self) -> Path:
+        """Rollouts, by robot and controller."""
+        return self.root / "rollouts"
+
+    @property
+    def frames(self) -> Path:
+        """Rendered frames, by robot, controller and view."""
+        return self.root / "frames"
+
+    @property
+    def lerobot(self) -> Path:
+        """LeRobot datasets."""
+        return self.root / "lerobot"
+
+    @property
+    def mcap(self) -> Path:
+        """MCAP files with images."""
+        return self.root / "mcap"
+
+    @property
+    def report(self) -> Path:
+        """The report page's folder."""
+        return self.root / "report"
+
+
+def open_run_folder(root: Path) -> RunFolder:
+    """Create the run folder, or say in one line why nothing can be written there.
+
+    Raises:
+        InputError: not a folder, not writable, or too little space on its disk.
+    """
+    existing = root
+    while not existing.exists() and existing != existing.parent:
+        existing = existing.parent
+    if not existing.is_dir():
+        raise InputError(f"output folder {root}: {existing} is a file; choose another OUT")
+    try:
+        with tempfile.NamedTemporaryFile(dir=existing, prefix=".vlnpe-"):
+            pass
+        free = shutil.disk_usage(existing).free
+        if free < MINIMUM_FREE_BYTES:
+            raise InputError(
+                f"output folder {root}: only {free / 1024**2:.0f} MiB free on its disk; "
+                f"at least {MINIMUM_FREE_BYTES // 1024**2} MiB are needed"
+            )
+        root.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = error.strerror or errno.errorcode.get(error.errno or 0, "unknown")
+        raise InputError(
+            f"output folder {root}: {existing} is not writable ({reason}); choose another OUT"
+        ) from error
+    return RunFolder(root.resolve())

@@ -1,0 +1,1 @@
+"""Obstacles and free space of a level."""

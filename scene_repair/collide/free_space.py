@@ -1,0 +1,101 @@
+"""Where a robot can be and what it can touch."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ..grid.morphology import distance_to, label
+from .boxes import MAY, MUST, NEVER
+from .voxels import STEPS, Voxels
+
+# Floor is a place if it is this large and a disc of this radius fits somewhere; what is smaller
+# is the inside of a wall or a cupboard.
+MIN_PLACE_M2, MIN_PLACE_RADIUS_M = 1.0, 0.32
+# A surface that wavers over a voxel's border by less than this share is the neighbour's.
+SLIVER = 0.25
+# Boxes may spread this many voxels into space that nothing reaches.
+SPREAD = 3
+
+
+def blocked_cells(
+    voxels: Voxels, height_m: NDArray[np.float64], above_m: float
+) -> NDArray[np.bool_]:
+    """(rows, columns) cells over which something rises more than `above_m` over the floor."""
+    side = voxels.grid.cell_m
+    layers = voxels.upper.shape[2]
+    bottom = voxels.z0_m + side * np.arange(layers)
+    top = bottom + side * (voxels.upper[..., 2] / STEPS)
+    return np.any(voxels.occupied & (top > height_m[..., None] + above_m), axis=2)
+
+
+def places(free: NDArray[np.bool_], cell_m: float) -> NDArray[np.bool_]:
+    """The connected parts of `free` (rows, columns) in which a robot has room."""
+    parts, count = label(free)
+    area = np.bincount(parts.ravel(), minlength=count + 1) * cell_m**2
+    radius = distance_to(~np.pad(free, 1))[1:-1, 1:-1] * cell_m
+    widest = np.asarray(ndimage.maximum(radius, parts, np.arange(count + 1)))
+    roomy = (area >= MIN_PLACE_M2) & (widest >= MIN_PLACE_RADIUS_M)
+    roomy[0] = False
+    return roomy[parts]
+
+
+def touchable(
+    voxels: Voxels, place: NDArray[np.bool_], height_m: NDArray[np.float64]
+) -> NDArray[np.uint8]:
+    """What boxes must, may and must not cover, (rows, columns, layers) as in `boxes`.
+
+    Air that a probe of three voxels reaches from a place stays air; the surfaces next to it must
+    be covered. What nothing reaches (insides of walls and furniture, gaps narrower than the probe,
+    the world behind the walls) is left open, so that boxes can be large.
+
+    Args:
+        voxels: surfaces above the floor.
+        place: (rows, columns) floor that a robot can stand on.
+        height_m: (rows, columns) floor height.
+    """
+    occupied = voxels.occupied
+    layers = occupied.shape[2]
+    center = voxels.z0_m + voxels.grid.cell_m * (np.arange(layers) + 0.5)
+    ground = center[None, None, :] < height_m[..., None]
+    probe = np.ones((3, 3, 3), dtype=bool)
+    # Below the floor and above the top the probe finds no resistance: it only has to fit sideways.
+    solid = np.pad(occupied, ((1, 1), (1, 1), (0, 0)), constant_values=True)
+    fits = ~ndimage.binary_dilation(solid, probe)[1:-1, 1:-1]
+    parts, count = label(fits & ~ground)
+    reached = np.zeros(count + 1, dtype=bool)
+    reached[np.unique(parts[place])] = True
+    reached[0] = False
+    air = ndimage.binary_dilation(reached[parts], probe) & ~occupied
+    air |= place[..., None] & ~occupied & ~ground
+    near = ndimage.binary_dilation(air, probe)
+    sliver, stands = _slivers(voxels)
+    must = (occupied & near & ~sliver) | stands
+    state = np.full(occupied.shape, NEVER)
+    state[ndimage.binary_dilation(must, probe, iterations=SPREAD) & ~air] = MAY
+    state[must] = MUST
+    return state
+
+
+def _slivers(voxels: Voxels) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Voxels whose surface only just reaches in from an occupied neighbour in x or y.
+
+    Returns:
+        The slivers, and the neighbours that stand for them; no voxel is both.
+    """
+    least = round(SLIVER * STEPS)
+    sliver = np.zeros(voxels.upper.shape[:3], dtype=bool)
+    stands = np.zeros_like(sliver)
+    for index_axis, extent_axis in ((0, 1), (1, 0)):
+        lower, upper = voxels.lower[..., extent_axis], voxels.upper[..., extent_axis]
+        occupied = voxels.occupied
+        for step, thin, reaches in (
+            (1, upper <= least, upper >= STEPS - 1),
+            (-1, lower >= STEPS - least, lower <= 1),
+        ):
+            neighbour = np.roll(occupied & reaches & ~sliver, step, axis=index_axis)
+            found = occupied & thin & neighbour & ~stands
+            sliver |= found
+            stands |= np.roll(found, -step, axis=index_axis)
+    return sliver, stands

@@ -1,0 +1,90 @@
+"""Physics and planning of one level: height field, boxes and freemap from the repaired mesh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...formats.core.errors import SceneError
+from ...formats.scene.bundle import Floor, Obstacles
+from ...formats.scene.freemap import Freemap
+from ...formats.scene.grid import GridSpec
+from ..config import RepairConfig
+from ..floor.height_field import coarse_floor
+from ..floor.repair_level import RepairedFloor
+from ..grid.morphology import grown_window
+from ..grid.world_mesh import WorldMesh
+from .boxes import cover_with_boxes
+from .free_space import blocked_cells, places, touchable
+from .voxels import voxelise
+
+# Kept around the floor: walls, and what leans over them.
+MARGIN_M = 0.6
+
+
+@dataclass(frozen=True)
+class LevelCollision:
+    """What the simulator and the planner get for one level.
+
+    Boxes belong to the mesh's objects until the bundle's are known.
+    """
+
+    floor: Floor
+    obstacles: Obstacles
+    freemap: Freemap
+
+
+def build_collision(
+    mesh: WorldMesh, level: RepairedFloor, grid: GridSpec, config: RepairConfig
+) -> LevelCollision:
+    """Build the collision of one level.
+
+    Args:
+        mesh: the fully repaired scan.
+        level: the level's floor.
+        grid: coarse cells, aligned with the level's fine ones.
+        config: heights.
+    """
+    floor = _cropped(coarse_floor(level.fine, level.height_m, grid))
+    grid = floor.grid
+    height = floor.height_m.astype(np.float64)
+    low, high = float(height.min()), float(height.max())
+    z0 = float(np.floor(low / grid.cell_m) * grid.cell_m)
+    layers = int(np.ceil((high - z0 + config.robot_height_m) / grid.cell_m))
+    voxels = voxelise(
+        mesh.vertices,
+        mesh.faces,
+        mesh.face_object,
+        grid,
+        z0,
+        layers,
+        height + config.floor_clearance_m,
+        height + config.robot_height_m,
+    )
+    blocked = blocked_cells(voxels, height, config.blocked_above_m)
+    place = places(floor.covered & ~blocked, grid.cell_m)
+    obstacles = cover_with_boxes(voxels, touchable(voxels, place, height))
+    floor_z = np.where(floor.covered, floor.height_m, np.float32(np.nan)).astype(np.float32)
+    return LevelCollision(floor, obstacles, Freemap(grid, floor_z, place))
+
+
+def _cropped(floor: Floor) -> Floor:
+    """The floor's grid without what lies far beyond it."""
+    margin = round(MARGIN_M / floor.grid.cell_m)
+    rows, columns = np.nonzero(floor.covered)
+    if not len(rows):
+        raise SceneError(
+            f"no floor found: none of its cells of {floor.grid.cell_m} m is covered whole; valid: "
+            "connected floor at least as wide as a cell"
+        )
+    window = grown_window(
+        (slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1)),
+        margin,
+        floor.grid.shape,
+    )
+    x, y = floor.grid.origin_xy_m
+    cell_m = floor.grid.cell_m
+    height, covered = floor.height_m[window], floor.covered[window]
+    origin = (x + window[1].start * cell_m, y + window[0].start * cell_m)
+    return Floor(GridSpec(origin, cell_m, *height.shape), height, covered)

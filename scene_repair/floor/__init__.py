@@ -1,0 +1,1 @@
+"""Levels, their floors, and the repair of a floor's holes."""

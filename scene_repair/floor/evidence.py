@@ -1,0 +1,172 @@
+"""What is known about each cell of a level: floor, walls, ceiling, furniture, depth below."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from ...formats.scene.grid import GridSpec
+from ..grid.columns import Columns
+from ..grid.morphology import nearest_in
+from ..grid.slices import slice_marks
+from ..grid.world_mesh import WorldMesh
+from .height_field import smooth
+from .reference import remove_narrow
+
+# Surfaces this near to the reference height cover a floor, if they are not upright.
+COVER_M = 0.03
+COVER_NORMAL_Z = 0.2
+# Heights above the floor at which walls are looked for: a wall passes most of the lower ones, or,
+# over windows, doors and furniture that hid it, most of the upper ones.
+WALL_HEIGHTS_M = np.array([0.25, 0.45, 0.65, 0.85, 1.05, 1.25, 1.45, 1.65, 1.85])
+LINTEL_HEIGHTS_M = np.array([2.05, 2.25, 2.45])
+WALL_SHARE = 0.6
+OVERHEAD_M = 1.6
+# Between a floor and the ceiling of the storey below lies no more than this.
+SLAB_M = 0.6
+# Depths under the floor; a shaft's walls pass most of them.
+DEPTHS_M = np.array([0.9, 1.3, 1.7])
+# A sill is level and higher than the foot of a wall.
+SILL_NORMAL_Z, SILL_M = 0.7, 0.15
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Facts per fine cell of one level, all (rows, columns).
+
+    Attributes:
+        reference_m: smooth floor height where scanned, NaN elsewhere.
+        z_m: height of the covering surface, NaN where none.
+        face: its face, −1 where none.
+        covered: the cell has a floor.
+        wall: a wall stands in the cell.
+        lintel: a wall passes over the cell, above a door, a window or what hid its lower part.
+        overhead: something hangs above head height: ceiling, roof, upper storey.
+        furniture: something lies between the floor and head height.
+        structure: the lowest surface under head height is labelled as wall or window: a sill.
+        below: the next surface under the level lies deeper than a floor slab is thick.
+        bare: nothing lies under the level as near as a floor slab is thick.
+        sunk: upright surfaces go down deep under the level.
+    """
+
+    reference_m: NDArray[np.float64]
+    z_m: NDArray[np.float64]
+    face: NDArray[np.int32]
+    covered: NDArray[np.bool_]
+    wall: NDArray[np.bool_]
+    lintel: NDArray[np.bool_]
+    overhead: NDArray[np.bool_]
+    furniture: NDArray[np.bool_]
+    structure: NDArray[np.bool_]
+    below: NDArray[np.bool_]
+    bare: NDArray[np.bool_]
+    sunk: NDArray[np.bool_]
+
+
+def gather_evidence(
+    mesh: WorldMesh,
+    columns: Columns,
+    scanned_z_m: NDArray[np.float64],
+    floor_z_m: float,
+    ignore: NDArray[np.bool_],
+    structure: NDArray[np.bool_],
+    bump_width_m: float,
+    bump_height_m: float,
+    cover_m: float = COVER_M,
+) -> Evidence:
+    """Collect the facts.
+
+    Args:
+        mesh: the scan.
+        columns: its vertical samples.
+        scanned_z_m: (rows, columns) heights of the surely known floor, NaN elsewhere.
+        floor_z_m: the level's median height.
+        ignore: (F,) faces that are no floor (labelled furniture).
+        structure: (F,) faces labelled as wall or window.
+        bump_width_m: narrower features are not part of the reference …
+        bump_height_m: … unless they deviate from it by more than this.
+        cover_m: a floor may deviate this far from the reference.
+    """
+    cell_m = columns.grid.cell_m
+    plain = remove_narrow(scanned_z_m, cell_m, bump_width_m, bump_height_m)
+    # Twice: each round averages few cells, and only such that no step lies between.
+    reference = smooth(smooth(plain))
+    everywhere = reference[nearest_in(np.isfinite(reference))]
+    flat = (np.abs(mesh.normals[:, 2]) >= COVER_NORMAL_Z) & ~ignore
+    z, face = _cover(columns.start, columns.z, columns.face, flat, everywhere.ravel(), cover_m)
+    shape = columns.grid.shape
+    z, face = z.reshape(shape), face.reshape(shape)
+    above = columns.z - everywhere.ravel()[columns.cell]
+    wall, lintel = _walls(mesh, columns.grid, floor_z_m)
+
+    def any_in(low: float, high: float) -> NDArray[np.bool_]:
+        hit = np.zeros(shape[0] * shape[1], dtype=bool)
+        hit[columns.cell[(above > low) & (above < high)]] = True
+        return hit.reshape(shape)
+
+    bare = ~any_in(-SLAB_M, -cover_m)
+    sills = structure & (np.abs(mesh.normals[:, 2]) >= SILL_NORMAL_Z)
+    return Evidence(
+        reference_m=reference,
+        z_m=z,
+        face=face,
+        covered=face >= 0,
+        wall=wall,
+        lintel=lintel,
+        overhead=any_in(OVERHEAD_M, np.inf),
+        furniture=any_in(cover_m, OVERHEAD_M),
+        structure=_lowest(columns, above, cover_m, sills).reshape(shape) & ~any_in(cover_m, SILL_M),
+        below=any_in(-np.inf, -SLAB_M) & bare,
+        bare=bare,
+        sunk=_sunk(mesh, columns.grid, floor_z_m),
+    )
+
+
+def _lowest(
+    columns: Columns, above_m: NDArray[np.float64], cover_m: float, chosen: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """(cells,) whether the lowest surface under head height belongs to the chosen faces."""
+    over = (above_m > cover_m) & (above_m < OVERHEAD_M)
+    cell = columns.cell[over]
+    # Samples are sorted upwards in each cell: the first one over the floor is the lowest.
+    first = np.ones(len(cell), dtype=bool)
+    first[1:] = cell[1:] != cell[:-1]
+    result = np.zeros(len(columns.start) - 1, dtype=bool)
+    result[cell[first]] = chosen[columns.face[over][first]]
+    return result
+
+
+def _walls(
+    mesh: WorldMesh, grid: GridSpec, floor_z_m: float
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    heights = np.concatenate([WALL_HEIGHTS_M, LINTEL_HEIGHTS_M]) + floor_z_m
+    marks = slice_marks(mesh.vertices, mesh.faces, grid, heights)
+    lower = np.uint32((1 << len(WALL_HEIGHTS_M)) - 1)
+    tall = np.bitwise_count(marks & lower) >= WALL_SHARE * len(WALL_HEIGHTS_M)
+    high = np.bitwise_count(marks & ~lower) >= 2
+    return tall, high & ~tall
+
+
+def _sunk(mesh: WorldMesh, grid: GridSpec, floor_z_m: float) -> NDArray[np.bool_]:
+    marks = slice_marks(mesh.vertices, mesh.faces, grid, floor_z_m - DEPTHS_M)
+    return np.bitwise_count(marks) >= 2
+
+
+@njit(cache=True)
+def _cover(start, z, face, flat, reference, limit):
+    """Per cell the flat sample nearest to the reference height within `limit`."""
+    cells = len(start) - 1
+    z_out = np.full(cells, np.nan)
+    face_out = np.full(cells, -1, dtype=np.int32)
+    for c in range(cells):
+        best = limit
+        for k in range(start[c], start[c + 1]):
+            gap = abs(z[k] - reference[c])
+            if flat[face[k]] and gap <= best:
+                best = gap
+                z_out[c] = z[k]
+                face_out[c] = face[k]
+    return z_out, face_out

@@ -1,0 +1,172 @@
+"""Storeys: which of the horizontal surfaces are floors, and which floors belong together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ...formats.core.errors import SceneError
+from ...formats.scene.grid import GridSpec
+from ..config import RepairConfig
+from ..grid.columns import Columns
+from ..grid.morphology import grow
+from ..grid.slices import slice_marks
+from ..grid.world_mesh import WorldMesh
+from .reference import without_pits
+from .surfaces import Surfaces
+
+# A person stands where this much is free above.
+STANDING_M = 1.6
+# Floors of one storey differ by less than this; storeys by more.
+STOREY_M = 1.5
+# A surface this far above a floor that surrounds it is furniture, unless it is large.
+FURNITURE_M = (0.15, 1.4)
+PLATFORM_M2 = 8.0
+# What lies this far around a surface tells whether a room is over or under it.
+AROUND_M = 0.3
+WALLS_ABOVE_SHARE = 0.5
+RISES_M = np.array([0.5, 1.0, 1.5])
+# The winding of faces is trusted if this share of the floor agrees.
+ALIKE_SHARE = 0.7
+# Pieces of floor too small to be told by themselves lie this near to a floor's height.
+PIECE_M = 0.1
+
+
+@dataclass(frozen=True)
+class ScannedFloor:
+    """The floor of one storey as it was scanned.
+
+    Attributes:
+        grid: fine cells.
+        z_m: (rows, columns) float64 world height, NaN where no floor was scanned.
+        floor_z_m: median height.
+    """
+
+    grid: GridSpec
+    z_m: NDArray[np.float64]
+    floor_z_m: float
+
+
+def find_levels(
+    surfaces: Surfaces, columns: Columns, mesh: WorldMesh, config: RepairConfig
+) -> list[ScannedFloor]:
+    """Floors of all storeys, lowest first.
+
+    Raises:
+        SceneError: nothing here can be stood on.
+    """
+    parts = _measure(surfaces, columns, mesh, config.min_floor_m2)
+    floors = [
+        p
+        for p in np.argsort(-parts.standing_m2)
+        if parts.standing_m2[p] >= config.min_floor_m2
+        and parts.above[p] >= parts.below[p] * WALLS_ABOVE_SHARE
+        and not _is_furniture(int(p), surfaces, parts, columns.grid)
+    ]
+    storeys: list[list[int]] = []
+    for p in floors:
+        for storey in storeys:
+            if abs(parts.height_m[storey[0]] - parts.height_m[p]) < STOREY_M:
+                storey.append(int(p))
+                break
+        else:
+            storeys.append([int(p)])
+    if not storeys:
+        largest = float(parts.standing_m2.max()) if surfaces.parts else 0.0
+        raise SceneError(
+            f"no floor found: the largest level surface with {STANDING_M} m of free height "
+            f"measures {largest:.2f} m²; valid: at least {config.min_floor_m2} m² (set --up or "
+            "--unit if the scan is turned or scaled wrongly)"
+        )
+    found = [_floor_of(storey, surfaces, parts, columns.grid) for storey in storeys]
+    return sorted(found, key=lambda floor: floor.floor_z_m)
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """Measures of each surface, all (parts,).
+
+    `above` and `below` count the cells in and around it through which upright surfaces pass over
+    and under it: a floor has a room's walls over it, a ceiling or a roof has them only under it.
+    """
+
+    area_m2: NDArray[np.float64]
+    standing_m2: NDArray[np.float64]
+    height_m: NDArray[np.float64]
+    above: NDArray[np.float64]
+    below: NDArray[np.float64]
+
+
+def _measure(surfaces: Surfaces, columns: Columns, mesh: WorldMesh, min_floor_m2: float) -> _Parts:
+    grid, count = columns.grid, surfaces.parts
+    cell_m2 = grid.cell_m**2
+    area = np.bincount(surfaces.part, minlength=count) * cell_m2
+    standing = surfaces.clear_m >= STANDING_M
+    standing_m2 = np.bincount(surfaces.part, weights=standing, minlength=count) * cell_m2
+    # Without a single surface to stand on there is nothing to take a median of.
+    height: Any = ndimage.median(surfaces.z_m, surfaces.part, np.arange(count)) if count else []
+    above, below = np.zeros(count), np.zeros(count)
+    reach = max(1, round(AROUND_M / grid.cell_m))
+    for p in np.flatnonzero(standing_m2 >= min_floor_m2):
+        mask = np.zeros(grid.rows * grid.columns, dtype=bool)
+        mask[surfaces.cell[surfaces.part == p]] = True
+        near = grow(mask.reshape(grid.shape), reach)
+        rises = np.concatenate([RISES_M, -RISES_M])
+        marks = slice_marks(mesh.vertices, mesh.faces, grid, height[p] + rises)[near]
+        upper = np.uint32((1 << len(RISES_M)) - 1)
+        above[p] = np.bitwise_count(marks & upper).sum()
+        below[p] = np.bitwise_count(marks & ~upper).sum()
+    standing_m2 = standing_m2.astype(np.float64)
+    return _Parts(area.astype(np.float64), standing_m2, np.asarray(height), above, below)
+
+
+def _is_furniture(p: int, surfaces: Surfaces, parts: _Parts, grid: GridSpec) -> bool:
+    """A surface that stands over a larger one lying around it, at the height of furniture."""
+    if parts.area_m2[p] >= PLATFORM_M2:
+        return False
+    rise = parts.height_m[p] - parts.height_m
+    lower = (rise > FURNITURE_M[0]) & (rise < FURNITURE_M[1]) & (parts.area_m2 > parts.area_m2[p])
+    if not lower.any():
+        return False
+    mask = np.zeros(grid.rows * grid.columns, dtype=bool)
+    mask[surfaces.cell[surfaces.part == p]] = True
+    near = grow(mask.reshape(grid.shape), max(1, round(AROUND_M / grid.cell_m))).ravel()
+    return bool((near[surfaces.cell] & lower[surfaces.part]).any())
+
+
+def _floor_of(storey: list[int], surfaces: Surfaces, parts: _Parts, grid: GridSpec) -> ScannedFloor:
+    """The storey's floors and the small pieces at their heights, seen between furniture."""
+    heights = parts.height_m[storey]
+    gap = np.abs(parts.height_m[:, None] - heights[None, :]).min(axis=1)
+    chosen = (gap < PIECE_M) & (parts.area_m2 >= 4 * grid.cell_m**2)
+    chosen[storey] = True
+    mine = chosen[surfaces.part]
+    z = np.full(grid.rows * grid.columns, np.nan)
+    # Where several lie in one cell the lowest is the floor: it is written last.
+    order = np.argsort(-surfaces.z_m[mine], kind="stable")
+    z[surfaces.cell[mine][order]] = surfaces.z_m[mine][order]
+    z = without_pits(z.reshape(grid.shape), grid.cell_m)
+    return ScannedFloor(grid, z, float(np.nanmedian(z)))
+
+
+def averted_faces(
+    floors: list[ScannedFloor], columns: Columns, normal_z: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """(F,) faces that look the other way than the floors do: undersides of walls and furniture.
+
+    None, if the floors' faces are not wound alike and so tell nothing.
+    """
+    near = np.zeros(len(columns.z), dtype=bool)
+    for floor in floors:
+        near |= np.abs(columns.z - floor.z_m.ravel()[columns.cell]) < 1e-3
+    upward = normal_z[columns.face[near]] > 0
+    share = float(upward.mean()) if len(upward) else 0.5
+    if share >= ALIKE_SHARE:
+        return normal_z < 0
+    if share <= 1 - ALIKE_SHARE:
+        return normal_z > 0
+    return np.zeros(len(normal_z), dtype=bool)

@@ -1,0 +1,274 @@
+"""Triangulated patches that close holes and share the rim's vertices."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import manifold3d
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.spatial import KDTree
+
+from ...formats.scene.grid import GridSpec
+from ..grid.world_mesh import WorldMesh
+from .evidence import COVER_NORMAL_Z
+from .outline import cell_polygons, face_outline, trace_loops
+from .patch_region import Region
+from .reference import STEP_M
+from .tiles import Tiles
+
+# Inner vertices of a patch stand this far apart, so that it can follow a floor that is not plane.
+INNER_M = 0.1
+# Clipping keeps eight decimals; what lies nearer than this is the same point.
+SAME_M = 1e-6
+MIN_PIECE_M2, MIN_WIDTH_M = 1e-6, 2e-4
+
+
+@dataclass(frozen=True)
+class Patch:
+    """New floor, to be appended to a mesh.
+
+    Attributes:
+        vertices: (N, 3) new vertices [m].
+        faces: (T, 3) indices into the joint array: the mesh's vertices first, then `vertices`.
+        pieces: its connected pieces, each as outer and inner rings (n, 2) [m].
+        area_m2: horizontal area of each piece.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    pieces: list[list[NDArray[np.float64]]]
+    area_m2: list[float]
+
+
+def build_patch(
+    mesh: WorldMesh,
+    floor_faces: NDArray[np.int64],
+    region: list[Region],
+    height_m: NDArray[np.float64],
+    grid: GridSpec,
+) -> Patch:
+    """Close the regions by patches that end at the outline of the floor.
+
+    Args:
+        mesh: the scan.
+        floor_faces: (n,) faces that count as floor.
+        region: what is to be covered.
+        height_m: (rows, columns) height for new vertices.
+        grid: cells of `height_m`.
+    """
+    flat = floor_faces[np.abs(mesh.normals[floor_faces, 2]) >= COVER_NORMAL_Z]
+    corners = mesh.vertices[mesh.faces[flat], :2]
+    tiles = Tiles(corners.min(axis=1), corners.max(axis=1))
+    builder = _Builder(mesh, height_m, grid)
+    pieces: list[list[NDArray[np.float64]]] = []
+    areas: list[float] = []
+    for part in region:
+        near = flat[tiles.near(*part.bounds_m())]
+        rim = face_outline(mesh.faces[near], mesh.normals[near, 2] > 0)
+        wanted = _cross_section(part.polygons_m())
+        loops = [mesh.vertices[loop, :2] for loop in trace_loops(rim)]
+        if loops:
+            wanted = wanted - _cross_section(loops)
+        builder.start(rim)
+        for piece in wanted.decompose():
+            # Slivers of rounding along edges that fit already are no gaps.
+            if piece.area() < MIN_PIECE_M2 or piece.offset(-MIN_WIDTH_M / 2).is_empty():
+                continue
+            areas.append(piece.area())
+            pieces.append(_rings(piece))
+            builder.add(piece)
+    vertices, triangles = builder.result()
+    return Patch(vertices, triangles, pieces, areas)
+
+
+def _cross_section(polygons: list[NDArray[np.float64]]) -> manifold3d.CrossSection:
+    rings: Any = [np.ascontiguousarray(p) for p in polygons]
+    return manifold3d.CrossSection(rings, manifold3d.FillRule.Positive)
+
+
+def _rings(section: manifold3d.CrossSection) -> list[NDArray[np.float64]]:
+    rings: Any = section.to_polygons()
+    return rings
+
+
+class _Builder:
+    """Collects triangles; rim points become the mesh's own vertices."""
+
+    def __init__(self, mesh: WorldMesh, height_m: NDArray[np.float64], grid: GridSpec):
+        self.mesh, self.height_m, self.grid = mesh, height_m, grid
+        self.vertices: list[NDArray[np.float64]] = []
+        self.faces: list[NDArray[np.int64]] = []
+        self.count = len(mesh.vertices)
+        self.start(np.empty((0, 2), dtype=np.int64))
+
+    def start(self, rim: NDArray[np.int64]) -> None:
+        """Begin a region whose surrounding floor has the border edges `rim` (E, 2)."""
+        # At a step two floors have their rims in one place; the patch joins one of them.
+        corner = self.mesh.vertices[rim]
+        level = self._level(corner[..., :2].reshape(-1, 2)).reshape(rim.shape)
+        self.rim = rim[(np.abs(corner[..., 2] - level) <= STEP_M).all(axis=1)]
+        self.rim_vertices = np.unique(self.rim)
+        points = self.mesh.vertices[self.rim_vertices, :2]
+        self.tree = KDTree(points) if len(points) else None
+
+    def add(self, piece: manifold3d.CrossSection) -> None:
+        """Triangulate one connected piece: squares inside, triangles between them and the border.
+
+        Every vertex of the border stays in use, also on straight runs, so that no T-junction opens.
+        """
+        outline, squares, nodes = _inner_squares(piece)
+        rings = [self._with_rim_vertices(ring) for ring in _rings(piece)]
+        # What the squares cover is cut out: their outlines run the other way round.
+        rings += [ring[::-1] for ring in outline]
+        points = np.concatenate(rings)
+        polygons: Any = [np.ascontiguousarray(ring) for ring in rings]
+        found: Any = manifold3d.triangulate(polygons)
+        triangles = np.concatenate([np.asarray(found, dtype=np.int64), squares + len(points)])
+        joined = self._ids(np.concatenate([points, nodes]))[triangles]
+        proper = (
+            (joined[:, 0] != joined[:, 1])
+            & (joined[:, 1] != joined[:, 2])
+            & (joined[:, 2] != joined[:, 0])
+        )
+        self.faces.append(joined[proper])
+
+    def result(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """New vertices and all faces."""
+        if not self.faces:
+            return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
+        vertices = np.concatenate(self.vertices) if self.vertices else np.empty((0, 3))
+        return vertices, np.concatenate(self.faces)
+
+    def _with_rim_vertices(self, polygon: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Insert rim vertices that lie on a polygon's edges, so that no T-junction opens."""
+        if self.tree is None:
+            return polygon
+        parts = []
+        for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+            parts.append(a[None])
+            length = float(np.linalg.norm(b - a))
+            if length < 2 * SAME_M:
+                continue
+            candidates = self.tree.query_ball_point((a + b) / 2, length / 2 + SAME_M)
+            if not candidates:
+                continue
+            points = self.tree.data[candidates]
+            along = (points - a) @ (b - a) / length
+            across = np.abs((points - a) @ np.array([a[1] - b[1], b[0] - a[0]])) / length
+            on = (across < SAME_M) & (along > SAME_M) & (along < length - SAME_M)
+            if on.any():
+                order = np.argsort(along[on])
+                inserted = points[on][order]
+                distinct = np.ones(len(inserted), dtype=bool)
+                distinct[1:] = np.linalg.norm(np.diff(inserted, axis=0), axis=1) > SAME_M
+                parts.append(inserted[distinct])
+        return np.concatenate(parts)
+
+    def _ids(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Vertex ids for 2-D points: the rim's own where they coincide, new ones elsewhere."""
+        ids = np.full(len(points), -1, dtype=np.int64)
+        if self.tree is not None:
+            nearest: Any = self.tree.query(points, distance_upper_bound=SAME_M)
+            found = np.isfinite(nearest[0])
+            ids[found] = self.rim_vertices[nearest[1][found]]
+        new = ids < 0
+        unique, inverse = np.unique(np.round(points[new], 8), axis=0, return_inverse=True)
+        if len(unique):
+            z = self._height(unique)
+            self.vertices.append(np.column_stack([unique, z]))
+            ids[new] = self.count + inverse.ravel()
+            self.count += len(unique)
+        return ids
+
+    def _level(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Height of the reference."""
+        position = (xy - np.asarray(self.grid.origin_xy_m)) / self.grid.cell_m - 0.5
+        return ndimage.map_coordinates(self.height_m, position[:, ::-1].T, order=1, mode="nearest")
+
+    def _height(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Height of new vertices: on a rim edge that edge's height, else the reference's."""
+        z = self._level(xy)
+        if not len(self.rim):
+            return z
+        a = self.mesh.vertices[self.rim[:, 0]]
+        b = self.mesh.vertices[self.rim[:, 1]]
+        middle = KDTree((a[:, :2] + b[:, :2]) / 2)
+        reach = float(np.linalg.norm(b[:, :2] - a[:, :2], axis=1).max()) / 2 + SAME_M
+        for k, near in enumerate(middle.query_ball_point(xy, reach)):
+            if not near:
+                continue
+            p, q = a[near], b[near]
+            edge = q[:, :2] - p[:, :2]
+            length2 = np.maximum((edge**2).sum(axis=1), 1e-18)
+            t = ((xy[k] - p[:, :2]) * edge).sum(axis=1) / length2
+            foot = p[:, :2] + t[:, None] * edge
+            on = (np.linalg.norm(foot - xy[k], axis=1) < SAME_M) & (t >= 0) & (t <= 1)
+            if on.any():
+                first = int(np.flatnonzero(on)[0])
+                z[k] = p[first, 2] + t[first] * (q[first, 2] - p[first, 2])
+        return z
+
+
+def _inner_squares(
+    piece: manifold3d.CrossSection,
+) -> tuple[list[NDArray[np.float64]], NDArray[np.int64], NDArray[np.float64]]:
+    """Squares of a coarse grid well inside a piece.
+
+    Returns:
+        Their outlines with a vertex at every node, triangles (T, 3), and nodes (N, 2) [m].
+    """
+    nothing = [], np.empty((0, 3), dtype=np.int64), np.empty((0, 2))
+    # More than half a square's diagonal away from the border, so that a square whose corners are
+    # inside cannot contain a piece of border.
+    core = piece.offset(-0.75 * INNER_M)
+    if core.is_empty():
+        return nothing
+    low_x, low_y, high_x, high_y = core.bounds()
+    grid = GridSpec.covering((low_x, low_y), (high_x, high_y), INNER_M)
+    x0, y0 = grid.origin_xy_m
+    corners = GridSpec(
+        (x0 - INNER_M / 2, y0 - INNER_M / 2), INNER_M, grid.rows + 1, grid.columns + 1
+    )
+    inside = _points_inside(core, corners)
+    cells = inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:]
+    # Squares that meet only in a corner would make the outline touch itself.
+    for a, b in ((slice(None, -1), slice(1, None)), (slice(1, None), slice(None, -1))):
+        pinch = cells[:-1, a] & cells[1:, b] & ~cells[:-1, b] & ~cells[1:, a]
+        cells[:-1, a] &= ~pinch
+    if not cells.any():
+        return nothing
+    width = grid.columns + 1
+    i, j = np.nonzero(cells)
+    base = i * width + j
+    triangles = np.concatenate(
+        [
+            np.stack([base, base + 1, base + width + 1], axis=1),
+            np.stack([base, base + width + 1, base + width], axis=1),
+        ]
+    )
+    used, inverse = np.unique(triangles, return_inverse=True)
+    ij = np.stack([used // width, used % width], axis=1)
+    nodes = grid.center_of(ij - 0.5)
+    whole = (slice(0, grid.rows), slice(0, grid.columns))
+    outline = cell_polygons(cells, whole, grid, keep_straight=True)
+    return outline, inverse.reshape(triangles.shape).astype(np.int64), nodes
+
+
+def _points_inside(section: manifold3d.CrossSection, grid: GridSpec) -> NDArray[np.bool_]:
+    """Which cell centres of `grid` lie inside: even-odd scan along each row."""
+    inside = np.zeros(grid.shape, dtype=bool)
+    rows = grid.center_of(np.stack([np.arange(grid.rows), np.zeros(grid.rows)], axis=1))[:, 1]
+    polygons = _rings(section)
+    a = np.concatenate(polygons)
+    b = np.concatenate([np.roll(p, -1, axis=0) for p in polygons])
+    for i, y in enumerate(rows):
+        crossing = (a[:, 1] <= y) != (b[:, 1] <= y)
+        p, q = a[crossing], b[crossing]
+        x = np.sort(p[:, 0] + (y - p[:, 1]) / (q[:, 1] - p[:, 1]) * (q[:, 0] - p[:, 0]))
+        j = (x - grid.origin_xy_m[0]) / grid.cell_m - 0.5
+        for left, right in zip(j[0::2], j[1::2], strict=True):
+            inside[i, max(int(np.ceil(left)), 0) : max(int(np.floor(right)) + 1, 0)] = True
+    return inside

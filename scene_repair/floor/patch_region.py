@@ -1,0 +1,111 @@
+"""The exact area that patches may cover: filled cells, up to the rim and up to the walls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ...formats.scene.grid import GridSpec
+from ..grid.morphology import Mask, Window, grow, grown_window, label, windows
+from ..grid.slices import slice_marks
+from ..grid.world_mesh import WorldMesh
+from .evidence import WALL_HEIGHTS_M
+from .outline import cell_polygons
+from .tiles import Tiles
+
+# Cells are divided by this, so that a patch ends within millimetres of a wall's face.
+DIVIDE = 4
+
+
+@dataclass(frozen=True)
+class Region:
+    """One connected area as sub-cells of a window.
+
+    Attributes:
+        cells: (rows, columns) bool.
+        grid: their grid, only over the window.
+    """
+
+    cells: Mask
+    grid: GridSpec
+
+    def polygons_m(self) -> list[NDArray[np.float64]]:
+        """World outlines."""
+        rows, columns = self.cells.shape
+        return cell_polygons(self.cells, (slice(0, rows), slice(0, columns)), self.grid)
+
+    def bounds_m(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lower and upper corner (2,) [m]."""
+        return _bounds(self.grid)
+
+
+def patch_region(
+    mesh: WorldMesh, fill: Mask, reach: Mask, wall: Mask, grid: GridSpec, floor_z_m: float
+) -> list[Region]:
+    """Areas to cover, one per connected group of filled cells.
+
+    Each is the filled cells and a seam of one cell around, in which the patch finds the floor's
+    rim; in cells of walls the seam ends at the wall's face.
+
+    Args:
+        mesh: the scan.
+        fill: (rows, columns) cells to fill.
+        reach: (rows, columns) cells that the seam may enter.
+        wall: (rows, columns) cells in which a wall stands.
+        grid: the cells.
+        floor_z_m: the level's floor.
+    """
+    upright = mesh.vertices[_upright_faces(mesh, floor_z_m)]
+    tiles = Tiles(upright[..., :2].min(axis=1), upright[..., :2].max(axis=1))
+    parts, _ = label(grow(fill))
+    regions = []
+    for k, window in enumerate(windows(parts), start=1):
+        around = grown_window(window, 1, grid.shape)
+        mine = fill[around] & (parts[around] == k)
+        seam = grow(mine) & reach[around] & ~mine
+        local = _sub_grid(around, grid)
+        inner = _divide(mine)
+        if (seam & wall[around]).any():
+            near = upright[tiles.near(*_bounds(local))].reshape(-1, 3)
+            heights = floor_z_m + WALL_HEIGHTS_M
+            face = slice_marks(near, np.arange(len(near)).reshape(-1, 3), local, heights) > 0
+            open_seam = _divide(seam) & ~(face & _divide(wall[around]))
+            cross = ndimage.generate_binary_structure(2, 1)
+            inner = ndimage.binary_dilation(
+                inner, structure=cross, iterations=2 * DIVIDE, mask=inner | open_seam
+            )
+        else:
+            inner = inner | _divide(seam)
+        regions.append(Region(inner, local))
+    return regions
+
+
+def _sub_grid(window: Window, grid: GridSpec) -> GridSpec:
+    x, y = grid.origin_xy_m
+    rows, columns = window
+    return GridSpec(
+        (x + columns.start * grid.cell_m, y + rows.start * grid.cell_m),
+        grid.cell_m / DIVIDE,
+        (rows.stop - rows.start) * DIVIDE,
+        (columns.stop - columns.start) * DIVIDE,
+    )
+
+
+def _divide(mask: Mask) -> Mask:
+    return np.repeat(np.repeat(mask, DIVIDE, axis=0), DIVIDE, axis=1)
+
+
+def _bounds(grid: GridSpec) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    low = np.asarray(grid.origin_xy_m)
+    return low, low + np.array([grid.columns, grid.rows]) * grid.cell_m
+
+
+def _upright_faces(mesh: WorldMesh, floor_z_m: float) -> NDArray[np.int64]:
+    """Faces (n, 3) that cross any of the heights at which walls are looked for."""
+    z = mesh.vertices[mesh.faces, 2] - floor_z_m
+    first = np.searchsorted(WALL_HEIGHTS_M, z.min(axis=1))
+    last = np.searchsorted(WALL_HEIGHTS_M, z.max(axis=1), side="right")
+    return mesh.faces[last > first]

@@ -1,0 +1,162 @@
+"""The floor as it should be: a smooth reference height in every cell, known or missing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, sparse
+from scipy.sparse.linalg import spsolve
+
+from ..grid.morphology import distance_to, grow, grown_window, label, nearest_in, windows
+from .height_field import extend
+
+# Heights around a hole that differ by more, with none between, are two floors with a step between.
+STEP_M = 0.06
+# A piece of floor is level if heights of neighbouring cells differ by less in this share of it.
+LEVEL_M, LEVEL_SHARE = 0.01, 0.4
+# Level pieces smaller than this are no floor of their own.
+PIT_M2 = 0.1
+
+
+def remove_narrow(
+    z_m: NDArray[np.float64], cell_m: float, width_m: float, height_m: float
+) -> NDArray[np.float64]:
+    """Heights without bumps and dents narrower than `width_m`; NaN (no floor) stays NaN.
+
+    Grey opening, then closing, with a square of that width (Serra, 1982). What deviates by more
+    than `height_m` and is mostly level is real, the corner of a sunken area for example, and stays;
+    what is not is the foot of a thing, melted into the floor by the scanner.
+    """
+    size = 2 * round(width_m / cell_m / 2) + 1
+    filled = extend(z_m)
+    opened = ndimage.grey_opening(filled, size=(size, size))
+    closed = ndimage.grey_closing(opened, size=(size, size))
+    parts, count = label(np.abs(closed - z_m) > height_m)
+    spread = ndimage.maximum_filter(filled, 3) - ndimage.minimum_filter(filled, 3)
+    level = np.asarray(ndimage.mean(spread < LEVEL_M, parts, np.arange(count + 1)))
+    real = (level >= LEVEL_SHARE) & (np.arange(count + 1) > 0)
+    return np.where(real[parts], z_m, np.where(np.isfinite(z_m), closed, np.nan))
+
+
+def without_pits(z_m: NDArray[np.float64], cell_m: float) -> NDArray[np.float64]:
+    """Heights without small pieces that a step parts from the larger floor nearest to them.
+
+    Pits and blisters of a scan, where it closed a surface over what it had not seen.
+    """
+    cell = np.arange(z_m.size).reshape(z_m.shape)
+    pairs = []
+    for here, there in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
+        level = np.abs(z_m[here] - z_m[there]) < LEVEL_M
+        pairs.append(np.stack([cell[here][level], cell[there][level]]))
+    a, b = np.concatenate(pairs, axis=1)
+    links = sparse.coo_matrix((np.ones(len(a), dtype=bool), (a, b)), shape=(z_m.size, z_m.size))
+    found: Any = sparse.csgraph.connected_components(links, directed=False)
+    known = np.isfinite(z_m)
+    large = known & (np.bincount(found[1])[found[1]].reshape(z_m.shape) * cell_m**2 >= PIT_M2)
+    if not large.any():
+        return z_m
+    nearby = z_m[nearest_in(large)]
+    return np.where(large | (np.abs(z_m - nearby) < STEP_M), z_m, np.nan)
+
+
+def fill_heights(
+    z_m: NDArray[np.float64], missing: NDArray[np.bool_], reach: int
+) -> NDArray[np.float64]:
+    """Heights for the `missing` cells that continue the known ones; other cells unchanged.
+
+    Per connected region a plane is fitted to the known cells within `reach` cells around it (a
+    level one unless a slope is significant), and the remainder at the rim is spread inwards by the
+    discrete Laplace equation, free (no flux) where there is no known neighbour.
+    """
+    result = z_m.copy()
+    region, _ = label(missing, diagonal=True)
+    for k, window in enumerate(windows(region), start=1):
+        grown = grown_window(window, reach, z_m.shape)
+        mask = region[grown] == k
+        z = z_m[grown]
+        near = distance_to(mask) <= reach
+        known = near & np.isfinite(z) & ~mask
+        if not known.any():
+            continue
+        known &= _alike(z, known, mask)
+        plane = _plane(z, known)
+        inside = _spread(np.where(known, z - plane, np.nan), mask)
+        result[grown][mask] = (plane + inside)[mask]
+    return result
+
+
+def _alike(
+    z: NDArray[np.float64], known: NDArray[np.bool_], mask: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Where heights belong to the floor along most of the rim: at a step, others are beyond it."""
+    rim = known & grow(mask)
+    if not rim.any():
+        return known
+    heights = np.sort(z[rim])
+    parts = np.split(heights, np.flatnonzero(np.diff(heights) > STEP_M) + 1)
+    floor = max(parts, key=len)
+    return (z >= floor[0] - STEP_M) & (z <= floor[-1] + STEP_M)
+
+
+def _plane(z: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Robust plane over the window: least squares, re-weighted, level if the slope is slight."""
+    i, j = np.nonzero(known)
+    values = z[known]
+    centre = np.array([i.mean(), j.mean()])
+    design = np.stack([i - centre[0], j - centre[1], np.ones(len(i))], axis=1)
+    weight = np.ones(len(i))
+    level = float(np.median(values))
+    spread = np.ptp(np.stack([i, j]), axis=1)
+    coefficients = np.array([0.0, 0.0, level])
+    if len(i) >= 50 and spread.min() >= 4:
+        for _ in range(5):
+            w = np.sqrt(weight)[:, None]
+            coefficients = np.linalg.lstsq(design * w, values * w[:, 0], rcond=None)[0]
+            residual = np.abs(values - design @ coefficients)
+            scale = 1.4826 * np.median(residual) + 1e-4
+            weight = 1.0 / (1.0 + (residual / (2.0 * scale)) ** 2)
+        rise = np.hypot(*coefficients[:2]) * float(np.hypot(*spread))
+        noise = float(np.median(np.abs(values - level)))
+        flat_cost = float(np.mean(np.abs(values - level)))
+        plane_cost = float(np.mean(np.abs(values - design @ coefficients)))
+        if rise < 0.02 or plane_cost > 0.7 * flat_cost or noise == 0.0:
+            coefficients = np.array([0.0, 0.0, level])
+    rows, columns = np.indices(z.shape)
+    return (
+        coefficients[0] * (rows - centre[0])
+        + coefficients[1] * (columns - centre[1])
+        + coefficients[2]
+    )
+
+
+def _spread(remainder: NDArray[np.float64], mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Solve Laplace's equation in `mask` with the known remainder around it as boundary values."""
+    index = np.full(mask.shape, -1)
+    count = int(mask.sum())
+    index[mask] = np.arange(count)
+    # A weak pull to zero keeps cells without any known neighbour defined.
+    diagonal = np.full(count, 1e-6)
+    right = np.zeros(count)
+    rows: list[NDArray[np.int64]] = []
+    columns: list[NDArray[np.int64]] = []
+    for di, dj in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+        i, j = np.nonzero(mask)
+        ni, nj = i + di, j + dj
+        valid = (ni >= 0) & (nj >= 0) & (ni < mask.shape[0]) & (nj < mask.shape[1])
+        here, ni, nj = index[i, j][valid], ni[valid], nj[valid]
+        inner = mask[ni, nj]
+        rows.append(here[inner])
+        columns.append(index[ni[inner], nj[inner]])
+        np.add.at(diagonal, here[inner], 1.0)
+        edge = remainder[ni, nj]
+        known = ~inner & np.isfinite(edge)
+        np.add.at(diagonal, here[known], 1.0)
+        np.add.at(right, here[known], edge[known])
+    r, c = np.concatenate(rows), np.concatenate(columns)
+    matrix = sparse.coo_matrix((np.full(len(r), -1.0), (r, c)), shape=(count, count))
+    solution: Any = spsolve((matrix + sparse.diags(diagonal)).tocsc(), right)
+    result = np.zeros(mask.shape)
+    result[mask] = solution
+    return result

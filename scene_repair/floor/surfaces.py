@@ -1,0 +1,115 @@
+"""Connected horizontal surfaces: floors, table tops, beds, stair treads, ceilings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from ..grid.columns import Columns
+
+# A walkable surface: at most this steep …
+MIN_NORMAL_Z = 0.85
+# … and stepping from cell to neighbouring cell by at most this much.
+STEP_M = 0.025
+# Of surfaces closer together than this (a rug on its floor) only the upper one is seen.
+STACK_M = 0.035
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """Connected horizontal surfaces over a grid.
+
+    Attributes:
+        cell: (N,) int64 cell of every sample.
+        z_m: (N,) float64 height.
+        clear_m: (N,) float64 free height above, inf under open sky.
+        part: (N,) int64 surface the sample belongs to, 0 … parts − 1.
+        parts: number of surfaces.
+    """
+
+    cell: NDArray[np.int64]
+    z_m: NDArray[np.float64]
+    clear_m: NDArray[np.float64]
+    part: NDArray[np.int64]
+    parts: int
+
+
+def find_surfaces(
+    columns: Columns, normal_z: NDArray[np.float64], ignore: NDArray[np.bool_], clear_m: float
+) -> Surfaces:
+    """Group the horizontal samples that have some free height above into connected surfaces.
+
+    Args:
+        columns: vertical samples.
+        normal_z: (F,) vertical part of the unit face normals; the sign is not used, because a
+            scan's winding cannot be trusted.
+        ignore: (F,) bool faces that are no floor, whatever their shape.
+        clear_m: least free height above a sample.
+    """
+    cell, z, face = columns.cell, columns.z.astype(np.float64), columns.face
+    gap = np.full(len(z), np.inf)
+    same = cell[1:] == cell[:-1]
+    gap[:-1][same] = (z[1:] - z[:-1])[same]
+    level = (np.abs(normal_z) >= MIN_NORMAL_Z)[face] & ~ignore[face]
+    clear = _clearance(columns.start, columns.z, STACK_M)
+    index = np.flatnonzero(level & (gap >= STACK_M) & (clear >= clear_m))
+    start = np.searchsorted(cell[index], np.arange(len(columns.start)))
+    parent = _connect(start, z[index], columns.grid.rows, columns.grid.columns, STEP_M)
+    _, part = np.unique(parent, return_inverse=True)
+    return Surfaces(
+        cell[index],
+        z[index],
+        clear[index],
+        part.astype(np.int64),
+        int(part.max()) + 1 if len(part) else 0,
+    )
+
+
+@njit(cache=True)
+def _clearance(start, z, stack):
+    """Free height above every sample up to the next one that is not part of its own stack."""
+    clear = np.full(len(z), np.inf)
+    for c in range(len(start) - 1):
+        for k in range(start[c], start[c + 1]):
+            for m in range(k + 1, start[c + 1]):
+                gap = z[m] - z[k]
+                if gap >= stack:
+                    clear[k] = gap
+                    break
+    return clear
+
+
+@njit(cache=True)
+def _root(parent, k):
+    while parent[k] != k:
+        parent[k] = parent[parent[k]]
+        k = parent[k]
+    return k
+
+
+@njit(cache=True)
+def _connect(start, z, rows, columns, step):
+    """Union of samples in neighbouring cells whose heights differ by at most `step`."""
+    parent = np.arange(len(z))
+    for i in range(rows):
+        for j in range(columns):
+            cell = i * columns + j
+            for side in range(2):
+                if side == 0 and j + 1 < columns:
+                    other = cell + 1
+                elif side == 1 and i + 1 < rows:
+                    other = cell + columns
+                else:
+                    continue
+                for k in range(start[cell], start[cell + 1]):
+                    for m in range(start[other], start[other + 1]):
+                        if abs(z[k] - z[m]) <= step:
+                            a, b = _root(parent, k), _root(parent, m)
+                            if a != b:
+                                parent[max(a, b)] = min(a, b)
+    for k in range(len(z)):
+        parent[k] = _root(parent, k)
+    return parent

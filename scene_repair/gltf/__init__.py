@@ -1,0 +1,1 @@
+"""Reading glTF: checks, buffers and textures."""

@@ -1,0 +1,196 @@
+"""Looking at a glTF file before a library believes it: sizes, references, and what is not read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from ...formats.core.errors import FileFormatError
+from .file import GltfFile
+
+COMPONENT_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
+COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+MAX_TRIANGLES, MAX_NODES, MAX_DEPTH = 20_000_000, 50_000, 500
+# Accessors without data are zeros, as many as they say; all of them together.
+MAX_ZEROS = 10_000_000
+# Each primitive gets vertices of its own, also where many share one buffer.
+MAX_VERTICES = 60_000_000
+# Nodes that show a mesh again multiply its triangles, which costs a file nothing.
+MAX_REPEATED = 5_000_000
+# What views and accessors may take beyond twice the bytes that are there: each becomes a copy.
+SPARE_BYTES = 2 << 30
+COMPRESSED = {
+    "KHR_draco_mesh_compression": "Draco",
+    "EXT_meshopt_compression": "meshopt",
+    "KHR_meshopt_compression": "meshopt",
+}
+TRIANGLES, STRIP, FAN = 4, 5, 6
+
+
+def check_gltf(path: Path, file: GltfFile) -> None:
+    """Refuse what would be read wrongly, or would take all memory.
+
+    Raises:
+        FileFormatError: names what is wrong.
+    """
+    tree = file.tree
+    try:
+        _refuse_compressed(path, tree)
+        views = [_view(file, k, view) for k, view in enumerate(tree.get("bufferViews", []))]
+        sizes = [
+            _accessor(path, k, accessor, tree.get("bufferViews", []), views)
+            for k, accessor in enumerate(tree.get("accessors", []))
+        ]
+        _multiples(path, file, sum(views), sum(sizes))
+        _nodes(path, tree)
+    # Infinity is a number for Python's JSON, and no integer.
+    except (
+        KeyError,
+        TypeError,
+        ValueError,
+        IndexError,
+        AttributeError,
+        OverflowError,
+    ) as error:
+        raise FileFormatError(path, f"damaged glTF header: {error!r}") from error
+
+
+def _refuse_compressed(path: Path, tree: dict[str, Any]) -> None:
+    used = {*tree.get("extensionsUsed", []), *tree.get("extensionsRequired", [])}
+    for name, what in COMPRESSED.items():
+        inside = any(
+            name in primitive.get("extensions", {})
+            for mesh in tree.get("meshes", [])
+            for primitive in mesh["primitives"]
+        ) or any(name in view.get("extensions", {}) for view in tree.get("bufferViews", []))
+        if inside or (name in used and name in tree.get("extensionsRequired", [])):
+            raise FileFormatError(
+                path,
+                f"its meshes are {what}-compressed ({name}), which is not read; unpack them first, "
+                "for example with `gltf-transform copy in.glb out.glb`",
+            )
+
+
+def _view(file: GltfFile, index: int, view: dict[str, Any]) -> int:
+    """Length of a buffer view, once it lies inside its buffer."""
+    offset, length = int(view.get("byteOffset", 0)), int(view["byteLength"])
+    held = file.buffer_length(int(view["buffer"]))
+    if offset < 0 or length < 0 or offset + length > held:
+        raise ValueError(f"buffer view {index} ends at {offset + length:,} of {held:,} bytes")
+    return length
+
+
+def _accessor(
+    path: Path,
+    index: int,
+    accessor: dict[str, Any],
+    views: list[dict[str, Any]],
+    lengths: list[int],
+) -> int:
+    """How many bytes an accessor takes, once it lies inside its view."""
+    count = int(accessor["count"])
+    size = COMPONENT_BYTES[accessor["componentType"]] * COMPONENTS[accessor["type"]]
+    if count < 0:
+        raise ValueError(f"accessor {index} counts {count}")
+    if "bufferView" not in accessor:
+        if count > MAX_ZEROS:
+            raise ValueError(f"accessor {index} promises {count:,} elements without data")
+        return count * size
+    number = int(accessor["bufferView"])
+    if not 0 <= number < len(views):
+        raise ValueError(f"accessor {index} lies in buffer view {number} of {len(views)}")
+    stride = int(views[number].get("byteStride", 0)) or size
+    offset = int(accessor.get("byteOffset", 0))
+    end = offset + (stride * (count - 1) + size if count else 0)
+    if offset < 0 or stride < size or end > lengths[number]:
+        raise FileFormatError(
+            path,
+            f"accessor {index} ({count:,} elements) ends at byte {end:,} of a buffer view of "
+            f"{lengths[number]:,}",
+        )
+    return count * size
+
+
+def _multiples(path: Path, file: GltfFile, in_views: int, in_accessors: int) -> None:
+    """Few bytes must not become many by being named often."""
+    zeros = sum(int(a["count"]) for a in file.tree.get("accessors", []) if "bufferView" not in a)
+    if zeros > MAX_ZEROS:
+        raise FileFormatError(path, f"its accessors promise {zeros:,} elements without data")
+    held = file.held_bytes()
+    for what, total in (("buffer views", in_views), ("accessors", in_accessors)):
+        if total > 2 * held + SPARE_BYTES:
+            raise FileFormatError(
+                path, f"its {what} take {total:,} bytes together of {held:,} that are there"
+            )
+
+
+def _nodes(path: Path, tree: dict[str, Any]) -> None:
+    """Nodes must form a forest, and not multiply their meshes beyond reason."""
+    nodes, meshes = tree.get("nodes", []), tree.get("meshes", [])
+    vertices = sum(_vertices(mesh, tree.get("accessors", [])) for mesh in meshes)
+    if vertices > MAX_VERTICES:
+        raise FileFormatError(
+            path,
+            f"its pieces have {vertices:,} vertices together, shared ones counted for each; valid: "
+            f"up to {MAX_VERTICES:,}",
+        )
+    triangles = [_triangles(mesh, tree.get("accessors", [])) for mesh in meshes]
+    scenes = tree.get("scenes", [])
+    roots = [n for scene in scenes for n in scene.get("nodes", [])] or list(range(len(nodes)))
+    children = {int(c) for node in nodes for c in node.get("children", [])}
+    if not scenes:
+        roots = [n for n in roots if n not in children]
+    seen: set[int] = set()
+    waiting = [(int(n), 0) for n in dict.fromkeys(roots)]
+    total = placed = 0
+    while waiting:
+        number, depth = waiting.pop()
+        if not 0 <= number < len(nodes):
+            raise ValueError(f"node {number} of {len(nodes)}")
+        if number in seen:
+            raise FileFormatError(path, f"node {number} is below two nodes, or below itself")
+        if depth > MAX_DEPTH:
+            raise FileFormatError(path, f"its nodes are nested more than {MAX_DEPTH} deep")
+        seen.add(number)
+        waiting += [(int(c), depth + 1) for c in nodes[number].get("children", [])]
+        if (mesh := nodes[number].get("mesh")) is not None:
+            if not 0 <= mesh < len(meshes):
+                raise ValueError(f"node {number} shows mesh {mesh} of {len(meshes)}")
+            placed += len(meshes[mesh]["primitives"])
+            total += triangles[mesh]
+    if placed > MAX_NODES:
+        raise FileFormatError(
+            path, f"places {placed:,} pieces; valid: up to {MAX_NODES:,} (join them first)"
+        )
+    if total > MAX_TRIANGLES:
+        raise FileFormatError(path, f"places {total:,} triangles; valid: up to {MAX_TRIANGLES:,}")
+    if total > max(MAX_REPEATED, 2 * sum(triangles)):
+        raise FileFormatError(
+            path,
+            f"shows {sum(triangles):,} triangles so often that they become {total:,}; valid: up to "
+            f"{MAX_REPEATED:,}, or twice as many as it holds",
+        )
+
+
+def _vertices(mesh: dict[str, Any], accessors: list[dict[str, Any]]) -> int:
+    places = [primitive["attributes"].get("POSITION") for primitive in mesh["primitives"]]
+    return sum(int(accessors[number]["count"]) for number in places if number is not None)
+
+
+def _triangles(mesh: dict[str, Any], accessors: list[dict[str, Any]]) -> int:
+    count = 0
+    for primitive in mesh["primitives"]:
+        position = primitive["attributes"].get("POSITION")
+        index = primitive.get("indices", position)
+        if index is None:
+            continue
+        for number in (index, position):
+            if number is not None and not 0 <= number < len(accessors):
+                raise ValueError(f"accessor {number} of {len(accessors)}")
+        corners = int(accessors[index]["count"])
+        mode = primitive.get("mode", TRIANGLES)
+        count += corners // 3 if mode == TRIANGLES else corners if mode in (STRIP, FAN) else 0
+        place = accessors[position] if position is not None else {}
+        if place.get("normalized"):
+            raise ValueError("positions are quantised (KHR_mesh_quantization); unpack them first")
+    return count

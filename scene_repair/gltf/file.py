@@ -1,0 +1,252 @@
+"""A glTF file taken apart: its JSON tree, its buffers, and the pictures of its materials."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import io
+import json
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...formats.core.errors import FileFormatError
+from ..scan.resolver import ConfinedResolver
+
+MAX_JSON_BYTES = 256 << 20
+JSON_CHUNK, BIN_CHUNK = b"JSON", b"BIN\0"
+# Parts of the tree that are lists of objects.
+TABLES = (
+    "accessors", "bufferViews", "buffers", "images", "materials", "meshes", "nodes", "samplers",
+    "scenes", "textures",
+)  # fmt: skip
+# Where a material may name the picture of its colour: (extension, key).
+COLOR_PICTURES = (
+    ("", "baseColorTexture"),
+    ("KHR_materials_pbrSpecularGlossiness", "diffuseTexture"),
+)
+PICTURE_SOURCES = ("EXT_texture_webp",)
+# What is read of vertices; the library would copy all others, too, for each piece.
+ATTRIBUTES = ("POSITION", "TEXCOORD_0", "COLOR_0")
+
+
+@dataclass(frozen=True)
+class Picture:
+    """The picture of a material's colour.
+
+    Attributes:
+        image: index of the glTF image.
+        name: what to call it in messages.
+        to_uv: (2, 3) affine map that texture coordinates (v down) go through.
+        coordinates: which set of texture coordinates it takes.
+    """
+
+    image: int
+    name: str
+    to_uv: NDArray[np.float64]
+    coordinates: int
+
+
+class GltfFile:
+    """A GLB or glTF file, its header read and its pictures set aside.
+
+    Args:
+        path: the file.
+        resolver: reads what it refers to.
+
+    Raises:
+        FileFormatError: the header is damaged, or a buffer is missing or outside the folder.
+    """
+
+    def __init__(self, path: Path, resolver: ConfinedResolver):
+        self.path, self.resolver = path, resolver
+        try:
+            text, self._bin = _chunks(path)
+            self.tree: dict[str, Any] = json.loads(text)
+        except (ValueError, struct.error, RecursionError) as error:
+            raise FileFormatError(path, f"damaged glTF header: {error}") from error
+        if not isinstance(self.tree, dict) or not isinstance(self.tree.get("asset"), dict):
+            raise FileFormatError(path, "damaged glTF header: no asset")
+        version = str(self.tree["asset"].get("version", "2"))
+        if version.split(".")[0] != "2":
+            raise FileFormatError(path, f"is glTF {version}; valid: 2.x")
+        for kind in TABLES:
+            table = self.tree.get(kind, [])
+            if not isinstance(table, list) or not all(isinstance(e, dict) for e in table):
+                raise FileFormatError(path, f"damaged glTF header: {kind} is no list of objects")
+        self._buffers: dict[int, bytes | memoryview] = {}
+
+    def buffer(self, index: int) -> bytes | memoryview:
+        """Bytes of a buffer.
+
+        Raises:
+            FileFormatError: missing, outside the folder, or no base64.
+        """
+        if index not in self._buffers:
+            entry = self.tree["buffers"][index]
+            if "uri" in entry:
+                self._buffers[index] = self._bytes_of(entry["uri"])
+            else:
+                self._buffers[index] = self._bin
+        return self._buffers[index]
+
+    def held_bytes(self) -> int:
+        """How many bytes all buffers have that were read, each file counted once."""
+        return sum({id(data): len(data) for data in self._buffers.values()}.values())
+
+    def buffer_length(self, index: int) -> int:
+        """How many bytes a buffer really has."""
+        if index < 0:
+            raise ValueError(f"buffer {index}")
+        return len(self.buffer(index))
+
+    def _bytes_of(self, uri: str) -> bytes:
+        if uri.startswith("data:"):
+            try:
+                return base64.b64decode(uri.partition(",")[2], validate=True)
+            except (binascii.Error, ValueError) as error:
+                raise FileFormatError(self.path, f"embedded data is no base64: {error}") from error
+        try:
+            return self.resolver.get(unquote(uri))
+        except OSError as error:
+            raise FileFormatError(self.path, str(error)) from error
+
+    def picture_of(self, material: int) -> Picture | None:
+        """The picture of a material's colour, None if it has none."""
+        entry = self.tree.get("materials", [])[material]
+        for extension, key in COLOR_PICTURES:
+            home = (
+                entry.get("extensions", {}).get(extension, {})
+                if extension
+                else (entry.get("pbrMetallicRoughness", {}))
+            )
+            if (info := home.get(key)) is None:
+                continue
+            texture = self.tree["textures"][info["index"]]
+            image = texture.get("source")
+            for source in PICTURE_SOURCES:
+                image = texture.get("extensions", {}).get(source, {}).get("source", image)
+            if image is None or not 0 <= image < len(self.tree.get("images", [])):
+                return None
+            name = self.tree["images"][image].get("name") or f"image {image}"
+            transform = info.get("extensions", {}).get("KHR_texture_transform", {})
+            coordinates = transform.get("texCoord", info.get("texCoord", 0))
+            return Picture(int(image), str(name), _affine(transform), int(coordinates))
+        return None
+
+    def place_of(self, image: int) -> str:
+        """Where an image lies; several images may name one place.
+
+        Raises:
+            ValueError: it lies nowhere.
+        """
+        entry = self.tree["images"][image]
+        if "bufferView" in entry:
+            return f"view {entry['bufferView']}"
+        if not isinstance(entry.get("uri"), str):
+            raise ValueError("it lies nowhere")
+        return entry["uri"]
+
+    def picture_bytes(self, image: int) -> bytes:
+        """The encoded bytes of an image.
+
+        Raises:
+            OSError: its file is missing or outside the folder.
+            ValueError: it lies nowhere.
+        """
+        entry = self.tree["images"][image]
+        if "bufferView" in entry:
+            view = self.tree["bufferViews"][entry["bufferView"]]
+            start = int(view.get("byteOffset", 0))
+            return bytes(self.buffer(int(view["buffer"]))[start : start + int(view["byteLength"])])
+        uri = self.place_of(image)
+        return self._bytes_of(uri) if uri.startswith("data:") else self.resolver.get(unquote(uri))
+
+    def without_pictures(self) -> io.BytesIO:
+        """The file as bytes, without pictures and all that is not read of vertices.
+
+        Pictures are opened apart, in bounded memory; materials are named by their number, which
+        tells whose they are.
+        """
+        tree = {k: v for k, v in self.tree.items() if k not in ("images", "textures")}
+        materials = [
+            {**entry, "name": str(k)} for k, entry in enumerate(self.tree.get("materials", []))
+        ]
+        if materials:
+            tree["materials"] = materials
+        if "meshes" in tree:
+            tree["meshes"] = [
+                {**mesh, "primitives": [_plain(p) for p in mesh["primitives"]]}
+                for mesh in tree["meshes"]
+            ]
+        text = json.dumps(tree).encode()
+        if self.path.suffix.lower() == ".gltf":
+            return io.BytesIO(text)
+        text += b" " * (-len(text) % 4)
+        pieces = [struct.pack("<I4s", len(text), JSON_CHUNK), text]
+        if len(self._bin):
+            pieces += [struct.pack("<I4s", len(self._bin), BIN_CHUNK), self._bin]
+        total = 12 + sum(len(piece) for piece in pieces)
+        return io.BytesIO(b"".join([struct.pack("<4sII", b"glTF", 2, total), *pieces]))
+
+
+def _plain(primitive: dict[str, Any]) -> dict[str, Any]:
+    attributes = {k: v for k, v in primitive["attributes"].items() if k in ATTRIBUTES}
+    return {**primitive, "attributes": attributes}
+
+
+def _affine(transform: dict[str, Any]) -> NDArray[np.float64]:
+    """KHR_texture_transform: scaled, turned, then moved.
+
+    Raises:
+        ValueError: not finite.
+        OverflowError: an integer of hundreds of digits.
+    """
+    angle = float(transform.get("rotation", 0.0))
+    if not np.isfinite(angle):
+        raise ValueError("its texture transform is not finite")
+    scale = np.array(transform.get("scale", (1.0, 1.0)), dtype=np.float64)
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    result = np.zeros((2, 3))
+    result[:, :2] = turn * scale[None, :]
+    result[:, 2] = transform.get("offset", (0.0, 0.0))
+    if not np.isfinite(result).all():
+        raise ValueError("its texture transform is not finite")
+    return result
+
+
+def _chunks(path: Path) -> tuple[bytes, memoryview]:
+    """JSON text and binary chunk of a file; a .gltf file has no such chunk."""
+    size = path.stat().st_size
+    if path.suffix.lower() == ".gltf":
+        if size > MAX_JSON_BYTES * 4:
+            raise ValueError(f"{size:,} bytes of JSON")
+        return path.read_bytes(), memoryview(b"")
+    with path.open("rb") as stream:
+        start = stream.read(12)
+        if len(start) < 12 or start[:4] != b"glTF":
+            raise ValueError("no glTF signature")
+        version = struct.unpack_from("<I", start, 4)[0]
+        if version != 2:
+            raise ValueError(f"container version {version}, valid: 2")
+        text, data = b"", memoryview(b"")
+        while head := stream.read(8):
+            length, kind = struct.unpack("<I4s", head)
+            if length > size - stream.tell():
+                raise ValueError(f"chunk of {length:,} bytes in a file of {size:,}")
+            if kind == JSON_CHUNK and not text:
+                if length > MAX_JSON_BYTES:
+                    raise ValueError(f"{length:,} bytes of JSON")
+                text = stream.read(length)
+            elif kind == BIN_CHUNK and not len(data):
+                data = memoryview(stream.read(length))
+            else:
+                stream.seek(length, io.SEEK_CUR)
+    if not text:
+        raise ValueError("no JSON chunk")
+    return text, data

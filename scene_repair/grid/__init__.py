@@ -1,0 +1,1 @@
+"""The scan sampled on grids of cells."""

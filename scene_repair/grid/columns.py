@@ -1,0 +1,187 @@
+"""Vertical sampling: every height at which the vertical line through a cell's centre meets a face.
+
+This turns a triangle soup of any quality into something that can be reasoned about: per cell, the
+sorted list of surfaces from the lowest to the highest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from ...formats.core.errors import SceneError
+from ...formats.scene.grid import GridSpec
+
+# Hits take 40 bytes each while they are sorted; tests of a cell with a face, a nanosecond or two.
+MAX_HITS, MAX_TESTS = 200_000_000, 20_000_000_000
+FACES_AT_ONCE = 1_000_000
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Surface heights per cell, sorted upwards, in compressed rows.
+
+    Attributes:
+        grid: the cells; cell index = row * columns + column.
+        start: (cells + 1,) int64; hits of a cell are `start[i]:start[i + 1]`.
+        z: (N,) float32 world height [m].
+        face: (N,) int32 triangle that was hit.
+    """
+
+    grid: GridSpec
+    start: NDArray[np.int64]
+    z: NDArray[np.float32]
+    face: NDArray[np.int32]
+
+    @property
+    def cell(self) -> NDArray[np.int64]:
+        """(N,) cell index of every hit."""
+        return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
+
+
+def sample_columns(
+    vertices_m: NDArray[np.float64], faces: NDArray[np.int64], grid: GridSpec
+) -> Columns:
+    """Intersect the vertical lines through all cell centres with all faces.
+
+    Args:
+        vertices_m: (V, 3) world.
+        faces: (F, 3).
+        grid: where to sample.
+
+    Raises:
+        SceneError: so many surfaces lie above each other that time or memory would not do.
+    """
+    scaled = (vertices_m - (*grid.origin_xy_m, 0.0)) / (grid.cell_m, grid.cell_m, 1.0)
+    faces = np.ascontiguousarray(faces, dtype=np.int64)
+    tests = _tests(scaled, faces, grid)
+    if tests > MAX_TESTS:
+        raise SceneError(
+            f"its faces cover {tests:,} cells of {grid.cell_m:g} m together, those above each "
+            f"other counted for each; valid: up to {MAX_TESTS:,} (cut it into parts)"
+        )
+    counts = np.zeros(grid.rows * grid.columns + 1, dtype=np.int64)
+    empty_z, empty_face = np.empty(0, dtype=np.float32), np.empty(0, dtype=np.int32)
+    _raster(scaled, faces, grid.rows, grid.columns, counts, empty_z, empty_face, False)
+    start = np.concatenate([[0], np.cumsum(counts[:-1])])
+    if start[-1] > MAX_HITS:
+        raise SceneError(
+            f"its surfaces meet the vertical lines through cells of {grid.cell_m:g} m "
+            f"{int(start[-1]):,} times; valid: up to {MAX_HITS:,} (cut it into parts)"
+        )
+    cursor = start.copy()
+    z = np.empty(start[-1], dtype=np.float32)
+    face = np.empty(start[-1], dtype=np.int32)
+    _raster(scaled, faces, grid.rows, grid.columns, cursor, z, face, True)
+    cell = np.repeat(np.arange(len(start) - 1), np.diff(start))
+    order = np.lexsort((z, cell))
+    return Columns(grid, start, z[order], face[order])
+
+
+def _tests(scaled: NDArray[np.float64], faces: NDArray[np.int64], grid: GridSpec) -> int:
+    """How many cells lie in the rectangles around all faces; `scaled` is in cells."""
+    total = 0.0
+    for first in range(0, len(faces), FACES_AT_ONCE):
+        corners = scaled[faces[first : first + FACES_AT_ONCE], :2]
+        limits = (grid.columns, grid.rows)
+        sides = np.clip(corners.max(axis=1), 0, limits) - np.clip(corners.min(axis=1), 0, limits)
+        total += float((sides[:, 0] * sides[:, 1]).sum())
+    return int(total)
+
+
+def top_faces(
+    vertices_m: NDArray[np.float64],
+    faces: NDArray[np.int64],
+    corner_uv: NDArray[np.float32],
+    grid: GridSpec,
+) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """What is seen from above at each cell's centre.
+
+    Args:
+        vertices_m: (V, 3) world.
+        faces: (F, 3).
+        corner_uv: (F, 3, 2).
+        grid: the cells.
+
+    Returns:
+        The highest face (rows, columns), −1 where there is none, and its texture coordinates there
+        (rows, columns, 2).
+    """
+    scaled = (vertices_m - (*grid.origin_xy_m, 0.0)) / (grid.cell_m, grid.cell_m, 1.0)
+    face = np.full(grid.shape, -1, dtype=np.int32)
+    height = np.full(grid.shape, -np.inf, dtype=np.float32)
+    uv = np.zeros((*grid.shape, 2), dtype=np.float32)
+    corner_uv = np.ascontiguousarray(corner_uv, dtype=np.float32)
+    _top(scaled, np.ascontiguousarray(faces, dtype=np.int64), corner_uv, height, face, uv)
+    return face, uv
+
+
+@njit(cache=True)
+def _top(vertices, faces, corner_uv, height, face, uv):
+    rows, columns = face.shape
+    for f in range(len(faces)):
+        ax, ay, az = vertices[faces[f, 0]]
+        bx, by, bz = vertices[faces[f, 1]]
+        cx, cy, cz = vertices[faces[f, 2]]
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        if area == 0.0:
+            continue
+        j0 = max(int(np.ceil(min(ax, bx, cx) - 0.5)), 0)
+        j1 = min(int(np.floor(max(ax, bx, cx) - 0.5)), columns - 1)
+        i0 = max(int(np.ceil(min(ay, by, cy) - 0.5)), 0)
+        i1 = min(int(np.floor(max(ay, by, cy) - 0.5)), rows - 1)
+        for i in range(i0, i1 + 1):
+            y = i + 0.5
+            for j in range(j0, j1 + 1):
+                x = j + 0.5
+                u = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / area
+                v = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area
+                w = 1.0 - u - v
+                if u >= 0.0 and v >= 0.0 and w >= -1e-12:
+                    z = u * az + v * bz + w * cz
+                    if z > height[i, j]:
+                        height[i, j] = z
+                        face[i, j] = f
+                        for k in range(2):
+                            uv[i, j, k] = (
+                                u * corner_uv[f, 0, k]
+                                + v * corner_uv[f, 1, k]
+                                + w * corner_uv[f, 2, k]
+                            )
+
+
+@njit(cache=True)
+def _raster(vertices, faces, rows, columns, cursor, z_out, face_out, fill):
+    """Count hits per cell, or write them at each cell's cursor.
+
+    Half-open edge rule by the sign of exact edge functions: a centre on a shared edge may count
+    for both triangles, which does no harm; it is never lost.
+    """
+    for f in range(len(faces)):
+        ax, ay, az = vertices[faces[f, 0]]
+        bx, by, bz = vertices[faces[f, 1]]
+        cx, cy, cz = vertices[faces[f, 2]]
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        if area == 0.0:
+            continue
+        j0 = max(int(np.ceil(min(ax, bx, cx) - 0.5)), 0)
+        j1 = min(int(np.floor(max(ax, bx, cx) - 0.5)), columns - 1)
+        i0 = max(int(np.ceil(min(ay, by, cy) - 0.5)), 0)
+        i1 = min(int(np.floor(max(ay, by, cy) - 0.5)), rows - 1)
+        for i in range(i0, i1 + 1):
+            y = i + 0.5
+            for j in range(j0, j1 + 1):
+                x = j + 0.5
+                u = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / area
+                v = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area
+                w = 1.0 - u - v
+                if u >= 0.0 and v >= 0.0 and w >= -1e-12:
+                    cell = i * columns + j
+                    k = cursor[cell]
+                    cursor[cell] = k + 1
+                    if fill:
+                        z_out[k] = u * az + v * bz + w * cz
+                        face_out[k] = f

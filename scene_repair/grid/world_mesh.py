@@ -1,0 +1,65 @@
+"""The scan in world coordinates while it is being repaired."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scan.record import Scan
+
+
+@dataclass(frozen=True)
+class WorldMesh:
+    """Triangles in the world frame; every repair step returns a new one.
+
+    Attributes:
+        vertices: (V, 3) float64 [m].
+        faces: (F, 3) int64.
+        corner_uv: (F, 3, 2) float32.
+        face_material, face_object: (F,) int32, as in `Scan`.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    corner_uv: NDArray[np.float32]
+    face_material: NDArray[np.int32]
+    face_object: NDArray[np.int32]
+
+    @staticmethod
+    def of(scan: Scan, source_to_world: NDArray[np.float64]) -> WorldMesh:
+        """Transform a scan by a (4, 4) similarity."""
+        vertices = scan.vertices @ source_to_world[:3, :3].T + source_to_world[:3, 3]
+        return WorldMesh(vertices, scan.faces, scan.corner_uv, scan.face_material, scan.face_object)
+
+    @cached_property
+    def normals(self) -> NDArray[np.float64]:
+        """(F, 3) unit normals; zero for faces whose area vanished."""
+        a, b, c = (self.vertices[self.faces[:, i]] for i in range(3))
+        cross = np.cross(b - a, c - a)
+        length = np.linalg.norm(cross, axis=1, keepdims=True)
+        return np.divide(cross, length, out=np.zeros_like(cross), where=length > 0)
+
+    def moved(self, vertices: NDArray[np.float64]) -> WorldMesh:
+        """The same faces over other vertex positions."""
+        return replace(self, vertices=vertices)
+
+    def extended(
+        self,
+        new_vertices: NDArray[np.float64],
+        new_faces: NDArray[np.int64],
+        new_uv: NDArray[np.float32],
+        material: int,
+        obj: int,
+    ) -> WorldMesh:
+        """Append vertices and faces; `new_faces` index the joint vertex array."""
+        count = len(new_faces)
+        return WorldMesh(
+            np.concatenate([self.vertices, new_vertices]),
+            np.concatenate([self.faces, new_faces]),
+            np.concatenate([self.corner_uv, new_uv.astype(np.float32)]),
+            np.concatenate([self.face_material, np.full(count, material, dtype=np.int32)]),
+            np.concatenate([self.face_object, np.full(count, obj, dtype=np.int32)]),
+        )

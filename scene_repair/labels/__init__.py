@@ -1,0 +1,1 @@
+"""Categories of things and faces, from names and label files."""

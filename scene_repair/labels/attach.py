@@ -1,0 +1,87 @@
+"""All labels of a scan together: those in the file, a labels file, and a `.house` file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..orient.bounds import robust_bounds
+from ..scan.record import Scan
+from ..scan.side_files import HOUSE_NAME
+from .files import LabelBox, read_labels
+from .matterport import House, read_house
+
+# Ways in which a z-up building may lie in its file: as it is, or turned y up.
+FRAMES = {
+    "z": np.eye(3),
+    "y": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
+}
+# Bounds of a file and of its labels agree at least this well, as shared over joint volume.
+LEAST_AGREEMENT = 0.3
+# Boxes of one category that share so much of their joint volume are one thing.
+SAME = 0.4
+
+
+def label_scan(source: Path, scan: Scan) -> tuple[Scan, list[LabelBox]]:
+    """Boxes in source coordinates, and the scan with what its labels tell about up.
+
+    A labels file goes before names in the scan, and those before a `.house` file: what is there
+    twice is taken once.
+
+    Raises:
+        FileFormatError: a label file beside the scan is damaged.
+    """
+    boxes = read_labels(source)
+    path = source.with_name(HOUSE_NAME.format(stem=source.stem))
+    house = read_house(path)
+    if house is None:
+        return scan, boxes
+    up, agreement = _frame(house, scan)
+    if agreement < LEAST_AGREEMENT:
+        line = (
+            f"{path.name}: its bounds share {100 * agreement:.0f} % of their volume with the "
+            "scan's; its labels are not used"
+        )
+        return replace(scan, warnings=(*scan.warnings, line)), boxes
+    known: dict[str, list[NDArray[np.float64]]] = {}
+    for box in boxes:
+        known.setdefault(box.category, []).append(_bounds(box.corners()))
+    for thing, mine in zip(scan.objects, scan.object_faces(), strict=True):
+        if len(mine):
+            there = _bounds(scan.vertices[scan.faces[mine].ravel()])
+            known.setdefault(thing.category, []).append(there)
+    turn = FRAMES[up]
+    for box in house.boxes:
+        turned = replace(box, center=turn @ box.center, axes=box.axes @ turn.T)
+        here = _bounds(turned.corners())
+        if not any(_shared(here, there) > SAME for there in known.get(box.category, ())):
+            boxes.append(turned)
+    reason = f"the bounds in {path.name} agree with {up} up ({100 * agreement:.0f} % shared)"
+    unit = scan.unit or ("m", f"{path.name} is in metres")
+    return replace(scan, up=(up, reason), unit=unit), boxes
+
+
+def _bounds(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.stack([points.min(axis=0), points.max(axis=0)])
+
+
+def _frame(house: House, scan: Scan) -> tuple[str, float]:
+    """The frame in which the building's bounds agree best with the scan's, and how well."""
+    there = np.stack(robust_bounds(scan.vertices, scan.faces))
+    agreement = {
+        name: _shared(_bounds(np.stack([house.lower, house.upper]) @ turn.T), there)
+        for name, turn in FRAMES.items()
+    }
+    best = max(agreement, key=lambda name: agreement[name])
+    return best, agreement[best]
+
+
+def _shared(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    """Shared over joint volume of two boxes given by their corners (2, 3)."""
+    sides = np.minimum(one[1], other[1]) - np.maximum(one[0], other[0])
+    both = float(np.prod(np.maximum(sides, 0.0)))
+    joint = float(np.prod(one[1] - one[0]) + np.prod(other[1] - other[0])) - both
+    return both / joint if joint > 0 else 0.0

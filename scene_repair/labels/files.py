@@ -1,0 +1,155 @@
+"""Label files beside a scan: our own format, and that of headset room scans."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...formats.core.errors import FileFormatError
+from ..scan.side_files import LABELS_NAME, MAX_LABELS_BYTES, side_file
+from ..scan.soup import MAX_COORDINATE
+from .categories import category_of_name
+
+# Half thickness given to flat labels (walls, doors, table tops), in source units.
+FLAT = 0.05
+# Shorter quaternions tell no direction.
+LEAST_QUATERNION = 1e-6
+
+
+@dataclass(frozen=True)
+class LabelBox:
+    """A labelled box in source coordinates, oriented.
+
+    Attributes:
+        name, category: see `LabeledObject`.
+        center: (3,).
+        axes: (3, 3) rows are the box's axes.
+        half: (3,) half sides along the axes.
+    """
+
+    name: str
+    category: str
+    center: NDArray[np.float64]
+    axes: NDArray[np.float64]
+    half: NDArray[np.float64]
+
+    def corners(self) -> NDArray[np.float64]:
+        """(8, 3) corners."""
+        signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+        return self.center + (signs * self.half) @ self.axes
+
+    def contains(self, points: NDArray[np.float64], margin: float) -> NDArray[np.bool_]:
+        """Whether points (N, 3) lie in the box grown by `margin`."""
+        local = (points - self.center) @ self.axes.T
+        return np.all(np.abs(local) <= self.half + margin, axis=1)
+
+
+def read_labels(source: Path) -> list[LabelBox]:
+    """Boxes of `<stem>.labels.json` beside `source`; none if there is no such file.
+
+    Raises:
+        FileFormatError: the file is neither of the two known formats, too large, or a link out of
+            the folder.
+    """
+    path = source.with_name(LABELS_NAME.format(stem=source.stem))
+    text = side_file(path.parent, path.name, MAX_LABELS_BYTES)
+    if text is None:
+        return []
+    try:
+        data = json.loads(text)
+        if isinstance(data, dict):
+            return [_own(entry) for entry in _objects_of(data)]
+        return [_headset(k, entry) for k, entry in enumerate(data)]
+    # Numbers of hundreds of digits overflow, and deep nesting ends the parser's stack.
+    except (
+        ValueError,
+        KeyError,
+        TypeError,
+        AttributeError,
+        OverflowError,
+        RecursionError,
+    ) as error:
+        raise FileFormatError(
+            path,
+            f"not a label file ({type(error).__name__}: {str(error)[:200]}); valid: an object "
+            "with frame 'source' and objects of name, category, lower, upper, or a list of "
+            "headset anchors",
+        ) from error
+
+
+def _objects_of(data: dict[str, Any]) -> list[dict[str, Any]]:
+    if data.get("frame") != "source":
+        raise ValueError(f"frame {data.get('frame')!r}, valid: 'source'")
+    return data["objects"]
+
+
+def _own(entry: dict[str, Any]) -> LabelBox:
+    lower = np.array(entry["lower"], dtype=np.float64)
+    upper = np.array(entry["upper"], dtype=np.float64)
+    if lower.shape != (3,) or upper.shape != (3,) or not _bounded(lower, upper):
+        raise ValueError(
+            f"{entry['name']}: lower and upper must be three numbers within ±{MAX_COORDINATE:.0e}"
+        )
+    return LabelBox(
+        str(entry["name"]),
+        str(entry["category"]),
+        (lower + upper) / 2,
+        np.eye(3),
+        np.abs(upper - lower) / 2,
+    )
+
+
+def _headset(index: int, entry: dict[str, Any]) -> LabelBox:
+    """An anchor: a pose, and a rectangle or a box in its frame, given by corner and extent.
+
+    A rectangle lies in the anchor's x-z plane (its "height" runs along z) with the normal along y;
+    this was read off room scans, in which walls so end exactly at the floor and ceiling anchors.
+    """
+    pose = entry["pose"]
+    q = pose["orientation"]
+    rotation = _rotation(np.array([q["x"], q["y"], q["z"], q["w"]], dtype=np.float64))
+    position = np.array([pose["position"][k] for k in "xyz"], dtype=np.float64)
+    box, plane = entry.get("box"), entry.get("plane")
+    if box:
+        corner = np.array([box["offset"][k] for k in "xyz"], dtype=np.float64)
+        extent = np.array([box["extent"][k] for k in ("width", "height", "depth")], dtype=float)
+    elif plane:
+        corner = np.array([plane["offset"]["x"], -FLAT, plane["offset"]["y"]])
+        extent = np.array([plane["extent"]["width"], 2 * FLAT, plane["extent"]["height"]])
+    else:
+        raise ValueError(f"anchor {index} has neither plane nor box")
+    if not _bounded(position, corner, extent):
+        raise ValueError(f"anchor {index}: its numbers must be within ±{MAX_COORDINATE:.0e}")
+    label = str(entry["label"])
+    category = category_of_name(label.lower().replace("_", " "))
+    return LabelBox(
+        f"{label.title().replace('_', '')}_{index}",
+        category,
+        position + rotation @ (corner + extent / 2),
+        rotation.T,
+        extent / 2,
+    )
+
+
+def _bounded(*values: NDArray[np.float64]) -> bool:
+    """Whether all values are finite and such as a building may have."""
+    return all(bool((np.abs(v) < MAX_COORDINATE).all()) for v in values)
+
+
+def _rotation(xyzw: NDArray[np.float64]) -> NDArray[np.float64]:
+    length = float(np.linalg.norm(xyzw))
+    if not np.isfinite(length) or length < LEAST_QUATERNION:
+        raise ValueError(f"{xyzw.tolist()} is no rotation: its length is {length:g}")
+    x, y, z, w = xyzw / length
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )

@@ -1,0 +1,1 @@
+"""Up axis, unit, tilt and extent of a scan."""

@@ -1,0 +1,154 @@
+"""How long a unit is: by the heights of rooms and doors, and by the size of the whole."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..config import UNIT_M
+from ..scan.record import Scan
+from .gravity import Surfaces, height_range
+
+Array = NDArray[np.float64]
+
+# What is usual [m], and how far (standard deviation of the logarithm) buildings differ from it.
+ROOM_M, ROOM_SPREAD = 2.65, 0.20
+DOOR_M, DOOR_SPREAD, OPENING_SPREAD = 2.04, 0.08, 0.15
+WIDTH_M, WIDTH_SPREAD = 8.0, 0.9
+# No single measure outweighs all others.
+WORST = -20.0
+# Few scans are in these units; they must fit better than the others.
+PRIOR = {"m": 0.0, "cm": -0.7, "mm": -0.7, "ft": -1.5, "in": -1.5}
+PEAK_SHARE = 0.25
+LEVEL, UPRIGHT = 0.95, 0.2
+# Doors: samples of walls in columns, in parts of the room's height.
+WALL_SAMPLES, COLUMN = 200_000, 1 / 40
+DOOR_SHARE, DOOR_COLUMNS = (0.5, 0.87), 6
+
+
+OPENINGS = "openings in walls"
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Measures in source units; 0 = not found.
+
+    Attributes:
+        room: height of rooms, from floor to ceiling or to the walls' top.
+        door: height of door openings.
+        door_source: where that was read.
+        width: longer side of the whole.
+    """
+
+    room: float
+    door: float
+    door_source: str
+    width: float
+
+
+def measure(scan: Scan, surfaces: Surfaces, to_z_up: Array) -> Sizes:
+    """Sizes of a scan whose up direction is the last row of the rotation `to_z_up` (3, 3)."""
+    up = to_z_up[2]
+    height = surfaces.centers @ up
+    low, high = height_range(surfaces, up)
+    floor, room = _room_height(surfaces, up, height, low, high)
+    width = 0.0
+    for row in to_z_up[:2]:
+        first, last = height_range(surfaces, row)
+        width = max(width, last - first)
+    door, source = _labelled_doors(scan, up)
+    if not door:
+        door, source = _door_height(surfaces, to_z_up, height, floor, room)
+    return Sizes(room, door, source, width)
+
+
+def _room_height(
+    surfaces: Surfaces, up: Array, height: Array, low: float, high: float
+) -> tuple[float, float]:
+    """Height of a floor, and the widest gap above it to the next strong level surface."""
+    tall = max(high - low, 1e-12)
+    level = np.abs(surfaces.normals @ up) > LEVEL
+    histogram, edges = np.histogram(
+        height[level], 200, (low - 0.02 * tall, high + 0.02 * tall), weights=surfaces.area[level]
+    )
+    smooth = np.convolve(histogram, np.ones(3), mode="same")
+    if not smooth.max() > 0:
+        return low, tall
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    strong = middle[smooth > PEAK_SHARE * smooth.max()]
+    gaps = np.diff(strong)
+    if len(gaps) and gaps.max() > 0.25 * tall:
+        return float(strong[np.argmax(gaps)]), float(gaps.max())
+    # No ceiling: as high as the walls are.
+    floor = float(strong[0])
+    return floor, max(high - floor, 0.0)
+
+
+def _labelled_doors(scan: Scan, up: Array) -> tuple[float, str]:
+    """Median height of objects that are called doors."""
+    found = []
+    for thing, mine in zip(scan.objects, scan.object_faces(), strict=True):
+        if thing.category.split()[-1:] == ["door"] and len(mine):
+            found.append(float(np.ptp(scan.vertices[scan.faces[mine].ravel()] @ up)))
+    return (float(np.median(found)), f"{len(found)} labelled") if found else (0.0, "")
+
+
+def _door_height(
+    surfaces: Surfaces, to_z_up: Array, height: Array, floor: float, room: float
+) -> tuple[float, str]:
+    """Usual lower edge of walls that begin high above the floor and reach the ceiling: lintels.
+
+    Walls under windows reach down, so that only openings from the floor up count.
+    """
+    if not room > 0:
+        return 0.0, ""
+    upright = np.flatnonzero(np.abs(surfaces.normals @ to_z_up[2]) < UPRIGHT)
+    upright = upright[(height[upright] > floor) & (height[upright] < floor + 1.05 * room)]
+    if len(upright) < DOOR_COLUMNS:
+        return 0.0, ""
+    step = max(1, len(upright) // WALL_SAMPLES)
+    upright = upright[::step]
+    column = np.floor(surfaces.centers[upright] @ to_z_up[:2].T / (2 * COLUMN * room)).astype(int)
+    _, cell = np.unique(column, axis=0, return_inverse=True)
+    share = (height[upright] - floor) / room
+    lowest = np.full(int(cell.max()) + 1, np.inf)
+    highest = np.full(len(lowest), -np.inf)
+    np.minimum.at(lowest, cell, share)
+    np.maximum.at(highest, cell, share)
+    lintel = (lowest > DOOR_SHARE[0]) & (lowest < DOOR_SHARE[1]) & (highest > 0.9)
+    if lintel.sum() < DOOR_COLUMNS:
+        return 0.0, ""
+    histogram, edges = np.histogram(lowest[lintel], 14, DOOR_SHARE)
+    best = int(np.argmax(histogram))
+    mine = lowest[lintel & (lowest >= edges[best]) & (lowest <= edges[best + 1])]
+    return float(np.median(mine)) * room, OPENINGS
+
+
+def infer_unit(sizes: Sizes) -> tuple[str, str, float]:
+    """The unit in which the sizes are most usual, the evidence, and its lead over the next."""
+    scores = {name: PRIOR[name] + _fit(sizes, length) for name, length in UNIT_M.items()}
+    ranked = sorted(scores, key=lambda name: -scores[name])
+    best, second = ranked[0], ranked[1]
+    length = UNIT_M[best]
+    facts = [f"rooms are {sizes.room * length:.2f} m high"]
+    if sizes.door:
+        facts.append(f"doors {sizes.door * length:.2f} m ({sizes.door_source})")
+    facts.append(f"the whole is {sizes.width * length:.2f} m long")
+    lead = scores[best] - scores[second]
+    doubt = f"; {second} is nearly as likely, see --unit" if lead < 2.0 else ""
+    return best, f"in {best} {', '.join(facts)}{doubt}", lead
+
+
+def _fit(sizes: Sizes, length: float) -> float:
+    """Log-likelihood of the sizes in a unit of `length` metres."""
+    total = 0.0
+    for value, usual, spread in (
+        (sizes.room, ROOM_M, ROOM_SPREAD),
+        (sizes.door, DOOR_M, OPENING_SPREAD if sizes.door_source == OPENINGS else DOOR_SPREAD),
+        (sizes.width, WIDTH_M, WIDTH_SPREAD),
+    ):
+        if value > 0:
+            total += max(-0.5 * (np.log(value * length / usual) / spread) ** 2, WORST)
+    return total

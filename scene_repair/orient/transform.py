@@ -1,0 +1,223 @@
+"""Which way is up, how long is a unit, and is the floor level: the transform into the world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...formats.core.errors import SceneError
+from ..config import UNIT_M, RepairConfig
+from ..scan.record import Scan
+from .bounds import robust_bounds
+from .gravity import (
+    Surfaces,
+    height_range,
+    level_and_upright,
+    likeness,
+    modes,
+    refine,
+    side_evidence,
+)
+from .scale import infer_unit, measure
+
+# Rows give world x, y, z in source coordinates; each is a rotation. y up is Habitat's convention.
+_TO_Z_UP = {
+    "z": np.eye(3),
+    "-z": np.diag([1.0, -1.0, -1.0]),
+    "y": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
+    "-y": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
+    "x": np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]]),
+    "-x": np.array([[0.0, 1, 0], [0, 0, -1], [-1, 0, 0]]),
+}
+# A building, or one room of it, measured along its longer side.
+MIN_EXTENT_M, MAX_EXTENT_M = 1.0, 1000.0
+# A file's word about up is overruled only by a direction that looks like it this many times more.
+OVERRULE = 4.0
+# A file's word about its unit is doubted (never overruled) from this lead on.
+DOUBT = 8.0
+# How narrowly area must agree with a vertical to speak for it, and what a tilted one must gain.
+NARROW_DEG, LEAST_GAIN = 2.0, 0.03
+# Objects that tell up from down by their names.
+LOW_THINGS, HIGH_THINGS = frozenset({"floor", "rug", "carpet"}), frozenset({"ceiling", "roof"})
+
+
+@dataclass(frozen=True)
+class Orientation:
+    """The way from source coordinates to the world.
+
+    Attributes:
+        source_to_world: (4, 4) similarity.
+        habitat_to_world: (4, 4) rigid, see `SceneBundle.habitat_to_world`.
+        evidence: what was decided and why, as JSON values.
+    """
+
+    source_to_world: NDArray[np.float64]
+    habitat_to_world: NDArray[np.float64]
+    evidence: dict[str, Any]
+
+
+def orient(scan: Scan, config: RepairConfig) -> Orientation:
+    """Decide up axis and unit from settings, file or shape, and the levelling rotation.
+
+    Raises:
+        SceneError: no unit makes the extent that of a building.
+    """
+    surfaces = Surfaces.of(scan.vertices, scan.faces)
+    up, up_reason, vertical = _up(scan, surfaces, config)
+    to_z_up = _TO_Z_UP[up]
+    level, tilt_deg = _levelling(to_z_up @ vertical, config)
+    turned = level @ to_z_up
+    lower, upper = robust_bounds(scan.vertices @ turned.T, scan.faces)
+    extent = upper - lower
+    unit, unit_reason = _unit(scan, surfaces, turned, config)
+    scale = UNIT_M[unit]
+    _check_extent(extent * scale, unit)
+    source_to_world = np.eye(4)
+    source_to_world[:3, :3] = scale * turned
+    habitat_to_world = np.eye(4)
+    habitat_to_world[:3, :3] = level @ _TO_Z_UP["y"]
+    return Orientation(
+        source_to_world,
+        habitat_to_world,
+        {
+            "up": up,
+            "up_reason": up_reason,
+            "unit": unit,
+            "unit_reason": unit_reason,
+            "extent_m": [round(float(v), 4) for v in extent * scale],
+            "tilt_deg": round(tilt_deg, 4),
+            "levelled": bool(not np.array_equal(level, np.eye(3))),
+        },
+    )
+
+
+def _up(
+    scan: Scan, surfaces: Surfaces, config: RepairConfig
+) -> tuple[str, str, NDArray[np.float64]]:
+    """The nearest axis to up, the reason, and the exact direction (3,) of up."""
+    if config.up != "auto":
+        return config.up, "given by the user", _near(surfaces, config.up, config)
+    found = modes(surfaces)
+    like = np.array([likeness(surfaces, mode) for mode in found])
+    if scan.up is not None:
+        axis, reason = scan.up
+        promised = _near(surfaces, axis, config)
+        if not len(found):
+            return axis, reason, promised
+        best = found[np.argmax(like)]
+        lead = float(like.max()) / max(likeness(surfaces, promised), 1e-9)
+        # Bare walls lying flat look like floor and ceiling; what stands between them would tell.
+        bare = side_evidence(surfaces, best)[0] == 0.0
+        if lead < OVERRULE or bare or abs(float(best @ promised)) > 0.9:
+            return axis, reason, promised
+        exact, evidence = _signed(scan, surfaces, refine(surfaces, best))
+        return (
+            _axis_of(exact),
+            f"{reason}, but {_axis_of(exact)} looks {lead:.1f} times more like it: {evidence}",
+            exact,
+        )
+    if not len(found):
+        return "z", "no direction stands out; taken as z", np.array([0.0, 0.0, 1.0])
+    best = found[np.argmax(like)]
+    exact, evidence = _signed(scan, surfaces, refine(surfaces, best))
+    share, upright = level_and_upright(surfaces, exact)
+    low, high = height_range(surfaces, exact)
+    return (
+        _axis_of(exact),
+        f"{100 * share:.0f} % of the area is level and {100 * upright:.0f} % upright that way, "
+        f"over {high - low:.4g} units of height; {evidence}",
+        exact,
+    )
+
+
+def _signed(
+    scan: Scan, surfaces: Surfaces, axis: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], str]:
+    """`axis` (3,) or its opposite, whichever is up, and why."""
+    places: dict[bool, list[float]] = {True: [], False: []}
+    centers = surfaces.centers @ axis
+    for thing, mine in zip(scan.objects, scan.object_faces(), strict=True):
+        word = thing.category.split()[-1:]
+        for low, names in ((True, LOW_THINGS), (False, HIGH_THINGS)):
+            if names.intersection(word) and len(mine):
+                places[low].append(float(np.average(centers[mine], weights=surfaces.area[mine])))
+    if places[True]:
+        rest = places[False] or [float(np.average(centers, weights=surfaces.area))]
+        sign = np.sign(float(np.mean(rest)) - float(np.mean(places[True])))
+        if sign:
+            return axis * sign, f"{len(places[True])} objects named as floor lie low"
+    value, evidence = side_evidence(surfaces, axis)
+    if value < 0:
+        axis = -axis
+        _, evidence = side_evidence(surfaces, axis)
+    return axis, evidence
+
+
+def _axis_of(direction: NDArray[np.float64]) -> str:
+    k = int(np.argmax(np.abs(direction)))
+    return ("" if direction[k] > 0 else "-") + "xyz"[k]
+
+
+def _near(surfaces: Surfaces, axis: str, config: RepairConfig) -> NDArray[np.float64]:
+    """The vertical (3,) near a named axis: the direction that explains most area, refined."""
+    given = _TO_Z_UP[axis][2]
+    best, most = given, 0.0
+    for mode in (given, *modes(surfaces)):
+        turned = mode * (np.sign(mode @ given) or 1.0)
+        if turned @ given < np.cos(np.deg2rad(config.max_tilt_deg)):
+            continue
+        exact = refine(surfaces, turned)
+        value = sum(level_and_upright(surfaces, exact, NARROW_DEG))
+        # What is nearer to the named axis goes first, unless it explains clearly less.
+        if value > most * (1.0 + LEAST_GAIN):
+            best, most = exact, value
+    return best
+
+
+def _unit(
+    scan: Scan, surfaces: Surfaces, turned: NDArray[np.float64], config: RepairConfig
+) -> tuple[str, str]:
+    if config.unit != "auto":
+        return config.unit, "given by the user"
+    inferred, evidence, lead = infer_unit(measure(scan, surfaces, turned))
+    if scan.unit is None:
+        return inferred, evidence
+    unit, reason = scan.unit
+    if inferred != unit and lead > DOUBT:
+        reason += f", though {evidence} would be more usual: set --unit {inferred} if so"
+    return unit, reason
+
+
+def _check_extent(size_m: NDArray[np.float64], unit: str) -> None:
+    longest = float(size_m[:2].max())
+    if not MIN_EXTENT_M <= longest <= MAX_EXTENT_M:
+        raise SceneError(
+            f"the scene measures {_length(longest)} along its longer side (unit {unit}), which is "
+            f"no building; valid: {MIN_EXTENT_M:g} m … {MAX_EXTENT_M:g} m (set --unit if the "
+            "file's unit is wrong)"
+        )
+
+
+def _length(metres: float) -> str:
+    if metres < 1.0:
+        return f"{1000 * metres:.3g} mm"
+    return f"{metres:.4g} m" if metres < 1000 else f"{metres / 1000:.4g} km"
+
+
+def _levelling(up: NDArray[np.float64], config: RepairConfig) -> tuple[NDArray[np.float64], float]:
+    """Rotation that turns the direction `up` (3,) to z, and the angle between them [deg].
+
+    None is made for less than the tilt that is worth levelling, or for more than a scan may have
+    whose up axis somebody named.
+    """
+    tilt_deg = float(np.rad2deg(np.arccos(np.clip(up[2], -1.0, 1.0))))
+    named = config.up != "auto"
+    if tilt_deg < config.level_tilt_deg or (named and tilt_deg > config.max_tilt_deg):
+        return np.eye(3), tilt_deg
+    # Shortest rotation from `up` to z (Rodrigues' formula).
+    axis = np.cross(up, [0.0, 0.0, 1.0])
+    k = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.eye(3) + k + k @ k / (1.0 + up[2]), tilt_deg

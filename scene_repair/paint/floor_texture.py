@@ -1,0 +1,143 @@
+"""The look of filled floor: an orthographic picture of the scanned floor, continued into holes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from ...formats.scene.grid import GridSpec
+from ..grid.columns import top_faces
+from ..grid.morphology import Window, grow
+from ..grid.world_mesh import WorldMesh
+from .inpaint import inpaint
+from .shading import Looks
+
+# This much floor around a hole is what its filling is copied from.
+AROUND_M = 2.0
+# With less floor in a room, its neighbours' is copied.
+LEAST_FLOOR_M2 = 0.05
+MARGIN_PX = 3
+
+
+def paint_floor(
+    mesh: WorldMesh,
+    looks: Looks,
+    floor_faces: NDArray[np.int64],
+    region: NDArray[np.bool_],
+    rooms: NDArray[np.int32],
+    grid: GridSpec,
+    texel_m: float,
+    max_px: int,
+) -> tuple[Image.Image, GridSpec]:
+    """Texture for the patches of one level.
+
+    Args:
+        mesh: the scan without patches.
+        looks: its materials.
+        floor_faces: (n,) scanned floor.
+        region: (rows, columns) cells under patches.
+        rooms: (rows, columns) number of the room that each cell belongs to, from 1; floors are
+            continued within a room only.
+        grid: the grid of both.
+        texel_m: wanted texel size; coarser if the level is too large for `max_px`.
+        max_px: largest side of the image.
+
+    Returns:
+        The image (row 0 at the top, i.e. greatest y) and its texel grid (row 0 at least y).
+    """
+    rows, columns = np.nonzero(region)
+    low = grid.center_of((rows.min(), columns.min())) - grid.cell_m
+    high = grid.center_of((rows.max(), columns.max())) + grid.cell_m
+    texel_m = max(texel_m, float((high - low).max() + 2 * AROUND_M) / (max_px - 2))
+    texels = GridSpec.covering(low, high, texel_m)
+    picture = np.zeros((*texels.shape, 3), dtype=np.uint8)
+    floor = _only(mesh, floor_faces)
+    for room in np.unique(rooms[region]).tolist():
+        own = rooms == room
+        window, image, wanted = _paint_room(floor, looks, region & own, region, own, grid, texels)
+        picture[window][wanted] = np.rint(np.clip(image[wanted], 0.0, 1.0) * 255.0)
+    return Image.fromarray(picture[::-1]), texels
+
+
+def _only(mesh: WorldMesh, faces: NDArray[np.int64]) -> WorldMesh:
+    """A part of a mesh with the vertices it uses."""
+    used, corners = np.unique(mesh.faces[faces], return_inverse=True)
+    return WorldMesh(
+        mesh.vertices[used],
+        corners.reshape(-1, 3),
+        mesh.corner_uv[faces],
+        mesh.face_material[faces],
+        mesh.face_object[faces],
+    )
+
+
+def _paint_room(
+    floor: WorldMesh,
+    looks: Looks,
+    region: NDArray[np.bool_],
+    others: NDArray[np.bool_],
+    room: NDArray[np.bool_],
+    grid: GridSpec,
+    texels: GridSpec,
+) -> tuple[Window, NDArray[np.float32], NDArray[np.bool_]]:
+    """Floor of one room.
+
+    Args:
+        floor: scanned floor.
+        looks: its materials.
+        region: (rows, columns) cells to paint.
+        others: (rows, columns) cells that are painted in any room.
+        room: (rows, columns) cells whose floor may be copied.
+        grid: their grid.
+        texels: grid of the whole picture.
+
+    Returns:
+        A window of `texels`, colours (h, w, 3) for it, and where they count (h, w).
+    """
+    rows, columns = np.nonzero(region)
+    around = round(AROUND_M / texels.cell_m)
+    corners = grid.center_of(np.array([[rows.min(), columns.min()], [rows.max(), columns.max()]]))
+    (i0, j0), (i1, j1) = texels.cell_of(corners)
+    i0, j0, i1, j1 = i0 - around, j0 - around, i1 + around + 1, j1 + around + 1
+    x, y = texels.origin_xy_m
+    corner = (x + j0 * texels.cell_m, y + i0 * texels.cell_m)
+    seen = GridSpec(corner, texels.cell_m, int(i1 - i0), int(j1 - j0))
+    cells = np.ix_(*_cells_under(seen, grid))
+    mine = region[cells]
+    wanted = grow(mine, MARGIN_PX) & (mine | ~others[cells])
+    face, uv = top_faces(floor.vertices, floor.faces, floor.corner_uv, seen)
+    inside = (face >= 0) & room[cells]
+    known = face >= 0
+    if np.count_nonzero(inside) * texels.cell_m**2 >= LEAST_FLOOR_M2:
+        # Beyond a wall lies another floor, which does not continue here.
+        known = inside
+    image = np.zeros((*seen.shape, 3), dtype=np.float32)
+    image[known] = looks.at(floor.face_material[face[known]], uv[known])
+    if known.any():
+        image = inpaint(image, known, wanted, texels.cell_m)
+    window = (
+        slice(max(i0, 0), min(i1, texels.rows)),
+        slice(max(j0, 0), min(j1, texels.columns)),
+    )
+    crop = tuple(
+        slice(w.start - first, w.stop - first) for w, first in zip(window, (i0, j0), strict=True)
+    )
+    return window, image[crop], wanted[crop]
+
+
+def uv_on(grid: GridSpec, xy_m: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Texture coordinates (..., 2), v up, of world points (..., 2) on a texel grid's image."""
+    size = np.array([grid.columns, grid.rows]) * grid.cell_m
+    return ((xy_m - np.asarray(grid.origin_xy_m)) / size).astype(np.float32)
+
+
+def _cells_under(texels: GridSpec, grid: GridSpec) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Row of `grid` under each row of texels, and column under each column, clamped."""
+    found = []
+    for axis, (count, limit) in enumerate(zip(texels.shape, grid.shape, strict=True)):
+        at = np.zeros((count, 2))
+        at[:, axis] = np.arange(count)
+        cell = grid.cell_of(texels.center_of(at))[:, axis]
+        found.append(np.clip(cell, 0, limit - 1))
+    return found[0], found[1]

@@ -1,0 +1,190 @@
+"""Where in a picture something fits: masked template matching."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from ..grid.morphology import Mask, Window
+
+Image32 = NDArray[np.float32]
+
+# All places are tried at this fraction of the resolution, the best one's surroundings at full.
+COARSE = 4
+# Of what is copied this share may be unknown: single pixels that low resolution missed.
+UNKNOWN_SHARE = 0.01
+# The template must overlap known picture by this share of it.
+OVERLAP = 0.5
+# At full resolution so many pixels of the ring and of the hole are looked at.
+SAMPLES = 1500
+# Spectra of so many windows are kept.
+KEPT_SPECTRA = 48
+
+
+@dataclass(frozen=True)
+class Stock:
+    """A picture to copy from, at full and at low resolution.
+
+    Attributes:
+        picture: (H, W).
+        source: (H, W) where it may be copied from.
+        share: (H // COARSE, W // COARSE) part of each block that may be copied.
+        mean: mean of that part.
+        spectra: transforms of windows that were searched, which neighbours search again.
+    """
+
+    picture: Image32
+    source: Mask
+    share: Image32
+    mean: Image32
+    spectra: dict[Window, tuple[Any, Any, Any]] = field(default_factory=dict)
+
+    @staticmethod
+    def of(picture: Image32, source: Mask) -> Stock:
+        """Prepare a picture."""
+        return Stock(picture, source, *reduced(source, picture))
+
+
+def best_place(
+    stock: Stock, search: Window, template: Image32, ring: Mask, hole: Mask
+) -> tuple[int, int] | None:
+    """Where the ring of the template fits best and all of the hole may be copied.
+
+    Args:
+        stock: what to copy from.
+        search: the window of it that is searched.
+        template: (h, w) picture around the hole.
+        ring: (h, w) where it is compared.
+        hole: (h, w) what is to be copied.
+
+    Returns:
+        Row and column in the stock of the template's corner; None if it fits nowhere.
+    """
+    place = _rough_place(stock, search, template, ring, hole)
+    if place is None:
+        return None
+    ring_at, hole_at = _some(ring), _some(hole)
+    wanted = template[ring_at]
+    for step, reach in ((2, 4), (1, 1)):
+        offsets = np.arange(-reach, reach + 1, step)
+        near = np.stack(np.meshgrid(offsets, offsets, indexing="ij"), axis=-1).reshape(-1, 2)
+        near += np.array(place)
+        limit = np.array(stock.source.shape) - hole.shape
+        near = near[((near >= 0) & (near <= limit)).all(axis=1)]
+        if not len(near):
+            return None
+        cost = _cost(stock, near, ring_at, hole_at, wanted)
+        k = int(np.argmin(cost))
+        if not np.isfinite(cost[k]):
+            return None
+        place = int(near[k, 0]), int(near[k, 1])
+    return place
+
+
+def _some(mask: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of up to `SAMPLES` true pixels, evenly spread."""
+    found = np.flatnonzero(mask)
+    if len(found) > SAMPLES:
+        found = found[np.linspace(0, len(found) - 1, SAMPLES).astype(np.intp)]
+    return found // mask.shape[1], found % mask.shape[1]
+
+
+def _cost(
+    stock: Stock,
+    near: NDArray[np.int64],
+    ring_at: tuple[NDArray[np.intp], NDArray[np.intp]],
+    hole_at: tuple[NDArray[np.intp], NDArray[np.intp]],
+    wanted: Image32,
+) -> NDArray[np.float32]:
+    """Mean squared difference in the ring at places (N, 2); inf where the hole is unknown."""
+    width = stock.source.shape[1]
+    source, picture = stock.source.ravel(), stock.picture.ravel()
+    corner = (near[:, 0] * width + near[:, 1])[:, None]
+    known = source[corner + (hole_at[0] * width + hole_at[1])]
+    whole = known.sum(axis=1) >= (1 - UNKNOWN_SHARE) * known.shape[1]
+    result = np.full(len(near), np.inf, dtype=np.float32)
+    at = corner[whole] + (ring_at[0] * width + ring_at[1])
+    both = source[at]
+    difference = (picture[at] - wanted) * both
+    total = np.einsum("nk,nk->n", difference, difference)
+    result[whole] = total / np.maximum(both.sum(axis=1), 1)
+    return result
+
+
+def _rough_place(
+    stock: Stock, search: Window, template: Image32, ring: Mask, hole: Mask
+) -> tuple[int, int] | None:
+    """Best shift by correlations of masked images at low resolution."""
+    rows, columns = (slice(w.start // COARSE, w.stop // COARSE) for w in search)
+    available = stock.share[rows, columns]
+    if any(n < COARSE for n in hole.shape):
+        return None
+    weight, wanted = reduced(ring, template)
+    inside = blocks(hole.astype(np.float32))
+    height = available.shape[0] - weight.shape[0] + 1
+    width = available.shape[1] - weight.shape[1] + 1
+    if height < 1 or width < 1:
+        return None
+    shape = tuple(fft.next_fast_len(n, real=True) for n in available.shape)
+
+    def transform(a: Image32) -> Any:
+        return fft.rfft2(a, shape)
+
+    def back(spectrum: Any) -> Image32:
+        return np.asarray(fft.irfft2(spectrum, shape), dtype=np.float32)[:height, :width]
+
+    if (rows, columns) not in stock.spectra:
+        if len(stock.spectra) >= KEPT_SPECTRA:
+            stock.spectra.clear()
+        seen = stock.mean[rows, columns]
+        stock.spectra[rows, columns] = (
+            transform(available),
+            transform(available * seen),
+            transform(available * seen * seen),
+        )
+    f_available, f_seen, f_square = stock.spectra[rows, columns]
+    f_weight = np.conj(transform(weight))
+    missing = inside.sum() - back(f_available * np.conj(transform(inside)))
+    allowed = missing < UNKNOWN_SHARE * inside.sum() + 1e-3
+    if not allowed.any():
+        return None
+    overlap = back(f_available * f_weight)
+    # Σ ring · known · (picture − template)², for every shift at once.
+    cost = back(
+        f_square * f_weight
+        - 2.0 * f_seen * np.conj(transform(weight * wanted))
+        + f_available * np.conj(transform(weight * wanted * wanted))
+    )
+    allowed &= overlap >= min(OVERLAP * float(weight.sum()), float(overlap[allowed].max()))
+    mean = np.where(allowed, cost / np.maximum(overlap, 1.0), np.inf)
+    top, left = np.unravel_index(int(np.argmin(mean)), mean.shape)
+    return COARSE * (rows.start + int(top)), COARSE * (columns.start + int(left))
+
+
+def reduced(mask: Mask, image: Image32) -> tuple[Image32, Image32]:
+    """Part of each block that the mask covers, and the image's mean over it (H', W'[, 3])."""
+    share = blocks(mask.astype(np.float32))
+    total = blocks(masked(image, mask))
+    part = np.maximum(share, np.float32(1e-6))
+    return share, np.asarray(total / (part if image.ndim == 2 else part[..., None]), np.float32)
+
+
+def masked(image: Image32, mask: Mask) -> Image32:
+    """The image where the mask is true, 0 elsewhere."""
+    if not image.size:
+        return image.copy()
+    return np.asarray(cv2.copyTo(image, np.ascontiguousarray(mask).view(np.uint8)), np.float32)
+
+
+def blocks(image: Image32) -> Image32:
+    """Means over blocks of `COARSE` pixels; what is left over at the end is not seen."""
+    rows, columns = image.shape[0] // COARSE, image.shape[1] // COARSE
+    cut = image[: rows * COARSE, : columns * COARSE]
+    if not rows or not columns:
+        return np.zeros((rows, columns, *image.shape[2:]), dtype=np.float32)
+    return np.asarray(cv2.resize(cut, (columns, rows), interpolation=cv2.INTER_AREA), np.float32)

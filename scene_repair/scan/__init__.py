@@ -1,0 +1,1 @@
+"""What a scan file holds: reading meshes and point clouds safely."""

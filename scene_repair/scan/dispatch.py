@@ -1,0 +1,96 @@
+"""Reading a scan of any kind: what the file's name says decides who reads it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PIL import Image
+
+from ...formats.core.errors import FileFormatError
+from ..usd.package import read_member
+from .images import PixelBudget, decode_all, open_picture
+from .kinds import CLOUD_SUFFIXES, SUFFIXES, USD_SUFFIXES
+from .mesh import read_mesh
+from .ply_header import has_faces
+from .readings import LookRef, Readings
+from .record import Scan, ScanMaterial
+from .resolver import MAX_BYTES
+from .sandbox import read_in_child
+from .soup import Part, merge_parts
+
+
+def read_scan(path: Path) -> Scan:
+    """Read meshes, USD stages and point clouds into one triangle soup.
+
+    Raises:
+        FileFormatError: missing, damaged, referring outside its folder, or without any usable
+            triangle.
+        InputError: a point cloud, and open3d is not installed.
+    """
+    if not path.is_file():
+        raise FileFormatError(path, "no such file")
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise FileFormatError(path, f"unknown kind {suffix!r}; valid: {', '.join(SUFFIXES)}")
+    if suffix in USD_SUFFIXES:
+        return scan_of(path, read_in_child("read_usd", path))
+    if suffix in CLOUD_SUFFIXES or (suffix == ".ply" and not has_faces(path)):
+        return scan_of(path, read_in_child("read_points", path))
+    return read_mesh(path)
+
+
+def scan_of(path: Path, readings: Readings) -> Scan:
+    """What a reader found as a scan, with the pictures that it names.
+
+    Raises:
+        FileFormatError: there is no usable triangle.
+    """
+    warnings = list(readings.warnings)
+    materials = _materials(path.parent.resolve(), readings.looks, warnings)
+    parts = [
+        Part(p.name, p.category, p.vertices, p.faces, p.uv, materials[p.look], p.colors)
+        for p in readings.parts
+    ]
+    if not parts:
+        raise FileFormatError(path, "; ".join(["holds no visible triangles", *warnings[:3]]))
+    scan = merge_parts(parts, warnings, readings.up, readings.unit)
+    if not len(scan.faces):
+        raise FileFormatError(path, "holds no usable triangle: " + "; ".join(warnings[:5]))
+    return scan
+
+
+def _materials(folder: Path, looks: list[LookRef], warnings: list[str]) -> list[ScanMaterial]:
+    """Looks with their pictures, each opened once."""
+    opened: dict[str, Image.Image] = {}
+    tried: set[str] = set()
+    budget = PixelBudget()
+    for look in looks:
+        key = look.texture + look.member
+        if look.texture and key not in tried:
+            tried.add(key)
+            image = _picture(folder, look, warnings, budget)
+            if image is not None:
+                opened[key] = image
+    pictures = decode_all(opened, warnings)
+    return [
+        ScanMaterial(look.name, look.base_color, pictures.get(look.texture + look.member))
+        for look in looks
+    ]
+
+
+def _picture(
+    folder: Path, look: LookRef, warnings: list[str], budget: PixelBudget
+) -> Image.Image | None:
+    path = Path(look.texture).resolve()
+    if not path.is_relative_to(folder):
+        warnings.append(f"reference {look.texture!r} leaves the scan's folder; ignored")
+        return None
+    try:
+        if not look.member and path.stat().st_size > MAX_BYTES:
+            warnings.append(f"picture {path.name} is larger than {MAX_BYTES >> 30} GiB")
+            return None
+        data = read_member(path, look.member) if look.member else path.read_bytes()
+    except (OSError, FileFormatError) as error:
+        warnings.append(f"picture {look.member or path.name} cannot be read: {error}")
+        return None
+    return open_picture(data, look.member or path.name, warnings, budget)

@@ -1,0 +1,187 @@
+"""Reading mesh files (GLB, glTF, OBJ, PLY, STL, OFF) through trimesh into a `Scan`."""
+
+from __future__ import annotations
+
+import warnings as warnings_module
+from dataclasses import replace
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from PIL import Image
+from trimesh.visual.material import PBRMaterial, SimpleMaterial
+from trimesh.visual.texture import TextureVisuals
+
+from ...formats.core.errors import FileFormatError
+from ..gltf.checks import check_gltf
+from ..gltf.facts import gltf_facts
+from ..gltf.file import GltfFile
+from ..gltf.textures import with_pictures
+from ..labels.categories import category_of_name
+from ..paint.srgb import linear_to_srgb
+from .images import brief, decode_all
+from .kinds import MESH_SUFFIXES
+from .mesh_checks import CHECKS
+from .record import DEFAULT_COLOR, Scan, ScanMaterial
+from .resolver import ConfinedResolver
+from .soup import Part, merge_parts
+
+GLTF = (".glb", ".gltf")
+
+
+def read_mesh(path: Path) -> Scan:
+    """Read `path` into one triangle soup, dropping unusable faces with a warning.
+
+    Raises:
+        FileFormatError: missing, not a mesh, or without any usable triangle.
+    """
+    if not path.is_file():
+        raise FileFormatError(path, "no such file")
+    suffix = path.suffix.lower()
+    if suffix not in MESH_SUFFIXES:
+        raise FileFormatError(path, f"unknown kind {suffix!r}; valid: {', '.join(MESH_SUFFIXES)}")
+    resolver = ConfinedResolver(path.parent)
+    if suffix in GLTF:
+        file = GltfFile(path, resolver)
+        check_gltf(path, file)
+        scene = _load(path, file.without_pictures(), resolver)
+        licence, generator = gltf_facts(file.tree)
+        parts = _parts(scene, True, resolver.warnings)
+        parts = with_pictures(parts, file, resolver.warnings)
+        promise = ("y", "glTF is y up by its specification")
+        metres = ("m", "glTF is in metres by its specification")
+    else:
+        if suffix in CHECKS:
+            CHECKS[suffix](path)
+        with path.open("rb") as stream:
+            scene = _load(path, stream, resolver)
+        licence, generator, promise, metres = "", {}, None, None
+        parts = _parts(scene, suffix == ".obj", resolver.warnings)
+        parts = _decoded(parts, resolver.warnings)
+    warnings = list(dict.fromkeys(resolver.warnings))
+    if not parts:
+        raise FileFormatError(path, "; ".join(["holds no triangles", *warnings[:3]]))
+    scan = merge_parts(parts, warnings, promise, metres)
+    if not len(scan.faces):
+        raise FileFormatError(path, "holds no usable triangle: " + "; ".join(warnings[:5]))
+    return replace(scan, licence=licence, generator=generator)
+
+
+def _load(path: Path, stream: IO[bytes], resolver: ConfinedResolver) -> trimesh.Scene:
+    kind = path.suffix.lower()[1:]
+    options: dict[str, Any] = {"split_objects": True} if kind == "obj" else {}
+    try:
+        with warnings_module.catch_warnings():
+            # NumPy's words about damaged numbers inside trimesh; they are looked at below.
+            warnings_module.simplefilter("ignore", DeprecationWarning)
+            warnings_module.simplefilter("ignore", RuntimeWarning)
+            return trimesh.load_scene(
+                stream, file_type=kind, resolver=resolver, process=False, **options
+            )
+    # Readers fail in many ways on damaged bytes; whatever they raise, the file is at fault.
+    except Exception as error:
+        if resolver.refused:
+            raise FileFormatError(path, resolver.refused) from error
+        raise FileFormatError(path, f"cannot be read as {kind}: {brief(error)}") from error
+
+
+def _decoded(parts: list[Part], warnings: list[str]) -> list[Part]:
+    """Parts with their pictures decoded once, or without them where they are damaged."""
+    images = {str(id(i)): i for p in parts if (i := p.material.image) is not None}
+    pictures = decode_all(images, warnings)
+    return [
+        p
+        if p.material.image is None
+        else replace(p, material=replace(p.material, image=pictures[str(id(p.material.image))]))
+        for p in parts
+    ]
+
+
+def _parts(scene: trimesh.Scene, named: bool, warnings: list[str]) -> list[Part]:
+    """One part per node that holds triangles, in scene coordinates."""
+    parts = []
+    for node in sorted(scene.graph.nodes_geometry):
+        transform, geometry_name = scene.graph[node]
+        mesh = scene.geometry[geometry_name]
+        if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
+            warnings.append(f"{node}: {type(mesh).__name__} without triangles skipped")
+            continue
+        faces = np.asarray(mesh.faces, dtype=np.int64)
+        vertices = np.asarray(mesh.vertices, dtype=np.float64)
+        if vertices.shape[1:] != (3,) or faces.shape[1:] != (3,):
+            warnings.append(f"{node}: its points or faces are damaged; skipped")
+            continue
+        sound = np.all((faces >= 0) & (faces < len(vertices)), axis=1)
+        if not sound.all():
+            dropped = int((~sound).sum())
+            warnings.append(f"{node}: {dropped} faces with indices out of range dropped")
+            faces = faces[sound]
+        corner_uv, material, colors = _look(mesh, faces)
+        # Pieces may share one buffer of vertices, of which each takes few.
+        used, inverse = np.unique(faces, return_inverse=True)
+        vertices, faces = vertices[used], inverse.reshape(-1, 3)
+        with np.errstate(invalid="ignore", over="ignore"):
+            vertices = vertices @ transform[:3, :3].T + transform[:3, 3]
+        if np.linalg.det(transform[:3, :3]) < 0:
+            # A mirrored node turns its faces inside out.
+            faces, corner_uv = faces[:, ::-1], corner_uv[:, ::-1]
+            colors = None if colors is None else colors[:, ::-1]
+        parts.append(
+            Part(
+                str(node),
+                category_of_name(str(node)) if named else "",
+                vertices,
+                faces,
+                corner_uv,
+                material,
+                colors,
+            )
+        )
+    return parts
+
+
+def _look(
+    mesh: trimesh.Trimesh, faces: NDArray[np.int64]
+) -> tuple[NDArray[np.float32], ScanMaterial, NDArray[np.uint8] | None]:
+    """Corner uv (F, 3, 2), the material, and corner colours (F, 3, 3) if vertices have some."""
+    uv = np.zeros((len(faces), 3, 2), dtype=np.float32)
+    visual: Any = mesh.visual
+    if isinstance(visual, TextureVisuals):
+        if visual.uv is not None and len(visual.uv) == len(mesh.vertices):
+            rows = np.asarray(visual.uv, dtype=np.float32)
+            if rows.ndim == 2 and rows.shape[1] >= 2:
+                uv = np.nan_to_num(rows[:, :2], posinf=0.0, neginf=0.0)[faces]
+        return uv, _material(visual.material), None
+    if visual.kind in ("vertex", "face"):
+        if visual.kind == "vertex":
+            colors = np.asarray(visual.vertex_colors)[faces][..., :3]
+        else:
+            colors = np.repeat(np.asarray(visual.face_colors)[: len(faces), None, :3], 3, axis=1)
+        low, high = colors.min(), colors.max()
+        if low != high:
+            return uv, ScanMaterial("painted", (1.0, 1.0, 1.0)), colors.astype(np.uint8)
+        # One colour everywhere: black is a writer's placeholder, not a look.
+        if high > 0:
+            r, g, b = (float(v) for v in colors.reshape(-1, 3)[0] / 255.0)
+            return uv, ScanMaterial("plain", (r, g, b)), None
+    return uv, ScanMaterial("plain", DEFAULT_COLOR), None
+
+
+def _material(material: Any) -> ScanMaterial:
+    image, color = None, np.ones(3)
+    if isinstance(material, PBRMaterial):
+        image = material.baseColorTexture
+        if material.baseColorFactor is not None:
+            # trimesh stores the factor as bytes; glTF means it linear, and pictures are sRGB.
+            color = linear_to_srgb(np.asarray(material.baseColorFactor[:3]) / 255.0)
+    elif isinstance(material, SimpleMaterial):
+        image = material.image
+        if material.diffuse is not None and image is None:
+            color = np.asarray(material.diffuse[:3]) / 255.0
+    if image is not None and not isinstance(image, Image.Image):
+        image = None
+    name = str(getattr(material, "name", None) or "material")
+    r, g, b = (float(v) for v in np.clip(color, 0.0, 1.0))
+    return ScanMaterial(name, (r, g, b), image)

@@ -1,0 +1,114 @@
+"""Reading untrusted files in a child process with limits.
+
+Libraries in C++ crash, hang, or take all memory on damaged files. Here they may: only the child
+ends, and the parent says why.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from ...formats.core.errors import FileFormatError, InputError
+from .readings import ANSWER, Readings, load_readings, write_readings
+
+MEMORY_BYTES = 4 << 30
+# Sound files of 1,000,000 triangles take some seconds, also on a busy machine.
+SECONDS, SECONDS_PER_MIB = 60.0, 1.0
+READERS = ("read_usd", "read_points")
+# Variables that would have USD look for files or plugins elsewhere.
+HIDDEN_VARIABLES = ("PXR_", "USD_", "TF_", "AR_")
+ONE_THREAD = ("PXR_WORK_THREAD_LIMIT", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+
+
+def read_in_child(
+    reader: str, path: Path, seconds: float | None = None, memory_bytes: int = MEMORY_BYTES
+) -> Readings:
+    """Run `read(path)` of a sibling module in a process of its own.
+
+    Args:
+        reader: one of `READERS`.
+        path: the file.
+        seconds: wall time it may take; None = by the file's size.
+        memory_bytes: address space it may take.
+
+    Raises:
+        FileFormatError: the file is damaged, or reading it took too long or too much memory.
+        InputError: what the reader needs is not installed.
+    """
+    path = path.absolute()
+    if seconds is None:
+        seconds = SECONDS + SECONDS_PER_MIB * path.stat().st_size / (1 << 20)
+    with tempfile.TemporaryDirectory(prefix="vlnpe-read-") as folder:
+        # -P: the working folder must never be a place to import from.
+        command = [sys.executable, "-P", "-m", __name__, reader, str(path), str(memory_bytes)]
+        plain = {k: v for k, v in os.environ.items() if not k.startswith(HIDDEN_VARIABLES)}
+        child = subprocess.Popen(
+            command,
+            cwd=folder,
+            # USD writes a report when it crashes; with the folder it goes away.
+            env={**plain, **dict.fromkeys(ONE_THREAD, "1"), "TMPDIR": folder},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+        )
+        try:
+            _, errors = child.communicate(timeout=seconds)
+        except subprocess.TimeoutExpired:
+            raise FileFormatError(
+                path, f"not read within {seconds:.0f} s: damaged, or far too large"
+            ) from None
+        finally:
+            if child.poll() is None:
+                child.kill()
+                child.communicate()
+        return _collect(path, Path(folder), child.returncode, errors, memory_bytes)
+
+
+def _collect(path: Path, folder: Path, status: int, errors: bytes, memory_bytes: int) -> Readings:
+    answer = folder / ANSWER
+    if status != 0 or not answer.is_file():
+        lines = errors.decode(errors="replace").strip().splitlines()
+        why = f"ended by {signal.Signals(-status).name}" if status < 0 else f"status {status}"
+        told = [line.strip() for line in lines if "FATAL" in line] or lines[-1:]
+        last = f": {told[0][:160]}" if told else ""
+        raise FileFormatError(
+            path, f"its reader failed ({why}; it may use {memory_bytes / 2**30:.3g} GiB){last}"
+        )
+    data = json.loads(answer.read_text())
+    if "missing" in data:
+        raise InputError(data["missing"])
+    if "error" in data:
+        raise FileFormatError(data["path"], data["error"])
+    return load_readings(data, folder)
+
+
+def main(reader: str, path: Path, memory_bytes: int) -> None:
+    """The child: read `path` and leave the answer in the working folder."""
+    if reader not in READERS:
+        raise ValueError(f"unknown reader {reader!r}; valid: {', '.join(READERS)}")
+    resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    folder = Path.cwd()
+    read = importlib.import_module(f".{reader}", __package__).read
+    try:
+        write_readings(read(path), folder)
+    except FileFormatError as error:
+        answer = {"path": str(error.path), "error": error.reason}
+        (folder / ANSWER).write_text(json.dumps(answer))
+    except InputError as error:
+        (folder / ANSWER).write_text(json.dumps({"missing": str(error)}))
+    except MemoryError:
+        answer = {"path": str(path), "error": f"needs more than {memory_bytes / 2**30:.3g} GiB"}
+        (folder / ANSWER).write_text(json.dumps(answer))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], Path(sys.argv[2]), int(sys.argv[3]))

@@ -1,0 +1,138 @@
+"""One triangle soup out of the parts that a reader found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .record import Scan, ScanMaterial, ScanObject
+from .vertex_colors import MAX_FACES, bake_corner_colors
+
+# Coordinates beyond this are no building in any unit, and would ruin every bounding box.
+MAX_COORDINATE = 1e7
+
+
+@dataclass(frozen=True)
+class Part:
+    """Triangles of one node that share one material.
+
+    Attributes:
+        name: the object they belong to; parts of one object share it.
+        category: what that object is; empty = unknown, then it makes no object.
+        vertices: (V, 3) float, source coordinates.
+        faces: (F, 3) integers below V.
+        uv: (F, 3, 2) float32; v up.
+        material: their look.
+        colors: (F, 3, 3) uint8 sRGB at the corners, taking the place of the look's colour.
+    """
+
+    name: str
+    category: str
+    vertices: NDArray[Any]
+    faces: NDArray[Any]
+    uv: NDArray[np.float32]
+    material: ScanMaterial
+    colors: NDArray[np.uint8] | None = None
+
+
+def merge_parts(
+    parts: Sequence[Part],
+    warnings: list[str],
+    up: tuple[str, str] | None = None,
+    unit: tuple[str, str] | None = None,
+) -> Scan:
+    """All parts as one scan; unusable faces are dropped with a line in `warnings`."""
+    materials: dict[Any, int] = {}
+    kept: list[ScanMaterial] = []
+    objects: dict[str, int] = {}
+    named: list[ScanObject] = []
+    uvs: list[NDArray[np.float32]] = []
+    of_material, of_object = [], []
+    parts = [piece for part in parts for piece in _bakeable(part)]
+    for part in parts:
+        material, uv = part.material, part.uv
+        if part.colors is not None:
+            image, uv = bake_corner_colors(part.colors)
+            material = ScanMaterial(material.name, (1.0, 1.0, 1.0), image)
+        key = (id(material.image) if material.image is not None else None, material.base_color)
+        if key not in materials:
+            materials[key] = len(kept)
+            kept.append(material)
+        if part.category and part.name not in objects:
+            objects[part.name] = len(named)
+            named.append(ScanObject(part.name, part.category))
+        uvs.append(uv)
+        of_material.append(materials[key])
+        of_object.append(objects[part.name] if part.category else -1)
+    sizes = np.array([len(part.faces) for part in parts])
+    offsets = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    vertices = np.concatenate([np.asarray(p.vertices, dtype=np.float64) for p in parts])
+    faces = np.concatenate(
+        [np.asarray(p.faces, dtype=np.int64) + o for p, o in zip(parts, offsets, strict=False)]
+    )
+    corner_uv = np.concatenate(uvs).astype(np.float32, copy=False)
+    face_material = np.repeat(np.array(of_material, dtype=np.int32), sizes)
+    face_object = np.repeat(np.array(of_object, dtype=np.int32), sizes)
+    keep = _usable_faces(vertices, faces, warnings)
+    if not keep.all():
+        faces, corner_uv = faces[keep], corner_uv[keep]
+        face_material, face_object = face_material[keep], face_object[keep]
+    vertices, faces = weld(vertices, faces)
+    return Scan(
+        vertices=vertices,
+        faces=faces,
+        corner_uv=corner_uv,
+        face_material=face_material,
+        face_object=face_object,
+        materials=tuple(kept),
+        objects=tuple(named),
+        up=up,
+        unit=unit,
+        warnings=tuple(warnings),
+    )
+
+
+def _bakeable(part: Part) -> list[Part]:
+    """The part, cut where one image would not hold the colours of all its faces."""
+    if part.colors is None or len(part.faces) <= MAX_FACES:
+        return [part]
+    colors = part.colors
+    cuts = [slice(k, k + MAX_FACES) for k in range(0, len(part.faces), MAX_FACES)]
+    return [
+        replace(part, faces=part.faces[cut], uv=part.uv[cut], colors=colors[cut]) for cut in cuts
+    ]
+
+
+def _usable_faces(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64], warnings: list[str]
+) -> NDArray[np.bool_]:
+    finite = np.all(np.isfinite(vertices) & (np.abs(vertices) < MAX_COORDINATE), axis=1)
+    keep = finite[faces].all(axis=1)
+    if not keep.all():
+        warnings.append(f"{int((~keep).sum())} faces with invalid coordinates dropped")
+    with np.errstate(invalid="ignore", over="ignore"):
+        a, b, c = (vertices[faces[:, i]] for i in range(3))
+        doubled = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    degenerate = keep & ~(doubled > 0)
+    if degenerate.any():
+        warnings.append(f"{int(degenerate.sum())} faces without area dropped")
+    return keep & ~degenerate
+
+
+def weld(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Merge vertices at bitwise equal positions, drop unused ones; faces keep their order."""
+    used, inverse = np.unique(faces, return_inverse=True)
+    points = vertices[used] + 0.0  # −0.0 and 0.0 are one place
+    order = np.lexsort(points.T)
+    ordered = points[order]
+    new = np.ones(len(ordered), dtype=bool)
+    new[1:] = np.any(ordered[1:] != ordered[:-1], axis=1)
+    group = np.empty(len(points), dtype=np.int64)
+    group[order] = np.cumsum(new) - 1
+    return ordered[new], group[inverse].reshape(faces.shape)

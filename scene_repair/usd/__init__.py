@@ -1,0 +1,1 @@
+"""Reading USD stages, and writing the repaired scene as one."""

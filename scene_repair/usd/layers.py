@@ -1,0 +1,156 @@
+"""Which layers a USD file pulls in, looked at one by one before anything is composed."""
+
+# usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
+# pyright: reportAttributeAccessIssue=false
+
+from __future__ import annotations
+
+import posixpath
+import re
+from collections import deque
+from pathlib import Path, PurePosixPath
+
+from pxr import Sdf
+
+from ...formats.core.errors import FileFormatError
+from ..scan.kinds import USD_SUFFIXES
+from .package import check_package
+
+MAX_LAYERS = 20_000
+SIGNATURES = {b"#usda": ".usda", b"#usd ": ".usda", b"PXR-U": ".usdc", b"PK\x03\x04": ".usdz"}
+
+
+def check_layers(root: Path) -> list[str]:
+    """Open every layer that `root` depends on, each by itself, and refuse what is not sound.
+
+    Returns:
+        Warnings: references to files that are missing.
+
+    Raises:
+        FileFormatError: a layer is damaged, or refers to something outside the folder of `root`.
+    """
+    folder = root.parent.resolve()
+    warnings: list[str] = []
+    waiting, seen = deque([root.resolve()]), {root.resolve()}
+    while waiting:
+        path = waiting.popleft()
+        check_signature(path)
+        if path.suffix.lower() == ".usdz":
+            _check_inside(path)
+            continue
+        for reference in _references(path, str(path)):
+            target = confined(folder, path, reference)
+            if target is None:
+                line = f"{path.name}: referenced layer {reference!r} is missing"
+                if line not in warnings:
+                    warnings.append(line)
+            elif target not in seen:
+                seen.add(target)
+                waiting.append(target)
+        if len(seen) > MAX_LAYERS:
+            raise FileFormatError(root, f"refers to more than {MAX_LAYERS:,} layers")
+    return warnings
+
+
+def _references(path: Path, identifier: str) -> list[str]:
+    """Asset paths that composing the layer `identifier` in the file `path` would open."""
+    try:
+        layer = Sdf.Layer.FindOrOpen(identifier)
+    # Whatever USD raises on damaged bytes, the file is at fault.
+    except Exception as error:
+        raise FileFormatError(path, f"cannot be read as USD: {brief(error)}") from error
+    if layer is None:
+        raise FileFormatError(path, "cannot be read as USD")
+    _refuse_clips(path, layer)
+    found = {*layer.GetCompositionAssetDependencies(), *layer.GetExternalAssetDependencies()}
+    return sorted(found)
+
+
+def _check_inside(path: Path) -> None:
+    """Every layer of a package, whose references must be to other members."""
+    members = check_package(path)
+    if PurePosixPath(members[0]).suffix.lower() not in USD_SUFFIXES[:3]:
+        raise FileFormatError(path, f"its first member {members[0]!r} is no USD layer")
+    for member in members:
+        suffix = PurePosixPath(member).suffix.lower()
+        if suffix == ".usdz":
+            raise FileFormatError(path, f"member {member!r} is a package itself; unpack it")
+        if suffix not in USD_SUFFIXES:
+            continue
+        for reference in _references(path, f"{path}[{member}]"):
+            plain = posixpath.normpath(posixpath.join(posixpath.dirname(member), reference))
+            if plain not in members:
+                raise FileFormatError(
+                    path, f"{member}: reference {reference!r} leaves the package or is missing"
+                )
+
+
+def check_signature(path: Path) -> None:
+    """Look at a layer's first bytes.
+
+    Raises:
+        FileFormatError: no USD file, or of another kind than its name says.
+    """
+    suffix = path.suffix.lower()
+    with path.open("rb") as stream:
+        start = stream.read(5)
+    kind = next((k for s, k in SIGNATURES.items() if start.startswith(s)), None)
+    if kind is None or suffix not in (".usd", kind):
+        raise FileFormatError(path, f"is no {suffix[1:]} file: it starts with {start!r}")
+
+
+def _refuse_clips(path: Path, layer: Sdf.Layer) -> None:
+    """Value clips open further files while values are read."""
+    found: list[str] = []
+
+    def visit(at: Sdf.Path) -> None:
+        if at.IsPrimPath() or at.IsPrimVariantSelectionPath():
+            spec = layer.GetPrimAtPath(at)
+            if spec is not None and spec.HasInfo("clips"):
+                found.append(str(at))
+
+    layer.Traverse(Sdf.Path.absoluteRootPath, visit)
+    if found:
+        raise FileFormatError(path, f"{found[0]}: value clips are not read; bake them")
+
+
+def confined(folder: Path, layer: Path, reference: str) -> Path | None:
+    """The file that `reference` in `layer` names, None if it is missing.
+
+    Raises:
+        FileFormatError: it lies outside `folder` (links followed), or cannot be told before
+            composing.
+    """
+    if reference.startswith("`"):
+        raise FileFormatError(layer, f"reference {reference!r} is an expression; only plain names")
+    if "[" in reference or "]" in reference:
+        raise FileFormatError(
+            layer, f"reference {reference!r} into a package; refer to the .usdz itself"
+        )
+    name = reference.split(":SDF_FORMAT_ARGS:")[0]
+    if "\x00" in name:
+        raise FileFormatError(layer, f"reference {name!r} is no file name")
+    windows = re.match(r"[A-Za-z]:", name) or "\\" in name
+    if "://" in name or windows or Path(name).is_absolute():
+        raise FileFormatError(layer, f"reference {name!r} leaves the scan's folder")
+    target = (layer.parent / name).resolve()
+    if not target.is_relative_to(folder):
+        raise FileFormatError(layer, f"reference {name!r} leaves the scan's folder")
+    if not target.is_file():
+        return None
+    if target.suffix.lower() not in USD_SUFFIXES:
+        raise FileFormatError(
+            layer, f"reference {name!r} is of an unknown kind; valid: {', '.join(USD_SUFFIXES)}"
+        )
+    return target
+
+
+def brief(error: Exception) -> str:
+    """What an error says on one line, without the place in USD's own source."""
+    try:
+        text = " ".join(str(error).split())
+    except UnicodeDecodeError:
+        # USD quotes the file's bytes, whatever they are.
+        return type(error).__name__
+    text = re.sub(r"Error in '[^']*' at line \d+ in file \S+ : ", "", text).strip(" '")
+    return text[:200] or type(error).__name__

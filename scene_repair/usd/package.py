@@ -1,0 +1,61 @@
+"""USDZ packages: ZIP files whose members lie in them uncompressed."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path, PurePosixPath
+
+from ...formats.core.errors import FileFormatError
+
+MAX_MEMBERS, MAX_MEMBER_BYTES = 100_000, 2 << 30
+
+
+def check_package(path: Path) -> list[str]:
+    """Names of the members, after looking that none is packed, lies, or climbs out.
+
+    Raises:
+        FileFormatError: not a package that USD may read.
+    """
+    size = path.stat().st_size
+    try:
+        with zipfile.ZipFile(path) as package:
+            members = package.infolist()
+    # zipfile raises half a dozen types on damaged bytes.
+    except Exception as error:
+        raise FileFormatError(path, f"damaged package: {error}") from error
+    if not members or len(members) > MAX_MEMBERS:
+        raise FileFormatError(path, f"package of {len(members)} members; valid: 1 … {MAX_MEMBERS}")
+    for member in members:
+        name = member.filename
+        if member.compress_type != zipfile.ZIP_STORED:
+            raise FileFormatError(
+                path, f"member {name!r} is compressed ({member.file_size:,} bytes); USDZ forbids it"
+            )
+        if member.flag_bits & 1:
+            raise FileFormatError(path, f"member {name!r} is encrypted; USDZ forbids it")
+        if member.file_size != member.compress_size:
+            raise FileFormatError(path, f"member {name!r} lies about its size")
+        if PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts or "\\" in name:
+            raise FileFormatError(path, f"member {name!r} leaves the package")
+    total = sum(member.file_size for member in members)
+    if total > size:
+        raise FileFormatError(
+            path, f"members of {total:,} bytes together in a file of {size:,} bytes"
+        )
+    return [member.filename for member in members]
+
+
+def read_member(path: Path, name: str) -> bytes:
+    """One member's bytes; the package must have been checked.
+
+    Raises:
+        FileFormatError: there is no such member, or it is damaged or larger than 2 GiB.
+    """
+    try:
+        with zipfile.ZipFile(path) as package:
+            size = package.getinfo(name).file_size
+            if size > MAX_MEMBER_BYTES:
+                raise ValueError(f"{size:,} bytes are too many")
+            return package.read(name)
+    except Exception as error:
+        raise FileFormatError(path, f"member {name!r} cannot be read: {error}") from error

@@ -1,0 +1,56 @@
+"""Materials of the USD scene: UsdPreviewSurface for the eye, friction for physics."""
+
+# usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
+# pyright: reportAttributeAccessIssue=false
+
+from __future__ import annotations
+
+import numpy as np
+from pxr import Gf, Sdf, Usd, UsdPhysics, UsdShade
+
+from ...formats.scene.bundle import Material
+from ..paint.srgb import srgb_to_linear
+
+# What MuJoCo's level models use by default, too.
+FRICTION = 0.8
+
+
+def look(stage: Usd.Stage, path: str, material: Material) -> UsdShade.Material:
+    """Author a material at `path`: base colour times texture, both as the bundle has them."""
+    made = UsdShade.Material.Define(stage, path)
+    shader = UsdShade.Shader.Define(stage, f"{path}/Surface")
+    shader.CreateIdAttr("UsdPreviewSurface")
+    shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(0.9)
+    color = shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
+    linear = srgb_to_linear(np.array(material.base_color))
+    if material.texture is None:
+        color.Set(Gf.Vec3f(*(float(v) for v in linear)))
+    else:
+        reader = UsdShade.Shader.Define(stage, f"{path}/Uv")
+        reader.CreateIdAttr("UsdPrimvarReader_float2")
+        reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
+        texture = UsdShade.Shader.Define(stage, f"{path}/Texture")
+        texture.CreateIdAttr("UsdUVTexture")
+        texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(f"./{material.texture}")
+        texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("sRGB")
+        for wrap in ("wrapS", "wrapT"):
+            texture.CreateInput(wrap, Sdf.ValueTypeNames.Token).Set("repeat")
+        scale = texture.CreateInput("scale", Sdf.ValueTypeNames.Float4)
+        scale.Set(Gf.Vec4f(*(float(v) for v in linear), 1.0))
+        texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(
+            reader.CreateOutput("result", Sdf.ValueTypeNames.Float2)
+        )
+        color.ConnectToSource(texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3))
+    surface = shader.CreateOutput("surface", Sdf.ValueTypeNames.Token)
+    made.CreateSurfaceOutput().ConnectToSource(surface)
+    return made
+
+
+def friction(stage: Usd.Stage, path: str) -> UsdShade.Material:
+    """Author the physics material that all colliders share."""
+    made = UsdShade.Material.Define(stage, path)
+    physics = UsdPhysics.MaterialAPI.Apply(made.GetPrim())
+    physics.CreateStaticFrictionAttr(FRICTION)
+    physics.CreateDynamicFrictionAttr(FRICTION)
+    physics.CreateRestitutionAttr(0.0)
+    return made

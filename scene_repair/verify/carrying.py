@@ -1,0 +1,256 @@
+"""Proof that the written triangles carry: rays onto every floor cell, and balls really dropped."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...formats.core.errors import FileFormatError
+from ...formats.scene.bundle import Floor, SceneBundle, VisualMesh
+from ...formats.scene.freemap import Freemap
+from ..collide.level_collision import LevelCollision
+from ..grid.morphology import grow
+from .exported import Surface, usd_surfaces, visual_surface
+from .floor_gaps import check_holes
+from .floor_steps import MAX_LISTED, find_steps
+from .probe_balls import drop_balls
+from .probe_rays import START_M, TOLERANCE_M, Probes, shoot_down
+from .usd import check_usd
+
+RECORD_NAME = "repair.json"
+# Balls per level: half on the seams of what was added, half spread over the floor.
+MAX_BALLS = 600
+# A ball this far under the floor fell through it.
+FALLEN_M = 0.05
+# Probes listed by position at most.
+MAX_PLACES = 100
+
+
+def probe_level(visual: VisualMesh, level: LevelCollision) -> tuple[LevelCollision, dict[str, Any]]:
+    """Shoot rays down onto every covered cell, every 2 cm, and compare with the height field.
+
+    Cells through which a probe falls all the same lose their floor in the maps: mostly sampled
+    cells that reach into walls. Walkable ones among them are told apart, for they should not.
+
+    Args:
+        visual: the triangles as they are to be written.
+        level: the level's collision.
+
+    Returns:
+        The level without the cells that failed, and counts and distances as JSON values.
+    """
+    floor, freemap = level.floor, level.freemap
+    corners = visual.vertices[visual.faces]
+    surface = _near(Surface(corners, np.zeros(len(corners), dtype=bool)), floor)
+    probes = shoot_down(surface, floor.grid, floor.height_m)
+    fell = probes.fell & probes.spread(floor.covered)
+    failed = _cells(fell, probes.per_side)
+    standing = probes.spread(freemap.traversable) & ~probes.fell
+    deviation = np.abs(probes.height_m - probes.spread(floor.height_m))[standing] * 1000.0
+    record = {
+        "probe_spacing_m": round(probes.grid.cell_m, 5),
+        "probes": int(probes.spread(floor.covered).sum()),
+        "fell_through": int(fell.sum()),
+        "cells_left_without_floor": [
+            [round(float(v), 3) for v in xy] for xy in floor.grid.center_of(np.argwhere(failed))
+        ],
+        "walkable_cells_lost": int((failed & freemap.traversable).sum()),
+        "height_error_mm": {
+            f"p{q}": round(float(np.percentile(deviation, q)), 3) for q in (50, 99, 100)
+        }
+        if len(deviation)
+        else {},
+    }
+    if not failed.any():
+        return level, record
+    kept = LevelCollision(
+        replace(floor, covered=floor.covered & ~failed),
+        level.obstacles,
+        Freemap(
+            freemap.grid,
+            np.where(failed, np.float32(np.nan), freemap.floor_z_m),
+            freemap.traversable & ~failed,
+        ),
+    )
+    return kept, record
+
+
+def verify_scene(bundle: SceneBundle, usd_checked: bool = False) -> dict[str, Any]:
+    """Probe a written scene by the files of its bundle.
+
+    Rays and balls meet the triangles of `visual.npz` and of `scene.usdc` (what is seen, and what
+    collides), so that a triangle missing from any of them is found. `repair.json` must account for
+    every gap that is left, and every height step over 1.5 cm must be the scan's own.
+
+    Args:
+        bundle: what to verify.
+        usd_checked: `check_usd` has just found nothing, so it need not look again.
+
+    Returns:
+        JSON values: `sound`, `problems` (one line each, empty if sound), and per level what was
+        probed, where probes fell, the steps, the open and unlisted holes.
+
+    Raises:
+        FileFormatError: a file of the bundle is missing or damaged.
+    """
+    usd = bundle.root / "scene.usdc"
+    if not usd.is_file():
+        raise FileFormatError(usd, "missing; the scene's repair is incomplete")
+    problems = [f"scene.usdc: {text}" for text in ([] if usd_checked else check_usd(usd))]
+    levels = []
+    if not problems:
+        seen, solid = usd_surfaces(usd)
+        surfaces = {
+            "visual.npz": visual_surface(bundle),
+            "scene.usdc": seen,
+            "scene.usdc collision": solid,
+        }
+        listed = _listed(bundle.root / RECORD_NAME, len(bundle.level_floor_z_m))
+        for k, entry in enumerate(listed):
+            levels.append(_verify_level(bundle, k, surfaces, entry))
+            lost = entry.get("probes", {}).get("walkable_cells_lost", 0)
+            if lost:
+                problems.append(f"level {k}: {lost} walkable cells lost their floor, see probes")
+            problems += [f"level {k}: {text}" for text in _problems(levels[-1])]
+    return {"sound": not problems, "problems": problems, "levels": levels}
+
+
+def _listed(path: Path, levels: int) -> list[dict[str, Any]]:
+    try:
+        entries = json.loads(path.read_text())["levels"]
+        whole = all(
+            {"action", "polygons_xy_m"} <= set(hole) for entry in entries for hole in entry["holes"]
+        )
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise FileFormatError(path, f"not the record of a repair: {error!r}") from error
+    if not whole:
+        raise FileFormatError(path, "not the record of a repair: holes without polygon or action")
+    if len(entries) != levels:
+        raise FileFormatError(path, f"{len(entries)} levels, the scene has {levels}")
+    return entries
+
+
+def _verify_level(
+    bundle: SceneBundle, index: int, surfaces: dict[str, Surface], listed: dict[str, Any]
+) -> dict[str, Any]:
+    floor, freemap = bundle.floor(index), bundle.freemap(index)
+    probed = {
+        name: shoot_down(_near(surface, floor), floor.grid, floor.height_m)
+        for name, surface in surfaces.items()
+    }
+    seen = probed["visual.npz"]
+    covered = seen.spread(floor.covered)
+    walked = seen.spread(freemap.traversable & floor.covered)
+    off_m = np.abs(np.nan_to_num(seen.height_m, nan=np.inf) - seen.spread(floor.height_m))
+    on_floor = (off_m <= TOLERANCE_M) & seen.spread(grow(floor.covered))
+    start = _ball_places(floor, freemap, seen)
+    still_open, unlisted = check_holes(seen, on_floor, listed["holes"])
+    unexplained = [
+        n
+        for n, hole in enumerate(listed["holes"])
+        if hole["action"] != "filled" and not hole.get("reason")
+    ]
+    steps = find_steps(seen, walked)
+    return {
+        "probe_spacing_m": round(seen.grid.cell_m, 5),
+        "floor_area_m2": round(float((covered & ~seen.fell).sum()) * seen.grid.cell_m**2, 3),
+        "rays": {
+            name: _fallen(probes.grid.center_of(np.argwhere(probes.fell & covered)), covered.sum())
+            for name, probes in probed.items()
+        },
+        "balls": {
+            name: _fallen(_balls_lost(surfaces[name], start, floor), len(start))
+            for name in ("visual.npz", "scene.usdc collision")
+        },
+        "steps_over_15_mm": steps[:MAX_LISTED],
+        "steps_by_repair": sum(step["origin"] == "repair" for step in steps),
+        "steps_in_scan": sum(step["origin"] == "scan" for step in steps),
+        "holes_still_open": still_open,
+        "holes_unlisted": unlisted,
+        "holes_left_without_reason": unexplained,
+    }
+
+
+def _problems(level: dict[str, Any]) -> list[str]:
+    found = []
+    for kind in ("rays", "balls"):
+        for name, result in level[kind].items():
+            if result["fell_through"]:
+                at = result["where_xy_m"][0]
+                found.append(
+                    f"{result['fell_through']} of {result['dropped']} {kind} fall through the "
+                    f"floor in {name}, the first at x {at[0]}, y {at[1]}"
+                )
+    if level["steps_by_repair"]:
+        step = next(s for s in level["steps_over_15_mm"] if s["origin"] == "repair")
+        x, y = step["lower_xy_m"]
+        found.append(
+            f"{level['steps_by_repair']} steps over 15 mm that the scan does not have, the first "
+            f"of {1000 * step['height_m']:.0f} mm at x {x}, y {y}"
+        )
+    for key, text in (
+        ("holes_still_open", "holes listed as filled are open"),
+        ("holes_unlisted", "gaps of 5 cm or more are not listed"),
+    ):
+        if level[key]:
+            x, y = level[key][0]["xy_m"]
+            found.append(f"{len(level[key])} {text}, the first at x {x}, y {y}")
+    if level["holes_left_without_reason"]:
+        found.append(f"holes {level['holes_left_without_reason']} are left without a reason")
+    return found
+
+
+def _near(surface: Surface, floor: Floor) -> Surface:
+    """The triangles that a probe may meet."""
+    grid = floor.grid
+    lower = np.array([*grid.origin_xy_m, float(floor.height_m.min()) - TOLERANCE_M - 0.1])
+    size = grid.cell_m * np.array([grid.columns, grid.rows])
+    upper = np.array([*(lower[:2] + size), float(floor.height_m.max()) + START_M])
+    return surface.between(lower, upper)
+
+
+def _cells(probes: NDArray[np.bool_], per_side: int) -> NDArray[np.bool_]:
+    """The floor's cells in which any probe is true."""
+    rows, columns = probes.shape
+    blocks = probes.reshape(rows // per_side, per_side, columns // per_side, per_side)
+    return np.asarray(blocks.any(axis=(1, 3)))
+
+
+def _ball_places(floor: Floor, freemap: Freemap, probes: Probes) -> NDArray[np.float64]:
+    """(N, 3) walkable points to drop balls on: along seams, and spread evenly."""
+    free = freemap.traversable & floor.covered
+    added = _cells(probes.added, probes.per_side)
+    seam = free & added & grow(_cells(~probes.added & ~probes.fell, probes.per_side))
+    picked = []
+    for cells in (seam, free & ~seam):
+        index = np.argwhere(cells)
+        count = min(len(index), MAX_BALLS // 2)
+        picked.append(index[np.linspace(0, len(index) - 1, count).round().astype(int)])
+    index = np.concatenate(picked)
+    height = floor.height_m[tuple(index.T)].astype(np.float64)
+    return np.column_stack([floor.grid.center_of(index), height])
+
+
+def _balls_lost(
+    surface: Surface, start_m: NDArray[np.float64], floor: Floor
+) -> NDArray[np.float64]:
+    """Where balls started that are under the floor in the end, (N, 2)."""
+    end = drop_balls(_near(surface, floor).triangles_m, start_m)
+    # Over the edge of a stairwell a ball may roll: what counts is the floor where it is now.
+    cell = np.clip(floor.grid.cell_of(end[:, :2]), 0, np.array(floor.grid.shape) - 1)
+    height = floor.height_m[tuple(cell.T)]
+    lost = (end[:, 2] < height - FALLEN_M) & floor.covered[tuple(cell.T)]
+    return start_m[lost, :2]
+
+
+def _fallen(where_xy_m: NDArray[np.float64], count: int) -> dict[str, Any]:
+    return {
+        "dropped": int(count),
+        "fell_through": len(where_xy_m),
+        "where_xy_m": [[round(float(v), 3) for v in xy] for xy in where_xy_m[:MAX_PLACES]],
+    }

@@ -1,0 +1,103 @@
+"""Rays shot down onto a written floor, on a grid of probes finer than its cells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from numpy.typing import NDArray
+
+from ...formats.scene.grid import GridSpec
+from .exported import Surface
+
+PROBE_M = 0.02
+# A ray starts this far above the floor and must hit by this far below it.
+START_M, TOLERANCE_M = 0.15, 0.03
+# Rays at once, and on a level in all: beyond that the probes get coarser.
+CHUNK, MAX_PROBES = 500_000, 8_000_000
+# A ray exactly along a shared edge may slip between both faces; a shifted one must not.
+_SHIFTS_M = ((0.0, 0.0), (1e-3, 7e-4), (-8e-4, 6e-4))
+
+
+@dataclass(frozen=True)
+class Probes:
+    """What rays down onto a level hit, over the probes' grid (rows, columns).
+
+    Attributes:
+        grid: one ray through the centre of each cell.
+        per_side: probes along the side of a cell of the floor's grid.
+        height_m: where they hit, float32; NaN where they fall past the floor.
+        added: whether they hit what the repair added.
+    """
+
+    grid: GridSpec
+    per_side: int
+    height_m: NDArray[np.float32]
+    added: NDArray[np.bool_]
+
+    @property
+    def fell(self) -> NDArray[np.bool_]:
+        """Rays that hit nothing, or only something under the floor."""
+        return np.isnan(self.height_m)
+
+    def spread[T: np.generic](self, cells: NDArray[T]) -> NDArray[T]:
+        """A map over the floor's cells as one over the probes."""
+        return np.repeat(np.repeat(cells, self.per_side, axis=0), self.per_side, axis=1)
+
+
+def shoot_down(surface: Surface, grid: GridSpec, expected_m: NDArray[np.float32]) -> Probes:
+    """Shoot rays every 2 cm over all cells of a floor.
+
+    Args:
+        surface: what may be hit; only what is near the floor need be in it.
+        grid: the floor's cells.
+        expected_m: (rows, columns) heights of the floor.
+    """
+    per_side = int(np.ceil(grid.cell_m / PROBE_M - 1e-9))
+    while per_side > 1 and expected_m.size * per_side**2 > MAX_PROBES:
+        per_side -= 1
+    probes = GridSpec(
+        grid.origin_xy_m, grid.cell_m / per_side, grid.rows * per_side, grid.columns * per_side
+    )
+    height = np.full(probes.shape, np.nan, dtype=np.float32)
+    added = np.zeros(probes.shape, dtype=bool)
+    if len(surface.triangles_m):
+        scene = EmbreeScene()
+        TriangleMesh(scene, np.ascontiguousarray(surface.triangles_m, dtype=np.float32))
+        rows = max(CHUNK // probes.columns, 1)
+        for start in range(0, probes.rows, rows):
+            part = slice(start, min(start + rows, probes.rows))
+            _shoot(scene, surface, probes, part, expected_m, height, added)
+    return Probes(probes, per_side, height, added)
+
+
+def _shoot(
+    scene: EmbreeScene,
+    surface: Surface,
+    probes: GridSpec,
+    part: slice,
+    expected_m: NDArray[np.float32],
+    height: NDArray[np.float32],
+    added: NDArray[np.bool_],
+) -> None:
+    """Fill the rows `part` of `height` and `added`."""
+    i, j = np.mgrid[part, 0 : probes.columns].reshape(2, -1)
+    per_side = probes.rows // expected_m.shape[0]
+    expected = expected_m[i // per_side, j // per_side].astype(np.float64)
+    xy = probes.center_of(np.stack([i, j], axis=1))
+    left = np.arange(len(xy))
+    for shift in _SHIFTS_M:
+        z = expected[left] + START_M
+        origin = np.column_stack([xy[left] + shift, z]).astype(np.float32)
+        down = np.tile(np.array([0.0, 0.0, -1.0], dtype=np.float32), (len(left), 1))
+        hit = scene.run(origin, down, output=1)
+        at = z - hit["tfar"].astype(np.float64)
+        good = (hit["primID"] >= 0) & (at >= expected[left] - TOLERANCE_M)
+        mine = left[good]
+        height[i[mine], j[mine]] = at[good]
+        added[i[mine], j[mine]] = surface.added[hit["primID"][good]]
+        left = left[~good]
+        if not len(left):
+            return

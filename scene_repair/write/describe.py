@@ -1,0 +1,63 @@
+"""The written account of a repair: `repair.json`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...formats.scene.grid import GridSpec
+from ..floor.holes import Hole
+from ..floor.outline import cell_polygons
+from ..floor.repair_level import RepairedFloor
+
+
+def describe_level(level: RepairedFloor, probes: dict[str, Any]) -> dict[str, Any]:
+    """JSON values for one level: areas, every hole, every flattened bump, the probes."""
+    cell_m2 = level.fine.cell_m**2
+    scanned = float(level.scanned.sum()) * cell_m2
+    return {
+        "floor_z_m": round(level.floor_z_m, 4),
+        "floor_area_before_m2": round(scanned, 3),
+        "floor_area_after_m2": round(scanned + level.patch_area_m2, 3),
+        "patched_area_m2": round(level.patch_area_m2, 4),
+        "holes": [_describe_hole(hole, level.fine) for hole in level.holes],
+        "cracks": [
+            {
+                "polygon_xy_m": _rounded(crack.ring_xy_m),
+                "area_m2": round(crack.area_m2, 7),
+                "cause": "crack or pinhole finer than the sampling",
+                "action": "filled",
+            }
+            for crack in level.cracks
+        ],
+        "bumps": [
+            {
+                "center_xy_m": [round(v, 3) for v in bump.center_xy_m],
+                "height_m": round(bump.height_m, 4),
+                "width_m": round(bump.width_m, 3),
+                "action": "flattened",
+            }
+            for bump in level.bumps
+        ],
+        "probes": probes,
+    }
+
+
+def _rounded(polygon_xy_m: NDArray[np.float64]) -> list[list[float]]:
+    return [[round(float(x), 4), round(float(y), 4)] for x, y in polygon_xy_m]
+
+
+def _describe_hole(hole: Hole, grid: GridSpec) -> dict[str, Any]:
+    return {
+        "polygons_xy_m": [
+            _rounded(polygon) for polygon in cell_polygons(hole.cells, hole.window, grid)
+        ],
+        # By cells; what was added is measured on triangles, which reach to the rim and to walls.
+        "area_m2": round(hole.area_m2(grid), 5),
+        "added_m2": round(hole.added_m2, 7),
+        "cause": hole.cause,
+        "action": "filled" if hole.fill else "left",
+        "reason": hole.reason,
+    }

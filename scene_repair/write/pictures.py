@@ -1,0 +1,169 @@
+"""Before and after pictures: a level from above, ceiling cut away, with its holes marked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from numpy.typing import NDArray
+
+from ...formats.scene.grid import GridSpec
+from ..floor.holes import Hole
+from ..grid.world_mesh import WorldMesh
+from ..paint.shading import Looks
+
+# The cut above the floor: under ceilings and lamps, above furniture and people.
+CUT_M = 2.2
+BACKGROUND = (0.965, 0.968, 0.975)
+RED = (0.86, 0.10, 0.12)
+GREEN = (0.05, 0.55, 0.20)
+GREY = (0.45, 0.47, 0.52)
+
+
+def view_from_above(
+    mesh: WorldMesh, looks: Looks, floor_z_m: float, pixels: GridSpec, first_patch: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Shaded colours (rows, columns, 3) of a level, looking straight down; row 0 = least y.
+
+    Args:
+        mesh: the repaired scan.
+        looks: its materials.
+        floor_z_m: the level's floor.
+        pixels: one ray per cell.
+        first_patch: faces from this one on are patches.
+
+    Returns:
+        The picture without the patches (what lies under them shows), and with them.
+    """
+    scene = EmbreeScene()
+    TriangleMesh(scene, mesh.vertices[mesh.faces].astype(np.float32))
+    i, j = np.indices(pixels.shape)
+    xy = pixels.center_of(np.stack([i, j], axis=-1)).reshape(-1, 2)
+    origin = np.column_stack([xy, np.full(len(xy), floor_z_m + CUT_M)]).astype(np.float32)
+    after, height = _shoot(scene, mesh, looks, floor_z_m, origin)
+    before, height_before = after.copy(), height.copy()
+    through = np.flatnonzero(height[:, 1] >= first_patch)
+    origin = origin[through]
+    origin[:, 2] = height[through, 0] - 1e-3
+    before[through], height_before[through] = _shoot(scene, mesh, looks, floor_z_m, origin)
+    shape = pixels.shape
+    return (
+        _with_edges(before.reshape(*shape, 3), height_before[:, 0].reshape(shape)),
+        _with_edges(after.reshape(*shape, 3), height[:, 0].reshape(shape)),
+    )
+
+
+def _shoot(
+    scene: EmbreeScene,
+    mesh: WorldMesh,
+    looks: Looks,
+    floor_z_m: float,
+    origin: NDArray[np.float32],
+) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    """Colours (N, 3), and height and face (N, 2) of what lies below each origin; −1 = nothing."""
+    image = np.tile(np.array(BACKGROUND, dtype=np.float32), (len(origin), 1))
+    found = np.full((len(origin), 2), -1.0)
+    found[:, 0] = np.nan
+    if not len(origin):
+        return image, found
+    down = np.tile(np.array([0.0, 0.0, -1.0], dtype=np.float32), (len(origin), 1))
+    hit = scene.run(origin, down, output=1)
+    seen = hit["primID"] >= 0
+    face = hit["primID"][seen].astype(np.int64)
+    u, v = hit["u"][seen], hit["v"][seen]
+    weights = np.stack([1 - u - v, u, v], axis=1)
+    uv = np.einsum("nk,nkd->nd", weights, mesh.corner_uv[face])
+    height = origin[seen, 2] - hit["tfar"][seen]
+    # Soft light from the upper left, and what stands higher is a little brighter.
+    normal = mesh.normals.astype(np.float32)[face]
+    normal = normal * np.where(normal[:, 2:3] < 0, np.float32(-1), np.float32(1))
+    light = np.clip(normal @ np.array([-0.35, 0.35, 0.87], dtype=np.float32), 0.0, 1.0)
+    lift = np.clip((height - floor_z_m) / CUT_M, 0.0, 1.0).astype(np.float32)
+    shade = 0.62 + 0.34 * light + 0.10 * lift
+    color = looks.at(mesh.face_material[face], uv)
+    image[seen] = np.clip(color * shade[:, None], 0.0, 1.0)
+    found[seen, 0], found[seen, 1] = height, face
+    return image, found
+
+
+def _with_edges(image: NDArray[np.float32], height: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Darken pixels where the height jumps: contours make furniture and walls readable."""
+    filled = np.where(np.isfinite(height), height, -1.0)
+    step = np.zeros_like(filled)
+    step[:, 1:] = np.abs(np.diff(filled, axis=1))
+    step[1:] = np.maximum(step[1:], np.abs(np.diff(filled, axis=0)))
+    strength = np.clip((step - 0.05) / 0.4, 0.0, 1.0)[..., None] * 0.55
+    return (image * (1 - strength)).astype(np.float32)
+
+
+def mark_holes(
+    image: NDArray[np.float32], holes: list[Hole], fine: GridSpec, pixels: GridSpec, before: bool
+) -> NDArray[np.float32]:
+    """Overlay holes: hatched red areas before the repair, green outlines after it.
+
+    Gaps that stay open are hatched grey in both.
+    """
+    number = np.zeros(fine.shape, dtype=np.uint8)
+    for hole in holes:
+        if hole.fill or hole.cause not in ("wall", "outside"):
+            number[hole.window][hole.cells] = 1 if hole.fill else 2
+    i, j = np.indices(pixels.shape)
+    cell = fine.cell_of(pixels.center_of(np.stack([i, j], axis=-1)))
+    cell = np.clip(cell, 0, np.array(fine.shape) - 1)
+    kind = number[cell[..., 0], cell[..., 1]]
+    hatch = ((i + j) // 5) % 2 == 0
+    result = image.copy()
+    for value, color in ((1, RED if before else GREEN), (2, GREY)):
+        mask = kind == value
+        if before or value == 2:
+            strength = np.where(hatch, 0.65, 0.45)[mask][:, None]
+            result[mask] = (1 - strength) * result[mask] + strength * np.array(color)
+        contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+        cv2.drawContours(result, contours, -1, color, 2, cv2.LINE_AA)
+    return result
+
+
+def write_picture(
+    views: dict[str, NDArray[np.float32]],
+    pixels: GridSpec,
+    title: str,
+    legend: list[tuple[str, tuple[float, float, float]]],
+    path: Path,
+) -> None:
+    """Stack level views (row 0 = least y) under a title line with legend and scale bar.
+
+    Views of several levels get their names written above them.
+    """
+    gap, name_px = 16, 30 if len(views) > 1 else 0
+    head = 64
+    width = pixels.columns
+    height = head + sum(v.shape[0] for v in views.values()) + (gap + name_px) * len(views)
+    canvas = np.full((height, width, 3), BACKGROUND, dtype=np.float32)
+    top, names = head, []
+    for name, view in views.items():
+        names.append((name, top + 20))
+        top += name_px
+        canvas[top : top + view.shape[0]] = view[::-1]
+        top += view.shape[0] + gap
+    out = np.clip(np.rint(canvas * 255), 0, 255).astype(np.uint8)
+    ink = (45, 48, 56)
+    font = cv2.FONT_HERSHEY_DUPLEX
+    for name, baseline in names if name_px else ():
+        cv2.putText(out, name, (18, baseline), font, 0.5, ink, 1, cv2.LINE_AA)
+    cv2.putText(out, title, (18, 27), font, 0.62, ink, 1, cv2.LINE_AA)
+    x = 18
+    for text, color in legend:
+        rgb = [round(255 * c) for c in color]
+        cv2.rectangle(out, (x, 41), (x + 14, 55), rgb, -1, cv2.LINE_AA)
+        cv2.putText(out, text, (x + 22, 54), font, 0.46, ink, 1, cv2.LINE_AA)
+        x += 44 + cv2.getTextSize(text, font, 0.46, 1)[0][0]
+    metre = max(1, round(1.0 / pixels.cell_m))
+    right = width - 20
+    cv2.line(out, (right - metre, 48), (right, 48), ink, 2, cv2.LINE_AA)
+    for at in (right - metre, right):
+        cv2.line(out, (at, 43), (at, 53), ink, 2, cv2.LINE_AA)
+    cv2.putText(out, "1 m", (right - metre - 40, 53), font, 0.46, ink, 1, cv2.LINE_AA)
+    cv2.imwrite(str(path), out[..., ::-1])

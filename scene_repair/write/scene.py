@@ -1,0 +1,189 @@
+"""Writing a repaired scene: every file of the bundle."""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...formats.core.atomic import write_json
+from ...formats.core.digest import file_digest
+from ...formats.scene.bundle import SceneBundle, VisualMesh, load_bundle, save_bundle
+from ...formats.scene.grid import GridSpec
+from ..collide.level_collision import LevelCollision
+from ..config import RepairConfig
+from ..floor.repair_level import RepairedFloor
+from ..grid.world_mesh import WorldMesh
+from ..labels.files import LabelBox
+from ..labels.semantics import labelled_objects
+from ..orient.transform import Orientation
+from ..paint.shading import Looks
+from ..scan.record import Scan, ScanMaterial
+from ..usd.write_scene import UsdContent, write_usd
+from ..verify.carrying import RECORD_NAME, verify_scene
+from .describe import describe_level
+from .pictures import GREEN, GREY, RED, mark_holes, view_from_above, write_picture
+from .textures import write_materials
+
+log = logging.getLogger(__name__)
+
+# The pictures: free space around the floor, and limits of their size.
+PICTURE_MARGIN_M = 0.3
+PICTURE_PIXELS, MIN_PICTURE_PX = 1_800_000, 900
+
+
+@dataclass(frozen=True)
+class Repaired:
+    """All that a repair found out and made.
+
+    Attributes:
+        source: the scan's file.
+        scan: what it held, in source coordinates.
+        way: how it lies in the world.
+        boxes: labels from beside it.
+        original: the scan in the world.
+        mesh: the same, repaired.
+        materials: what the faces of `mesh` point to.
+        floors: the floors of all levels, lowest first.
+        levels: their collision.
+        probes: what probing them gave.
+        visual: `mesh` as it is written.
+        labels: categories that its faces point to.
+    """
+
+    source: Path
+    scan: Scan
+    way: Orientation
+    boxes: list[LabelBox]
+    original: WorldMesh
+    mesh: WorldMesh
+    materials: tuple[ScanMaterial, ...]
+    floors: list[RepairedFloor]
+    levels: list[LevelCollision]
+    probes: list[dict[str, Any]]
+    visual: VisualMesh
+    labels: tuple[str, ...]
+
+
+def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> SceneBundle:
+    """Write the bundle into the existing folder `out_dir` and open it; the index goes last."""
+    source, way = repaired.source, repaired.way
+    materials = write_materials(repaired.materials, out_dir, config.max_texture_px)
+    heights = tuple(floor.floor_z_m for floor in repaired.floors)
+    named, index = labelled_objects(
+        repaired.scan,
+        repaired.boxes,
+        repaired.original.vertices,
+        way.source_to_world,
+        heights,
+    )
+
+    # Patches come after the scan's own objects and belong to none of them.
+    def named_thing(own: NDArray[np.int32]) -> NDArray[np.int32]:
+        return np.append(index, np.int32(-1))[np.where(own < len(index), own, -1)]
+
+    visual = replace(repaired.visual, face_object=named_thing(repaired.mesh.face_object))
+    levels = [
+        (
+            level.floor,
+            replace(level.obstacles, box_object=named_thing(level.obstacles.box_object)),
+            level.freemap,
+        )
+        for level in repaired.levels
+    ]
+    scene_id = config.scene_id or source.stem
+    facts = {
+        "path": source.name,
+        "sha256": file_digest(source),
+        "licence": repaired.scan.licence,
+        **way.evidence,
+    }
+    write_usd(
+        out_dir / "scene.usdc",
+        UsdContent(
+            visual=visual,
+            materials=materials,
+            labels=repaired.labels,
+            objects=named,
+            levels=[(floor, obstacles) for floor, obstacles, _ in levels],
+            facts={key: facts[key] for key in ("path", "sha256", "licence")},
+        ),
+    )
+    record = {
+        "scene_id": scene_id,
+        "source": facts,
+        "triangles_before": len(repaired.original.faces),
+        "triangles_after": len(repaired.mesh.faces),
+        "warnings": list(repaired.scan.warnings),
+        "levels": [
+            describe_level(floor, probes)
+            for floor, probes in zip(repaired.floors, repaired.probes, strict=True)
+        ],
+    }
+    write_json(out_dir / RECORD_NAME, record)
+    _write_pictures(repaired, out_dir, scene_id, config.picture_px)
+    bundle = SceneBundle(
+        root=out_dir,
+        scene_id=scene_id,
+        source=facts,
+        source_to_world=way.source_to_world,
+        habitat_to_world=way.habitat_to_world,
+        materials=materials,
+        labels=repaired.labels,
+        objects=named,
+        level_floor_z_m=heights,
+        generator=repaired.scan.generator,
+    )
+    save_bundle(bundle, visual, levels)
+    bundle = load_bundle(out_dir)
+    # Only what lies on the disk can be verified; the record then says what came out.
+    proof = verify_scene(bundle, usd_checked=True)
+    for problem in proof["problems"]:
+        log.warning("%s: %s", scene_id, problem)
+    record["warnings"] += proof["problems"]
+    write_json(out_dir / RECORD_NAME, {**record, "verification": proof})
+    return bundle
+
+
+def _write_pictures(repaired: Repaired, out_dir: Path, scene_id: str, width_px: int) -> None:
+    looks, floors = Looks(repaired.materials), repaired.floors
+    fine = floors[0].fine
+    known = np.concatenate([np.argwhere(np.isfinite(f.height_m)) for f in floors])
+    low = fine.center_of(known.min(axis=0)) - PICTURE_MARGIN_M
+    size = fine.center_of(known.max(axis=0)) + PICTURE_MARGIN_M - low
+    # Long scenes get a narrower picture instead of an endless one.
+    width = min(width_px, math.sqrt(PICTURE_PIXELS * float(size[0] / size[1])))
+    width = max(round(width), min(MIN_PICTURE_PX, width_px))
+    pixel_m = float(size[0]) / width
+    pixels = GridSpec(
+        (float(low[0]), float(low[1])), pixel_m, max(round(float(size[1]) / pixel_m), 1), width
+    )
+    first = len(repaired.original.faces)
+    views = [view_from_above(repaired.mesh, looks, f.floor_z_m, pixels, first) for f in floors]
+    filled = sum(h.fill for f in floors for h in f.holes)
+    cracks = sum(len(f.cracks) for f in floors)
+    added = sum(f.patch_area_m2 for f in floors)
+    captions = (
+        ("before", f"as scanned, {filled} holes, {cracks} cracks, {added:.2f} m2 of floor missing"),
+        ("after", f"repaired, {added:.2f} m2 of floor added"),
+    )
+    legends = ([("hole in the floor", RED)], [("floor added", GREEN)])
+    for k, ((name, caption), legend) in enumerate(zip(captions, legends, strict=True)):
+        marked = {
+            f"level {n}, floor at {f.floor_z_m:.2f} m": mark_holes(
+                view[k], f.holes, fine, pixels, before=k == 0
+            )
+            for n, (view, f) in enumerate(zip(views, floors, strict=True))
+        }
+        write_picture(
+            marked,
+            pixels,
+            f"{scene_id}: {caption}",
+            [*legend, ("left open", GREY)],
+            out_dir / f"{name}.png",
+        )

@@ -1,0 +1,227 @@
+"""The gates of gaits, and the measurements behind them."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vlnpe.collectors.controllers import SpeedConfig
+from vlnpe.collectors.gait_training.action_errors import action_errors, displacements
+from vlnpe.collectors.gait_training.driven import (
+    StartedAction,
+    distance_to,
+    follow_paths,
+    random_path,
+)
+from vlnpe.collectors.gait_training.evaluate import evaluation_table, report
+from vlnpe.collectors.gait_training.gaits import GAITS
+from vlnpe.collectors.gait_training.gates import CLOSED_LOOP, GATES, Gate, GateResult, gate_results
+from vlnpe.collectors.gait_training.measures import command_grid, velocity_errors
+from vlnpe.collectors.gait_training.terrain import Terrain, noise_terrain
+from vlnpe.collectors.gait_training.trial import STEP_S, Conditions, Trial
+from vlnpe.collectors.locomotion.policy import GaitPolicy
+from vlnpe.collectors.robots import get_robot
+from vlnpe.formats.core.rollout import Action
+
+
+@pytest.fixture(scope="module")
+def policy() -> GaitPolicy:
+    return GaitPolicy.load(get_robot("aliengo"))
+
+
+class Asleep(GaitPolicy):
+    """Holds still, whatever it is asked for."""
+
+    def infer(self, observation):
+        return np.zeros((len(observation), self.robot.policy_joints))
+
+
+class Limp(GaitPolicy):
+    """Folds its legs."""
+
+    def infer(self, observation):
+        fold = np.tile([0.0, 2.0, -3.0], 4)
+        return np.tile(fold, (len(observation), 1))
+
+
+def impostor(kind: type[GaitPolicy], policy: GaitPolicy) -> GaitPolicy:
+    # A clock that never moves the legs: only the actions count.
+    still = replace(policy.card.gait, stand_linear_m_s=9.0, stand_yaw_rad_s=9.0)
+    other = kind.load(policy.robot)
+    other.card = replace(policy.card, gait=still)
+    return other
+
+
+def start(policy: GaitPolicy, count: int = 2, conditions: Conditions | None = None) -> Trial:
+    rng = np.random.default_rng(0)
+    where = np.zeros((count, 2)), np.zeros(count)
+    return Trial(policy, conditions or Conditions(), *where, rng, watch_feet=True)
+
+
+@pytest.mark.parametrize(
+    ("at_least", "measured", "passed"),
+    [(False, 1.0, True), (False, 1.01, False), (True, 1.0, True), (True, 0.99, False)]
+    + [(way, bad, False) for way in (False, True) for bad in (None, math.nan)],
+)
+def test_a_gate_holds_at_its_limit_and_never_unmeasured(at_least, measured, passed):
+    gate = Gate("length", "m", 1.0, at_least, ("a",), "key")
+    result = GateResult(gate, measured)
+    assert result.passed == passed
+    assert str(result).startswith("✓" if passed else "✗")
+
+
+def test_the_worst_part_of_the_table_counts():
+    table = {"grid_a": {"linear_error_mean_m_s": 0.01}, "grid_b": {"linear_error_mean_m_s": 0.06}}
+    table["paths_flat"] = {"reached": 1.0, "falls": 0}
+    results = {r.gate.key + r.gate.tables[0]: r for r in gate_results(table)}
+    assert results["linear_error_mean_m_sgrid_*"].measured == 0.06
+    assert not results["linear_error_mean_m_sgrid_*"].passed
+    assert results["reachedpaths_flat"].passed
+    assert results["survivedpushes"].measured is None
+
+
+def test_nothing_measured_passes_nothing():
+    assert [r.passed for r in gate_results({})] == [False] * len(GATES)
+
+
+def test_a_table_answers_every_gate_and_survives_json(policy: GaitPolicy):
+    table = json.loads(json.dumps(evaluation_table(policy, scale=0.01)))
+    results = gate_results(table)
+    assert all(r.measured is not None for r in results)
+    assert report(table).count("\n") == len(GATES)
+    assert table[CLOSED_LOOP]["actions"] >= 100
+
+
+@pytest.mark.parametrize("name", sorted(GAITS))
+def test_installed_gaits_were_measured_against_every_gate(name: str):
+    card = GaitPolicy.load(get_robot(name)).card
+    assert all(result.measured is not None for result in gate_results(card.evaluation))
+
+
+def test_the_same_seed_measures_the_same(policy: GaitPolicy):
+    def measure() -> dict[str, float]:
+        rng = np.random.default_rng(3)
+        return follow_paths(policy, 2, Conditions.mixed(2, rng), rng)
+
+    assert measure() == measure()
+
+
+def test_a_gait_that_stands_still_passes_no_walking_gate(policy: GaitPolicy):
+    asleep = impostor(Asleep, policy)
+    rng = np.random.default_rng(0)
+    commands = command_grid(policy.robot)
+    result = velocity_errors(asleep, commands, Conditions(), rng, 2.0, 1.0)
+    speed = np.linalg.norm(commands[:, :2], axis=1)
+    assert result["linear_error_mean_m_s"] == pytest.approx(speed.mean(), abs=0.05)
+    assert math.isnan(result["foot_slip_m_s"])
+
+
+def test_who_falls_counts_with_what_it_was_asked_for(policy: GaitPolicy):
+    limp = impostor(Limp, policy)
+    commands = np.array([[0.5, 0.0, 0.3]] * 2)
+    result = velocity_errors(limp, commands, Conditions(), np.random.default_rng(0), 3.0, 2.0)
+    assert result["falls"] == 2
+    assert result["linear_error_mean_m_s"] == pytest.approx(0.5)
+    assert result["yaw_error_mean_rad_s"] == pytest.approx(0.3)
+    paths = follow_paths(limp, 2, Conditions(), np.random.default_rng(0))
+    assert (paths["reached"], paths["falls"]) == (0.0, 2)
+    actions = action_errors(limp, SpeedConfig(), 2, Conditions(), np.random.default_rng(0))
+    assert actions["falls"] == 2
+    assert not any(r.passed for r in gate_results({CLOSED_LOOP: actions}))
+
+
+def test_who_leaves_moves_no_more_and_disturbs_nobody(policy: GaitPolicy):
+    alone, crowd = start(policy, 2), start(policy, 2)
+    command = np.array([[0.5, 0.0, 0.0], [0.3, 0.0, 0.5]])
+    crowd.leave(np.array([True, False]))
+    before = crowd.position_m[0]
+    for _ in range(30):
+        alone.step(command)
+        crowd.step(command)
+    assert np.array_equal(crowd.position_m[0], before)
+    assert np.array_equal(crowd.position_m[1], alone.position_m[1])
+
+
+def test_poses_are_told_every_10_ms(policy: GaitPolicy):
+    trial = start(policy, 1)
+    command = np.array([[0.6, 0.0, 0.0]])
+    track = []
+    for _ in range(50):
+        trial.step(command)
+        track += list(trial.poses[0])
+        assert np.array_equal(trial.poses[0, 1, :2], trial.position_m[0, :2])
+    steps = np.linalg.norm(np.diff(np.array(track)[-40:, :2], axis=0), axis=1)
+    assert steps.mean() == pytest.approx(0.006, rel=0.2)
+    assert steps.max() < 0.015
+
+
+def test_late_actions_change_the_walk_and_friction_the_slip(policy: GaitPolicy):
+    late = Conditions(latency_substeps=np.array([0, 4]))
+    trial = start(policy, 2, late)
+    for _ in range(50):
+        trial.step(np.array([[0.6, 0.0, 0.0]] * 2))
+    assert not np.array_equal(trial.position_m[0], trial.position_m[1])
+    ice = start(policy, 2, Conditions(friction=np.array([0.1, 1.0])))
+    slip = []
+    for _ in range(50):
+        ice.step(np.array([[0.6, 0.0, 0.6]] * 2))
+        slip.append(ice.slip)
+    icy, firm = np.nanmean(slip, axis=(0, 2))
+    assert icy > 2 * firm
+
+
+def test_a_standing_robot_does_not_slip_and_a_pushed_one_is_kicked_at_its_time(policy):
+    trial = start(policy, 3, Conditions(push_m_s=0.5))
+    kicks = np.zeros(3)
+    for _ in range(round(6.0 / STEP_S)):
+        before = trial.velocity[:, :2]
+        if not kicks.any():
+            assert np.nan_to_num(trial.slip).max() < 0.05
+        trial.step(np.zeros((3, 3)))
+        kicks += np.linalg.norm(trial.velocity[:, :2] - before, axis=1) > 0.2
+    assert (kicks[trial.going] >= 2).all()
+
+
+def test_displacements_are_told_in_the_frame_of_their_start():
+    north = StartedAction(Action.FORWARD, 0.0, np.array([1.0, 1.0, np.pi / 2]))
+    turn = StartedAction(Action.LEFT, 0.5, np.array([0.98, 1.25, np.pi - 0.05]))
+    stop = StartedAction(Action.STOP, 0.8, np.array([0.98, 1.25, -np.pi + 0.2]))
+    kinds, moved, seconds = displacements([[north, turn, stop]])
+    assert kinds == [Action.FORWARD, Action.LEFT]
+    np.testing.assert_allclose(moved[0], (0.25, 0.02, np.pi / 2 - 0.05), atol=1e-12)
+    np.testing.assert_allclose(moved[1], (0.0, 0.0, 0.25), atol=1e-12)
+    np.testing.assert_allclose(seconds, (0.5, 0.3))
+
+
+def test_closed_loop_actions_are_exact_and_timed_ones_last_a_quarter_second(policy: GaitPolicy):
+    results = {}
+    for closed in (False, True):
+        rng = np.random.default_rng(1)
+        config = SpeedConfig(end_on_displacement=closed)
+        results[closed] = action_errors(policy, config, 2, Conditions.mixed(2, rng), rng, 40)
+    assert results[False]["seconds_per_action"] == pytest.approx(0.25)
+    assert results[True]["position_p90_m"] < 0.04 < results[False]["position_p90_m"]
+    assert results[True]["heading_p90_deg"] < 2.0
+    assert results[True]["step_mean_m"] == pytest.approx(0.25, abs=0.01)
+    assert results[True]["turn_mean_deg"] == pytest.approx(15.0, abs=0.6)
+    assert results[True]["actions"] == 80
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_random_paths_have_their_length(seed: int):
+    path = random_path(np.random.default_rng(seed))
+    assert np.linalg.norm(np.diff(path, axis=0), axis=1).sum() == pytest.approx(12.0, abs=0.06)
+    middle = 0.5 * (path[0] + path[1])
+    assert distance_to(path, middle) == pytest.approx(0.0, abs=1e-9)
+    assert distance_to(path, path[0] - [0.3, 0.4]) == pytest.approx(0.5, abs=0.2)
+
+
+def test_evaluation_ground_is_as_rough_as_it_says():
+    terrain = noise_terrain(np.random.default_rng(0), 0.06)
+    assert terrain.height_m is not None
+    assert terrain.height_m.max() == pytest.approx(0.06)
+    assert Terrain().at(np.zeros((1, 2)))[0] == 0.0

@@ -1,0 +1,203 @@
+"""Training of gaits: a tiny run really learns, stops, goes on and exports what it learned."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rsl_rl", reason="extra `train` is not installed")
+
+import torch
+from tensordict import TensorDict
+
+from vlnpe.collectors.gait_training import train
+from vlnpe.collectors.gait_training.commands import command_bounds, sample_commands
+from vlnpe.collectors.gait_training.config import PHASES, TrainingConfig
+from vlnpe.collectors.gait_training.env import GaitEnv
+from vlnpe.collectors.gait_training.export import actor_to_onnx
+from vlnpe.collectors.gait_training.gaits import GAITS
+from vlnpe.collectors.gait_training.mirror import (
+    Symmetry,
+    mirror_joints,
+    mirror_observation,
+    mirrored,
+)
+from vlnpe.collectors.gait_training.terrain import Terrain, noise_terrain, rough_terrain
+from vlnpe.collectors.locomotion import GaitPolicy
+from vlnpe.collectors.locomotion.observation import layout
+from vlnpe.collectors.locomotion.policy import _session
+from vlnpe.collectors.robots import RobotSpec, get_robot
+
+
+def tiny(robot: RobotSpec, terrain: str = "flat") -> TrainingConfig:
+    """The robot's first phase of training with eight simulations."""
+    return replace(PHASES[robot.name][0][0], envs=8, steps=6, terrain=terrain)
+
+
+@pytest.fixture(params=["aliengo", "h1", "g1"])
+def robot(request):
+    return get_robot(request.param)
+
+
+def test_tiny_training_writes_resumes_and_exports(robot, tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(train, "PHASES", {robot.name: ((tiny(robot), 2),)})
+    train.train(robot, tmp_path, seed=0, threads=1)
+    first = (tmp_path / f"{robot.name}.onnx").read_bytes()
+    assert GaitPolicy.load(robot, tmp_path).card.training["iterations"] == 2
+    phases = (tiny(robot), 2), (tiny(robot, "rough"), 1)
+    monkeypatch.setattr(train, "PHASES", {robot.name: phases})
+    train.train(robot, tmp_path, seed=0, threads=1)
+    card = GaitPolicy.load(robot, tmp_path).card
+    assert card.training["iterations"] == 3
+    assert card.training["samples"] == 3 * 8 * 6
+    assert (tmp_path / f"{robot.name}.onnx").read_bytes() != first
+    with (tmp_path / "curve.csv").open() as file:
+        assert [int(row["iteration"]) for row in csv.DictReader(file)] == [2, 3]
+    # Nothing is left to do: a third call changes nothing.
+    before = (tmp_path / "checkpoint.pt").stat().st_mtime_ns
+    train.train(robot, tmp_path, seed=0, threads=1)
+    assert (tmp_path / "checkpoint.pt").stat().st_mtime_ns == before
+
+
+def trained_actor(robot: RobotSpec) -> tuple[Any, TensorDict]:
+    from rsl_rl.models import MLPModel
+
+    outputs = robot.policy_joints
+    inputs = sum(width for _, width in layout(outputs))
+    observation = TensorDict({"policy": torch.randn(64, inputs)}, batch_size=[64])
+    actor = MLPModel(
+        observation,
+        {"actor": ["policy"]},
+        "actor",
+        outputs,
+        (32, 32),
+        "elu",
+        obs_normalization=True,
+    )
+    actor.train()
+    actor.update_normalization(TensorDict({"policy": 3 * torch.randn(500, inputs) + 2}, [500]))
+    actor.eval()
+    return actor, observation
+
+
+def act(content: bytes, observation: np.ndarray) -> np.ndarray:
+    (action,) = _session(Path("policy.onnx"), content).run(None, {"observation": observation})
+    return np.asarray(action)
+
+
+def test_exported_network_is_the_trained_one(robot):
+    actor, observation = trained_actor(robot)
+    expected = actor(observation).detach().numpy()
+    given = act(actor_to_onnx(actor), observation["policy"].numpy())
+    np.testing.assert_allclose(given, expected, atol=2e-5)
+
+
+def test_exported_with_its_mirror_image_it_is_symmetric(robot):
+    actor, observation = trained_actor(robot)
+    seen, seen_signs = mirror_observation(robot)
+    done, done_signs = mirror_joints(robot)
+    one = observation["policy"].numpy()
+    other = one[:, seen] * np.asarray(seen_signs, dtype=np.float32)
+    content = actor_to_onnx(actor, Symmetry.of(robot))
+    here, there = act(content, one), act(content, other)
+    np.testing.assert_allclose(there[:, done] * done_signs, here, atol=2e-5)
+    # It is the mean of the plain network here and its mirror image.
+    plain = actor_to_onnx(actor)
+    mean = 0.5 * (act(plain, one) + act(plain, other)[:, done] * done_signs)
+    np.testing.assert_allclose(here, mean, atol=2e-5)
+
+
+def test_the_command_of_make_train_gait(tmp_path: Path, monkeypatch, capsys):
+    monkeypatch.setattr(train, "PHASES", {"h1": ((tiny(get_robot("h1")), 1),)})
+    monkeypatch.setattr("sys.argv", ["train", "h1", "--out", str(tmp_path), "--threads", "1"])
+    train.main()
+    assert (tmp_path / "h1.onnx").is_file()
+    monkeypatch.setattr("sys.argv", ["train", "jetbot", "--out", str(tmp_path)])
+    with pytest.raises(SystemExit, match=r"jetbot.*h1"):
+        train.main()
+
+
+def test_mirroring_twice_is_nothing(robot):
+    for order, signs in (mirror_observation(robot), mirror_joints(robot)):
+        vector = np.arange(1.0, len(order) + 1)
+        once = vector[order] * signs
+        assert not np.array_equal(once, vector)
+        np.testing.assert_array_equal(once[order] * signs, vector)
+
+
+def test_the_stepping_reference_is_symmetric(robot):
+    gait = GAITS[robot.name]
+    order, signs = mirror_joints(robot)
+    count = robot.policy_joints
+    command = np.array([[0.7, 0.2, -0.5]])
+    moving = np.array([True])
+    for phase in (0.0, 0.13, 0.4, 0.77):
+        here = gait.reference(np.array([phase]), moving, command)
+        there = gait.reference(np.array([phase + 0.5]), moving, command * (1, -1, -1))
+        np.testing.assert_allclose(there[:, :count], here[:, order] * signs, atol=1e-12)
+
+
+def test_mirrored_batches_are_appended(robot):
+    env = GaitEnv(robot, tiny(robot), Terrain(), np.random.default_rng(0), threads=1)
+    observation = env.get_observations()
+    both, actions = mirrored(env, observation, torch.ones(8, robot.policy_joints))
+    assert both is not None and actions is not None
+    assert both["policy"].shape == (16, observation["policy"].shape[1])
+    assert torch.equal(both["policy"][:8], observation["policy"])
+    # The first joint, abduction or hip yaw, changes sides; a G1's hip pitch does not.
+    sign = 1.0 if "pitch" in robot.joint_names[0] else -1.0
+    assert actions[8:, 0].tolist() == [sign] * 8
+
+
+@pytest.mark.parametrize("terrain", ["flat", "rough"])
+def test_environment_rewards_standing_over_falling(robot, terrain: str):
+    rng = np.random.default_rng(1)
+    ground = Terrain() if terrain == "flat" else rough_terrain(rng)
+    env = GaitEnv(robot, tiny(robot), ground, rng, threads=1)
+    fell = 0
+    # Legs pulled up: it must drop below its threshold and start anew.
+    pulls = {"thigh": 4.0, "calf": -4.0, "pitch": -8.0, "knee": 8.0}
+    parts = [name.split("_")[-2] for name in robot.policy_joint_names]
+    up = torch.tensor([[pulls.get(part, 0.0) for part in parts]]).repeat(8, 1)
+    for _ in range(60):
+        observation, reward, done, extras = env.step(up)
+        fell += int((done & ~extras["time_outs"]).sum())
+        assert torch.isfinite(reward).all()
+        assert torch.isfinite(observation["policy"]).all()
+    assert fell >= 8
+
+
+def test_randomised_bodies_differ(robot):
+    env = GaitEnv(robot, tiny(robot), Terrain(), np.random.default_rng(2), threads=1)
+    masses = env.batch.expand("body_mass").sum(axis=1)
+    low, high = tiny(robot).mass_scale
+    assert len(np.unique(masses.round(6))) == 8
+    assert np.all((masses > low * robot.mass_kg) & (masses < high * robot.mass_kg))
+
+
+def test_commands_stay_in_their_limits(robot):
+    commands = sample_commands(np.random.default_rng(3), 2000, command_bounds(robot.command_limits))
+    np.testing.assert_array_equal(robot.command_limits.clip(commands), commands)
+    assert 0.08 < np.mean(~commands.any(axis=1)) < 0.2  # standing is practised too
+
+
+def test_terrain_lookup_matches_the_compiled_height_field(robot):
+    import mujoco
+
+    ground = noise_terrain(np.random.default_rng(4), 0.06, size_m=4.0)
+    assert ground.height_m is not None
+    spec = mujoco.MjSpec()
+    ground.add_to(spec)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    hit = np.zeros(1, dtype=np.int32)
+    for x, y in np.random.default_rng(5).uniform(-1.8, 1.8, (40, 2)):
+        down = mujoco.mj_ray(model, data, [x, y, 1.0], [0, 0, -1.0], None, 1, -1, hit)
+        assert 1.0 - down == pytest.approx(float(ground.at(np.array([x, y]))), abs=0.02)
+    assert ground.height_m.max() == pytest.approx(0.06)

@@ -1,0 +1,203 @@
+"""Episodes that go wrong, all the way: their labels, the report's clips, what diverged."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import re
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+
+from tests.collectors.test_replay import make_episode
+from tests.support.rooms import write_two_rooms
+from vlnpe.collectors.outcome import OutcomeConfig
+from vlnpe.collectors.replay import ReplayConfig
+from vlnpe.formats.mcap.rollout import read_rollout
+from vlnpe.pipeline.cli import main
+from vlnpe.pipeline.commands.collect import opened
+from vlnpe.pipeline.engine.ledger import Ledger, Row
+from vlnpe.pipeline.engine.run_folder import RunFolder
+from vlnpe.pipeline.engine.runner import WorkItem, run_stage
+from vlnpe.pipeline.report.failures import failure_figures
+from vlnpe.pipeline.report.gather import robot_rows
+from vlnpe.pipeline.stages import replay, report
+
+DATASET = "aliengo-path-ego-64x48-90deg-baked"
+OUTCOMES = {
+    "good": OutcomeConfig(),
+    "slow": OutcomeConfig(timeout_factor=0.2),
+    "mad": OutcomeConfig(diverged_speed=6.0),  # any step is faster than that
+}
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run on the two rooms in which one episode arrives, one does not, and one explodes."""
+    root = tmp_path_factory.mktemp("outcomes") / "run"
+    with opened(root, 1) as context:
+        folder = RunFolder(context.ledger.root)
+        bundle = write_two_rooms(folder.scenes / "two_rooms")
+        facts = {
+            "levels": 1,
+            "triangles": 12,
+            "warnings": [],
+            **{"holes_filled": 0, "holes_left": {}, "floor_before_m2": 32, "floor_after_m2": 32},
+        }
+        for name in ("before.png", "after.png"):
+            (bundle.root / name).write_bytes(PIXEL)
+        scene = Row("repair", "two_rooms", "k", "done", facts=facts, outputs=("scenes/two_rooms",))
+        context.ledger.add(scene)
+        items: list[WorkItem] = []
+        for name, outcome in OUTCOMES.items():
+            episode = make_episode(bundle, (2.6, 2.0), (5.4, 2.0), name=name)
+            config = ReplayConfig(outcome=outcome)
+            items += replay.items(
+                [episode],
+                {"two_rooms": scene},
+                folder.scenes,
+                folder.rollouts,
+                folder.models,
+                config,
+            )
+        run_stage(context, replay.STAGE, items)
+        report.write(folder, context, [])
+    return root
+
+
+PIXEL = base64.b64decode(
+    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="
+)
+
+
+def test_what_exploded_is_set_aside_with_its_state_and_counted(root: Path) -> None:
+    ledger = Ledger(root)
+    row = ledger.row("replay", "aliengo/path/mad")
+    assert row is not None and row.status == "quarantined"
+    assert "diverged" in row.error["reason"]
+    folder = root / "rollouts" / "aliengo" / "path"
+    assert sorted(p.name for p in folder.iterdir()) == [
+        "good.mcap",
+        "mad.diverged.json",
+        "slow.mcap",
+    ]
+    dump = json.loads((folder / "mad.diverged.json").read_text())
+    state = dump["facts"]["diverged_state"]
+    assert len(state["qpos"]) == 7 + 12
+    assert len(state["qvel"]) == 6 + 12
+    assert all(np.isfinite(float(v)) for v in state["ctrl"])
+    assert (dump["episode"], dump["config"]["robot"]) == ("mad", "aliengo")
+    (numbers,) = robot_rows(ledger)
+    assert (numbers.episodes, numbers.diverged, numbers.timeouts) == (3, 1, 1)
+    assert numbers.collected == pytest.approx(100 / 3)
+    assert numbers.sr <= 200 / 3
+    quarantine = json.loads((root / "quarantine.json").read_text())
+    assert [item["item"] for item in quarantine["items"]] == ["aliengo/path/mad"]
+
+
+def test_an_episode_that_is_mended_leaves_no_dump(root: Path, tmp_path: Path) -> None:
+    bundle_root = root / "scenes" / "two_rooms"
+    dump = tmp_path / "mad.diverged.json"
+    dump.write_text("{}")
+    rollout = read_rollout(root / "rollouts" / "aliengo" / "path" / "good.mcap")
+    replay.process(bundle_root, rollout.episode, ReplayConfig(), tmp_path, tmp_path / "mad.mcap")
+    assert not dump.exists()
+    assert (tmp_path / "mad.mcap").is_file()
+
+
+def test_the_page_shows_every_failure_and_a_clip_of_its_end(root: Path) -> None:
+    page = (root / "report" / "index.html").read_text()
+    assert "took too long" in page
+    assert "diverged" in page
+    (clip,) = re.findall(r'src="data:video/mp4;base64,([^"]+)"', page)
+    with av.open(io.BytesIO(base64.b64decode(clip))) as container:
+        images = [f.to_ndarray(format="rgb24") for f in container.decode(video=0)]
+        stream = container.streams.video[0]
+        assert stream.codec_context.pix_fmt == "yuv420p"  # browsers play no other
+    slow = read_rollout(root / "rollouts" / "aliengo" / "path" / "slow.mcap")
+    assert slow.end_reason == "timeout"
+    seconds = min(slow.time_s[-1], 5.0)
+    assert len(images) == pytest.approx(10 * seconds, abs=1.5)
+    assert np.std(images[-1]) > 10  # not a blank picture
+    links = re.findall(r"""(?:src|href|poster)=["']([^"'#]{0,40})""", page)
+    assert all(link.startswith("data:") for link in links if link)
+
+
+def test_clips_beyond_the_budget_are_named_and_every_robot_gets_some(tmp_path: Path) -> None:
+    clips, rows = {}, []
+    for robot, count in (("a", 20), ("b", 2)):
+        for k in range(count):
+            name = f"{robot}/path/{k}"
+            clips[name] = tmp_path / f"{robot}-{k}.mp4"
+            clips[name].write_bytes(b"x" * 3000)
+            clips[name].with_suffix(".jpg").write_bytes(b"y" * 300)
+            facts = {"robot": robot, "controller": "path", "episode": str(k), "end_reason": "fall"}
+            facts |= {"detail": "roll 20°"}
+            metrics = {"duration_s": 3.0, "navigation_error_euclidean_m": 1.0}
+            rows.append(Row("replay", name, "k", "done", True, facts={**facts, "metrics": metrics}))
+    figures = failure_figures(rows, [], clips, 6 * 4400)
+    shown = [f["who"] for f in figures if f.get("video")]
+    assert sorted(shown) == ["a, path"] * 4 + ["b, path"] * 2
+    assert all(f["file"].startswith("clips/") for f in figures)
+    embedded = sum(len(f.get("video", "")) + len(f.get("poster", "")) for f in figures)
+    assert embedded <= 6 * 4400 + 6 * 60
+
+
+@pytest.fixture(scope="module")
+def frames(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("frames") / "frames"
+    small = ("--width-px", 64, "--height-px", 48, "--workers", 1)
+    assert vlnpe("render", root, "--scenes", root / "scenes", "--out", out, *small) == 0
+    return out
+
+
+def vlnpe(*arguments: object) -> int:
+    return main([*map(str, arguments), "--json"])
+
+
+def test_failures_are_exported_with_their_reason_unless_only_success(
+    root: Path,
+    frames: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+    def export(*options: str) -> dict[str, dict[str, int]]:
+        scenes = root / "scenes"
+        assert vlnpe("export", frames, "--scenes", scenes, "--out", tmp_path, *options) == 0
+        return json.loads(capsys.readouterr().out.splitlines()[-1])["stages"]
+
+    def loaded() -> list[tuple[str, str]]:
+        data = LeRobotDataset("vlnpe/test", root=tmp_path / "lerobot" / DATASET)
+        assert len(data) == sum(data.meta.episodes["length"])
+        ids = data.meta.episodes["episode_id"]
+        return list(zip(ids, data.meta.episodes["end_reason"], strict=True))
+
+    def files() -> list[str]:
+        return sorted(p.name for p in (tmp_path / "mcap" / DATASET).iterdir())
+
+    export()
+    assert loaded() == [("good", "success"), ("slow", "timeout")]
+    assert files() == ["good.mcap", "slow.mcap"]
+    assert read_rollout(tmp_path / "mcap" / DATASET / "slow.mcap").end_reason == "timeout"
+
+    redone = export("--only-success")
+    assert loaded() == [("good", "success")]
+    assert files() == ["good.mcap"]
+    assert {name: stage["done"] for name, stage in redone.items()} == {
+        "export": 0,
+        "mcap": 0,
+        "dataset": 1,
+    }
+
+    again = export()
+    assert loaded() == [("good", "success"), ("slow", "timeout")]
+    assert files() == ["good.mcap", "slow.mcap"]
+    assert again["export"]["done"] == 0
+    assert again["mcap"]["done"] == 1

@@ -1,0 +1,274 @@
+"""Loaders against LeRobot's own reader, and against the walks they were written from."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch.nn.utils.rnn import pad_packed_sequence
+
+from tests.support.lerobot_data import write_units
+from tests.support.rollouts import make_frames
+from tests.support.training_data import WORDS, make_walk, write_dataset
+from vlnpe.datasets.episode_index import read_index
+from vlnpe.datasets.local import open_dataset
+from vlnpe.datasets.navigation import NavigationConfig, NavigationDataset
+from vlnpe.datasets.poses import future_poses, relative
+from vlnpe.datasets.selection import select_all
+from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig, collate_sequences, pack
+from vlnpe.datasets.tokens import Tokens, tokens_of_file, training_tokens
+from vlnpe.datasets.windows import WaypointWindows, WindowConfig
+from vlnpe.formats.core.errors import FileFormatError, InputError, UnknownNameError
+from vlnpe.formats.lerobot import FileLimits, assemble_dataset
+from vlnpe.formats.rendered.table import build_frame_table, integrate_motion, stop_only_at_end
+from vlnpe.formats.vlnce.files import write_episodes
+
+RGB, DEPTH = "observation.images.rgb", "observation.images.depth"
+SECONDS = (3.0, 0.0, 4.5, 2.0)
+STARTS = np.concatenate([[0], np.cumsum([13, 1, 19, 9])])
+
+
+@pytest.fixture(scope="module", autouse=True)
+def offline() -> Any:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HF_HUB_OFFLINE", "1")
+        patch.setenv("OMP_NUM_THREADS", "1")
+        yield
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_dataset(tmp_path_factory.mktemp("walks"), "aliengo", SECONDS)
+
+
+@pytest.fixture(scope="module")
+def tokens() -> Tokens:
+    return training_tokens(WORDS[:2], 12)
+
+
+@pytest.mark.parametrize("storage", ["video", "image"])
+def test_items_equal_lerobots_with_the_same_windows(storage: str, tmp_path: Path) -> None:
+    units = write_units(tmp_path, SECONDS, depth_storage=storage)
+    limits = FileLimits(data_mb=0.012, video_mb=0.004)  # several files of each kind
+    assemble_dataset(
+        units, tmp_path / "set", provenance={}, licence="mit", title="walks", limits=limits
+    )
+    back, ahead = [-0.5, -0.25, 0.0], [0.0, 0.25, 0.5, 0.75]
+    deltas = {RGB: back, DEPTH: back, "action": ahead, "action.discrete": ahead}
+    bare = open_dataset(
+        tmp_path / "set", delta_timestamps=deltas, video_backend="pyav", return_uint8=True
+    )
+    ours = NavigationDataset(tmp_path / "set", NavigationConfig(history=3, future=4))
+    assert len(ours) == len(bare) == STARTS[-1]
+    for number in (41, 0, 1, 12, 13, 14, 15, 16, 31, 32, 33, 20):
+        mine, theirs = ours[number], bare[number]
+        for key, value in mine.items():
+            if key in ("robot", "uid"):
+                continue
+            if not torch.is_tensor(value):
+                assert value == theirs[key]
+                continue
+            assert value.shape == theirs[key].shape, key
+            tolerance = 1e-6 if key == DEPTH else 0.0
+            torch.testing.assert_close(
+                value, theirs[key].to(value.dtype), atol=tolerance, rtol=0.0, msg=key
+            )
+        assert mine["robot"] == "aliengo"
+
+
+def test_one_frame_has_no_time_axis_and_images_can_be_scaled(root: Path) -> None:
+    item = NavigationDataset(root, NavigationConfig(size_px=32, depth=False))[14]
+    assert item[RGB].shape == (3, 32, 32) and item[RGB].dtype == torch.uint8
+    assert DEPTH not in item and f"{RGB}_is_pad" not in item
+    assert item["action"].shape == (3,) and item["action.discrete"].shape == ()
+    with pytest.raises(UnknownNameError, match=r"observation\.joints"):
+        NavigationDataset(root, NavigationConfig(columns=("observation.legs",)))
+
+
+def test_only_common_columns_of_several_robots_are_given(root: Path, tmp_path: Path) -> None:
+    other = write_dataset(tmp_path, "h1", (1.0, 1.5))
+    both = NavigationDataset(select_all([root, other]))
+    assert len(both) == STARTS[-1] + 5 + 7
+    assert {both[0]["robot"], both[len(both) - 1]["robot"]} == {"aliengo", "h1"}
+    assert both[0].keys() == both[len(both) - 1].keys()
+    with pytest.raises(UnknownNameError, match=r"observation\.joints"):
+        config = NavigationConfig(columns=("observation.joints",))
+        NavigationDataset(select_all([root, other]), config)
+
+
+def test_sequences_are_the_walks_that_were_written(root: Path, tokens: Tokens) -> None:
+    config = SequenceConfig(inflection_coefficient=2.5, future=8)
+    sequences = EpisodeSequences(select_all([root]), tokens, config)
+    bare = open_dataset(root, video_backend="pyav", return_uint8=True)
+    for number, seconds in enumerate(SECONDS):
+        rollout = make_walk(number, "aliengo", seconds)
+        table = build_frame_table(rollout, make_frames(rollout), 4)
+        item = sequences[number]
+        actions = stop_only_at_end(table.columns["action.discrete"][:, 0])
+        count = len(actions)
+        assert (int(item["length"]), bool(item["cut"])) == (count, False)
+        np.testing.assert_array_equal(item["action"], actions)
+        assert item["previous_action"].tolist() == [0, *(actions[:-1] + 1)]
+        for step in range(count):
+            changes = step == 0 or actions[step] != actions[step - 1]
+            assert item["weight"][step] == (2.5 if changes else 1.0)
+        np.testing.assert_array_equal(item["motion"], table.columns["action"])
+        path = integrate_motion(table.columns["action"], np.zeros(3))
+        np.testing.assert_allclose(item["pose"][:, :2], path[:, :2], atol=1e-5)
+        np.testing.assert_allclose(np.cos(item["pose"][:, 2].numpy() - path[:, 2]), 1.0, atol=1e-6)
+        assert item["waypoint_valid"].sum(1).tolist() == [
+            min(8, count - 1 - t) for t in range(count)
+        ]
+        for step in (0, count // 2, count - 1):
+            frame = bare[int(STARTS[number]) + step]
+            torch.testing.assert_close(item["rgb"][step], frame[RGB], atol=0, rtol=0)
+            torch.testing.assert_close(item["depth"][step], frame[DEPTH], atol=1e-6, rtol=0)
+        assert (item["rgb"].dtype, item["depth"].dtype) == (torch.uint8, torch.float32)
+
+
+def test_stop_is_learned_at_the_end_alone(tokens: Tokens, tmp_path: Path) -> None:
+    slow = write_dataset(tmp_path, "aliengo", (8.0,))  # below 0.5 m/s for a while
+    raw = NavigationDataset(slow, NavigationConfig(depth=False))
+    stored = np.array([int(raw[n]["action.discrete"]) for n in range(len(raw))])
+    moves = np.flatnonzero(stored)
+    assert (stored[: moves[-1]] == 0).sum() > 1
+    item = EpisodeSequences(select_all([slow]), tokens, SequenceConfig(images=False))[0]
+    actions = item["action"].numpy()
+    np.testing.assert_array_equal(actions[moves], stored[moves])
+    assert actions[: moves[-1]].all() and not actions[moves[-1] + 1 :].any()
+    for frame in np.flatnonzero(stored[: moves[-1]] == 0):
+        assert actions[frame] == stored[moves[moves > frame][0]]
+    assert item["previous_action"].tolist() == [0, *(actions[:-1] + 1)]
+    changed = np.concatenate([[True], np.diff(actions) != 0])
+    np.testing.assert_allclose(item["weight"], np.where(changed, np.float32(3.2), 1))
+    executed = write_dataset(tmp_path, "vlnce", (2.0,))
+    table = read_index(executed)
+    assert not table.entry(0).actions_derived and read_index(slow).entry(0).actions_derived
+
+
+def test_a_long_episode_is_cut_and_says_so(root: Path, tokens: Tokens) -> None:
+    whole = EpisodeSequences(select_all([root]), tokens)[2]
+    short = EpisodeSequences(select_all([root]), tokens, SequenceConfig(max_steps=6))[2]
+    assert (int(short["length"]), bool(short["cut"])) == (6, True)
+    for key in ("rgb", "depth", "action", "weight", "pose"):
+        torch.testing.assert_close(short[key], whole[key][:6])
+
+
+def test_episodes_are_padded_and_packed(root: Path, tokens: Tokens) -> None:
+    sequences = EpisodeSequences(select_all([root]), tokens, SequenceConfig(size_px=16))
+    items = [sequences[n] for n in range(4)]
+    batch = collate_sequences(items)
+    assert batch["rgb"].shape == (4, 19, 3, 16, 16)
+    assert batch["tokens"].shape == (4, 12)
+    assert batch["mask"].sum(1).tolist() == batch["length"].tolist() == [13, 1, 19, 9]
+    assert batch["uid"][2] == items[2]["uid"]
+    assert not batch["weight"][~batch["mask"]].any() and not batch["depth"][~batch["mask"]].any()
+    back, lengths = pad_packed_sequence(pack(batch, "pose"), batch_first=True)
+    torch.testing.assert_close(back, batch["pose"])
+    torch.testing.assert_close(lengths, batch["length"])
+
+
+def test_waypoints_lead_along_the_motions(root: Path, tokens: Tokens) -> None:
+    windows = WaypointWindows(select_all([root]), tokens, WindowConfig(history=2, size_px=16))
+    sequences = EpisodeSequences(select_all([root]), tokens, SequenceConfig(size_px=16))
+    assert len(windows) == STARTS[-1]
+    for episode, step in ((0, 0), (0, 5), (0, 12), (1, 0), (2, 3), (2, 15), (3, 8)):
+        item, whole = windows[int(STARTS[episode]) + step], sequences[episode]
+        count = int(whole["length"])
+        assert (int(item["frame"]), item["uid"]) == (step, whole["uid"])
+        assert item["waypoint_valid"].tolist() == [step + k < count for k in range(1, 9)]
+        np.testing.assert_array_equal(
+            item["motions"], whole["motion"][[min(step + k, count - 1) for k in range(8)]]
+        )
+        motions = np.concatenate([item["motions"].numpy(), np.zeros((1, 3))])
+        path = integrate_motion(motions, np.zeros(3))[1:]
+        np.testing.assert_allclose(item["waypoints"], path, atol=1e-5)
+        assert item["past_valid"].tolist() == [step - k >= 0 for k in (4, 3, 2, 1)]
+        for k, valid in zip((4, 3, 2, 1), item["past_valid"], strict=True):
+            expected = whole["motion"][step - k] if valid else torch.zeros(3)
+            torch.testing.assert_close(item["past_motions"][4 - k], expected)
+        torch.testing.assert_close(item["pose"], whole["pose"][step])
+        assert item["stop_progress"] == (1.0 if count == 1 else np.float32(step / (count - 1)))
+        torch.testing.assert_close(item["rgb"][1], whole["rgb"][step])
+        torch.testing.assert_close(item["rgb"][0], whole["rgb"][max(step - 1, 0)])
+        torch.testing.assert_close(item["depth"][1], whole["depth"][step])
+
+
+POSES = st.lists(
+    st.tuples(*[st.floats(-20, 20)] * 2, st.floats(-3.1, 3.1)), min_size=1, max_size=12
+).map(lambda rows: np.array(rows, np.float64))
+
+
+@settings(max_examples=60, deadline=None)
+@given(POSES, st.integers(0, 11), st.tuples(*[st.floats(-9, 9)] * 3))
+def test_relative_poses_do_not_depend_on_the_world_frame(
+    poses: np.ndarray, frame: int, move: tuple[float, float, float]
+) -> None:
+    frame %= len(poses)
+    x, y, yaw = move
+    c, s = np.cos(yaw), np.sin(yaw)
+    turned = np.column_stack(
+        [poses[:, :2] @ np.array([[c, s], [-s, c]]) + (x, y), poses[:, 2] + yaw]
+    )
+    here, there = relative(poses, frame), relative(turned, frame)
+    np.testing.assert_allclose(here[:, :2], there[:, :2], atol=1e-9)
+    np.testing.assert_allclose(np.cos(here[:, 2] - there[:, 2]), 1.0, atol=1e-12)
+    np.testing.assert_allclose(here[frame], 0.0, atol=1e-12)
+    future = future_poses(poses, 3)
+    later = np.minimum(frame + np.arange(1, 4), len(poses) - 1)
+    np.testing.assert_allclose(future[frame][:, :2], here[later, :2], atol=1e-4)
+
+
+def test_tokens_know_the_training_words_alone(root: Path, tokens: Tokens, tmp_path: Path) -> None:
+    words = tokens.vocabulary.words
+    assert words[:2] == ("<pad>", "<unk>")
+    told = tokens.encode("Walk past the piano.")
+    assert [words[k] for k in told[:5]] == ["walk", "past", "the", "<unk>", "."]
+    assert told[5:].tolist() == [0] * 7
+    assert len(tokens.encode("the " * 50)) == 12
+    assert (tokens.encode("the " * 50) > 1).all()
+    path = tmp_path / "train.json.gz"
+    write_episodes(path, [make_walk(n, "aliengo", 0.0).episode for n in range(3)])
+    of_file = tokens_of_file(path)
+    assert of_file.encode(WORDS[2]).shape == (200,)
+    assert 1 not in of_file.encode(WORDS[2])
+    item = EpisodeSequences(select_all([root]), of_file, SequenceConfig(images=False))[1]
+    np.testing.assert_array_equal(item["tokens"], of_file.encode(WORDS[1]))
+
+
+def test_other_frame_rates_have_windows_but_no_actions(tokens: Tokens, tmp_path: Path) -> None:
+    fast = write_dataset(tmp_path, "h1", (1.0,), rate=10)
+    with pytest.raises(InputError, match="10 frames/s have no discrete actions"):
+        EpisodeSequences(select_all([fast]), tokens)
+    assert WaypointWindows(select_all([fast]), tokens)[3]["waypoints"].shape == (8, 3)
+
+
+@pytest.mark.parametrize("damage", ["half a video", "no rows", "no info", "no columns"])
+def test_damage_is_named(root: Path, tokens: Tokens, tmp_path: Path, damage: str) -> None:
+    copy = tmp_path / "set"
+    shutil.copytree(root, copy)
+    match damage:
+        case "half a video":
+            path = next((copy / "videos" / RGB).rglob("*.mp4"))
+            path.write_bytes(path.read_bytes()[: path.stat().st_size * 3 // 4])
+        case "no rows":
+            path = next((copy / "data").rglob("*.parquet"))
+            path.write_bytes(b"")
+        case "no info":
+            path = copy / "meta" / "info.json"
+            path.write_text("{}")
+        case _:
+            import pyarrow.parquet as pq
+
+            path = next((copy / "meta" / "episodes").rglob("*.parquet"))
+            pq.write_table(pq.read_table(path).drop_columns(["scene_id"]), path)
+    with pytest.raises(FileFormatError, match=path.name):
+        sequences = EpisodeSequences(select_all([read_index(copy)]), tokens)
+        for number in range(4):
+            sequences[number]

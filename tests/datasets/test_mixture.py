@@ -1,0 +1,310 @@
+"""Mixtures: recipes, what they choose, and the order in which it is drawn."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.support.training_data import write_dataset
+from vlnpe.datasets.mixture.loader import MixtureLoader
+from vlnpe.datasets.mixture.plan import Library, choose, plan_mixture
+from vlnpe.datasets.mixture.recipe import Recipe, Source, read_recipe, recipe_of
+from vlnpe.datasets.mixture.sampler import MixtureSampler
+from vlnpe.datasets.mixture.shipped import FOLDER
+from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig, collate_sequences
+from vlnpe.datasets.tokens import training_tokens
+from vlnpe.formats.core.errors import FileFormatError, InputError
+from vlnpe.pipeline.cli import main
+
+EPISODES = {"h1": 6, "aliengo": 8, "vlnce": 5}
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two runs; of the humanoid's episodes one falls."""
+    root = tmp_path_factory.mktemp("runs")
+    for robot, count in EPISODES.items():
+        lengths = [0.5 + 0.25 * (n % 3) for n in range(count)]
+        write_dataset(root / f"run-{robot}", robot, lengths, falls=[1] if robot == "h1" else [])
+    return root
+
+
+def recipe(**changes: Any) -> dict[str, Any]:
+    value: dict[str, Any] = {
+        "recipe": 1,
+        "title": "Test",
+        "sources": {
+            "humanoid": {"robots": ["h1"]},
+            "quadruped": {"robots": "aliengo", "fraction": 0.5},
+            "ghost": {"data": "run-vlnce/lerobot/*", "controllers": ["flash"]},
+        },
+        "mixtures": {
+            "alone": ["humanoid"],
+            "all": {"humanoid": 1.0, "quadruped": 2.0, "ghost": 1},
+            "even": {"sources": ["humanoid", "ghost"], "shares": "equal"},
+        },
+    }
+    return value | changes
+
+
+SIZES = st.lists(st.integers(1, 40), min_size=1, max_size=4)
+
+
+@settings(max_examples=40, deadline=None)
+@given(SIZES, st.data(), st.integers(0, 5))
+def test_every_item_comes_once_before_any_comes_again(sizes, data, seed) -> None:
+    shares = data.draw(st.lists(st.floats(0.1, 3), min_size=len(sizes), max_size=len(sizes)))
+    draws = MixtureSampler(sizes, shares, seed).draws(0, 400)
+    for source, size in enumerate(sizes):
+        items = [item for s, item in draws if s == source]
+        for begin in range(0, len(items) - size + 1, size):
+            assert sorted(items[begin : begin + size]) == list(range(size))
+        expected = 400 * shares[source] / sum(shares)
+        assert abs(len(items) - expected) < 6  # at once, not only on average
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 120), st.integers(1, 50), st.integers(1, 4))
+def test_it_goes_on_anywhere_and_splits_among_processes(
+    drawn: int, length: int, world: int
+) -> None:
+    def sampler(rank: int = 0, world: int = 1, length: int = length) -> MixtureSampler:
+        return MixtureSampler([7, 3, 19], [1, 2, 3], 5, length, rank, world)
+
+    whole = sampler().draws(0, 300)
+    first = sampler()
+    given_out = []
+    while len(given_out) < drawn:
+        for pair in first:
+            given_out.append(pair)
+            if len(given_out) == drawn:
+                break
+    second = sampler()
+    second.load_state_dict(json.loads(json.dumps(first.state_dict())))
+    rest = list(second)
+    assert [*given_out, *rest] == whole[: drawn + len(rest)]
+    assert (drawn + len(rest)) % length == 0
+    ranks = [sampler(rank, world, 12) for rank in range(world)]
+    assert ranks[0].draws(5, 7) == ranks[0].draws(0, 12)[5:]
+    joined = [p for step in zip(*(r.draws(0, 60) for r in ranks), strict=True) for p in step]
+    for source, size in enumerate([7, 3, 19]):  # all processes together give out every item once
+        items = [item for s, item in joined if s == source]
+        for begin in range(0, len(items) - size + 1, size):
+            assert sorted(items[begin : begin + size]) == list(range(size))
+
+
+@pytest.mark.parametrize("world", [1, 2, 3, 5, 8, 13, 64])
+def test_shares_hold_for_each_process_and_for_all(world: int) -> None:
+    shares = np.array([0.5, 0.3, 0.2])
+    ranks = [MixtureSampler([90, 50, 70], shares, 4, None, r, world) for r in range(world)]
+    chosen = np.array([[source for source, _ in rank.draws(0, 120)] for rank in ranks])
+    counts = (chosen[..., None] == np.arange(3)).cumsum(1)  # (rank, draw, source)
+    expected = np.arange(1, 121)[:, None] * shares
+    assert abs(counts - expected).max() < 3
+    assert abs(counts.sum(0) - world * expected).max() < 10
+    runs = np.diff(np.flatnonzero(np.diff(chosen[0]) != 0))
+    assert runs.max() <= 3  # nobody trains on one source for long
+
+
+def test_a_state_belongs_to_its_episodes(runs: Path) -> None:
+    library = Library(runs)
+    plan = plan_mixture(recipe_of(recipe()), "alone", library)
+    others = recipe(sources=recipe()["sources"] | {"humanoid": {"robots": ["vlnce"]}})
+    other = plan_mixture(recipe_of(others), "alone", library)
+    assert plan.sizes == other.sizes
+    first, second = (MixtureSampler(p.sizes, p.shares, content=p.digest) for p in (plan, other))
+    with pytest.raises(InputError, match="content"):
+        second.load_state_dict(first.state_dict())
+    first.load_state_dict(json.loads(json.dumps(first.state_dict())))
+
+
+def test_epochs_and_seeds_differ() -> None:
+    sampler = MixtureSampler([50], [1])
+    assert list(sampler) != list(sampler)
+    assert MixtureSampler([50], [1], 1).draws(0, 50) != MixtureSampler([50], [1], 2).draws(0, 50)
+    with pytest.raises(InputError, match="sizes"):
+        MixtureSampler([50], [1]).load_state_dict(MixtureSampler([49], [1]).state_dict())
+    with pytest.raises(InputError, match="all above 0"):
+        MixtureSampler([50, 0], [1, 1])
+
+
+def loader(runs: Path, workers: int = 0) -> MixtureLoader:
+    plan = plan_mixture(recipe_of(recipe()), "all", Library(runs))
+    tokens = training_tokens(["walk"], 4)
+    sources = [
+        EpisodeSequences(s.selection, tokens, SequenceConfig(size_px=8)) for s in plan.sources
+    ]
+    sampler = MixtureSampler(plan.sizes, plan.shares, seed=3, length=14)
+    return MixtureLoader(sources, sampler, 4, workers, collate_sequences)
+
+
+def test_batches_are_the_same_with_workers_and_after_going_on(runs: Path) -> None:
+    alone = loader(runs)
+    assert len(alone) == 4
+    batches = [*alone, *alone]  # two epochs
+    assert [len(b["uid"]) for b in batches] == [4, 4, 4, 2] * 2
+    assert {r for b in batches for r in b["robot"]} == set(EPISODES)
+    helped = loader(runs, workers=1)
+    for number, batch in enumerate(helped):
+        assert batch["uid"] == batches[number]["uid"]
+        torch.testing.assert_close(batch["depth"], batches[number]["depth"])
+        if number == 1:
+            state = json.loads(json.dumps(helped.state_dict()))
+            break
+    resumed = loader(runs)
+    resumed.load_state_dict(state)  # workers had fetched ahead; the state tells what was given
+    assert len(resumed) == 2
+    for number, batch in enumerate([*resumed, *resumed], 2):
+        assert batch["uid"] == batches[number]["uid"]
+        assert batch["source"] == batches[number]["source"]
+
+
+def test_the_plan_counts_what_it_takes_and_why_not(runs: Path) -> None:
+    made = recipe_of(recipe())
+    plan = plan_mixture(made, "all", Library(runs))
+    humanoid, quadruped, ghost = plan.sources
+    assert len(humanoid.selection) == 5
+    dropped = Counter()
+    for row in humanoid.rows:
+        dropped.update(row.dropped)
+    assert dropped == {"robot aliengo": 8, "robot vlnce": 5, "end_reason fall": 1}
+    assert 0 < len(quadruped.selection) < 8
+    assert len(ghost.selection) == 5
+    raw = [5 * 1.0, len(quadruped.selection) * 2.0, 5 * 1.0]
+    assert plan.shares == pytest.approx([value / sum(raw) for value in raw])
+    assert plan_mixture(made, "even", Library(runs)).shares == pytest.approx([0.5, 0.5])
+    frames = plan_mixture(made, "alone", Library(runs), "frames")
+    assert frames.sizes == [int(humanoid.selection.lengths.sum())]
+    everything = set(humanoid.selection.trajectories())
+    some = frozenset(list(everything)[:2])
+    rest = plan_mixture(made, "alone", Library(runs), held_out=some).sources[0]
+    assert set(rest.selection.trajectories()) == everything - some
+
+
+def test_other_views_and_copies_are_left_out_and_counted(runs: Path, tmp_path: Path) -> None:
+    for camera in ("ego", "chase"):
+        write_dataset(tmp_path / "a", "h1", [0.5, 0.75, 0.5], camera=camera)
+    shutil.copytree(tmp_path / "a" / "lerobot" / "h1", tmp_path / "b" / "lerobot" / "converted")
+    library = Library(tmp_path)
+
+    def taken(**changes: Any) -> tuple[list[str], Counter[str]]:
+        selection, rows = choose(Source(robots=("h1",), **changes), "x", library)
+        dropped: Counter[str] = Counter()
+        for row in rows:
+            dropped.update(row.dropped)
+        entries = [selection.entry(n) for n in range(len(selection))]
+        return sorted(f"{e.camera} {e.uid.split('/')[-1]}" for e in entries), dropped
+
+    own = ["ego ep0", "ego ep1", "ego ep2"]
+    assert taken() == (own, {"camera chase": 3, "duplicate": 3})
+    every, dropped = taken(cameras=())
+    assert every == [*(f"chase ep{n}" for n in range(3)), *own] and dropped == {"duplicate": 3}
+    with pytest.raises(InputError, match="6 × camera ego"):
+        taken(cameras=("top",))
+
+
+def test_a_larger_fraction_contains_a_smaller_one_for_every_robot(runs: Path) -> None:
+    library = Library(runs)
+    taken = {
+        (robot, part): set(
+            choose(Source(robots=(robot,), fraction=part), "x", library)[0].trajectories()
+        )
+        for robot in ("aliengo", "vlnce")
+        for part in (0.5, 0.8, 1.0)
+    }
+    for robot in ("aliengo", "vlnce"):
+        assert taken[robot, 0.5] <= taken[robot, 0.8] <= taken[robot, 1.0]
+    assert taken["vlnce", 0.5] <= taken["aliengo", 0.5]
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"recipe": 2}, "valid: 1"),
+        ({"surces": {}}, "unknown key in recipe: 'surces'; valid: compare, evaluate"),
+        ({"sources": {"humanoid": {"robot": "h1"}}}, "'robot'; valid: cameras, controllers, data"),
+        ({"sources": {"humanoid": {"outcomes": ["won"]}}}, "'won'; valid: collision_start"),
+        ({"sources": {"humanoid": {"fraction": 2}}}, "fraction 2"),
+        ({"sources": {"humanoid": {"robots": [3]}}}, "a name, or a list of names"),
+        ({"mixtures": {"all": ["humanoids"]}}, "'humanoids'; valid: ghost, humanoid, quadruped"),
+        ({"mixtures": {"all": {"ghost": -1}}}, "weight -1"),
+        ({"mixtures": {"all": {"ghost": "much"}}}, "'much'; valid: a number"),
+        ({"mixtures": {"all": {"sources": ["ghost"], "shares": "fair"}}}, "'fair'; valid: equal"),
+        ({"mixtures": {}}, "at least one mixture"),
+        ({"evaluate": ["dog"]}, "unknown source to evaluate 'dog'"),
+        ({"compare": [["all"]]}, "pairs"),
+        ({"compare": [["all", "none"]]}, "'none'; valid: all, alone, even"),
+        ({"holdout": "room"}, "'room'; valid: auto, scene, trajectory"),
+        ({"holdout_fraction": 1.0}, "between 0 and 1"),
+    ],
+)
+def test_a_wrong_recipe_is_told_what_is_valid(changes: dict, told: str, tmp_path: Path) -> None:
+    path = tmp_path / "recipe.yaml"
+    path.write_text(json.dumps(recipe(**changes)))
+    with pytest.raises(FileFormatError) as caught:
+        read_recipe(path)
+    assert told in str(caught.value)
+    assert "recipe.yaml" in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["a: [", "- 1", "", "\x00"])
+def test_what_is_no_recipe_is_refused(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "recipe.yaml"
+    path.write_text(text)
+    with pytest.raises(FileFormatError, match=r"recipe\.yaml"):
+        read_recipe(path)
+
+
+def test_shipped_recipes_are_valid() -> None:
+    found = {path.stem: read_recipe(path) for path in FOLDER.glob("*.yaml")}
+    assert set(found) == {"cross_embodiment", "controller", "lighting"}
+    table: Recipe = found["cross_embodiment"]
+    assert len(table.mixtures) >= 6
+
+
+def test_the_command_shows_what_it_trains_on(
+    runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "recipe.yaml"
+    path.write_text(json.dumps(recipe()))
+    assert main(["mix", str(path), "--data", str(runs), "--dry-run", "--json"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any("humanoid" in line and "1 end_reason fall" in line for line in lines)
+    plan = json.loads(lines[-1])
+    assert [m["mixture"] for m in plan["mixtures"]] == ["alone", "all", "even"]
+    assert sum(s["share"] for s in plan["mixtures"][1]["sources"]) == pytest.approx(1)
+    out = tmp_path / "chosen.json"
+    assert main(["mix", str(path), "--data", str(runs), "--out", str(out)]) == 0
+    chosen = json.loads(out.read_text())["episodes"]["alone"]["humanoid"]
+    assert list(chosen.values()) == [[0, 2, 3, 4, 5]]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--dry-run", "--mixture", "some"], "valid: all, alone, even"),
+        (["--dry-run", "--draws", "steps"], "valid: episodes, frames"),
+        ([], "--dry-run"),
+        (["--dry-run", "--data", "nowhere"], "no such folder"),
+    ],
+)
+def test_wrong_calls_end_with_code_2(
+    runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list, told: str
+) -> None:
+    path = tmp_path / "recipe.yaml"
+    path.write_text(json.dumps(recipe()))
+    assert main(["mix", str(path), "--data", str(runs), *arguments]) == 2
+    assert told in capsys.readouterr().err
+    missing = recipe(sources={"humanoid": {"robots": ["g1"]}}, mixtures={"all": ["humanoid"]})
+    path.write_text(json.dumps(missing))
+    assert main(["mix", str(path), "--data", str(runs), "--dry-run"]) == 2
+    assert "8 × robot aliengo" in capsys.readouterr().err

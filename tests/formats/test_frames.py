@@ -1,0 +1,116 @@
+"""Frames: round trips, and the known values of the public data."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.testing import assert_allclose
+
+from vlnpe.formats.core import frames
+
+angles = st.floats(-3.1, 3.1)
+vectors = arrays(np.float64, 3, elements=st.floats(-1e3, 1e3))
+quaternions = (
+    arrays(np.float64, 4, elements=st.floats(-1, 1))
+    .filter(lambda q: np.linalg.norm(q) > 0.1)
+    .map(lambda q: q / np.linalg.norm(q))
+)
+
+
+def same_rotation(a, b):
+    return min(np.linalg.norm(a - b), np.linalg.norm(a + b)) < 1e-7
+
+
+@given(vectors)
+def test_habitat_positions_round_trip(p):
+    assert_allclose(frames.world_to_habitat_position(frames.habitat_to_world_position(p)), p)
+    assert_allclose(
+        frames.transform_points(frames.HABITAT_TO_WORLD, p), frames.habitat_to_world_position(p)
+    )
+
+
+def test_habitat_axes():
+    up, forward = [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]
+    assert_allclose(frames.habitat_to_world_position(up), [0, 0, 1])
+    assert_allclose(frames.habitat_to_world_position(forward), [0, 1, 0])
+
+
+@given(angles)
+def test_habitat_headings_round_trip(yaw):
+    back = frames.habitat_to_world_yaw(frames.world_to_habitat_rotation(yaw))
+    assert abs(frames.wrap_angle(back - yaw)) < 1e-9
+
+
+def test_habitat_identity_looks_along_minus_z_which_is_world_plus_y():
+    assert frames.habitat_to_world_yaw([0, 0, 0, 1]) == pytest.approx(np.pi / 2)
+
+
+def test_known_start_of_r2r_val_unseen_episode_1():
+    # start_rotation [0, 0.5, 0, 0.866] xyzw is a turn of 60° about y; VLN-PE adds 90°.
+    assert frames.habitat_to_world_yaw([0, 0.5, 0, 0.8660254]) == pytest.approx(
+        np.deg2rad(150), abs=1e-6
+    )
+
+
+def test_known_camera_pose_of_matterport():
+    # A camera at (x, y, z), height h above the floor: Habitat (x, z − h, −y).
+    x, y, z, h = 3.0, -2.0, 1.7, 1.5
+    assert_allclose(frames.habitat_to_world_position([x, z - h, -y]), [x, y, z - h])
+
+
+@given(quaternions)
+def test_matrix_round_trip_and_orthonormality(q):
+    m = frames.quat_to_matrix(q)
+    assert_allclose(m @ m.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(m) == pytest.approx(1.0)
+    assert same_rotation(frames.matrix_to_quat(m), q)
+
+
+@given(quaternions)
+def test_orders_round_trip(q):
+    assert_allclose(frames.xyzw_to_wxyz(frames.wxyz_to_xyzw(q)), q)
+    assert frames.wxyz_to_xyzw(q)[3] == q[0]
+
+
+@given(quaternions, quaternions)
+def test_product_of_quaternions_is_product_of_matrices(a, b):
+    product = frames.quat_to_matrix(frames.quat_multiply(a, b))
+    assert_allclose(product, frames.quat_to_matrix(a) @ frames.quat_to_matrix(b), atol=1e-12)
+
+
+@given(angles)
+def test_yaw_round_trip(yaw):
+    q = frames.yaw_to_quat(yaw)
+    assert frames.quat_to_yaw(q) == pytest.approx(yaw, abs=1e-9)
+    assert_allclose(frames.quat_to_matrix(q)[:, 0], [np.cos(yaw), np.sin(yaw), 0], atol=1e-12)
+
+
+@given(angles, st.floats(-1.5, 1.5), angles)
+def test_roll_and_pitch_of_z_y_x_angles(roll, pitch, yaw):
+    def about(axis, angle):
+        q = np.zeros(4)
+        q[0], q[1 + axis] = np.cos(angle / 2), np.sin(angle / 2)
+        return q
+
+    q = frames.quat_multiply(frames.quat_multiply(about(2, yaw), about(1, pitch)), about(0, roll))
+    found = frames.quat_to_roll_pitch(q)
+    assert found[0] == pytest.approx(roll, abs=1e-5)
+    assert found[1] == pytest.approx(pitch, abs=1e-5)
+
+
+@given(st.floats(-100, 100))
+def test_wrapped_angles_are_the_same_direction(angle):
+    wrapped = float(frames.wrap_angle(angle))
+    assert -np.pi <= wrapped < np.pi
+    assert np.cos(wrapped) == pytest.approx(np.cos(angle), abs=1e-9)
+    assert np.sin(wrapped) == pytest.approx(np.sin(angle), abs=1e-9)
+
+
+def test_optical_axes():
+    forward, left, up = np.eye(3)
+    assert_allclose(frames.OPTICAL_IN_BODY @ [0, 0, 1], forward)
+    assert_allclose(frames.OPTICAL_IN_BODY @ [1, 0, 0], -left)
+    assert_allclose(frames.OPTICAL_IN_BODY @ [0, 1, 0], -up)

@@ -1,0 +1,82 @@
+"""Storeys, steps, ramps and sunken areas are told from furniture, roofs and holes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from tests.support import buildings, scans
+from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.scene_repair.config import RepairConfig
+from vlnpe.scene_repair.repair import repair_scene
+
+QUICK = RepairConfig(picture_px=200)
+
+
+def repaired(parts: list[trimesh.Trimesh], folder: Path) -> SceneBundle:
+    source = scans.write_glb(parts, folder / "scan.glb")
+    out = folder / "bundle"
+    out.mkdir()
+    return repair_scene(source, out, QUICK)
+
+
+# Building, floor heights of its levels, and floor area of each.
+BUILDINGS = {
+    "two storeys": (buildings.two_storeys(), (0.0, 2.8), (20.0, 17.5)),
+    "no roof": (buildings.two_storeys(roof=False), (0.0, 2.8), (20.0, 17.5)),
+    "split level": (buildings.split_level(0.4), (0.0,), (28.0,)),
+    "ramp": (buildings.ramp(), (0.125,), (27.0,)),
+    "sunken": (buildings.sunken(0.3), (0.0,), (30.0,)),
+    "slightly sunken": (buildings.sunken(0.15), (0.0,), (30.0,)),
+    "mezzanine": (buildings.mezzanine(), (0.0, 2.5), (24.0, 8.0)),
+    "furniture": (buildings.furnished(), (0.0,), (30.0,)),
+}
+
+
+@pytest.mark.parametrize("name", BUILDINGS)
+def test_levels_and_their_floor(name: str, tmp_path: Path) -> None:
+    parts, heights, areas = BUILDINGS[name]
+    bundle = repaired(parts, tmp_path)
+    assert bundle.level_floor_z_m == pytest.approx(heights, abs=0.01)
+    levels = json.loads((bundle.root / "repair.json").read_text())["levels"]
+    for level, area in zip(levels, areas, strict=True):
+        assert level["floor_area_before_m2"] == pytest.approx(area, rel=0.01)
+        # Nothing is missing in these buildings, so nothing may be added.
+        assert level["patched_area_m2"] < 0.01
+        assert level["bumps"] == []
+
+
+@pytest.mark.parametrize(
+    ("name", "heights"),
+    [("split level", (0.0, 0.4)), ("sunken", (-0.3, 0.0)), ("slightly sunken", (-0.15, 0.0))],
+)
+def test_steps_stay_sharp(name: str, heights: tuple[float, float], tmp_path: Path) -> None:
+    floor = repaired(BUILDINGS[name][0], tmp_path).floor(0)
+    apart = np.abs(floor.height_m[floor.covered][:, None] - np.array(heights)).min(axis=1)
+    assert apart.max() < 0.002
+
+
+def test_hole_in_a_ramp_is_filled_in_its_slope(tmp_path: Path) -> None:
+    hole = scans.disc(4.5, 1.5, 0.6)
+    bundle = repaired(buildings.ramp(without=hole), tmp_path)
+    floor = bundle.floor(0)
+    i, j = np.indices(floor.grid.shape)
+    xy = floor.grid.center_of(np.stack([i, j], axis=-1))
+    inside = hole(xy.reshape(-1, 2)).reshape(floor.grid.shape)
+    assert floor.covered[inside].all()
+    assert floor.height_m[inside] == pytest.approx((xy[inside][:, 0] - 3.0) / 12, abs=0.003)
+
+
+def test_hole_in_a_sunken_area_is_filled_at_its_depth(tmp_path: Path) -> None:
+    hole = scans.rectangle((2.0, 2.0), (3.0, 3.0))
+    bundle = repaired(buildings.sunken(0.3, hole), tmp_path)
+    floor = bundle.floor(0)
+    i, j = np.indices(floor.grid.shape)
+    xy = floor.grid.center_of(np.stack([i, j], axis=-1))
+    inside = hole(xy.reshape(-1, 2)).reshape(floor.grid.shape)
+    assert floor.covered[inside].all()
+    assert floor.height_m[inside] == pytest.approx(-0.3, abs=0.005)

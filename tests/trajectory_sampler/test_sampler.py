@@ -1,0 +1,253 @@
+"""Sampling episodes, and the rooms they pass between."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vlnpe.formats.core.errors import InputError, SceneError
+from vlnpe.formats.core.frames import wrap_angle
+from vlnpe.formats.scene.bundle import LabeledObject
+from vlnpe.formats.scene.freemap import AGENT_RADIUS_M, Freemap
+from vlnpe.formats.vlnce.files import read_episodes, write_episodes
+from vlnpe.trajectory_sampler.config import SampleConfig
+from vlnpe.trajectory_sampler.sampling import sample_episodes
+from vlnpe.trajectory_sampler.similarity import path_gap
+from vlnpe.wayfinding.crossings import crossings
+from vlnpe.wayfinding.planning import path_clearance, path_length, segments_free
+from vlnpe.wayfinding.regions import region_map
+
+CONFIG = SampleConfig(count=2, min_length_m=5.0)
+
+
+def sample(bundle, seed=0, **changes):
+    return sample_episodes(bundle, replace(CONFIG, **changes), np.random.default_rng(seed))
+
+
+@pytest.fixture
+def unlabelled(two_rooms):
+    return replace(two_rooms, objects=())
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_episodes_are_what_they_promise(two_rooms, seed):
+    result = sample(two_rooms, seed)
+    assert len(result.episodes) == 2
+    freemap = two_rooms.freemap(0)
+    regions = region_map(two_rooms, 0)
+    for episode in result.episodes:
+        path = episode.reference_path_world_m
+        assert np.array_equal(path[0], episode.start_position_world_m)
+        assert np.array_equal(path[-1], episode.goal_position_world_m)
+        assert 5.0 <= path_length(path) <= 20.0
+        assert segments_free(freemap.grid, freemap.free(CONFIG.robot_radius_m), path).all()
+        assert path_clearance(freemap, path).min() >= CONFIG.robot_radius_m
+        assert path_clearance(freemap, path[[0, 0]])[0] >= CONFIG.end_clearance_m
+        assert np.linalg.norm(np.diff(path, axis=0), axis=1).max() <= 1.0 + 1e-6
+        # The doorway is 1 m wide and at x = 4.
+        (crossing,) = crossings(regions, path)
+        assert abs(crossing.position_xy_m[0] - 4.0) < 0.5
+        assert 0.8 <= crossing.width_m <= 1.2
+        assert episode.extra["crossings"][0]["doorway"]
+        assert sorted(episode.extra["rooms"]) == ["kitchen", "living room"]
+        ahead = path[1] - path[0]
+        off = wrap_angle(np.arctan2(ahead[1], ahead[0]) - episode.start_yaw_rad)
+        assert abs(float(off)) < 0.6
+        goal = freemap.distance_field(path[-1][:2], AGENT_RADIUS_M)
+        assert episode.geodesic_distance_m == pytest.approx(float(goal.at(path[0][:2])), abs=0.1)
+
+
+def test_the_same_seed_gives_the_same_episodes(two_rooms):
+    a, b, c = (sample(two_rooms, seed).episodes for seed in (3, 3, 4))
+    assert str(a) == str(b)
+    assert str(a) != str(c)
+
+
+def test_episodes_survive_their_file(two_rooms, tmp_path):
+    episodes = sample(two_rooms).episodes
+    write_episodes(tmp_path / "e.json.gz", episodes)
+    assert str(read_episodes(tmp_path / "e.json.gz")) == str(episodes)
+
+
+def test_too_many_asked_for_gives_fewer_and_says_why(two_rooms):
+    result = sample(two_rooms, count=12)
+    assert 2 <= len(result.episodes) < 12
+    assert result.dropped["too_similar"] > 0
+    assert f"{len(result.episodes)} of 12" in result.summary
+    paths = [e.reference_path_world_m for e in result.episodes]
+    for k, path in enumerate(paths):
+        assert path_gap(path, paths[:k] + paths[k + 1 :]) >= CONFIG.min_gap_m
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"min_length_m": 30.0, "max_length_m": 40.0},
+        {"robot_radius_m": 0.6, "end_clearance_m": 0.6},  # wider than the door
+        {"robot_radius_m": 3.0, "end_clearance_m": 3.0},  # wider than the rooms
+    ],
+)
+def test_no_episode_at_all_is_an_error_with_the_counts(two_rooms, changes):
+    with pytest.raises(SceneError) as caught:
+        sample(two_rooms, **changes)
+    assert "two_rooms" in str(caught.value)
+    assert "m²" in str(caught.value)
+    if changes.get("min_length_m") == 30.0:
+        # From corner to corner of the two rooms, round the jambs.
+        longest = re.search(r"longest way on it about ([\d.]+) m", str(caught.value))
+        assert longest
+        assert 7.0 < float(longest[1]) < 9.0
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"count": 0},
+        {"min_length_m": 9.0, "max_length_m": 8.0},
+        {"robot_radius_m": 0.0},
+        {"end_clearance_m": 0.1},
+    ],
+)
+def test_impossible_configurations_are_refused(changes):
+    with pytest.raises(InputError, match="valid"):
+        replace(CONFIG, **changes)
+
+
+def test_a_single_room_gives_episodes_without_crossings(two_rooms, caplog):
+    hall = LabeledObject("Hall", "room:hall", (0.0, 0.0, 0.0), (8.0, 4.0, 2.6), 0)
+    result = sample(replace(two_rooms, objects=(hall,)))
+    assert result.episodes
+    assert all(e.extra["crossings"] == [] for e in result.episodes)
+    assert "single room" in caplog.text
+
+
+def test_levels_are_served_in_turn(two_rooms):
+    class TwoLevels:
+        """The two rooms, and the same again 3 m higher."""
+
+        scene_id = "tower"
+        level_floor_z_m = (0.0, 3.0)
+        objects = two_rooms.objects
+
+        def freemap(self, level):
+            low = two_rooms.freemap(0)
+            return Freemap(low.grid, low.floor_z_m + np.float32(3.0 * level), low.traversable)
+
+        def floor(self, level):
+            return two_rooms.floor(0)
+
+        def obstacles(self, level):
+            low = two_rooms.obstacles(0)
+            return replace(low, center_m=low.center_m + np.array([0.0, 0.0, 3.0 * level]))
+
+    episodes = sample(TwoLevels(), min_gap_m=0.5).episodes
+    assert sorted(e.level for e in episodes) == [0, 1]
+    for episode in episodes:
+        assert np.allclose(episode.reference_path_world_m[:, 2], 3.0 * episode.level)
+
+
+def test_rooms_without_labels_are_found_by_the_walls(unlabelled):
+    regions = region_map(unlabelled, 0)
+    assert len(regions.names) == 2
+    assert set(regions.names) == {""}
+    left, right, door = regions.at([[1.0, 1.0], [7.0, 3.0], [4.0, 0.5]])
+    assert left != right
+    assert {int(left), int(right)} == {0, 1}
+    assert door == -1  # inside the wall
+    border = [x for x in np.arange(3.0, 5.0, 0.05) if regions.at((x, 2.0)) == left]
+    assert max(border) == pytest.approx(4.0, abs=0.3)
+
+
+def test_furniture_names_rooms(two_rooms):
+    things = tuple(
+        replace(o, category="refrigerator") if o.name == "Table_1" else o
+        for o in two_rooms.objects
+        if not o.category.startswith("room:")
+    )
+    regions = region_map(replace(two_rooms, objects=things), 0)
+    assert regions.name_at((1.0, 1.0)) == "kitchen"
+    assert regions.name_at((7.0, 3.0)) == "living room"
+
+
+def test_one_space_with_two_uses_is_two_rooms(two_rooms):
+    hall = LabeledObject("Bed", "bed", (0.5, 0.5, 0.0), (1.5, 1.5, 0.5), 0)
+    fridge = LabeledObject("Fridge", "refrigerator", (3.2, 3.2, 0.0), (3.8, 3.8, 1.2), 0)
+    regions = region_map(replace(two_rooms, objects=(hall, fridge)), 0)
+    assert regions.name_at((1.0, 1.0)) == "bedroom"
+    assert regions.name_at((3.5, 3.0)) == "kitchen"
+
+
+def test_small_furniture_and_lamps_are_no_walls(unlabelled):
+    before = region_map(unlabelled, 0)
+
+    class Furnished:
+        scene_id = "furnished"
+        level_floor_z_m = unlabelled.level_floor_z_m
+        objects = ()
+
+        def floor(self, level):
+            return unlabelled.floor(level)
+
+        def obstacles(self, level):
+            boxes = unlabelled.obstacles(level)
+            more = np.array([[2.0, 2.0, 0.4], [2.0, 2.0, 1.8], [6.0, 3.0, 0.9]])
+            half = np.array([[0.6, 1.0, 0.4], [0.5, 0.5, 0.4], [0.1, 0.1, 0.9]])
+            return replace(
+                boxes,
+                center_m=np.vstack([boxes.center_m, more]),
+                half_m=np.vstack([boxes.half_m, half]),
+            )
+
+    after = region_map(Furnished(), 0)
+    assert np.array_equal(before.region, after.region)
+
+
+def test_crossings_ignore_short_visits(two_rooms):
+    regions = region_map(two_rooms, 0)
+    peek = np.array([[1.0, 2.0, 0.0], [4.3, 2.0, 0.0], [1.0, 2.2, 0.0]])
+    assert crossings(regions, peek) == []
+    there = np.array([[1.0, 2.0, 0.0], [6.0, 2.0, 0.0], [1.0, 2.2, 0.0]])
+    found = crossings(regions, there)
+    assert [regions.names[c.to_region] for c in found] == ["living room", "kitchen"]
+    assert found[0].along_m == pytest.approx(3.0, abs=0.2)
+
+
+def test_gap_tells_the_way_back_from_the_way_there():
+    path = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0]])
+    assert path_gap(path, [path]) == pytest.approx(0.0)
+    assert path_gap(path, [path[::-1]]) > 4.0
+    assert path_gap(path, [path + np.array([0.0, 0.7, 0.0])]) == pytest.approx(0.7)
+    assert path_gap(path, []) == np.inf
+
+
+def test_walls_thinner_than_a_cell_are_walls(unlabelled):
+    class Thin:
+        """The two rooms with walls of 2 cm, as a scan's surfaces often are."""
+
+        scene_id = "thin"
+        level_floor_z_m = unlabelled.level_floor_z_m
+        objects = ()
+
+        def floor(self, level):
+            return unlabelled.floor(level)
+
+        def obstacles(self, level):
+            boxes = unlabelled.obstacles(level)
+            return replace(boxes, half_m=np.where(boxes.half_m == 0.05, 0.01, boxes.half_m))
+
+    regions = region_map(Thin(), 0)
+    left, right = regions.at([[1.0, 1.0], [7.0, 3.0]])
+    assert left != right
+    assert regions.at((4.0, 0.5)) == -1
+
+
+def test_a_goal_just_behind_a_door_is_in_the_next_room(two_rooms):
+    regions = region_map(two_rooms, 0)
+    behind = np.array([[1.0, 2.0, 0.0], [4.6, 2.0, 0.0]])
+    assert [regions.names[c.to_region] for c in crossings(regions, behind)] == ["living room"]
+    on_the_sill = np.array([[1.0, 2.0, 0.0], [4.2, 2.0, 0.0]])
+    assert crossings(regions, on_the_sill) == []
