@@ -19,7 +19,8 @@ from scipy.spatial.distance import cdist
 
 from ..formats.core.episode import Episode
 from ..formats.core.rollout import STATE_RATE_HZ, EndReason, Metrics
-from ..formats.scene.freemap import AGENT_RADIUS_M, DistanceField, Freemap
+from ..formats.scene.freemap import Freemap
+from ..wayfinding.distance import AGENT_RADIUS_M, DistanceField, distance_field
 from ..wayfinding.planning import path_length
 from .polyline import space_evenly
 
@@ -84,7 +85,7 @@ def rollout_metrics(
     track = position_world_m[ticks, :2]
     goal = episode.goal_position_world_m[:2]
     if field is None:
-        field = freemap.distance_field(goal, AGENT_RADIUS_M)
+        field = distance_field(freemap, goal, AGENT_RADIUS_M)
     distance = field.at(track)
     length = path_length(track)
     success = end_reason in _STOPPED and bool(distance[-1] < episode.goal_radius_m)

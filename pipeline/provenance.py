@@ -16,7 +16,15 @@ from ..formats.scene.bundle import SceneBundle
 from ..formats.video.mp4 import DEPTH_CODEC, RGB_CODECS
 from .engine.keys import PACKAGE_ROOT, code_version, digest
 
-ROOMS = ("collectors", "formats", "instruction_gen", "scene_repair", "trajectory_sampler")
+PACKAGES = (
+    "apartments",
+    "collectors",
+    "formats",
+    "instruction_gen",
+    "scene_repair",
+    "trajectory_sampler",
+    "wayfinding",
+)
 # Facts of a rollout that tell how it was made, not what happened in it.
 MAKING = (
     "seed",
@@ -67,7 +75,7 @@ def provenance(
     options = dict(facts.get("options") or {})
     return {
         "vlnpe": version("vlnpe"),
-        "code_sha256": code_version(*ROOMS),
+        "code_sha256": code_version(*PACKAGES),
         "lock_sha256": file_digest(lock) if lock.is_file() else None,
         "config_sha256": digest(options, made, dict(encoding)),
         "scenes": {bundle.scene_id: bundle.source for bundle in bundles},
@@ -96,7 +104,7 @@ def scene_provenance(
     lock = PACKAGE_ROOT / "uv.lock"
     return {
         "vlnpe": version("vlnpe"),
-        "code_sha256": code_version(*ROOMS),
+        "code_sha256": code_version(*PACKAGES),
         "lock_sha256": file_digest(lock) if lock.is_file() else None,
         "scenes": {bundle.scene_id: bundle.source},
         "held_out_scenes": list(held_out),

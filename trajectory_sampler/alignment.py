@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from ..formats.core.episode import Episode
 from ..formats.core.frames import HABITAT_TO_WORLD, habitat_to_world_yaw, transform_points
 from ..formats.scene.bundle import SceneBundle
-from ..formats.scene.freemap import AGENT_RADIUS_M, Freemap, nearest_cell
+from ..formats.scene.freemap import Freemap
 from ..formats.vlnce.files import VlnceEpisode, VlnceFile
+from ..wayfinding.distance import AGENT_RADIUS_M, distance_field, nearest_cell
 from ..wayfinding.planning import floor_z, plan_path, segments_free, simplify_path
 
 Array = NDArray[np.float64]
@@ -119,7 +120,7 @@ def _align(
     free = freemap.free(config.robot_radius_m)
     start_xy, start_moved = _nudged(freemap, free, start, "start", config)
     goal_xy, goal_moved = _nudged(freemap, free, goal, "goal", config)
-    reach = freemap.distance_field(goal_xy, config.robot_radius_m)
+    reach = distance_field(freemap, goal_xy, config.robot_radius_m)
     if not np.isfinite(reach.at(start_xy)):
         raise _RejectedError(
             "start and goal are not connected for a robot of radius "
@@ -145,7 +146,7 @@ def _align(
         start_yaw_rad=_yaw(to_world, raw),
         goal_position_world_m=whole[-1].copy(),
         reference_path_world_m=whole,
-        geodesic_distance_m=float(freemap.distance_field(goal_xy, AGENT_RADIUS_M).at(start_xy)),
+        geodesic_distance_m=float(distance_field(freemap, goal_xy, AGENT_RADIUS_M).at(start_xy)),
         instruction=raw.instruction_text,
         goal_radius_m=raw.goals[0].radius_m,
         extra={**_source_keys(raw), "source_scene_id": raw.scene_id, "alignment": changes},

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from skimage.measure import label
 
 from ..formats.scene.bundle import SceneBundle
-from ..formats.scene.freemap import AGENT_RADIUS_M, Freemap
+from ..formats.scene.freemap import Freemap
 from ..wayfinding.crossings import Crossing, crossings
+from ..wayfinding.distance import AGENT_RADIUS_M, distance_field
 from ..wayfinding.planning import PlanConfig, path_length, plan_path, segments_free, simplify_path
 from ..wayfinding.regions import RegionMap, region_map
 from .config import SampleConfig
@@ -107,7 +108,7 @@ def from_one_start(
     left = Counter(from_room for from_room, _ in visits.elements())
     room = _least(np.unique(level.rooms), left, rng)
     start = grid.center_of(rng.choice(level.cells[level.rooms == room]))
-    field = level.freemap.distance_field(start, level.radius_m)
+    field = distance_field(level.freemap, start, level.radius_m)
     way = field.distance_m[level.cells[:, 0], level.cells[:, 1]]
     fits = (way >= config.min_length_m) & (way <= config.max_length_m)
     if level.min_crossings:
@@ -132,7 +133,7 @@ def longest_way(level: Level) -> float:
         return 0.0
     end, longest = level.cells[0], 0.0
     for _ in range(2):
-        field = level.freemap.distance_field(level.freemap.grid.center_of(end), level.radius_m)
+        field = distance_field(level.freemap, level.freemap.grid.center_of(end), level.radius_m)
         way = field.distance_m[level.cells[:, 0], level.cells[:, 1]]
         way = np.where(np.isfinite(way), way, 0.0)
         end, longest = level.cells[int(np.argmax(way))], float(way.max())
@@ -166,10 +167,10 @@ def _judge(
     if not segments_free(level.freemap.grid, level.freemap.free(level.radius_m), reference).all():
         return "unsafe"
     # Compare with what the robot could have done, not with the roomier way.
-    tight = level.freemap.distance_field(goal, config.robot_radius_m)
+    tight = distance_field(level.freemap, goal, config.robot_radius_m)
     if length > config.max_detour * float(tight.at(start)):
         return "detour"
-    geodesic = float(level.freemap.distance_field(goal, AGENT_RADIUS_M).at(start))
+    geodesic = float(distance_field(level.freemap, goal, AGENT_RADIUS_M).at(start))
     ends = (int(level.regions.at(start)), int(level.regions.at(goal)))
     first = crossed[0].from_region if crossed else ends[0]
     names = tuple(level.regions.names[r] for r in (first, *(c.to_region for c in crossed)))

@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import map_coordinates
 from skimage.graph import MCP_Geometric
 
-from ..formats.scene.freemap import SNAP_M, Freemap, nearest_cell
+from ..formats.scene.freemap import Freemap
 from ..formats.scene.grid import GridSpec
+from .distance import SNAP_M, nearest_cell
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

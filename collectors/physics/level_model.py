@@ -151,7 +151,7 @@ def _key(bundle: SceneBundle, level: int, robot: RobotSpec, config: LevelModelCo
     digest = hashlib.sha256()
     folder, here = bundle.level_folder(level), Path(__file__).parent
     files = [folder / name for name in ("floor.npz", "obstacles.npz", "freemap.npz")]
-    for path in (*files, *sorted(here.glob("*.py")), *sorted(_FORMATS.glob("*.py"))):
+    for path in (*files, *sorted(here.glob("*.py")), *sorted(_FORMATS.rglob("*.py"))):
         # A missing file is the builder's to complain of.
         digest.update(path.read_bytes() if path.is_file() else b"")
     digest.update(model_bytes(robot.build_model(floor=False)))

@@ -1,9 +1,4 @@
-"""The planning map of one level: where a robot's centre may be, and geodesic distance on it.
-
-It lies in `formats` because both the sampler (which plans episodes) and the collectors (which
-re-plan, and measure NE, OS and SPL by geodesic distance) need it, and rooms never import a
-neighbour.
-"""
+"""The planning map of one level: where a robot's centre may be, and how far obstacles are."""
 
 from __future__ import annotations
 
@@ -11,16 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
-from ...wayfinding.geodesic import taut_distances
 from .grid import GridSpec
-
-# Shortest ways are those of VLN-CE's own agent, Habitat's disc of this radius, for every robot: so
-# NE, OS and SPL compare between robots and with published numbers, and a wide body's longer way
-# round shows up as what embodiment costs.
-AGENT_RADIUS_M = 0.10
 
 
 @dataclass(frozen=True)
@@ -69,108 +58,3 @@ class Freemap:
     def free(self, radius_m: float) -> NDArray[np.bool_]:
         """(rows, columns) bool: a disc of `radius_m` centred in the cell touches nothing."""
         return self.traversable & (self.clearance_m >= radius_m)
-
-    def distance_field(self, goal_xy_m: ArrayLike, radius_m: float = 0.0) -> DistanceField:
-        """Geodesic distances to `goal_xy_m` (2,) [m] for a disc of `radius_m`."""
-        return DistanceField.build(self, np.asarray(goal_xy_m, dtype=np.float64), radius_m)
-
-
-SNAP_M = 0.5  # a point this close to reachable floor counts as standing there
-
-
-@dataclass(frozen=True)
-class DistanceField:
-    """Geodesic distance to one goal over a freemap: lengths of taut strings, see `geodesic`.
-
-    Attributes:
-        grid: the cells.
-        distance_m: (rows, columns) float64 [m] from each cell's centre to the goal; inf where the
-            goal cannot be reached.
-        goal_xy_m: (2,) [m].
-    """
-
-    grid: GridSpec
-    distance_m: NDArray[np.float64]
-    goal_xy_m: NDArray[np.float64]
-
-    @staticmethod
-    def build(freemap: Freemap, goal_xy_m: NDArray[np.float64], radius_m: float) -> DistanceField:
-        """Spread distances from the goal over the cells free for `radius_m`.
-
-        A goal in a blocked cell is entered from the free cells within `SNAP_M`, as a point in a
-        blocked cell is left (see `at`).
-        """
-        grid = freemap.grid
-        free = freemap.free(radius_m)
-        distance = np.full(grid.shape, np.inf)
-        goal = np.asarray(goal_xy_m, dtype=np.float64)
-        source = nearest_cell(grid, free, goal, SNAP_M)
-        if source is not None:
-            offset = (goal - grid.center_of(source))[::-1] / grid.cell_m
-            if np.abs(offset).max() <= 0.5 + 1e-9:
-                distance = taut_distances(free, *source, *offset) * grid.cell_m
-            else:
-                gap = float(np.linalg.norm(offset))
-                distance = (taut_distances(free, *source, 0.0, 0.0) + gap) * grid.cell_m
-        return DistanceField(grid, distance, goal)
-
-    @cached_property
-    def _nearest_reachable(self) -> NDArray[np.int64]:
-        """(rows, columns, 2) the reachable cell nearest to each cell."""
-        blocked = ~np.isfinite(self.distance_m)
-        index = distance_transform_edt(blocked, return_distances=False, return_indices=True)
-        return np.moveaxis(np.asarray(index, dtype=np.int64), 0, -1)
-
-    def at(self, xy_m: ArrayLike) -> NDArray[np.float64]:
-        """Distance [m] from points (..., 2) [m]: (...), inf when unreachable.
-
-        A point's value is the least over the 3 × 3 cells about the reachable cell nearest to it
-        of their distance plus the straight way to their centre. Points farther than `SNAP_M`
-        from every reachable cell are unreachable. Within 1.5 cells of the goal the straight
-        distance is exact.
-        """
-        points = np.asarray(xy_m, dtype=np.float64)
-        flat = points.reshape(-1, 2)
-        straight = np.linalg.norm(flat - self.goal_xy_m, axis=1)
-        result = np.full(len(flat), np.inf)
-        if np.isfinite(self.distance_m).any():
-            limit = np.array(self.grid.shape) - 1
-            cells = np.clip(self.grid.cell_of(flat), 0, limit)
-            base, blocked = cells.copy(), ~np.isfinite(self.distance_m[cells[:, 0], cells[:, 1]])
-            if blocked.any():  # the search for reachable cells takes as long as all the rest
-                base[blocked] = self._nearest_reachable[cells[blocked, 0], cells[blocked, 1]]
-            home = np.linalg.norm(self.grid.center_of(base) - flat, axis=1) <= SNAP_M
-            for dr in (-1, 0, 1):
-                for dc in (-1, 0, 1):
-                    near = np.clip(base + np.array([dr, dc]), 0, limit)
-                    gap = np.linalg.norm(self.grid.center_of(near) - flat, axis=1)
-                    total = self.distance_m[near[:, 0], near[:, 1]] + gap
-                    result = np.where(home, np.minimum(result, total), result)
-        near_goal = straight <= 1.5 * self.grid.cell_m
-        # No way is shorter than the straight one; cells are measured from their centres.
-        result = np.where(near_goal, straight, np.maximum(result, straight))
-        return result.reshape(points.shape[:-1])
-
-
-def nearest_cell(
-    grid: GridSpec, mask: NDArray[np.bool_], xy_m: ArrayLike, within_m: float
-) -> tuple[int, int] | None:
-    """The cell of `mask` (rows, columns) nearest to a point (2,) [m]; None beyond `within_m`.
-
-    The cell that the point lies in, if it is in the mask, wins at any `within_m`.
-    """
-    xy = np.asarray(xy_m, dtype=np.float64)
-    own = grid.cell_of(xy)
-    if grid.inside(own) and mask[tuple(own)]:
-        return int(own[0]), int(own[1])
-    reach = int(np.ceil(within_m / grid.cell_m)) + 1
-    low = np.maximum(own - reach, 0)
-    window = mask[low[0] : max(own[0] + reach + 1, 0), low[1] : max(own[1] + reach + 1, 0)]
-    cells = np.argwhere(window) + low
-    if not len(cells):
-        return None
-    gaps = np.linalg.norm(grid.center_of(cells) - xy, axis=1)
-    best = int(np.argmin(gaps))
-    if gaps[best] > within_m:
-        return None
-    return int(cells[best, 0]), int(cells[best, 1])

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-PACKAGE_ROOT = Path(__file__).resolve().parents[1]
+PACKAGE_ROOT = Path(__file__).resolve().parents[2]
 CODE_SUFFIXES = {".py", ".xml", ".onnx", ".json"}
 
 

@@ -27,7 +27,7 @@ def filter_item(source: Path, out: Path) -> WorkItem:
         FileFormatError: not an episode file.
     """
     read_vlnce(source)  # say at once what is wrong with the user's file
-    code = code_version("trajectory_sampler", "formats", "pipeline/stages/align.py")
+    code = code_version("trajectory_sampler", "wayfinding", "formats", "pipeline/stages/align.py")
     key = digest(FILTER_STAGE, file_digest(source), MAX_STEP_M, code)
     return WorkItem(source.name, key, (out,), process_filter, (source, out, MAX_STEP_M))
 
@@ -47,7 +47,7 @@ def items(
 ) -> list[WorkItem]:
     """One item per scene that the filtered file `source` names and that was repaired."""
     named = {episode.scene_stem for episode in read_vlnce(source).episodes}
-    code = code_version("trajectory_sampler", "formats", "pipeline/stages/align.py")
+    code = code_version("trajectory_sampler", "wayfinding", "formats", "pipeline/stages/align.py")
     result = []
     for scene in sorted(named & scenes.keys()):
         key = digest(STAGE, filtered.key, scenes[scene].key, code)

@@ -16,7 +16,7 @@ from ..engine.keys import code_version, digest
 from ..engine.ledger import Row
 from ..engine.runner import ItemResult, WorkItem
 
-SAMPLE_CODE = ("trajectory_sampler", "formats", "pipeline/stages/episodes.py")
+SAMPLE_CODE = ("trajectory_sampler", "wayfinding", "formats", "pipeline/stages/episodes.py")
 
 
 def sample_item(scene: Row, scenes: Path, out: Path, config: SampleConfig, seed: int) -> WorkItem:
@@ -42,7 +42,7 @@ def instruct_item(
     source: Row, scenes: Path, episodes: Path, out: Path, config: InstructConfig, seed: int
 ) -> WorkItem:
     """Write instructions for the episodes that have none, from `episodes` into `out`."""
-    code = code_version("instruction_gen", "formats", "pipeline/stages/episodes.py")
+    code = code_version("instruction_gen", "wayfinding", "formats", "pipeline/stages/episodes.py")
     key = digest("instruct", source.key, config, seed, code)
     arguments = (scenes, episodes, out, config, seed)
     return WorkItem(source.item, key, (out,), process_instruct, arguments)

@@ -19,7 +19,7 @@ from ..kept_robots import kept
 from .render import scene_renderer
 
 STAGE = "pictures"
-CODE = ("collectors", "formats", "pipeline/stages/pictures.py")
+CODE = ("collectors", "wayfinding", "formats", "pipeline/stages/pictures.py")
 CLIP_S = 5.0  # how much of a failure's end is shown
 
 

@@ -53,7 +53,7 @@ def items(
         extras: further videos, default none.
     """
     extras = extras or Extras()
-    code = code_version("collectors", "formats", "pipeline/stages/render.py")
+    code = code_version("collectors", "wayfinding", "formats", "pipeline/stages/render.py")
     result = []
     for name, row in rollouts.items():
         scene = str(row.facts["scene"])
@@ -127,7 +127,7 @@ def video_items(
         view: what to see.
         frames_per_second: of the videos.
     """
-    code = code_version("collectors", "formats", "pipeline/stages/render.py")
+    code = code_version("collectors", "wayfinding", "formats", "pipeline/stages/render.py")
     result = []
     for name, row in rollouts.items():
         scene = str(row.facts["scene"])

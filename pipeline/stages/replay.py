@@ -27,7 +27,7 @@ from ..engine.runner import ItemResult, WorkItem
 
 STAGE = "replay"
 TOUCHING = ("contact", "collision_target", "collision_start")  # events with an obstacle
-CODE = ("collectors", "formats", "pipeline/stages/replay.py")
+CODE = ("collectors", "wayfinding", "formats", "pipeline/stages/replay.py")
 
 
 def config(robot: str, controller: str, seed: int, actions: SpeedConfig) -> ReplayConfig:

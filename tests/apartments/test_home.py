@@ -13,6 +13,7 @@ from vlnpe.apartments.home.plan import FloorPlan
 from vlnpe.apartments.home.planner import draw_plan
 from vlnpe.apartments.truth import covered_cells, true_floor
 from vlnpe.formats.scene.freemap import Freemap
+from vlnpe.wayfinding.distance import distance_field
 
 CONFIG = ApartmentConfig()
 SEEDS = (0, 1, 2)
@@ -93,9 +94,9 @@ def test_every_room_is_reachable_and_paths_are_long(home: TrueScene) -> None:
         walkable = np.count_nonzero(mine & (groups == main)) * space.grid.cell_m**2
         assert walkable > 0.4, f"{room.kind}: only {walkable:.2f} m²"
     start = xy[groups == main][0]
-    reach = space.distance_field(start, CONFIG.robot_radius_m).distance_m
+    reach = distance_field(space, start, CONFIG.robot_radius_m).distance_m
     farthest = xy[np.unravel_index(np.argmax(np.where(groups == main, reach, -1)), reach.shape)]
-    longest = space.distance_field(farthest, CONFIG.robot_radius_m).distance_m
+    longest = distance_field(space, farthest, CONFIG.robot_radius_m).distance_m
     assert longest[groups == main].max() > 9
 
 

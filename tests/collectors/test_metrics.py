@@ -16,6 +16,7 @@ from vlnpe.collectors.polyline import space_evenly
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.rollout import EndReason
 from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.wayfinding.distance import distance_field
 from vlnpe.wayfinding.planning import path_length
 
 POINTS = arrays(np.float64, st.tuples(st.integers(1, 12), st.just(2)), elements=st.floats(-9, 9))
@@ -157,4 +158,4 @@ def test_the_shortest_way_is_that_of_the_reference_agent(two_rooms: SceneBundle)
     ajar = replace(freemap, traversable=blocked)
     m = rollout_metrics(episode(), ajar, walk((1, 1), (3, 2)), EndReason.STOPPED_FAR)
     assert math.isinf(m.navigation_error_m)
-    assert math.isfinite(float(ajar.distance_field((7.0, 3.0)).at((3.0, 2.0))))
+    assert math.isfinite(float(distance_field(ajar, (7.0, 3.0)).at((3.0, 2.0))))

@@ -17,6 +17,7 @@ from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
+from vlnpe.wayfinding.distance import distance_field
 
 QUICK = RepairConfig(picture_px=300)
 
@@ -238,7 +239,7 @@ def test_small_house(shared_scenes: Path, tmp_path: Path) -> None:
     freemap = bundle.freemap(0)
     rooms = {"bedroom": (-4.5, 0.0), "living": (3.0, 1.0), "kitchen": (8.0, -3.5), "gym": (0, 3)}
     for radius in (0.25, 0.30):
-        field = freemap.distance_field(rooms["bedroom"], radius_m=radius)
+        field = distance_field(freemap, rooms["bedroom"], radius_m=radius)
         assert all(np.isfinite(field.at(xy)) for xy in rooms.values())
     # Everywhere a disc of 0.3 m fits it can also get to, nooks of a square foot apart.
     parts, count = ndimage.label(freemap.free(0.30), np.ones((3, 3)))

@@ -19,6 +19,7 @@ from vlnpe.scene_repair.collide.boxes import MAY, MUST, NEVER, cover_with_boxes
 from vlnpe.scene_repair.collide.voxels import STEPS, Voxels, voxelise
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
+from vlnpe.wayfinding.distance import distance_field
 
 
 def repaired(parts: list[trimesh.Trimesh], folder: Path) -> SceneBundle:
@@ -109,7 +110,7 @@ def test_doorway_stays_passable(width: float, offset: float, tmp_path: Path) -> 
     for part in parts:
         part.apply_translation((offset, offset, 0))
     bundle = repaired(parts, tmp_path)
-    field = bundle.freemap(0).distance_field((1.0 + offset, 2.0 + offset), radius_m=0.25)
+    field = distance_field(bundle.freemap(0), (1.0 + offset, 2.0 + offset), radius_m=0.25)
     assert field.at((7.0 + offset, 2.0 + offset))[()] == pytest.approx(6.0, abs=0.4)
     # The boxes leave as much width as the scan, less a centimetre for rounding.
     across = np.arange(2.0 - width / 2 + 0.005, 2.0 + width / 2 - 0.005, 0.01)
@@ -120,7 +121,7 @@ def test_doorway_stays_passable(width: float, offset: float, tmp_path: Path) -> 
 
 def test_narrow_gap_is_not_passable(tmp_path: Path) -> None:
     bundle = repaired(scans.two_rooms(0.4), tmp_path)
-    field = bundle.freemap(0).distance_field((1.0, 2.0), radius_m=0.25)
+    field = distance_field(bundle.freemap(0), (1.0, 2.0), radius_m=0.25)
     assert np.isinf(field.at((7.0, 2.0)))
 
 

@@ -22,6 +22,7 @@ from vlnpe.scene_repair.collide.level_collision import LevelCollision, build_col
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.floor.repair_level import RepairedFloor
 from vlnpe.scene_repair.grid.world_mesh import WorldMesh
+from vlnpe.wayfinding.distance import distance_field
 
 CONFIG = RepairConfig()
 SHIFT = st.floats(0.0, 0.05, allow_nan=False)
@@ -85,7 +86,7 @@ def test_door_of_75_cm_lets_a_body_of_50_cm_pass(dx: float, dy: float, degrees: 
     mesh, move = placed(scans.two_rooms(0.75), dx, dy, degrees)
     collision = collision_of(mesh, move, (8.0, 4.0))
     start, end = at(move, (3.0, 2.0), (5.1, 2.0))[:, :2]
-    field = collision.freemap.distance_field(start, radius_m=0.25)
+    field = distance_field(collision.freemap, start, radius_m=0.25)
     assert field.at(end)[()] == pytest.approx(2.1, abs=0.3)
     with tempfile.TemporaryDirectory() as folder:
         spec = level_geoms(bundle_of(collision, Path(folder)))
@@ -100,7 +101,7 @@ def test_gap_of_45_cm_is_not_for_a_body_of_50_cm(dx: float, dy: float, degrees: 
     mesh, move = placed(scans.two_rooms(0.45), dx, dy, degrees)
     freemap = collision_of(mesh, move, (8.0, 4.0)).freemap
     start, end = at(move, (1.0, 2.0), (7.0, 2.0))[:, :2]
-    assert np.isinf(freemap.distance_field(start, radius_m=0.25).at(end))
+    assert np.isinf(distance_field(freemap, start, radius_m=0.25).at(end))
 
 
 @settings(max_examples=30, deadline=None)
@@ -194,6 +195,6 @@ def test_every_doorway_of_a_furnished_home_is_passable(
         middle[door.axis] += door.sign * home.plan.wall_m / 2
         reach = np.eye(2)[door.axis] * (home.plan.wall_m / 2 + 0.3)
         ends = at(move, tuple(middle - reach), tuple(middle + reach))[:, :2]
-        field = collision.freemap.distance_field(ends[0], radius_m=0.25)
+        field = distance_field(collision.freemap, ends[0], radius_m=0.25)
         assert float(field.at(ends[1])) == pytest.approx(2 * np.linalg.norm(reach), abs=0.12), door
         assert touched_on_the_way(spec, ends[0], ends[1], (0.3, 0.5, 1.7)) == [], door

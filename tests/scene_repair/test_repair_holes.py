@@ -16,6 +16,7 @@ from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.grid.columns import sample_columns
 from vlnpe.scene_repair.repair import repair_scene
+from vlnpe.wayfinding.distance import distance_field
 
 # Small pictures: drawing them takes longer than repairing so small a room.
 QUICK = RepairConfig(picture_px=200)
@@ -117,7 +118,7 @@ def test_hole_across_a_threshold_is_filled(tmp_path: Path) -> None:
     bundle = repaired(scans.two_rooms(1.0, without), tmp_path)
     points, seen, _ = floor_seen(bundle, (3.8, 1.52), (4.3, 2.48))
     assert seen[without(points)].mean() >= 0.99
-    free = bundle.freemap(0).distance_field((1.0, 2.0), radius_m=0.25)
+    free = distance_field(bundle.freemap(0), (1.0, 2.0), radius_m=0.25)
     assert np.isfinite(free.at((7.0, 2.0))).all()
 
 

@@ -11,12 +11,13 @@ import pytest
 from vlnpe.formats.core.errors import InputError, SceneError
 from vlnpe.formats.core.frames import wrap_angle
 from vlnpe.formats.scene.bundle import LabeledObject
-from vlnpe.formats.scene.freemap import AGENT_RADIUS_M, Freemap
+from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.trajectory_sampler.config import SampleConfig
 from vlnpe.trajectory_sampler.sampling import sample_episodes
 from vlnpe.trajectory_sampler.similarity import path_gap
 from vlnpe.wayfinding.crossings import crossings
+from vlnpe.wayfinding.distance import AGENT_RADIUS_M, distance_field
 from vlnpe.wayfinding.planning import path_clearance, path_length, segments_free
 from vlnpe.wayfinding.regions import region_map
 
@@ -56,7 +57,7 @@ def test_episodes_are_what_they_promise(two_rooms, seed):
         ahead = path[1] - path[0]
         off = wrap_angle(np.arctan2(ahead[1], ahead[0]) - episode.start_yaw_rad)
         assert abs(float(off)) < 0.6
-        goal = freemap.distance_field(path[-1][:2], AGENT_RADIUS_M)
+        goal = distance_field(freemap, path[-1][:2], AGENT_RADIUS_M)
         assert episode.geodesic_distance_m == pytest.approx(float(goal.at(path[0][:2])), abs=0.1)
 
 

@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.support.rooms import PARTS
-from vlnpe.formats.scene.freemap import Freemap, nearest_cell
+from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.formats.scene.grid import GridSpec
+from vlnpe.wayfinding.distance import distance_field, nearest_cell
 from vlnpe.wayfinding.geodesic import line_is_free
 from vlnpe.wayfinding.planning import (
     path_clearance,
@@ -61,7 +62,7 @@ def test_clearance_is_the_distance_to_the_nearest_obstacle(two_rooms):
 def test_distance_without_obstacles_is_straight(goal):
     freemap = empty_map()
     points = np.random.default_rng(0).uniform((-1, 2), (5, 6), (500, 2))
-    found = freemap.distance_field(goal).at(points)
+    found = distance_field(freemap, goal).at(points)
     true = np.linalg.norm(points - np.array(goal), axis=1)
     assert np.all(found >= true - 1e-9)
     assert np.abs(found - true).max() < 0.02  # less than half a cell; 8-connected: 8 %
@@ -74,7 +75,7 @@ def test_distance_through_a_doorway_is_that_of_the_taut_string(two_rooms):
     jambs = np.array([[4 - 0.05, 1.5], [4 + 0.05, 1.5]])
     legs = [start, *jambs, goal]
     true = sum(np.linalg.norm(b - a) for a, b in pairwise(legs))
-    found = float(freemap.distance_field(goal).at(start))
+    found = float(distance_field(freemap, goal).at(start))
     assert true - 0.05 <= found <= true + 0.1
 
 
@@ -85,8 +86,8 @@ def test_distances_are_symmetric_and_never_shorter_than_straight(seed):
     rng = np.random.default_rng(seed)
     cells = np.argwhere(freemap.traversable)
     a, b = freemap.grid.center_of(rng.choice(cells, 2))
-    there = float(freemap.distance_field(a).at(b))
-    back = float(freemap.distance_field(b).at(a))
+    there = float(distance_field(freemap, a).at(b))
+    back = float(distance_field(freemap, b).at(a))
     assert np.isfinite(there) == np.isfinite(back)
     if np.isfinite(there):
         assert there == pytest.approx(back, rel=0.02, abs=0.1)  # a cell
@@ -95,7 +96,7 @@ def test_distances_are_symmetric_and_never_shorter_than_straight(seed):
 
 def test_unreachable_is_infinite_and_points_in_walls_snap(two_rooms):
     freemap = two_rooms.freemap(0)
-    field = freemap.distance_field((1.0, 1.0), RADIUS)
+    field = distance_field(freemap, (1.0, 1.0), RADIUS)
     assert np.isinf(field.at((-3.0, 1.0)))
     assert field.at((1.0, 1.0)) == 0.0
     in_wall = float(field.at((3.98, 0.7)))
@@ -105,7 +106,7 @@ def test_unreachable_is_infinite_and_points_in_walls_snap(two_rooms):
 
 def test_goal_in_a_blocked_cell_is_reached_from_beside_it(two_rooms):
     freemap = two_rooms.freemap(0)
-    field = freemap.distance_field((0.9, 2.95), RADIUS)  # closer to the table than the radius
+    field = distance_field(freemap, (0.9, 2.95), RADIUS)  # closer to the table than the radius
     assert float(field.at((0.9, 1.0))) == pytest.approx(1.95, abs=0.1)
 
 
@@ -141,7 +142,7 @@ def test_planned_paths_keep_their_clearance(two_rooms, seed):
     thin = simplify_path(freemap, path, RADIUS, 1.0, 0.03)
     for line in (path, thin):
         assert to_obstacles(resample(line[:, :2], 0.01)).min() >= RADIUS - freemap.grid.cell_m
-    geodesic = float(freemap.distance_field(goal, RADIUS).at(start))
+    geodesic = float(distance_field(freemap, goal, RADIUS).at(start))
     assert geodesic - 0.06 <= path_length(path) <= 1.25 * geodesic + 0.1
     assert path_length(thin) <= path_length(path) + 1e-9
 

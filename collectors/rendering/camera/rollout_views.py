@@ -127,7 +127,8 @@ def render_rollout(
 
     Writes `rgb.mp4`, `depth.mp4` (12-bit codes, see `formats/video/depth_codes.py`), `frames.npz`
     (`sample_index` (N,), `time_s` (N,), `camera_position_world_m` (N, 3) and `camera_quat_wxyz`
-    (N, 4) of the optical frame, and how often each value occurs, see `formats/rendered/image_counts.py`)
+    (N, 4) of the optical frame, and how often each value occurs, see
+    `formats/rendered/image_counts.py`)
     and `meta.json`. Memory does not grow with the rollout's length.
 
     Args:
