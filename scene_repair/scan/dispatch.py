@@ -33,9 +33,9 @@ def read_scan(path: Path) -> Scan:
     if suffix not in SUFFIXES:
         raise FileFormatError(path, f"unknown kind {suffix!r}; valid: {', '.join(SUFFIXES)}")
     if suffix in USD_SUFFIXES:
-        return scan_of(path, read_in_child("read_usd", path))
+        return scan_of(path, read_in_child("usd", path))
     if suffix in CLOUD_SUFFIXES or (suffix == ".ply" and not has_faces(path)):
-        return scan_of(path, read_in_child("read_points", path))
+        return scan_of(path, read_in_child("points", path))
     return read_mesh(path)
 
 

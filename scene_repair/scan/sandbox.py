@@ -6,7 +6,6 @@ ends, and the parent says why.
 
 from __future__ import annotations
 
-import importlib
 import json
 import os
 import resource
@@ -22,7 +21,7 @@ from .readings import ANSWER, Readings, load_readings, write_readings
 MEMORY_BYTES = 4 << 30
 # Sound files of 1,000,000 triangles take some seconds, also on a busy machine.
 SECONDS, SECONDS_PER_MIB = 60.0, 1.0
-READERS = ("read_usd", "read_points")
+READERS = ("usd", "points")
 # Variables that would have USD look for files or plugins elsewhere.
 HIDDEN_VARIABLES = ("PXR_", "USD_", "TF_", "AR_")
 ONE_THREAD = ("PXR_WORK_THREAD_LIMIT", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
@@ -31,7 +30,7 @@ ONE_THREAD = ("PXR_WORK_THREAD_LIMIT", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"
 def read_in_child(
     reader: str, path: Path, seconds: float | None = None, memory_bytes: int = MEMORY_BYTES
 ) -> Readings:
-    """Run `read(path)` of a sibling module in a process of its own.
+    """Run a reader in a process of its own.
 
     Args:
         reader: one of `READERS`.
@@ -97,7 +96,11 @@ def main(reader: str, path: Path, memory_bytes: int) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     folder = Path.cwd()
-    read = importlib.import_module(f".{reader}", __package__).read
+    # Each has large libraries of its own, which the other one and the parent do without.
+    if reader == "usd":
+        from ..usd.stage import read
+    else:
+        from .point_cloud import read
     try:
         write_readings(read(path), folder)
     except FileFormatError as error:

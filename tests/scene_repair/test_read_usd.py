@@ -484,7 +484,7 @@ def test_instancing_bomb_ends_in_an_error(tmp_path: Path) -> None:
         one.CreatePositionsAttr([(0, 0, n) for n in range(10)])
     save(stage)
     with pytest.raises(FileFormatError, match=r"more than|not read within|needs more"):
-        reader_child.read_in_child("read_usd", tmp_path / "scene.usda", seconds=4)
+        reader_child.read_in_child("usd", tmp_path / "scene.usda", seconds=4)
 
 
 @pytest.mark.parametrize(
@@ -521,9 +521,9 @@ def test_faces_that_lie_are_dropped(tmp_path: Path) -> None:
 def test_hanging_and_greedy_readers_are_ended(tmp_path: Path) -> None:
     path = home(tmp_path)
     with pytest.raises(FileFormatError, match=r"scene\.usda: not read within 0 s"):
-        reader_child.read_in_child("read_usd", path, seconds=0.05)
+        reader_child.read_in_child("usd", path, seconds=0.05)
     with pytest.raises(FileFormatError, match=r"scene\.usda: (needs more than|its reader failed)"):
-        reader_child.read_in_child("read_usd", path, memory_bytes=200 << 20)
+        reader_child.read_in_child("usd", path, memory_bytes=200 << 20)
 
 
 def test_layer_that_crashed_the_library_is_read_or_refused(tmp_path: Path) -> None:
