@@ -13,11 +13,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.distance import cdist
 
 from ..formats.core.episode import Episode
+from ..formats.core.kernel import kernel
 from ..formats.core.rollout import STATE_RATE_HZ, EndReason, Metrics
 from ..formats.scene.freemap import Freemap
 from ..wayfinding.distance import AGENT_RADIUS_M, DistanceField, distance_field
@@ -39,7 +39,7 @@ def dtw(a_m: ArrayLike, b_m: ArrayLike) -> float:
     return float(_least_cost(cdist(np.asarray(a_m, np.float64), np.asarray(b_m, np.float64))))
 
 
-@njit(cache=True)
+@kernel()
 def _least_cost(cost):
     """Least sum over a matrix from corner to corner, by steps down, right, or both."""
     total = np.cumsum(cost[0])

@@ -10,8 +10,8 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from ..formats.core.kernel import kernel
 from ..formats.core.rollout import EndReason
 from .robots import POLICY_DECIMATION
 from .world import World
@@ -91,7 +91,7 @@ class OutcomeWatch:
         return None
 
 
-@njit(cache=True)
+@kernel()
 def _posture(base, com, geom_xpos, feet, foot_radius):
     """x, y, yaw, roll, pitch of a base (7,), and its centre of mass above the lowest foot."""
     w, i, j, k = base[3], base[4], base[5], base[6]

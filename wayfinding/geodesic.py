@@ -11,11 +11,12 @@ from __future__ import annotations
 import heapq
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ..formats.core.kernel import kernel
 
-@njit(cache=True)
+
+@kernel()
 def line_is_free(
     free: NDArray[np.bool_], row: int, column: int, to_row: int, to_column: int
 ) -> bool:
@@ -48,7 +49,7 @@ def line_is_free(
     return True
 
 
-@njit(cache=True)
+@kernel()
 def taut_distances(
     free: NDArray[np.bool_], row: int, column: int, offset_row: float, offset_column: float
 ) -> NDArray[np.float64]:

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ...formats.core.kernel import kernel
 from ..home.true_scene import TrueScene
 from ..looks.palette import Material
 
@@ -56,7 +56,7 @@ class Appearance:
         return _sample(face, bary, self.uv, self.material, self.pixels, self.layout, self.size_m)
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _sample(face, bary, uv, material, pixels, layout, size_m):
     out = np.zeros((face.shape[0], 3), dtype=np.uint8)
     for i in range(face.shape[0]):

@@ -6,9 +6,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ...formats.core.kernel import kernel
 from .depth import DepthCamera
 from .stations import View
 
@@ -80,7 +80,7 @@ class DistanceVolume:
         list(pool.map(half, (int(start[0]), middle), (middle, int(stop[0]))))
 
 
-@njit(cache=True, nogil=True)
+@kernel(nogil=True)
 def _integrate(value, weight, depth, step, offset, focal, voxel, start, stop):
     rows, columns = depth.shape
     front, behind = _FRONT * voxel, _BEHIND * voxel

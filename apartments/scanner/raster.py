@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from ...formats.core.kernel import kernel
 
 # Texels up to this far outside a triangle are painted too, so that filtering finds colour there.
 _REACH = 1.8
@@ -27,7 +28,7 @@ def rasterize(
     return face, bary
 
 
-@njit(cache=True)
+@kernel()
 def _paint(corner, face, bary, reach):
     height, width = face.shape
     for f in range(corner.shape[0]):

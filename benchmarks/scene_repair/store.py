@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from vlnpe.formats.core.atomic import write_json
-from vlnpe.pipeline.engine.keys import code_version, digest
+from vlnpe.formats.core.source import source_digest
+from vlnpe.pipeline.engine.keys import digest
 
 from .fillers import FillerScore
 from .plant import PlantedHole
@@ -40,7 +41,7 @@ class Result:
 
 def repair_code() -> str:
     """Version of the code under test."""
-    return code_version("scene_repair", "formats")
+    return source_digest("scene_repair.repair")
 
 
 def path_of(run: Path, *identity: Any) -> Path:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ...formats.core.kernel import kernel
 from ...formats.scene.grid import GridSpec
 
 
@@ -84,7 +84,7 @@ class RouteCursor:
         )
 
 
-@njit(cache=True)
+@kernel()
 def _nearest(xy, low, high, x, y):
     best, best_squared = low, np.inf
     for i in range(low, high + 1):
@@ -94,7 +94,7 @@ def _nearest(xy, low, high, x, y):
     return best, np.sqrt(best_squared)
 
 
-@njit(cache=True)
+@kernel()
 def _farthest_in_sight(xy, x, y, farthest, nearest, clearance, needed, x0, y0, cell):
     rows, columns = clearance.shape
     for index in range(farthest, nearest, -1):

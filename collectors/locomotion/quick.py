@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numba import njit
 from numpy.typing import DTypeLike, NDArray
 
+from ...formats.core.kernel import kernel
 from ..robots import RobotHandles
 from .gait import FACTORS, GaitClock
 from .observation import layout
@@ -116,7 +116,7 @@ class QuickStep:
         return targets
 
 
-@njit(cache=True)
+@kernel()
 def _look(
     qpos,
     qvel,
@@ -204,7 +204,7 @@ def _look(
             )
 
 
-@njit(cache=True)
+@kernel()
 def _add_action(output, clip, scale, action, targets):
     """Keep the clipped output (1, P) as the action and add it to the targets (J,)."""
     for n in range(output.shape[1]):

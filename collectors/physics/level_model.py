@@ -19,7 +19,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from ... import formats
+from ...formats.core.source import code_digest
 from ...formats.scene.bundle import Obstacles, SceneBundle
 from ..robots import RobotSpec, apply_physics_options
 from .config import LevelModelConfig
@@ -33,7 +33,6 @@ log = logging.getLogger(__name__)
 
 ROBOT_PREFIX = "robot/"
 REACH_MARGIN_M = 0.25
-_FORMATS = Path(formats.__file__).parent
 
 
 def level_model(
@@ -149,9 +148,10 @@ def _extent(robot: RobotSpec) -> tuple[float, float]:
 
 def _key(bundle: SceneBundle, level: int, robot: RobotSpec, config: LevelModelConfig) -> str:
     digest = hashlib.sha256()
-    folder, here = bundle.level_folder(level), Path(__file__).parent
+    folder = bundle.level_folder(level)
     files = [folder / name for name in ("floor.npz", "obstacles.npz", "freemap.npz")]
-    for path in (*files, *sorted(here.glob("*.py")), *sorted(_FORMATS.rglob("*.py"))):
+    digest.update(code_digest(__name__).encode())
+    for path in files:
         # A missing file is the builder's to complain of.
         digest.update(path.read_bytes() if path.is_file() else b"")
     digest.update(model_bytes(robot.build_model(floor=False)))

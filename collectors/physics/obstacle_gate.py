@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from ...formats.core.kernel import kernel
 from ...formats.scene.grid import GridSpec
 
 OBSTACLE_BIT = 1 << 20  # contype of obstacles, conaffinity of all that may touch them
@@ -79,7 +79,7 @@ class ObstacleGate:
             field[self._bodies] = np.where(wanted, self._bits[True][k], self._bits[False][k])
 
 
-@njit(cache=True)
+@kernel()
 def _look(geom_xpos, geoms, slot, needed, distance, frame, was, near):
     """Fill `near` (B,) from the geoms' places; whether it differs from `was`."""
     rows, columns = distance.shape

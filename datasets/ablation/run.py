@@ -7,7 +7,7 @@ import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +18,8 @@ from tqdm import tqdm
 from ...formats.core.atomic import write_json
 from ...formats.core.digest import file_digest
 from ...formats.core.errors import InputError
+from ...formats.core.source import code_digest
 from ...formats.lerobot.layout import STATS_PATH
-from ...formats.rendered import table as frame_table
 from ..episode_index import episode_tables
 from ..mixture.plan import Library, MixturePlan, choose, plan_mixture
 from ..mixture.recipe import Recipe
@@ -234,21 +234,10 @@ def training_job(
         "sources": [[s.name, s.share, episodes(s.selection)] for s in plan.sources],
         "held": {name: episodes(selection) for name, selection in held.items()},
         "seed": seed,
-        "code": _code_digest(),
+        "code": code_digest("datasets.ablation.train", "datasets.ablation.evaluate"),
         "torch": torch.__version__,
     }
     digest = hashlib.blake2b(json.dumps(facts, sort_keys=True).encode(), digest_size=6).hexdigest()
     slug = re.sub(r"[^a-z0-9]+", "-", plan.name.lower()).strip("-")
     stem = out / "rows" / f"{slug}-seed{seed}-{digest}"
     return Job(seed, stem.with_suffix(".pt"), stem.with_suffix(".json"))
-
-
-@cache
-def _code_digest() -> str:
-    """Of the source files that lead from datasets to scores; those that tell of them matter not."""
-    root = Path(__file__).parents[1]
-    telling = {root / "ablation" / name for name in ("intervals.py", "plot.py", "report.py")}
-    files = [path for path in sorted(root.rglob("*.py")) if path not in telling]
-    told = "".join(f"{path.relative_to(root)} {file_digest(path)}\n" for path in files)
-    labels = file_digest(Path(frame_table.__file__))
-    return hashlib.blake2b((told + labels).encode(), digest_size=12).hexdigest()

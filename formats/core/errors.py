@@ -54,3 +54,7 @@ class UnknownNameError(InputError):
     def __reduce__(self):
         """Survive the way from a worker process."""
         return type(self), (self.kind, self.name, self.valid)
+
+
+class DivergedError(VlnpeError):
+    """Physics produced NaN or exploded."""

@@ -15,7 +15,11 @@ from ...formats.scene.bundle import INDEX_NAME
 from ...instruction_gen.records import InstructConfig
 from ...scene_repair.config import RepairConfig
 from ...trajectory_sampler.sampling import SampleConfig
-from ..stages import align, episodes, repair, scans
+from ..jobs.episodes import AlignJob, FilterJob, SampleJob
+from ..jobs.instruct import InstructJob
+from ..jobs.repair import RepairJob
+from ..jobs.scan import ScanJob
+from ..stages import repair
 
 SCAN_NAMES = frozenset({"scan.glb", "scan.labels.json", "truth.npz", "LICENSE.scan"})
 SCENE_NAMES = frozenset(
@@ -126,7 +130,7 @@ class Instruct:
 def run_scan(options: Scan) -> int:
     """Generate one scan."""
     refuse_to_replace(options.out, SCAN_NAMES)
-    facts = scans.process(options.seed, options.out.resolve()).facts
+    facts = ScanJob(options.seed, options.out.resolve()).run().facts
     return tell(options, facts, f"{options.out / 'scan.glb'}: apartment {options.seed}")
 
 
@@ -139,15 +143,14 @@ def run_repair(options: Repair) -> int:
     repair.source_digest(options.scan)
     refuse_to_replace(options.out, SCENE_NAMES)
     config = RepairConfig(up=options.up, unit=options.unit)
-    facts = repair.process(options.scan, options.out.resolve(), config).facts
+    facts = RepairJob(options.scan, options.out.resolve(), config).run().facts
     return tell(options, facts, f"{options.out}: repaired; see repair.json, before.png, after.png")
 
 
 def run_align(options: Align) -> int:
     """Align one file's episodes; exit code 1 when too many are rejected."""
-    result = align.process(
-        options.episodes, scenes_in(options.scenes), options.out, all_scenes=True
-    )
+    scenes = scenes_in(options.scenes)
+    result = AlignJob(options.episodes, scenes, options.out, all_scenes=True).run()
     rejected = result.facts["rejected"]
     if not options.json:
         sys.stdout.writelines(f"rejected {name}: {reason}\n" for name, reason in rejected)
@@ -158,7 +161,7 @@ def run_align(options: Align) -> int:
 
 def run_filter(options: Filter) -> int:
     """Filter one file's episodes."""
-    facts = align.process_filter(options.episodes, options.out, options.max_step_m).facts
+    facts = FilterJob(options.episodes, options.out, options.max_step_m).run().facts
     return tell(options, facts, f"{options.out}: {facts['kept']} kept, {facts['dropped']} dropped")
 
 
@@ -174,15 +177,15 @@ def run_sample(options: Sample) -> int:
         )
     except ValueError as error:
         raise InputError(str(error)) from error
-    facts = episodes.process_sample(options.scene, options.out, config, options.seed).facts
+    facts = SampleJob(options.scene, options.out, config, options.seed).run().facts
     return tell(options, facts, f"{options.out}: {facts['episodes']} episodes")
 
 
 def run_instruct(options: Instruct) -> int:
     """Instruct one file's episodes."""
-    facts = episodes.process_instruct(
-        options.scenes, options.episodes, options.out, InstructConfig(), options.seed
-    ).facts
+    config = InstructConfig()
+    job = InstructJob(options.scenes, options.episodes, options.out, config, options.seed)
+    facts = job.run().facts
     return tell(options, facts, f"{options.out}: {facts['episodes']} episodes")
 
 

@@ -26,6 +26,8 @@ def digest(*parts: Any) -> str:
 def code_version(*places: str) -> str:
     """SHA-256 hex of the source, models and policies in some files or folders of the package.
 
+    For provenance; keys use `formats.core.source`.
+
     Args:
         places: relative to the package, e.g. `formats` or `collectors/replay.py`.
 

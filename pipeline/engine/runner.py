@@ -9,18 +9,18 @@ import os
 import pickle
 import time
 import traceback
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from concurrent.futures import Future, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from tqdm import tqdm
 
 from ...formats.core.errors import InputError, VlnpeError
 from .executors import Workers
 from .ledger import Ledger, Row
+from .work import ItemResult, Job, WorkItem
 
 log = logging.getLogger(__name__)
 
@@ -28,38 +28,6 @@ BAR_LABEL = 22  # characters of a bar's name: stage, robot and controller
 
 # The output folder itself is unusable: going on would fail every item for the same reason.
 FATAL_ERRNO = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM}
-
-
-@dataclass(frozen=True)
-class ItemResult:
-    """What `process` returns.
-
-    Attributes:
-        facts: JSON values for later stages and the report.
-        failed: the item is done, but its outcome is bad (a fall, …).
-    """
-
-    facts: dict[str, Any] = field(default_factory=dict)
-    failed: bool = False
-
-
-@dataclass(frozen=True)
-class WorkItem:
-    """One unit of work.
-
-    Attributes:
-        name: unique within its stage.
-        key: digest of config, inputs and code; an item done with the same key is not done again.
-        outputs: files or folders that `process` writes, each atomically.
-        process: module-level function, called in a worker as `process(*arguments)`.
-        arguments: picklable.
-    """
-
-    name: str
-    key: str
-    outputs: tuple[Path, ...]
-    process: Callable[..., ItemResult]
-    arguments: tuple[Any, ...]
 
 
 @dataclass
@@ -263,7 +231,7 @@ def _attempt(
     threads = max(1, workers.count // max(1, len(items)))
     for item in items:
         try:
-            futures[workers.submit(_timed, item.process, item.arguments, threads)] = item
+            futures[workers.submit(_timed, item.job, threads)] = item
         except BrokenProcessPool:
             lost.append(item)
     for future in as_completed(futures):
@@ -279,16 +247,14 @@ def _attempt(
     return lost
 
 
-def _timed(
-    process: Callable[..., ItemResult], arguments: tuple[Any, ...], threads: int
-) -> tuple[ItemResult, float]:
+def _timed(job: Job, threads: int) -> tuple[ItemResult, float]:
     import numba
 
     most = numba.config.NUMBA_NUM_THREADS  # pyright: ignore
     numba.set_num_threads(min(threads, most))
     started = time.perf_counter()
     try:
-        result = process(*arguments)
+        result = job.run()
     except Exception as error:
         raise _portable(error) from None
     return result, time.perf_counter() - started

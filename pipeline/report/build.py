@@ -11,12 +11,12 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, select_autoescape
 
 from ..engine.ledger import Ledger, Row
-from ..stages.pictures import STAGE as PICTURES_STAGE
-from ..stages.pictures import Pictures
 from .failures import failure_figures
 from .gather import RobotRow, diverged_rows, replay_rows, robot_rows
 from .images import data_uri
 from .maps import ScenePaths, map_figure
+from .pictures import STAGE as PICTURES_STAGE
+from .pictures import Pictures
 from .plots import histogram
 
 

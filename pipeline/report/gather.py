@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from statistics import fmean
 from typing import Any
 
+from ...formats.core.errors import DivergedError
 from ...formats.core.rollout import EndReason
 from ..engine.ledger import Ledger, Row
-from ..stages.replay import DivergedError
 
 
 @dataclass(frozen=True)

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 from ...formats.core.digest import file_digest
-from ...formats.scene.bundle import load_bundle
-from ...formats.vlnce.files import VlnceFile, read_vlnce, write_episodes, write_vlnce
-from ...trajectory_sampler.alignment import align_episodes
-from ...trajectory_sampler.stairs import filter_stairs
-from ..engine.keys import code_version, digest
+from ...formats.vlnce.files import VlnceFile, read_vlnce
 from ..engine.ledger import Ledger, Row
-from ..engine.runner import ItemResult, StageSummary, WorkItem
+from ..engine.runner import StageSummary
+from ..engine.work import WorkItem, work_item
+from ..jobs.episodes import AlignJob, FilterJob
 
 STAGE = "align"
 FILTER_STAGE = "filter"
@@ -27,19 +24,9 @@ def filter_item(source: Path, out: Path) -> WorkItem:
         FileFormatError: not an episode file.
     """
     read_vlnce(source)  # say at once what is wrong with the user's file
-    code = code_version("trajectory_sampler", "wayfinding", "formats", "pipeline/stages/align.py")
-    key = digest(FILTER_STAGE, file_digest(source), MAX_STEP_M, code)
-    return WorkItem(source.name, key, (out,), process_filter, (source, out, MAX_STEP_M))
-
-
-def process_filter(source: Path, out: Path, max_step_m: float) -> ItemResult:
-    """Write the episodes of `source` whose reference path climbs no stairs."""
-    file = read_vlnce(source)
-    result = filter_stairs(file, max_step_m)
-    write_vlnce(out, result.kept)
-    dropped = [[str(d.episode_id), d.reason] for d in result.dropped]
-    facts = {"kept": len(result.kept.episodes), "dropped": len(dropped), "reasons": dropped}
-    return ItemResult(facts)
+    job = FilterJob(source, out, MAX_STEP_M)
+    inputs = (file_digest(source), MAX_STEP_M)
+    return work_item(FILTER_STAGE, source.name, job, (out,), *inputs)
 
 
 def items(
@@ -47,32 +34,12 @@ def items(
 ) -> list[WorkItem]:
     """One item per scene that the filtered file `source` names and that was repaired."""
     named = {episode.scene_stem for episode in read_vlnce(source).episodes}
-    code = code_version("trajectory_sampler", "wayfinding", "formats", "pipeline/stages/align.py")
     result = []
     for scene in sorted(named & scenes.keys()):
-        key = digest(STAGE, filtered.key, scenes[scene].key, code)
-        arguments = (source, {scene: folder / scene}, outs[scene])
-        result.append(WorkItem(scene, key, (outs[scene],), process, arguments))
+        job = AlignJob(source, {scene: folder / scene}, outs[scene])
+        inputs = (filtered.key, scenes[scene].key)
+        result.append(work_item(STAGE, scene, job, (outs[scene],), *inputs))
     return result
-
-
-def process(
-    source: Path, scenes: Mapping[str, Path], out: Path, all_scenes: bool = False
-) -> ItemResult:
-    """Align the episodes of `source` that lie in `scenes`; with `all_scenes`, reject the others."""
-    file = read_vlnce(source)
-    if not all_scenes:
-        wanted = tuple(e for e in file.episodes if e.scene_stem in scenes)
-        file = replace(file, episodes=wanted)
-    bundles = {name: load_bundle(path) for name, path in scenes.items()}
-    result = align_episodes(file, bundles)
-    write_episodes(out, result.episodes)
-    facts = {
-        "episodes": len(result.episodes),
-        "rejected": [[str(name), reason] for name, reason in result.rejected],
-        "moved": len(result.moved),
-    }
-    return ItemResult(facts)
 
 
 def record_rejected(

@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
-from ...formats.convert.dataset import DatasetFacts
 from ...formats.convert.episodes import (
-    dataset_from_units,
     joint_facts,
-    mcap_from_unit,
     unit_dataset,
 )
 from ...formats.core.atomic import write_json
 from ...formats.core.errors import InputError
 from ...formats.internnav import layout
 from ...formats.internnav.tokens import own_vocabulary, read_vocabulary
-from ...formats.internnav.writer import SceneEpisode, share_instructions, write_scene
+from ...formats.internnav.writer import SceneEpisode, share_instructions
 from ...formats.lerobot import EpisodeUnit, read_episode_unit
-from ..engine.keys import code_version, digest
 from ..engine.ledger import Row
-from ..engine.runner import Context, ItemResult, StageSummary, WorkItem, run_stage
-from .convert_source import CODE, UNIT_STAGE, Kind, Options, Source, source_note, unit_items
+from ..engine.runner import Context, StageSummary, run_stage
+from ..engine.work import WorkItem, work_item
+from ..jobs.convert import Kind, N1SceneJob, Options, UnitMcapJob, UnitsDatasetJob, source_note
+from .convert_source import UNIT_STAGE, Source, unit_items
 
 log = logging.getLogger(__name__)
 
@@ -57,26 +54,6 @@ def run(
         context.ledger.discard(str(target), f"{name}/")
         written.append(folder)
     return summaries, written
-
-
-def process_dataset(units: Sequence[Path], out: Path, facts: DatasetFacts) -> ItemResult:
-    """Assemble a LeRobot dataset."""
-    summary = dataset_from_units(units, out, facts)
-    return ItemResult({"episodes": summary.episodes, "frames": summary.frames})
-
-
-def process_to_mcap(unit: Path, out: Path) -> ItemResult:
-    """Write a unit's MCAP file."""
-    mcap_from_unit(unit, out)
-    return ItemResult({"bytes": out.stat().st_size})
-
-
-def process_scene(
-    episodes: Sequence[SceneEpisode], vocabulary: Any, dataset: dict[str, Any] | None, out: Path
-) -> ItemResult:
-    """Write one scene in InternData-N1's layout."""
-    frames = write_scene(out, episodes, vocabulary, dataset)
-    return ItemResult({"episodes": len(episodes), "frames": frames})
 
 
 def _check_alike(rows: Mapping[str, Row]) -> None:
@@ -132,17 +109,16 @@ def _dataset_item(
     units = tuple(root / row.outputs[0] for row in rows.values())
     facts = joint_facts(units, name, options.licence, source_note(source.kind))
     keys = [row.key for row in rows.values()]
-    key = digest(Kind.LEROBOT, keys, facts.to_json(), code_version(*CODE))
-    return WorkItem(f"{name}/dataset", key, (out,), process_dataset, (units, out, facts))
+    job = UnitsDatasetJob(units, out, facts)
+    return work_item(Kind.LEROBOT, f"{name}/dataset", job, (out,), keys, facts.to_json())
 
 
 def _mcap_items(rows: Mapping[str, Row], root: Path, folder: Path) -> list[WorkItem]:
-    code = code_version(*CODE)
     result = []
     for item, row in rows.items():
         out = folder / f"{item.rsplit('/', 1)[1]}.mcap"
-        key = digest(Kind.MCAP, row.key, code)
-        result.append(WorkItem(item, key, (out,), process_to_mcap, (root / row.outputs[0], out)))
+        job = UnitMcapJob(root / row.outputs[0], out)
+        result.append(work_item(Kind.MCAP, item, job, (out,), row.key))
     return result
 
 
@@ -163,7 +139,6 @@ def _scene_items(
         )
         scenes.setdefault(place, []).append((unit, SceneEpisode(unit.folder, own), row.key))
     result = []
-    code = code_version(*CODE)
     for (scan, scene), members in scenes.items():
         ids = {unit.columns["scene_id"] for unit, _, _ in members}
         if len(ids) > 1:
@@ -172,8 +147,8 @@ def _scene_items(
         dataset = None if facts is None else facts.to_json()
         out = folder / scan / scene
         episodes = tuple(episode for _, episode, _ in members)
-        key = digest(Kind.N1, [k for *_, k in members], tasks, vocabulary.words, dataset, code)
-        arguments = (episodes, vocabulary, dataset, out)
-        result.append(WorkItem(f"{name}/{scan}/{scene}", key, (out,), process_scene, arguments))
+        job = N1SceneJob(episodes, vocabulary, dataset, out)
+        inputs = ([k for *_, k in members], tasks, vocabulary.words, dataset)
+        result.append(work_item(Kind.N1, f"{name}/{scan}/{scene}", job, (out,), *inputs))
     write_json(folder / layout.VOCABULARY_NAME, vocabulary.to_json())
     return result

@@ -4,58 +4,28 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from ...formats.core.episode import Episode
-from ...formats.scene.bundle import load_bundle
 from ...formats.vlnce.files import read_episodes, write_episodes
-from ...instruction_gen.instruct import instruct_episodes
 from ...instruction_gen.records import InstructConfig
-from ...trajectory_sampler.sampling import SampleConfig, sample_episodes
-from ..engine.keys import code_version, digest
+from ...trajectory_sampler.sampling import SampleConfig
 from ..engine.ledger import Row
-from ..engine.runner import ItemResult, WorkItem
-
-SAMPLE_CODE = ("trajectory_sampler", "wayfinding", "formats", "pipeline/stages/episodes.py")
+from ..engine.work import WorkItem, work_item
+from ..jobs.episodes import SampleJob
+from ..jobs.instruct import InstructJob
 
 
 def sample_item(scene: Row, scenes: Path, out: Path, config: SampleConfig, seed: int) -> WorkItem:
     """Sample trajectories in one repaired scene into the episode file `out`."""
-    key = digest("sample", scene.key, config, seed, code_version(*SAMPLE_CODE))
-    arguments = (scenes / scene.item, out, config, seed)
-    return WorkItem(scene.item, key, (out,), process_sample, arguments)
-
-
-def process_sample(scene: Path, out: Path, config: SampleConfig, seed: int) -> ItemResult:
-    """Sample one scene's episodes."""
-    result = sample_episodes(load_bundle(scene), config, np.random.default_rng(seed))
-    write_episodes(out, result.episodes)
-    facts = {
-        "episodes": len(result.episodes),
-        "dropped": dict(result.dropped),
-        "robot_radius_m": config.robot_radius_m,
-    }
-    return ItemResult(facts)
+    job = SampleJob(scenes / scene.item, out, config, seed)
+    return work_item("sample", scene.item, job, (out,), scene.key, config, seed)
 
 
 def instruct_item(
     source: Row, scenes: Path, episodes: Path, out: Path, config: InstructConfig, seed: int
 ) -> WorkItem:
     """Write instructions for the episodes that have none, from `episodes` into `out`."""
-    code = code_version("instruction_gen", "wayfinding", "formats", "pipeline/stages/episodes.py")
-    key = digest("instruct", source.key, config, seed, code)
-    arguments = (scenes, episodes, out, config, seed)
-    return WorkItem(source.item, key, (out,), process_instruct, arguments)
-
-
-def process_instruct(
-    scenes: Path, episodes: Path, out: Path, config: InstructConfig, seed: int
-) -> ItemResult:
-    """Instruct one file's episodes."""
-    asked = read_episodes(episodes)
-    told = instruct_episodes(asked, scenes, config, np.random.default_rng(seed))
-    write_episodes(out, told.episodes)
-    return ItemResult({"episodes": len(told.episodes), "problems": told.problems})
+    job = InstructJob(scenes, episodes, out, config, seed)
+    return work_item("instruct", source.item, job, (out,), source.key, config, seed)
 
 
 def merge(parts: list[Path], out: Path) -> list[Episode]:

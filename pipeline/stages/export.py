@@ -2,32 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...formats.convert.dataset import DatasetFacts
 from ...formats.core.errors import UnknownNameError
-from ...formats.core.licences import licence_id
 from ...formats.core.rollout import EndReason
-from ...formats.lerobot import assemble_dataset, write_episode_unit
 from ...formats.lerobot.features import DEPTH_STORAGES
 from ...formats.lerobot.splits import held_out_scenes
-from ...formats.mcap.episode import write_episode_mcap
-from ...formats.mcap.rollout import read_rollout
-from ...formats.rendered.folder import read_frame_folder
-from ...formats.scene.bundle import INDEX_NAME, load_bundle
-from ..engine.keys import code_version, digest
+from ...formats.scene.bundle import INDEX_NAME
 from ..engine.ledger import Row
-from ..engine.runner import Context, ItemResult, StageSummary, WorkItem, run_stage
-from ..provenance import encoding_facts, episode_facts, provenance, scene_provenance
+from ..engine.runner import Context, StageSummary, run_stage
+from ..engine.work import WorkItem, work_item
+from ..jobs.export import DatasetJob, McapJob, UnitJob
 
 STAGE = "export"
 MCAP_STAGE = "mcap"
 DATASET_STAGE = "dataset"
-SCENE_MAP = "after.png"
-CODE = ("formats", "pipeline/stages/export.py", "pipeline/provenance.py")
 
 
 @dataclass(frozen=True)
@@ -108,86 +100,28 @@ def unit_items(
     frames: Mapping[str, Row], root: Path, dataset: Dataset, depth_storage: str
 ) -> list[WorkItem]:
     """One LeRobot unit per rendered episode; `frames` are rows of the render stage by item."""
-    code = code_version(*CODE)
     result = []
     for name, row in frames.items():
         out = dataset.units / name.rsplit("/", 1)[1]
         rollout = root / str(row.facts["rollout"])
-        arguments = (rollout, root / row.outputs[0], out, depth_storage)
-        key = digest(STAGE, row.key, depth_storage, code)
-        result.append(WorkItem(name, key, (out,), process_unit, arguments))
+        job = UnitJob(rollout, root / row.outputs[0], out, depth_storage)
+        result.append(work_item(STAGE, name, job, (out,), row.key, depth_storage))
     return result
-
-
-def process_unit(rollout: Path, frames: Path, out: Path, depth_storage: str) -> ItemResult:
-    """Write one episode's LeRobot unit."""
-    seen = read_frame_folder(frames)
-    recorded = read_rollout(rollout)
-    write_episode_unit(
-        out,
-        recorded,
-        seen.arrays,
-        seen.frames_per_second,
-        rgb_video=seen.rgb_video,
-        depth_video=seen.depth_video,
-        camera=seen.camera,
-        depth_range=seen.depth_range,
-        light=seen.light,
-        rgb_codec=seen.rgb_codec,
-        depth_storage=depth_storage,
-    )
-    facts = {
-        "frames": seen.facts["frames"],
-        "scene": seen.facts["scene_id"],
-        "made": episode_facts(recorded),
-        "encoding": encoding_facts(seen.facts, depth_storage),
-    }
-    return ItemResult(facts)
 
 
 def mcap_items(
     frames: Mapping[str, Row], root: Path, scenes: Path, dataset: Dataset, depth_storage: str
 ) -> list[WorkItem]:
     """One MCAP with images per rendered episode."""
-    code = code_version(*CODE)
     held_out = tuple(sorted(held_out_scenes(_scene_names(scenes))))
     result = []
     for name, row in frames.items():
         out = dataset.mcap / f"{name.rsplit('/', 1)[1]}.mcap"
         scene, rollout = scenes / str(row.facts["scene"]), root / str(row.facts["rollout"])
         told = (dataset.name, held_out, depth_storage)
-        arguments = (rollout, root / row.outputs[0], scene, *told, out)
-        key = digest(MCAP_STAGE, row.key, told, code)
-        result.append(WorkItem(name, key, (out,), process_mcap, arguments))
+        job = McapJob(rollout, root / row.outputs[0], scene, *told, out)
+        result.append(work_item(MCAP_STAGE, name, job, (out,), row.key, told))
     return result
-
-
-def process_mcap(
-    rollout: Path,
-    frames: Path,
-    scene: Path,
-    name: str,
-    held_out: Sequence[str],
-    depth_storage: str,
-    out: Path,
-) -> ItemResult:
-    """Write one episode's MCAP, which knows the dataset it belongs to."""
-    bundle = load_bundle(scene)
-    encoding = encoding_facts(read_frame_folder(frames).facts, depth_storage)
-    facts = DatasetFacts(
-        name,
-        licence_id(str(bundle.source.get("licence") or "")),
-        scene_provenance(bundle, held_out, encoding),
-        depth_storage=depth_storage,
-    )
-    write_episode_mcap(
-        out,
-        read_rollout(rollout),
-        frames,
-        scene_map=(scene / SCENE_MAP).read_bytes(),
-        dataset=facts.to_json(),
-    )
-    return ItemResult({"bytes": out.stat().st_size})
 
 
 def dataset_item(
@@ -210,10 +144,7 @@ def dataset_item(
     rows = list(units.values())
     all_scenes = _scene_names(scenes)
     used = tuple(scenes / name for name in sorted({str(row.facts["scene"]) for row in rows}))
-    key = digest(
-        DATASET_STAGE, [row.key for row in rows], all_scenes, dict(facts), code_version(*CODE)
-    )
-    arguments = (
+    job = DatasetJob(
         tuple(root / row.outputs[0] for row in rows),
         used,
         all_scenes,
@@ -222,30 +153,9 @@ def dataset_item(
         rows[0].facts["encoding"],
         dict(facts),
     )
-    return WorkItem(dataset.name, key, (dataset.lerobot,), process_dataset, arguments)
+    inputs = ([row.key for row in rows], all_scenes, dict(facts))
+    return work_item(DATASET_STAGE, dataset.name, job, (dataset.lerobot,), *inputs)
 
 
 def _scene_names(scenes: Path) -> tuple[str, ...]:
     return tuple(sorted(path.parent.name for path in scenes.glob(f"*/{INDEX_NAME}")))
-
-
-def process_dataset(
-    units: Sequence[Path],
-    scenes: Sequence[Path],
-    all_scenes: Sequence[str],
-    out: Path,
-    made: Sequence[Mapping[str, Any]],
-    encoding: Mapping[str, Any],
-    facts: Mapping[str, Any],
-) -> ItemResult:
-    """Assemble one dataset."""
-    bundles = [load_bundle(scene) for scene in scenes]
-    licences = sorted({licence_id(str(b.source.get("licence") or "")) for b in bundles})
-    summary = assemble_dataset(
-        units,
-        out,
-        provenance=provenance(made, bundles, all_scenes, encoding, facts),
-        licence="-and-".join(licences),
-        title=out.name,
-    )
-    return ItemResult({"episodes": summary.episodes, "frames": summary.frames})

@@ -4,38 +4,18 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from ...collectors.controllers import CONTROLLERS
-from ...collectors.robots import get_robot
-from ...formats.core.atomic import write_json
-from ...formats.mcap.rollout import read_rollout
-from ..engine.keys import code_version, digest
 from ..engine.ledger import Ledger, Row
 from ..engine.run_folder import RunFolder
-from ..engine.runner import Context, ItemResult, StageSummary, WorkItem, run_stage
+from ..engine.runner import Context, StageSummary, run_stage
+from ..engine.work import WorkItem, work_item
+from ..jobs.pictures import ClipJob, MapJob, StripJob
 from ..kept_robots import kept
-from .render import scene_renderer
+from ..report.pictures import STAGE, Pictures
 
-STAGE = "pictures"
-CODE = ("collectors", "wayfinding", "formats", "pipeline/stages/pictures.py")
 CLIP_S = 5.0  # how much of a failure's end is shown
-
-
-@dataclass(frozen=True)
-class Pictures:
-    """Pictures that were made.
-
-    Attributes:
-        maps: by `<scene>/<level>`; a JSON file beside each says where it lies.
-        strips: by robot.
-        clips: by `<robot>/<controller>/<episode>`; the last frame lies beside each as `.jpg`.
-    """
-
-    maps: dict[str, Path]
-    strips: dict[str, Path]
-    clips: dict[str, Path]
 
 
 def make(folder: RunFolder, context: Context, rows: Sequence[Row]) -> tuple[Pictures, StageSummary]:
@@ -63,31 +43,10 @@ def _map_items(folder: RunFolder, ledger: Ledger) -> dict[str, WorkItem]:
         for level in range(int(row.facts["levels"])):
             name = f"{row.item}/{level}"
             out = folder.report / "maps" / f"{row.item}-{level}.png"
-            key = digest("map", row.key, level, code_version(*CODE))
-            arguments = (folder.scenes / row.item, level, out)
+            job = MapJob(folder.scenes / row.item, level, out)
             outputs = (out, out.with_suffix(".json"))
-            result[name] = WorkItem(f"map {name}", key, outputs, process_map, arguments)
+            result[name] = work_item(STAGE, f"map {name}", job, outputs, row.key, level)
     return result
-
-
-def process_map(scene: Path, level: int, out: Path) -> ItemResult:
-    """Render one level from above."""
-    from ...collectors.rendering.people.pictures import save_picture
-    from ...collectors.rendering.people.scene_map import top_down_map
-
-    bundle, renderer = scene_renderer(scene)
-    picture = top_down_map(bundle, renderer, level)
-    height, width = picture.image.shape[:2]
-    mapping = {
-        "left_m": picture.left_m,
-        "top_m": picture.top_m,
-        "px_per_m": picture.px_per_m,
-        "width": width,
-        "height": height,
-    }
-    write_json(out.with_suffix(".json"), mapping)
-    save_picture(out, picture.image)
-    return ItemResult()
 
 
 def _strip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict[str, WorkItem]:
@@ -106,24 +65,10 @@ def _strip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict
     result = {}
     for robot, row in chosen.items():
         out = folder.report / "strips" / f"{robot}.jpg"
-        arguments = _paths(folder, row)
-        key = digest("strip", row.key, _scene_key(ledger, row), code_version(*CODE))
-        result[robot] = WorkItem(f"strip {robot}", key, (out,), process_strip, (*arguments, out))
+        job = StripJob(*_paths(folder, row), out)
+        inputs = (row.key, _scene_key(ledger, row))
+        result[robot] = work_item(STAGE, f"strip {robot}", job, (out,), *inputs)
     return result
-
-
-def process_strip(scene: Path, rollout: Path, robot: str, out: Path) -> ItemResult:
-    """Render one episode of a robot, by its name or folder, as a strip of pictures."""
-    from ...collectors.rendering.people.pictures import film_strip
-
-    walked = read_rollout(rollout)
-    film_strip(out, scene_renderer(scene)[1], walked, robot=get_robot(robot))
-    facts = {
-        "episode": walked.episode.episode_id,
-        "controller": walked.controller,
-        "end_reason": str(walked.end_reason),
-    }
-    return ItemResult(facts)
 
 
 def _clip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict[str, WorkItem]:
@@ -133,22 +78,11 @@ def _clip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict[
         if not row.failed:
             continue
         out = folder.report / "clips" / f"{row.item.replace('/', '-')}.mp4"
-        key = digest("clip", row.key, _scene_key(ledger, row), CLIP_S, code_version(*CODE))
+        job = ClipJob(*_paths(folder, row), CLIP_S, out)
         outputs = (out, out.with_suffix(".jpg"))
-        arguments = (*_paths(folder, row), out)
-        result[row.item] = WorkItem(f"clip {row.item}", key, outputs, process_clip, arguments)
+        inputs = (row.key, _scene_key(ledger, row), CLIP_S)
+        result[row.item] = work_item(STAGE, f"clip {row.item}", job, outputs, *inputs)
     return result
-
-
-def process_clip(scene: Path, rollout: Path, robot: str, out: Path) -> ItemResult:
-    """Render the last seconds of one episode, and its last frame as a picture."""
-    from ...collectors.rendering.people.pictures import save_picture, third_person_clip
-
-    _, renderer = scene_renderer(scene)
-    walked = read_rollout(rollout)
-    last = third_person_clip(out, renderer, walked, CLIP_S, robot=get_robot(robot))
-    save_picture(out.with_suffix(".jpg"), last)
-    return ItemResult()
 
 
 def _paths(folder: RunFolder, row: Row) -> tuple[Path, Path, str]:

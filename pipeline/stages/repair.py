@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import json
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from ...formats.core.atomic import atomic_folder
 from ...formats.core.digest import file_digest
 from ...formats.core.errors import FileFormatError
 from ...scene_repair.config import RepairConfig
 from ...scene_repair.scan.kinds import USD_SUFFIXES
 from ...scene_repair.scan.side_files import side_names
-from ..engine.keys import code_version, digest
-from ..engine.runner import ItemResult, WorkItem
+from ..engine.keys import digest
+from ..engine.work import WorkItem, work_item
+from ..jobs.repair import RepairJob
 
 STAGE = "repair"
 # Formats that keep textures or geometry in further files beside them.
@@ -31,38 +29,13 @@ def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> li
     Raises:
         FileFormatError: a source does not exist or is no file.
     """
-    code = code_version("scene_repair", "formats", "pipeline/stages/repair.py")
     result = []
     for scene_id, source in sources.items():
         named = replace(config, scene_id=scene_id)
-        key = digest(STAGE, named, source_digest(source), code)
         out = scenes / scene_id
-        result.append(WorkItem(scene_id, key, (out,), process, (source, out, named)))
+        job = RepairJob(source, out, named)
+        result.append(work_item(STAGE, scene_id, job, (out,), named, source_digest(source)))
     return result
-
-
-def process(source: Path, out: Path, config: RepairConfig) -> ItemResult:
-    """Repair one scan."""
-    # Mesh and USD libraries take seconds to import: only where the work is done.
-    from ...scene_repair.repair import repair_scene
-
-    with atomic_folder(out) as temporary:
-        repair_scene(source, temporary, config)
-        log = json.loads((temporary / "repair.json").read_text())
-    levels = log["levels"]
-    holes = [hole for level in levels for hole in level["holes"]]
-    filled = [hole for hole in holes if hole["action"] == "filled"]
-    left = Counter(hole["cause"] for hole in holes if hole["action"] != "filled")
-    facts = {
-        "levels": len(levels),
-        "holes_filled": len(filled),
-        "holes_left": dict(left),
-        "floor_before_m2": sum(level["floor_area_before_m2"] for level in levels),
-        "floor_after_m2": sum(level["floor_area_after_m2"] for level in levels),
-        "triangles": log["triangles_after"],
-        "warnings": log["warnings"],
-    }
-    return ItemResult(facts)
 
 
 def source_digest(source: Path) -> str:

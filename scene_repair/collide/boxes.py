@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ...formats.core.kernel import kernel
 from ...formats.scene.bundle import Obstacles
 from .voxels import STEPS, Voxels
 
@@ -43,13 +43,13 @@ def cover_with_boxes(voxels: Voxels, state: NDArray[np.uint8], slack: float = 0.
 
 
 # Compiled code copies element by element: array slices would double its compile time.
-@njit(cache=True)
+@kernel()
 def _copy(source, target):
     for k in range(len(source)):
         target[k] = source[k]
 
 
-@njit(cache=True)
+@kernel()
 def _widen(state, lower, upper, box, sides):
     """Include the voxels of `box` in the ranges of the four upright sides they touch.
 
@@ -82,7 +82,7 @@ def _widen(state, lower, upper, box, sides):
     return True
 
 
-@njit(cache=True)
+@kernel()
 def _grow_box(state, lower, upper, seed, orders, row, slack, box):
     """Grow from voxel `seed` with the growth order in `orders[row]`; leaves it in `box`."""
     sides, trial = np.empty(12, dtype=np.int64), np.empty(12, dtype=np.int64)
@@ -118,7 +118,7 @@ def _grow_box(state, lower, upper, seed, orders, row, slack, box):
             box[2 * axis + end] = place
 
 
-@njit(cache=True)
+@kernel()
 def _take(state, done, box, mark):
     """Count the open voxels in a box, and mark them as covered if told so."""
     count = 0
@@ -132,7 +132,7 @@ def _take(state, done, box, mark):
     return count
 
 
-@njit(cache=True)
+@kernel()
 def _cover(state, lower, upper, orders, slack, done, boxes):
     """Fill `boxes` (…, 6); returns how many there are."""
     count = 0
@@ -158,7 +158,7 @@ def _cover(state, lower, upper, orders, slack, done, boxes):
     return count
 
 
-@njit(cache=True)
+@kernel()
 def _tight(boxes, state, lower, upper, low, high):
     """Corners in voxel units, x, y, z, around the surfaces that each box covers."""
     for b in range(len(boxes)):
@@ -175,7 +175,7 @@ def _tight(boxes, state, lower, upper, low, high):
                         high[b, a] = max(high[b, a], base + upper[i, j, k, a] / STEPS)
 
 
-@njit(cache=True)
+@kernel()
 def _majority(boxes, state, owner, result):
     """What owns most of the voxels that each box covers (Boyer and Moore's vote, 1981)."""
     for b in range(len(boxes)):

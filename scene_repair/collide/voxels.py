@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ...formats.core.kernel import kernel
 from ...formats.scene.grid import GridSpec
 
 # Extents are stored in 1/250 of a voxel: 0.2 mm at 5 cm.
@@ -84,7 +84,7 @@ def voxelise(
 
 
 # Compiled code copies element by element: array slices would double its compile time.
-@njit(cache=True)
+@kernel()
 def _cut(polygon, count, axis, value, sign, out):
     """Clip a convex polygon by a plane across `axis` (Sutherland and Hodgman, 1974).
 
@@ -108,7 +108,7 @@ def _cut(polygon, count, axis, value, sign, out):
     return kept
 
 
-@njit(cache=True)
+@kernel()
 def _ends(polygon, count, axis):
     low, high = polygon[0, axis], polygon[0, axis]
     for k in range(1, count):
@@ -117,7 +117,7 @@ def _ends(polygon, count, axis):
     return low, high
 
 
-@njit(cache=True)
+@kernel()
 def _slab_range(polygon, count, axis, size):
     low, high = _ends(polygon, count, axis)
     first = int(np.floor(low))
@@ -126,7 +126,7 @@ def _slab_range(polygon, count, axis, size):
     return max(first, 0), min(last, size - 1)
 
 
-@njit(cache=True)
+@kernel()
 def _slab(polygon, count, axis, low, high, scratch, out):
     kept = _cut(polygon, count, axis, low, 1.0, scratch)
     if kept == 0:
@@ -134,7 +134,7 @@ def _slab(polygon, count, axis, low, high, scratch, out):
     return _cut(scratch, kept, axis, high, -1.0, out)
 
 
-@njit(cache=True)
+@kernel()
 def _mark(polygon, count, axis, base, lower, upper, i, j, k):
     """Widen the stored extent of a voxel along one axis by what lies in it."""
     low, high = _ends(polygon, count, axis)
@@ -146,7 +146,7 @@ def _mark(polygon, count, axis, base, lower, upper, i, j, k):
         upper[i, j, k, axis] = last
 
 
-@njit(cache=True)
+@kernel()
 def _clip_all(vertices, faces, face_owner, cut_below, cut_above, lower, upper, owner):
     rows, columns, layers = lower.shape[0], lower.shape[1], lower.shape[2]
     triangle, scratch = np.empty((3, 3)), np.empty((16, 3))

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ...formats.core.kernel import kernel
 from ...formats.scene.grid import GridSpec
 from ..grid.columns import Columns
 from ..grid.morphology import nearest_in
@@ -155,7 +155,7 @@ def _sunk(mesh: WorldMesh, grid: GridSpec, floor_z_m: float) -> NDArray[np.bool_
     return np.bitwise_count(marks) >= 2
 
 
-@njit(cache=True)
+@kernel()
 def _cover(start, z, face, flat, reference, limit):
     """Per cell the flat sample nearest to the reference height within `limit`."""
     cells = len(start) - 1

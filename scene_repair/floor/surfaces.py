@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ...formats.core.kernel import kernel
 from ..grid.columns import Columns
 
 # A walkable surface: at most this steep …
@@ -68,7 +68,7 @@ def find_surfaces(
     )
 
 
-@njit(cache=True)
+@kernel()
 def _clearance(start, z, stack):
     """Free height above every sample up to the next one that is not part of its own stack."""
     clear = np.full(len(z), np.inf)
@@ -82,7 +82,7 @@ def _clearance(start, z, stack):
     return clear
 
 
-@njit(cache=True)
+@kernel()
 def _root(parent, k):
     while parent[k] != k:
         parent[k] = parent[parent[k]]
@@ -90,7 +90,7 @@ def _root(parent, k):
     return k
 
 
-@njit(cache=True)
+@kernel()
 def _connect(start, z, rows, columns, step):
     """Union of samples in neighbouring cells whose heights differ by at most `step`."""
     parent = np.arange(len(z))

@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ...formats.core.errors import SceneError
+from ...formats.core.kernel import kernel
 from ...formats.scene.grid import GridSpec
 
 # Hits take 40 bytes each while they are sorted; tests of a cell with a face, a nanosecond or two.
@@ -119,7 +119,7 @@ def top_faces(
     return face, uv
 
 
-@njit(cache=True)
+@kernel()
 def _top(vertices, faces, corner_uv, height, face, uv):
     rows, columns = face.shape
     for f in range(len(faces)):
@@ -153,7 +153,7 @@ def _top(vertices, faces, corner_uv, height, face, uv):
                             )
 
 
-@njit(cache=True)
+@kernel()
 def _raster(vertices, faces, rows, columns, cursor, z_out, face_out, fill):
     """Count hits per cell, or write them at each cell's cursor.
 

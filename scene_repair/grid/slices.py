@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ...formats.core.kernel import kernel
 from ...formats.scene.grid import GridSpec
 
 
@@ -29,7 +29,7 @@ def slice_marks(
     return marks
 
 
-@njit(cache=True)
+@kernel()
 def _mark(vertices, faces, heights, marks):
     rows, columns = marks.shape
     end = np.empty((2, 2))

@@ -7,8 +7,9 @@ import zlib
 from collections.abc import Iterator
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from ...formats.core.kernel import kernel
 
 CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 BLOCK = 4 << 20
@@ -100,7 +101,7 @@ def _rgb(
     return samples[:, :3] if kind in (2, 6) else np.repeat(samples[:, :1], 3, axis=1)
 
 
-@njit(cache=True)
+@kernel()
 def _unfilter(
     kind: int, line: NDArray[np.uint8], previous: NDArray[np.uint8], step: int
 ) -> None:  # pragma: no cover - compiled

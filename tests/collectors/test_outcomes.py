@@ -21,7 +21,9 @@ from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.commands.collect import opened
 from vlnpe.pipeline.engine.ledger import Ledger, Row
 from vlnpe.pipeline.engine.run_folder import RunFolder
-from vlnpe.pipeline.engine.runner import WorkItem, run_stage
+from vlnpe.pipeline.engine.runner import run_stage
+from vlnpe.pipeline.engine.work import WorkItem
+from vlnpe.pipeline.jobs.replay import ReplayJob
 from vlnpe.pipeline.report.failures import failure_figures
 from vlnpe.pipeline.report.gather import robot_rows
 from vlnpe.pipeline.stages import replay, report
@@ -103,7 +105,7 @@ def test_an_episode_that_is_mended_leaves_no_dump(root: Path, tmp_path: Path) ->
     dump = tmp_path / "mad.diverged.json"
     dump.write_text("{}")
     rollout = read_rollout(root / "rollouts" / "aliengo" / "path" / "good.mcap")
-    replay.process(bundle_root, rollout.episode, ReplayConfig(), tmp_path, tmp_path / "mad.mcap")
+    ReplayJob(bundle_root, rollout.episode, ReplayConfig(), tmp_path, tmp_path / "mad.mcap").run()
     assert not dump.exists()
     assert (tmp_path / "mad.mcap").is_file()
 

@@ -11,7 +11,8 @@ from tests.support import work
 from vlnpe.formats.core.errors import InputError
 from vlnpe.pipeline.engine.executors import Workers
 from vlnpe.pipeline.engine.ledger import JOURNAL_NAME, MANIFEST_NAME, Ledger
-from vlnpe.pipeline.engine.runner import Context, StageFailedError, WorkItem, run_stage
+from vlnpe.pipeline.engine.runner import Context, StageFailedError, run_stage
+from vlnpe.pipeline.engine.work import WorkItem
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +27,7 @@ def context(root: Path, workers: Workers) -> Context:
 
 def item(root: Path, name: str, text: str = "hello", key: str = "k") -> WorkItem:
     path = root / f"{name}.txt"
-    return WorkItem(name, key, (path,), work.write, (path, text))
+    return WorkItem(name, key, (path,), work.Call(work.write, (path, text)))
 
 
 def test_second_run_reuses_everything_and_a_changed_key_redoes_one(tmp_path, workers):
@@ -53,11 +54,11 @@ def test_bad_items_are_quarantined_with_their_reason_and_counted(tmp_path, worke
     items = [
         item(tmp_path, "good"),
         item(tmp_path, "fell", "fell"),
-        WorkItem("no_floor", "k", (bad,), work.refuse, (bad,)),
-        WorkItem("no_mesh", "k", (bad,), work.misread, (bad,)),
-        WorkItem("bug", "k", (bad,), work.crash, (bad,)),
-        WorkItem("stubborn", "k", (bad,), work.refuse_stubbornly, (bad,)),
-        WorkItem("half", "k", (bad,), work.write_half, (bad,)),
+        WorkItem("no_floor", "k", (bad,), work.Call(work.refuse, (bad,))),
+        WorkItem("no_mesh", "k", (bad,), work.Call(work.misread, (bad,))),
+        WorkItem("bug", "k", (bad,), work.Call(work.crash, (bad,))),
+        WorkItem("stubborn", "k", (bad,), work.Call(work.refuse_stubbornly, (bad,))),
+        WorkItem("half", "k", (bad,), work.Call(work.write_half, (bad,))),
     ]
     summary = run_stage(context(tmp_path, workers), "s", items)
     assert (summary.done, summary.failed, summary.quarantined) == (2, 1, 5)
@@ -75,7 +76,7 @@ def test_bad_items_are_quarantined_with_their_reason_and_counted(tmp_path, worke
 def test_a_dying_worker_takes_only_its_own_item(tmp_path):
     path = tmp_path / "dead.txt"
     items = [item(tmp_path, n) for n in "abcd"]
-    items.insert(1, WorkItem("dead", "k", (path,), work.die, (path,)))
+    items.insert(1, WorkItem("dead", "k", (path,), work.Call(work.die, (path,))))
     with Workers(2) as pool:
         summary = run_stage(context(tmp_path, pool), "s", items)
     assert sorted(summary.good()) == ["a", "b", "c", "d"]
@@ -92,7 +93,7 @@ def test_a_dying_worker_takes_only_its_own_item(tmp_path):
 )
 def test_nothing_left_to_work_on_ends_the_run(tmp_path, workers, process, error, says):
     path = tmp_path / "x.txt"
-    items = [WorkItem("x", "k", (path,), process, (path,))]
+    items = [WorkItem("x", "k", (path,), work.Call(process, (path,)))]
     with pytest.raises(error, match=says):
         run_stage(context(tmp_path, workers), "s", items, required=True)
     assert not path.exists()
@@ -100,7 +101,7 @@ def test_nothing_left_to_work_on_ends_the_run(tmp_path, workers, process, error,
 
 def test_a_full_disk_ends_the_run_although_others_are_done(tmp_path, workers):
     path = tmp_path / "x.txt"
-    items = [item(tmp_path, "a"), WorkItem("x", "k", (path,), work.fill_disk, (path,))]
+    items = [item(tmp_path, "a"), WorkItem("x", "k", (path,), work.Call(work.fill_disk, (path,)))]
     with pytest.raises(InputError, match="No space left"):
         run_stage(context(tmp_path, workers), "s", items)
 
@@ -128,7 +129,7 @@ def test_items_of_earlier_options_are_kept_but_not_current(tmp_path, workers):
 
 def test_a_stage_that_is_not_required_may_lose_all_its_items(tmp_path, workers):
     path = tmp_path / "x.txt"
-    items = [WorkItem("x", "k", (path,), work.crash, (path,))]
+    items = [WorkItem("x", "k", (path,), work.Call(work.crash, (path,)))]
     assert run_stage(context(tmp_path, workers), "s", items).quarantined == 1
 
 
@@ -156,7 +157,7 @@ def test_rows_after_a_cut_line_survive_the_next_kill(tmp_path, workers):
 
 def test_a_ledger_that_cannot_be_written_does_not_hide_why(tmp_path, workers, monkeypatch):
     path = tmp_path / "x.txt"
-    items = [WorkItem("x", "k", (path,), work.fill_disk, (path,))]
+    items = [WorkItem("x", "k", (path,), work.Call(work.fill_disk, (path,)))]
     full = context(tmp_path, workers)
 
     def refuse() -> None:

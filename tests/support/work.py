@@ -3,11 +3,25 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from vlnpe.formats.core.atomic import atomic_file
 from vlnpe.formats.core.errors import FileFormatError, SceneError
-from vlnpe.pipeline.engine.runner import ItemResult
+from vlnpe.pipeline.engine.work import ItemResult
+
+
+@dataclass(frozen=True)
+class Call:
+    """A job that calls one of the functions below."""
+
+    function: Callable[..., ItemResult]
+    arguments: tuple[Any, ...]
+
+    def run(self) -> ItemResult:
+        return self.function(*self.arguments)
 
 
 def write(path: Path, text: str) -> ItemResult:

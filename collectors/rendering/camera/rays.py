@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from ....formats.core.kernel import kernel
 
 # Around the centre, whose ray is traced anyway: all four differ in row and in column.
 SUBPIXELS = np.array([[-0.14, -0.36], [0.38, 0.06], [-0.24, 0.34]], dtype=np.float32)
 
 
-@njit(cache=True)
+@kernel()
 def fill_directions(
     rotation: NDArray[np.float64],
     focal_px: float,
@@ -37,7 +38,7 @@ def fill_directions(
             k += 1
 
 
-@njit(cache=True)
+@kernel()
 def subpixel_directions(
     pixels: NDArray[np.int32],
     subpixels: NDArray[np.float32],

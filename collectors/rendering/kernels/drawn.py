@@ -6,9 +6,9 @@ Helpers are inlined from `surface_light`; see `ray_kernel` about numba's cache.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ....formats.core.kernel import kernel
 from .data import F32, FAST, LightArrays
 from .packets import PacketHits
 from .surface_light import (
@@ -23,7 +23,7 @@ from .surface_light import (
 f32 = np.float32
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST)
 def shade_robot(
     rays: NDArray[np.int64],
     directions: F32,
@@ -84,7 +84,7 @@ def shade_robot(
             out[i, k] = exposed(base_linear[k] * factor, light)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST)
 def light_pixels(
     rgb: NDArray[np.uint8],
     depth: F32,

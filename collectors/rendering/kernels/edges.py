@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from ....formats.core.kernel import kernel
 
 F32 = NDArray[np.float32]
 
 
-@njit(cache=True)
+@kernel()
 def encode_srgb(linear: F32, table: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
     """Linear light (N, 3) to sRGB bytes (N, 3) through `table` (see `srgb.encode_table`)."""
     steps = np.float32(table.shape[0] - 1)
@@ -19,7 +20,7 @@ def encode_srgb(linear: F32, table: NDArray[np.uint8], out: NDArray[np.uint8]) -
             out[i, k] = table[np.int32(x * steps + np.float32(0.5))]
 
 
-@njit(cache=True)
+@kernel()
 def _contrast(rgb: NDArray[np.uint8], i: int, j: int) -> np.int32:
     biggest = np.int32(0)
     for k in range(3):
@@ -28,7 +29,7 @@ def _contrast(rgb: NDArray[np.uint8], i: int, j: int) -> np.int32:
     return biggest
 
 
-@njit(cache=True)
+@kernel()
 def find_edges(
     rgb: NDArray[np.uint8],
     depth: F32,
@@ -83,7 +84,7 @@ def find_edges(
     return marked
 
 
-@njit(cache=True)
+@kernel()
 def add_samples(samples: F32, count: int, pixels: NDArray[np.int32], color: F32) -> F32:
     """Mean (K, 3) of each pixel's own colour in `color` (N, 3) and its `count` samples.
 

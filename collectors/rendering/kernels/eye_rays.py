@@ -9,9 +9,9 @@ file alone, so delete this folder's __pycache__/*.nbi after changing `texture_sa
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ....formats.core.kernel import kernel
 from .data import F32, FAST, LightArrays, Packets, SceneArrays
 from .packets import (
     DIRECTION,
@@ -46,7 +46,7 @@ from .texture_sampling import footprint, prefetch_texels, sample_texture
 f32 = np.float32
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST)
 def render_rays(
     order: NDArray[np.int32],
     directions: F32,

@@ -26,6 +26,7 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from ....formats.core.errors import VlnpeError
+from ....formats.core.kernel import kernel
 
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
@@ -249,7 +250,7 @@ def call_occluded(lanes_, valid, scene, rays, arguments):
         occluded4(valid, scene, rays, arguments)
 
 
-@njit(cache=True)
+@kernel()
 def _trace(scene, arguments, rays, lanes_, origins, directions, hits):
     bits = rays.view(np.int32)
     valid = np.int64(PACKET_ROWS * 16)
@@ -282,7 +283,7 @@ def _trace(scene, arguments, rays, lanes_, origins, directions, hits):
                 hits.normal[i, axis] = rays[(NORMAL + axis) * lanes_ + k]
 
 
-@njit(cache=True)
+@kernel()
 def _hidden(scene, arguments, rays, lanes_, origins, directions, out):
     bits = rays.view(np.int32)
     valid = np.int64(PACKET_ROWS * 16)

@@ -1,0 +1,51 @@
+"""Compiled kernels whose cache never outlives their source.
+
+numba keeps compiled code beside a function's file and compares that file alone. A kernel that
+calls another module's kernel, or uses its constants, would run with their former code.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+from numba.core import config
+
+from .source import ROOT, code_digest
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def kernel(**options: Any) -> Callable[[Function], Function]:
+    """Return `numba.njit(cache=True, **options)` with a cache for each state of the code.
+
+    The cache is keyed by `code_digest` of the function's module: an edit of any module that it
+    imports, transitively, compiles it anew.
+    """
+
+    def decorate(function: Function) -> Function:
+        # numba reads this variable once, while it decorates.
+        settings: Any = config
+        before = settings.CACHE_DIR
+        settings.CACHE_DIR = str(cache_folder() / code_digest(function.__module__)[:16])
+        try:
+            return cast(Function, numba.njit(cache=True, **options)(function))
+        finally:
+            settings.CACHE_DIR = before
+
+    return decorate
+
+
+@cache
+def cache_folder() -> Path:
+    """Return the folder of all compiled kernels: beside the package if that can be written to."""
+    if os.environ.get("NUMBA_CACHE_DIR"):
+        return Path(os.environ["NUMBA_CACHE_DIR"])
+    if os.access(ROOT, os.W_OK):
+        return ROOT / "__pycache__" / "kernels"
+    return Path(tempfile.gettempdir()) / f"vlnpe-kernels-{os.getuid()}"

@@ -1,0 +1,168 @@
+"""The source code behind a result: the modules that a module imports, and a digest of them all.
+
+Keys of work items and caches of compiled kernels use it, so that both notice an edit of any
+function they depend on and ignore edits of all others.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import platform
+import sys
+from collections.abc import Iterator
+from functools import cache
+from importlib.metadata import PackageNotFoundError, packages_distributions, version
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]  # of the package: in a checkout the repository
+NAME = __name__.split(".")[0]
+# Files that a package reads beside its modules. A robot's policy is an input of its own: replays
+# of one robot do not depend on another's gait.
+DATA_SUFFIXES = {".xml", ".j2", ".txt", ".yaml", ".html", ".css", ".js"}
+
+
+@cache
+def source_digest(*modules: str) -> str:
+    """Return the SHA-256 hex of everything of which importing `modules` makes use.
+
+    That is the code of `code_digest`, and the versions of Python and of the libraries that the
+    modules import.
+
+    Args:
+        modules: dotted names, with or without the leading `vlnpe.`.
+
+    Raises:
+        ModuleNotFoundError: there is no such module (it was renamed, and keys would go blind).
+    """
+    state = hashlib.sha256(platform.python_version().encode())
+    state.update(code_digest(*modules).encode())
+    for name, installed in sorted(libraries(*modules).items()):
+        state.update(f"{name}=={installed}\n".encode())
+    return state.hexdigest()
+
+
+@cache
+def code_digest(*modules: str) -> str:
+    """Return the SHA-256 hex of the source of all of our modules that importing `modules` executes.
+
+    Comments and docstrings do not count; the data files of the modules' packages do.
+
+    Raises:
+        ModuleNotFoundError: there is no such module.
+    """
+    state = hashlib.sha256()
+    ours = imported_modules(*modules)
+    for module in sorted(ours):
+        state.update(f"{module} {_code_digest(module)}\n".encode())
+    for folder in sorted({_path(module).parent for module in ours}):
+        for path in sorted(folder.iterdir()):
+            if path.suffix in DATA_SUFFIXES:
+                state.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
+    return state.hexdigest()
+
+
+@cache
+def imported_modules(*modules: str) -> frozenset[str]:
+    """Return the names of all of our modules that importing `modules` executes, they included.
+
+    Imports inside functions count, those for type checkers alone do not. A module's packages are
+    executed with it.
+
+    Raises:
+        ModuleNotFoundError: there is no such module.
+    """
+    waiting = [module.removeprefix(f"{NAME}.") for module in modules]
+    found: set[str] = set()
+    while waiting:
+        module = waiting.pop()
+        if module in found:
+            continue
+        found.add(module)
+        parent = module.rpartition(".")[0]
+        if parent and _file(parent) is not None:
+            waiting.append(parent)
+        waiting.extend(_imports(module)[0] - found)
+    return frozenset(found)
+
+
+def libraries(*modules: str) -> dict[str, str]:
+    """Return name and version of each installed distribution that the modules import."""
+    owners = _owners()
+    result = {}
+    for module in imported_modules(*modules):
+        for package in _imports(module)[1]:
+            for name in owners.get(package, ()):
+                try:
+                    result[name] = version(name)
+                except PackageNotFoundError:  # a stale record of the environment
+                    continue
+    result.pop(NAME, None)
+    return result
+
+
+@cache
+def _owners() -> dict[str, list[str]]:
+    return dict(packages_distributions())
+
+
+def _file(module: str) -> Path | None:
+    base = ROOT.joinpath(*module.split("."))
+    for path in (base.with_suffix(".py"), base / "__init__.py"):
+        if path.is_file():
+            return path
+    return None
+
+
+def _path(module: str) -> Path:
+    path = _file(module)
+    if path is None:
+        raise ModuleNotFoundError(f"no module {NAME}.{module} below {ROOT}", name=module)
+    return path
+
+
+@cache
+def _tree(module: str) -> ast.Module:
+    return ast.parse(_path(module).read_bytes())
+
+
+@cache
+def _imports(module: str) -> tuple[frozenset[str], frozenset[str]]:
+    """Our modules, and the top-level names of others, that a module's source imports."""
+    package = module if _path(module).name == "__init__.py" else module.rpartition(".")[0]
+    ours: set[str] = set()
+    others: set[str] = set()
+    for node in _nodes(_tree(module)):
+        if isinstance(node, ast.Import):
+            others.update(alias.name.split(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            others.add((node.module or "").split(".")[0])
+        elif isinstance(node, ast.ImportFrom):
+            parts = package.split(".")
+            base = ".".join(parts[: len(parts) - node.level + 1])
+            base = ".".join(part for part in (base, node.module) if part)
+            for alias in node.names:
+                name = f"{base}.{alias.name}" if base else alias.name
+                # A name is a module of its own, or it is defined in the module before it.
+                ours.update(m for m in (base, name) if m and _file(m) is not None)
+    return frozenset(ours), frozenset(others - set(sys.stdlib_module_names))
+
+
+def _nodes(tree: ast.AST) -> Iterator[ast.AST]:
+    """All nodes but those under `if TYPE_CHECKING`."""
+    for child in ast.iter_child_nodes(tree):
+        test = getattr(child, "test", None)
+        if isinstance(child, ast.If) and isinstance(test, ast.Name) and test.id == "TYPE_CHECKING":
+            continue
+        yield child
+        yield from _nodes(child)
+
+
+@cache
+def _code_digest(module: str) -> str:
+    tree = ast.parse(_path(module).read_bytes())  # a copy of its own: docstrings are taken out
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            docstring = ast.get_docstring(node, clean=False)
+            node.body = node.body[docstring is not None :]
+    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()

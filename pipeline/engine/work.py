@@ -1,0 +1,64 @@
+"""Work items: what is to be done, under which key, and with which outputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from ...formats.core.source import source_digest
+from .keys import digest
+
+
+@dataclass(frozen=True)
+class ItemResult:
+    """What a job returns.
+
+    Attributes:
+        facts: JSON values for later stages and the report.
+        failed: the item is done, but its outcome is bad (a fall, …).
+    """
+
+    facts: dict[str, Any] = field(default_factory=dict)
+    failed: bool = False
+
+
+class Job(Protocol):
+    """The work of one item: a picklable, frozen dataclass of a module in `pipeline.jobs`."""
+
+    def run(self) -> ItemResult:
+        """Do the work, in a worker process; write each output atomically."""
+        ...
+
+
+@dataclass(frozen=True)
+class WorkItem:
+    """One unit of work.
+
+    Attributes:
+        name: unique within its stage.
+        key: digest of configuration, inputs and code; an item done with the same key is not done
+            again.
+        outputs: files or folders that the job writes, each atomically.
+        job: what to do.
+    """
+
+    name: str
+    key: str
+    outputs: tuple[Path, ...]
+    job: Job
+
+
+def work_item(stage: str, name: str, job: Job, outputs: tuple[Path, ...], *inputs: Any) -> WorkItem:
+    """Return an item whose key covers its stage, `inputs`, and the code that the job imports.
+
+    Args:
+        stage: name of the stage.
+        name: unique within the stage.
+        job: what to do. Its module imports all that the work needs and nothing else, so that an
+            edit elsewhere does not repeat the work.
+        outputs: what the job writes.
+        inputs: everything else that decides the result: configuration, keys of the items that
+            the job reads, digests of the user's files. Not the job's paths, which may move.
+    """
+    return WorkItem(name, digest(stage, *inputs, source_digest(type(job).__module__)), outputs, job)

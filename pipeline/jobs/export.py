@@ -1,0 +1,140 @@
+"""Write rendered episodes as LeRobot v3 and MCAP."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ...formats.convert.dataset import DatasetFacts
+from ...formats.core.licences import licence_id
+from ...formats.lerobot import assemble_dataset, write_episode_unit
+from ...formats.mcap.episode import write_episode_mcap
+from ...formats.mcap.rollout import read_rollout
+from ...formats.rendered.folder import read_frame_folder
+from ...formats.scene.bundle import load_bundle
+from ..engine.work import ItemResult
+from ..provenance import encoding_facts, episode_facts, provenance, scene_provenance
+
+SCENE_MAP = "after.png"
+
+
+@dataclass(frozen=True)
+class UnitJob:
+    """Write one episode's share of a LeRobot dataset.
+
+    Attributes:
+        rollout: rollout file.
+        frames: its frame folder.
+        out: unit folder.
+        depth_storage: see `DEPTH_STORAGES`.
+    """
+
+    rollout: Path
+    frames: Path
+    out: Path
+    depth_storage: str
+
+    def run(self) -> ItemResult:
+        """Write one episode's LeRobot unit."""
+        seen = read_frame_folder(self.frames)
+        recorded = read_rollout(self.rollout)
+        write_episode_unit(
+            self.out,
+            recorded,
+            seen.arrays,
+            seen.frames_per_second,
+            rgb_video=seen.rgb_video,
+            depth_video=seen.depth_video,
+            camera=seen.camera,
+            depth_range=seen.depth_range,
+            light=seen.light,
+            rgb_codec=seen.rgb_codec,
+            depth_storage=self.depth_storage,
+        )
+        facts = {
+            "frames": seen.facts["frames"],
+            "scene": seen.facts["scene_id"],
+            "made": episode_facts(recorded),
+            "encoding": encoding_facts(seen.facts, self.depth_storage),
+        }
+        return ItemResult(facts)
+
+
+@dataclass(frozen=True)
+class McapJob:
+    """Write one episode's MCAP, which knows the dataset it belongs to.
+
+    Attributes:
+        rollout: rollout file.
+        frames: its frame folder.
+        scene: folder of the repaired scene.
+        name: of the dataset.
+        held_out: scenes that are held out for validation.
+        depth_storage: see `DEPTH_STORAGES`.
+        out: MCAP file.
+    """
+
+    rollout: Path
+    frames: Path
+    scene: Path
+    name: str
+    held_out: tuple[str, ...]
+    depth_storage: str
+    out: Path
+
+    def run(self) -> ItemResult:
+        """Write one episode's MCAP."""
+        bundle = load_bundle(self.scene)
+        encoding = encoding_facts(read_frame_folder(self.frames).facts, self.depth_storage)
+        facts = DatasetFacts(
+            self.name,
+            licence_id(str(bundle.source.get("licence") or "")),
+            scene_provenance(bundle, self.held_out, encoding),
+            depth_storage=self.depth_storage,
+        )
+        write_episode_mcap(
+            self.out,
+            read_rollout(self.rollout),
+            self.frames,
+            scene_map=(self.scene / SCENE_MAP).read_bytes(),
+            dataset=facts.to_json(),
+        )
+        return ItemResult({"bytes": self.out.stat().st_size})
+
+
+@dataclass(frozen=True)
+class DatasetJob:
+    """Join units into a LeRobot dataset.
+
+    Attributes:
+        units: unit folders.
+        scenes: folders of the scenes they lie in.
+        all_scenes: names of all scenes of the run.
+        out: the dataset's folder.
+        made: facts of each unit's episode, for the provenance.
+        encoding: facts of the videos.
+        facts: configuration and seeds.
+    """
+
+    units: tuple[Path, ...]
+    scenes: tuple[Path, ...]
+    all_scenes: tuple[str, ...]
+    out: Path
+    made: tuple[Mapping[str, Any], ...]
+    encoding: Mapping[str, Any]
+    facts: Mapping[str, Any]
+
+    def run(self) -> ItemResult:
+        """Assemble one dataset."""
+        bundles = [load_bundle(scene) for scene in self.scenes]
+        licences = sorted({licence_id(str(b.source.get("licence") or "")) for b in bundles})
+        summary = assemble_dataset(
+            self.units,
+            self.out,
+            provenance=provenance(self.made, bundles, self.all_scenes, self.encoding, self.facts),
+            licence="-and-".join(licences),
+            title=self.out.name,
+        )
+        return ItemResult({"episodes": summary.episodes, "frames": summary.frames})

@@ -1,0 +1,138 @@
+"""Pictures and films for people."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...collectors.rendering.camera.views import View
+from ...collectors.rendering.people.pictures import (
+    film_strip,
+    save_picture,
+    third_person_clip,
+    watchable_video,
+)
+from ...collectors.rendering.people.scene_map import top_down_map
+from ...collectors.robots import get_robot
+from ...formats.core.atomic import write_json
+from ...formats.mcap.rollout import read_rollout
+from ..engine.work import ItemResult
+from .render import scene_renderer
+
+
+@dataclass(frozen=True)
+class MapJob:
+    """Draw one level from above, and write where the picture lies beside it.
+
+    Attributes:
+        scene: folder of the repaired scene.
+        level: its index.
+        out: picture.
+    """
+
+    scene: Path
+    level: int
+    out: Path
+
+    def run(self) -> ItemResult:
+        """Render one level from above."""
+        bundle, renderer = scene_renderer(self.scene)
+        picture = top_down_map(bundle, renderer, self.level)
+        height, width = picture.image.shape[:2]
+        mapping = {
+            "left_m": picture.left_m,
+            "top_m": picture.top_m,
+            "px_per_m": picture.px_per_m,
+            "width": width,
+            "height": height,
+        }
+        write_json(self.out.with_suffix(".json"), mapping)
+        save_picture(self.out, picture.image)
+        return ItemResult()
+
+
+@dataclass(frozen=True)
+class StripJob:
+    """Show one episode as a strip of pictures.
+
+    Attributes:
+        scene: folder of the repaired scene.
+        rollout: rollout file.
+        robot: name or folder.
+        out: picture.
+    """
+
+    scene: Path
+    rollout: Path
+    robot: str
+    out: Path
+
+    def run(self) -> ItemResult:
+        """Render the strip."""
+        walked = read_rollout(self.rollout)
+        film_strip(self.out, scene_renderer(self.scene)[1], walked, robot=get_robot(self.robot))
+        facts = {
+            "episode": walked.episode.episode_id,
+            "controller": walked.controller,
+            "end_reason": str(walked.end_reason),
+        }
+        return ItemResult(facts)
+
+
+@dataclass(frozen=True)
+class ClipJob:
+    """Show the last seconds of one episode, and its last frame as a picture.
+
+    Attributes:
+        scene: folder of the repaired scene.
+        rollout: rollout file.
+        robot: name or folder.
+        seconds: how much of the end is shown [s].
+        out: video.
+    """
+
+    scene: Path
+    rollout: Path
+    robot: str
+    seconds: float
+    out: Path
+
+    def run(self) -> ItemResult:
+        """Render the clip."""
+        _, renderer = scene_renderer(self.scene)
+        walked = read_rollout(self.rollout)
+        robot = get_robot(self.robot)
+        last = third_person_clip(self.out, renderer, walked, self.seconds, robot=robot)
+        save_picture(self.out.with_suffix(".jpg"), last)
+        return ItemResult()
+
+
+@dataclass(frozen=True)
+class FilmJob:
+    """Render one rollout as a video to look at.
+
+    Attributes:
+        scene: folder of the repaired scene.
+        rollout: rollout file.
+        robot: name or folder.
+        view: what to see.
+        frames_per_second: of the video.
+        out: video.
+    """
+
+    scene: Path
+    rollout: Path
+    robot: str
+    view: View
+    frames_per_second: int
+    out: Path
+
+    def run(self) -> ItemResult:
+        """Render the video."""
+        _, renderer = scene_renderer(self.scene, self.view.renderer, self.view.light)
+        recorded = read_rollout(self.rollout)
+        self.out.parent.mkdir(parents=True, exist_ok=True)
+        robot = get_robot(self.robot)
+        fps = self.frames_per_second
+        count = watchable_video(self.out, renderer, recorded, self.view, fps, robot=robot)
+        return ItemResult({"frames": count, "scene": self.scene.name})

@@ -1,0 +1,104 @@
+"""Replay an episode in physics."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from ...collectors.replay import ReplayConfig, replay_in
+from ...collectors.robots import get_robot
+from ...collectors.world import World, open_world
+from ...formats.core.atomic import write_json
+from ...formats.core.episode import Episode
+from ...formats.core.errors import DivergedError
+from ...formats.core.rollout import EndReason
+from ...formats.mcap.rollout import write_rollout
+from ...formats.scene.bundle import load_bundle
+from ..engine.work import ItemResult
+
+TOUCHING = ("contact", "collision_target", "collision_start")  # events with an obstacle
+
+
+@dataclass(frozen=True)
+class ReplayJob:
+    """Let a robot walk one episode and record it.
+
+    Attributes:
+        scene: folder of the repaired scene.
+        episode: what to walk.
+        config: the robot, its controller, and how.
+        models: folder where compiled models are kept.
+        out: rollout file.
+    """
+
+    scene: Path
+    episode: Episode
+    config: ReplayConfig
+    models: Path
+    out: Path
+
+    def run(self) -> ItemResult:
+        """Replay one episode.
+
+        Raises:
+            DivergedError: physics exploded; the last state lies beside where the rollout would be.
+        """
+        episode, config, out = self.episode, self.config, self.out
+        dump = out.with_suffix(".diverged.json")
+        dump.unlink(missing_ok=True)
+        world = _world(self.scene, episode.level, config, self.models)
+        rollout = replay_in(world, episode, config)
+        if rollout.end_reason is EndReason.DIVERGED:
+            out.unlink(missing_ok=True)  # of an earlier run
+            last = {
+                "episode": episode.episode_id,
+                "scene": self.scene.name,
+                "time_s": rollout.metrics.duration_s,
+                "events": [asdict(event) for event in rollout.events],
+                "facts": rollout.facts,
+                "config": asdict(config),
+            }
+            write_json(dump, last)
+            after_s = rollout.metrics.duration_s
+            raise DivergedError(
+                f"physics diverged after {after_s:.2f} s; its last state: {dump.name}"
+            )
+        write_rollout(out, rollout)
+        end = str(rollout.end_reason)
+        facts = {
+            "episode": episode.episode_id,
+            "scene": self.scene.name,
+            "robot": rollout.robot,
+            "controller": rollout.controller,
+            "seed": config.seed,
+            "actions": actions(config),
+            "end_reason": end,
+            "detail": next((e.detail for e in reversed(rollout.events) if e.kind == end), ""),
+            "contacts": sum(event.kind in TOUCHING for event in rollout.events),
+            # JSON knows no infinity: an unreachable goal has no distance.
+            "metrics": {
+                key: None if isinstance(value, float) and not math.isfinite(value) else value
+                for key, value in asdict(rollout.metrics).items()
+            },
+        }
+        return ItemResult(facts, failed=rollout.end_reason is not EndReason.SUCCESS)
+
+
+def actions(config: ReplayConfig) -> dict[str, Any]:
+    """How discrete actions were carried out; empty for controllers that know none."""
+    if config.controller != "speed":
+        return {}
+    return {
+        "steps": config.speed.steps_per_action,
+        "closed_loop": config.speed.end_on_displacement,
+    }
+
+
+# Opening a level takes as long as a tenth of an episode; a worker keeps the last ones.
+@lru_cache(maxsize=4)
+def _world(scene: Path, level: int, config: ReplayConfig, models: Path) -> World:
+    robot = get_robot(config.robot)
+    return open_world(load_bundle(scene), level, robot, None, config.physics, models)

@@ -1,0 +1,34 @@
+"""Generate an apartment and scan it virtually."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...formats.core.atomic import atomic_folder
+from ..engine.work import ItemResult
+
+
+@dataclass(frozen=True)
+class ScanJob:
+    """Write the scan of one generated apartment.
+
+    Attributes:
+        seed: of the apartment.
+        folder: output.
+    """
+
+    seed: int
+    folder: Path
+
+    def run(self) -> ItemResult:
+        """Generate one scan."""
+        # Takes long to import: only where the work is done.
+        from ...apartments import generate_scan
+
+        with atomic_folder(self.folder) as temporary:
+            scan = generate_scan(self.seed, temporary)
+            size = scan.stat().st_size
+            # The scan is made by this project, so that the data made from it may be used as freely.
+            (temporary / "LICENSE.scan").write_text("Apache-2.0\n")
+        return ItemResult({"seed": self.seed, "scan": scan.name, "bytes": size})

@@ -1,0 +1,150 @@
+"""Keys cover the code that a job imports, no less and no more."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+JOBS = {
+    "scan": "scan",
+    "repair": "repair",
+    "sample": "episodes",
+    "instruct": "instruct",
+    "replay": "replay",
+    "render": "render",
+    "pictures": "pictures",
+    "export": "export",
+    "report": "report",
+}
+DIGESTS = f"""
+from vlnpe.formats.core.source import source_digest
+for stage, job in {JOBS!r}.items():
+    print(stage, source_digest("pipeline.jobs." + job))
+"""
+# File, text in it, its replacement; the stages that must run again, and no others may.
+EDITS = {
+    "a bookshelf": (
+        "apartments/home/furniture/storage.py",
+        "from __future__ import annotations\n",
+        "from __future__ import annotations\nCOLOUR = 1\n",
+        {"scan"},
+    ),
+    "a shader": (
+        "collectors/rendering/kernels/surface_light.py",
+        "from __future__ import annotations\n",
+        "from __future__ import annotations\nBRIGHTER = 2\n",
+        {"render", "pictures"},
+    ),
+    "how gaits run": (
+        "collectors/locomotion/observation.py",
+        "from __future__ import annotations\n",
+        "from __future__ import annotations\nSCALE = 2\n",
+        {"replay"},
+    ),
+    "the gait trainer": (
+        "collectors/gait_training/rewards.py",
+        "from __future__ import annotations\n",
+        "from __future__ import annotations\nMORE = 2\n",
+        set(),
+    ),
+    "the report's template": ("pipeline/report/page.html.j2", "<body>", "<body >", {"report"}),
+    "reading USD, by a name that only the child process imports": (
+        "scene_repair/usd/stage.py",
+        "from __future__ import annotations\n",
+        "from __future__ import annotations\nDEEPER = 2\n",
+        {"repair"},
+    ),
+    "the stage runner": (
+        "pipeline/engine/executors.py",
+        "from __future__ import annotations\n",
+        "from __future__ import annotations\nMORE = 2\n",
+        set(),
+    ),
+    "a docstring": ("collectors/replay.py", '"""Replay an episode', '"""Play an episode', set()),
+    "a comment": (
+        "formats/core/frames.py",
+        "from __future__ import annotations\n",
+        "from __future__ import annotations\n# Why.\n",
+        set(),
+    ),
+    "the frames that all share": (
+        "formats/core/atomic.py",
+        "from __future__ import annotations\n",
+        "from __future__ import annotations\nMORE = 2\n",
+        set(JOBS),
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory) -> Path:
+    """A copy of the package that may be edited."""
+    root = tmp_path_factory.mktemp("tree") / "vlnpe"
+    for folder in ("apartments", "collectors", "datasets", "formats", "instruction_gen"):
+        shutil.copytree(ROOT / folder, root / folder, ignore=shutil.ignore_patterns("*.pyc"))
+    for folder in ("pipeline", "scene_repair", "trajectory_sampler", "wayfinding"):
+        shutil.copytree(ROOT / folder, root / folder, ignore=shutil.ignore_patterns("*.pyc"))
+    return root
+
+
+def digests(tree: Path) -> dict[str, str]:
+    # -S with the site's folder behind: the copy goes before the installed package.
+    code = f"import sys; sys.path.insert(0, {str(tree.parent)!r}); sys.meta_path[:] = ["
+    code += "f for f in sys.meta_path if '__editable__' not in str(f)]\n" + DIGESTS
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return dict(line.split() for line in done.stdout.splitlines())
+
+
+def test_edits_repeat_the_stages_they_matter_to_and_no_others(tree):
+    before = digests(tree)
+    wrong = {}
+    for what, (name, old, new, stages) in EDITS.items():
+        path = tree / name
+        text = path.read_text()
+        assert old in text, (what, name)
+        path.write_text(text.replace(old, new, 1))
+        after = digests(tree)
+        path.write_text(text)
+        again = {stage for stage in JOBS if after[stage] != before[stage]}
+        if again != stages:
+            wrong[what] = {"again": sorted(again), "expected": sorted(stages)}
+    assert wrong == {}
+
+
+HELPER = """from numba import njit
+
+@njit(inline="never")
+def helper(x):
+    return x + 1
+"""
+CALLER = """from .core.kernel import kernel
+from .trial_helper import helper
+
+@kernel()
+def caller(x):
+    return helper(x)
+"""
+
+
+def test_a_kernel_is_compiled_anew_when_a_helper_of_another_module_changes(tree):
+    helper, caller = tree / "formats/trial_helper.py", tree / "formats/trial_caller.py"
+    caller.write_text(CALLER)
+    code = f"import sys; sys.path.insert(0, {str(tree.parent)!r}); sys.meta_path[:] = ["
+    code += "f for f in sys.meta_path if '__editable__' not in str(f)]\n"
+    code += "from vlnpe.formats.trial_caller import caller\nprint(caller(1), end=' ')\n"
+    code += "print(sum(caller.stats.cache_hits.values()))"
+    results = []
+    for text in (HELPER, HELPER, HELPER.replace("x + 1", "x + 2")):
+        helper.write_text(text)
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        )
+        results.append(done.stdout.split())
+    helper.unlink()
+    caller.unlink()
+    assert results == [["2", "0"], ["2", "1"], ["3", "0"]]
