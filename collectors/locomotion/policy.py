@@ -9,12 +9,14 @@ from typing import cast
 
 import mujoco
 import numpy as np
-import onnxruntime
 from numpy.typing import ArrayLike, NDArray
 
 from ...formats.core.errors import FileFormatError
 from ..robots import CARD_NAME, POLICY_NAME, RobotHandles, RobotSpec
 from .card import POLICY_FOLDER, PolicyCard, PolicyMismatchError, load_card
+from .network import Network
+from .onnx_file import OnnxFile
+from .onnx_runtime import load_network
 from .quick import QuickStep
 
 __all__ = ["GaitPolicy", "PolicyMismatchError"]
@@ -26,12 +28,11 @@ class GaitPolicy:
     Attributes:
         robot: whom it moves.
         card: what it was trained on.
+        network: turns observations into actions.
     """
 
-    def __init__(
-        self, robot: RobotSpec, card: PolicyCard, session: onnxruntime.InferenceSession
-    ) -> None:
-        self.robot, self.card, self._session = robot, card, session
+    def __init__(self, robot: RobotSpec, card: PolicyCard, network: Network) -> None:
+        self.robot, self.card, self.network = robot, card, network
         self._handles: tuple[mujoco.MjModel, RobotHandles] | None = None
         self._step: QuickStep | None = None
 
@@ -52,13 +53,13 @@ class GaitPolicy:
         content = onnx_path.read_bytes()
         if hashlib.sha256(content).hexdigest() != card.onnx_sha256:
             raise PolicyMismatchError(onnx_path, f"is not the network that {card_path} describes")
-        session = _session(onnx_path, content)
-        _check_network(onnx_path, session, card)
-        return cls(robot, card, session)
+        file = OnnxFile(onnx_path, content)
+        _check_ports(file, card)
+        return cls(robot, card, load_network(file, content))
 
     def changed(self, robot: RobotSpec, card: PolicyCard) -> GaitPolicy:
         """The same network for other facts; nothing is checked again."""
-        return GaitPolicy(robot, card, self._session)
+        return GaitPolicy(robot, card, self.network)
 
     @property
     def rate_hz(self) -> float:
@@ -91,31 +92,24 @@ class GaitPolicy:
             step = self._step = self._started(data)
         vx, vy, yaw = cast(Sequence[float], command)
         step.look(vx, vy, yaw)
-        self._session.run_with_iobinding(self._binding)
+        self.network.run(step.observation, self._output)
         return step.targets(self._output, self.card.action_clip, self.card.action_scale_rad)
 
     def _started(self, data: mujoco.MjData) -> QuickStep:
-        """A step for another simulation, with the clock and the action of the last one.
-
-        The network reads and writes the step's own arrays: passing them costs as much as it does.
-        """
+        """A step for another simulation, with the clock and the action of the last one."""
         step = QuickStep(data, self.handles(data.model), self.card.gait, self.card.rate_hz)
-        seen, self._output = step.observation, np.zeros(step.action.shape, dtype=np.float32)
-        self._binding = self._session.io_binding()
-        for bind, name, array in (
-            (self._binding.bind_input, "observation", seen),
-            (self._binding.bind_output, self._session.get_outputs()[0].name, self._output),
-        ):
-            bind(name, "cpu", 0, np.float32, array.shape, array.ctypes.data)
+        self._output = np.zeros(step.action.shape, dtype=np.float32)
         if self._step is not None:
             step.phase[:], step.action[:] = self._step.phase, self._step.action
         return step
 
     def infer(self, observation: NDArray[np.float64]) -> NDArray[np.float64]:
         """Actions (N, J) for observations (N, D) in the layout of `observation.py`; stateless."""
-        (action,) = self._session.run(None, {"observation": observation.astype(np.float32)})
+        seen = np.ascontiguousarray(observation, dtype=np.float32)
+        action = np.zeros((len(seen), self.network.outputs), dtype=np.float32)
+        self.network.run(seen, action)
         clip = self.card.action_clip
-        return np.clip(np.asarray(action, dtype=np.float64), -clip, clip)
+        return np.clip(action.astype(np.float64), -clip, clip)
 
     def handles(self, model: mujoco.MjModel) -> RobotHandles:
         """Addresses of this robot in `model`, looked up once per model."""
@@ -135,7 +129,7 @@ def policy_files(robot: RobotSpec, folder: Path | None = None) -> tuple[Path, Pa
     return folder / f"{robot.name}.onnx", folder / f"{robot.name}.json"
 
 
-def _check_network(path: Path, session: onnxruntime.InferenceSession, card: PolicyCard) -> None:
+def _check_ports(file: OnnxFile, card: PolicyCard) -> None:
     """The network must take what it will be given, and give what the joints need.
 
     Raises:
@@ -143,25 +137,13 @@ def _check_network(path: Path, session: onnxruntime.InferenceSession, card: Poli
     """
     seen = sum(width for _, width in card.observation)
     for what, ports, name, width in (
-        ("input", session.get_inputs(), "observation", seen),
-        ("output", session.get_outputs(), "action", len(card.joints)),
+        ("input", file.inputs, "observation", seen),
+        ("output", file.outputs, "action", len(card.joints)),
     ):
-        given = [(port.name, port.type, port.shape[-1:]) for port in ports]
-        if given != [(name, "tensor(float)", [width])]:
-            told = ", ".join(f"{port.name} {port.type} {port.shape}" for port in ports)
+        given = [(port.name, port.is_float, port.shape[-1:]) for port in ports]
+        if given != [(name, True, (width,))]:
             raise PolicyMismatchError(
-                path, f"its {what} is {told}; valid: {name} tensor(float) ['batch', {width}]"
+                file.path,
+                f"its {what} is {', '.join(map(str, ports))}; "
+                f"valid: {name} tensor(float) ['batch', {width}]",
             )
-
-
-def _session(path: Path, content: bytes) -> onnxruntime.InferenceSession:
-    options = onnxruntime.SessionOptions()
-    # One small network per worker: threads only cost, here.
-    options.intra_op_num_threads = 1
-    options.inter_op_num_threads = 1
-    options.log_severity_level = 3
-    try:
-        return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime's own exception types are not public
-        reason = " ".join(str(error).split())
-        raise FileFormatError(path, f"onnxruntime cannot read it: {reason}") from error

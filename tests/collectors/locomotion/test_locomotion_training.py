@@ -30,7 +30,8 @@ from vlnpe.collectors.gait_training.mirror import (
 from vlnpe.collectors.gait_training.terrain import Terrain, noise_terrain, rough_terrain
 from vlnpe.collectors.locomotion import GaitPolicy
 from vlnpe.collectors.locomotion.observation import layout
-from vlnpe.collectors.locomotion.policy import _session
+from vlnpe.collectors.locomotion.onnx_file import OnnxFile
+from vlnpe.collectors.locomotion.onnx_mlp import read_mlp
 from vlnpe.collectors.robots import RobotSpec, get_robot
 
 
@@ -86,8 +87,10 @@ def trained_actor(robot: RobotSpec) -> tuple[Any, TensorDict]:
 
 
 def act(content: bytes, observation: np.ndarray) -> np.ndarray:
-    (action,) = _session(Path("policy.onnx"), content).run(None, {"observation": observation})
-    return np.asarray(action)
+    network = read_mlp(OnnxFile(Path("policy.onnx"), content))
+    action = np.zeros((len(observation), network.outputs), np.float32)
+    network.run(observation, action)
+    return action
 
 
 def test_exported_network_is_the_trained_one(robot):
