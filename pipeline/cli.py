@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Annotated, Any, Union
 
 import tyro
@@ -40,6 +42,10 @@ DESCRIPTION = """Scanned buildings in, cross-embodiment VLN datasets out, by rob
 quarantined than --max-failed allows, 2 bad input."""
 
 
+# Beside the code that Python and numba compile; matplotlib's own place is the user's home.
+FONT_LIST_FOLDER = Path(__file__).parent / "__pycache__" / "matplotlib"
+
+
 def parse(arguments: Sequence[str] | None = None) -> Any:
     """Options record of the verb on the command line; exits with code 2 on a bad call."""
     verbs = [
@@ -58,6 +64,7 @@ def parse(arguments: Sequence[str] | None = None) -> Any:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb; returns the exit code."""
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(message)s")
+    os.environ.setdefault("MPLCONFIGDIR", str(FONT_LIST_FOLDER))
     options = parse(arguments)
     run = next(run for record, run in VERBS.values() if isinstance(options, record))
     try:

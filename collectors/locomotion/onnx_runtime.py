@@ -73,4 +73,4 @@ class RuntimeNetwork:
     def run(self, observation: Array, action: Array) -> None:
         """Fill `action` (N, outputs) from `observation` (N, inputs)."""
         taken, given = self._names
-        (action[:],) = self._session.run([given], {taken: observation})
+        action[:] = np.asarray(self._session.run([given], {taken: observation})[0])

@@ -80,16 +80,19 @@ def open_run_folder(root: Path) -> RunFolder:
         existing = existing.parent
     if not existing.is_dir():
         raise InputError(f"output folder {root}: {existing} is a file; choose another OUT")
+    created = [p for p in (root, *root.parents) if p != existing and p.is_relative_to(existing)]
     try:
-        with tempfile.NamedTemporaryFile(dir=existing, prefix=".vlnpe-"):
+        root.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=root, prefix=".vlnpe-"):
             pass
-        free = shutil.disk_usage(existing).free
+        free = shutil.disk_usage(root).free
         if free < MINIMUM_FREE_BYTES:
+            for folder in created:
+                folder.rmdir()
             raise InputError(
                 f"output folder {root}: only {free / 1024**2:.0f} MiB free on its disk; "
                 f"at least {MINIMUM_FREE_BYTES // 1024**2} MiB are needed"
             )
-        root.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         reason = error.strerror or errno.errorcode.get(error.errno or 0, "unknown")
         raise InputError(
