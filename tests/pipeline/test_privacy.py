@@ -17,7 +17,7 @@ from tests.support import scans
 from tests.support.rooms import write_two_rooms
 from vlnpe.formats.vlnce.files import write_episodes
 
-REPOSITORY = Path(__file__).resolve().parents[1]
+REPOSITORY = Path(__file__).resolve().parents[2]
 WRITES = "openat,open,creat,mkdir,mkdirat,rename,renameat,renameat2,link,linkat,symlink,symlinkat"
 # Compiled code beside its source; locks between worker processes; terminals and the like.
 ALLOWED = re.compile(rf"{re.escape(str(REPOSITORY))}/.*__pycache__|/dev/|/proc/self/|pipe:|socket:")
