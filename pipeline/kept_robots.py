@@ -6,7 +6,8 @@ import shutil
 from pathlib import Path
 
 from ..collectors.robots import RobotSpec
-from ..collectors.robots.folder.load import folder_digest, folder_files
+from ..collectors.robots.folder.load import folder_digest
+from ..collectors.robots.folder.safety import folder_files
 from ..formats.core.atomic import atomic_folder
 
 FOLDER = "robots"

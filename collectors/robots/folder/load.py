@@ -16,7 +16,8 @@ import mujoco
 from ....formats.core.errors import FileFormatError
 from ..spec import Foot, RobotSpec
 from .facts import FACTS_NAME, FolderFacts, read_facts
-from .model import ModelReader, compile_model, load_model
+from .model import MODEL_NAME, ModelReader, compile_model, load_model
+from .safety import check_model, folder_files
 
 POLICY_NAME, CARD_NAME = "policy.onnx", "policy.json"
 SPAWN_GAP_M = 0.001
@@ -29,8 +30,11 @@ def load_robot_folder(folder: Path) -> RobotSpec:
         FileFormatError: anything is missing or wrong; names the file, the field and what is valid.
     """
     folder = folder.resolve()
+    folder_files(folder)
     facts = read_facts(folder / FACTS_NAME)
     build = partial(_build, folder=folder, feet=facts.feet)
+    if (folder / MODEL_NAME).is_file():
+        check_model(folder / MODEL_NAME)
     spec = load_model(folder, facts.feet)
     root = spec.worldbody.bodies[0]
     model = compile_model(folder, spec)
@@ -102,15 +106,6 @@ def _check_mover(folder: Path, facts: FolderFacts) -> None:
             )
     if facts.joints and facts.command_limits.vx_m_s[1] <= 0:
         raise FileFormatError(path, "command_limits.vx_m_s must reach above 0; valid: [-0.3, 1.0]")
-
-
-def folder_files(folder: Path) -> list[Path]:
-    """All files that belong to a robot, in a fixed order; hidden ones do not."""
-    return sorted(
-        path
-        for path in folder.rglob("*")
-        if path.is_file() and not any(p.startswith(".") for p in path.relative_to(folder).parts)
-    )
 
 
 def folder_digest(folder: Path) -> str:
