@@ -1,4 +1,4 @@
-"""Move-along-path: follow the reference path with pure pursuit and VLN-PE's PID gains.
+"""Move-along-path: follow the reference path with pure pursuit and VLN-PE's proportional gains.
 
 Every control step aims at a point of the route some way ahead (pure pursuit), never through an
 obstacle; the turn rate is proportional to the heading error (gain 2.5), speed is limited by the
@@ -27,7 +27,7 @@ class PathConfig:
     """How a path is followed.
 
     Attributes:
-        linear_gain, angular_gain: VLN-PE's PID gains [1/s].
+        linear_gain, angular_gain: VLN-PE's proportional gains [1/s]; there are no other terms.
         goal_threshold_m: the robot stops this close to the goal, VLN-PE's threshold [m].
         cruise_m_s: speed on straight, open ground.
         lookahead_m: distance along the route to the point aimed at.

@@ -160,7 +160,7 @@ def test_what_stays_inside_is_read(rover: Path, tmp_path: Path):
     insert(f'<replicate count="20" offset=".01 0 0">{GEOM}</replicate>', "<camera")(rover)
     insert('<site name="inf"/>', "<camera")(rover)
     robot = get_robot(str(rover))
-    assert robot.build_model().ngeom == 5 + 2 + 20
+    assert robot.build_model().ngeom == 1 + 5 + 2 + 20  # the floor beneath it
     copy = Path(keep(robot, tmp_path / "run"))
     assert get_robot(str(copy)).content_sha256 == robot.content_sha256
     assert not any(path.is_symlink() for path in copy.rglob("*"))
