@@ -250,7 +250,7 @@ MISTAKES = {
     ),
     "nothing moves it": (edit(TOML, "[drive]", "[fins]"), r"fins is unknown"),
     "no model": (drop(XML), r"model.xml: missing"),
-    "no MJCF": (edit(XML, "</mujoco>", ""), r"model.xml: MuJoCo refuses it: XML"),
+    "no MJCF": (edit(XML, "</mujoco>", ""), r"model.xml: no XML: .*line \d+"),
     "bad MJCF": (edit(XML, 'mass="9"', 'mass="-9"'), r"model.xml: MuJoCo refuses it: .*mass"),
     "a floor in it": (
         edit(XML, "<worldbody>", '<worldbody><geom name="floor" type="plane" size="1 1 1"/>'),
