@@ -73,17 +73,12 @@ def frame_view(unit: EpisodeUnit, rows: Rows, depth: Path) -> FrameFolder:
     columns = unit.columns
     pose = rows["observation.camera_pose"].astype(np.float64)
     start = start_frame(columns)
-    camera = CameraModel(
-        columns["camera_name"],
-        columns["camera_width_px"],
-        columns["camera_height_px"],
-        columns["camera_hfov_deg"],
-    )
+    camera = camera_of(columns)
     depth_range = DepthRange(columns["depth_near_m"], columns["depth_far_m"])
     codec = unit.features[RGB_KEY]["info"]["video.codec"]
     rgb = unit.video(RGB_KEY)
     facts = {
-        "camera": vars(camera) | {"intrinsics": camera.intrinsics.tolist()},
+        "camera": camera.to_json(),
         "depth": {"file": depth.name, "near_m": depth_range.near_m, "far_m": depth_range.far_m},
         "rgb": {"file": rgb.name, "codec": codec},
         "frames_per_second": unit.frames_per_second,
@@ -104,6 +99,16 @@ def frame_view(unit: EpisodeUnit, rows: Rows, depth: Path) -> FrameFolder:
         light=columns["light"],
         rgb_codec=codec,
         facts=facts,
+    )
+
+
+def camera_of(columns: Mapping[str, Any]) -> CameraModel:
+    """The camera that a unit's columns tell of."""
+    return CameraModel(
+        columns["camera_name"],
+        columns["camera_width_px"],
+        columns["camera_height_px"],
+        columns["camera_hfov_deg"],
     )
 
 

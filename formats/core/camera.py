@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+# Centre of the first pixel at (0, 0), as OpenCV, ROS and Foxglove have it.
+PIXEL_CONVENTION = "opencv"
 
 
 @dataclass(frozen=True)
@@ -30,11 +34,25 @@ class CameraModel:
 
     @property
     def intrinsics(self) -> NDArray[np.float64]:
-        """K, (3, 3). Pixel centres lie at integer + 0.5, so that cx = width / 2."""
-        f = self.focal_px
-        return np.array(
-            [[f, 0.0, 0.5 * self.width_px], [0.0, f, 0.5 * self.height_px], [0.0, 0.0, 1.0]]
-        )
+        """K, (3, 3), in OpenCV's convention.
+
+        Pixel centres lie at whole numbers, so that cx = (width − 1) / 2 and a pixel in column u and
+        row v with depth z is the point ((u − cx) z / fx, (v − cy) z / fy, z) of the optical frame.
+        """
+        f, cx, cy = self.focal_px, 0.5 * (self.width_px - 1), 0.5 * (self.height_px - 1)
+        return np.array([[f, 0.0, cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
+
+    def to_json(self) -> dict[str, Any]:
+        """The camera as JSON values, with what a reader needs to unproject its pixels."""
+        return {
+            "name": self.name,
+            "width_px": self.width_px,
+            "height_px": self.height_px,
+            "hfov_deg": self.hfov_deg,
+            "intrinsics": self.intrinsics.tolist(),
+            "pixel_convention": PIXEL_CONVENTION,
+            "frame": "optical: x right, y down, z forward",
+        }
 
 
 @dataclass(frozen=True)

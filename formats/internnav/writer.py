@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 from numpy.lib.format import open_memmap
 from numpy.typing import NDArray
 
-from ..convert.frame_rollout import frame_rollout, frame_view
+from ..convert.frame_rollout import camera_of, frame_rollout, frame_view
 from ..convert.stored_depth import depth_range_of, depth_video
 from ..convert.units import UnitParts
 from ..core.atomic import atomic_folder
@@ -263,6 +263,8 @@ def _info(unit: EpisodeUnit, episodes: int, frames: int, tasks: int) -> dict[str
         "data_path": layout.DATA_PATH,
         "video_path": layout.VIDEO_PATH,
         "features": features,
+        # Ours: without it nobody can unproject the depth.
+        "camera": camera_of(unit.columns).to_json(),
     }
 
 

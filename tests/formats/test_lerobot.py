@@ -208,7 +208,7 @@ def test_episode_columns_tell_what_happened(ours: Path) -> None:
     )
     assert first["metrics/ndtw"] == rollout.metrics.ndtw
     assert first["metrics/success"] is True
-    assert first["camera_intrinsics"] == pytest.approx([48, 0, 48, 0, 48, 32, 0, 0, 1])
+    assert first["camera_intrinsics"] == pytest.approx([48, 0, 47.5, 0, 48, 31.5, 0, 0, 1])
     assert first["episode_uid"] == "train/two_rooms/ep0"
     assert first["depth_far_m"] == RANGE.far_m
     origin = [*rollout.position_world_m[0, :2], rollout.floor_z_m[0]]

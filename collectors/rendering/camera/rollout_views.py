@@ -188,7 +188,6 @@ def _facts(
     depth_range: DepthRange,
     codec: str,
 ) -> dict[str, object]:
-    camera = view.camera
     return {
         "scene_id": bundle.scene_id,
         "episode_id": rollout.episode.episode_id,
@@ -200,14 +199,7 @@ def _facts(
         "light": view.light,
         "frames": count,
         "frames_per_second": frames_per_second,
-        "camera": {
-            "name": camera.name,
-            "width_px": camera.width_px,
-            "height_px": camera.height_px,
-            "hfov_deg": camera.hfov_deg,
-            "intrinsics": camera.intrinsics.tolist(),
-            "frame": "optical: x right, y down, z forward",
-        },
+        "camera": view.camera.to_json(),
         "depth": {
             "meaning": "planar z in metres, 0 = invalid",
             "near_m": depth_range.near_m,

@@ -197,7 +197,7 @@ def test_parts_beside_and_behind_the_lens_are_drawn_where_they_are(
     quat = facing(0.0, pitch)
     _, depth = renderer.render(SQUARE, eye, quat, pose)
     _, empty = renderer.render(SQUARE, eye, quat)
-    rows, columns = np.indices(depth.shape) + 0.5
+    rows, columns = np.indices(depth.shape, dtype=float)
     pixels = np.stack([columns, rows, np.ones_like(rows)], -1)
     rays = pixels @ np.linalg.inv(SQUARE.intrinsics).T @ quat_to_matrix(quat).T
     low = np.array([-1.0, -0.02, -distance - 0.02])

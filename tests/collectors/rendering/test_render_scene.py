@@ -31,7 +31,7 @@ def renderer(two_rooms: SceneBundle) -> Renderer:
 
 def pixel_rays(camera: CameraModel, quat: np.ndarray) -> np.ndarray:
     """(H, W, 3) world directions with unit length along the optical axis."""
-    rows, columns = np.indices((camera.height_px, camera.width_px)) + 0.5
+    rows, columns = np.indices((camera.height_px, camera.width_px), dtype=float)
     pixels = np.stack([columns, rows, np.ones_like(rows)], -1)
     return pixels @ np.linalg.inv(camera.intrinsics).T @ quat_to_matrix(quat).T
 
@@ -85,11 +85,12 @@ def test_known_points_project_where_the_intrinsics_say(
                         for z in (low[2], high[2])])  # fmt: skip
     seen = (corners - position) @ quat_to_matrix(quat) @ camera.intrinsics.T
     seen = seen[:, :2] / seen[:, 2:]
-    expected_low = np.clip(seen.min(0), 0, (width, height))
-    expected_high = np.clip(seen.max(0), 0, (width, height))
+    expected_low = np.clip(seen.min(0), 0, (width - 1, height - 1))
+    expected_high = np.clip(seen.max(0), 0, (width - 1, height - 1))
     rows, columns = np.nonzero(blue)
-    assert np.abs([columns.min(), rows.min()] - expected_low).max() <= 1.5
-    assert np.abs([columns.max() + 1, rows.max() + 1] - expected_high).max() <= 1.5
+    # The first pixel centre inside is up to one pixel from the edge.
+    assert np.abs([columns.min() - 0.5, rows.min() - 0.5] - expected_low).max() <= 1.0
+    assert np.abs([columns.max() + 0.5, rows.max() + 0.5] - expected_high).max() <= 1.0
 
 
 @pytest.mark.parametrize(("part", "color"), [("Table_1", (0.55, 0.35, 0.2)),
