@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.camera import CameraModel, DepthRange
+from ..core.camera import DepthRange
 from ..core.episode import Episode
 from ..core.frames import quat_multiply, quat_to_matrix, yaw_to_quat
 from ..core.rollout import Action, ActionSpan, EndReason, Metrics, Rollout
+from ..lerobot.episode_columns import camera_of
 from ..lerobot.layout import RGB_KEY
 from ..lerobot.unit import EpisodeUnit
 from ..rendered.folder import FrameFolder
@@ -99,16 +100,6 @@ def frame_view(unit: EpisodeUnit, rows: Rows, depth: Path) -> FrameFolder:
         light=columns["light"],
         rgb_codec=codec,
         facts=facts,
-    )
-
-
-def camera_of(columns: Mapping[str, Any]) -> CameraModel:
-    """The camera that a unit's columns tell of."""
-    return CameraModel(
-        columns["camera_name"],
-        columns["camera_width_px"],
-        columns["camera_height_px"],
-        columns["camera_hfov_deg"],
     )
 
 

@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 from numpy.lib.format import open_memmap
 from numpy.typing import NDArray
 
-from ..convert.frame_rollout import camera_of, frame_rollout, frame_view
+from ..convert.frame_rollout import frame_rollout, frame_view
 from ..convert.stored_depth import depth_range_of, depth_video
 from ..convert.units import UnitParts
 from ..core.atomic import atomic_folder
@@ -22,6 +22,7 @@ from ..core.errors import FileFormatError
 from ..core.frames import OPTICAL_IN_BODY, matrix_to_quat, quat_multiply, quat_to_yaw
 from ..core.rollout import EndReason
 from ..lerobot import layout as v3
+from ..lerobot.episode_columns import camera_of
 from ..lerobot.unit import EpisodeUnit, read_episode_unit
 from ..lerobot.unit_rows import row_arrays
 from ..rendered.table import stop_only_at_end

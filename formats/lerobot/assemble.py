@@ -16,7 +16,8 @@ import pyarrow.parquet as pq
 from ..core.atomic import atomic_folder
 from ..core.errors import FileFormatError
 from ..video.mp4 import concatenate_videos
-from .card import FILM_STRIP, CardFacts, dataset_card
+from .card import FILM_STRIP, CameraFacts, CardFacts, dataset_card
+from .episode_columns import camera_of
 from .film_strip import film_strip, shown_units
 from .layout import (
     CODEBASE_VERSION,
@@ -36,6 +37,7 @@ from .rolling import EpisodeTable, RollingParquet
 from .splits import published_split
 from .statistics import StatisticsSum, column_statistics, statistics_to_json
 from .unit import EpisodeUnit, read_episode_unit
+from .unit_rows import row_arrays
 
 # LeRobot compares frame times in single precision with a tolerance of 0.1 ms. Beyond 1,024 s its
 # spacing is coarser, unless the frame period is a power of two, which it holds exactly.
@@ -137,13 +139,24 @@ def assemble_dataset(
         _write(root / SPLITS_PATH, splits.episodes)
         _write(root / PROVENANCE_PATH, dict(provenance))
         pq.write_table(tasks_table(tasks.names), root / TASKS_PATH)
-        (root / FILM_STRIP).write_bytes(
-            film_strip([read_episode_unit(units[i]) for i in shown_units(len(units))])
+        shown = [read_episode_unit(units[i]) for i in shown_units(len(units))]
+        (root / FILM_STRIP).write_bytes(film_strip(shown))
+        facts = CardFacts(
+            title=title,
+            licence=licence,
+            splits=splits.episodes,
+            split_scenes=splits.scenes,
+            depth_far_m=first.columns["depth_far_m"],
+            camera=_camera_facts(shown),
+            provenance=provenance,
         )
-        far_m = first.columns["depth_far_m"]
-        facts = CardFacts(title, licence, splits.episodes, splits.scenes, far_m, provenance)
         (root / "README.md").write_text(dataset_card(facts, info))
     return summary
+
+
+def _camera_facts(units: Sequence[EpisodeUnit]) -> CameraFacts:
+    poses = [row_arrays(unit.rows())["observation.camera_pose"] for unit in units]
+    return CameraFacts.of(camera_of(units[0].columns), np.concatenate(poses))
 
 
 class _Tasks:

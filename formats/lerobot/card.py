@@ -7,8 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.camera import CameraModel
+from ..core.frames import quat_to_matrix
 from ..core.licences import hub_licence, licence_id
 from .layout import DEPTH_KEY
+from .usage import POLICIES, loading_code, training_command
 
 FILM_STRIP = "film_strip.png"
 
@@ -24,9 +30,32 @@ MEANING = {
     "observation.progress": "frame number over the last frame's",
     "action": "motion to the next frame, in this frame's yaw frame",
     "action.velocity": "velocity command at the frame",
-    "action.discrete": "0 stop, 1 forward 0.25 m, 2 left 15°, 3 right 15°",
+    "action.discrete": "0 STOP, 1 FORWARD 0.25 m, 2 LEFT 15°, 3 RIGHT 15°; see below",
 }
+REPO = "user/name"  # a card does not know where it will be published
 SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
+
+
+@dataclass(frozen=True)
+class CameraFacts:
+    """The view that a dataset's images show.
+
+    Attributes:
+        camera: size and field of view.
+        height_m: (lowest, median, highest) above the floor at the episode's start.
+        pitch_down_deg: (lowest, median, highest).
+    """
+
+    camera: CameraModel
+    height_m: tuple[float, float, float]
+    pitch_down_deg: tuple[float, float, float]
+
+    @staticmethod
+    def of(camera: CameraModel, camera_pose: NDArray[np.floating]) -> CameraFacts:
+        """Facts of the poses (N, 7), position [m] and quat_wxyz in the start frame."""
+        forward_z = quat_to_matrix(camera_pose[:, 3:].astype(np.float64))[:, 2, 2]
+        pitch = np.rad2deg(np.arcsin(np.clip(-forward_z, -1.0, 1.0)))
+        return CameraFacts(camera, _spread(camera_pose[:, 2]), _spread(pitch))
 
 
 @dataclass(frozen=True)
@@ -39,6 +68,7 @@ class CardFacts:
         splits: episodes of each published split.
         split_scenes: scenes of each published split.
         depth_far_m: readings beyond are 0.
+        camera: the view.
         provenance: meta/provenance.json.
     """
 
@@ -47,6 +77,7 @@ class CardFacts:
     splits: Mapping[str, list[int]]
     split_scenes: Mapping[str, set[str]]
     depth_far_m: float
+    camera: CameraFacts
     provenance: Mapping[str, Any]
 
     def scene_licences(self) -> dict[str, str]:
@@ -90,6 +121,21 @@ Vision-and-Language Navigation, LeRobot {info["codebase_version"]}, robot `{robo
 
 {_splits(facts)}
 
+## Use it
+
+With LeRobot 0.6 (`pip install "lerobot[dataset,diffusion]==0.6.1"`):
+
+```python
+{loading_code(REPO)}```
+
+Train ACT on colours and state, or the diffusion policy with `--policy.type={POLICIES[1]}`; no
+weights are fetched:
+
+```sh
+{training_command(REPO, info["features"])}```
+
+`StreamingLeRobotDataset` decodes with torchcodec alone, which needs FFmpeg's libraries.
+
 ## Features
 
 | feature | type | shape | meaning |
@@ -98,10 +144,14 @@ Vision-and-Language Navigation, LeRobot {info["codebase_version"]}, robot `{robo
 
 - Start frame: the floor under the base at the first frame, z up, initial yaw 0.
 - Frame t precedes `action[t]`; the last frame's action is STOP with zero motion.
-- Depth is valid up to {facts.depth_far_m} m; readings invalid or out of range are 0. {_depth(info)}
+- Depth is planar z (along the optical axis), valid up to {facts.depth_far_m} m; readings invalid or
+  out of range are 0. {_depth(info)} LeRobot returns millimetres unless it is opened with
+  `depth_output_unit="m"`.
+- {_camera(facts.camera)}
+- `action.discrete` is in VLN-CE's actions; what a label means, and what it is taken from, is told
+  in vlnpe's `docs/data.md`, section "Discrete actions".
 - Episodes end as they ended: falls and failures are included. `end_reason` in `meta/episodes` tells
-  which; only `success` is one. `action_discrete_derived` tells that `action.discrete` is the
-  nearest action to the motion of a continuous controller and was not executed as such.
+  which; only `success` is one.
 - `meta/episodes` also has scene, split, trajectory, all instructions, reference path, start and
   goal in the world, metrics, controller, light and camera intrinsics.
 
@@ -109,6 +159,30 @@ Vision-and-Language Navigation, LeRobot {info["codebase_version"]}, robot `{robo
 
 {_licences(facts, licences)}
 """
+
+
+def _camera(facts: CameraFacts) -> str:
+    camera = facts.camera
+    (fx, _, cx), (_, _, cy), _ = camera.intrinsics.tolist()
+    height, pitch = (
+        f"{middle:.{digits}f}{unit} ({low:.{digits}f} … {high:.{digits}f})"
+        for (low, middle, high), digits, unit in (
+            (facts.height_m, 2, " m"),
+            (facts.pitch_down_deg, 0, "°"),
+        )
+    )
+    return f"""Camera `{camera.name}`: {camera.width_px} × {camera.height_px} px, HFOV \
+{camera.hfov_deg:g}°, fx = fy = {fx:.3f}, cx = {cx:g}, cy = {cy:g}.
+  Height over the floor at the start {height}, pitched down {pitch}: medians, and 1st to
+  99th percentile; the pose of each frame is `observation.camera_pose`.
+- Pixels follow OpenCV's convention, the centre of the first pixel is (0, 0): column u and row v
+  with depth z are the point ((u − cx) z / fx, (v − cy) z / fy, z) of the optical frame (x right,
+  y down, z forward)."""
+
+
+def _spread(values: NDArray[np.floating]) -> tuple[float, float, float]:
+    low, middle, high = np.quantile(values, (0.01, 0.5, 0.99)).tolist()
+    return low, middle, high
 
 
 def _splits(facts: CardFacts) -> str:

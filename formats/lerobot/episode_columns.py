@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from typing import Any
 
@@ -89,3 +89,13 @@ def episode_columns(
         "depth_far_m": depth_range.far_m,
         **{f"metrics/{key}": value for key, value in asdict(rollout.metrics).items()},
     }
+
+
+def camera_of(columns: Mapping[str, Any]) -> CameraModel:
+    """The camera that a unit's columns tell of."""
+    return CameraModel(
+        columns["camera_name"],
+        columns["camera_width_px"],
+        columns["camera_height_px"],
+        columns["camera_hfov_deg"],
+    )
