@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,7 +13,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from ..formats.core.errors import FileFormatError
-from ..formats.lerobot.layout import DATA_PATH, INFO_PATH, VIDEO_PATH, FilePlace
+from ..formats.lerobot.episode_columns import EDITED_ADVICE
+from ..formats.lerobot.layout import DATA_PATH, INFO_PATH, RGB_KEY, VIDEO_PATH, FilePlace
+
+log = logging.getLogger(__name__)
 
 # Of meta/episodes' 250 columns those that loaders and mixtures ask for; statistics stay on disk.
 _PLACES = (
@@ -37,6 +41,8 @@ _LABELS = (
     "camera_height_px",
     "action_discrete_derived",
 )
+# Features by which a dataset of vlnpe is known when its labels are gone.
+_OURS = {RGB_KEY, "observation.state", "observation.camera_pose", "action", "action.velocity"}
 
 
 @dataclass(frozen=True)
@@ -171,7 +177,8 @@ def read_index(root: Path) -> DatasetIndex:
     files = episode_tables(root)
     if not files:
         raise FileFormatError(root / "meta" / "episodes", "holds no Parquet file")
-    return DatasetIndex(root, info, pa.concat_tables(_read(file, columns) for file in files))
+    tables = [_read(file, columns, info) for file in files]
+    return DatasetIndex(root, info, pa.concat_tables(tables))
 
 
 def episode_tables(root: Path) -> list[Path]:
@@ -179,11 +186,39 @@ def episode_tables(root: Path) -> list[Path]:
     return sorted((root / "meta" / "episodes").rglob("*.parquet"))
 
 
-def _read(file: Path, columns: list[str]) -> pa.Table:
+def _read(file: Path, columns: list[str], info: dict[str, Any]) -> pa.Table:
     try:
         missing = sorted(set(columns) - set(pq.read_schema(file).names))
+        if set(missing) & set(_LABELS) and set(info["features"]) >= _OURS:
+            log.warning("%s: lacks vlnpe's episode columns; %s", file, EDITED_ADVICE)
+            columns = [key for key in columns if key not in _LABELS]
+            missing = sorted(set(missing) - set(_LABELS))
+            if not missing:
+                return _with_what_is_left(pq.read_table(file, columns=[*columns, "tasks"]), info)
         if missing:
             raise FileFormatError(file, f"lacks the columns {missing}; not collected by vlnpe?")
         return pq.read_table(file, columns=columns).replace_schema_metadata(None)
     except (OSError, pa.ArrowException) as error:
         raise FileFormatError(file, f"not readable ({error})") from error
+
+
+def _with_what_is_left(table: pa.Table, info: dict[str, Any]) -> pa.Table:
+    """Labels as far as LeRobot's own columns tell them, when its tools dropped ours."""
+    names = [f"unknown/unknown/{number}" for number in table["episode_index"].to_pylist()]
+    height, width = info["features"][RGB_KEY]["shape"][:2]
+    left: dict[str, Any] = {
+        "episode_uid": names,
+        "trajectory_id": names,
+        "robot": info["robot_type"],
+        "split": "train",
+        "instructions": table["tasks"].to_pylist(),
+        "camera_width_px": width,
+        "camera_height_px": height,
+        "action_discrete_derived": True,  # so that no STOP on the way ends an episode
+    }
+    for key in _LABELS:
+        values = left.get(key, "unknown")
+        if not isinstance(values, list):
+            values = [values] * table.num_rows
+        table = table.append_column(key, pa.array(values))
+    return table.drop_columns(["tasks"]).replace_schema_metadata(None)

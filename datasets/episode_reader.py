@@ -202,6 +202,7 @@ def _groups(file: pq.ParquetFile, entry: EpisodeEntry) -> list[int]:
 
 def _matrix(column: pa.ChunkedArray) -> NDArray[Any]:
     array = column.combine_chunks()
-    if pa.types.is_fixed_size_list(array.type):
-        return array.flatten().to_numpy().reshape(len(array), array.type.list_size)
+    # LeRobot's merge writes lists without a fixed size.
+    if pa.types.is_fixed_size_list(array.type) or pa.types.is_list(array.type):
+        return array.flatten().to_numpy().reshape(len(array), -1)
     return array.to_numpy(zero_copy_only=False)[:, None]

@@ -154,6 +154,6 @@ class NavigationDataset(Dataset[dict[str, Any]]):
 def _row(rows: Any, key: str) -> NDArray[Any]:
     """A column (N, D), or (N,) of scalars, as LeRobot gives them."""
     array = rows[key].combine_chunks()
-    if hasattr(array.type, "list_size"):
-        return array.flatten().to_numpy().reshape(len(array), array.type.list_size).copy()
+    if hasattr(array.type, "value_type"):  # a list, of a fixed size unless LeRobot merged
+        return array.flatten().to_numpy().reshape(len(array), -1).copy()
     return array.to_numpy(zero_copy_only=False).copy()

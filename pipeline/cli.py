@@ -12,7 +12,7 @@ from typing import Annotated, Any, Union
 import tyro
 
 from ..formats.core.errors import InputError, VlnpeError
-from .commands import ablate, chain, collect, convert, look, mix, push, robots, rollouts
+from .commands import ablate, chain, collect, convert, look, mix, push, restore, robots, rollouts
 
 # Verb → (options record, function that runs it). Order is the chain's order.
 VERBS: dict[str, tuple[type, Callable[[Any], int]]] = {
@@ -27,6 +27,7 @@ VERBS: dict[str, tuple[type, Callable[[Any], int]]] = {
     "render": (rollouts.Render, rollouts.run_render),
     "export": (rollouts.Export, rollouts.run_export),
     "convert": (convert.Convert, convert.run_convert),
+    "restore": (restore.Restore, restore.run),
     "robots": (robots.Robots, robots.run_robots),
     "mix": (mix.Mix, mix.run),
     "ablate": (ablate.Ablate, ablate.run),

@@ -16,6 +16,7 @@ from ..formats.core.atomic import TEMPORARY_PREFIX
 from ..formats.core.digest import file_digest
 from ..formats.core.errors import FileFormatError, InputError, VlnpeError
 from ..formats.core.licences import UNKNOWN, licence_id, may_pass_on, why_not
+from ..formats.lerobot.episode_columns import EDITED_ADVICE
 from ..formats.lerobot.layout import CODEBASE_VERSION, INFO_PATH, PROVENANCE_PATH
 
 CARD = "README.md"
@@ -93,7 +94,26 @@ class Release:
     @property
     def url(self) -> str:
         """Where the release will be."""
-        return f"https://huggingface.co/datasets/{self.repo}/tree/{self.tag}"
+        endpoint = os.environ.get("HF_ENDPOINT", "https://huggingface.co").rstrip("/")
+        return f"{endpoint}/datasets/{self.repo}/tree/{self.tag}"
+
+    @property
+    def named_by_content(self) -> bool:
+        """Whether the tag is made of the content's digest, so that equal tags are equal content."""
+        return self.tag == content_tag(self.content_sha256)
+
+
+@dataclass(frozen=True)
+class Upload:
+    """Where a release is: its commit, and whether it was uploaded just now."""
+
+    commit: str
+    new: bool
+
+
+def content_tag(content_sha256: str) -> str:
+    """Name of a release of this content."""
+    return f"data-{content_sha256[:12]}"
 
 
 def plan_release(root: Path, repo: str, tag: str | None = None, private: bool = False) -> Release:
@@ -118,11 +138,13 @@ def plan_release(root: Path, repo: str, tag: str | None = None, private: bool = 
         )
     _read_json(root / INFO_PATH)
     if not (root / CARD).is_file():
-        raise FileFormatError(root / CARD, "missing; a dataset is not published without its card")
+        raise FileFormatError(
+            root / CARD, f"missing; a dataset is not published without its card; {EDITED_ADVICE}"
+        )
     files = {path.relative_to(root).as_posix(): path.stat().st_size for path in _files(root)}
     content = _content(root, files)
     return Release(
-        root, repo, tag or f"data-{content[:12]}", private, files, content, _refusals(root)
+        root, repo, tag or content_tag(content), private, files, content, _refusals(root)
     )
 
 
@@ -135,8 +157,12 @@ def demand_licence(release: Release) -> None:
         )
 
 
-def upload(release: Release, hub: Hub | None = None) -> str:
-    """Upload a release as one commit, and tag it; returns the commit.
+def upload(release: Release, hub: Hub | None = None) -> Upload:
+    """Upload a release as one commit, and tag it.
+
+    The release's tag comes last: until it is there an interrupted upload is done again, and only
+    files that are not on the hub yet travel. A release that is there already, named by its content,
+    is left as it is.
 
     Args:
         release: what `plan_release` returned.
@@ -150,8 +176,10 @@ def upload(release: Release, hub: Hub | None = None) -> str:
     hub = hub or _hub()
     kind = {"repo_type": "dataset"}
     try:
-        taken = _tags(hub, release.repo) if hub.repo_exists(release.repo, **kind) else set()
+        taken = _tags(hub, release.repo) if hub.repo_exists(release.repo, **kind) else {}
         if release.tag in taken:
+            if release.named_by_content:
+                return Upload(taken[release.tag], new=False)
             raise InputError(
                 f"{release.repo} has a release {release.tag} already, and releases never change; "
                 "choose another --tag"
@@ -165,20 +193,39 @@ def upload(release: Release, hub: Hub | None = None) -> str:
             delete_patterns=OURS,
             **kind,
         ).oid
-        hub.create_tag(release.repo, tag=release.tag, revision=commit, **kind)
         # LeRobot looks for this tag; it names the format of the newest data, and moves with it.
         if CODEBASE_VERSION in taken:
             hub.delete_tag(release.repo, tag=CODEBASE_VERSION, **kind)
         hub.create_tag(release.repo, tag=CODEBASE_VERSION, revision=commit, **kind)
+        hub.create_tag(release.repo, tag=release.tag, revision=commit, **kind)
     except VlnpeError:
         raise
     except Exception as error:  # the client raises its own, httpx's and the system's
-        raise HubError(f"{release.repo}: {type(error).__name__}: {error}") from error
-    return str(commit)
+        raise HubError(f"{release.repo}: {_reason(error)}") from error
+    return Upload(str(commit), new=True)
 
 
-def _tags(hub: Hub, repo: str) -> set[str]:
-    return {ref.name for ref in hub.list_repo_refs(repo, repo_type="dataset").tags}
+def _tags(hub: Hub, repo: str) -> dict[str, str]:
+    """Commit of each tag."""
+    refs = hub.list_repo_refs(repo, repo_type="dataset").tags
+    return {ref.name: str(ref.target_commit) for ref in refs}
+
+
+def _reason(error: Exception) -> str:
+    """What went wrong, in one line, and what to do."""
+    status = getattr(getattr(error, "response", None), "status_code", None)
+    if status == 401:
+        return "the hub wants a token (401): set HF_TOKEN, or run `hf auth login`"
+    if status == 403:
+        return "the token may not write there (403): take one with the right to write"
+    told = " ".join(str(error).split())
+    cause = error.__cause__
+    if cause is not None and str(cause) not in told:
+        told += f" ({type(cause).__name__}: {' '.join(str(cause).split())})"
+    return (
+        f"{type(error).__name__}: {told}. The release is not complete; the same command goes on "
+        "where it stopped"
+    )
 
 
 def _hub() -> Hub:

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from ..core.errors import FileFormatError
-from ..lerobot.episode_columns import EPISODE_COLUMNS
+from ..lerobot.episode_columns import EDITED_ADVICE, EPISODE_COLUMNS
 from ..lerobot.layout import (
     CODEBASE_VERSION,
     DATASET_ROWS,
@@ -98,14 +98,16 @@ def open_dataset(root: Path) -> Dataset:
     Raises:
         FileFormatError: no LeRobot v3.0 dataset, damaged, or without vlnpe's episode columns.
     """
-    info = _read_info(root)
+    info = read_info(root)
     numbers: list[int] = []
-    for path in _episode_files(root):
+    for path in episode_files(root):
         try:
             schema = pq.read_schema(path)
             missing = sorted(set(EPISODE_COLUMNS) - set(schema.names))
             if missing:
-                raise FileFormatError(path, f"not vlnpe's episodes: no column {missing[0]}")
+                raise FileFormatError(
+                    path, f"lacks vlnpe's episode columns ({missing[0]}, …); {EDITED_ADVICE}"
+                )
             numbers += pq.read_table(path, columns=["episode_index"])[0].to_pylist()
         except (OSError, ValueError, pa.ArrowException) as error:
             raise FileFormatError(path, f"not readable ({error})") from error
@@ -122,7 +124,7 @@ def read_facts(root: Path) -> DatasetFacts:
     Raises:
         FileFormatError: no LeRobot v3.0 dataset, or damaged.
     """
-    return _facts(root, _read_info(root))
+    return _facts(root, read_info(root))
 
 
 def extract_unit(root: Path, number: int, folder: Path) -> None:
@@ -131,7 +133,7 @@ def extract_unit(root: Path, number: int, folder: Path) -> None:
     Raises:
         FileFormatError: the dataset is damaged, or has no such episode.
     """
-    info = _read_info(root)
+    info = read_info(root)
     features, rate = info["features"], int(info["fps"])
     row = _episode_row(root, number)
     try:
@@ -177,7 +179,12 @@ def kept_rollout(root: Path, number: int) -> Path | None:
     return path if path.is_file() else None
 
 
-def _read_info(root: Path) -> dict[str, Any]:
+def read_info(root: Path) -> dict[str, Any]:
+    """Read meta/info.json.
+
+    Raises:
+        FileFormatError: no LeRobot v3.0 dataset, or damaged.
+    """
     path = root / INFO_PATH
     try:
         info = json.loads(path.read_text())
@@ -194,7 +201,12 @@ def _read_info(root: Path) -> dict[str, Any]:
         raise FileFormatError(path, f"no LeRobot dataset: {error!r}") from error
 
 
-def _episode_files(root: Path) -> list[Path]:
+def episode_files(root: Path) -> list[Path]:
+    """The files of meta/episodes, in order.
+
+    Raises:
+        FileFormatError: there is none.
+    """
     files = sorted(root.glob(EPISODES_GLOB))
     if not files:
         raise FileFormatError(root / "meta" / "episodes", "missing; the dataset has no episode")
@@ -202,7 +214,7 @@ def _episode_files(root: Path) -> list[Path]:
 
 
 def _episode_row(root: Path, number: int) -> dict[str, Any]:
-    for path in _episode_files(root):
+    for path in episode_files(root):
         try:
             rows = pq.read_table(path, filters=[("episode_index", "=", number)]).to_pylist()
         except (OSError, ValueError, pa.ArrowException) as error:

@@ -47,6 +47,11 @@ EPISODE_COLUMNS: dict[str, pa.DataType] = {
     **{f"metrics/{f.name}": _SCALARS[str(f.type)] for f in fields(Metrics)},
 }
 
+EDITED_ADVICE = (
+    "if LeRobot's tools edited a dataset of vlnpe, run "
+    "`vlnpe restore <this dataset> --original <the dataset it was made from>`"
+)
+
 
 def episode_columns(
     rollout: Rollout,

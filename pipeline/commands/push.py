@@ -50,12 +50,14 @@ def run_push(options: Push, hub: Hub | None = None) -> int:
         sys.stdout.write(_shown(release, options.licence_ok))
     if not options.licence_ok:
         demand_licence(release)
-    commit = upload(release, hub) if options.yes else None
+    done = upload(release, hub) if options.yes else None
     if options.json:
-        value = asdict(release) | {"root": str(release.root), "url": release.url, "commit": commit}
+        value = asdict(release) | {"root": str(release.root), "url": release.url}
+        value["commit"] = done.commit if done else None
         sys.stdout.write(json.dumps(value) + "\n")
-    elif commit:
-        sys.stdout.write(f"\nuploaded: {release.url}\n")
+    elif done:
+        what = "uploaded" if done.new else "published already, nothing changed"
+        sys.stdout.write(f"\n{what}: {release.url}\n")
     else:
         sys.stdout.write("\nnothing was uploaded; to do it, say --yes\n")
     return 0
