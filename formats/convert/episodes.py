@@ -27,7 +27,6 @@ from ..lerobot.unit import EpisodeUnit
 from ..lerobot.unit_rows import row_arrays
 from ..mcap.episode import (
     DATASET_METADATA,
-    MAP_ATTACHMENT,
     VIEW_METADATA,
     extract_contents,
     extract_records,
@@ -39,6 +38,7 @@ from ..mcap.episode import (
 from ..mcap.facts import METADATA_NAME
 from ..mcap.id_images import extract_id_videos
 from ..mcap.recording import read_recording
+from ..mcap.shown import extract_shown
 from ..rendered.table import build_frame_table
 from .dataset import ROLLOUTS_PATH, DatasetFacts, extract_unit, kept_rollout, read_facts
 from .stored_depth import depth_video
@@ -78,7 +78,7 @@ def unit_from_mcap(path: Path, folder: Path) -> None:
                 rgb_codec=frames.rgb_codec,
                 depth_storage=(facts or {}).get("depth_storage", "video"),
             )
-            write_blind_mcap(folder / ROLLOUT_NAME, seen.rollout, frames, seen.scene_map)
+            write_blind_mcap(folder / ROLLOUT_NAME, seen.rollout, frames, seen.shown)
     else:
         what = "a rollout without pictures" if METADATA_NAME in contents.metadata else "no episode"
         raise FileFormatError(path, f"holds {what}; valid: files of `vlnpe export` or `convert`")
@@ -114,7 +114,6 @@ def mcap_from_unit(folder: Path, path: Path) -> None:
     contents = read_recording(blind)
     rollout, view, arrays = extract_records(contents, blind)
     _check_rollout(unit, rollout, arrays, blind)
-    scene_map = contents.attachments.get(MAP_ATTACHMENT)
     with tempfile.TemporaryDirectory(dir=_parent(path), prefix=".vlnpe-tmp-") as temporary:
         frames = Path(temporary)
         shutil.copyfile(unit.video(RGB_KEY), frames / view["rgb"]["file"])
@@ -126,7 +125,7 @@ def mcap_from_unit(folder: Path, path: Path) -> None:
             path,
             rollout,
             frames,
-            scene_map=None if scene_map is None else scene_map.data,
+            shown=extract_shown(contents),
             dataset=dataset,
         )
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 
 from ..core.camera import DepthRange
@@ -64,6 +65,11 @@ def _write(path: Path, unit: EpisodeUnit, depth: Path, dataset: Mapping[str, Any
         rollout, view = frame_rollout(unit, rows), frame_view(unit, rows, depth)
     except (KeyError, TypeError, ValueError) as error:
         raise FileFormatError(unit.folder, f"unit is damaged: {error!r}") from error
+    labels = {}
+    if "action.discrete" in rows:
+        labels = dict(
+            zip(rollout.time_s.tolist(), np.ravel(rows["action.discrete"]).tolist(), strict=True)
+        )
     with open_recording(path) as recording:
         recording.writer.write_metadata(INSTRUCTION_METADATA, {"text": unit.task})
         write_json_metadata(recording, UNIT_METADATA, UnitParts.of(unit).to_json())
@@ -83,7 +89,7 @@ def _write(path: Path, unit: EpisodeUnit, depth: Path, dataset: Mapping[str, Any
         write_in_order(
             *streams,
             foot_messages(recording, rollout, 1),
-            action_messages(recording, rollout),
+            action_messages(recording, rollout, labels),
             camera_messages(recording, rollout, view),
             event_messages(recording, rollout),
         )

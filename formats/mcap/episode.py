@@ -2,9 +2,9 @@
 
 Everything `write_rollout` writes, and: colour as the video's own packets (CompressedVideo, no loss
 beyond the video's), depth as 16-bit millimetres (RawImage 16UC1, 0 = invalid), camera calibration,
-the camera's transform, commands, executed actions, the instruction, the reference path, and as
-attachments the scene's map and the exact numbers behind the frames. `read_rollout` reads these
-files, too; `extract_episode` gives back everything.
+the camera's transform, commands, discrete actions, the instruction, the reference path, the scene's
+map, the robot's body, and as an attachment the exact numbers behind the frames. `read_rollout`
+reads these files, too; `extract_episode` gives back everything.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from __future__ import annotations
 import io
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from ..core.atomic import atomic_folder
 from ..core.errors import FileFormatError
 from ..core.rollout import STATE_RATE_HZ, Rollout
 from ..rendered.folder import FrameFolder, read_frame_folder
+from ..rendered.table import build_frame_table
 from ..video.mp4 import probe_video
 from .camera import camera_messages
 from .camera_streams import extract_videos
@@ -33,13 +34,13 @@ from .plan import plan_messages
 from .recording import Contents, Recording, open_recording, read_recording
 from .rollout import SHOW_EVERY, rollout_of
 from .sensors import action_messages, command_messages, foot_messages, imu_messages
+from .shown import ShownTopic, extract_shown, shown_messages
 from .topics import event_messages, motion_messages, state_messages, write_in_order
 
 VIEW_METADATA = "vlnpe.view"
 DATASET_METADATA = "vlnpe.dataset"
 INSTRUCTION_METADATA = "vlnpe.instruction"
 FRAMES_ATTACHMENT = "frames.npz"
-MAP_ATTACHMENT = "scene_map.png"
 
 
 @dataclass(frozen=True)
@@ -49,13 +50,13 @@ class ExtractedEpisode:
     Attributes:
         rollout: physics truth, exact.
         frames: the folder of rendered frames that was written.
-        scene_map: PNG picture of the scene, or None.
+        shown: the scene's map and the robot's body, as far as they are in the file.
         dataset: facts of the dataset that the file came from, or None.
     """
 
     rollout: Rollout
     frames: FrameFolder
-    scene_map: bytes | None
+    shown: tuple[ShownTopic, ...]
     dataset: dict[str, Any] | None
 
 
@@ -64,7 +65,7 @@ def write_episode_mcap(
     rollout: Rollout,
     frames: Path,
     *,
-    scene_map: bytes | None = None,
+    shown: Sequence[ShownTopic] = (),
     dataset: Mapping[str, Any] | None = None,
 ) -> None:
     """Write the episode atomically; all times are simulation times.
@@ -73,7 +74,7 @@ def write_episode_mcap(
         path: output.
         rollout: physics truth.
         frames: folder that the render stage wrote for this rollout.
-        scene_map: PNG picture of the scene seen from above, attached when given.
+        shown: the scene's map and the robot's body (`map_topic`, `robot_topics`).
         dataset: facts of the dataset the episode belongs to (JSON values), when there is one.
 
     Raises:
@@ -85,15 +86,16 @@ def write_episode_mcap(
     # Where there is a frame there is a base pose, whatever the frame rate.
     every = math.gcd(SHOW_EVERY, STATE_RATE_HZ // view.frames_per_second)
     with open_recording(path) as recording:
-        write_records(recording, rollout, view, scene_map, dataset)
+        write_records(recording, rollout, view, dataset)
         write_in_order(
+            *(shown_messages(recording, topic) for topic in shown),
             plan_messages(recording, rollout),
             state_messages(recording, rollout),
             motion_messages(recording, rollout, every),
             command_messages(recording, rollout, every),
             imu_messages(recording, rollout, every),
             foot_messages(recording, rollout, every),
-            action_messages(recording, rollout),
+            action_messages(recording, rollout, _labels(rollout, view)),
             camera_messages(recording, rollout, view),
             *id_messages(recording, rollout, view),
             event_messages(recording, rollout),
@@ -101,7 +103,7 @@ def write_episode_mcap(
 
 
 def write_blind_mcap(
-    path: Path, rollout: Rollout, view: FrameFolder, scene_map: bytes | None = None
+    path: Path, rollout: Rollout, view: FrameFolder, shown: Sequence[ShownTopic] = ()
 ) -> None:
     """Write all of an episode but colour and depth, atomically.
 
@@ -109,8 +111,9 @@ def write_blind_mcap(
     `extract_id_videos` read it.
     """
     with open_recording(path) as recording:
-        write_records(recording, rollout, view, scene_map, None)
+        write_records(recording, rollout, view, None)
         write_in_order(
+            *(shown_messages(recording, topic) for topic in shown),
             state_messages(recording, rollout),
             motion_messages(recording, rollout, SHOW_EVERY),
             *id_messages(recording, rollout, view),
@@ -122,7 +125,6 @@ def write_records(
     recording: Recording,
     rollout: Rollout,
     view: FrameFolder,
-    scene_map: bytes | None,
     dataset: Mapping[str, Any] | None,
 ) -> None:
     """Write the episode's metadata and attachments."""
@@ -132,8 +134,6 @@ def write_records(
     write_json_metadata(recording, VIEW_METADATA, view.facts)
     if dataset is not None:
         write_json_metadata(recording, DATASET_METADATA, dataset)
-    if scene_map is not None:
-        attach(recording, MAP_ATTACHMENT, "image/png", scene_map)
     attach(recording, FRAMES_ATTACHMENT, "application/x-npz", _pack(view.arrays))
     labels = view.rgb_video.parent / LABELS_NAME
     if labels.is_file():
@@ -191,11 +191,10 @@ def extract_contents(contents: Contents, path: Path, folder: Path) -> ExtractedE
         write_frame_records(temporary, facts, arrays)
     frames = read_frame_folder(folder)
     _check_frames(path, frames, rollout)
-    attached = contents.attachments.get(MAP_ATTACHMENT)
     return ExtractedEpisode(
         rollout,
         frames,
-        None if attached is None else attached.data,
+        extract_shown(contents),
         read_json_metadata(contents, DATASET_METADATA, path),
     )
 
@@ -230,6 +229,14 @@ def write_frame_records(
     """Write meta.json and frames.npz of a folder of rendered frames; the videos lie there."""
     (folder / "frames.npz").write_bytes(_pack(arrays))
     (folder / "meta.json").write_text(json.dumps(dict(facts), indent=2) + "\n")
+
+
+def _labels(rollout: Rollout, view: FrameFolder) -> dict[float, int]:
+    """`action.discrete` by the frame's time, where a dataset of these frames would have it."""
+    table = build_frame_table(rollout, view.arrays, view.frames_per_second)
+    labels = np.ravel(table.columns.get("action.discrete", ())).tolist()
+    times = rollout.time_s[view.arrays["sample_index"]].tolist()
+    return dict(zip(times, labels, strict=True)) if labels else {}
 
 
 def _pack(arrays: Mapping[str, NDArray[Any]]) -> bytes:

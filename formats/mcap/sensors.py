@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import foxglove
 
-from ..core.rollout import Rollout
+from ..core.rollout import Action, Rollout
 from .recording import Recording, nanoseconds
 from .topics import Write
 
@@ -53,16 +53,26 @@ def foot_messages(recording: Recording, rollout: Rollout, every: int) -> Iterato
         yield at, lambda message=message, at=at: channel.log(message, log_time=at)
 
 
-def action_messages(recording: Recording, rollout: Rollout) -> Iterator[Write]:
-    """Executed discrete actions, when they begin."""
-    if not rollout.actions:
-        return
-    fields = {"id": "integer", "name": "string"}
-    channel = _json_channel(recording, ACTION_TOPIC, "vlnpe.Action", fields)
+def action_messages(
+    recording: Recording, rollout: Rollout, labels: Mapping[float, int] | None = None
+) -> Iterator[Write]:
+    """Executed discrete actions, when they begin; where there are none, the frames' labels.
+
+    Args:
+        recording: where to.
+        rollout: physics truth.
+        labels: `action.discrete` by the frame's time [s].
+    """
     last = len(rollout.time_s) - 1
-    for span in rollout.actions:
-        at = nanoseconds(rollout.time_s[min(span.start_sample, last)])
-        message = {"id": int(span.action), "name": span.action.name}
+    spans = [(rollout.time_s[min(s.start_sample, last)], s.action, False) for s in rollout.actions]
+    told = spans or [(time_s, Action(label), True) for time_s, label in (labels or {}).items()]
+    if not told:
+        return
+    fields = {"id": "integer", "name": "string", "derived": "boolean"}
+    channel = _json_channel(recording, ACTION_TOPIC, "vlnpe.Action", fields)
+    for time_s, action, derived in told:
+        at = nanoseconds(time_s)
+        message = {"id": int(action), "name": action.name, "derived": derived}
         yield at, lambda message=message, at=at: channel.log(message, log_time=at)
 
 

@@ -1,4 +1,4 @@
-"""Write rendered episodes as LeRobot v3 and MCAP."""
+"""Write rendered episodes as LeRobot v3."""
 
 from __future__ import annotations
 
@@ -7,17 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...formats.convert.dataset import DatasetFacts
 from ...formats.core.licences import licence_id
 from ...formats.lerobot import assemble_dataset, write_episode_unit
-from ...formats.mcap.episode import write_episode_mcap
 from ...formats.mcap.rollout import read_rollout
 from ...formats.rendered.folder import read_frame_folder
 from ...formats.scene.bundle import load_bundle
 from ..engine.work import ItemResult
-from ..provenance import encoding_facts, episode_facts, provenance, scene_provenance
-
-SCENE_MAP = "after.png"
+from ..provenance import encoding_facts, episode_facts, provenance
 
 
 @dataclass(frozen=True)
@@ -60,48 +56,6 @@ class UnitJob:
             "encoding": encoding_facts(seen.facts, self.depth_storage),
         }
         return ItemResult(facts)
-
-
-@dataclass(frozen=True)
-class McapJob:
-    """Write one episode's MCAP, which knows the dataset it belongs to.
-
-    Attributes:
-        rollout: rollout file.
-        frames: its frame folder.
-        scene: folder of the repaired scene.
-        name: of the dataset.
-        held_out: scenes that are held out for validation.
-        depth_storage: see `DEPTH_STORAGES`.
-        out: MCAP file.
-    """
-
-    rollout: Path
-    frames: Path
-    scene: Path
-    name: str
-    held_out: tuple[str, ...]
-    depth_storage: str
-    out: Path
-
-    def run(self) -> ItemResult:
-        """Write one episode's MCAP."""
-        bundle = load_bundle(self.scene)
-        encoding = encoding_facts(read_frame_folder(self.frames).facts, self.depth_storage)
-        facts = DatasetFacts(
-            self.name,
-            licence_id(str(bundle.source.get("licence") or "")),
-            scene_provenance(bundle, self.held_out, encoding),
-            depth_storage=self.depth_storage,
-        )
-        write_episode_mcap(
-            self.out,
-            read_rollout(self.rollout),
-            self.frames,
-            scene_map=(self.scene / SCENE_MAP).read_bytes(),
-            dataset=facts.to_json(),
-        )
-        return ItemResult({"bytes": self.out.stat().st_size})
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,9 @@ from ...formats.scene.bundle import INDEX_NAME
 from ..engine.ledger import Row
 from ..engine.runner import Context, StageSummary, run_stage
 from ..engine.work import WorkItem, work_item
-from ..jobs.export import DatasetJob, McapJob, UnitJob
+from ..jobs.export import DatasetJob, UnitJob
+from ..jobs.mcap import McapJob
+from ..kept_robots import kept
 
 STAGE = "export"
 MCAP_STAGE = "mcap"
@@ -119,7 +121,8 @@ def mcap_items(
         out = dataset.mcap / f"{name.rsplit('/', 1)[1]}.mcap"
         scene, rollout = scenes / str(row.facts["scene"]), root / str(row.facts["rollout"])
         told = (dataset.name, held_out, depth_storage)
-        job = McapJob(rollout, root / row.outputs[0], scene, *told, out)
+        robot = kept(name.split("/")[0], root)
+        job = McapJob(rollout, root / row.outputs[0], scene, robot, *told, out)
         result.append(work_item(MCAP_STAGE, name, job, (out,), row.key, told))
     return result
 

@@ -18,7 +18,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.formats.test_mcap_episode import decode, write_frame_folder
+from tests.formats.test_mcap_episode import decode, small_links, small_map, write_frame_folder
 from tests.formats.test_mcap_rollout import assert_same
 from tests.support.lerobot_data import write_unit, write_units
 from tests.support.rollouts import make_rollout
@@ -37,7 +37,9 @@ from vlnpe.formats.lerobot import FileLimits, assemble_dataset, read_episode_uni
 from vlnpe.formats.mcap.depth_images import decode_depth, depth_encoding, encode_depth
 from vlnpe.formats.mcap.episode import extract_episode, write_episode_mcap
 from vlnpe.formats.mcap.recording import open_recording, read_recording
+from vlnpe.formats.mcap.robot_links import robot_topics
 from vlnpe.formats.mcap.rollout import read_rollout, write_rollout
+from vlnpe.formats.mcap.scene_map import map_topic
 from vlnpe.formats.video.depth_codes import MAX_CODE
 from vlnpe.formats.video.id_video import IdVideoWriter, read_id_video
 from vlnpe.formats.video.mp4 import iterate_bitstream, read_depth_video
@@ -47,6 +49,7 @@ from vlnpe.pipeline.engine.ledger import Ledger
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 SECONDS = (2.0, 0.0, 3.0)
+SHOWN = (map_topic(small_map()), *robot_topics(small_links(make_rollout(1.0))))
 ASSEMBLY: dict[str, Any] = {
     "provenance": {"config": "abc", "scenes": {"two_rooms": {"licence": "MIT"}}},
     "licence": "mit",
@@ -82,7 +85,7 @@ def export_mcap(root: Path, rollout: Rollout, name: str = "a", rate: int = 4) ->
     frames = root / f"frames-{name}"
     write_frame_folder(frames, rollout, rate)
     path = root / "mcap" / f"{name}.mcap"
-    write_episode_mcap(path, rollout, frames, scene_map=b"\x89PNG map")
+    write_episode_mcap(path, rollout, frames, shown=SHOWN)
     return path
 
 
@@ -226,7 +229,7 @@ def test_extracted_frames_are_those_that_went_in(tmp_path: Path) -> None:
     limits = seen.frames.depth_range
     assert read_depth_video(seen.frames.depth_video, limits).shape == (9, 64, 96)
     assert json.loads((before / "meta.json").read_text()) == seen.frames.facts
-    assert seen.scene_map == b"\x89PNG map"
+    assert seen.shown == SHOWN
 
 
 def edited(path: Path, out: Path, topic: str = "", keep: int = 0, attachments: bool = True) -> None:

@@ -21,7 +21,12 @@ from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.core.frames import quat_to_matrix
 from vlnpe.formats.core.rollout import Rollout
 from vlnpe.formats.mcap.episode import write_episode_mcap
+from vlnpe.formats.mcap.robot_links import LinkShape, RobotLinks, robot_topics
 from vlnpe.formats.mcap.rollout import read_rollout
+from vlnpe.formats.mcap.scene_map import BLOCKED, FREE, map_topic
+from vlnpe.formats.rendered.table import build_frame_table
+from vlnpe.formats.scene.freemap import Freemap
+from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.formats.video.depth_codes import depth_to_codes
 from vlnpe.formats.video.mp4 import read_rgb_video, write_depth_video, write_rgb_video
 
@@ -38,7 +43,28 @@ OFFICIAL = {
     "/camera/rgb": "CompressedVideo",
     "/camera/depth": "RawImage",
     "/camera/calibration": "CameraCalibration",
+    "/map": "Grid",
+    "/robot": "SceneUpdate",
+    "/robot/tf": "FrameTransforms",
 }
+
+
+def small_map() -> Freemap:
+    """2 × 3 cells of 0.5 m: no floor in the first, something on the last."""
+    floor = np.array([[np.nan, 0.1, 0.1], [0.1, 0.1, 0.1]], np.float32)
+    free = np.array([[False, True, True], [True, True, False]])
+    return Freemap(GridSpec((1.0, 2.0), 0.5, 2, 3), floor, free)
+
+
+def small_links(rollout: Rollout) -> RobotLinks:
+    """A body of one cube 0.2 m ahead of the base, and a turned wheel beneath it."""
+    turned, still = np.array([np.sqrt(0.5), np.sqrt(0.5), 0, 0]), np.array([1.0, 0, 0, 0])
+    cube = LinkShape("cube", np.array([0.2, 0, 0]), still, np.array([0.3, 0.2, 0.1]), (1, 0, 0, 1))
+    wheel = LinkShape("cylinder", np.zeros(3), turned, np.array([0.2, 0.2, 0.05]), (0, 0, 0, 1))
+    times = rollout.time_s[::5]
+    position = np.tile([[0.0, 0, 0], [0, 0, -0.1]], (len(times), 1, 1))
+    rotation = np.tile(still, (len(times), 2, 1))
+    return RobotLinks(("trunk", "wheel"), ((cube,), (wheel,)), times, position, rotation)
 
 
 def write_frame_folder(folder: Path, rollout: Rollout, rate: int = 4, codec: str = "h264") -> None:
@@ -88,7 +114,8 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Rollout, Pa
     rollout = make_rollout(5.0, 2, discrete=True)
     write_frame_folder(root / "frames", rollout)
     path = root / "ep.mcap"
-    write_episode_mcap(path, rollout, root / "frames", scene_map=b"\x89PNG map")
+    shown = (map_topic(small_map()), *robot_topics(small_links(rollout)))
+    write_episode_mcap(path, rollout, root / "frames", shown=shown)
     return path, rollout, root / "frames"
 
 
@@ -110,7 +137,7 @@ def test_topics_have_foxgloves_own_schemas(written: tuple[Path, Rollout, Path]) 
         assert topics[topic].data == official.data
 
 
-def test_indexes_times_metadata_and_map(written: tuple[Path, Rollout, Path]) -> None:
+def test_indexes_times_and_metadata(written: tuple[Path, Rollout, Path]) -> None:
     path, rollout, _ = written
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
@@ -123,10 +150,7 @@ def test_indexes_times_metadata_and_map(written: tuple[Path, Rollout, Path]) -> 
     assert times == sorted(times) and times[-1] == round(rollout.time_s[-1] * 1e9)
     assert metadata["vlnpe.instruction"]["text"] == rollout.episode.instruction
     assert json.loads(metadata["vlnpe.view"]["json"])["light"] == "baked"
-    assert [(a.name, a.media_type, a.data) for a in attachments] == [
-        ("scene_map.png", "image/png", b"\x89PNG map"),
-        ("frames.npz", "application/x-npz", attachments[1].data),
-    ]
+    assert [(a.name, a.media_type) for a in attachments] == [("frames.npz", "application/x-npz")]
 
 
 @pytest.mark.parametrize("codec", ["h264", "av1"])
@@ -206,10 +230,49 @@ def test_calibration_joints_commands_actions_events_plan(
     assert joint.effort == rollout.joint_torque_nm[15, 1]
     assert topics["/command"][2][1]["vx_base_m_s"] == rollout.command[10, 0]
     assert [a["id"] for _, a in topics["/action"]] == [int(a.action) for a in rollout.actions]
+    assert not any(action["derived"] for _, action in topics["/action"])
     assert [m.message for _, m in topics["/events"]] == ["contact: Table_1", "stop", "end: success"]
     entity = topics["/plan"][0][1].entities[0]
     line = [(p.x, p.y, p.z) for p in entity.lines[0].points]
     np.testing.assert_array_equal(line, rollout.episode.reference_path_world_m)
+
+
+def test_path_control_has_the_labels_of_its_frames(tmp_path: Path) -> None:
+    rollout = make_rollout(3.0)
+    assert not rollout.actions
+    write_frame_folder(tmp_path / "frames", rollout)
+    write_episode_mcap(tmp_path / "a.mcap", rollout, tmp_path / "frames")
+    actions = decode(tmp_path / "a.mcap")["/action"]
+    labels = build_frame_table(rollout, make_frames(rollout), 4).columns["action.discrete"]
+    assert [action["id"] for _, action in actions] == np.ravel(labels).tolist()
+    assert [at for at, _ in actions] == [250_000_000 * k for k in range(13)]
+    assert all(action["derived"] for _, action in actions)
+
+
+def test_the_map_is_a_grid_under_the_feet(written: tuple[Path, Rollout, Path]) -> None:
+    ((at, grid),) = decode(written[0])["/map"]
+    assert at == 0 and grid.frame_id == "world"
+    assert (grid.column_count, grid.row_stride, grid.cell_stride) == (3, 12, 4)
+    assert [field.name for field in grid.fields] == ["red", "green", "blue", "alpha"]
+    cells = np.frombuffer(grid.data, np.uint8).reshape(2, 3, 4)
+    corner = grid.pose.position
+    assert (corner.x, corner.y) == (1.0, 2.0) and corner.z == pytest.approx(0.08)
+    assert cells[0, 0, 3] == 0 and cells[1, 2].tolist() == list(BLOCKED)
+    assert (cells[[0, 0, 1, 1], [1, 2, 0, 1]] == FREE).all()
+
+
+def test_the_body_hangs_on_the_base(written: tuple[Path, Rollout, Path]) -> None:
+    topics = decode(written[0])
+    ((_, body),) = topics["/robot"]
+    frames = {entity.id: entity.frame_id for entity in body.entities}
+    assert all(entity.frame_locked for entity in body.entities)
+    assert body.entities[0].cubes[0].size.x == pytest.approx(0.3)
+    bases = [at for at, _ in topics["/tf"]]
+    assert [at for at, _ in topics["/robot/tf"]] == bases
+    moved = {t.child_frame_id: t for t in topics["/robot/tf"][3][1].transforms}
+    assert set(moved) == set(frames.values())
+    assert {t.parent_frame_id for t in moved.values()} == {"base"}
+    assert moved[frames["wheel"]].translation.z == pytest.approx(-0.1)
 
 
 @pytest.mark.parametrize(("joints", "feet"), [(29, 2), (0, 0)])

@@ -14,13 +14,15 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, DataEnd, Footer, Header
 from mcap.stream_reader import StreamReader
 
-from tests.formats.test_mcap_episode import write_frame_folder
+from tests.formats.test_mcap_episode import small_map, write_frame_folder
 from tests.support.rollouts import make_rollout
 from vlnpe.formats.mcap.episode import write_episode_mcap
+from vlnpe.formats.mcap.scene_map import map_topic
 
 SCRIPT = Path(__file__).parents[1] / "support" / "read_mcap.js"
 PACKAGES = ("@mcap/core", "fzstd")
 TOPICS = {
+    "/map": 1,
     "/plan": 1,
     "/state": 401,
     "/tf": 81,
@@ -43,7 +45,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("written")
     rollout = make_rollout(4.0, discrete=True)
     write_frame_folder(root / "frames", rollout)
-    write_episode_mcap(root / "a.mcap", rollout, root / "frames", scene_map=b"\x89PNG map")
+    write_episode_mcap(root / "a.mcap", rollout, root / "frames", shown=(map_topic(small_map()),))
     return root / "a.mcap"
 
 
@@ -62,7 +64,7 @@ def test_every_record_is_indexed_and_has_a_checksum(written: Path) -> None:
     assert len(summary.chunk_indexes) == len(chunks)
     indexed = set().union(*(index.message_index_offsets for index in summary.chunk_indexes))
     assert indexed == set(summary.channels)
-    assert [a.name for a in summary.attachment_indexes] == ["scene_map.png", "frames.npz"]
+    assert [a.name for a in summary.attachment_indexes] == ["frames.npz"]
     assert sorted(m.name for m in summary.metadata_indexes) == [
         "vlnpe.instruction",
         "vlnpe.rollout",
@@ -115,7 +117,7 @@ def test_npms_reader_finds_the_same(written: Path, node: dict[str, str]) -> None
     assert found["done"] and found["ordered"]
     assert found["topics"] == TOPICS
     assert found["compressions"] == ["zstd"]
-    assert found["attachments"]["scene_map.png"] == len(b"\x89PNG map")
+    assert found["attachments"]["frames.npz"] > 0
     rollout = json.loads(found["metadata"]["vlnpe.rollout"]["json"])
     assert rollout["episode"]["instruction"] == found["metadata"]["vlnpe.instruction"]["text"]
     assert found["records"]["Message"] == sum(TOPICS.values())

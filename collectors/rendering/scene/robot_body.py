@@ -61,13 +61,18 @@ def tessellate(model: mujoco.MjModel) -> tuple[GeomSurface, ...]:
 
     Geoms of the world body are the ground a robot-alone model may stand on, no part of the robot.
     """
-    rgba = _colors(model)
-    seen = (model.geom_group < VISIBLE_GROUPS) & (rgba[:, 3] > 0)
+    rgba = geom_colors(model)
+    return tuple(_surface(model, int(geom), rgba[geom, :3]) for geom in visible_geoms(model))
+
+
+def visible_geoms(model: mujoco.MjModel) -> NDArray[np.int64]:
+    """Ids of the robot's geoms that are seen (groups 0–2, not fully transparent)."""
+    seen = (model.geom_group < VISIBLE_GROUPS) & (geom_colors(model)[:, 3] > 0)
     seen &= model.geom_bodyid > 0
-    return tuple(_surface(model, int(geom), rgba[geom, :3]) for geom in np.flatnonzero(seen))
+    return np.flatnonzero(seen)
 
 
-def _colors(model: mujoco.MjModel) -> NDArray[np.float32]:
+def geom_colors(model: mujoco.MjModel) -> NDArray[np.float32]:
     """(G, 4) RGBA of each geom: its own, or its material's where it was given none."""
     own, material = model.geom_rgba, model.geom_matid
     unset = (material >= 0) & (own == np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)).all(axis=1)

@@ -1,0 +1,65 @@
+"""Write rendered episodes as MCAP files that Foxglove shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...collectors.rendering.shown_links import robot_links
+from ...collectors.robots import get_robot
+from ...formats.convert.dataset import DatasetFacts
+from ...formats.core.licences import licence_id
+from ...formats.mcap.episode import write_episode_mcap
+from ...formats.mcap.robot_links import robot_topics
+from ...formats.mcap.rollout import SHOW_EVERY, read_rollout
+from ...formats.mcap.scene_map import map_topic
+from ...formats.rendered.folder import read_frame_folder
+from ...formats.scene.bundle import load_bundle
+from ..engine.work import ItemResult
+from ..provenance import encoding_facts, scene_provenance
+
+
+@dataclass(frozen=True)
+class McapJob:
+    """Write one episode's MCAP, which knows the dataset it belongs to.
+
+    Attributes:
+        rollout: rollout file.
+        frames: its frame folder.
+        scene: folder of the repaired scene.
+        robot: name or folder.
+        name: of the dataset.
+        held_out: scenes that are held out for validation.
+        depth_storage: see `DEPTH_STORAGES`.
+        out: MCAP file.
+    """
+
+    rollout: Path
+    frames: Path
+    scene: Path
+    robot: str
+    name: str
+    held_out: tuple[str, ...]
+    depth_storage: str
+    out: Path
+
+    def run(self) -> ItemResult:
+        """Write one episode's MCAP."""
+        bundle = load_bundle(self.scene)
+        encoding = encoding_facts(read_frame_folder(self.frames).facts, self.depth_storage)
+        facts = DatasetFacts(
+            self.name,
+            licence_id(str(bundle.source.get("licence") or "")),
+            scene_provenance(bundle, self.held_out, encoding),
+            depth_storage=self.depth_storage,
+        )
+        recorded = read_rollout(self.rollout)
+        links = robot_links(get_robot(self.robot).build_model(floor=False), recorded, SHOW_EVERY)
+        write_episode_mcap(
+            self.out,
+            recorded,
+            self.frames,
+            shown=(map_topic(bundle.freemap(recorded.episode.level)), *robot_topics(links)),
+            dataset=facts.to_json(),
+        )
+        return ItemResult({"bytes": self.out.stat().st_size})
