@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...collectors.rendering.shown_links import robot_links
+from ...collectors.rendering.scene.shown_links import robot_links
 from ...collectors.robots import get_robot
 from ...formats.convert.dataset import DatasetFacts
 from ...formats.core.licences import licence_id

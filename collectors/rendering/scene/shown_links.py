@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.core.rollout import Rollout
-from ...formats.mcap.robot_links import CUBE, CYLINDER, SPHERE, TRIANGLES, LinkShape, RobotLinks
-from .scene.primitives import geom_surface
-from .scene.robot_body import geom_colors, visible_geoms
+from ....formats.core.rollout import Rollout
+from ....formats.mcap.robot_links import CUBE, CYLINDER, SPHERE, TRIANGLES, LinkShape, RobotLinks
+from .primitives import geom_surface
+from .robot_body import geom_colors, visible_geoms
 
 GEOM = mujoco.mjtGeom
 

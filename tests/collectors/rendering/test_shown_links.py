@@ -7,7 +7,7 @@ import pytest
 
 from tests.support.walks import glide
 from vlnpe.collectors.rendering.scene.robot_body import RobotBody
-from vlnpe.collectors.rendering.shown_links import robot_links
+from vlnpe.collectors.rendering.scene.shown_links import robot_links
 from vlnpe.collectors.robots import ROBOTS, get_robot
 from vlnpe.formats.core.frames import quat_to_matrix
 
