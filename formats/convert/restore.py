@@ -103,7 +103,7 @@ def _write_meta(
     """Write provenance, splits, film strip and card."""
     facts = [read_facts(source) for source in sources]
     scenes = {row["scene_id"] for row in rows.values()}
-    provenance = dict(facts[0].provenance)
+    provenance: dict[str, Any] = dict(facts[0].provenance)
     if len(facts) > 1:
         provenance = {"sources": [one.provenance for one in facts]}
     found = {k: v for one in facts for k, v in one.provenance.get("scenes", {}).items()}

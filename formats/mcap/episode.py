@@ -236,7 +236,7 @@ def _labels(rollout: Rollout, view: FrameFolder) -> dict[float, int]:
     table = build_frame_table(rollout, view.arrays, view.frames_per_second)
     labels = np.ravel(table.columns.get("action.discrete", ())).tolist()
     times = rollout.time_s[view.arrays["sample_index"]].tolist()
-    return dict(zip(times, labels, strict=True)) if labels else {}
+    return {t: int(label) for t, label in zip(times, labels, strict=True)} if labels else {}
 
 
 def _pack(arrays: Mapping[str, NDArray[Any]]) -> bytes:

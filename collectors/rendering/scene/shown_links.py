@@ -83,4 +83,4 @@ def _shapes(model: mujoco.MjModel, geom: int, rgba: NDArray[np.float32]) -> list
             ends = [shape(SPHERE, ball, position + sign * along) for sign in (-1, 1)]
             return [shape(CYLINDER, 2 * size[[0, 0, 1]]), *ends]
     corners, _ = geom_surface(model, geom)
-    return [LinkShape(TRIANGLES, position, quat, np.ones(3), color, corners)]
+    return [LinkShape(TRIANGLES, position, quat, np.ones(3), color, corners.astype(np.float64))]
