@@ -65,19 +65,31 @@ class OutcomeWatch:
 
     def check(self) -> tuple[EndReason, str] | None:
         """Whether the robot has fallen or is stuck, with a detail in words; else None."""
-        fall = self._world.robot.fall
-        x, y, yaw, roll, pitch, height = _posture(
-            self._base, self._com, self._geom_xpos, self._feet, self._foot_radius
-        )
-        if abs(roll) > fall.roll_rad:
-            return EndReason.FALL, f"roll {math.degrees(roll):.0f}°"
-        if abs(pitch) > fall.pitch_rad:
-            return EndReason.FALL, f"pitch {math.degrees(pitch):.0f}°"
-        if height < fall.com_to_foot_m:
-            return EndReason.FALL, f"centre of mass {height:.2f} m above the lowest foot"
-        if not self._world.surface.is_solid(x, y):
-            return EndReason.FALL, f"no floor at ({x:.2f}, {y:.2f})"
+        down = self.down()
+        if down is not None:
+            return EndReason.FALL, down
+        x, y, yaw, *_ = self._posture()
         return self._stuck(x, y, yaw)
+
+    def down(self) -> str | None:
+        """In words, when the posture at this instant is that of a fall."""
+        fall = self._world.robot.fall
+        x, y, _, roll, pitch, height = self._posture()
+        if abs(roll) > fall.roll_rad:
+            return f"roll {math.degrees(roll):.0f}°"
+        if abs(pitch) > fall.pitch_rad:
+            return f"pitch {math.degrees(pitch):.0f}°"
+        if height < fall.com_to_foot_m:
+            return f"centre of mass {height:.2f} m above the lowest foot"
+        return None if self._world.surface.is_solid(x, y) else f"no floor at ({x:.2f}, {y:.2f})"
+
+    def speed_m_s(self) -> float:
+        """Of the base, horizontally."""
+        dof = self._world.handles.root_dof
+        return math.hypot(self._qvel[dof], self._qvel[dof + 1])
+
+    def _posture(self) -> tuple[float, float, float, float, float, float]:
+        return _posture(self._base, self._com, self._geom_xpos, self._feet, self._foot_radius)
 
     def _stuck(self, x_m: float, y_m: float, yaw_rad: float) -> tuple[EndReason, str] | None:
         config, trace = self._config, self._trace

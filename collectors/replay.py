@@ -11,7 +11,7 @@ import contextlib
 import logging
 import math
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, cast
@@ -20,9 +20,28 @@ import mujoco
 import numpy as np
 
 from ..formats.core.episode import Episode
-from ..formats.core.rollout import STATE_RATE_HZ, Action, ActionSpan, EndReason, Event, Rollout
+from ..formats.core.frames import quat_to_yaw
+from ..formats.core.rollout import (
+    DISCRETE_RATE_HZ,
+    REST_EVENT,
+    STATE_RATE_HZ,
+    Action,
+    ActionSpan,
+    EndReason,
+    Event,
+    Rollout,
+)
 from ..formats.scene.bundle import SceneBundle
-from .controllers import STOPPED, Controller, Pose, Task, Teleporter, controller_for
+from .controllers import (
+    STOPPED,
+    Coasting,
+    Controller,
+    Expert,
+    Pose,
+    Task,
+    Teleporter,
+    controller_for,
+)
 from .locomotion import GaitPolicy
 from .metrics import rollout_metrics
 from .outcome import OutcomeWatch
@@ -102,17 +121,21 @@ class _Run:
         self.actions: list[tuple[Action, int]] = []
         self.facts: dict[str, object] = {}
         self._touched: dict[str, int] = {}
+        self._up_since: int | None = None
+        self.recovered = self.down = False
 
     def rollout(self) -> Rollout:
         x, y, _ = self.episode.start_position_world_m.tolist()
-        task = Task(
+        self.task = task = Task(
             reference_xy_m=self.episode.reference_path_world_m[:, :2],
             goal_xy_m=self.episode.goal_position_world_m[:2],
             freemap=self.world.freemap,
             radius_m=self.world.robot.footprint_radius_m,
             limits=self.world.robot.command_limits,
             goal_tolerance_m=self.config.outcome.success_m,
+            coasting=self.world.coasting if self.entry.coasts else Coasting(),
         )
+        self.facts["coasting"] = asdict(task.coasting)
         self.world.gait.reset()
         self.world.spawn(Pose(x, y, self.episode.start_yaw_rad), self._joint_noise())
         stuck_in = self.world.in_collision()
@@ -162,7 +185,7 @@ class _Run:
         self.facts["nominal_s"] = round(controller.nominal_s, 3)
         command = STOPPED
         end: EndReason | None = None
-        tick, last = 0, math.inf
+        tick, last, still = 0, math.inf, 0
         while tick < last:
             if end is None and tick % control_every == 0:
                 decision = controller.step(tick / STATE_RATE_HZ, world.pose)
@@ -172,8 +195,9 @@ class _Run:
                 if decision.action is not None:
                     self.actions.append((decision.action, tick))
                 if decision.done:
-                    command = STOPPED
-                    end, last = self._stop(), tick + round(config.rest_s * STATE_RATE_HZ)
+                    command, still = STOPPED, tick + SAMPLES_PER_POLICY
+                    self._note("stop", "")
+                    end, last = self._stop(), tick + round(config.rest_most_s * STATE_RATE_HZ)
                 elif tick >= limit or len(self.actions) > config.outcome.timeout_actions:
                     self._note("timeout", f"{tick / STATE_RATE_HZ:.1f} s")
                     return EndReason.TIMEOUT
@@ -188,21 +212,34 @@ class _Run:
                 self.recorder.drop_broken()
                 return EndReason.DIVERGED
             self._watch_contacts(tick)
-            verdict = None if end is EndReason.FALL else self.watch.check()
+            if end is EndReason.FALL:
+                self._watch_fallen(tick)
+                continue
+            verdict = self.watch.check()
             if verdict is None:
+                if end is not None:
+                    if self.watch.speed_m_s() >= config.settled_m_s:
+                        still = tick + SAMPLES_PER_POLICY
+                    if tick - still >= config.rest_s * STATE_RATE_HZ:
+                        break
                 continue
             reason, detail = verdict
             if reason is EndReason.FALL:
                 self._note(reason.value, detail)
                 end, command = reason, STOPPED
+                self._up_since = None
                 last = tick + round(config.after_fall_s * STATE_RATE_HZ)
             elif end is None:
                 self._note(reason.value, detail)
                 return reason
         assert end is not None
-        if end in (EndReason.SUCCESS, EndReason.STOPPED_FAR):
+        if end is EndReason.FALL:
+            self._judge_fall(tick)
+        else:
             # A robot coasts while it comes to rest; where it rests is what counts.
             end = self._stop()
+            if tick < last:
+                self.events.append(Event(still / STATE_RATE_HZ, REST_EVENT, ""))
         self.recorder.sample(STOPPED)
         return end
 
@@ -234,6 +271,20 @@ class _Run:
                     return EndReason.STUCK
             pose = jump.pose
         return EndReason.TIMEOUT
+
+    def _watch_fallen(self, tick: int) -> None:
+        """Note since when a robot that has fallen is up again."""
+        if self.watch.down() is not None:
+            self._up_since = None
+        elif self._up_since is None:
+            self._up_since = tick
+
+    def _judge_fall(self, tick: int) -> None:
+        """Whether it was a fall for people, too, or a stumble that the rule calls one."""
+        since = self._up_since
+        self.down = since is None
+        half = self.config.after_fall_s * STATE_RATE_HZ / 2
+        self.recovered = since is not None and tick - since >= half
 
     def _watch_contacts(self, tick: int) -> None:
         """Note when a part of the robot begins to touch an obstacle, not while it goes on."""
@@ -268,6 +319,7 @@ class _Run:
             ActionSpan(action, start, stop)
             for (action, start), stop in zip(self.actions, stops, strict=bool(self.actions))
         ]
+        metrics = rollout_metrics(self.episode, world.freemap, arrays["position_world_m"], end)
         return Rollout(
             episode=self.episode,
             robot=world.robot.name,
@@ -275,11 +327,22 @@ class _Run:
             joint_names=world.robot.joint_names,
             foot_names=world.robot.foot_names,
             actions=tuple(spans),
-            events=tuple(self.events),
+            events=tuple(sorted(self.events, key=lambda event: event.time_s)),
             end_reason=end,
-            metrics=rollout_metrics(self.episode, world.freemap, arrays["position_world_m"], end),
+            metrics=replace(metrics, recovered=self.recovered, down=self.down),
+            labels=self._labels(arrays) if not self.actions else (),
             facts={**self._common_facts(), **self.facts},
             **arrays,
+        )
+
+    def _labels(self, arrays: dict[str, Any]) -> tuple[Action, ...]:
+        """What the expert would have done at each frame of a robot that follows its own mind."""
+        every = STATE_RATE_HZ // DISCRETE_RATE_HZ
+        place, quat = arrays["position_world_m"][::every], arrays["quat_wxyz"][::every]
+        expert = Expert(self.task)
+        return tuple(
+            expert.next_action(Pose(x, y, yaw))
+            for (x, y, _), yaw in zip(place.tolist(), quat_to_yaw(quat).tolist(), strict=True)
         )
 
     def _common_facts(self) -> dict[str, Any]:

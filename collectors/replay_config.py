@@ -23,8 +23,11 @@ class ReplayConfig:
         spawn_joint_noise_rad: standard deviation of the joint offsets; no two starts are alike.
         settle_least_s, settle_most_s: bounds of the time to settle before the first sample.
         settled_m_s, settled_rad_s: base and joint speeds below which a robot is at rest.
-        rest_s: standing still, recorded, after STOP; at least a frame at 4 frames/s.
-        after_fall_s: what is still recorded once a robot has fallen.
+        rest_s: after STOP a robot is at rest once it has been slower than `settled_m_s` for so
+            long: at least a frame at 4 frames/s.
+        rest_most_s: one that is not at rest by then is judged as it is.
+        after_fall_s: what is still recorded once a robot has fallen; then it is seen whether it
+            is down.
     """
 
     robot: str = "aliengo"
@@ -40,5 +43,6 @@ class ReplayConfig:
     settle_most_s: float = 1.5
     settled_m_s: float = 0.05
     settled_rad_s: float = 0.5
-    rest_s: float = 0.5
-    after_fall_s: float = 0.5
+    rest_s: float = 0.25
+    rest_most_s: float = 3.0
+    after_fall_s: float = 1.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Protocol
 
@@ -13,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..formats.scene.bundle import SceneBundle
 from ..formats.scene.freemap import Freemap
-from .controllers import Pose
+from .coasting import coasting_of
+from .controllers import Coasting, Pose
 from .drives import gait_for
 from .physics import FloorSurface, LevelModelConfig, ObstacleGate, level_model
 from .robots import RobotHandles, RobotSpec
@@ -72,6 +74,11 @@ class World:
         """The base's true pose."""
         x, y, _, w, i, j, k = self.base.tolist()
         return Pose(x, y, math.atan2(2 * (w * k + i * j), 1 - 2 * (j * j + k * k)))
+
+    @cached_property
+    def coasting(self) -> Coasting:
+        """How far the robot still goes after a stop."""
+        return coasting_of(self.robot, self.gait)
 
     def spawn(self, pose: Pose, joint_noise_rad: NDArray[np.float64] | None = None) -> None:
         """Reset physics and stand the robot on the floor, its feet a few mm above it.

@@ -68,7 +68,7 @@ class EpisodeEntry:
         scene, split, robot, controller, light, end_reason: labels.
         instructions: its own first.
         camera: the view that its images show.
-        actions_derived: `action.discrete` was not executed, but is the nearest to each motion.
+        actions_derived: `action.discrete` was not executed; an expert would do it at each pose.
     """
 
     number: int

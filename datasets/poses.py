@@ -1,16 +1,14 @@
-"""Planar poses from `observation.state`."""
+"""Planar poses, and how they lie to each other."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..formats.core.frames import quat_to_yaw, wrap_angle
+from ..formats.core.frames import wrap_angle
+from ..formats.rendered.discrete_steps import planar_poses
 
-
-def planar_poses(state: NDArray) -> NDArray[np.float64]:
-    """x, y [m] and yaw [rad] (T, 3) in the start frame, from states (T, 13)."""
-    return np.column_stack([state[:, :2].astype(np.float64), quat_to_yaw(state[:, 3:7])])
+__all__ = ["future_poses", "motions", "planar_poses", "relative"]
 
 
 def relative(poses: NDArray[np.float64], frame: int) -> NDArray[np.float64]:
@@ -19,6 +17,11 @@ def relative(poses: NDArray[np.float64], frame: int) -> NDArray[np.float64]:
     offset = poses[:, :2] - (x, y)
     c, s = np.cos(yaw), np.sin(yaw)
     return np.column_stack([offset @ np.array([[c, -s], [s, c]]), wrap_angle(poses[:, 2] - yaw)])
+
+
+def motions(poses: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Δx, Δy [m], Δyaw [rad] (T, 3) from each pose to the next, seen from it; the last is zero."""
+    return future_poses(poses, 1)[:, 0]
 
 
 def future_poses(poses: NDArray[np.float64], future: int) -> NDArray[np.float32]:

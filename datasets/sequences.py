@@ -13,9 +13,10 @@ from torch.nn.utils.rnn import PackedSequence, pack_padded_sequence
 from torch.utils.data import Dataset
 
 from ..formats.core.errors import InputError
-from ..formats.rendered.table import DISCRETE_RATE, stop_only_at_end
+from ..formats.core.rollout import DISCRETE_RATE_HZ
+from ..formats.rendered.discrete_steps import discrete_steps
 from .episode_reader import EpisodeReader
-from .poses import future_poses, planar_poses, relative
+from .poses import future_poses, motions, planar_poses, relative
 from .selection import Selection, check_frame_rate
 from .tokens import Tokens
 from .video_cursor import OpenVideos
@@ -23,7 +24,7 @@ from .video_cursor import OpenVideos
 ACTIONS = 4  # STOP, FORWARD, LEFT, RIGHT
 # VLN-CE's: frames per change of action in R2R's trajectories.
 INFLECTION_COEFFICIENT = 3.2
-_ROWS = ("action.discrete", "action", "observation.state", "observation.progress")
+_ROWS = ("observation.state", "observation.progress")
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,8 @@ class SequenceConfig:
         inflection_coefficient: weight of a step whose action differs from the one before.
         future: number of poses ahead to give at each step; 0 gives none.
         images: whether to decode them at all.
+        every_frame: take all frames, as they follow in time, with `action.discrete`, instead of
+            discrete steps.
     """
 
     size_px: int | None = None
@@ -43,6 +46,7 @@ class SequenceConfig:
     inflection_coefficient: float = INFLECTION_COEFFICIENT
     future: int = 0
     images: bool = True
+    every_frame: bool = False
 
     def __post_init__(self) -> None:
         if self.max_steps < 1 or (self.size_px is not None and self.size_px < 8):
@@ -54,22 +58,24 @@ class SequenceConfig:
 class EpisodeSequences(Dataset[dict[str, Any]]):
     """Whole episodes; item n is episode n of the selection.
 
-    An item has T ≤ `max_steps` steps, one per frame (0.25 s):
+    An item has T ≤ `max_steps` discrete steps: each action is the motion from one step's frame to
+    the next one's, so that executing the actions leads along the robot's path to its end (see
+    `formats.rendered.discrete_steps`). With `every_frame` the steps are the frames (0.25 s each),
+    and each action is what the expert would do there (`action.discrete`).
 
     | key | type, shape | meaning |
     | --- | --- | --- |
     | rgb | uint8 (T, 3, H, W) | what is seen before the action |
     | depth | float32 (T, 1, H, W) | planar z [m], 0 = invalid |
     | tokens | int64 (L) | the instruction, see `tokens` |
-    | action | int64 (T) | 0 STOP, 1 FORWARD, 2 LEFT, 3 RIGHT; derived ones without STOP on the
-      way, see `stop_only_at_end` |
+    | action | int64 (T) | 0 STOP, 1 FORWARD, 2 LEFT, 3 RIGHT; STOP is the last and no other |
     | previous_action | int64 (T) | 0 at the first step, else 1 + the action before |
     | weight | float32 (T) | inflection weight: the coefficient where the action changes (and at
       the first step), else 1 |
     | progress | float32 (T) | 0 … 1 |
-    | motion | float32 (T, 3) | Δx, Δy [m], Δyaw [rad] to the next frame, in this frame |
+    | motion | float32 (T, 3) | Δx, Δy [m], Δyaw [rad] to the next step, in this step's frame |
     | pose | float32 (T, 3) | x, y [m], yaw [rad] relative to the first frame |
-    | waypoints | float32 (T, F, 3) | x, y [m], yaw [rad] of the F = `future` frames behind each,
+    | waypoints | float32 (T, F, 3) | x, y [m], yaw [rad] of the F = `future` steps behind each,
       seen from it; the last pose is repeated behind the end |
     | waypoint_valid | bool (T, F) | false behind the end |
     | length | int64 () | T |
@@ -86,13 +92,14 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
         """Get ready; reads nothing yet.
 
         Raises:
-            InputError: the datasets have no discrete actions (4 frames/s have them).
+            InputError: the datasets' frame rates differ, or, with `every_frame`, they have no
+                discrete actions (4 frames/s have them).
         """
         rate = check_frame_rate(selection.datasets)
-        if rate != DISCRETE_RATE:
+        if config.every_frame and rate != DISCRETE_RATE_HZ:
             raise InputError(
                 f"{selection.datasets[0].root}: {rate} frames/s have no discrete actions; "
-                f"valid: {DISCRETE_RATE}"
+                f"valid: {DISCRETE_RATE_HZ}"
             )
         self.selection, self.tokens, self.config = selection, tokens, config
         videos = OpenVideos()
@@ -105,12 +112,16 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
         """Episode `number`."""
         entry = self.selection.entry(number)
         reader = self._readers[self.selection.dataset[number]]
-        rows = reader.rows(entry, _ROWS)
-        steps = min(entry.length, self.config.max_steps)
-        actions = rows["action.discrete"][:, 0]
-        if entry.actions_derived:
-            actions = stop_only_at_end(actions)
+        every = self.config.every_frame
+        rows = reader.rows(entry, (*_ROWS, "action.discrete") if every else _ROWS)
         poses = planar_poses(rows["observation.state"])
+        if every:
+            frames, actions = np.arange(entry.length), rows["action.discrete"][:, 0]
+        else:
+            divided = discrete_steps(poses)
+            frames, actions = divided.frame, divided.action
+            poses = poses[frames]
+        count, steps = len(frames), min(len(frames), self.config.max_steps)
         changed = np.concatenate([[True], np.diff(actions) != 0])
         item: dict[str, Any] = {
             "tokens": torch.from_numpy(self.tokens.encode(entry.instructions[0])),
@@ -120,22 +131,23 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
                 np.where(changed, np.float32(self.config.inflection_coefficient), np.float32(1)),
                 steps,
             ),
-            "progress": _tensor(rows["observation.progress"][:, 0], steps),
-            "motion": _tensor(rows["action"], steps),
+            "progress": _tensor(rows["observation.progress"][frames, 0], steps),
+            "motion": _tensor(motions(poses), steps),
             "pose": _tensor(relative(poses, 0).astype(np.float32), steps),
             "length": torch.tensor(steps),
-            "cut": torch.tensor(steps < entry.length),
+            "cut": torch.tensor(steps < count),
             "uid": entry.uid,
             "robot": entry.robot,
         }
         if self.config.future:
-            ahead = np.arange(entry.length)[:, None] + np.arange(1, self.config.future + 1)
+            ahead = np.arange(count)[:, None] + np.arange(1, self.config.future + 1)
             item["waypoints"] = _tensor(future_poses(poses, self.config.future), steps)
-            item["waypoint_valid"] = _tensor(ahead < entry.length, steps)
+            item["waypoint_valid"] = _tensor(ahead < count, steps)
         if self.config.images:
-            rgb, depth = reader.rgbd(entry, 0, steps)
-            item["rgb"] = torch.from_numpy(rgb).permute(0, 3, 1, 2)
-            item["depth"] = torch.from_numpy(depth)[:, None]
+            seen = frames[:steps]
+            rgb, depth = reader.rgbd(entry, 0, int(seen[-1]) + 1)
+            item["rgb"] = torch.from_numpy(rgb[seen]).permute(0, 3, 1, 2)
+            item["depth"] = torch.from_numpy(depth[seen])[:, None]
         return item
 
 

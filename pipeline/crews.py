@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from ..collectors.controllers import CONTROLLERS, SpeedConfig, get_controller, valid_controllers
-from ..collectors.controllers.expert import FORWARD_M, TURN_RAD
 from ..collectors.controllers.speed import SpeedController
 from ..collectors.robots import ROBOTS, TIMESTEP_S, RobotSpec, get_robot
 from ..formats.core.errors import InputError
+from ..formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD
 
 ALL, AUTO = "all", "auto"
 USUAL = "path"  # what `auto` means for whatever has a body
@@ -74,8 +74,8 @@ def action_timing(steps: int, closed_loop: bool) -> SpeedConfig:
         raise InputError(f"action steps {steps}: valid are multiples of {least}; VLN-PE takes 50")
     seconds = steps * TIMESTEP_S
     return SpeedConfig(
-        linear_m_s=FORWARD_M / seconds,
-        yaw_rad_s=TURN_RAD / seconds,
+        linear_m_s=FORWARD_STEP_M / seconds,
+        yaw_rad_s=TURN_STEP_RAD / seconds,
         steps_per_action=steps,
         end_on_displacement=closed_loop,
     )

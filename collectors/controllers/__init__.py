@@ -1,7 +1,8 @@
 """What drives a robot along an episode: one registry of controllers."""
 
+from .expert import Expert, ExpertConfig
 from .flash import FlashConfig
-from .interface import STOPPED, Controller, Decision, Jump, Pose, Task, Teleporter
+from .interface import STOPPED, Coasting, Controller, Decision, Jump, Pose, Task, Teleporter
 from .path import PathConfig
 from .registry import (
     CONTROLLERS,
@@ -15,9 +16,12 @@ from .speed import SpeedConfig
 __all__ = [
     "CONTROLLERS",
     "STOPPED",
+    "Coasting",
     "Controller",
     "ControllerEntry",
     "Decision",
+    "Expert",
+    "ExpertConfig",
     "FlashConfig",
     "Jump",
     "PathConfig",

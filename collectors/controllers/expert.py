@@ -1,17 +1,18 @@
-"""The expert that turns a route and a true pose into the next discrete action."""
+"""The expert: VLN-CE's next discrete action from any true pose toward an episode's reference path.
+
+It is asked by the controllers that carry discrete actions out, for the labels of robots that follow
+their path continuously, and it can be asked online, about poses that no recorded robot was in.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-from ...formats.core.rollout import Action
+from ...formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
 from .geometry import RouteCursor, wrap_angle
-from .interface import Pose
-from .route import STEP_M, Route
-
-FORWARD_M = 0.25
-TURN_RAD = math.radians(15.0)
+from .interface import Pose, Task
+from .route import STEP_M, Route, plan_route, rejoin
 
 
 @dataclass(frozen=True)
@@ -22,52 +23,67 @@ class ExpertConfig:
         lookahead_m: distance along the route to the point aimed at.
         stop_within_m: distance to the goal at which it stops at once.
         goal_tolerance_m: at the end of the route a stop this near is good enough.
+        replan_off_m: distance from the route that calls for a way back to it.
+        rejoin_m: that way meets the route so far ahead.
     """
 
     lookahead_m: float = 0.5
     stop_within_m: float = 0.1
-    goal_tolerance_m: float = 0.15
+    goal_tolerance_m: float = 0.2
+    replan_off_m: float = 0.5
+    rejoin_m: float = 1.0
 
 
 class Expert:
-    """Closes the loop on the true pose with every action, so that drift never accumulates."""
+    """Closes the loop on the true pose with every action, so that drift never accumulates.
 
-    def __init__(self, route: Route, config: ExpertConfig) -> None:
-        self._config = config
-        self._cursor = RouteCursor(route.xy_m, STEP_M)
-        self._off_m = 0.0
+    One object serves one walk: it remembers how far along its route the robot is, and which way it
+    turned last.
+    """
+
+    def __init__(self, task: Task, config: ExpertConfig = ExpertConfig()) -> None:
+        """Plan the route along the task's reference path."""
+        self._task, self._config = task, config
+        self.route: Route = plan_route(task.freemap, task.reference_xy_m, task.radius_m)
+        self._cursor = RouteCursor(self.route.xy_m, STEP_M)
         self._last = Action.FORWARD
+        self._notes = [("unplannable", problem) for problem in self.route.problems]
 
-    @property
-    def off_route_m(self) -> float:
-        """Distance to the route at the last choice [m]."""
-        return self._off_m
+    def notes(self) -> list[tuple[str, str]]:
+        """(kind, detail) of what happened since the last call: re-plans, and what has no plan."""
+        notes, self._notes = self._notes, []
+        return notes
 
-    def next_action(self, pose: Pose) -> Action:
+    def next_action(self, pose: Pose, rest: Pose | None = None) -> Action:
         """The action to take from `pose`.
 
         Turns while the bearing of the point ahead is off by more than half a turn action (a whole
         one to turn back at once), walks otherwise, and stops when the goal is near, or when the
-        next step would lead past it.
+        next step would lead past it. A pose too far from the route is led back to it.
+
+        Args:
+            pose: where the agent is.
+            rest: where a moving body would come to rest if it stopped now; `pose` when None.
         """
+        rest = rest or pose
         config = self._config
-        self._off_m = self._cursor.advance(pose.x_m, pose.y_m)
+        self._locate(pose)
         goal_x, goal_y = self._cursor.point(self._cursor.last)
-        to_goal_m = math.hypot(goal_x - pose.x_m, goal_y - pose.y_m)
+        to_goal_m = math.hypot(goal_x - rest.x_m, goal_y - rest.y_m)
         if to_goal_m <= config.stop_within_m:
             return Action.STOP
         x, y = self._cursor.point(self._cursor.ahead(config.lookahead_m, STEP_M))
         error = wrap_angle(math.atan2(y - pose.y_m, x - pose.x_m) - pose.yaw_rad)
         if to_goal_m <= config.goal_tolerance_m:
             after_m = math.hypot(
-                goal_x - pose.x_m - FORWARD_M * math.cos(pose.yaw_rad),
-                goal_y - pose.y_m - FORWARD_M * math.sin(pose.yaw_rad),
+                goal_x - rest.x_m - FORWARD_STEP_M * math.cos(rest.yaw_rad),
+                goal_y - rest.y_m - FORWARD_STEP_M * math.sin(rest.yaw_rad),
             )
             if after_m >= to_goal_m:
                 return Action.STOP
         # A body keeps some of its turn; answering that with the opposite turn would go on for ever.
-        left = TURN_RAD if self._last is Action.RIGHT else 0.5 * TURN_RAD
-        right = TURN_RAD if self._last is Action.LEFT else 0.5 * TURN_RAD
+        left = TURN_STEP_RAD if self._last is Action.RIGHT else 0.5 * TURN_STEP_RAD
+        right = TURN_STEP_RAD if self._last is Action.LEFT else 0.5 * TURN_STEP_RAD
         if error > left:
             self._last = Action.LEFT
         elif error < -right:
@@ -75,3 +91,14 @@ class Expert:
         else:
             self._last = Action.FORWARD
         return self._last
+
+    def _locate(self, pose: Pose) -> None:
+        """Find the pose's place on the route, or a way back to the route."""
+        off_m = self._cursor.advance(pose.x_m, pose.y_m)
+        if off_m <= self._config.replan_off_m:
+            return
+        ahead = self._cursor.ahead(self._config.rejoin_m, STEP_M)
+        back = rejoin(self._task.freemap, pose, self._cursor.xy_m[ahead:], self._task.radius_m)
+        if back is not None:
+            self._notes.append(("replan", f"{off_m:.2f} m off the route"))
+            self._cursor = RouteCursor(back.xy_m, STEP_M)

@@ -8,11 +8,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from ...formats.core.rollout import Action
-from .expert import FORWARD_M, TURN_RAD, Expert, ExpertConfig
+from ...formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
+from .expert import Expert, ExpertConfig
 from .geometry import wrap_angle
 from .interface import Jump, Pose, Task
-from .route import plan_route
 
 
 @dataclass(frozen=True)
@@ -36,16 +35,14 @@ class FlashController:
 
     def __init__(self, task: Task, config: FlashConfig) -> None:
         self.config = config
-        self._expert = Expert(
-            plan_route(task.freemap, task.reference_xy_m, task.radius_m), config.expert
-        )
+        self._expert = Expert(task, config.expert)
 
     def jump(self, pose: Pose) -> Jump:
         """See `Teleporter.jump`."""
         action = self._expert.next_action(pose)
         if action is Action.FORWARD:
-            x = pose.x_m + FORWARD_M * math.cos(pose.yaw_rad)
-            y = pose.y_m + FORWARD_M * math.sin(pose.yaw_rad)
+            x = pose.x_m + FORWARD_STEP_M * math.cos(pose.yaw_rad)
+            y = pose.y_m + FORWARD_STEP_M * math.sin(pose.yaw_rad)
             return Jump(action, Pose(x, y, pose.yaw_rad))
-        turn = {Action.LEFT: TURN_RAD, Action.RIGHT: -TURN_RAD, Action.STOP: 0.0}[action]
+        turn = {Action.LEFT: TURN_STEP_RAD, Action.RIGHT: -TURN_STEP_RAD, Action.STOP: 0.0}[action]
         return Jump(action, Pose(pose.x_m, pose.y_m, wrap_angle(pose.yaw_rad + turn)))

@@ -14,6 +14,24 @@ from ..robots import CommandLimits
 
 
 @dataclass(frozen=True)
+class Coasting:
+    """How far a robot still goes after its command has dropped to zero.
+
+    Attributes:
+        speed_m_s: (K,) ascending, greater than 0.
+        distance_m: (K,) from the zero command to rest.
+    """
+
+    speed_m_s: tuple[float, ...] = ()
+    distance_m: tuple[float, ...] = ()
+
+    def distance(self, speed_m_s: float) -> float:
+        """At any speed, linearly between the known ones; beyond the last as at the last [m]."""
+        known = (0.0, *self.speed_m_s), (0.0, *self.distance_m)
+        return float(np.interp(speed_m_s, *known))
+
+
+@dataclass(frozen=True)
 class Task:
     """What a controller must do.
 
@@ -24,6 +42,7 @@ class Task:
         radius_m: disc around the base that must stay free [m].
         limits: commands the robot understands.
         goal_tolerance_m: a stop within this distance of the goal is a success [m].
+        coasting: of the robot, for controllers that stop it while it is moving.
     """
 
     reference_xy_m: NDArray[np.float64]
@@ -32,6 +51,7 @@ class Task:
     radius_m: float
     limits: CommandLimits
     goal_tolerance_m: float
+    coasting: Coasting = Coasting()
 
 
 @dataclass(frozen=True)

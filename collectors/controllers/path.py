@@ -14,10 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...wayfinding.planning import plan_path
 from .geometry import RouteCursor, clip, wrap_angle
 from .interface import STOPPED, Decision, Pose, Task
-from .route import STEP_M, Route, make_route, plan_route
+from .route import STEP_M, Route, plan_route, rejoin
 
 NEAR_M = 0.15  # the point so far ahead is aimed at even out of sight
 
@@ -181,14 +180,12 @@ class PathController:
         """Lead back to the route some way ahead, then on as before."""
         self._planned_s = time_s
         rest = self._cursor.xy_m[self._cursor.ahead(self._config.rejoin_m, STEP_M) :]
-        here = np.array([pose.x_m, pose.y_m])
-        task = self._task
-        back = plan_path(task.freemap, here, rest[0], task.radius_m)
+        back = rejoin(self._task.freemap, pose, rest, self._task.radius_m)
         if back is None:
             self._notes.append(("replan_failed", reason))
             return
         self._notes.append(("replan", reason))
-        self._follow(make_route(np.vstack([back[:, :2], rest])))
+        self._follow(back)
         self._progress = (max(time_s, self._back_off_until_s), self._remaining_m[0])
 
     def _follow(self, route: Route) -> None:

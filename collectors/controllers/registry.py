@@ -23,17 +23,21 @@ class ControllerEntry:
         config: its configuration's class; the defaults are its own.
         build: makes one for an episode.
         teleports: it places the robot instead of driving it; there is no physics then.
+        coasts: it stops the robot while that is moving and must know how far it then goes on.
     """
 
     title: str
     config: type
     build: Callable[[Task, Any], Controller | Teleporter]
     teleports: bool = False
+    coasts: bool = False
 
 
 CONTROLLERS: dict[str, ControllerEntry] = {
     "path": ControllerEntry("move along the planned path", PathConfig, PathController),
-    "speed": ControllerEntry("discrete actions by velocity", SpeedConfig, SpeedController),
+    "speed": ControllerEntry(
+        "discrete actions by velocity", SpeedConfig, SpeedController, coasts=True
+    ),
     "flash": ControllerEntry("jump from pose to pose", FlashConfig, FlashController, True),
 }
 

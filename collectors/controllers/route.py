@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...formats.scene.freemap import Freemap
 from ...wayfinding.planning import plan_path, segments_free
 from ..polyline import space_evenly
+from .interface import Pose
 
 Array = NDArray[np.float64]
 STEP_M = 0.05
@@ -84,3 +85,9 @@ def plan_route(freemap: Freemap, waypoints_xy_m: ArrayLike, radius_m: float) -> 
             )
         pieces.append(end[None] if piece is None else piece[1:, :2])
     return make_route(np.concatenate(pieces), tuple(problems))
+
+
+def rejoin(freemap: Freemap, pose: Pose, rest_xy_m: Array, radius_m: float) -> Route | None:
+    """The way from `pose` to the first of the points (R, 2) and along them; None without one."""
+    back = plan_path(freemap, np.array([pose.x_m, pose.y_m]), rest_xy_m[0], radius_m)
+    return None if back is None else make_route(np.vstack([back[:, :2], rest_xy_m]))

@@ -10,9 +10,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ...formats.core.rollout import Action
+from ...formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
 from ..robots import CommandLimits
-from .expert import FORWARD_M, TURN_RAD
 from .geometry import clip, wrap_angle
 from .interface import STOPPED, Pose
 
@@ -59,8 +58,8 @@ class Track:
         """Where a perfect robot would be at the end."""
         x, y, yaw = self.start.x_m, self.start.y_m, self.start.yaw_rad
         if self.action is Action.FORWARD:
-            return Pose(x + FORWARD_M * math.cos(yaw), y + FORWARD_M * math.sin(yaw), yaw)
-        return Pose(x, y, wrap_angle(yaw + self.sense * TURN_RAD))
+            return Pose(x + FORWARD_STEP_M * math.cos(yaw), y + FORWARD_STEP_M * math.sin(yaw), yaw)
+        return Pose(x, y, wrap_angle(yaw + self.sense * TURN_STEP_RAD))
 
     @property
     def sense(self) -> float:
@@ -78,8 +77,8 @@ class Track:
         """What is still to be done, [m] of a step or [rad] of a turn; negative beyond the end."""
         ahead, _, turned = self.local(pose)
         if self.action is Action.FORWARD:
-            return FORWARD_M - ahead
-        return TURN_RAD - self.sense * turned
+            return FORWARD_STEP_M - ahead
+        return TURN_STEP_RAD - self.sense * turned
 
 
 def braking(track: Track, pose: Pose, soon: Pose, config: ServoConfig) -> float | None:

@@ -15,15 +15,15 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
-from ...formats.core.rollout import Action
+from ...formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
 from ..robots import TIMESTEP_S
-from .expert import FORWARD_M, TURN_RAD, Expert, ExpertConfig
+from .expert import Expert, ExpertConfig
 from .geometry import clip, wrap_angle
 from .interface import STOPPED, Decision, Pose, Task
-from .route import plan_route
 from .servo import Command, ServoConfig, Track, braking, steer
 
 RECENT = 5  # samples of 10 ms over which the velocity is taken
+STRIDE = 20  # samples over which the walking speed is taken: a gait's own swaying is quicker
 CLOSED_LOOP_S = 0.7  # an action takes a walking robot about so long in closed loop
 
 
@@ -37,11 +37,11 @@ class SpeedConfig:
         end_on_displacement: an action lasts until its displacement is reached, steered by `servo`
             in place of the two settings above.
         servo: how it is held to its displacement then.
-        replan_off_m: distance from the route that calls for a new one.
         ramp_m_s2, ramp_rad_s2: how fast the command changes; jumping between full speed and a
             full turn four times a second throws walking robots off balance. inf jumps.
-        carry_s: a moving body goes on for about this long; the expert chooses from where it will
-            then be, or it would correct every turn by the opposite one.
+        carry_s: a moving body goes on for about this long; the expert chooses a direction from
+            where it will then be, or it would correct every turn by the opposite one. It stops by
+            where the robot will come to rest (`Task.coasting`).
         expert: how actions are chosen.
     """
 
@@ -50,7 +50,6 @@ class SpeedConfig:
     steps_per_action: int = 50
     end_on_displacement: bool = False
     servo: ServoConfig = field(default_factory=ServoConfig)
-    replan_off_m: float = 0.5
     ramp_m_s2: float = 3.0
     ramp_rad_s2: float = 4.0
     carry_s: float = 0.1
@@ -62,9 +61,9 @@ class SpeedController:
 
     def __init__(self, task: Task, config: SpeedConfig) -> None:
         self._task, self._config = task, config
-        route = plan_route(task.freemap, task.reference_xy_m, task.radius_m)
-        self._notes = [("unplannable", problem) for problem in route.problems]
-        forward_m, turn_rad, action_s = FORWARD_M, TURN_RAD, CLOSED_LOOP_S
+        self._expert = Expert(task, config.expert)
+        route = self._expert.route
+        forward_m, turn_rad, action_s = FORWARD_STEP_M, TURN_STEP_RAD, CLOSED_LOOP_S
         if not config.end_on_displacement:
             action_s = config.steps_per_action * TIMESTEP_S
             # A slow robot, or a short action, needs more of them than its route has steps.
@@ -75,12 +74,11 @@ class SpeedController:
         turns_rad = route.turning_rad + math.pi / 2
         actions = route.length_m / forward_m + turns_rad / turn_rad
         self._nominal = actions * action_s
-        self._expert = Expert(route, config.expert)
         self._track: Track | None = None
         self._start_s = 0.0
         self._coming: Action | None = None
         self._command: Command = STOPPED
-        self._recent: deque[Pose] = deque(maxlen=RECENT + 1)
+        self._recent: deque[Pose] = deque(maxlen=STRIDE + 1)
 
     rate_hz = 100
 
@@ -96,13 +94,14 @@ class SpeedController:
         if track is None or self._over(track, time_s, pose):
             # One in closed loop that has not arrived is no ground to have chosen the next one from.
             if self._coming is None or (track and track.remaining(pose) > 0):
-                self._coming = self._choose(self._carried(self._config.carry_s))
+                carried = self._carried(self._config.carry_s)
+                self._coming = self._expert.next_action(carried, self._at_rest())
             started, self._coming = self._coming, None
             self._track = track = Track(started, pose)
             self._start_s = time_s
         wanted = self._steered(track, pose) if self._config.end_on_displacement else self._timed()
         self._command = self._ramped(wanted)
-        notes, self._notes = tuple(self._notes), []
+        notes = tuple(self._expert.notes())
         return Decision(self._command, started, done=track.action is Action.STOP, notes=notes)
 
     def _over(self, track: Track, time_s: float, pose: Pose) -> bool:
@@ -111,19 +110,13 @@ class SpeedController:
             return round(spent_s / TIMESTEP_S) >= config.steps_per_action
         return track.remaining(pose) <= 0 or spent_s >= config.servo.longest_s
 
-    def _choose(self, pose: Pose) -> Action:
-        action = self._expert.next_action(pose)
-        if self._expert.off_route_m > self._config.replan_off_m:
-            self._replan(pose)
-        return action
-
     def _steered(self, track: Track, pose: Pose) -> Command:
         """In closed loop. What comes next is chosen when it begins to matter."""
         servo = self._config.servo
         fast = servo.cruise_m_s if track.action is Action.FORWARD else servo.turn_rad_s
         slow = braking(track, pose, self._carried(servo.reaction_s), servo)
         if slow is not None and self._coming is None:
-            self._coming = self._choose(track.end)
+            self._coming = self._expert.next_action(track.end)
         speed = fast if slow is None or self._coming is track.action else slow
         return steer(track, pose, speed, servo, self._task.limits)
 
@@ -136,15 +129,27 @@ class SpeedController:
 
     def _carried(self, seconds: float) -> Pose:
         """Where the body's momentum will take it, by its mean velocity over the last samples."""
-        old, new = self._recent[0], self._recent[-1]
-        if len(self._recent) < 2:
+        count = min(RECENT, len(self._recent) - 1)
+        old, new = self._recent[-1 - count], self._recent[-1]
+        if not count:
             return new
-        ratio = seconds * self.rate_hz / (len(self._recent) - 1)
+        ratio = seconds * self.rate_hz / count
         return Pose(
             new.x_m + ratio * (new.x_m - old.x_m),
             new.y_m + ratio * (new.y_m - old.y_m),
             wrap_angle(new.yaw_rad + ratio * wrap_angle(new.yaw_rad - old.yaw_rad)),
         )
+
+    def _at_rest(self) -> Pose:
+        """Where the robot would come to rest if it were told to stop now."""
+        old, new = self._recent[0], self._recent[-1]
+        dx, dy = new.x_m - old.x_m, new.y_m - old.y_m
+        moved_m = math.hypot(dx, dy)
+        if not moved_m:
+            return new
+        speed_m_s = moved_m * self.rate_hz / (len(self._recent) - 1)
+        ratio = self._task.coasting.distance(speed_m_s) / moved_m
+        return Pose(new.x_m + ratio * dx, new.y_m + ratio * dy, new.yaw_rad)
 
     def _ramped(self, wanted: Command) -> Command:
         """The command one sample further on the way to what is wanted."""
@@ -155,11 +160,3 @@ class SpeedController:
             for old, new, step in zip(self._command, wanted, most, strict=True)
         )
         return vx, vy, yaw
-
-    def _replan(self, pose: Pose) -> None:
-        task = self._task
-        route = plan_route(
-            task.freemap, [(pose.x_m, pose.y_m), tuple(task.goal_xy_m)], task.radius_m
-        )
-        self._notes.append(("replan", f"{self._expert.off_route_m:.2f} m off the route"))
-        self._expert = Expert(route, self._config.expert)

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.frames import wrap_angle
-from ...formats.core.rollout import Action
+from ...formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
 from ..controllers import SpeedConfig
-from ..controllers.expert import FORWARD_M, TURN_RAD
 from ..controllers.speed import SpeedController
 from ..locomotion.policy import GaitPolicy
 from .driven import Drivers, StartedAction, random_path, task_along
@@ -20,9 +19,9 @@ from .trial import Conditions, Trial
 Array = NDArray[np.float64]
 
 NOMINAL = {
-    Action.FORWARD: (FORWARD_M, 0.0, 0.0),
-    Action.LEFT: (0.0, 0.0, TURN_RAD),
-    Action.RIGHT: (0.0, 0.0, -TURN_RAD),
+    Action.FORWARD: (FORWARD_STEP_M, 0.0, 0.0),
+    Action.LEFT: (0.0, 0.0, TURN_STEP_RAD),
+    Action.RIGHT: (0.0, 0.0, -TURN_STEP_RAD),
 }
 
 
@@ -44,7 +43,7 @@ def action_errors(
         90th percentiles of all actions' errors in position [m] and heading [°], and of steps and
         turns alone; mean step [m] and turn [°]; share of turns; mean time of an action [s]; falls.
     """
-    paths = [random_path(rng, FORWARD_M * actions) for _ in range(count)]
+    paths = [random_path(rng, FORWARD_STEP_M * actions) for _ in range(count)]
     heading = rng.uniform(-np.pi / 2, np.pi / 2, count)
     trial = Trial(policy, conditions, np.zeros((count, 2)), heading, rng)
     drivers = Drivers(

@@ -60,6 +60,7 @@ class CachedSequences(Dataset[dict[str, Any]]):
         entry = self.sequences.selection.entry(number)
         config = self.sequences.config
         parts: list[Any] = [entry.uid, entry.length, config.size_px, config.max_steps]
+        parts.append(config.every_frame)
         for path in [entry.rows, *(place.path for place in entry.videos.values())]:
             facts = path.stat()
             parts += [path.resolve(), entry.first_frame, facts.st_size, facts.st_mtime_ns]

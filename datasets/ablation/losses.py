@@ -10,7 +10,7 @@ from torch.nn import functional
 
 from .config import TrainConfig
 
-NEAR_END_STEPS = 4  # "stop" means that the episode ends within these steps, 1 s
+NEAR_END_STEPS = 4  # "stop" means that the episode ends within these steps, 1 m
 
 
 def near_end(batch: Mapping[str, Tensor]) -> Tensor:

@@ -136,7 +136,7 @@ def _setting(ablation: Ablation) -> list[str]:
         f"{config.batch} episodes, images of {config.size_px} px, whatever its amount of data. "
         "Predicted step by step with the true steps before (teacher forcing), so these are no "
         "success rates. Action: part of the steps whose action (of 4) is right. Waypoints: mean "
-        "distance of the next 8 poses (2 s). Stop: mean of the parts of the steps within 1 s of "
+        "distance of the next 8 poses. Stop: mean of the parts of the steps within 4 steps of "
         "the end, and of the others, that are recognised; 50 % is chance.",
         "",
         f"± is Student's t-interval at 95 % over {config.seeds} seeds: how much trainings vary, "

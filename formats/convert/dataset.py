@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from ..core.errors import FileFormatError
-from ..lerobot.episode_columns import EDITED_ADVICE, EPISODE_COLUMNS
+from ..lerobot.episode_columns import EDITED_ADVICE, EPISODE_COLUMNS, LATER_COLUMNS
 from ..lerobot.layout import (
     CODEBASE_VERSION,
     DATASET_ROWS,
@@ -103,7 +103,7 @@ def open_dataset(root: Path) -> Dataset:
     for path in episode_files(root):
         try:
             schema = pq.read_schema(path)
-            missing = sorted(set(EPISODE_COLUMNS) - set(schema.names))
+            missing = sorted(set(EPISODE_COLUMNS) - set(LATER_COLUMNS) - set(schema.names))
             if missing:
                 raise FileFormatError(
                     path, f"lacks vlnpe's episode columns ({missing[0]}, …); {EDITED_ADVICE}"
@@ -151,7 +151,7 @@ def extract_unit(root: Path, number: int, folder: Path) -> None:
                 for key in sorted(features, key=lambda key: features[key]["dtype"] in PICTURES)
                 if key not in DATASET_ROWS
             },
-            columns={key: row[key] for key in EPISODE_COLUMNS},
+            columns={key: (LATER_COLUMNS | row)[key] for key in EPISODE_COLUMNS},
         )
         rows = _frame_rows(root, info, row, number, length)
         videos = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
 
@@ -11,6 +12,10 @@ from numpy.typing import NDArray
 from .episode import Episode
 
 STATE_RATE_HZ = 100  # divisible by 4, 5, 10, 20, 25 and 50: every frame time is a sample
+DISCRETE_RATE_HZ = 4  # a discrete action takes 0.25 s in VLN-PE's timing
+REST_EVENT = "rest"  # kind of the event that tells when a robot that had stopped came to rest
+FORWARD_STEP_M = 0.25
+TURN_STEP_RAD = math.radians(15.0)
 
 
 class Action(IntEnum):
@@ -56,7 +61,9 @@ class Event:
 class Metrics:
     """VLN metrics of one rollout (Anderson et al. 2018; nDTW: Ilharco et al. 2019).
 
-    Distances to the goal are geodesic on the freemap unless named otherwise.
+    Distances to the goal are geodesic on the freemap unless named otherwise. `fall` follows the
+    VLN-PE paper, at an instant; of falls `recovered` tells whether the robot stood up by itself (it
+    was up for the second half of the second behind it), `down` whether it was down a second later.
     """
 
     trajectory_length_m: float
@@ -69,6 +76,8 @@ class Metrics:
     fall: bool
     stuck: bool
     duration_s: float
+    recovered: bool = False
+    down: bool = False
 
 
 @dataclass(frozen=True)
@@ -97,6 +106,8 @@ class Rollout:
         end_reason: why it ended.
         metrics: of the whole rollout.
         facts: robot, physics and controller facts worth keeping with the data (JSON values).
+        labels: where the controller knows no discrete actions, the one that VLN-CE's expert would
+            take toward the reference path at every 25th sample (`DISCRETE_RATE_HZ`).
     """
 
     episode: Episode
@@ -121,9 +132,12 @@ class Rollout:
     end_reason: EndReason
     metrics: Metrics
     facts: dict[str, object] = field(default_factory=dict)
+    labels: tuple[Action, ...] = ()
 
     def frame_samples(self, frames_per_second: int) -> NDArray[np.int64]:
         """Sample index of each frame, (N,): every 100/fps-th sample from 0 on.
+
+        Of a robot that has come to rest after its stop, up to the first frame at rest.
 
         Raises:
             ValueError: when the rate does not divide `STATE_RATE_HZ`.
@@ -131,4 +145,8 @@ class Rollout:
         if frames_per_second < 1 or STATE_RATE_HZ % frames_per_second:
             valid = [r for r in range(1, STATE_RATE_HZ + 1) if STATE_RATE_HZ % r == 0]
             raise ValueError(f"frame rate {frames_per_second} does not divide 100; valid: {valid}")
-        return np.arange(0, len(self.time_s), STATE_RATE_HZ // frames_per_second)
+        every, stop = STATE_RATE_HZ // frames_per_second, len(self.time_s)
+        rest = [round(e.time_s * STATE_RATE_HZ) for e in self.events if e.kind == REST_EVENT]
+        if rest:
+            stop = min(stop, math.ceil(rest[-1] / every) * every + 1)
+        return np.arange(0, stop, every)

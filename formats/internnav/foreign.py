@@ -24,12 +24,12 @@ from ..core.frames import (
     quat_to_matrix,
     quat_to_yaw,
 )
-from ..core.rollout import EndReason
+from ..core.rollout import DISCRETE_RATE_HZ, EndReason
 from ..lerobot.features import dataset_features
 from ..lerobot.layout import EPISODE_ROWS
 from ..lerobot.statistics import column_statistics
 from ..lerobot.unit_rows import unit_rows
-from ..rendered.table import DISCRETE_RATE, FrameTable, StartFrame, planar_motion
+from ..rendered.table import FrameTable, StartFrame, planar_motion
 from ..video.mp4 import probe_video
 from . import layout
 from .reader import LayoutEpisode, SceneFolder
@@ -40,7 +40,7 @@ ROBOT_OF_SCAN = {"r2r": "h1", "r2r_flash": "h1", "r2r_aliengo": "aliengo"}
 UNKNOWN_ROBOTS = ("", "unknown", "None")
 DEPTH_RANGE = DepthRange(0.05, layout.DEPTH_UNIT_M)
 # A row is one discrete action, which takes 50 physics steps of 5 ms. The timestamps say i / 6.
-ROWS_PER_SECOND = DISCRETE_RATE
+ROWS_PER_SECOND = DISCRETE_RATE_HZ
 _OPTICAL = matrix_to_quat(OPTICAL_IN_BODY)
 _QUAT = [f"quat_{c}_start" for c in "wxyz"]
 _NAMES = {
@@ -178,7 +178,7 @@ def frame_table(
         "action": planar_motion(position, quat),
     }
     rows = {key: values.astype(np.float32) for key, values in rows.items()}
-    if rate == DISCRETE_RATE:
+    if rate == DISCRETE_RATE_HZ:
         rows["action.discrete"] = columns["observation.action"][:, None]
     return FrameTable(
         frames_per_second=rate,
@@ -245,6 +245,8 @@ def _columns(
         "metrics/spl": unknown,
         "metrics/ndtw": unknown,
         "metrics/fall": end is EndReason.FALL,
+        "metrics/recovered": False,
+        "metrics/down": end is EndReason.FALL,
         "metrics/stuck": end is EndReason.STUCK,
         "metrics/duration_s": (len(table) - 1) / table.frames_per_second,
     }

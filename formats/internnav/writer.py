@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +23,11 @@ from ..core.frames import OPTICAL_IN_BODY, matrix_to_quat, quat_multiply, quat_t
 from ..core.rollout import EndReason
 from ..lerobot import layout as v3
 from ..lerobot.episode_columns import camera_of
+from ..lerobot.statistics import column_statistics
 from ..lerobot.unit import EpisodeUnit, read_episode_unit
 from ..lerobot.unit_rows import row_arrays
-from ..rendered.table import stop_only_at_end
+from ..rendered.discrete_steps import discrete_steps, planar_poses
+from ..rendered.table import planar_motion
 from ..video.mp4 import iterate_depth_video, iterate_rgb_video
 from ..vlnce.vocabulary import Vocabulary
 from . import layout
@@ -71,19 +73,23 @@ def write_scene(
     episodes: Sequence[SceneEpisode],
     vocabulary: Vocabulary,
     dataset: Mapping[str, Any] | None = None,
+    every_frame: bool = False,
 ) -> int:
-    """Write one scene's folder, replaced as a whole; return the number of frames.
+    """Write one scene's folder, replaced as a whole; return the number of rows.
 
-    Memory does not grow with the number of frames.
+    Memory does not grow with the number of frames, but for one episode's.
 
     Args:
         out: `<root>/<scan>/<scene>`.
         episodes: of one robot, camera and frame rate.
         vocabulary: for the instructions' tokens.
         dataset: facts of the dataset they come from (JSON values).
+        every_frame: one row per frame, with `action.discrete`, instead of one per discrete step
+            (see `formats.rendered.discrete_steps`).
 
     Raises:
-        FileFormatError: a unit is damaged, has no discrete actions, or differs from the first.
+        FileFormatError: a unit is damaged or differs from the first; with `every_frame`, one that
+            has no discrete actions.
     """
     units = [read_episode_unit(episode.folder) for episode in episodes]
     first, frames, task_index = units[0], 0, 0
@@ -99,9 +105,10 @@ def write_scene(
                     unit.folder, f"robot or features differ from those of {first.folder.name}"
                 )
             with depth_video(unit) as depth:
-                columns = _columns(unit, number, frames, task_index, depth)
+                shown, unit, rows = _chosen_rows(unit, every_frame)
+                columns = _columns(unit, rows, number, frames, task_index, depth)
                 _write_table(temporary, number, columns)
-                _write_frames(temporary, number, unit, depth)
+                _write_frames(temporary, number, unit, depth, shown)
             own = [_task(unit, task_index + k, t, vocabulary) for k, t in enumerate(episode.tasks)]
             tasks += own
             lines.append(
@@ -137,16 +144,46 @@ def finish_status(end_reason: str) -> tuple[str, str]:
     return "fail", end_reason
 
 
+def _chosen_rows(
+    unit: EpisodeUnit, every_frame: bool
+) -> tuple[NDArray[np.int64], EpisodeUnit, dict[str, NDArray[Any]]]:
+    """Which frames the rows show, the unit as if it had these alone, and its columns then."""
+    rows = row_arrays(unit.rows())
+    if every_frame:
+        if "action.discrete" not in rows:
+            raise FileFormatError(
+                unit.folder,
+                f"no action.discrete at {unit.frames_per_second} frames/s; valid: 4 frames/s",
+            )
+        return np.arange(unit.length), unit, rows
+    steps = discrete_steps(planar_poses(rows["observation.state"]))
+    count = len(steps.frame)
+    rows = {key: values[steps.frame] for key, values in rows.items()}
+    state = rows["observation.state"].astype(np.float64)
+    index = np.arange(count)
+    changed: dict[str, NDArray[Any]] = {
+        "action": planar_motion(state[:, :3], state[:, 3:7]),
+        "action.discrete": steps.action[:, None],
+        "timestamp": index / unit.frames_per_second,
+        "frame_index": index,
+    }
+    rows |= {
+        k: v.astype(rows[k].dtype).reshape(rows[k].shape) for k, v in changed.items() if k in rows
+    }
+    known = {k: column_statistics(v) for k, v in rows.items() if k in unit.statistics}
+    stepped = replace(unit, length=count, statistics=unit.statistics | known)
+    return steps.frame, stepped, rows | {"action.discrete": changed["action.discrete"]}
+
+
 def _columns(
-    unit: EpisodeUnit, number: int, frames: int, task: int, depth: Path
+    unit: EpisodeUnit,
+    rows: Mapping[str, NDArray[Any]],
+    number: int,
+    frames: int,
+    task: int,
+    depth: Path,
 ) -> dict[str, NDArray[Any]]:
     """The loaders' columns, LeRobot's, and the unit's own."""
-    rows = row_arrays(unit.rows())
-    if "action.discrete" not in rows:
-        raise FileFormatError(
-            unit.folder,
-            f"no action.discrete at {unit.frames_per_second} frames/s; valid: 4 frames/s",
-        )
     rollout, view = frame_rollout(unit, rows), frame_view(unit, rows, depth)
     camera = quat_multiply(view.arrays["camera_quat_wxyz"], _BODY_IN_OPTICAL)
     count = unit.length
@@ -160,7 +197,7 @@ def _columns(
         "observation.robot_yaw": quat_to_yaw(rollout.quat_wxyz),
         "observation.progress": np.ravel(rows["observation.progress"]),
         "observation.step": index,
-        "observation.action": _actions(unit, np.ravel(rows["action.discrete"])),
+        "observation.action": np.ravel(rows["action.discrete"]),
         "timestamp": index / unit.frames_per_second,
         "frame_index": index,
         "episode_index": np.full(count, number),
@@ -169,11 +206,6 @@ def _columns(
     }
     # Names that both layouts use hold the same numbers in both.
     return columns | {key: values for key, values in rows.items() if key not in columns}
-
-
-def _actions(unit: EpisodeUnit, discrete: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Actions (T,) in the loaders' sense: STOP ends the episode."""
-    return stop_only_at_end(discrete) if unit.columns["action_discrete_derived"] else discrete
 
 
 def _write_table(root: Path, number: int, columns: Mapping[str, NDArray[Any]]) -> None:
@@ -196,11 +228,22 @@ def _write_table(root: Path, number: int, columns: Mapping[str, NDArray[Any]]) -
     pq.write_table(pa.Table.from_arrays(arrays, schema=schema), path)
 
 
-def _write_frames(root: Path, number: int, unit: EpisodeUnit, depth: Path) -> None:
+def _write_frames(
+    root: Path, number: int, unit: EpisodeUnit, depth: Path, shown: NDArray[np.int64]
+) -> None:
+    """Write the frames of the ascending numbers `shown`, some of which may repeat."""
+    repeats = np.bincount(shown).tolist()
     colours = iterate_rgb_video(unit.video(v3.RGB_KEY))
-    _write_images(root, number, layout.RGB_KEY, unit.length, colours)
+    _write_images(root, number, layout.RGB_KEY, unit.length, _repeated(colours, repeats))
     depths = (stored_depth(image) for image in iterate_depth_video(depth, depth_range_of(unit)))
-    _write_images(root, number, layout.DEPTH_KEY, unit.length, depths)
+    _write_images(root, number, layout.DEPTH_KEY, unit.length, _repeated(depths, repeats))
+
+
+def _repeated(images: Iterable[NDArray[Any]], repeats: Sequence[int]) -> Iterator[NDArray[Any]]:
+    """Yield each image as many times as told; those behind the last number not at all."""
+    for image, times in zip(images, repeats, strict=False):
+        for _ in range(times):
+            yield image
 
 
 def stored_depth(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -30,7 +30,7 @@ MEANING = {
     "observation.progress": "frame number over the last frame's",
     "action": "motion to the next frame, in this frame's yaw frame",
     "action.velocity": "velocity command at the frame",
-    "action.discrete": "0 STOP, 1 FORWARD 0.25 m, 2 LEFT 15°, 3 RIGHT 15°; see below",
+    "action.discrete": "0 stop, 1 forward 0.25 m, 2 left 15°, 3 right 15° (the expert here)",
 }
 REPO = "user/name"  # a card does not know where it will be published
 SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
@@ -148,10 +148,12 @@ weights are fetched:
   out of range are 0. {_depth(info)} LeRobot returns millimetres unless it is opened with
   `depth_output_unit="m"`.
 - {_camera(facts.camera)}
-- `action.discrete` is in VLN-CE's actions; what a label means, and what it is taken from, is told
-  in vlnpe's `docs/data.md`, section "Discrete actions".
 - Episodes end as they ended: falls and failures are included. `end_reason` in `meta/episodes` tells
-  which; only `success` is one.
+  which; only `success` is one. `action.discrete` is what a VLN-CE expert would do at each
+  pose; `action_discrete_derived` tells that it was not executed, for the controller is continuous.
+  To train on steps of 0.25 m and 15° that lead along the robot's path, take discrete steps
+  (`vlnpe.formats.rendered.discrete_steps`, as `EpisodeSequences` does), not each frame's label; see
+  vlnpe's `docs/data.md`, section "Discrete actions".
 - `meta/episodes` also has scene, split, trajectory, all instructions, reference path, start and
   goal in the world, metrics, controller, light and camera intrinsics.
 

@@ -51,6 +51,8 @@ EDITED_ADVICE = (
     "if LeRobot's tools edited a dataset of vlnpe, run "
     "`vlnpe restore <this dataset> --original <the dataset it was made from>`"
 )
+# What data that was written before these columns were has in them.
+LATER_COLUMNS: dict[str, Any] = {"metrics/recovered": False, "metrics/down": False}
 
 
 def episode_columns(

@@ -33,7 +33,7 @@ from ..video.depth_codes import DEPTH_PIXEL_FORMAT, codes_to_depth
 from ..video.depth_tiff import decode_depth_tiff
 from ..video.mp4 import VideoFacts, iterate_depth_codes, iterate_rgb_video, probe_video
 from ..video.stream import pick_frames
-from .episode_columns import EPISODE_COLUMNS, episode_columns
+from .episode_columns import EPISODE_COLUMNS, LATER_COLUMNS, episode_columns
 from .features import DEPTH_STORAGES, dataset_features
 from .layout import DEPTH_KEY, RGB_KEY, Features
 from .statistics import (
@@ -198,6 +198,7 @@ def read_episode_unit(folder: Path) -> EpisodeUnit:
             raise FileFormatError(
                 path, f"unit version {index['unit_version']}, this code reads {UNIT_VERSION}"
             )
+        index["columns"] = LATER_COLUMNS | index["columns"]
         missing = set(EPISODE_COLUMNS) - set(index["columns"])
         if missing:
             raise FileFormatError(path, f"episode columns {sorted(missing)} are missing")

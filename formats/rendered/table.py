@@ -13,11 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.frames import quat_multiply, quat_to_yaw, wrap_angle, yaw_to_quat
-from ..core.rollout import STATE_RATE_HZ, Action, ActionSpan, Rollout
-
-DISCRETE_RATE = 4  # a discrete action takes 0.25 s, so it names one frame only at this rate
-FORWARD_STEP_M = 0.25
-TURN_STEP_RAD = np.deg2rad(15.0)
+from ..core.rollout import DISCRETE_RATE_HZ, STATE_RATE_HZ, Action, ActionSpan, Rollout
+from .discrete_steps import discrete_steps, planar_poses
 
 
 @dataclass(frozen=True)
@@ -38,10 +35,12 @@ class FrameTable:
             `observation.progress` (1): frame number over the last frame's, 0 … 1;
             `action` (3): Δx, Δy [m] and Δyaw [rad] to the next frame, in this frame's yaw frame;
             `action.velocity` (3): commanded vx, vy [m/s] and yaw rate [rad/s], base frame;
-            `action.discrete` (1): VLN-CE's action, at 4 frames per second only.
+            `action.discrete` (1): VLN-CE's action at this pose, at 4 frames per second only: the
+            executed one, or the one that the expert would take toward the reference path. STOP
+            is the last frame's and no other's.
         column_names: what each entry of a column is, with unit and frame.
-        discrete_derived: `action.discrete` is the nearest action to the motion that a continuous
-            controller made, not one that was executed.
+        discrete_derived: `action.discrete` was not executed, for the controller is continuous: see
+            `discrete_steps` for what the robot itself did.
     """
 
     frames_per_second: int
@@ -139,9 +138,9 @@ def build_frame_table(
     # A body without joints or feet has no such columns.
     columns = {k: v.astype(np.float32) for k, v in columns.items() if v.shape[1]}
     derived = not rollout.actions
-    if frames_per_second == DISCRETE_RATE:
-        actions = nearest_actions(motion) if derived else executed_actions(rollout.actions, samples)
-        columns["action.discrete"] = actions[:, None]
+    if frames_per_second == DISCRETE_RATE_HZ:
+        poses = planar_poses(columns["observation.state"])
+        columns["action.discrete"] = _discrete_actions(rollout, samples, poses)[:, None]
     return FrameTable(
         frames_per_second=frames_per_second,
         sample_index=samples,
@@ -149,7 +148,7 @@ def build_frame_table(
         column_names={
             key: names for key, names in _column_names(rollout).items() if key in columns
         },
-        discrete_derived=derived and frames_per_second == DISCRETE_RATE,
+        discrete_derived=derived and frames_per_second == DISCRETE_RATE_HZ,
     )
 
 
@@ -179,44 +178,40 @@ def integrate_motion(motion: NDArray, start_xy_yaw: NDArray) -> NDArray[np.float
 def executed_actions(
     spans: tuple[ActionSpan, ...], samples: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Discrete action (N,) that is executed from each frame on; the last is STOP.
+    """Discrete action (N,) that is executed from each frame on.
 
     A frame between two spans (a robot that settles) takes the next span's action; a frame after
     the last one, STOP.
     """
     stops = np.array([span.stop_sample for span in spans], dtype=np.int64)
     actions = np.array([*(int(span.action) for span in spans), int(Action.STOP)], dtype=np.int64)
-    result = actions[np.searchsorted(stops, samples, side="right")]
+    return actions[np.searchsorted(stops, samples, side="right")]
+
+
+def stop_at_end(actions: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Actions (N,) in VLN-CE's sense: STOP is the last one, and no other.
+
+    A robot that was told to stop, or is near its goal, still moves until it rests. Such a frame
+    takes the action before, which the robot carries out meanwhile.
+    """
+    moving = np.where(actions == Action.STOP, -1, np.arange(len(actions)))
+    before = np.maximum.accumulate(moving)
+    result = np.where(before < 0, int(Action.FORWARD), actions[np.maximum(before, 0)])
     result[-1] = Action.STOP
     return result
 
 
-def nearest_actions(motion: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Discrete action (N,) nearest to each `motion` (N, 3) of 0.25 s; the last is STOP.
-
-    Motion is measured in steps, 0.25 m forward and 15° of turn. Of standing still (STOP) and the
-    three unit steps the nearest wins: |motion − step|² = |motion|² + 1 − 2 · (part along step)
-    makes that the largest part, or STOP where no part exceeds half a step (walking below 0.5 m/s
-    and turning below 30°/s).
-    """
-    forward, turn = motion[:, 0] / FORWARD_STEP_M, motion[:, 2] / TURN_STEP_RAD
-    still = np.full(len(motion), 0.5)
-    # In the order of Action: STOP, FORWARD, LEFT, RIGHT.
-    result = np.argmax(np.stack([still, forward, turn, -turn], axis=1), axis=1).astype(np.int64)
-    result[-1] = Action.STOP
-    return result
-
-
-def stop_only_at_end(actions: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Nearest actions (T,) in VLN-CE's sense, where STOP ends the episode.
-
-    A continuous controller's robot also stands still or is slow on its way, and `nearest_actions`
-    are STOP there. Such a frame takes the action with which it goes on; frames behind the last
-    motion stay STOP.
-    """
-    moves = np.flatnonzero(actions)
-    following = np.searchsorted(moves, np.arange(len(actions)))
-    return np.append(actions[moves], int(Action.STOP))[following]
+def _discrete_actions(
+    rollout: Rollout, samples: NDArray[np.int64], poses: NDArray[np.float64]
+) -> NDArray[np.int64]:
+    """`action.discrete` (N,) of frames at `DISCRETE_RATE_HZ` with planar poses (N, 3)."""
+    if rollout.actions:
+        return stop_at_end(executed_actions(rollout.actions, samples))
+    if rollout.labels:
+        return stop_at_end(np.array(rollout.labels, dtype=np.int64)[: len(samples)])
+    # Recorded before labels were: what the robot itself did next.
+    steps = discrete_steps(poses)
+    return steps.action[np.searchsorted(steps.frame, np.arange(len(samples)))]
 
 
 def _rotate_about_z(vectors: NDArray[np.float64], angle_rad: NDArray | float) -> NDArray:

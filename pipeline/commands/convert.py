@@ -42,6 +42,9 @@ class Convert:
     scan: Literal["r2r", "r2r_aliengo", "r2r_flash"] | None = None
     """N1: the folder to write; by default as robot and controller say. InternNav reads r2r unless
     told otherwise."""
+    every_frame: bool = False
+    """N1: a row per frame, with the action an expert would take there, instead of a row per
+    discrete step; only so does the way back lose no frames."""
     robot: str | None = None
     """N1 in: whose data it is; by default as its info.json or its folder says."""
     hfov_deg: float = Assumptions.hfov_deg
@@ -117,4 +120,5 @@ def _options(options: Convert) -> convert_source.Options:
             rate,
         ),
         options.scan,
+        options.every_frame,
     )

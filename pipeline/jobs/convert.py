@@ -44,12 +44,14 @@ class Options:
         vocabulary: VLN-CE episode file whose words give InternNav's tokens; None: our own words.
         assumptions: of what InternData-N1 does not tell.
         scan: InternData-N1's folder to write, one of `layout.SCANS`; None: as the robot says.
+        every_frame: InternData-N1 gets a row per frame instead of one per discrete step.
     """
 
     licence: str
     vocabulary: Path | None
     assumptions: Assumptions
     scan: str | None = None
+    every_frame: bool = False
 
 
 @dataclass(frozen=True)
@@ -166,17 +168,21 @@ class N1SceneJob:
         episodes: its episodes.
         vocabulary: words of the instructions.
         dataset: facts of the dataset the episodes come from, if known.
+        every_frame: one row per frame instead of one per discrete step.
         out: the scene's folder.
     """
 
     episodes: tuple[SceneEpisode, ...]
     vocabulary: Vocabulary
     dataset: dict[str, Any] | None
+    every_frame: bool
     out: Path
 
     def run(self) -> ItemResult:
         """Write the scene."""
-        frames = write_scene(self.out, self.episodes, self.vocabulary, self.dataset)
+        frames = write_scene(
+            self.out, self.episodes, self.vocabulary, self.dataset, self.every_frame
+        )
         return ItemResult({"episodes": len(self.episodes), "frames": frames})
 
 

@@ -28,6 +28,9 @@ class RobotRow:
         ne: mean over the episodes whose goal could still be reached from where they ended.
         os, sr, spl, ndtw: see `formats.rollout.Metrics`.
         fr, str: rates of falls and of stuck robots.
+        fr_down: rate of falls after which the robot was down a second later; the others stumbled.
+        recovered, down: how many of the falls the robot stood up from by itself, and after how
+            many it was down a second later.
         falls, stuck, timeouts, stopped_far, blocked_starts, diverged: counts by end reason.
         collisions: episodes in which the robot touched an obstacle, or started inside one.
     """
@@ -46,6 +49,9 @@ class RobotRow:
     fr: float
     str: float
     falls: int
+    recovered: int
+    down: int
+    fr_down: float
     stuck: int
     timeouts: int
     stopped_far: int
@@ -105,6 +111,9 @@ def _robot_row(robot: str, controller: str, facts: list[dict[str, Any]], diverge
         fr=percent("fall"),
         str=percent("stuck"),
         falls=ends[EndReason.FALL],
+        recovered=sum(bool(m.get("recovered")) for m in metrics),
+        down=sum(bool(m.get("down")) for m in metrics),
+        fr_down=100 * sum(bool(m.get("down")) for m in metrics) / tried,
         stuck=ends[EndReason.STUCK],
         timeouts=ends[EndReason.TIMEOUT],
         stopped_far=ends[EndReason.STOPPED_FAR],

@@ -147,8 +147,9 @@ def _scene_items(
         dataset = None if facts is None else facts.to_json()
         out = folder / scan / scene
         episodes = tuple(episode for _, episode, _ in members)
-        job = N1SceneJob(episodes, vocabulary, dataset, out)
-        inputs = ([k for *_, k in members], tasks, vocabulary.words, dataset)
+        every = options.every_frame
+        job = N1SceneJob(episodes, vocabulary, dataset, every, out)
+        inputs = ([k for *_, k in members], tasks, vocabulary.words, dataset, every)
         result.append(work_item(Kind.N1, f"{name}/{scan}/{scene}", job, (out,), *inputs))
     write_json(folder / layout.VOCABULARY_NAME, vocabulary.to_json())
     return result

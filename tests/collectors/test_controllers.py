@@ -20,14 +20,14 @@ from vlnpe.collectors.controllers import (
     Task,
     get_controller,
 )
-from vlnpe.collectors.controllers.expert import TURN_RAD, Expert, ExpertConfig
+from vlnpe.collectors.controllers.expert import Expert
 from vlnpe.collectors.controllers.path import PathController
 from vlnpe.collectors.controllers.route import STEP_M, make_route, plan_route
 from vlnpe.collectors.controllers.servo import ServoConfig, Track, steer
 from vlnpe.collectors.controllers.speed import SpeedController
 from vlnpe.collectors.robots import CommandLimits
 from vlnpe.formats.core.errors import UnknownNameError
-from vlnpe.formats.core.rollout import Action
+from vlnpe.formats.core.rollout import TURN_STEP_RAD, Action
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.wayfinding.planning import plan_path
@@ -196,7 +196,7 @@ def test_the_expert_arrives_with_exact_actions(two_rooms: SceneBundle, start, go
     path = plan_path(freemap, start, goal, RADIUS)
     assume(path is not None and min(clearance(freemap, path[:, :2])) >= RADIUS)
     assert path is not None
-    expert = Expert(make_route(path[:, :2]), ExpertConfig())
+    expert = Expert(make_task(freemap, path))
     (x, y), actions = start, []
     for _ in range(200):
         action = expert.next_action(Pose(x, y, yaw))
@@ -211,6 +211,33 @@ def test_the_expert_arrives_with_exact_actions(two_rooms: SceneBundle, start, go
     assert math.hypot(x - path[-1, 0], y - path[-1, 1]) <= 0.25
     turns = [a for a in actions if a in (Action.LEFT, Action.RIGHT)]
     assert len(turns) < len(actions) - len(turns) + 14
+
+
+@settings(max_examples=40, deadline=None)
+@given(start=WEST, goal=EAST, yaw=YAW, seed=st.integers(0, 1000))
+def test_an_agent_that_asks_at_its_own_poses_arrives(
+    two_rooms: SceneBundle, start, goal, yaw, seed
+) -> None:
+    """It slips, and now and then does something else than it was told, as a learner would."""
+    freemap, rng = two_rooms.freemap(0), np.random.default_rng(seed)
+    path = plan_path(freemap, start, goal, RADIUS)
+    assume(path is not None and min(clearance(freemap, path[:, :2])) >= RADIUS)
+    assert path is not None
+    expert, (x, y), action = Expert(make_task(freemap, path)), start, Action.FORWARD
+    for step in range(400):
+        action = expert.next_action(Pose(x, y, yaw))
+        if action is Action.STOP:
+            break
+        if step < 60 and rng.random() < 0.2:
+            action = Action(int(rng.integers(1, 4)))
+        ahead = 0.25 * rng.uniform(0.6, 1.1) * (action is Action.FORWARD)
+        to = (x + ahead * math.cos(yaw), y + ahead * math.sin(yaw))
+        if clearance(freemap, np.array([to]))[0] > 0.1:
+            x, y = to
+        turn = {Action.LEFT: TURN_STEP_RAD, Action.RIGHT: -TURN_STEP_RAD}.get(action, 0.0)
+        yaw += turn * rng.uniform(0.6, 1.1)
+    assert action is Action.STOP
+    assert math.hypot(x - path[-1, 0], y - path[-1, 1]) <= 0.25
 
 
 @pytest.mark.parametrize("steps", [10, 24, 50])
@@ -321,7 +348,7 @@ def test_a_blocked_action_is_given_up_in_closed_loop(two_rooms: SceneBundle) -> 
 @given(x=st.floats(-5, 5), y=st.floats(-5, 5), yaw=YAW)
 def test_a_track_ends_where_nothing_remains(action: Action, x, y, yaw) -> None:
     track = Track(action, Pose(x, y, yaw))
-    assert track.remaining(track.start) == pytest.approx(0.25 if not track.sense else TURN_RAD)
+    assert track.remaining(track.start) == pytest.approx(0.25 if not track.sense else TURN_STEP_RAD)
     assert track.remaining(track.end) == pytest.approx(0.0, abs=1e-9)
     moved = np.hypot(track.end.x_m - x, track.end.y_m - y)
     assert moved == pytest.approx(0.25 * (action is Action.FORWARD))

@@ -259,8 +259,9 @@ def test_a_top_heavy_cart_falls(two_rooms: SceneBundle) -> None:
     fall = [e for e in r.events if e.kind == "fall"]
     assert len(fall) == 1
     assert "roll" in fall[0].detail or "pitch" in fall[0].detail or "mass" in fall[0].detail
-    # Half a second more is recorded, to be looked at.
-    assert r.time_s[-1] - fall[0].time_s == pytest.approx(0.5, abs=0.03)
+    # A second more is recorded, to be looked at, and it did not get up.
+    assert r.time_s[-1] - fall[0].time_s == pytest.approx(1.0, abs=0.03)
+    assert r.metrics.down and not r.metrics.recovered
 
 
 def test_walking_off_the_floor_is_a_fall(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,8 @@ from vlnpe.datasets.tokens import Tokens, tokens_of_file, training_tokens
 from vlnpe.datasets.windows import WaypointWindows, WindowConfig
 from vlnpe.formats.core.errors import FileFormatError, InputError, UnknownNameError
 from vlnpe.formats.lerobot import FileLimits, assemble_dataset
-from vlnpe.formats.rendered.table import build_frame_table, integrate_motion, stop_only_at_end
+from vlnpe.formats.rendered.discrete_steps import discrete_steps, execute
+from vlnpe.formats.rendered.table import build_frame_table, integrate_motion
 from vlnpe.formats.vlnce.files import write_episodes
 
 RGB, DEPTH = "observation.images.rgb", "observation.images.depth"
@@ -103,14 +105,14 @@ def test_only_common_columns_of_several_robots_are_given(root: Path, tmp_path: P
 
 
 def test_sequences_are_the_walks_that_were_written(root: Path, tokens: Tokens) -> None:
-    config = SequenceConfig(inflection_coefficient=2.5, future=8)
+    config = SequenceConfig(inflection_coefficient=2.5, future=8, every_frame=True)
     sequences = EpisodeSequences(select_all([root]), tokens, config)
     bare = open_dataset(root, video_backend="pyav", return_uint8=True)
     for number, seconds in enumerate(SECONDS):
         rollout = make_walk(number, "aliengo", seconds)
         table = build_frame_table(rollout, make_frames(rollout), 4)
         item = sequences[number]
-        actions = stop_only_at_end(table.columns["action.discrete"][:, 0])
+        actions = table.columns["action.discrete"][:, 0]
         count = len(actions)
         assert (int(item["length"]), bool(item["cut"])) == (count, False)
         np.testing.assert_array_equal(item["action"], actions)
@@ -118,7 +120,7 @@ def test_sequences_are_the_walks_that_were_written(root: Path, tokens: Tokens) -
         for step in range(count):
             changes = step == 0 or actions[step] != actions[step - 1]
             assert item["weight"][step] == (2.5 if changes else 1.0)
-        np.testing.assert_array_equal(item["motion"], table.columns["action"])
+        np.testing.assert_allclose(item["motion"], table.columns["action"], atol=1e-5)
         path = integrate_motion(table.columns["action"], np.zeros(3))
         np.testing.assert_allclose(item["pose"][:, :2], path[:, :2], atol=1e-5)
         np.testing.assert_allclose(np.cos(item["pose"][:, 2].numpy() - path[:, 2]), 1.0, atol=1e-6)
@@ -132,24 +134,26 @@ def test_sequences_are_the_walks_that_were_written(root: Path, tokens: Tokens) -
         assert (item["rgb"].dtype, item["depth"].dtype) == (torch.uint8, torch.float32)
 
 
-def test_stop_is_learned_at_the_end_alone(tokens: Tokens, tmp_path: Path) -> None:
-    slow = write_dataset(tmp_path, "aliengo", (8.0,))  # below 0.5 m/s for a while
-    raw = NavigationDataset(slow, NavigationConfig(depth=False))
-    stored = np.array([int(raw[n]["action.discrete"]) for n in range(len(raw))])
-    moves = np.flatnonzero(stored)
-    assert (stored[: moves[-1]] == 0).sum() > 1
-    item = EpisodeSequences(select_all([slow]), tokens, SequenceConfig(images=False))[0]
-    actions = item["action"].numpy()
-    np.testing.assert_array_equal(actions[moves], stored[moves])
-    assert actions[: moves[-1]].all() and not actions[moves[-1] + 1 :].any()
-    for frame in np.flatnonzero(stored[: moves[-1]] == 0):
-        assert actions[frame] == stored[moves[moves > frame][0]]
-    assert item["previous_action"].tolist() == [0, *(actions[:-1] + 1)]
-    changed = np.concatenate([[True], np.diff(actions) != 0])
-    np.testing.assert_allclose(item["weight"], np.where(changed, np.float32(3.2), 1))
-    executed = write_dataset(tmp_path, "vlnce", (2.0,))
-    table = read_index(executed)
-    assert not table.entry(0).actions_derived and read_index(slow).entry(0).actions_derived
+def test_sequences_are_discrete_steps_that_lead_to_the_end(root: Path, tokens: Tokens) -> None:
+    """What a model learns to do ends where the robot did, and it sees what the robot saw there."""
+    sequences = EpisodeSequences(select_all([root]), tokens, SequenceConfig(future=8))
+    every = replace(sequences.config, every_frame=True)
+    frames = EpisodeSequences(select_all([root]), tokens, every)
+    for number in range(len(sequences)):
+        item, whole = sequences[number], frames[number]
+        actions, pose = item["action"].numpy(), item["pose"].numpy()
+        assert actions[-1] == 0 and actions[:-1].all()
+        assert item["previous_action"].tolist() == [0, *(actions[:-1] + 1)]
+        done = execute(actions, np.zeros(3))[-1]
+        assert np.hypot(*(done[:2] - whole["pose"][-1, :2].numpy())) < 0.5
+        walked = integrate_motion(item["motion"].numpy(), np.zeros(3))
+        np.testing.assert_allclose(walked[:, :2], pose[:, :2], atol=1e-5)
+        seen = discrete_steps(whole["pose"].numpy().astype(float)).frame
+        for key in ("rgb", "depth", "pose", "progress"):
+            torch.testing.assert_close(item[key], whole[key][seen])
+        assert item["waypoint_valid"].sum(1).tolist() == [
+            min(8, len(seen) - 1 - t) for t in range(len(seen))
+        ]
 
 
 def test_a_long_episode_is_cut_and_says_so(root: Path, tokens: Tokens) -> None:
@@ -161,7 +165,9 @@ def test_a_long_episode_is_cut_and_says_so(root: Path, tokens: Tokens) -> None:
 
 
 def test_episodes_are_padded_and_packed(root: Path, tokens: Tokens) -> None:
-    sequences = EpisodeSequences(select_all([root]), tokens, SequenceConfig(size_px=16))
+    sequences = EpisodeSequences(
+        select_all([root]), tokens, SequenceConfig(size_px=16, every_frame=True)
+    )
     items = [sequences[n] for n in range(4)]
     batch = collate_sequences(items)
     assert batch["rgb"].shape == (4, 19, 3, 16, 16)
@@ -176,23 +182,24 @@ def test_episodes_are_padded_and_packed(root: Path, tokens: Tokens) -> None:
 
 def test_waypoints_lead_along_the_motions(root: Path, tokens: Tokens) -> None:
     windows = WaypointWindows(select_all([root]), tokens, WindowConfig(history=2, size_px=16))
-    sequences = EpisodeSequences(select_all([root]), tokens, SequenceConfig(size_px=16))
+    sequences = EpisodeSequences(
+        select_all([root]), tokens, SequenceConfig(size_px=16, every_frame=True)
+    )
     assert len(windows) == STARTS[-1]
     for episode, step in ((0, 0), (0, 5), (0, 12), (1, 0), (2, 3), (2, 15), (3, 8)):
         item, whole = windows[int(STARTS[episode]) + step], sequences[episode]
         count = int(whole["length"])
         assert (int(item["frame"]), item["uid"]) == (step, whole["uid"])
         assert item["waypoint_valid"].tolist() == [step + k < count for k in range(1, 9)]
-        np.testing.assert_array_equal(
-            item["motions"], whole["motion"][[min(step + k, count - 1) for k in range(8)]]
-        )
+        ahead = [min(step + k, count - 1) for k in range(8)]
+        np.testing.assert_allclose(item["motions"], whole["motion"][ahead], atol=1e-5)
         motions = np.concatenate([item["motions"].numpy(), np.zeros((1, 3))])
         path = integrate_motion(motions, np.zeros(3))[1:]
         np.testing.assert_allclose(item["waypoints"], path, atol=1e-5)
         assert item["past_valid"].tolist() == [step - k >= 0 for k in (4, 3, 2, 1)]
         for k, valid in zip((4, 3, 2, 1), item["past_valid"], strict=True):
             expected = whole["motion"][step - k] if valid else torch.zeros(3)
-            torch.testing.assert_close(item["past_motions"][4 - k], expected)
+            torch.testing.assert_close(item["past_motions"][4 - k], expected, atol=1e-5, rtol=0)
         torch.testing.assert_close(item["pose"], whole["pose"][step])
         assert item["stop_progress"] == (1.0 if count == 1 else np.float32(step / (count - 1)))
         torch.testing.assert_close(item["rgb"][1], whole["rgb"][step])
@@ -242,10 +249,11 @@ def test_tokens_know_the_training_words_alone(root: Path, tokens: Tokens, tmp_pa
     np.testing.assert_array_equal(item["tokens"], of_file.encode(WORDS[1]))
 
 
-def test_other_frame_rates_have_windows_but_no_actions(tokens: Tokens, tmp_path: Path) -> None:
+def test_other_frame_rates_have_steps_but_no_actions(tokens: Tokens, tmp_path: Path) -> None:
     fast = write_dataset(tmp_path, "h1", (1.0,), rate=10)
     with pytest.raises(InputError, match="10 frames/s have no discrete actions"):
-        EpisodeSequences(select_all([fast]), tokens)
+        EpisodeSequences(select_all([fast]), tokens, SequenceConfig(every_frame=True))
+    assert EpisodeSequences(select_all([fast]), tokens)[0]["action"][-1] == 0
     assert WaypointWindows(select_all([fast]), tokens)[3]["waypoints"].shape == (8, 3)
 
 

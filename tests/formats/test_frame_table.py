@@ -12,13 +12,9 @@ from hypothesis.extra.numpy import arrays
 
 from tests.support.rollouts import make_frames, make_rollout
 from vlnpe.formats.core.frames import quat_to_matrix, quat_to_yaw, wrap_angle, yaw_to_quat
-from vlnpe.formats.core.rollout import Action
-from vlnpe.formats.rendered.table import (
-    build_frame_table,
-    integrate_motion,
-    nearest_actions,
-    planar_motion,
-)
+from vlnpe.formats.core.rollout import REST_EVENT, Action, ActionSpan, Event
+from vlnpe.formats.rendered.discrete_steps import discrete_steps, planar_poses
+from vlnpe.formats.rendered.table import build_frame_table, integrate_motion, planar_motion
 
 RATES = [1, 2, 4, 5, 10, 20, 25, 50]
 
@@ -109,49 +105,32 @@ def test_executed_actions_are_read_from_the_spans() -> None:
     assert not table.discrete_derived
 
 
-def test_a_path_rollout_gets_the_nearest_action_flagged() -> None:
-    rollout = make_rollout(3.0)
+def test_a_path_rollout_has_the_experts_labels_flagged() -> None:
+    left = (Action.LEFT, *[Action.FORWARD] * 10, Action.STOP, Action.STOP)
+    rollout = dataclasses.replace(make_rollout(3.0), labels=left)
     table = build_frame_table(rollout, make_frames(rollout), 4)
     assert table.discrete_derived
-    actions = table.columns["action.discrete"][:, 0]
-    assert actions[-1] == Action.STOP and Action.FORWARD in actions
+    assert table.columns["action.discrete"][:, 0].tolist() == [2, *[1] * 11, 0]
 
 
-def test_a_robot_that_rests_at_the_end_is_labelled_stop() -> None:
-    rollout = make_rollout(5.0)
-    rest = 300  # samples
-    still = np.arange(len(rollout.time_s)).clip(max=rest)
-    rollout = dataclasses.replace(
-        rollout,
-        position_world_m=rollout.position_world_m[still],
-        quat_wxyz=rollout.quat_wxyz[still],
-    )
+def test_without_labels_it_has_what_the_robot_did_next() -> None:
+    rollout = make_rollout(3.0)
     table = build_frame_table(rollout, make_frames(rollout), 4)
-    actions = table.columns["action.discrete"][:, 0]
-    resting = table.sample_index >= rest
-    assert np.all(actions[resting] == Action.STOP)
-    assert np.all(actions[~resting] != Action.STOP)
+    steps = discrete_steps(planar_poses(table.columns["observation.state"]))
+    for frame, action in enumerate(table.columns["action.discrete"][:, 0]):
+        assert action == steps.action[steps.frame >= frame][0]
 
 
-@pytest.mark.parametrize(
-    ("motion", "action"),
-    [
-        ((0.25, 0.0, 0.0), Action.FORWARD),
-        ((0.13, 0.02, 0.03), Action.FORWARD),
-        ((0.12, 0.0, 0.0), Action.STOP),  # slow walking: nearer to standing than to 0.25 m
-        ((0.05, 0.0, np.deg2rad(7)), Action.STOP),
-        ((0.001, -0.002, 0.004), Action.STOP),
-        ((-0.25, 0.0, 0.0), Action.STOP),  # no action goes backwards
-        ((0.0, 0.0, np.deg2rad(15)), Action.LEFT),
-        ((0.05, 0.0, np.deg2rad(-9)), Action.RIGHT),
-        ((-0.1, 0.0, np.deg2rad(8)), Action.LEFT),
-    ],
-)
-def test_nearest_action(motion: tuple[float, float, float], action: Action) -> None:
-    assert nearest_actions(np.array([motion, (0, 0, 0)])).tolist() == [action, Action.STOP]
-    steps = np.array([[0, 0], [1, 0], [0, 1], [0, -1]])
-    distance = np.linalg.norm(steps - [motion[0] / 0.25, motion[2] / np.deg2rad(15)], axis=1)
-    assert np.argmin(distance) == action
+def test_stop_is_one_frame_at_rest() -> None:
+    """STOP was commanded at 2.2 s, the robot rested at 2.6 s, and was recorded until 3 s."""
+    rollout = make_rollout(3.0, discrete=True)
+    spans = (*rollout.actions[:8], ActionSpan(Action.STOP, 220, 301))
+    rest = (*rollout.events, Event(2.6, REST_EVENT))
+    rollout = dataclasses.replace(rollout, actions=spans, events=rest)
+    assert rollout.frame_samples(4)[-1] == 275 and rollout.frame_samples(10)[-1] == 260
+    table = build_frame_table(rollout, make_frames(rollout), 4)
+    actions = table.columns["action.discrete"][:, 0].tolist()
+    assert actions == [*(s.action for s in spans[:8]), *[spans[7].action] * 3, Action.STOP]
 
 
 @pytest.mark.parametrize("rate", [1, 5, 10])

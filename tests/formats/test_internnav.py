@@ -32,6 +32,8 @@ from vlnpe.formats.internnav.to_unit import unit_from_layout
 from vlnpe.formats.internnav.tokens import read_vocabulary
 from vlnpe.formats.internnav.writer import SceneEpisode, share_instructions, write_scene
 from vlnpe.formats.lerobot import assemble_dataset, read_episode_unit
+from vlnpe.formats.lerobot.unit_rows import row_arrays
+from vlnpe.formats.rendered.discrete_steps import discrete_steps, execute, planar_poses
 from vlnpe.formats.rendered.table import build_frame_table
 from vlnpe.formats.video.depth_codes import depth_to_codes
 from vlnpe.formats.video.mp4 import iterate_depth_codes, read_rgb_video
@@ -84,6 +86,9 @@ def loader_data(root: Path, key: str) -> dict[str, Any]:
     }
 
 
+STATE = "observation.state"
+
+
 def make_unit(root: Path, number: int, seconds: float = 2.0, **changes: Any) -> Path:
     rollout = make_rollout(seconds, number, discrete=True, fall=number == 2)
     return write_unit(root, replace(rollout, robot="h1", **changes), number)
@@ -103,7 +108,8 @@ def layout(units: list[Path], tmp_path: Path) -> Path:
     episodes = [SceneEpisode(u, own) for u, own in zip(units, tasks, strict=True)]
     root = tmp_path / "n1"
     scene = scene_name("two_rooms")
-    assert write_scene(root / scan_name("h1", "path") / scene, episodes, words) == 9 + 13 + 17
+    out = root / scan_name("h1", "path") / scene
+    assert write_scene(out, episodes, words, every_frame=True) == 9 + 13 + 17
     return root
 
 
@@ -142,21 +148,34 @@ def test_internnavs_loaders_read_ours(layout: Path) -> None:
         assert data["tasks"][-1]["fail_reason"] == ("fall" if fell else "success")
 
 
-@pytest.mark.parametrize(
-    ("derived", "expected"),
-    [([0, 0, 1, 0, 2, 2, 0, 0, 0], [1, 1, 1, 2, 2, 2, 0, 0, 0]), ([0] * 9, [0] * 9)],
-)
-def test_standing_still_on_the_way_is_no_stop(
-    tmp_path: Path, derived: list[int], expected: list[int]
-) -> None:
-    folder = write_unit(tmp_path, make_rollout(2.0))  # by a continuous controller
-    rows = pq.read_table(folder / "rows.parquet")
-    at = rows.schema.names.index("action.discrete")
-    changed = rows.set_column(at, rows.schema.field(at), pa.array(derived))
-    pq.write_table(changed, folder / "rows.parquet")
+def test_a_row_is_a_discrete_step_that_leads_to_the_end(tmp_path: Path) -> None:
+    """InternNav computes motions from the actions: they must end where the robot did."""
+    rollout = make_rollout(8.0)  # by a continuous controller
+    folder = write_unit(tmp_path / "unit", rollout)
     write_scene(tmp_path / "n1/r2r/s", [SceneEpisode(folder, ("Go.",))], Vocabulary.of(["Go."]))
     data = loader_data(tmp_path / "n1", "r2r_s_000_000000")
-    assert data["action"].tolist() == expected
+    actions, count = data["action"], len(data["action"])
+    assert actions[-1] == 0 and actions[:-1].all() and (actions > 1).any()
+    assert len(data["position"]) == len(data["rgb"]) == len(data["depth"]) == count
+    start = np.array([*data["position"][0, :2], data["yaw"][0]])
+    end = execute(actions, start)[-1]
+    assert np.hypot(*(end[:2] - data["position"][-1, :2])) < 0.5
+    np.testing.assert_allclose(
+        data["position"][-1], rollout.position_world_m[rollout.frame_samples(4)[-1]], atol=1e-5
+    )
+    poses = np.column_stack([data["position"][:, :2], np.unwrap(data["yaw"])])
+    assert np.hypot(*(execute(actions, start)[:-1] - poses)[:, :2].T).max() < 0.6
+    # Images are those of the rows' own frames, some of them twice.
+    steps = discrete_steps(planar_poses(row_arrays(read_episode_unit(folder).rows())[STATE]))
+    np.testing.assert_array_equal(actions, steps.action)
+    whole = read_rgb_video(read_episode_unit(folder).video(RGB))
+    np.testing.assert_array_equal(data["rgb"], whole[steps.frame])
+    # It comes back as an episode of these rows.
+    (scene,) = find_scenes(tmp_path / "n1")
+    unit_from_layout(scene, 0, tmp_path / "back", Assumptions())
+    back = read_episode_unit(tmp_path / "back")
+    assert back.length == count
+    assert row_arrays(back.rows())["action.discrete"].ravel().tolist() == actions.tolist()
 
 
 def test_instructions_are_told_once_and_have_tokens(layout: Path) -> None:
@@ -520,7 +539,15 @@ def test_the_command_converts_to_the_layout_and_back(
     words.write_text(
         json.dumps({"instruction_vocab": {"word_list": ["<pad>", "<unk>", "sofa", "walk", "."]}})
     )
-    call = ["convert", str(tmp_path / "set"), "--to", "n1", "--out", str(tmp_path / "there")]
+    call = [
+        "convert",
+        str(tmp_path / "set"),
+        "--to",
+        "n1",
+        "--out",
+        str(tmp_path / "there"),
+        "--every-frame",
+    ]
     assert cli.main([*call, "--vocabulary", str(words), "--scan", "r2r_flash"]) == 0
     root = tmp_path / "there" / "n1" / "set"
     tasks = [t for key in loader_keys(root, ["r2r_flash"]) for t in loader_data(root, key)["tasks"]]
@@ -581,11 +608,12 @@ def test_changed_metadata_is_converted_anew(layout: Path, tmp_path: Path, name: 
     assert not set(before) & set(keys())
 
 
-def test_other_frame_rates_have_no_discrete_actions(tmp_path: Path, inline: None) -> None:  # noqa: F811
+def test_other_frame_rates_have_steps_but_no_actions(tmp_path: Path, inline: None) -> None:  # noqa: F811
     unit = write_unit(tmp_path, make_rollout(1.0), frames_per_second=10)
     assemble_dataset([unit], tmp_path / "set", provenance={}, licence="mit", title="Set")
     out = tmp_path / "out"
     call = ["convert", str(tmp_path / "set"), "--to", "n1", "--out", str(out)]
-    assert cli.main(call) == 1
+    assert cli.main(call) == 0
+    assert cli.main([*call, "--every-frame"]) == 1
     (bad,) = [r for r in Ledger(out).rows() if r.status == "quarantined"]
     assert "no action.discrete at 10 frames/s; valid: 4" in bad.error["reason"]

@@ -1,0 +1,91 @@
+"""Labels of every robot and controller lead where the robot went, and stops are stops."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.collectors.test_replay import make_episode
+from vlnpe.collectors.coasting import measure_coasting
+from vlnpe.collectors.controllers import Expert, Pose, Task
+from vlnpe.collectors.drives import gait_for
+from vlnpe.collectors.replay import ReplayConfig, replay_in
+from vlnpe.collectors.robots import get_robot
+from vlnpe.collectors.world import World, open_world
+from vlnpe.formats.core.frames import quat_to_yaw
+from vlnpe.formats.core.rollout import Action, EndReason, Rollout
+from vlnpe.formats.rendered.discrete_steps import discrete_steps, execute
+from vlnpe.formats.scene.bundle import SceneBundle
+
+WALKS = (((1, 1), (7, 3), 0.4), ((7, 3), (0.8, 1.2), -2.6))
+CREWS = [
+    *((robot, "path") for robot in ("aliengo", "jetbot", "h1", "g1")),
+    *((robot, "speed") for robot in ("aliengo", "jetbot")),
+    ("aliengo", "flash"),
+]
+
+
+def rollouts(world: World, controller: str) -> list[Rollout]:
+    config = ReplayConfig(controller=controller)
+    return [
+        replay_in(world, make_episode(world.bundle, start, goal, yaw, name=f"e{n}"), config)
+        for n, (start, goal, yaw) in enumerate(WALKS)
+    ]
+
+
+def event_sample(r: Rollout, kind: str) -> int:
+    return round(next(e.time_s for e in r.events if e.kind == kind) * 100)
+
+
+@pytest.mark.parametrize(("name", "controller"), CREWS)
+def test_executing_the_labels_ends_where_the_robot_did(
+    two_rooms: SceneBundle, name: str, controller: str
+) -> None:
+    for r in rollouts(open_world(two_rooms, 0, get_robot(name)), controller):
+        assert r.end_reason is EndReason.SUCCESS
+        at = r.frame_samples(4)
+        yaw = np.unwrap(quat_to_yaw(r.quat_wxyz[at]))
+        poses = np.column_stack([r.position_world_m[at, :2], yaw])
+        end = execute(discrete_steps(poses).action, poses[0])[-1]
+        assert np.hypot(*(end[:2] - poses[-1, :2])) <= 0.5
+        assert math.degrees(abs(end[2] - poses[-1, 2])) <= 15.0
+        # The last frame shows a robot at rest, and is the first one that does after the stop.
+        assert np.hypot(*r.linear_velocity_base_m_s[at[-1], :2]) < 0.06
+        if controller != "flash":
+            assert 0 <= at[-1] - event_sample(r, "rest") < 25
+
+
+@pytest.mark.parametrize("name", ["aliengo", "jetbot"])
+def test_recorded_labels_are_what_the_expert_says_online(two_rooms: SceneBundle, name: str) -> None:
+    world = open_world(two_rooms, 0, get_robot(name))
+    r = rollouts(world, "path")[0]
+    task = Task(
+        r.episode.reference_path_world_m[:, :2],
+        r.episode.goal_position_world_m[:2],
+        world.freemap,
+        world.robot.footprint_radius_m,
+        world.robot.command_limits,
+        0.25,
+    )
+    expert, yaw = Expert(task), quat_to_yaw(r.quat_wxyz)
+    asked = [
+        expert.next_action(Pose(*r.position_world_m[k, :2].tolist(), float(yaw[k])))
+        for k in range(0, len(r.time_s), 25)
+    ]
+    assert list(r.labels) == asked
+    assert Action.FORWARD in asked
+
+
+@pytest.mark.parametrize("name", ["aliengo", "jetbot"])
+def test_it_rests_where_its_coasting_says(two_rooms: SceneBundle, name: str) -> None:
+    robot = get_robot(name)
+    coasting = measure_coasting(robot, gait_for(robot))
+    assert 0.0 == coasting.distance(0.0) < coasting.distance(0.5) < coasting.distance(0.9) < 0.6
+    for r in rollouts(open_world(two_rooms, 0, robot), "speed"):
+        stop, rest = event_sample(r, "stop"), event_sample(r, "rest")
+        speed = float(np.hypot(*r.linear_velocity_base_m_s[stop - 20 : stop, :2].T).mean())
+        went = float(np.linalg.norm(np.subtract(*r.position_world_m[[rest, stop], :2])))
+        assert went == pytest.approx(coasting.distance(speed), abs=0.1)
+        assert r.metrics.navigation_error_euclidean_m <= 0.25
