@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..formats.scene.bundle import LabeledObject, SceneBundle
+from ..formats.scene.things import nameable
 from ..wayfinding.planning import resample
 from ..wayfinding.regions import ROOM_PREFIX, RegionMap
 
@@ -68,7 +69,7 @@ def candidates(bundle: SceneBundle, level: int) -> list[LabeledObject]:
     for thing in bundle.objects:
         if thing.level not in (level, -1) or thing.category.startswith(ROOM_PREFIX):
             continue
-        if thing.category.lower() in NO_LANDMARKS or not thing.category.strip():
+        if thing.category.lower() in NO_LANDMARKS or not nameable(thing.category):
             continue
         size = np.subtract(thing.upper_m, thing.lower_m)
         low, high = thing.lower_m[2] - floor_z, thing.upper_m[2] - floor_z

@@ -64,14 +64,22 @@ class Chain:
         self.actions = actions
         self.summaries: list[StageSummary] = []
 
-    def scenes(self, sources: Mapping[str, Path], config: RepairConfig) -> dict[str, Row]:
-        """Repair the scans, by scene id; without any, generate and scan an apartment first."""
+    def scenes(
+        self, sources: Mapping[str, Path], config: RepairConfig, allow_unsound: bool
+    ) -> dict[str, Row]:
+        """Repair the scans, by scene id; without any, generate and scan an apartment first.
+
+        Scenes that are not sound are quarantined unless they are allowed.
+        """
         if not sources:
             scan = self.folder.scan(f"apartment-{self.seed}")
             self._stage(scans.STAGE, [scans.item(self.seed, scan)], required=True)
             sources = {scan.name: scan / "scan.glb"}
         items = repair.items(sources, config, self.folder.scenes)
-        return self._stage(repair.STAGE, items, required=True).good()
+        repaired = self._stage(repair.STAGE, items, required=True).good()
+        checks = repair.check_items(repaired, self.folder.scenes, allow_unsound)
+        sound = self._stage(repair.CHECK_STAGE, checks, required=True).good()
+        return {scene: repaired[scene] for scene in sound}
 
     def sampled(self, config: SampleConfig, scenes: Mapping[str, Row]) -> list[Episode]:
         """Sample episodes in every scene and instruct them."""

@@ -171,6 +171,8 @@ def _judge(
     if length > config.max_detour * float(tight.at(start)):
         return "detour"
     geodesic = float(distance_field(level.freemap, goal, AGENT_RADIUS_M).at(start))
+    if geodesic < config.min_length_m:
+        return "too_short"
     ends = (int(level.regions.at(start)), int(level.regions.at(goal)))
     first = crossed[0].from_region if crossed else ends[0]
     names = tuple(level.regions.names[r] for r in (first, *(c.to_region for c in crossed)))

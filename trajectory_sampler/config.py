@@ -20,12 +20,14 @@ class SampleConfig:
         end_clearance_m: clearance of starts and goals, room to turn on the spot [m].
         clearance_preference: how many times longer a metre feels when it grazes an obstacle.
         comfort_m: clearance beyond the radius from which on more is no better [m].
-        min_length_m: shortest reference path [m].
-        max_length_m: longest reference path [m].
+        min_length_m: least geodesic distance from start to goal, as in `info` of the episodes; the
+            reference path, which keeps clear of obstacles, is no shorter [m].
+        max_length_m: greatest length of the reference path; the geodesic distance is no longer [m].
         max_detour: longest reference path relative to the geodesic distance.
         min_crossings: how often a path must pass from one room into another (where there is
             more than one room).
-        min_gap_m: two paths closer than this on average are too similar [m].
+        min_gap_m: two paths closer than this on average are too similar; less, down to 0.4 m, is
+            taken where a scene does not hold enough such paths [m].
         waypoint_spacing_m: greatest distance of reference waypoints [m].
         heading_noise_rad: starts look along the path, ± at most this [rad].
         goals_per_start: goals tried from one start before another start is drawn.

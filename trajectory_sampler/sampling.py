@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,8 @@ class SampleResult:
 
 # Paths shorter than this are no navigation.
 LEAST_WORTH_M = 1.0
+# Paths nearer to each other than this on average are the same, however small the room is.
+LEAST_GAP_M = 0.4
 
 
 def sample_episodes(
@@ -68,11 +70,16 @@ def sample_episodes(
     """
     dropped: Counter[str] = Counter()
     kept: list[Candidate] = []
-    radii = {max(config.roomy_radius_m, config.robot_radius_m), config.robot_radius_m}
     levels: list[Level] = []
-    for radius in sorted(radii, reverse=True):
-        levels = [open_level(bundle, k, radius, config) for k in range(len(bundle.level_floor_z_m))]
-        _fill(kept, [level for level in levels if len(level.cells)], config, rng, dropped)
+    opened_m = 0.0
+    for radius, gap_m in _attempts(config):
+        if radius != opened_m:
+            opened_m, count = radius, len(bundle.level_floor_z_m)
+            levels = [open_level(bundle, k, radius, config) for k in range(count)]
+        wanted = replace(config, min_gap_m=gap_m)
+        _fill(kept, [level for level in levels if len(level.cells)], wanted, rng, dropped)
+        if len(kept) == config.count:
+            break
     episodes = [_episode(bundle, c, k, config, rng) for k, c in enumerate(kept)]
     result = SampleResult(episodes, config.count, dict(dropped))
     if not episodes:
@@ -92,8 +99,31 @@ def sample_episodes(
             ", ".join(map(str, single)),
         )
     if len(episodes) < config.count:
-        logger.warning("%s: %s", bundle.scene_id, result.summary)
+        area = sum(level.area_m2 for level in levels)
+        logger.warning(
+            "%s: %s. Its connected free floor of %.1f m² holds no more paths of %g … %g m that "
+            "differ by %g m; shorter or fewer ones may be had: --min-length-m, --count",
+            bundle.scene_id,
+            result.summary,
+            area,
+            config.min_length_m,
+            config.max_length_m,
+            min(LEAST_GAP_M, config.min_gap_m),
+        )
     return result
+
+
+def _attempts(config: SampleConfig) -> list[tuple[float, float]]:
+    """Clearances and gaps between paths [m] to try in turn, until there are enough episodes."""
+    roomy = max(config.roomy_radius_m, config.robot_radius_m)
+    radii = sorted({roomy, config.robot_radius_m}, reverse=True)
+    attempts = [(radius, config.min_gap_m) for radius in radii]
+    gap_m = config.min_gap_m
+    # In a small room all paths lie near each other.
+    while gap_m > LEAST_GAP_M:
+        gap_m = max(gap_m / 2, LEAST_GAP_M)
+        attempts.append((config.robot_radius_m, gap_m))
+    return attempts
 
 
 def _advice(longest_m: float) -> str:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..core.camera import CameraModel
 from ..core.frames import quat_to_matrix
 from ..core.licences import hub_licence, licence_id
+from ..scene.bundle import UNSOUND
 from .layout import DEPTH_KEY
 from .usage import POLICIES, loading_code, training_command
 
@@ -157,7 +158,7 @@ weights are fetched:
 - `meta/episodes` also has scene, split, trajectory, all instructions, reference path, start and
   goal in the world, metrics, controller, light and camera intrinsics.
 
-## Licence
+{_unsound(facts)}## Licence
 
 {_licences(facts, licences)}
 """
@@ -185,6 +186,21 @@ def _camera(facts: CameraFacts) -> str:
 def _spread(values: NDArray[np.floating]) -> tuple[float, float, float]:
     low, middle, high = np.quantile(values, (0.01, 0.5, 0.99)).tolist()
     return low, middle, high
+
+
+def _unsound(facts: CardFacts) -> str:
+    """Scenes that should not have been used, with what is wrong with them; mostly empty."""
+    scenes: Mapping[str, Any] = facts.provenance.get("scenes") or {}
+    lines = [
+        f"- `{name}`: {problem}"
+        for name, source in sorted(scenes.items())
+        if isinstance(source, Mapping)
+        for problem in source.get(UNSOUND, ())
+    ]
+    if not lines:
+        return ""
+    told = "Collected with `--allow-unsound` in scenes whose repaired floor has faults:"
+    return "\n".join(["## Unsound scenes", "", told, "", *lines, "", ""])
 
 
 def _splits(facts: CardFacts) -> str:

@@ -31,6 +31,8 @@ from .grid import GridSpec
 
 INDEX_NAME = "scene.json"
 FORMAT_VERSION = 1
+# Key of `SceneBundle.source` under which the faults of an unsound scene stand.
+UNSOUND = "unsound"
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,8 @@ class SceneBundle:
     Attributes:
         root: the bundle's folder.
         scene_id: its name.
-        source: `path`, `sha256`, `licence`, evidence of up-axis and unit, as JSON values.
+        source: `path`, `sha256`, `licence`, evidence of up-axis and unit, and under `UNSOUND` what
+            is wrong with a scene that should not be used, as JSON values.
         source_to_world: (4, 4) similarity from the source file's coordinates to world.
         habitat_to_world: (4, 4) rigid transform to world from Habitat coordinates of the source
             (y up), i.e. including the recorded levelling; identity levelling gives (x, −z, y).
@@ -212,6 +215,11 @@ def save_bundle(
             floor_z_m=freemap.floor_z_m,
             traversable=freemap.traversable,
         )
+    save_index(bundle)
+
+
+def save_index(bundle: SceneBundle) -> None:
+    """Write the bundle's index, which goes last: a folder with one is complete."""
     write_json(
         bundle.root / INDEX_NAME,
         {

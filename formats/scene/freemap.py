@@ -58,3 +58,11 @@ class Freemap:
     def free(self, radius_m: float) -> NDArray[np.bool_]:
         """(rows, columns) bool: a disc of `radius_m` centred in the cell touches nothing."""
         return self.traversable & (self.clearance_m >= radius_m)
+
+    def traversable_on(self, grid: GridSpec) -> NDArray[np.bool_]:
+        """`traversable` at the cell centres of another grid, (rows, columns) of that."""
+        i, j = np.indices(grid.shape)
+        cells = self.grid.cell_of(grid.center_of(np.stack([i, j], axis=-1)))
+        inside = self.grid.inside(cells)
+        cells = np.clip(cells, 0, np.array(self.grid.shape) - 1)
+        return inside & self.traversable[cells[..., 0], cells[..., 1]]

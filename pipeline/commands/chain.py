@@ -55,6 +55,8 @@ class Repair:
     """The scan's up axis: x y z -x -y -z, or auto."""
     unit: str = "auto"
     """The scan's unit of length: m cm mm in ft, or auto."""
+    allow_unsound: bool = False
+    """Exit with code 0 even if the scene is not sound."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""
 
@@ -100,9 +102,11 @@ class Sample:
     count: int = 6
     """How many episodes."""
     min_length_m: float = SampleConfig.min_length_m
-    """Shortest path [m]."""
+    """Least geodesic distance from start to goal [m]; the reference path is no shorter."""
     max_length_m: float = SampleConfig.max_length_m
-    """Longest path [m]."""
+    """Longest reference path [m]; the geodesic distance is no longer."""
+    min_crossings: int = SampleConfig.min_crossings
+    """How often a path must pass from one room into another; 0 for a single room."""
     robot_radius_m: float = SampleConfig.robot_radius_m
     """Clearance that every point of a path keeps [m]."""
     seed: int = 0
@@ -135,7 +139,7 @@ def run_scan(options: Scan) -> int:
 
 
 def run_repair(options: Repair) -> int:
-    """Repair one scan.
+    """Repair one scan and tell what was decided; exit code 1 if the scene is not sound.
 
     Raises:
         InputError: the scan cannot be used, or `out` holds something else.
@@ -144,7 +148,13 @@ def run_repair(options: Repair) -> int:
     refuse_to_replace(options.out, SCENE_NAMES)
     config = RepairConfig(up=options.up, unit=options.unit)
     facts = RepairJob(options.scan, options.out.resolve(), config).run().facts
-    return tell(options, facts, f"{options.out}: repaired; see repair.json, before.png, after.png")
+    end = "repaired" if facts["sound"] else "repaired, but NOT SOUND (collect refuses it)"
+    lines = [
+        *repair.decisions(facts),
+        f"{options.out}: {end}; see repair.json, before.png, after.png",
+    ]
+    tell(options, facts, "\n".join(lines))
+    return int(not facts["sound"] and not options.allow_unsound)
 
 
 def run_align(options: Align) -> int:
@@ -172,6 +182,7 @@ def run_sample(options: Sample) -> int:
             count=options.count,
             min_length_m=options.min_length_m,
             max_length_m=options.max_length_m,
+            min_crossings=options.min_crossings,
             robot_radius_m=options.robot_radius_m,
             end_clearance_m=max(SampleConfig.end_clearance_m, options.robot_radius_m),
         )

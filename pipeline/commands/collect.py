@@ -68,7 +68,8 @@ class Collect:
     episodes: str = "6"
     """How many episodes to sample per scene, or a VLN-CE file (.json.gz)."""
     min_length_m: float = SampleConfig.min_length_m
-    """Shortest sampled path [m]; lower it for a scan of a single room."""
+    """Least geodesic distance from start to goal of sampled episodes [m]; lower it for a scan of a
+    single room."""
     min_crossings: int = SampleConfig.min_crossings
     """How often a sampled path must pass from one room into another; 0 for a single room."""
     camera: str = "ego"
@@ -84,6 +85,9 @@ class Collect:
     """The scans' up axis: x y z -x -y -z, or auto."""
     unit: str = "auto"
     """The scans' unit of length: m cm mm in ft, or auto."""
+    allow_unsound: bool = False
+    """Collect in scenes, too, whose repair is not sound; they are quarantined otherwise. Report and
+    dataset card name them."""
     out: Path | None = None
     """The run folder; by default `runs/<scene>`."""
     seed: int = 0
@@ -137,7 +141,7 @@ def run(options: Collect) -> int:
         for robot in robots:
             keep(robot, folder.root)
         chain = Chain(folder, context, options.seed, actions)
-        scenes = chain.scenes(sources, repairing)
+        scenes = chain.scenes(sources, repairing, options.allow_unsound)
         if episode_file:
             asked = chain.aligned(episode_file, scenes)
         else:

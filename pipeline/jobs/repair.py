@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ...formats.core.atomic import atomic_folder
+from ...formats.core.errors import SceneError
 from ...scene_repair.config import RepairConfig
 from ..engine.work import ItemResult
 
@@ -34,17 +37,55 @@ class RepairJob:
         with atomic_folder(self.out) as temporary:
             repair_scene(self.source, temporary, self.config)
             log = json.loads((temporary / "repair.json").read_text())
-        levels = log["levels"]
-        holes = [hole for level in levels for hole in level["holes"]]
-        filled = [hole for hole in holes if hole["action"] == "filled"]
-        left = Counter(hole["cause"] for hole in holes if hole["action"] != "filled")
-        facts = {
-            "levels": len(levels),
-            "holes_filled": len(filled),
-            "holes_left": dict(left),
-            "floor_before_m2": sum(level["floor_area_before_m2"] for level in levels),
-            "floor_after_m2": sum(level["floor_area_after_m2"] for level in levels),
-            "triangles": log["triangles_after"],
-            "warnings": log["warnings"],
-        }
-        return ItemResult(facts)
+        return ItemResult(facts_of(log))
+
+
+@dataclass(frozen=True)
+class SoundnessJob:
+    """Let a repaired scene pass, or refuse it.
+
+    Attributes:
+        scene_id: its name.
+        problems: what is wrong with it.
+        allow_unsound: let it pass all the same.
+    """
+
+    scene_id: str
+    problems: tuple[str, ...]
+    allow_unsound: bool
+
+    def run(self) -> ItemResult:
+        """Judge one scene.
+
+        Raises:
+            SceneError: it is not sound, and may not be.
+        """
+        if self.problems and not self.allow_unsound:
+            raise SceneError(
+                f"{self.scene_id} is not sound: {'; '.join(self.problems)}. Look at after.png and "
+                "repair.json in its folder; --allow-unsound collects in it all the same"
+            )
+        return ItemResult({"problems": list(self.problems)})
+
+
+def facts_of(log: Mapping[str, Any]) -> dict[str, Any]:
+    """What the ledger, the terminal and the report tell of a repair; `log` is its repair.json."""
+    levels = log["levels"]
+    holes = [hole for level in levels for hole in level["holes"]]
+    filled = [hole for hole in holes if hole["action"] == "filled"]
+    left = Counter(hole["cause"] for hole in holes if hole["action"] != "filled")
+    source, proof = log["source"], log["verification"]
+    return {
+        **{key: source[key] for key in ("up", "up_reason", "unit", "unit_reason")},
+        "sound": proof["sound"],
+        "problems": proof["problems"],
+        "doubts": log["doubts"] + proof["doubts"],
+        "levels": len(levels),
+        "floor_z_m": [level["floor_z_m"] for level in levels],
+        "holes_filled": len(filled),
+        "holes_left": dict(left),
+        "floor_before_m2": sum(level["floor_area_before_m2"] for level in levels),
+        "floor_after_m2": sum(level["floor_area_after_m2"] for level in levels),
+        "triangles": log["triangles_after"],
+        "warnings": log["warnings"],
+    }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from ...formats.core.digest import file_digest
 from ...formats.core.errors import FileFormatError
@@ -12,8 +13,9 @@ from ...scene_repair.config import RepairConfig
 from ...scene_repair.scan.kinds import USD_SUFFIXES
 from ...scene_repair.scan.side_files import side_names
 from ..engine.keys import digest
+from ..engine.ledger import Row
 from ..engine.work import WorkItem, work_item
-from ..jobs.repair import RepairJob
+from ..jobs.repair import RepairJob, SoundnessJob
 
 STAGE = "repair"
 # Formats that keep textures or geometry in further files beside them.
@@ -21,6 +23,9 @@ MULTI_FILE = {".gltf", ".obj", ".ply", ".glb", ".usd", ".usda", ".usdc"}
 PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
 MAX_BESIDE = 100_000
 SIDE_FILES = {".mtl", ".mdl", ".bin", *PICTURES, *USD_SUFFIXES}
+
+
+CHECK_STAGE = "soundness"
 
 
 def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> list[WorkItem]:
@@ -35,6 +40,32 @@ def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> li
         out = scenes / scene_id
         job = RepairJob(source, out, named)
         result.append(work_item(STAGE, scene_id, job, (out,), named, source_digest(source)))
+    return result
+
+
+def decisions(facts: Mapping[str, Any]) -> list[str]:
+    """One line for each thing that was decided, and for each doubt about it."""
+    heights = ", ".join(f"{round(z, 2) + 0.0:.2f}" for z in facts["floor_z_m"])
+    left = ", ".join(f"{n} {cause}" for cause, n in sorted(facts["holes_left"].items()))
+    lines = [
+        f"up      {facts['up']}: {facts['up_reason']}",
+        f"unit    {facts['unit']}: {facts['unit_reason']}",
+        f"levels  {facts['levels']}, floor at {heights} m",
+        f"floor   {facts['floor_before_m2']:.1f} m² scanned, {facts['floor_after_m2']:.1f} m² now; "
+        f"{facts['holes_filled']} holes filled, left open: {left or 'none'}",
+    ]
+    lines += [f"warning {text}" for text in facts["warnings"]]
+    lines += [f"doubt   {text}" for text in facts["doubts"]]
+    return lines + [f"UNSOUND {text}" for text in facts["problems"]]
+
+
+def check_items(repaired: Mapping[str, Row], scenes: Path, allow_unsound: bool) -> list[WorkItem]:
+    """One item per repaired scene, which is quarantined if that is not sound."""
+    result = []
+    for scene_id, row in repaired.items():
+        job = SoundnessJob(scene_id, tuple(row.facts["problems"]), allow_unsound)
+        inputs = (row.key, allow_unsound)
+        result.append(work_item(CHECK_STAGE, scene_id, job, (scenes / scene_id,), *inputs))
     return result
 
 

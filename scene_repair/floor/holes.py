@@ -8,6 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from ...formats.scene.grid import GridSpec
+from ..collide.free_space import places
 from ..grid.morphology import Mask, Window, distance_to, grow, grown_window, label, windows
 from .evidence import Evidence
 
@@ -78,7 +79,8 @@ class Hole:
 class _Rim:
     """Shares of a gap's rim, and of what lies over and under its cells.
 
-    `sides` is the number of connected pieces of floor that lie near.
+    `sides` is the number of connected pieces of floor that lie near; `joined` tells whether no wall
+    stands between it and floor that has room for a robot.
     """
 
     floor: float
@@ -95,6 +97,7 @@ class _Rim:
     thickness_m: float
     sides: int
     opening: float
+    joined: bool
 
 
 @dataclass(frozen=True)
@@ -102,7 +105,8 @@ class _Around:
     """What gaps are judged by: cells (rows, columns) of the whole level.
 
     `floor` counts floor also under lintels and bridged walls, `rooms` only away from any wall;
-    `openings` are gaps that were found to be such.
+    `openings` are gaps that were found to be such, `joined` everything that no wall parts from
+    floor with room for a robot.
     """
 
     evidence: Evidence
@@ -112,6 +116,7 @@ class _Around:
     rooms: Mask
     outside: Mask
     openings: Mask
+    joined: Mask
 
 
 def find_holes(evidence: Evidence, grid: GridSpec) -> tuple[list[Hole], Mask]:
@@ -133,6 +138,7 @@ def find_holes(evidence: Evidence, grid: GridSpec) -> tuple[list[Hole], Mask]:
     holes: list[Hole] = []
     # What only passes overhead does not part a gap from the floor next to it.
     passable = line & ~evidence.wall
+    joined = _joined(evidence, gaps | passable, grid)
     for cells in classes:
         region, _ = label(cells)
         places = [
@@ -146,7 +152,7 @@ def find_holes(evidence: Evidence, grid: GridSpec) -> tuple[list[Hole], Mask]:
             filled = _filled(covered, holes + judged)
             floor = filled | (passable & grow(filled, 2))
             openings = _openings(holes + judged, grid)
-            around = _Around(evidence, grid, floor, line, filled & ~line, outside, openings)
+            around = _Around(evidence, grid, floor, line, filled & ~line, outside, openings, joined)
             judged = [
                 Hole(*place, *_judge(_look_around(*place, around), ceiled, floored))
                 for place in places
@@ -181,6 +187,16 @@ def _openings(holes: list[Hole], grid: GridSpec) -> Mask:
         if hole.cause == "opening":
             found[hole.window] |= hole.cells
     return grow(found, STAIRS_REACH_CELLS) if found.any() else found
+
+
+def _joined(evidence: Evidence, gaps: Mask, grid: GridSpec) -> Mask:
+    """Gaps and floor that no wall parts from floor with room for a robot."""
+    stand = evidence.covered & ~evidence.wall
+    parts, count = label((stand | gaps) & ~evidence.wall)
+    joined = np.zeros(count + 1, dtype=bool)
+    joined[np.unique(parts[places(stand, grid.cell_m)])] = True
+    joined[0] = False
+    return joined[parts]
 
 
 def _bridges(evidence: Evidence, grid: GridSpec) -> Mask:
@@ -246,6 +262,7 @@ def _look_around(cells: Mask, window: Window, around: _Around) -> _Rim:
         thickness_m=2.0 * float(distance_to(~np.pad(cells, 1)).max()) * grid.cell_m,
         sides=_sides(cells, window, around),
         opening=float(around.openings[window][rim].mean()),
+        joined=bool(around.joined[window][cells].any()),
     )
 
 
@@ -261,12 +278,16 @@ def _sides(cells: Mask, window: Window, around: _Around) -> int:
 
 def _judge(rim: _Rim, ceiled: bool, floored: bool) -> tuple[bool, str, str]:
     """Whether to fill, the likely cause, and the reason in words."""
-    if rim.below >= OPEN_BELOW_SHARE and rim.furniture < 0.5:
-        return False, "opening", f"deeper surfaces lie under {100 * rim.below:.0f} %"
-    if rim.sunk >= SUNK_SHARE and rim.bare >= 0.5:
-        return False, "opening", f"walls go on downwards along {100 * rim.sunk:.0f} %"
-    if rim.opening >= STAIRS_SHARE and rim.bare < 0.5:
-        return False, "opening", f"beside an opening along {100 * rim.opening:.0f} %: its stairs"
+    thin = rim.thickness_m < WALL_THICKNESS_M
+    # Between a wall's faces lies the wall of the storey below, or what hides in it: no opening.
+    if not (thin and rim.wall >= BETWEEN_FACES_SHARE):
+        if rim.below >= OPEN_BELOW_SHARE and rim.furniture < 0.5:
+            return False, "opening", f"deeper surfaces lie under {100 * rim.below:.0f} %"
+        if rim.sunk >= SUNK_SHARE and rim.bare >= 0.5:
+            return False, "opening", f"walls go on downwards along {100 * rim.sunk:.0f} %"
+        if rim.opening >= STAIRS_SHARE and rim.bare < 0.5:
+            beside = f"beside an opening along {100 * rim.opening:.0f} %: its stairs"
+            return False, "opening", beside
     tolerated = OPEN_EDGE_SHELTERED if ceiled and rim.overhead >= 0.5 else OPEN_EDGE
     if rim.outside > tolerated:
         return False, "outside", f"open to the outside along {100 * rim.outside:.0f} %"
@@ -275,7 +296,9 @@ def _judge(rim: _Rim, ceiled: bool, floored: bool) -> tuple[bool, str, str]:
     if rim.structure >= 0.5 and closed >= SILL_CLOSED_SHARE:
         return False, "wall", f"a sill lies over {100 * rim.structure:.0f} %"
     walled = rim.wall >= WALLED_SHARE or rim.floor < 0.03
-    if rim.thickness_m < WALL_THICKNESS_M:
+    if not thin and not rim.joined and rim.furniture < 0.5:
+        return False, "walled off", "walls part it from all floor that has room for a robot"
+    if thin:
         # Real walls: a strip of a courtyard between bridged walls has no floor around it, either.
         if walled and floored and rim.wall >= BETWEEN_FACES_SHARE:
             return True, "at a wall", "under a wall, in a scan whose floors run on under walls"

@@ -17,10 +17,8 @@ from ..grid.morphology import grow
 from ..grid.slices import slice_marks
 from ..grid.world_mesh import WorldMesh
 from .reference import without_pits
-from .surfaces import Surfaces
+from .surfaces import STANDING_M, Surfaces
 
-# A person stands where this much is free above.
-STANDING_M = 1.6
 # Floors of one storey differ by less than this; storeys by more.
 STOREY_M = 1.5
 # A surface this far above a floor that surrounds it is furniture, unless it is large.
@@ -30,6 +28,11 @@ PLATFORM_M2 = 8.0
 AROUND_M = 0.3
 WALLS_ABOVE_SHARE = 0.5
 RISES_M = np.array([0.5, 1.0, 1.5])
+# Faces steeper than this are upright: a pitched roof must not pass for the walls over itself.
+UPRIGHT_NORMAL_Z = 0.8
+# A surface that rises by more than this over a length, in most of its places, is a roof; the
+# steepest ramps that people build rise by half as much.
+PITCH, PITCH_OVER_M = 0.2, 0.25
 # The winding of faces is trusted if this share of the floor agrees.
 ALIKE_SHARE = 0.7
 # Pieces of floor too small to be told by themselves lie this near to a floor's height.
@@ -64,6 +67,7 @@ def find_levels(
         p
         for p in np.argsort(-parts.standing_m2)
         if parts.standing_m2[p] >= config.min_floor_m2
+        and parts.pitch[p] <= PITCH
         and parts.above[p] >= parts.below[p] * WALLS_ABOVE_SHARE
         and not _is_furniture(int(p), surfaces, parts, columns.grid)
     ]
@@ -92,6 +96,7 @@ class _Parts:
 
     `above` and `below` count the cells in and around it through which upright surfaces pass over
     and under it: a floor has a room's walls over it, a ceiling or a roof has them only under it.
+    `pitch` is the median rise over run, 0 where nobody could stand.
     """
 
     area_m2: NDArray[np.float64]
@@ -99,6 +104,7 @@ class _Parts:
     height_m: NDArray[np.float64]
     above: NDArray[np.float64]
     below: NDArray[np.float64]
+    pitch: NDArray[np.float64]
 
 
 def _measure(surfaces: Surfaces, columns: Columns, mesh: WorldMesh, min_floor_m2: float) -> _Parts:
@@ -109,19 +115,33 @@ def _measure(surfaces: Surfaces, columns: Columns, mesh: WorldMesh, min_floor_m2
     standing_m2 = np.bincount(surfaces.part, weights=standing, minlength=count) * cell_m2
     # Without a single surface to stand on there is nothing to take a median of.
     height: Any = ndimage.median(surfaces.z_m, surfaces.part, np.arange(count)) if count else []
-    above, below = np.zeros(count), np.zeros(count)
+    above, below, pitch = np.zeros(count), np.zeros(count), np.zeros(count)
+    walls = mesh.faces[np.abs(mesh.normals[:, 2]) < UPRIGHT_NORMAL_Z]
     reach = max(1, round(AROUND_M / grid.cell_m))
     for p in np.flatnonzero(standing_m2 >= min_floor_m2):
-        mask = np.zeros(grid.rows * grid.columns, dtype=bool)
-        mask[surfaces.cell[surfaces.part == p]] = True
-        near = grow(mask.reshape(grid.shape), reach)
+        mine = surfaces.part == p
+        z = np.full(grid.rows * grid.columns, np.nan)
+        z[surfaces.cell[mine]] = surfaces.z_m[mine]
+        z = z.reshape(grid.shape)
+        pitch[p] = _pitch(z, grid)
+        near = grow(np.isfinite(z), reach)
         rises = np.concatenate([RISES_M, -RISES_M])
-        marks = slice_marks(mesh.vertices, mesh.faces, grid, height[p] + rises)[near]
+        marks = slice_marks(mesh.vertices, walls, grid, height[p] + rises)[near]
         upper = np.uint32((1 << len(RISES_M)) - 1)
         above[p] = np.bitwise_count(marks & upper).sum()
         below[p] = np.bitwise_count(marks & ~upper).sum()
     standing_m2 = standing_m2.astype(np.float64)
-    return _Parts(area.astype(np.float64), standing_m2, np.asarray(height), above, below)
+    return _Parts(area.astype(np.float64), standing_m2, np.asarray(height), above, below, pitch)
+
+
+def _pitch(z_m: NDArray[np.float64], grid: GridSpec) -> float:
+    """Median rise over run of a surface (rows, columns), NaN where it is not."""
+    run = max(1, round(PITCH_OVER_M / grid.cell_m))
+    along = z_m[run:, :-run] - z_m[:-run, :-run]
+    across = z_m[:-run, run:] - z_m[:-run, :-run]
+    slope = np.hypot(along, across) / (run * grid.cell_m)
+    known = np.isfinite(slope)
+    return float(np.median(slope[known])) if known.any() else 0.0
 
 
 def _is_furniture(p: int, surfaces: Surfaces, parts: _Parts, grid: GridSpec) -> bool:
@@ -142,7 +162,7 @@ def _floor_of(storey: list[int], surfaces: Surfaces, parts: _Parts, grid: GridSp
     """The storey's floors and the small pieces at their heights, seen between furniture."""
     heights = parts.height_m[storey]
     gap = np.abs(parts.height_m[:, None] - heights[None, :]).min(axis=1)
-    chosen = (gap < PIECE_M) & (parts.area_m2 >= 4 * grid.cell_m**2)
+    chosen = (gap < PIECE_M) & (parts.pitch <= PITCH) & (parts.area_m2 >= 4 * grid.cell_m**2)
     chosen[storey] = True
     mine = chosen[surfaces.part]
     z = np.full(grid.rows * grid.columns, np.nan)
@@ -160,11 +180,17 @@ def averted_faces(
 
     None, if the floors' faces are not wound alike and so tell nothing.
     """
-    near = np.zeros(len(columns.z), dtype=bool)
+    cells = len(columns.start) - 1
+    total, count = 0.0, 0
     for floor in floors:
-        near |= np.abs(columns.z - floor.z_m.ravel()[columns.cell]) < 1e-3
-    upward = normal_z[columns.face[near]] > 0
-    share = float(upward.mean()) if len(upward) else 0.5
+        near = np.abs(columns.z - floor.z_m.ravel()[columns.cell]) < 1e-3
+        upward = normal_z[columns.face] > 0
+        some_up = np.bincount(columns.cell[near & upward], minlength=cells) > 0
+        some_down = np.bincount(columns.cell[near & ~upward], minlength=cells) > 0
+        # Where both lie in one plane, a ceiling under a floor, nothing can be told.
+        told = some_up != some_down
+        total, count = total + float(some_up[told].sum()), count + int(told.sum())
+    share = total / count if count else 0.5
     if share >= ALIKE_SHARE:
         return normal_z < 0
     if share <= 1 - ALIKE_SHARE:

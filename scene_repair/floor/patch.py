@@ -21,6 +21,8 @@ from .tiles import Tiles
 
 # Inner vertices of a patch stand this far apart, so that it can follow a floor that is not plane.
 INNER_M = 0.1
+# … and where it passes a step, those of its border.
+BORDER_M = 0.05
 # Clipping keeps eight decimals; what lies nearer than this is the same point.
 SAME_M = 1e-6
 MIN_PIECE_M2, MIN_WIDTH_M = 1e-6, 2e-4
@@ -121,6 +123,9 @@ class _Builder:
         """
         outline, squares, nodes = _inner_squares(piece)
         rings = [self._with_rim_vertices(ring) for ring in _rings(piece)]
+        if np.ptp(self._level(np.concatenate(rings))) > STEP_M:
+            # Or a triangle with a corner at a step would carry its slope far along the border.
+            rings = [_dense(ring) for ring in rings]
         # What the squares cover is cut out: their outlines run the other way round.
         rings += [ring[::-1] for ring in outline]
         points = np.concatenate(rings)
@@ -210,6 +215,17 @@ class _Builder:
                 first = int(np.flatnonzero(on)[0])
                 z[k] = p[first, 2] + t[first] * (q[first, 2] - p[first, 2])
         return z
+
+
+def _dense(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The polygon with a vertex every `BORDER_M` at least."""
+    ahead = np.roll(polygon, -1, axis=0)
+    steps = np.ceil(np.linalg.norm(ahead - polygon, axis=1) / BORDER_M).astype(int).clip(1)
+    parts = [
+        a + (b - a) * (np.arange(n) / n)[:, None]
+        for a, b, n in zip(polygon, ahead, steps, strict=True)
+    ]
+    return np.concatenate(parts)
 
 
 def _inner_squares(

@@ -16,6 +16,8 @@ MIN_NORMAL_Z = 0.85
 STEP_M = 0.025
 # Of surfaces closer together than this (a rug on its floor) only the upper one is seen.
 STACK_M = 0.035
+# A person stands where this much is free above.
+STANDING_M = 1.6
 
 
 @dataclass(frozen=True)
@@ -50,12 +52,13 @@ def find_surfaces(
         clear_m: least free height above a sample.
     """
     cell, z, face = columns.cell, columns.z.astype(np.float64), columns.face
-    gap = np.full(len(z), np.inf)
-    same = cell[1:] == cell[:-1]
-    gap[:-1][same] = (z[1:] - z[:-1])[same]
     level = (np.abs(normal_z) >= MIN_NORMAL_Z)[face] & ~ignore[face]
     clear = _clearance(columns.start, columns.z, STACK_M)
-    index = np.flatnonzero(level & (gap >= STACK_M) & (clear >= clear_m))
+    hidden = _hidden(columns.start, columns.z, np.ones(len(z), dtype=np.bool_), STACK_M)
+    # A ceiling in the plane of the floor above it, as storeys stacked by an exporter have, does not
+    # hide that floor; the underside of a box does, for nobody can stand in it.
+    ceiled = hidden & (clear >= STANDING_M) & ~_hidden(columns.start, columns.z, level, STACK_M)
+    index = np.flatnonzero(level & (~hidden | ceiled) & (clear >= clear_m))
     start = np.searchsorted(cell[index], np.arange(len(columns.start)))
     parent = _connect(start, z[index], columns.grid.rows, columns.grid.columns, STEP_M)
     _, part = np.unique(parent, return_inverse=True)
@@ -80,6 +83,21 @@ def _clearance(start, z, stack):
                     clear[k] = gap
                     break
     return clear
+
+
+@kernel()
+def _hidden(start, z, marked, stack):
+    """Which samples have one that is marked just above them."""
+    hidden = np.zeros(len(z), dtype=np.bool_)
+    for c in range(len(start) - 1):
+        for k in range(start[c], start[c + 1]):
+            for m in range(k + 1, start[c + 1]):
+                if z[m] - z[k] >= stack:
+                    break
+                if marked[m]:
+                    hidden[k] = True
+                    break
+    return hidden
 
 
 @kernel()

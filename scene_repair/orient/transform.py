@@ -21,7 +21,7 @@ from .gravity import (
     refine,
     side_evidence,
 )
-from .scale import infer_unit, measure
+from .scale import Sizes, infer_unit, measure
 
 # Rows give world x, y, z in source coordinates; each is a rotation. y up is Habitat's convention.
 _TO_Z_UP = {
@@ -38,6 +38,8 @@ MIN_EXTENT_M, MAX_EXTENT_M = 1.0, 1000.0
 OVERRULE = 4.0
 # A file's word about its unit is doubted (never overruled) from this lead on.
 DOUBT = 8.0
+# Another direction that far from the best is a rival if it is no less likely than by this factor.
+ASLANT, NARROW_LEAD = 0.7, 2.0
 # How narrowly area must agree with a vertical to speak for it, and what a tilted one must gain.
 NARROW_DEG, LEAST_GAIN = 2.0, 0.03
 # Objects that tell up from down by their names.
@@ -66,13 +68,14 @@ def orient(scan: Scan, config: RepairConfig) -> Orientation:
         SceneError: no unit makes the extent that of a building.
     """
     surfaces = Surfaces.of(scan.vertices, scan.faces)
-    up, up_reason, vertical = _up(scan, surfaces, config)
+    up, up_reason, vertical, up_doubts = _up(scan, surfaces, config)
     to_z_up = _TO_Z_UP[up]
     level, tilt_deg = _levelling(to_z_up @ vertical, config)
     turned = level @ to_z_up
     lower, upper = robust_bounds(scan.vertices @ turned.T, scan.faces)
     extent = upper - lower
-    unit, unit_reason = _unit(scan, surfaces, turned, config)
+    sizes = measure(scan, surfaces, turned)
+    unit, unit_reason, unit_doubt = _unit(scan, sizes, config)
     scale = UNIT_M[unit]
     _check_extent(extent * scale, unit)
     source_to_world = np.eye(4)
@@ -90,37 +93,42 @@ def orient(scan: Scan, config: RepairConfig) -> Orientation:
             "extent_m": [round(float(v), 4) for v in extent * scale],
             "tilt_deg": round(tilt_deg, 4),
             "levelled": bool(not np.array_equal(level, np.eye(3))),
+            "room_height_m": round(sizes.room * scale, 3),
+            "doubts": [*up_doubts, *unit_doubt],
         },
     )
 
 
 def _up(
     scan: Scan, surfaces: Surfaces, config: RepairConfig
-) -> tuple[str, str, NDArray[np.float64]]:
-    """The nearest axis to up, the reason, and the exact direction (3,) of up."""
+) -> tuple[str, str, NDArray[np.float64], list[str]]:
+    """The nearest axis to up, the reason, the exact direction (3,) of up, and doubts about it."""
     if config.up != "auto":
-        return config.up, "given by the user", _near(surfaces, config.up, config)
+        return config.up, "given by the user", _near(surfaces, config.up, config), []
     found = modes(surfaces)
     like = np.array([likeness(surfaces, mode) for mode in found])
     if scan.up is not None:
         axis, reason = scan.up
         promised = _near(surfaces, axis, config)
         if not len(found):
-            return axis, reason, promised
+            return axis, reason, promised, []
         best = found[np.argmax(like)]
         lead = float(like.max()) / max(likeness(surfaces, promised), 1e-9)
         # Bare walls lying flat look like floor and ceiling; what stands between them would tell.
         bare = side_evidence(surfaces, best)[0] == 0.0
         if lead < OVERRULE or bare or abs(float(best @ promised)) > 0.9:
-            return axis, reason, promised
+            return axis, reason, promised, []
         exact, evidence = _signed(scan, surfaces, refine(surfaces, best))
+        name = _axis_of(exact)
         return (
-            _axis_of(exact),
-            f"{reason}, but {_axis_of(exact)} looks {lead:.1f} times more like it: {evidence}",
+            name,
+            f"{reason}, but {name} looks {lead:.1f} times more like it: {evidence}",
             exact,
+            [f"{name} is taken for up although {reason}: set --up {axis} if that is right"],
         )
     if not len(found):
-        return "z", "no direction stands out; taken as z", np.array([0.0, 0.0, 1.0])
+        told = "no direction stands out; taken as z"
+        return "z", told, np.array([0.0, 0.0, 1.0]), [f"up: {told}; set --up"]
     best = found[np.argmax(like)]
     exact, evidence = _signed(scan, surfaces, refine(surfaces, best))
     share, upright = level_and_upright(surfaces, exact)
@@ -130,7 +138,24 @@ def _up(
         f"{100 * share:.0f} % of the area is level and {100 * upright:.0f} % upright that way, "
         f"over {high - low:.4g} units of height; {evidence}",
         exact,
+        _rivals(found, like),
     )
+
+
+def _rivals(found: NDArray[np.float64], like: NDArray[np.float64]) -> list[str]:
+    """A doubt if another direction of `found` (n, 3) is nearly as likely (n,) as the best."""
+    best = int(np.argmax(like))
+    others = [k for k in range(len(found)) if abs(float(found[k] @ found[best])) < ASLANT]
+    if not others:
+        return []
+    second = max(others, key=lambda k: like[k])
+    if like[best] >= NARROW_LEAD * like[second]:
+        return []
+    axis = _axis_of(found[second]).lstrip("-")
+    return [
+        f"the file does not say what is up, and {axis} or -{axis} is nearly as likely: set --up if "
+        "after.png does not look onto the floor"
+    ]
 
 
 def _signed(
@@ -177,18 +202,18 @@ def _near(surfaces: Surfaces, axis: str, config: RepairConfig) -> NDArray[np.flo
     return best
 
 
-def _unit(
-    scan: Scan, surfaces: Surfaces, turned: NDArray[np.float64], config: RepairConfig
-) -> tuple[str, str]:
+def _unit(scan: Scan, sizes: Sizes, config: RepairConfig) -> tuple[str, str, list[str]]:
+    """The unit, the reason, and doubts about it."""
     if config.unit != "auto":
-        return config.unit, "given by the user"
-    inferred, evidence, lead = infer_unit(measure(scan, surfaces, turned))
+        return config.unit, "given by the user", []
+    inferred, evidence, lead = infer_unit(sizes)
     if scan.unit is None:
-        return inferred, evidence
+        return inferred, evidence, []
     unit, reason = scan.unit
-    if inferred != unit and lead > DOUBT:
-        reason += f", though {evidence} would be more usual: set --unit {inferred} if so"
-    return unit, reason
+    if inferred == unit or lead <= DOUBT:
+        return unit, reason, []
+    more = f"{evidence} would be more usual: set --unit {inferred} if so"
+    return unit, f"{reason}, though {more}", [more]
 
 
 def _check_extent(size_m: NDArray[np.float64], unit: str) -> None:

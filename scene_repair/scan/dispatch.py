@@ -9,9 +9,9 @@ from PIL import Image
 from ...formats.core.errors import FileFormatError
 from ..usd.package import read_member
 from .images import PixelBudget, decode_all, open_picture
-from .kinds import CLOUD_SUFFIXES, SUFFIXES, USD_SUFFIXES
+from .kinds import CLOUD_SUFFIXES, SUFFIXES, USD_SUFFIXES, splats, why_not
 from .mesh import read_mesh
-from .ply_header import has_faces
+from .ply_header import has_faces, splat_kind
 from .readings import LookRef, Readings
 from .record import Scan, ScanMaterial
 from .resolver import MAX_BYTES
@@ -23,15 +23,17 @@ def read_scan(path: Path) -> Scan:
     """Read meshes, USD stages and point clouds into one triangle soup.
 
     Raises:
-        FileFormatError: missing, damaged, referring outside its folder, or without any usable
-            triangle.
+        FileFormatError: missing, damaged, of a kind that is not read, referring outside its folder,
+            or without any usable triangle.
         InputError: a point cloud, and open3d is not installed.
     """
     if not path.is_file():
         raise FileFormatError(path, "no such file")
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
-        raise FileFormatError(path, f"unknown kind {suffix!r}; valid: {', '.join(SUFFIXES)}")
+        raise FileFormatError(path, why_not(path.name))
+    if suffix == ".ply" and (kind := splat_kind(path)):
+        raise FileFormatError(path, splats(kind))
     if suffix in USD_SUFFIXES:
         return scan_of(path, read_in_child("usd", path))
     if suffix in CLOUD_SUFFIXES or (suffix == ".ply" and not has_faces(path)):

@@ -14,13 +14,14 @@ from ...formats.core.errors import FileFormatError
 from ...formats.scene.bundle import Floor, SceneBundle, VisualMesh
 from ...formats.scene.freemap import Freemap
 from ..collide.level_collision import LevelCollision
-from ..grid.morphology import grow
+from ..grid.morphology import grow, label, windows
 from .exported import Surface, usd_surfaces, visual_surface
 from .floor_gaps import check_holes
 from .floor_steps import MAX_LISTED, find_steps
 from .probe_balls import drop_balls
 from .probe_rays import START_M, TOLERANCE_M, Probes, shoot_down
 from .usd import check_usd
+from .verdict import judge_level
 
 RECORD_NAME = "repair.json"
 # Balls per level: half on the seams of what was added, half spread over the floor.
@@ -50,6 +51,7 @@ def probe_level(visual: VisualMesh, level: LevelCollision) -> tuple[LevelCollisi
     probes = shoot_down(surface, floor.grid, floor.height_m)
     fell = probes.fell & probes.spread(floor.covered)
     failed = _cells(fell, probes.per_side)
+    lost = failed & freemap.traversable
     standing = probes.spread(freemap.traversable) & ~probes.fell
     deviation = np.abs(probes.height_m - probes.spread(floor.height_m))[standing] * 1000.0
     record = {
@@ -59,7 +61,8 @@ def probe_level(visual: VisualMesh, level: LevelCollision) -> tuple[LevelCollisi
         "cells_left_without_floor": [
             [round(float(v), 3) for v in xy] for xy in floor.grid.center_of(np.argwhere(failed))
         ],
-        "walkable_cells_lost": int((failed & freemap.traversable).sum()),
+        "walkable_cells_lost": int(lost.sum()),
+        "walkable_places_lost": _places(lost, floor),
         "height_error_mm": {
             f"p{q}": round(float(np.percentile(deviation, q)), 3) for q in (50, 99, 100)
         }
@@ -80,6 +83,18 @@ def probe_level(visual: VisualMesh, level: LevelCollision) -> tuple[LevelCollisi
     return kept, record
 
 
+def _places(cells: NDArray[np.bool_], floor: Floor) -> list[dict[str, Any]]:
+    """Connected cells with their middle and area, the largest first."""
+    parts, _ = label(cells, diagonal=True)
+    found = []
+    for number, window in enumerate(windows(parts), start=1):
+        mine = np.argwhere(parts[window] == number) + [w.start for w in window]
+        xy_m = floor.grid.center_of(mine).mean(axis=0)
+        area = round(len(mine) * floor.grid.cell_m**2, 5)
+        found.append({"xy_m": [round(float(v), 3) for v in xy_m], "area_m2": area})
+    return sorted(found, key=lambda place: -place["area_m2"])[:MAX_PLACES]
+
+
 def verify_scene(bundle: SceneBundle, usd_checked: bool = False) -> dict[str, Any]:
     """Probe a written scene by the files of its bundle.
 
@@ -92,8 +107,9 @@ def verify_scene(bundle: SceneBundle, usd_checked: bool = False) -> dict[str, An
         usd_checked: `check_usd` has just found nothing, so it need not look again.
 
     Returns:
-        JSON values: `sound`, `problems` (one line each, empty if sound), and per level what was
-        probed, where probes fell, the steps, the open and unlisted holes.
+        JSON values: `sound`, `problems` (one line each, empty if sound), `doubts` (what is too
+        small to be a problem), and per level what was probed, where probes fell, the steps, the
+        open and unlisted holes.
 
     Raises:
         FileFormatError: a file of the bundle is missing or damaged.
@@ -102,7 +118,7 @@ def verify_scene(bundle: SceneBundle, usd_checked: bool = False) -> dict[str, An
     if not usd.is_file():
         raise FileFormatError(usd, "missing; the scene's repair is incomplete")
     problems = [f"scene.usdc: {text}" for text in ([] if usd_checked else check_usd(usd))]
-    levels = []
+    levels, doubts = [], []
     if not problems:
         seen, solid = usd_surfaces(usd)
         surfaces = {
@@ -113,11 +129,10 @@ def verify_scene(bundle: SceneBundle, usd_checked: bool = False) -> dict[str, An
         listed = _listed(bundle.root / RECORD_NAME, len(bundle.level_floor_z_m))
         for k, entry in enumerate(listed):
             levels.append(_verify_level(bundle, k, surfaces, entry))
-            lost = entry.get("probes", {}).get("walkable_cells_lost", 0)
-            if lost:
-                problems.append(f"level {k}: {lost} walkable cells lost their floor, see probes")
-            problems += [f"level {k}: {text}" for text in _problems(levels[-1])]
-    return {"sound": not problems, "problems": problems, "levels": levels}
+            verdict = judge_level(levels[-1], entry.get("probes", {})).told(f"level {k}: ")
+            problems += verdict.faults
+            doubts += verdict.doubts
+    return {"sound": not problems, "problems": problems, "doubts": doubts, "levels": levels}
 
 
 def _listed(path: Path, levels: int) -> list[dict[str, Any]]:
@@ -174,35 +189,6 @@ def _verify_level(
         "holes_unlisted": unlisted,
         "holes_left_without_reason": unexplained,
     }
-
-
-def _problems(level: dict[str, Any]) -> list[str]:
-    found = []
-    for kind in ("rays", "balls"):
-        for name, result in level[kind].items():
-            if result["fell_through"]:
-                at = result["where_xy_m"][0]
-                found.append(
-                    f"{result['fell_through']} of {result['dropped']} {kind} fall through the "
-                    f"floor in {name}, the first at x {at[0]}, y {at[1]}"
-                )
-    if level["steps_by_repair"]:
-        step = next(s for s in level["steps_over_15_mm"] if s["origin"] == "repair")
-        x, y = step["lower_xy_m"]
-        found.append(
-            f"{level['steps_by_repair']} steps over 15 mm that the scan does not have, the first "
-            f"of {1000 * step['height_m']:.0f} mm at x {x}, y {y}"
-        )
-    for key, text in (
-        ("holes_still_open", "holes listed as filled are open"),
-        ("holes_unlisted", "gaps of 5 cm or more are not listed"),
-    ):
-        if level[key]:
-            x, y = level[key][0]["xy_m"]
-            found.append(f"{len(level[key])} {text}, the first at x {x}, y {y}")
-    if level["holes_left_without_reason"]:
-        found.append(f"holes {level['holes_left_without_reason']} are left without a reason")
-    return found
 
 
 def _near(surface: Surface, floor: Floor) -> Surface:

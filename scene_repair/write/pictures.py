@@ -11,6 +11,7 @@ from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
 from ...formats.scene.grid import GridSpec
+from ...formats.scene.sections import inside_solids
 from ..floor.holes import Hole
 from ..grid.world_mesh import WorldMesh
 from ..paint.shading import Looks
@@ -21,10 +22,16 @@ BACKGROUND = (0.965, 0.968, 0.975)
 RED = (0.86, 0.10, 0.12)
 GREEN = (0.05, 0.55, 0.20)
 GREY = (0.45, 0.47, 0.52)
+CUT = (0.24, 0.26, 0.30)
 
 
 def view_from_above(
-    mesh: WorldMesh, looks: Looks, floor_z_m: float, pixels: GridSpec, first_patch: int
+    mesh: WorldMesh,
+    looks: Looks,
+    floor_z_m: float,
+    pixels: GridSpec,
+    first_patch: int,
+    walked: NDArray[np.bool_],
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Shaded colours (rows, columns, 3) of a level, looking straight down; row 0 = least y.
 
@@ -34,6 +41,7 @@ def view_from_above(
         floor_z_m: the level's floor.
         pixels: one ray per cell.
         first_patch: faces from this one on are patches.
+        walked: (rows, columns) pixels where a robot can walk, under lintels for example.
 
     Returns:
         The picture without the patches (what lies under them shows), and with them.
@@ -50,10 +58,14 @@ def view_from_above(
     origin[:, 2] = height[through, 0] - 1e-3
     before[through], height_before[through] = _shoot(scene, mesh, looks, floor_z_m, origin)
     shape = pixels.shape
-    return (
-        _with_edges(before.reshape(*shape, 3), height_before[:, 0].reshape(shape)),
-        _with_edges(after.reshape(*shape, 3), height[:, 0].reshape(shape)),
-    )
+    # What a wall of a CAD model is filled with has no surface of its own to be seen.
+    solid = inside_solids(mesh.vertices, mesh.faces, floor_z_m + CUT_M, pixels) & ~walked
+    seen = []
+    for colors, heights in ((before, height_before), (after, height)):
+        image = _with_edges(colors.reshape(*shape, 3), heights[:, 0].reshape(shape))
+        image[solid] = CUT
+        seen.append(image)
+    return seen[0], seen[1]
 
 
 def _shoot(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,7 +12,14 @@ from numpy.typing import NDArray
 
 from ...formats.core.atomic import write_json
 from ...formats.core.digest import file_digest
-from ...formats.scene.bundle import SceneBundle, VisualMesh, load_bundle, save_bundle
+from ...formats.scene.bundle import (
+    UNSOUND,
+    SceneBundle,
+    VisualMesh,
+    load_bundle,
+    save_bundle,
+    save_index,
+)
 from ...formats.scene.grid import GridSpec
 from ..collide.level_collision import LevelCollision
 from ..config import RepairConfig
@@ -27,10 +33,9 @@ from ..scan.record import Scan, ScanMaterial
 from ..usd.write_scene import UsdContent, write_usd
 from ..verify.carrying import RECORD_NAME, verify_scene
 from .describe import describe_level
+from .doubts import doubts
 from .pictures import GREEN, GREY, RED, mark_holes, view_from_above, write_picture
 from .textures import write_materials
-
-log = logging.getLogger(__name__)
 
 # The pictures: free space around the floor, and limits of their size.
 PICTURE_MARGIN_M = 0.3
@@ -120,6 +125,7 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
         "triangles_before": len(repaired.original.faces),
         "triangles_after": len(repaired.mesh.faces),
         "warnings": list(repaired.scan.warnings),
+        "doubts": doubts(way.evidence, repaired.levels),
         "levels": [
             describe_level(floor, probes)
             for floor, probes in zip(repaired.floors, repaired.probes, strict=True)
@@ -143,10 +149,11 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
     bundle = load_bundle(out_dir)
     # Only what lies on the disk can be verified; the record then says what came out.
     proof = verify_scene(bundle, usd_checked=True)
-    for problem in proof["problems"]:
-        log.warning("%s: %s", scene_id, problem)
-    record["warnings"] += proof["problems"]
     write_json(out_dir / RECORD_NAME, {**record, "verification": proof})
+    if not proof["sound"]:
+        # Whoever makes data of it must be able to tell.
+        bundle = replace(bundle, source={**bundle.source, UNSOUND: proof["problems"]})
+        save_index(bundle)
     return bundle
 
 
@@ -164,7 +171,12 @@ def _write_pictures(repaired: Repaired, out_dir: Path, scene_id: str, width_px: 
         (float(low[0]), float(low[1])), pixel_m, max(round(float(size[1]) / pixel_m), 1), width
     )
     first = len(repaired.original.faces)
-    views = [view_from_above(repaired.mesh, looks, f.floor_z_m, pixels, first) for f in floors]
+    views = [
+        view_from_above(
+            repaired.mesh, looks, f.floor_z_m, pixels, first, level.freemap.traversable_on(pixels)
+        )
+        for f, level in zip(floors, repaired.levels, strict=True)
+    ]
     filled = sum(h.fill for f in floors for h in f.holes)
     cracks = sum(len(f.cracks) for f in floors)
     added = sum(f.patch_area_m2 for f in floors)

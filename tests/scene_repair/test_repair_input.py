@@ -326,6 +326,41 @@ def test_unknown_kind(tmp_path: Path) -> None:
     assert ".glb" in refused(tmp_path / "scan.txt")
 
 
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("house.ifc", "IfcConvert house.ifc house.glb"),
+        ("house.E57", "CloudCompare"),
+        ("my.house.dae", "assimp export my.house.dae my.house.glb"),
+        ("house.fbx", "Blender"),
+        ("house.spz", "Gaussian splats"),
+    ],
+)
+def test_what_is_not_read_names_the_converter(name: str, told: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_bytes(b"anything")
+    message = refused(tmp_path / name)
+    assert told in message
+    assert ".glb, " in message
+
+
+@pytest.mark.parametrize(
+    ("properties", "told"),
+    [
+        ("x y z f_dc_0 opacity scale_0 rot_0", "3D Gaussian splatting"),
+        ("packed_position packed_rotation packed_scale packed_color", "SuperSplat"),
+    ],
+)
+def test_splats_are_no_point_cloud(properties: str, told: str, tmp_path: Path) -> None:
+    path = tmp_path / "scan.ply"
+    names = properties.split()
+    lines = "".join(f"property float {name}\n" for name in names)
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex 100\n{lines}end_header\n"
+    path.write_bytes(head.encode() + bytes(400 * len(names)))
+    message = refused(path)
+    assert "Gaussian splats" in message
+    assert told in message
+
+
 @pytest.mark.parametrize("suffix", ["glb", "gltf", "obj", "ply", "stl", "off"])
 @pytest.mark.parametrize("raw", [b"", b"not a mesh at all", b"\x00" * 200, b"ply\nformat"])
 def test_not_a_mesh(suffix: str, raw: bytes, tmp_path: Path) -> None:

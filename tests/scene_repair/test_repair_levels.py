@@ -34,6 +34,12 @@ BUILDINGS = {
     "slightly sunken": (buildings.sunken(0.15), (0.0,), (30.0,)),
     "mezzanine": (buildings.mezzanine(), (0.0, 2.5), (24.0, 8.0)),
     "furniture": (buildings.furnished(), (0.0,), (30.0,)),
+    "gable roof": (buildings.under_a_roof(30), (0.0,), (48.0,)),
+    "flat gable roof": (buildings.under_a_roof(14), (0.0,), (48.0,)),
+    "shed roof": (buildings.under_a_roof(10, shed=True), (0.0,), (48.0,)),
+    "ceiling in the floor's plane": (buildings.in_one_plane(), (0.0, 2.8), (20.0, 17.5)),
+    "ceiling just under the floor": (buildings.in_one_plane(0.01), (0.0, 2.8), (20.0, 17.5)),
+    "lift shaft": (buildings.lift_shaft(), (0.0,), (27.44,)),
 }
 
 

@@ -111,3 +111,65 @@ def furnished() -> Parts:
         scans.box((2.8, 0.0, 0.001), (6.0, 0.7, 0.9)),
         scans.box((3.2, 1.6, 0.001), (5.4, 2.6, 0.42)),
     ]
+
+
+def under_a_roof(pitch_deg: float, shed: bool = False) -> Parts:
+    """A room of 8 × 6 m with a flat ceiling, under a gable roof, or a shed roof, that juts out.
+
+    The roof is a solid of 20 cm; the gable walls reach up to it.
+    """
+    rise = np.tan(np.deg2rad(pitch_deg))
+    lower, upper = np.array([-0.6, -0.6]), np.array([8.6, 6.6])
+
+    def roof(z: float, facing_up: bool) -> trimesh.Trimesh:
+        sheet = scans.sheet(lower, upper, z=z, step=0.2, facing_up=facing_up)
+        points = np.array(sheet.vertices)
+        run = points[:, 1] + 0.6 if shed else 3.6 - np.abs(points[:, 1] - 3.0)
+        points[:, 2] += rise * run
+        sheet.vertices = points
+        return sheet
+
+    def gable(x: float) -> trimesh.Trimesh:
+        top = [(6.0, 2.7 + 6.6 * rise)] if shed else [(3.0, 2.7 + 3.6 * rise)]
+        points = [(x, y, z) for y, z in [(0.0, 2.6), (6.0, 2.6), *top]]
+        return trimesh.Trimesh(points, [[0, 1, 2]], process=False)
+
+    return [
+        *scans.room(size=(8.0, 6.0)),
+        scans.sheet((0, 0), (8, 6), z=2.7, step=0.5),
+        roof(2.7, facing_up=False),
+        roof(2.9, facing_up=True),
+        gable(0.0),
+        gable(8.0),
+    ]
+
+
+def in_one_plane(slab_m: float = 0.0) -> Parts:
+    """Two storeys whose lower ceiling lies in the plane of the upper floor, or `slab_m` below it.
+
+    As exporters stack storeys: the ceiling runs on across the stairwell of 1 × 2.5 m.
+    """
+    gap = scans.rectangle((1.0, 1.0), (2.0, 3.5))
+    steps = [
+        scans.box((1.0, 1.0 + 0.25 * k, 0.0), (2.0, 1.25 + 0.25 * k, 0.26 * (10 - k)))
+        for k in range(10)
+    ]
+    upper = [w.apply_translation((0, 0, 2.8)) for w in scans.walls((0, 0), (5, 4), 2.6)]
+    return [
+        scans.sheet((0, 0), (5, 4)),
+        *scans.walls((0, 0), (5, 4)),
+        scans.sheet((0, 0), (5, 4), z=2.8 - slab_m, facing_up=False),
+        scans.sheet((0, 0), (5, 4), z=2.8, without=gap),
+        *upper,
+        *steps,
+        scans.sheet((0, 0), (5, 4), z=5.4, facing_up=False),
+    ]
+
+
+def lift_shaft() -> Parts:
+    """A room of 6 × 5 m with a walled shaft of 1.6 × 1.6 m in it, without bottom or door."""
+    shaft = scans.rectangle((3.0, 3.0), (4.6, 4.6))
+    return [
+        *scans.room(size=(6.0, 5.0), without=shaft),
+        *scans.walls((3.0, 3.0), (4.6, 4.6), 2.6),
+    ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -10,11 +11,11 @@ import pytest
 
 from vlnpe.formats.core.errors import InputError, SceneError
 from vlnpe.formats.core.frames import wrap_angle
-from vlnpe.formats.scene.bundle import LabeledObject
+from vlnpe.formats.scene.bundle import LabeledObject, load_bundle
 from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.trajectory_sampler.config import SampleConfig
-from vlnpe.trajectory_sampler.sampling import sample_episodes
+from vlnpe.trajectory_sampler.sampling import LEAST_GAP_M, sample_episodes
 from vlnpe.trajectory_sampler.similarity import path_gap
 from vlnpe.wayfinding.crossings import crossings
 from vlnpe.wayfinding.distance import AGENT_RADIUS_M, distance_field
@@ -74,13 +75,13 @@ def test_episodes_survive_their_file(two_rooms, tmp_path):
 
 
 def test_too_many_asked_for_gives_fewer_and_says_why(two_rooms):
-    result = sample(two_rooms, count=12)
-    assert 2 <= len(result.episodes) < 12
+    result = sample(two_rooms, count=60)
+    assert 2 <= len(result.episodes) < 60
     assert result.dropped["too_similar"] > 0
-    assert f"{len(result.episodes)} of 12" in result.summary
+    assert f"{len(result.episodes)} of 60" in result.summary
     paths = [e.reference_path_world_m for e in result.episodes]
     for k, path in enumerate(paths):
-        assert path_gap(path, paths[:k] + paths[k + 1 :]) >= CONFIG.min_gap_m
+        assert path_gap(path, paths[:k] + paths[k + 1 :]) >= LEAST_GAP_M
 
 
 @pytest.mark.parametrize(
@@ -252,3 +253,30 @@ def test_a_goal_just_behind_a_door_is_in_the_next_room(two_rooms):
     assert [regions.names[c.to_region] for c in crossings(regions, behind)] == ["living room"]
     on_the_sill = np.array([[1.0, 2.0, 0.0], [4.2, 2.0, 0.0]])
     assert crossings(regions, on_the_sill) == []
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_length_is_below_the_least_one(two_rooms, seed):
+    for episode in sample(two_rooms, seed, min_length_m=4.0, count=6).episodes:
+        assert episode.geodesic_distance_m >= 4.0
+        assert path_length(episode.reference_path_world_m) >= 4.0
+
+
+@pytest.fixture
+def small_room(two_rooms, tmp_path):
+    """The kitchen of `two_rooms` with its door closed: 4 × 4 m with a table."""
+    root = tmp_path / "small_room"
+    shutil.copytree(two_rooms.root, root)
+    path = root / "levels" / "0" / "freemap.npz"
+    arrays = dict(np.load(path))
+    grid = two_rooms.freemap(0).grid
+    x = grid.center_of(np.stack(np.indices(grid.shape), axis=-1))[..., 0]
+    np.savez(path, **{**arrays, "traversable": arrays["traversable"] & (x < 3.9)})
+    return load_bundle(root)
+
+
+def test_a_small_room_gives_as_many_as_asked_for(small_room):
+    result = sample(small_room, count=4, min_length_m=1.5, min_crossings=0)
+    assert len(result.episodes) == 4
+    paths = [e.reference_path_world_m for e in result.episodes]
+    assert all(path_gap(p, paths[:k]) >= 0.4 for k, p in enumerate(paths) if k)

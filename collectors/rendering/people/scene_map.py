@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from ....formats.core.camera import CameraModel
 from ....formats.core.frames import matrix_to_quat
 from ....formats.scene.bundle import SceneBundle
+from ....formats.scene.grid import GridSpec
+from ....formats.scene.sections import inside_solids
 from ..camera.views import DOWN
 from ..interface import Renderer
 
@@ -19,6 +21,8 @@ CUT_M = 1.9
 MARGIN_M = 0.4
 MAX_SIDE_PX = 2000
 PAPER = 250
+# What fills a cut wall of a CAD model.
+CUT_RGB = (62, 66, 77)
 
 
 @dataclass(frozen=True)
@@ -79,5 +83,12 @@ def top_down_map(
         cut_above_m=floor_z + CUT_M,
     )
     image[depth <= 0] = PAPER
+    visual = bundle.visual()
+    pixels = GridSpec(
+        tuple((center - 0.5 * np.array([width, height]) / scale).tolist()), 1 / scale, height, width
+    )
+    solid = inside_solids(visual.vertices, visual.faces, floor_z + CUT_M, pixels)
+    solid &= ~bundle.freemap(level).traversable_on(pixels)
+    image[solid[::-1]] = CUT_RGB
     corner = center + np.array([-0.5 * width, 0.5 * height]) / scale
     return SceneMap(image, float(corner[0]), float(corner[1]), scale)

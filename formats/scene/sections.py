@@ -1,0 +1,81 @@
+"""Horizontal sections: where a plane cuts through solids, so that pictures can cap the cut."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.kernel import kernel
+from .grid import GridSpec
+
+
+def inside_solids(
+    vertices_m: NDArray[np.floating], faces: NDArray[np.integer], z_m: float, grid: GridSpec
+) -> NDArray[np.bool_]:
+    """Return (rows, columns) cells whose centres lie in the material of solids at a height.
+
+    The section's outline is followed by winding number, counted from all four sides: a closed solid
+    whose faces look outwards gives the same from each, an open or inverted surface does not.
+
+    Args:
+        vertices_m: (V, 3) world [m].
+        faces: (F, 3), counter-clockwise seen from outside.
+        z_m: height of the plane.
+        grid: the cells.
+    """
+    z = vertices_m[:, 2][faces]
+    # A plane through vertices would meet edges twice.
+    z_m += 1e-5
+    cut = np.flatnonzero((z.min(axis=1) < z_m) & (z.max(axis=1) > z_m))
+    outline = _outline(np.asarray(vertices_m, dtype=np.float64)[faces[cut]], z_m)
+    outline = (outline - np.asarray(grid.origin_xy_m)) / grid.cell_m - 0.5
+    along_rows = np.zeros((2, *grid.shape), dtype=np.int32)
+    along_columns = np.zeros((2, grid.columns, grid.rows), dtype=np.int32)
+    _count(outline, along_rows, 1)
+    _count(np.ascontiguousarray(outline[..., ::-1]), along_columns, -1)
+    solid = np.all(along_rows > 0, axis=0)
+    return solid & np.all(along_columns > 0, axis=0).T
+
+
+def _outline(triangles: NDArray[np.float64], z_m: float) -> NDArray[np.float64]:
+    """Directed segments (N, 2, 2) of the section, the material on their left."""
+    ends = np.full((len(triangles), 2, 2), np.nan)
+    found = np.zeros(len(triangles), dtype=np.int64)
+    for k in range(3):
+        p, q = triangles[:, k], triangles[:, (k + 1) % 3]
+        crosses = (p[:, 2] <= z_m) != (q[:, 2] <= z_m)
+        share = np.zeros(len(triangles))
+        share[crosses] = ((z_m - p[:, 2]) / np.where(crosses, q[:, 2] - p[:, 2], 1.0))[crosses]
+        at = p[:, :2] + share[:, None] * (q[:, :2] - p[:, :2])
+        rows = np.flatnonzero(crosses)
+        ends[rows, found[rows]] = at[rows]
+        found[rows] += 1
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    ahead = ends[:, 1] - ends[:, 0]
+    # The outward normal lies to the right of the segment.
+    turned = ahead[:, 0] * normal[:, 1] - ahead[:, 1] * normal[:, 0] > 0
+    ends[turned] = ends[turned][:, ::-1]
+    return ends[found == 2]
+
+
+@kernel()
+def _count(segments, winding, sign):
+    """Winding numbers of the centres by the crossings on their left [0] and right [1]."""
+    rows, columns = winding.shape[1:]
+    for n in range(len(segments)):
+        x0, y0 = segments[n, 0]
+        x1, y1 = segments[n, 1]
+        upward = 1 if y1 > y0 else -1
+        low, high = min(y0, y1), max(y0, y1)
+        for i in range(max(int(np.ceil(low)), 0), min(int(np.ceil(high)), rows)):
+            x = x0 + (i - y0) / (y1 - y0) * (x1 - x0)
+            first = min(max(int(np.ceil(x)), 0), columns)
+            if first < columns:
+                winding[0, i, first] -= sign * upward
+            if first > 0:
+                winding[1, i, first - 1] += sign * upward
+    for i in range(rows):
+        for j in range(1, columns):
+            winding[0, i, j] += winding[0, i, j - 1]
+        for j in range(columns - 2, -1, -1):
+            winding[1, i, j] += winding[1, i, j + 1]

@@ -1,0 +1,118 @@
+"""Scenes whose repaired floor has faults: told, refused by `collect`, and named where data are."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.support import scans
+from vlnpe.formats.core.errors import SceneError
+from vlnpe.formats.lerobot.card import CardFacts, dataset_card
+from vlnpe.formats.lerobot.layout import DEPTH_KEY
+from vlnpe.formats.scene.bundle import UNSOUND, load_bundle
+from vlnpe.pipeline.commands.chain import Repair, run_repair
+from vlnpe.pipeline.engine.executors import Workers
+from vlnpe.pipeline.engine.ledger import Ledger, Row
+from vlnpe.pipeline.engine.runner import Context, run_stage
+from vlnpe.pipeline.jobs.repair import SoundnessJob, facts_of
+from vlnpe.pipeline.stages import repair
+from vlnpe.scene_repair.verify.verdict import judge_level
+from vlnpe.scene_repair.write import scene as output
+
+SOUND_LEVEL: dict[str, Any] = {
+    "floor_area_m2": 60.0,
+    "rays": {},
+    "balls": {},
+    "steps_over_15_mm": [],
+    "steps_by_repair": 0,
+    "holes_still_open": [],
+    "holes_unlisted": [],
+    "holes_left_without_reason": [],
+}
+
+
+@pytest.mark.parametrize(("cells", "fault"), [(12, False), (2568, True)])
+def test_lost_cells_have_a_size_a_place_and_what_to_do(cells: int, fault: bool) -> None:
+    area = cells * 0.0025
+    place = {"xy_m": [1.5, -2.0], "area_m2": area}
+    probes = {"walkable_cells_lost": cells, "walkable_places_lost": [place]}
+    verdict = judge_level(SOUND_LEVEL, probes)
+    assert bool(verdict.faults) == fault
+    (text,) = verdict.faults + verdict.doubts
+    for words in (f"{cells} walkable cells", f"{area:.3f} m²", "x 1.5, y -2.0", "after.png"):
+        assert words in text
+
+
+def test_what_falls_through_is_never_small() -> None:
+    fallen = {"dropped": 600, "fell_through": 1, "where_xy_m": [[0.5, 0.5]]}
+    assert judge_level({**SOUND_LEVEL, "balls": {"visual.npz": fallen}}, {}).faults
+    assert not judge_level(SOUND_LEVEL, {}).faults
+
+
+@pytest.fixture(scope="module")
+def unsound(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A scan whose repair is made to fail its verification, and where it is repaired to."""
+    folder = tmp_path_factory.mktemp("unsound")
+    scan = scans.write_glb(scans.room(), folder / "room.glb")
+    proof = {"sound": False, "problems": ["level 0: a fault"], "doubts": [], "levels": []}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(output, "verify_scene", lambda *_, **__: proof)
+        assert run_repair(Repair(scan, folder / "scene")) == 1
+        assert run_repair(Repair(scan, folder / "scene", allow_unsound=True)) == 0
+    return scan, folder / "scene"
+
+
+def test_the_scene_says_so_itself(unsound: tuple[Path, Path]) -> None:
+    assert load_bundle(unsound[1]).source[UNSOUND] == ["level 0: a fault"]
+
+
+def test_decisions_are_told(unsound: tuple[Path, Path]) -> None:
+    facts = facts_of(json.loads((unsound[1] / "repair.json").read_text()))
+    text = "\n".join(repair.decisions(facts))
+    for words in ("glTF is y up", "metres by its specification", "floor at 0.00 m", "20.0 m²"):
+        assert words in text
+    assert "UNSOUND level 0: a fault" in text
+    assert facts["sound"] is False
+
+
+def test_collect_refuses_unsound_scenes_unless_allowed(tmp_path: Path) -> None:
+    rows = {
+        name: Row("repair", name, f"key-{name}", "done", facts={"problems": problems})
+        for name, problems in (("good", []), ("bad", ["level 1: cells lost", "more"]))
+    }
+    for name in rows:
+        (tmp_path / "scenes" / name).mkdir(parents=True)
+    ledger = Ledger(tmp_path)
+    with Workers(1) as workers:
+        context = Context(ledger, workers, progress=False)
+        for allow, kept in ((False, {"good"}), (True, {"good", "bad"})):
+            items = repair.check_items(rows, tmp_path / "scenes", allow)
+            summary = run_stage(context, repair.CHECK_STAGE, items, required=True)
+            assert set(summary.good()) == kept
+            assert summary.quarantined == int(not allow)
+    with pytest.raises(SceneError, match=r"bad is not sound: a; b.*--allow-unsound"):
+        SoundnessJob("bad", ("a", "b"), allow_unsound=False).run()
+
+
+def test_the_dataset_card_names_them() -> None:
+    info = {
+        "robot_type": "h1",
+        "total_frames": 10,
+        "total_episodes": 1,
+        "total_tasks": 1,
+        "fps": 4,
+        "codebase_version": "v3.0",
+        "features": {DEPTH_KEY: {"dtype": "video", "shape": [1, 1, 1]}},
+    }
+
+    def card(source: dict[str, Any]) -> str:
+        facts = CardFacts(
+            "t", "mit", {"train": [0]}, {"train": {"s"}}, 10.0, {"scenes": {"s": source}}
+        )
+        return dataset_card(facts, info)
+
+    assert "Unsound" not in card({"licence": "MIT"})
+    assert "`s`: level 1: cells lost" in card({"licence": "MIT", UNSOUND: ["level 1: cells lost"]})
