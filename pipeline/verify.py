@@ -9,9 +9,9 @@ from pathlib import Path
 import pyarrow.parquet as pq
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
-from tqdm import tqdm
 
 from ..formats.core.errors import VlnpeError
+from ..formats.core.progress import progress_bar
 from ..formats.internnav.reader import find_scenes, read_layout_episode
 from ..formats.mcap.rollout import read_rollout
 from ..formats.scene.bundle import INDEX_NAME, load_bundle
@@ -40,7 +40,7 @@ def verify_run(root: Path) -> list[Check]:
     ledger = Ledger.existing(root)
     rows = [row for row in ledger.rows() if row.status == "done"]
     checks = []
-    for row in tqdm(rows, desc="verify", unit="item"):
+    for row in progress_bar("verify", len(rows), items=rows):
         checks.append(Check(f"{row.stage} {row.item}", _problem(root, row)))
     return checks
 

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 import torch
-from tqdm import tqdm
 
 from ...formats.core.atomic import write_json
 from ...formats.core.digest import file_digest
 from ...formats.core.errors import InputError
+from ...formats.core.progress import progress_bar
 from ...formats.core.source import code_digest
 from ...formats.lerobot.layout import STATS_PATH
 from ..episode_index import episode_tables
@@ -113,9 +113,7 @@ def run_ablation(
     blank = training_tokens([], config.tokens)
     baselines = {name: _cached(chosen, blank, config, out) for name, chosen in held.items()}
     rows = {}
-    with tqdm(
-        total=len(plans) * config.seeds * config.steps, desc="train", unit="step", disable=not show
-    ) as bar:
+    with progress_bar("train", len(plans) * config.seeds * config.steps, show=show) as bar:
         for name, plan in plans.items():
             rows[name] = _row(plan, held, config, recipe.seed, out, bar)
     return Ablation(
@@ -151,7 +149,7 @@ def _decode(selections: list[Selection], config: TrainConfig, out: Path, show: b
     blank = training_tokens([], config.tokens)
     todo = [_cached(selection, blank, config, out) for selection in selections]
     total = sum(len(episodes) for episodes in todo)
-    with tqdm(total=total, desc="decode", unit="episode", disable=not show) as bar:
+    with progress_bar("decode", total, show=show) as bar:
         for episodes in todo:
             for number in range(len(episodes)):
                 episodes.prepare(number)

@@ -15,9 +15,8 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tqdm import tqdm
-
 from ...formats.core.errors import InputError, VlnpeError
+from ...formats.core.progress import progress_bar
 from .executors import Workers
 from .ledger import Ledger, Row
 from .work import ItemResult, Job, WorkItem
@@ -125,17 +124,15 @@ def run_stage(
         else:
             waiting.append(item)
     ledger.forget(stage, [item.name for item in waiting])
-    bar = tqdm(
-        total=len(items),
+    bar = progress_bar(
+        f"{' '.join([stage, *scope.split('/')[:2]]):<{BAR_LABEL}}",
+        len(items),
         initial=len(items) - len(waiting),
-        desc=f"{' '.join([stage, *scope.split('/')[:2]]):<{BAR_LABEL}}",
-        unit="item",
-        disable=not context.progress,
-        bar_format="{desc} {percentage:3.0f}%|{bar:24}| {n_fmt}/{total_fmt} [{elapsed}] {postfix}",
+        note=_note(summary),
+        show=context.progress,
     )
     errors: list[BaseException] = []
     try:
-        _show(bar, summary)
         for item, outcome, seconds in _outcomes(context.workers, waiting):
             row = _row(stage, item, outcome, seconds, ledger.root)
             ledger.add(row)
@@ -145,7 +142,7 @@ def run_stage(
             if isinstance(outcome, BaseException):
                 summary.quarantined += 1
                 errors.append(outcome)
-            _show(bar, summary)
+            bar.set_postfix_str(_note(summary), refresh=False)
             bar.update()
     except BaseException:
         with contextlib.suppress(OSError):  # a full disk must not hide that it is full
@@ -172,11 +169,10 @@ class StageFailedError(VlnpeError):
     """Every item of a stage broke, and not for a reason that lies in the input."""
 
 
-def _show(bar: tqdm, summary: StageSummary) -> None:
-    bar.set_postfix_str(
+def _note(summary: StageSummary) -> str:
+    return (
         f"done {summary.done}, reused {summary.reused}, failed {summary.failed}"
-        f", quarantined {summary.quarantined}",
-        refresh=False,
+        f", quarantined {summary.quarantined}"
     )
 
 

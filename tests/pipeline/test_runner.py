@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -166,3 +169,43 @@ def test_a_ledger_that_cannot_be_written_does_not_hide_why(tmp_path, workers, mo
     monkeypatch.setattr(full.ledger, "save", refuse)
     with pytest.raises(InputError, match=r"x\.txt: No space left"):
         run_stage(full, "s", items)
+
+
+def test_a_piped_run_tells_each_stage_in_few_lines(tmp_path: Path) -> None:
+    code = f"""
+from pathlib import Path
+from tests.support import work
+from vlnpe.pipeline.engine.executors import Workers
+from vlnpe.pipeline.engine.ledger import Ledger
+from vlnpe.pipeline.engine.runner import Context, run_stage
+from vlnpe.pipeline.engine.work import WorkItem
+
+if __name__ == "__main__":
+    root = Path({str(tmp_path)!r})
+    paths = [root / f"{{n}}.txt" for n in range(200)]
+    calls = [work.Call(work.write, (p, "fell" if n < 9 else "hello")) for n, p in enumerate(paths)]
+    items = [WorkItem(p.stem, "k", (p,), c) for p, c in zip(paths, calls)]
+    with Workers(1) as pool:
+        for _ in range(2):
+            run_stage(Context(Ledger(root), pool), "write", items)
+"""
+    script = tmp_path / "piped.py"
+    script.write_text(code)
+    top = str(Path(__file__).parents[2])
+    done = subprocess.run(
+        [sys.executable, str(script)],
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        env={**os.environ, "PYTHONPATH": top},
+    )
+    lines = done.stderr.splitlines()
+    assert len(lines) == 12 and "\r" not in done.stderr, done.stderr
+    assert lines[10].endswith("done 200, reused 0, failed 9, quarantined 0")
+    assert "200/200" in lines[11] and "done 0, reused 200, failed 9" in lines[11]
+    # `verify` reads the same run with the same helper.
+    command = [sys.executable, "-m", "vlnpe.pipeline.cli", "verify", str(tmp_path)]
+    verified = subprocess.run(command, check=True, capture_output=True, text=True, timeout=300)
+    told = [line for line in verified.stderr.splitlines() if line.startswith("verify")]
+    assert len(told) == 11 and "200/200" in told[-1]

@@ -1,0 +1,74 @@
+"""Progress on stderr: a bar on a terminal, elsewhere a line per tenth, so that logs stay small."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from typing import Any
+
+from tqdm import tqdm
+
+_BAR = "{desc} {percentage:3.0f}%|{bar:24}| {n_fmt}/{total_fmt} [{elapsed}<{remaining}]{postfix}"
+_LINE = "{desc} {percentage:3.0f}% {n_fmt}/{total_fmt} [{elapsed}<{remaining}]{postfix}"
+
+
+def progress_bar(
+    name: str,
+    total: int,
+    *,
+    items: Iterable[Any] | None = None,
+    initial: int = 0,
+    note: str = "",
+    show: bool = True,
+) -> tqdm:
+    """Return a progress bar: a context manager with `update`, and an iterator over `items`.
+
+    Where stderr is no terminal, it writes a line at the start, one whenever another tenth is done,
+    and one for where it was closed: twelve at most.
+
+    Args:
+        name: what is being done.
+        total: how many items there are.
+        items: to iterate over; without them, `update` is called by hand.
+        initial: how many items are done already.
+        note: follows the counts; `set_postfix_str` changes it.
+        show: false shows nothing.
+    """
+    terminal = sys.stderr.isatty()
+    how: dict[str, Any] = {} if terminal else {"mininterval": 0, "miniters": 1}
+    return (tqdm if terminal else _Lines)(
+        items,
+        total=total,
+        initial=initial,
+        desc=name,
+        postfix=note,
+        disable=not show,
+        bar_format=_BAR if terminal else _LINE,
+        **how,
+    )
+
+
+class _Lines(tqdm):
+    """A bar that never overwrites what it has written."""
+
+    _tenth = -1
+    _written = -1
+
+    def display(self, msg: str | None = None, pos: int | None = None) -> None:
+        """Write a line where another tenth is done."""
+        tenth = 10 * self.n // self.total if self.total else 10
+        if tenth > self._tenth:
+            self._tenth = tenth
+            self._write()
+
+    def close(self) -> None:
+        """Write where it has ended, if no line says so."""
+        if not self.disable and self.n != self._written:
+            self._write()
+        self.sp = None  # nothing to overwrite or to finish on the screen
+        super().close()
+
+    def _write(self) -> None:
+        self._written = self.n
+        self.fp.write(f"{self}\n")
+        self.fp.flush()

@@ -1,0 +1,72 @@
+"""Progress as another process reads it: few lines in a pipe, a bar on a terminal."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+BARS = """
+from vlnpe.formats.core.progress import progress_bar
+
+with progress_bar("walk", 5000, note="done 0") as bar:
+    for n in range(5000):
+        bar.set_postfix_str(f"done {n + 1}", refresh=False)
+        bar.update()
+for _ in progress_bar("short", 3, items=range(3)):
+    pass
+progress_bar("reused", 7, initial=7, note="reused 7").close()
+progress_bar("nothing", 0).close()
+progress_bar("hidden", 9, show=False).close()
+try:
+    with progress_bar("broken", 100) as bar:
+        bar.update(42)
+        bar.update(5)
+        raise KeyboardInterrupt
+except KeyboardInterrupt:
+    pass
+"""
+
+
+def test_a_pipe_gets_a_line_per_tenth() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", BARS], check=True, capture_output=True, text=True, timeout=120
+    )
+    assert not done.stdout and "\r" not in done.stderr and "\n\n" not in done.stderr
+    told = [line.split() for line in done.stderr.splitlines()]
+    by_name = {name: [w for w in told if w[0] == name] for name in {words[0] for words in told}}
+    walk = by_name["walk"]
+    assert [words[1] for words in walk] == [f"{p}%" for p in range(0, 101, 10)]
+    assert [words[2] for words in walk][-2:] == ["4500/5000", "5000/5000"]
+    assert walk[0][-2:] == ["done", "0"] and walk[-1][-2:] == ["done", "5000"]
+    assert [words[2] for words in by_name["short"]] == ["0/3", "1/3", "2/3", "3/3"]
+    assert [words[1:3] for words in by_name["reused"]] == [["100%", "7/7"]]
+    assert by_name["reused"][0][-2:] == ["reused", "7"]
+    assert len(by_name["nothing"]) == 1 and "hidden" not in by_name
+    # Where it broke is told, though no new tenth was reached.
+    assert [words[2] for words in by_name["broken"]] == ["0/100", "42/100", "47/100"]
+
+
+@pytest.mark.skipif(not hasattr(os, "openpty"), reason="no pseudo-terminals here")
+def test_a_terminal_gets_one_bar() -> None:
+    import fcntl
+    import struct
+    import termios
+
+    main, side = os.openpty()
+    fcntl.ioctl(side, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 120, 0, 0))
+    code = "\n".join(BARS.splitlines()[:7])
+    with subprocess.Popen([sys.executable, "-c", code], stderr=side) as process:
+        os.close(side)
+        told = b""
+        try:
+            while part := os.read(main, 4096):
+                told += part
+        except OSError:  # how Linux says that the other end is closed
+            pass
+    os.close(main)
+    assert process.returncode == 0
+    assert b"\r" in told and b"100%|" in told and told.count(b"\n") == 1
+    assert b"5000/5000" in told and b"done 5000" in told
