@@ -12,6 +12,7 @@ from scipy.stats import t as student_t
 from .evaluate import EpisodeScore, Summary
 
 CONFIDENCE = 0.95
+FEW = 6  # held-out trajectories below which an interval needs a word of caution
 _RESAMPLES = 2000
 
 
@@ -91,6 +92,28 @@ def paired_differences(
         name: Difference(float(mean[k]), float(mean[k] - half[k]), float(mean[k] + half[k]))
         for k, name in enumerate(Summary.__dataclass_fields__)
     }
+
+
+def caution(trainings: int, trajectories: int) -> str:
+    """Return why differences have no interval, or a doubtful one; empty where nothing is to say.
+
+    Args:
+        trainings: per row.
+        trajectories: held out.
+    """
+    missing = []
+    if trajectories < 2:
+        missing.append("one held-out trajectory cannot tell how much trajectories vary")
+    if trainings < 2:
+        missing.append("one training per row cannot tell how much trainings vary")
+    if missing:
+        return f"no interval, because {' and '.join(missing)}."
+    if trajectories < FEW:
+        return (
+            f"the intervals rest on {trajectories} held-out trajectories only, so they are wide, "
+            "and other trajectories may differ more than these do."
+        )
+    return ""
 
 
 def _half_width(variances: NDArray[np.float64], freedom: NDArray[np.int64]) -> NDArray[np.float64]:

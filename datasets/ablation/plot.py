@@ -21,10 +21,15 @@ def plot_png(rows: Mapping[str, Mapping[str, Mapping[str, Estimate]]], title: st
 
     trained = [name for name in rows if name not in (CONSTANT, REPEAT)]
     places = list(rows[CONSTANT])
+    columns = min(len(places), 3)  # more would be too small to read on a page
+    rows_of = math.ceil(len(places) / columns)
     figure = Figure(
-        figsize=(3.4 * len(places) + 2.2, 0.42 * len(trained) + 1.7), layout="constrained"
+        figsize=(3.4 * columns + 2.2, (0.42 * len(trained) + 1.3) * rows_of + 0.4),
+        layout="constrained",
     )
-    axes = figure.subplots(1, len(places), sharey=True, squeeze=False)[0]
+    axes = figure.subplots(rows_of, columns, sharey=True, squeeze=False).ravel()
+    for unused in axes[len(places) :]:
+        unused.remove()
     for place, axis, colour in zip(places, axes, _COLOURS * len(places), strict=False):
         for name, style in ((CONSTANT, "--"), (REPEAT, ":")):
             value = 100 * rows[name][place]["action"].mean

@@ -1,8 +1,7 @@
-"""An ablation as a table: Markdown for people, JSON for programs, one HTML page with the plot."""
+"""An ablation as tables: Markdown for people, JSON for programs."""
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -11,8 +10,9 @@ import numpy as np
 
 from ..mixture.table import plan_json
 from .evaluate import EpisodeScore, Summary
+from .fit import training_fit
 from .holdout import scene_of
-from .intervals import Difference, Estimate, over_seeds, paired_differences
+from .intervals import Difference, Estimate, caution, over_seeds, paired_differences
 from .run import Ablation, Row
 
 MARGIN = 0.10  # by which an agent must beat the commonest action to have learned something
@@ -69,6 +69,9 @@ def report_json(ablation: Ablation) -> dict[str, Any]:
         "differences": [
             {
                 **entry,
+                "caution": caution(
+                    ablation.config.seeds, _held_trajectories(ablation, entry["on"])
+                ),
                 "difference": {
                     metric: {k: _or_none(v) for k, v in vars(difference).items()}
                     for metric, difference in entry["difference"].items()
@@ -76,6 +79,11 @@ def report_json(ablation: Ablation) -> dict[str, Any]:
             }
             for entry in differences(ablation)
         ],
+        "training_fit": {
+            name: {"action": estimate(fit.action), "constant": fit.constant, "fits": fit.fits}
+            for name, row in ablation.rows.items()
+            for fit in [training_fit(row)]
+        },
         "mixtures": [plan_json(row.plan) for row in ablation.rows.values()],
     }
 
@@ -84,141 +92,140 @@ def report_markdown(ablation: Ablation, plot: str) -> str:
     """The report; `plot` is the picture's file name."""
     lines = [f"# {ablation.recipe.title or 'Ablation'}", "", *_setting(ablation), ""]
     lines += [f"![Held-out action accuracy by training data]({plot})", ""]
-    lines += [*_table(ablation), "", *_verdicts(ablation), ""]
+    found = estimates(ablation)
+    for where in ablation.held:
+        lines += [f"## Tested on {where}", "", *_table(ablation, found, where), ""]
+        lines += [_verdict(ablation, found, where), ""]
+    lines += ["## Training fit", "", *_fits(ablation), ""]
     if ablation.recipe.compare:
         lines += ["## Differences", "", *_comparisons(ablation), ""]
     return "\n".join(lines)
 
 
-def report_html(markdown: str, picture_base64: str) -> str:
-    """The same as one page that needs nothing else."""
-    body = []
-    for block in markdown.split("\n\n"):
-        if block.startswith("#"):
-            level = len(block) - len(block.lstrip("#"))
-            body.append(f"<h{level}>{_inline(block.lstrip('# '))}</h{level}>")
-        elif block.startswith("!["):
-            body.append(f'<img alt="" src="data:image/png;base64,{picture_base64}">')
-        elif block.startswith("|"):
-            body.append(_html_table(block.splitlines()))
-        elif block.startswith("- "):
-            items = "".join(f"<li>{_inline(line[2:])}</li>" for line in block.splitlines())
-            body.append(f"<ul>{items}</ul>")
-        elif block.strip():
-            body.append(f"<p>{_inline(block)}</p>")
-    style = (
-        "body{font:16px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem}"
-        "table{border-collapse:collapse;display:block;overflow-x:auto}"
-        "td,th{padding:.3rem .7rem;border-bottom:1px solid #ddd;text-align:right}"
-        "td:first-child,th:first-child{text-align:left}img{max-width:100%}"
-    )
-    return (
-        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>Ablation</title>'
-        f"<style>{style}</style>{''.join(body)}</html>\n"
-    )
+def _counted(count: int, one: str, many: str = "") -> str:
+    return f"{count} {one if count == 1 else many or one + 's'}"
+
+
+def _held_trajectories(ablation: Ablation, where: str) -> int:
+    return len(set(ablation.held[where].trajectories().tolist()))
 
 
 def _setting(ablation: Ablation) -> list[str]:
     config, holdout = ablation.config, ablation.holdout
-    held = ", ".join(f"{len(selection)} {name}" for name, selection in ablation.held.items())
+    held = "; ".join(
+        f"{name}: {_counted(len(selection), 'episode')} of "
+        f"{_counted(_held_trajectories(ablation, name), 'trajectory', 'trajectories')}"
+        for name, selection in ablation.held.items()
+    )
+    many = len(holdout.scenes) > 1
     what = (
-        f"whole scenes ({', '.join(holdout.scenes)})"
+        f"{'whole scenes' if many else 'a whole scene'} ({', '.join(holdout.scenes)})"
         if holdout.by == "scene"
         else "trajectories of scenes that training knows"
     )
-    scenes = len({scene_of(t) for t in holdout.trajectories})
+    trajectories = _counted(len(holdout.trajectories), "trajectory", "trajectories")
+    scenes = _counted(len({scene_of(t) for t in holdout.trajectories}), "scene")
     return [
-        f"Held out: {what}; {len(holdout.trajectories)} trajectories in {scenes} "
-        f"scene{'s' * (scenes > 1)}, none of which any row has seen by any robot. Episodes "
-        f"predicted: {held}.",
+        f"Held out: {what}; {trajectories} in {scenes}, which no row has seen by any robot. "
+        f"Predicted: {held}.",
         "",
-        f"Every row: {config.seeds} training{'s' * (config.seeds > 1)} of {config.steps} steps of "
-        f"{config.batch} episodes, images of {config.size_px} px, whatever its amount of data. "
+        f"Every row: {_counted(config.seeds, 'training')} of {_counted(config.steps, 'step')} of "
+        f"{_counted(config.batch, 'episode')}, images of {config.size_px} px, whatever its amount "
+        "of data. "
         "Predicted step by step with the true steps before (teacher forcing), so these are no "
         "success rates. Action: part of the steps whose action (of 4) is right. Waypoints: mean "
         "distance of the next 8 poses. Stop: mean of the parts of the steps within 4 steps of "
         "the end, and of the others, that are recognised; 50 % is chance.",
         "",
         f"± is Student's t-interval at 95 % over {config.seeds} seeds: how much trainings vary, "
-        "not scenes."
+        "not trajectories or scenes."
         if config.seeds > 1
-        else "One training per row tells nothing of how much trainings vary.",
+        else "No row has an interval: one training tells nothing of how much trainings vary.",
     ]
 
 
-def _table(ablation: Ablation) -> list[str]:
-    where = list(ablation.held)
-    head = ["trained on", "episodes", *(f"{w}: {_TITLES[m]}" for w in where for m in _TITLES)]
-    lines = ["| " + " | ".join(head) + " |", "| --- | ---:" + " | ---:" * (len(head) - 2) + " |"]
-    for name, row in estimates(ablation).items():
+def _table(ablation: Ablation, found: Mapping[str, Any], where: str) -> list[str]:
+    head = ["trained on", "episodes", *_TITLES.values()]
+    lines = ["| " + " | ".join(head) + " |", "| --- |" + " ---: |" * (len(head) - 1)]
+    for name, row in found.items():
         trained = ablation.rows.get(name)
-        count = str(sum(len(s.selection) for s in trained.plan.sources)) if trained else "–"
-        cells = [_cell(metric, row[w][metric]) for w in where for metric in _TITLES]
+        count = str(_episodes(trained)) if trained else "–"
+        cells = [_cell(metric, row[where][metric]) for metric in _TITLES]
         lines.append("| " + " | ".join([name, count, *cells]) + " |")
     return lines
 
 
-def _verdicts(ablation: Ablation) -> list[str]:
-    """Which rows beat the commonest action by enough, and if not, what that looks like."""
-    found = estimates(ablation)
-    lines = []
-    for where in ablation.held:
-        constant = found[CONSTANT][where]["action"].mean
-        best = max(ablation.rows, key=lambda name: found[name][where]["action"].mean)
-        reached = found[best][where]["action"].mean
-        gain = reached - constant
-        text = (
-            f"- **{where}**: the best row ({best}) is {100 * gain:+.1f} points from the commonest "
-            f"action ({100 * constant:.1f} %)"
+def _verdict(ablation: Ablation, found: Mapping[str, Any], where: str) -> str:
+    """Which rows beat the commonest action by enough, and if not, what to do."""
+    constant = found[CONSTANT][where]["action"].mean
+    gains = {name: found[name][where]["action"].mean - constant for name in ablation.rows}
+    best = max(gains, key=lambda name: gains[name])
+    text = (
+        f"The best row ({best}) is {100 * gains[best]:+.1f} points from the commonest action "
+        f"({100 * constant:.1f} %)"
+    )
+    if gains[best] >= MARGIN:
+        short = [name for name, gain in gains.items() if gain < MARGIN]
+        return f"{text}; asked for: at least +10. " + (
+            f"Not reached by: {', '.join(short)}." if short else "Every row reaches it."
         )
-        short = [
-            name for name in ablation.rows if found[name][where]["action"].mean - constant < MARGIN
-        ]
-        if gain >= MARGIN:
-            text += "; asked for: at least +10. "
-            if short:
-                text += f"Not reached by: {', '.join(short)}."
-        else:
-            text += f", short of the +10 asked for. {_why(ablation.rows[best], reached, constant)}"
-        lines.append(text.rstrip())
+    text += ", short of the +10 asked for."
+    left = 1 - constant
+    if left < 2 * MARGIN:
+        text += (
+            f" All other actions are only {100 * left:.1f} % of the steps, so +10 would be most of "
+            "what can be gained."
+        )
+    row = ablation.rows[best]
+    if training_fit(row).fits:
+        few = "is" if _episodes(row) == 1 else "are"
+        amount = f"{_counted(_episodes(row), 'episode')} {few} too few to carry over"
+        return f"{text} It fits what it has seen (below), and {amount}: collect more."
+    return f"{text} It does not even fit what it has seen (below): raise steps or model sizes."
+
+
+def _episodes(row: Row) -> int:
+    return sum(len(source.selection) for source in row.plan.sources)
+
+
+def _fits(ablation: Ablation) -> list[str]:
+    lines = [
+        "On some of its own training episodes, a row that fits makes at most half of the errors "
+        "that always taking the commonest action makes. This does not depend on what it is tested "
+        "on. A row that does not fit is trained too briefly or too small.",
+        "",
+        "| trained on | training actions right | commonest action | fits |",
+        "| --- | ---: | ---: | --- |",
+    ]
+    for name, row in ablation.rows.items():
+        fit = training_fit(row)
+        cells = [_cell("action", fit.action), f"{100 * fit.constant:.1f} %"]
+        lines.append("| " + " | ".join([name, *cells, "yes" if fit.fits else "no"]) + " |")
     return lines
 
 
-def _why(row: Row, reached: float, constant: float) -> str:
-    left = 1 - constant
-    if left < 2 * MARGIN:
-        return (
-            f"All other actions are only {100 * left:.1f} % of the steps, so +10 would be most of "
-            f"what can be gained. {_fit(row, reached, left / 2)}"
-        )
-    return _fit(row, reached, MARGIN)
-
-
-def _fit(row: Row, reached: float, much: float) -> str:
-    """Whether it lacks data or training: it lacks data if it does `much` better on what it saw."""
-    fitted = over_seeds([Summary.of(run).action for run in row.training]).mean
-    episodes = sum(len(source.selection) for source in row.plan.sources)
-    if fitted - reached > much:
-        return (
-            f"It gets {100 * fitted:.1f} % of its training steps right, so it fits what it has "
-            f"seen, and {episodes} episodes are too few to carry over: collect more."
-        )
-    return (
-        f"It gets only {100 * fitted:.1f} % of its training steps right, so it is trained too "
-        "briefly or too small: raise steps or model sizes."
-    )
-
-
 def _comparisons(ablation: Ablation) -> list[str]:
-    lines = [
-        "Interval: Welch's t at 95 %, over seeds and over bootstrapped held-out trajectories, the "
-        "same trajectories for both rows. It is of these held-out scenes; other scenes vary more. "
-        "Bold: 0 is outside; of many numbers some are so by chance.",
-        "",
-        "| | on | action, points | waypoints, m | stop, points |",
+    entries = differences(ablation)
+    lines = []
+    if any(not math.isnan(d.low) for entry in entries for d in entry["difference"].values()):
+        lines += [
+            "Interval: Welch's t at 95 %, over seeds and over bootstrapped held-out trajectories, "
+            "the same trajectories for both rows. It is of these held-out scenes; other scenes "
+            "vary more. Bold: 0 is outside; of many numbers some are so by chance.",
+            "",
+        ]
+    doubts: dict[str, list[str]] = {}
+    for where in ablation.held:
+        doubt = caution(ablation.config.seeds, _held_trajectories(ablation, where))
+        doubts.setdefault(doubt, []).append(where)
+    for doubt, places in doubts.items():
+        if doubt:
+            lines += [f"On {', '.join(places)}: {doubt}", ""]
+    lines += [
+        "| with − without | on | action, points | waypoints, m | stop, points |",
         "| --- | --- | ---: | ---: | ---: |",
     ]
-    for entry in differences(ablation):
+    for entry in entries:
         found: Mapping[str, Difference] = entry["difference"]
         cells = [
             _span(found["action"], 100, 1),
@@ -253,17 +260,3 @@ def _span(value: Difference, scale: float, digits: int) -> str:
     low, high = scale * value.low, scale * value.high
     mark = "**" if low > 0 or high < 0 else ""
     return f"{mark}{scale * value.mean:+.{digits}f}{mark} ({low:+.{digits}f} … {high:+.{digits}f})"
-
-
-def _inline(text: str) -> str:
-    parts = html.escape(text).split("**")
-    return "".join(f"<b>{p}</b>" if n % 2 else p for n, p in enumerate(parts))
-
-
-def _html_table(lines: list[str]) -> str:
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
-    head = "".join(f"<th>{_inline(cell)}</th>" for cell in rows[0])
-    body = "".join(
-        "<tr>" + "".join(f"<td>{_inline(cell)}</td>" for cell in row) + "</tr>" for row in rows[2:]
-    )
-    return f"<table><tr>{head}</tr>{body}</table>"

@@ -44,11 +44,13 @@ class Row:
         plan: what they took.
         scores: by evaluated source, by seed.
         training: scores of some training episodes, by seed.
+        training_constant: scores of the commonest action of each source on the same episodes.
     """
 
     plan: MixturePlan
     scores: Mapping[str, list[list[EpisodeScore]]]
     training: list[list[EpisodeScore]]
+    training_constant: list[EpisodeScore]
 
 
 @dataclass(frozen=True)
@@ -172,6 +174,7 @@ def _row(
     tokens = training_tokens(words, config.tokens)
     sources = [_cached(source.selection, tokens, config, out) for source in plan.sources]
     tests = {name: _cached(selection, tokens, config, out) for name, selection in held.items()}
+    some = [_some(source, len(sources)) for source in sources]
     scores: dict[str, list[list[EpisodeScore]]] = {name: [] for name in held}
     training = []
     for seed in range(first_seed, first_seed + config.seeds):
@@ -184,7 +187,6 @@ def _row(
                 sources, plan.shares.tolist(), tokens, config, seed, job.checkpoint, progress
             )
             value = {name: score_agent(agent, test) for name, test in tests.items()}
-            some = [_some(source, len(sources)) for source in sources]
             seen = [score for episodes in some for score in score_agent(agent, episodes)]
             told = {name: [s.to_json() for s in run] for name, run in value.items()}
             write_json(job.result, {"scores": told, "training": [s.to_json() for s in seen]})
@@ -194,7 +196,8 @@ def _row(
         for name, run in value["scores"].items():
             scores[name].append([EpisodeScore(**score) for score in run])
         training.append([EpisodeScore(**score) for score in value["training"]])
-    return Row(plan, scores, training)
+    constant = [score for episodes in some for score in score_constant(episodes)]
+    return Row(plan, scores, training, constant)
 
 
 def _show(bar: Any, before: int, done: int) -> None:

@@ -63,8 +63,9 @@ def run(options: Ablate) -> int:
         import torch
     except ImportError as error:
         raise InputError("torch is not installed; run: uv sync --inexact --extra train") from error
+    from ...datasets.ablation.page import report_html
     from ...datasets.ablation.plot import plot_png
-    from ...datasets.ablation.report import estimates, report_html, report_json, report_markdown
+    from ...datasets.ablation.report import estimates, report_json, report_markdown
     from ...datasets.ablation.run import run_ablation
 
     recipe = read_recipe(recipe_path(options.recipe))

@@ -85,10 +85,13 @@ def test_from_recipe_to_table_and_again_without_training(
     path.write_text(json.dumps(recipe()))
     call = ["ablate", str(path), "--data", str(runs), "--out", str(out), "--json", "--threads", "1"]
     assert main(call) == 0
-    told = capsys.readouterr().out
+    told, shown = capsys.readouterr()
+    assert len(shown.splitlines()) <= 2 * 12 and "\r" not in shown  # stderr is no terminal here
     result = json.loads(told.splitlines()[-1])
     assert set(result["rows"]) == {"best constant", "repeat the step before", "alone", "both"}
+    assert set(result["training_fit"]) == {"alone", "both"}
     for row in ("alone", "both"):
+        assert 0 < result["training_fit"][row]["constant"] < 1
         action = result["rows"][row]["humanoid"]["action"]
         assert 0 <= action["mean"] <= 1 and action["half"] is not None
     assert result["holdout"]["by"] == "scene" and len(result["holdout"]["scenes"]) == 1
