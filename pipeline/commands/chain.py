@@ -12,7 +12,6 @@ import tyro
 
 from ...formats.core.errors import InputError
 from ...formats.scene.bundle import INDEX_NAME
-from ...instruction_gen.records import InstructConfig
 from ...scene_repair.config import RepairConfig
 from ...trajectory_sampler.sampling import SampleConfig
 from ..stages import align, episodes, repair, scans
@@ -107,22 +106,6 @@ class Sample:
     """Print one JSON object with the summary as the last line."""
 
 
-@dataclass(frozen=True)
-class Instruct:
-    """Write instructions for the episodes that have none."""
-
-    episodes: tyro.conf.Positional[Path]
-    """Episode file of `sample` or `align`."""
-    scenes: Path
-    """Folder of repaired scenes."""
-    out: Path = Path("told.json.gz")
-    """Episode file to write."""
-    seed: int = 0
-    """Of the phrasing."""
-    json: Json = False
-    """Print one JSON object with the summary as the last line."""
-
-
 def run_scan(options: Scan) -> int:
     """Generate one scan."""
     refuse_to_replace(options.out, SCAN_NAMES)
@@ -175,14 +158,6 @@ def run_sample(options: Sample) -> int:
     except ValueError as error:
         raise InputError(str(error)) from error
     facts = episodes.process_sample(options.scene, options.out, config, options.seed).facts
-    return tell(options, facts, f"{options.out}: {facts['episodes']} episodes")
-
-
-def run_instruct(options: Instruct) -> int:
-    """Instruct one file's episodes."""
-    facts = episodes.process_instruct(
-        options.scenes, options.episodes, options.out, InstructConfig(), options.seed
-    ).facts
     return tell(options, facts, f"{options.out}: {facts['episodes']} episodes")
 
 

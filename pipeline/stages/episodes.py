@@ -1,4 +1,4 @@
-"""Stages `sample`, `align`, `filter` and `instruct`: what the robots will be asked to do."""
+"""Stage `sample`, and the joining of episode files: what the robots will be asked to do."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ import numpy as np
 from ...formats.core.episode import Episode
 from ...formats.scene.bundle import load_bundle
 from ...formats.vlnce.files import read_episodes, write_episodes
-from ...instruction_gen.instruct import instruct_episodes
-from ...instruction_gen.records import InstructConfig
 from ...trajectory_sampler.sampling import SampleConfig, sample_episodes
 from ..engine.keys import code_version, digest
 from ..engine.ledger import Row
@@ -36,26 +34,6 @@ def process_sample(scene: Path, out: Path, config: SampleConfig, seed: int) -> I
         "robot_radius_m": config.robot_radius_m,
     }
     return ItemResult(facts)
-
-
-def instruct_item(
-    source: Row, scenes: Path, episodes: Path, out: Path, config: InstructConfig, seed: int
-) -> WorkItem:
-    """Write instructions for the episodes that have none, from `episodes` into `out`."""
-    code = code_version("instruction_gen", "wayfinding", "formats", "pipeline/stages/episodes.py")
-    key = digest("instruct", source.key, config, seed, code)
-    arguments = (scenes, episodes, out, config, seed)
-    return WorkItem(source.item, key, (out,), process_instruct, arguments)
-
-
-def process_instruct(
-    scenes: Path, episodes: Path, out: Path, config: InstructConfig, seed: int
-) -> ItemResult:
-    """Instruct one file's episodes."""
-    asked = read_episodes(episodes)
-    told = instruct_episodes(asked, scenes, config, np.random.default_rng(seed))
-    write_episodes(out, told.episodes)
-    return ItemResult({"episodes": len(told.episodes), "problems": told.problems})
 
 
 def merge(parts: list[Path], out: Path) -> list[Episode]:
