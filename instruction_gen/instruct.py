@@ -14,7 +14,7 @@ import numpy as np
 from ..formats.core.episode import Episode
 from ..formats.core.errors import InputError
 from ..formats.scene.bundle import load_bundle
-from ..formats.visibility import Visibility
+from ..formats.scene.visibility import Visibility
 from ..formats.vlnce.files import scene_stem
 from .checker import Ground
 from .composer import compose_texts

@@ -17,8 +17,8 @@ from ..formats.core.errors import VlnpeError
 from ..formats.internnav.reader import find_scenes, read_layout_episode
 from ..formats.mcap.rollout import read_rollout
 from ..formats.scene.bundle import INDEX_NAME, load_bundle
+from ..formats.scene.visibility import read_visibility
 from ..formats.video.stream import probe_video
-from ..formats.visibility import read_visibility
 from ..formats.vlnce.files import read_episodes
 from ..scene_repair.verify.carrying import verify_scene
 from .engine.ledger import Ledger, Row

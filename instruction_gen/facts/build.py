@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...formats.core.episode import Episode
 from ...formats.scene.bundle import LabeledObject, SceneBundle
-from ...formats.visibility import Glimpse, PathSight, Visibility
+from ...formats.scene.visibility import Glimpse, PathSight, Visibility
 from ...wayfinding.crossings import DOORWAY_M, crossings
 from ...wayfinding.planning import path_length, point_along
 from ...wayfinding.regions import ROOM_PREFIX, RegionMap, region_map

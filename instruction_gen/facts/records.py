@@ -145,7 +145,7 @@ class LandmarkFact:
 
 @dataclass(frozen=True)
 class LookFact:
-    """The camera that looked, see `formats.visibility.SightCamera`."""
+    """The camera that looked, see `formats.scene.visibility.SightCamera`."""
 
     robot: str
     width_px: int

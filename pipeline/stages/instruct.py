@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ...formats.core.atomic import write_bytes
-from ...formats.visibility import read_visibility
+from ...formats.scene.visibility import read_visibility
 from ...formats.vlnce.files import read_episodes, write_episodes
 from ...instruction_gen.instruct import InstructResult, instruct_episodes
 from ...instruction_gen.records import InstructConfig
@@ -20,7 +20,7 @@ from ..engine.ledger import Ledger, Row
 from ..engine.runner import ItemResult, StageSummary, WorkItem
 
 STAGE = "instruct"
-CODE = ("instruction_gen", "formats", "pipeline/stages/instruct.py")
+CODE = ("instruction_gen", "wayfinding", "formats", "pipeline/stages/instruct.py")
 
 
 def item(

@@ -20,7 +20,13 @@ from ...formats.core.camera import CameraModel
 from ...formats.core.episode import Episode
 from ...formats.core.frames import quat_to_matrix, yaw_to_quat
 from ...formats.scene.bundle import SceneBundle, VisualMesh, load_bundle
-from ...formats.visibility import Glimpse, PathSight, SightCamera, Visibility, write_visibility
+from ...formats.scene.visibility import (
+    Glimpse,
+    PathSight,
+    SightCamera,
+    Visibility,
+    write_visibility,
+)
 from ...formats.vlnce.files import read_episodes, scene_stem
 from ...wayfinding.planning import point_along, resample
 from ..engine.keys import code_version, digest
@@ -28,7 +34,13 @@ from ..engine.ledger import Row
 from ..engine.runner import ItemResult, WorkItem
 
 STAGE = "look"
-CODE = ("collectors/rendering", "collectors/robots", "formats", "pipeline/stages/visibility.py")
+CODE = (
+    "collectors/rendering",
+    "collectors/robots",
+    "formats",
+    "wayfinding",
+    "pipeline/stages/visibility.py",
+)
 WIDTH_PX, HEIGHT_PX = 128, 96
 SPACING_M = 0.5
 _AHEAD_M = 0.4

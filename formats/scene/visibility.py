@@ -11,8 +11,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from .core.atomic import write_bytes
-from .core.errors import FileFormatError
+from ..core.atomic import write_bytes
+from ..core.errors import FileFormatError
 
 VISIBILITY_VERSION = 1
 
