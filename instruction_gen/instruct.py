@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import logging
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,8 @@ from ..formats.vlnce.files import scene_stem
 from .checker import Ground
 from .composer import compose_texts
 from .facts import LevelFacts, path_facts
-from .records import COMPOSER, InstructConfig, Told
+from .llm.brief import prompts_sha256
+from .records import COMPOSER, LOCAL, InstructConfig, Told
 
 logger = logging.getLogger(__name__)
 
@@ -36,7 +38,8 @@ class InstructResult:
         failed: why a path has no instruction, by episode id.
         unnamed: labels of the scenes that no noun is known for, with how often they occur.
         skeletons: sentences of the composer with slots for what varies, with how often.
-        facts: facts record of each instructed trajectory, as `write_facts` takes them.
+        facts: facts record of each instructed trajectory.
+        model: the client of a language model, if one was asked.
     """
 
     episodes: list[Episode]
@@ -44,6 +47,11 @@ class InstructResult:
     unnamed: dict[str, int] = field(default_factory=dict)
     skeletons: dict[str, int] = field(default_factory=dict)
     facts: dict[str, Any] = field(default_factory=dict)
+    model: list[Any] = field(default_factory=list)
+
+    def usage(self) -> dict[str, Any]:
+        """Requests, tokens and cost of a language model so far; empty without one."""
+        return asdict(self.model[0].budget.used()) if self.model else {}
 
 
 class Levels:
@@ -89,6 +97,7 @@ def instruct_episodes(
     seed: int,
     visibility: Visibility | None = None,
     writer: Writer | None = None,
+    cache: Path = Path("llm_cache"),
 ) -> InstructResult:
     """Write the instructions of each path whose episodes have none.
 
@@ -102,38 +111,78 @@ def instruct_episodes(
         config: how.
         seed: of the phrasing; each path's texts depend on it and on the path alone.
         visibility: what the robot's camera sees along the paths; without it, walls alone decide.
-        writer: writes a path's texts; by default the composer.
+        writer: writes a path's texts; by default the one that `config` names.
+        cache: folder of a language model's answers.
 
     Raises:
         FileFormatError: a scene is missing.
         InputError: an episode lies on a level that its scene does not have.
+        ModelDownError: a language model fails again and again; what it wrote is in the cache.
+        BudgetError: no more may be spent on one.
     """
     levels = Levels(scenes)
     taken: set[str] = set()
     skeletons: dict[str, int] = {}
-    done: dict[str, tuple[list[Told], list[str]]] = {}
     result = InstructResult([], skeletons=skeletons)
-    write = writer or composer_writer(config, taken, skeletons)
+    write = writer or _writer(config, taken, skeletons, cache, result)
+    asked = [e for e in episodes if config.replace or not e.instruction]
+    paths = {f"{e.scene_id}/{e.trajectory_id}": e for e in reversed(asked)}
+    for episode in reversed(paths.values()):
+        facts = path_facts(episode, levels.of(episode), visibility)
+        result.facts[episode.trajectory_id] = facts
+
+    def tell(path: str) -> tuple[list[Told], list[str]]:
+        facts = result.facts[paths[path].trajectory_id]
+        texts, problems = write(Ground(facts), path_generator(seed, path))
+        taken.update(told.text for told in texts)
+        return texts, problems
+
+    # A model's server answers several at once; the composer has nothing to wait for.
+    workers = config.llm.workers if config.llm and writer is None else 1
+    names = list(reversed(paths))
+    with ThreadPoolExecutor(workers) as pool:
+        futures = {name: pool.submit(tell, name) for name in names}
+        try:
+            done = {name: future.result() for name, future in futures.items()}
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
     for episode in episodes:
         if episode.instruction and not config.replace:
             result.episodes.append(episode)
             continue
-        path = f"{episode.scene_id}/{episode.trajectory_id}"
-        if path not in done:
-            level = levels.of(episode)
-            facts = path_facts(episode, level, visibility)
-            done[path] = write(Ground(facts), path_generator(seed, path))
-            taken.update(told.text for told in done[path][0])
-            result.facts[episode.trajectory_id] = facts
-        told, problems = done[path]
+        told, problems = done[f"{episode.scene_id}/{episode.trajectory_id}"]
         if told:
-            result.episodes.append(with_texts(episode, told))
+            result.episodes.append(with_texts(episode, told, config))
             continue
         reason = "; ".join(problems) or "no two drafts of it differ from other paths' texts"
         result.failed[episode.episode_id] = reason
         logger.warning("episode %s has no true instruction: %s", episode.episode_id, reason)
     result.unnamed.update(levels.unnamed())
     return result
+
+
+def _writer(
+    config: InstructConfig,
+    taken: set[str],
+    skeletons: dict[str, int],
+    cache: Path,
+    result: InstructResult,
+) -> Writer:
+    if config.writer == COMPOSER:
+        return composer_writer(config, taken, skeletons)
+    settings = config.llm
+    if settings is None:
+        raise InputError(f"--writer {config.writer}: no language model is set")
+    # Only now: most runs need no client.
+    from .llm.client import Client
+    from .llm.local import local_backend
+    from .llm.writer import ModelWriter
+
+    backend = local_backend(settings) if config.writer == LOCAL else None
+    client = Client(settings, cache, backend)
+    result.model.append(client)
+    return ModelWriter(client, config, taken)
 
 
 def composer_writer(
@@ -153,16 +202,21 @@ def composer_writer(
     return write
 
 
-def with_texts(episode: Episode, told: Sequence[Told]) -> Episode:
+def with_texts(
+    episode: Episode, told: Sequence[Told], config: InstructConfig | None = None
+) -> Episode:
     """The episode with its texts and how they were made."""
     texts = [
         {key: list(v) if isinstance(v, tuple) else v for key, v in asdict(one).items()}
         for one in told
     ]
+    asked = config.llm if config else None
     made = {
         "composer": told[0].writer,
         "style": told[0].style,
-        "model": told[0].model or None,
+        "model": Path(asked.model).name if asked else None,
+        "prompt_sha256": prompts_sha256() if asked else None,
+        "temperature": asked.temperature if asked else None,
         "texts": texts,
     }
     extra = {**episode.extra, "instruction": made, "instructions": [one.text for one in told]}

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 from ..formats.core.errors import InputError, UnknownNameError
 from .composer.compose import STYLES
+from .llm.settings import LlmSettings
 
 COMPOSER, LLM, LOCAL = "composer", "llm", "local"
-WRITERS = (COMPOSER,)
+WRITERS = (COMPOSER, LLM, LOCAL)
 LANGUAGES = ("en", "hi", "zh")
 MIXED = "mixed"
 MOST = 12
@@ -24,6 +25,7 @@ class InstructConfig:
         count: texts per path and language.
         languages: of `LANGUAGES`; the composer writes English only.
         replace: also rewrite instructions that are there already.
+        llm: where the model is; only for writers that ask one.
     """
 
     writer: str = COMPOSER
@@ -31,6 +33,7 @@ class InstructConfig:
     count: int = 3
     languages: tuple[str, ...] = ("en",)
     replace: bool = False
+    llm: LlmSettings | None = None
 
     def __post_init__(self):
         if self.writer not in WRITERS:

@@ -168,7 +168,7 @@ class Chain:
                 folder.scenes,
                 dataset,
                 seen,
-                {"options": dict(facts)},
+                {"options": dict(facts), "language_model": self._model_usage()},
                 product.depth_storage,
             )
 
@@ -193,6 +193,11 @@ class Chain:
         done = self._stage(instruct.STAGE, items)
         instruct.record_failed(self.context.ledger, done)
         return episodes.merge([told[s] for s in done.good()], folder.episodes(split))
+
+    def _model_usage(self) -> dict[str, Any]:
+        """Requests, tokens and cost of the language model that wrote; empty without one."""
+        used = [r.facts.get("language_model") or {} for r in self.context.ledger.rows("instruct")]
+        return max(used, key=lambda one: one.get("requests", 0), default={})
 
     def _unselect(self, *stages: str) -> None:
         """Rows of a way to get episodes that this run does not take are not current."""

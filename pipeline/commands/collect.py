@@ -21,7 +21,15 @@ from ...formats.core.errors import InputError
 from ...formats.core.rollout import STATE_RATE_HZ
 from ...formats.video.mp4 import check_rgb_codec
 from ...formats.vlnce.files import read_vlnce
-from ...instruction_gen.records import MIXED, InstructConfig, parse_languages, parse_styles
+from ...instruction_gen.llm.settings import settings_from
+from ...instruction_gen.records import (
+    LLM,
+    LOCAL,
+    MIXED,
+    InstructConfig,
+    parse_languages,
+    parse_styles,
+)
 from ...scene_repair.config import RepairConfig
 from ...scene_repair.scan.kinds import SUFFIXES
 from ...trajectory_sampler.config import SampleConfig
@@ -92,6 +100,10 @@ class Collect:
     """Of the instructions: en, zh, hi, several (en,zh); other than en needs a language model."""
     replace: bool = False
     """Also rewrite instructions that a VLN-CE file brings along."""
+    max_tokens: int = 0
+    """Stop asking a language model after so many tokens; 0 = any."""
+    max_cost: float = 0.0
+    """Stop asking after so much is spent, at the prices in the environment; 0 = any."""
     up: str = "auto"
     """The scans' up axis: x y z -x -y -z, or auto."""
     unit: str = "auto"
@@ -192,12 +204,20 @@ def instruct_config(options: Any) -> InstructConfig:
     Raises:
         InputError: an unknown name or a bad number; the message lists the valid ones.
     """
+    asked = None
+    if options.writer in (LLM, LOCAL):
+        asked = settings_from(
+            local=options.writer == LOCAL,
+            max_tokens=options.max_tokens,
+            max_cost=options.max_cost,
+        )
     return InstructConfig(
         writer=options.writer,
         styles=parse_styles(options.style),
         count=options.count,
         languages=parse_languages(options.language),
         replace=options.replace,
+        llm=asked,
     )
 
 

@@ -43,6 +43,12 @@ class Instruct:
     robot: str = "aliengo"
     """Whose camera says what there is to see on the way, or `none`: then the map alone does, which
     is quicker."""
+    max_tokens: int = 0
+    """Stop asking a language model after so many tokens; 0 = any."""
+    max_cost: float = 0.0
+    """Stop asking after so much is spent, at the prices in the environment; 0 = any."""
+    cache: Path | None = None
+    """Folder of a model's answers; by default `llm_cache` beside the output."""
     facts: Path | None = None
     """Also write the facts that the texts are made from, as compressed JSON."""
     show: int = 0
@@ -66,7 +72,8 @@ def run(options: Instruct) -> int:
     sight = None
     if options.robot != "none":
         sight = looked(asked, options.scenes, options.robot, config.replace)
-    told = instruct_episodes(asked, options.scenes, config, options.seed, sight)
+    cache = options.cache or options.out.parent / instruct.CACHE
+    told = instruct_episodes(asked, options.scenes, config, options.seed, sight, cache=cache)
     write_episodes(options.out, told.episodes)
     if options.facts is not None:
         instruct.write_facts(options.facts, told.facts)

@@ -20,6 +20,7 @@ from ..engine.ledger import Ledger, Row
 from ..engine.runner import ItemResult, StageSummary, WorkItem
 
 STAGE = "instruct"
+CACHE = "llm_cache"  # in the run folder: answers that were paid for
 CODE = ("instruction_gen", "wayfinding", "formats", "pipeline/stages/instruct.py")
 
 
@@ -65,7 +66,7 @@ def process(
     started = time.process_time()
     asked = read_episodes(episodes)
     sight = read_visibility(seen) if seen else None
-    told = instruct_episodes(asked, scenes, config, seed, sight)
+    told = instruct_episodes(asked, scenes, config, seed, sight, cache=out.parents[2] / CACHE)
     write_episodes(out, told.episodes)
     if facts is not None:
         write_facts(facts, told.facts)
@@ -97,6 +98,7 @@ def summary(told: InstructResult) -> dict[str, Any]:
         "skeletons": len(told.skeletons),
         "quarantined": dict(told.failed),
         "unnamed_labels": told.unnamed,
+        "language_model": told.usage(),
     }
 
 
