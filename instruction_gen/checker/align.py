@@ -22,7 +22,8 @@ _LATE_M = 1.6  # how far beyond an untold turn a claim may already lie
 _ONE_BEND_M = 2.0
 _IMPLIED_M = 1.4  # a room entered this near to a turn tells that turn
 _IMPLIED_DEG = 75.0
-_IMPLIED_AFTER_M = 0.3
+_IMPLIED_AFTER_M = 0.1
+_OTHER_SIDE_DEG = 35.0  # a door told on one side hides no turn to the other
 _SIDED_M = 2.2  # so does a door on that side
 _BARE_STOP_M = 2.6
 
@@ -204,6 +205,8 @@ class _Aligner:
             return options
         for k in range(made, len(self.turns)):
             turn = self.turns[k]
+            if claim.side and claim.side != turn.side and abs(turn.angle_deg) > _OTHER_SIDE_DEG:
+                break
             sided = bool(claim.side) and claim.side == turn.side
             early = -_SIDED_M if sided else -_IMPLIED_M
             near = any(

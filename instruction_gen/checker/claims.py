@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,6 +39,8 @@ class Claim:
     bare: bool = False
 
 
+_AT_TURN_M = 0.8
+_INTO_M = 2.0
 MOVING = frozenset({"turn", "move", "enter", "leave", "pass"})
 
 
@@ -88,10 +90,14 @@ def _turn(index: int, clause: Clause, ground: Ground) -> list[Claim]:
         if claim.kind == "false":
             before.append(claim)
         elif noun.prep in ("at", "near", "before", "past", "after", "in", "with", ""):
-            mask = mask & spread(claim.mask, ground.along_m, 1.6)
+            mask = mask & spread(claim.mask, ground.along_m, _AT_TURN_M)
         elif noun.prep == "from":
             before.append(claim)
         else:
+            if claim.kind == "door":
+                # "Turn left into the kitchen": the turn and the door are one place.
+                claim = replace(claim, side=claim.side or clause.side)
+                mask = mask & spread(claim.mask, ground.along_m, _INTO_M)
             after.append(claim)
     turn = Claim(index, "turn", mask, f"turn {clause.side}", clause.side, clause.degree)
     walk = []
@@ -158,7 +164,8 @@ def _after_stop(index: int, clause: Clause, ground: Ground) -> list[Claim]:
             found = _stop_noun(noun, ground)
         if found is None:
             continue
-        near = found.mask & ground.at_goal(2.6)
+        # A side is that of the very end.
+        near = found.mask & ground.at_goal(0.6 if noun.side else 2.6)
         if found.reason or not near.any():
             reason = found.reason or f"the {noun.text} is not so at the end of the path"
             result.append(Claim(index, "false", everywhere, reason))
@@ -182,7 +189,7 @@ def _noun(index: int, noun: Noun, ground: Ground, verb: str) -> Claim | None:
     through = through or (noun.kind == "door" and verb == "move" and not noun.prep)
     kind = "exit" if leaving else "door" if through else "place"
     seeing = verb == "see" or noun.prep == "with"
-    slack = 4.0 if seeing else 0.5
+    slack = (1.5 if noun.side else 4.0) if seeing else 0.5
     named = noun.text if noun.kind != "generic" else "room"
     return Claim(index, kind, found.mask, f"the {named}", side=noun.side, slack_m=slack)
 

@@ -69,7 +69,7 @@ class Ground:
 
     def passed(self, noun: Noun) -> Found:
         """Where a thing is close by, on the side said."""
-        beside = (np.abs(self.bearing) >= 28.0) & (np.abs(self.bearing) <= 152.0)
+        beside = (np.abs(self.bearing) >= 38.0) & (np.abs(self.bearing) <= 145.0)
         return self._where(noun, self._near(PASS_M) & beside & self._nearest(), "beside the path")
 
     def reached(self, noun: Noun) -> Found:

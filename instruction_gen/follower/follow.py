@@ -17,7 +17,7 @@ import numpy as np
 from ..facts.actions import find_turns
 from ..language.clauses import Clause, Noun
 from ..language.parse import parse
-from .world import Array, Thing, World
+from .world import Array, Field, Thing, World
 
 BEAM = 10
 _PER_METRE = 0.12
@@ -142,9 +142,10 @@ def _targets(noun: Noun, clause: Clause, reading: _Reading, world: World) -> lis
     field = world.field(reading.cell)
     here = int(world.region[reading.cell])
     looking = clause.verb == "see" or (noun.prep == "with" and clause.verb != "stop")
+    stopping = clause.verb == "stop"
     if noun.kind == "object":
         things = world.called(noun.head)
-        targets = [t for thing in things for t in _beside(thing, noun.side, field, world)]
+        targets = [t for thing in things for t in _beside(thing, noun.side, field, world, stopping)]
         targets = [
             t if world.region[t.cell] == here else replace(t, cost=_ELSEWHERE) for t in targets
         ]
@@ -175,13 +176,18 @@ def _targets(noun: Noun, clause: Clause, reading: _Reading, world: World) -> lis
     return None
 
 
-def _beside(thing: Thing, side: str, field, world: World) -> list[_Target]:
+def _beside(thing: Thing, side: str, field: Field, world: World, stopping: bool) -> list[_Target]:
     gap = world.gap_m(thing)
     near = (gap <= max(_NEAR_M, float(gap[world.free].min()) + 0.25)) & world.free
     near &= np.isfinite(field.distance_m)
     cells = np.argwhere(near)
     if not len(cells):
         return []
+    if stopping:
+        # The middle of a long thing is nowhere far from where its teller stopped.
+        off = np.linalg.norm(world.centers_m[near] - 0.5 * (thing.low_m + thing.high_m), axis=1)
+        cell = cells[int(np.argmin(off + 0.3 * field.distance_m[near]))]
+        return [_Target((int(cell[0]), int(cell[1])), thing, side)]
     score = field.distance_m[near] + 0.5 * gap[near]
     first = cells[int(np.argmin(score))]
     # Its middle and its far end, too: a long thing may be met or passed along its whole side.
@@ -191,7 +197,7 @@ def _beside(thing: Thing, side: str, field, world: World) -> list[_Target]:
     return [_Target(cell, thing, side) for cell in sorted(unique)]
 
 
-def _inside(regions: Sequence[int], field, world: World) -> list[_Target]:
+def _inside(regions: Sequence[int], field: Field, world: World) -> list[_Target]:
     result = []
     for k in regions:
         mask = (world.region == k) & world.free & np.isfinite(field.distance_m)
@@ -206,7 +212,7 @@ def _inside(regions: Sequence[int], field, world: World) -> list[_Target]:
     return sorted(result, key=lambda t: field.distance_m[t.cell])[:_CANDIDATES]
 
 
-def _beyond(door: Thing, side: str, field, world: World) -> list[_Target]:
+def _beyond(door: Thing, side: str, field: Field, world: World) -> list[_Target]:
     """The place just behind a doorway."""
     gap = world.gap_m(door)
     mask = (gap >= 0.4) & (gap <= 1.0) & world.free & np.isfinite(field.distance_m)
