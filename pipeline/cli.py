@@ -10,7 +10,19 @@ from typing import Annotated, Any, Union
 import tyro
 
 from ..formats.core.errors import InputError, VlnpeError
-from .commands import ablate, chain, collect, convert, instruct, look, mix, push, robots, rollouts
+from .commands import (
+    ablate,
+    chain,
+    collect,
+    convert,
+    instruct,
+    look,
+    mix,
+    push,
+    review,
+    robots,
+    rollouts,
+)
 
 # Verb → (options record, function that runs it). Order is the chain's order.
 VERBS: dict[str, tuple[type, Callable[[Any], int]]] = {
@@ -21,6 +33,7 @@ VERBS: dict[str, tuple[type, Callable[[Any], int]]] = {
     "filter": (chain.Filter, chain.run_filter),
     "sample": (chain.Sample, chain.run_sample),
     "instruct": (instruct.Instruct, instruct.run),
+    "review": (review.ReviewPage, review.run),
     "replay": (rollouts.Replay, rollouts.run_replay),
     "render": (rollouts.Render, rollouts.run_render),
     "export": (rollouts.Export, rollouts.run_export),

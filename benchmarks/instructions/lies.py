@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
@@ -48,7 +49,7 @@ def wrong_order(text: str, facts: PathFacts, rng: np.random.Generator) -> str | 
     """Swap two different turns."""
     read = parse(text)
     turns = [c for c in read.clauses if c.verb == "turn" and c.side in _OTHER]
-    for a, b in zip(turns, turns[1:], strict=False):
+    for a, b in pairwise(turns):
         if a.side != b.side:
             first = _swap_first(text[a.start : a.stop])
             second = _swap_first(text[b.start : b.stop])

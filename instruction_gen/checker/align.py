@@ -205,8 +205,6 @@ class _Aligner:
             return options
         for k in range(made, len(self.turns)):
             turn = self.turns[k]
-            if claim.side and claim.side != turn.side and abs(turn.angle_deg) > _OTHER_SIDE_DEG:
-                break
             sided = bool(claim.side) and claim.side == turn.side
             early = -_SIDED_M if sided else -_IMPLIED_M
             near = any(
@@ -214,9 +212,11 @@ class _Aligner:
                 for p in self.ground.facts.passages
             )
             named = claim.reason not in ("the room", "the door") or sided
-            if not (near and named and (abs(turn.angle_deg) <= _IMPLIED_DEG or sided)):
+            against = bool(claim.side) and not sided and abs(turn.angle_deg) > _OTHER_SIDE_DEG
+            if near and named and not against and (abs(turn.angle_deg) <= _IMPLIED_DEG or sided):
+                options.append(k + 1)
+            elif self.required[k]:
                 break
-            options.append(k + 1)
         return options
 
     def _left_out(self) -> int | None:

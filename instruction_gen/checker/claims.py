@@ -190,6 +190,8 @@ def _noun(index: int, noun: Noun, ground: Ground, verb: str) -> Claim | None:
     kind = "exit" if leaving else "door" if through else "place"
     seeing = verb == "see" or noun.prep == "with"
     slack = (1.5 if noun.side else 4.0) if seeing else 0.5
+    if noun.prep == "between":  # one place; which of the two is named first says nothing
+        slack = 2.0
     named = noun.text if noun.kind != "generic" else "room"
     return Claim(index, kind, found.mask, f"the {named}", side=noun.side, slack_m=slack)
 

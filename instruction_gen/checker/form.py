@@ -52,7 +52,8 @@ def form_problems(parse: Parse) -> list[str]:
     sentences = [s.strip().lower() for s in re.split(r"[.!;]", text) if s.strip()]
     if len(sentences) != len(set(sentences)):
         problems.append("a sentence is repeated")
-    if words and max(words.count(w) for w in set(words)) > max(6, 0.25 * len(words)):
+    telling = [w for w in words if w not in ("the", "and", "a", "your", "to", "of")]
+    if telling and max(telling.count(w) for w in set(telling)) > max(5, 0.2 * len(words)):
         problems.append("one word is repeated over and over")
     return problems
 

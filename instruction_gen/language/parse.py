@@ -19,7 +19,8 @@ from .phrases import DETERMINERS, read_noun
 from .tokens import Token, tokenize
 
 _VERBS = {
-    "turn": "turn turning bearing veering veer bear angle swing rotate pivot curve bend hook hang spin face bends curves",
+    "turn": """turn turning bearing veering veer bear angle swing rotate pivot curve bend hook hang
+        spin face bends curves""",
     "move": """walk go head move continue proceed step keep follow cross travel advance come carry
         stay get march stroll start begin set make take traverse cut run return heading walking
         going moving continuing keeping following leads lead round""",

@@ -38,7 +38,7 @@ def is_room(word: str) -> bool:
 
 def _single(phrase: str) -> str:
     words = phrase.split()
-    return " ".join([*words[:-1], singular(words[-1])])
+    return " ".join([*words[:-1], singular(words[-1])]) if words else ""
 
 
 def read_noun(tokens: Sequence[Token], k: int) -> tuple[Noun, int] | None:

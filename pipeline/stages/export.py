@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ...formats.convert.dataset import DatasetFacts
-from ...formats.core.errors import UnknownNameError
+from ...formats.core.digest import file_digest
+from ...formats.core.errors import UnknownNameError, VlnpeError
 from ...formats.core.licences import licence_id
-from ...formats.core.rollout import EndReason
+from ...formats.core.rollout import EndReason, Rollout
 from ...formats.lerobot import assemble_dataset, write_episode_unit
 from ...formats.lerobot.features import DEPTH_STORAGES
 from ...formats.lerobot.splits import held_out_scenes
@@ -18,6 +19,7 @@ from ...formats.mcap.episode import write_episode_mcap
 from ...formats.mcap.rollout import read_rollout
 from ...formats.rendered.folder import read_frame_folder
 from ...formats.scene.bundle import INDEX_NAME, load_bundle
+from ...instruction_gen.review.decisions import DecisionFile, apply_decisions
 from ..engine.keys import code_version, digest
 from ..engine.ledger import Row
 from ..engine.runner import Context, ItemResult, StageSummary, WorkItem, run_stage
@@ -27,7 +29,13 @@ STAGE = "export"
 MCAP_STAGE = "mcap"
 DATASET_STAGE = "dataset"
 SCENE_MAP = "after.png"
-CODE = ("formats", "pipeline/stages/export.py", "pipeline/provenance.py")
+REVIEW_NAME = "review.jsonl"  # in the run folder: what people decided about instructions
+CODE = (
+    "formats",
+    "instruction_gen/review/decisions.py",
+    "pipeline/stages/export.py",
+    "pipeline/provenance.py",
+)
 
 
 @dataclass(frozen=True)
@@ -109,20 +117,23 @@ def unit_items(
 ) -> list[WorkItem]:
     """One LeRobot unit per rendered episode; `frames` are rows of the render stage by item."""
     code = code_version(*CODE)
+    reviewed = _review_digest(root)
     result = []
     for name, row in frames.items():
         out = dataset.units / name.rsplit("/", 1)[1]
         rollout = root / str(row.facts["rollout"])
-        arguments = (rollout, root / row.outputs[0], out, depth_storage)
-        key = digest(STAGE, row.key, depth_storage, code)
+        arguments = (rollout, root / row.outputs[0], out, depth_storage, root / REVIEW_NAME)
+        key = digest(STAGE, row.key, depth_storage, reviewed, code)
         result.append(WorkItem(name, key, (out,), process_unit, arguments))
     return result
 
 
-def process_unit(rollout: Path, frames: Path, out: Path, depth_storage: str) -> ItemResult:
+def process_unit(
+    rollout: Path, frames: Path, out: Path, depth_storage: str, review: Path
+) -> ItemResult:
     """Write one episode's LeRobot unit."""
     seen = read_frame_folder(frames)
-    recorded = read_rollout(rollout)
+    recorded = reviewed_rollout(rollout, review)
     write_episode_unit(
         out,
         recorded,
@@ -145,19 +156,40 @@ def process_unit(rollout: Path, frames: Path, out: Path, depth_storage: str) -> 
     return ItemResult(facts)
 
 
+def _review_digest(root: Path) -> str:
+    path = root / REVIEW_NAME
+    return file_digest(path) if path.is_file() else ""
+
+
+def reviewed_rollout(rollout: Path, review: Path) -> Rollout:
+    """A rollout whose episode has the texts that people left of its instructions.
+
+    Raises:
+        VlnpeError: they rejected all of them.
+    """
+    recorded = read_rollout(rollout)
+    if not review.is_file():
+        return recorded
+    kept, lost = apply_decisions([recorded.episode], DecisionFile(review))
+    if lost:
+        raise VlnpeError(f"rejected in review: {lost[recorded.episode.episode_id]}")
+    return replace(recorded, episode=kept[0])
+
+
 def mcap_items(
     frames: Mapping[str, Row], root: Path, scenes: Path, dataset: Dataset, depth_storage: str
 ) -> list[WorkItem]:
     """One MCAP with images per rendered episode."""
     code = code_version(*CODE)
+    reviewed = _review_digest(root)
     held_out = tuple(sorted(held_out_scenes(_scene_names(scenes))))
     result = []
     for name, row in frames.items():
         out = dataset.mcap / f"{name.rsplit('/', 1)[1]}.mcap"
         scene, rollout = scenes / str(row.facts["scene"]), root / str(row.facts["rollout"])
         told = (dataset.name, held_out, depth_storage)
-        arguments = (rollout, root / row.outputs[0], scene, *told, out)
-        key = digest(MCAP_STAGE, row.key, told, code)
+        arguments = (rollout, root / row.outputs[0], scene, *told, root / REVIEW_NAME, out)
+        key = digest(MCAP_STAGE, row.key, told, reviewed, code)
         result.append(WorkItem(name, key, (out,), process_mcap, arguments))
     return result
 
@@ -169,6 +201,7 @@ def process_mcap(
     name: str,
     held_out: Sequence[str],
     depth_storage: str,
+    review: Path,
     out: Path,
 ) -> ItemResult:
     """Write one episode's MCAP, which knows the dataset it belongs to."""
@@ -182,7 +215,7 @@ def process_mcap(
     )
     write_episode_mcap(
         out,
-        read_rollout(rollout),
+        reviewed_rollout(rollout, review),
         frames,
         scene_map=(scene / SCENE_MAP).read_bytes(),
         dataset=facts.to_json(),

@@ -276,3 +276,50 @@ def test_routes_name_rooms(two_rooms):
     assert (passage.from_room, passage.to_room, passage.doorway) == ("living room", "kitchen", True)
     assert facts.goal_room == "kitchen"
     assert facts.turns[0].side == "left"
+
+
+_WORDS = st.sampled_from(
+    [
+        "turn",
+        "left",
+        "right",
+        "the",
+        "second",
+        "red",
+        "sofa",
+        "of",
+        "with",
+        "between",
+        "and",
+        ",",
+        ".",
+        "stop",
+        "to",
+        "in",
+        "on",
+        "your",
+        "door",
+        "into",
+        "past",
+        "kitchen",
+        "end",
+        "7",
+        "3rd",
+        "don't",
+        "until",
+        "piano",
+        "pair",
+        "-",
+        "’",
+        "{",
+        ";",
+    ]
+)
+
+
+@given(st.lists(_WORDS, max_size=25))
+@settings(max_examples=150, deadline=None)
+def test_any_words_can_be_read(two_rooms, words):
+    text = " ".join(words)
+    facts = facts_of(LEFT, two_rooms)
+    assert isinstance(check_text(text, facts).problems, tuple)
