@@ -17,6 +17,7 @@ import numpy as np
 
 from ...formats.core.episode import Episode
 from ...formats.core.errors import VlnpeError
+from ...formats.scene.visibility import Visibility
 from ...formats.vlnce.files import scene_stem
 from ..checker import Ground, Verdict, check_text
 from ..facts import path_facts
@@ -37,6 +38,7 @@ class Review:
         scenes: Path,
         decisions: Path,
         films: dict[str, Path] | None = None,
+        seen: dict[str, Visibility] | None = None,
     ):
         """Review the episodes that have texts; one path's episodes are shown once.
 
@@ -45,12 +47,14 @@ class Review:
             scenes: folder of repaired scenes.
             decisions: append-only file.
             films: ego film (MP4) of a path, by trajectory id.
+            seen: what the robot's camera sees along the paths, by scene.
         """
         told = [e for e in episodes if e.instruction]
         self.paths = {e.trajectory_id: e for e in reversed(told)}
         self.paths = dict(reversed(self.paths.items()))
         self.file = DecisionFile(decisions)
         self.films = films or {}
+        self._seen = seen or {}
         self._levels = Levels(scenes)
         self._grounds: dict[str, Ground] = {}
 
@@ -63,7 +67,8 @@ class Review:
         """Facts of a path."""
         if name not in self._grounds:
             episode = self.paths[name]
-            self._grounds[name] = Ground(path_facts(episode, self._levels.of(episode)))
+            sight = self._seen.get(scene_stem(episode.scene_id))
+            self._grounds[name] = Ground(path_facts(episode, self._levels.of(episode), sight))
         return self._grounds[name]
 
     def path(self, name: str, annotator: str) -> dict[str, Any]:

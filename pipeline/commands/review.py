@@ -10,6 +10,7 @@ from pathlib import Path
 import tyro
 
 from ...formats.core.errors import InputError
+from ...formats.scene.visibility import read_visibility
 from ...formats.vlnce.files import read_episodes
 from ...instruction_gen.review.server import Review, make_server
 from ..stages.export import REVIEW_NAME
@@ -77,4 +78,8 @@ def opened(options: ReviewPage) -> Review:
         for film in sorted(folder.glob(f"frames/*/*/ego-*/{episode.episode_id}/rgb.mp4"))[:1]
     }
     decisions = options.decisions or folder / REVIEW_NAME
-    return Review(episodes, scenes, decisions, films)
+    seen = {
+        path.name.removesuffix(".seen.json"): read_visibility(path)
+        for path in sorted(folder.glob("facts/*.seen.json"))
+    }
+    return Review(episodes, scenes, decisions, films, seen)
