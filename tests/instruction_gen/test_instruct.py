@@ -323,3 +323,23 @@ def test_any_words_can_be_read(two_rooms, words):
     text = " ".join(words)
     facts = facts_of(LEFT, two_rooms)
     assert isinstance(check_text(text, facts).problems, tuple)
+
+
+def test_facts_follow_their_published_schema(two_rooms):
+    from dataclasses import asdict
+    from importlib.resources import files
+
+    from pydantic import TypeAdapter
+
+    from vlnpe.instruction_gen.facts.records import PathFacts
+
+    jsonschema = pytest.importorskip("jsonschema", reason="jsonschema is not installed")
+    published = json.loads(
+        (files("vlnpe.instruction_gen.facts") / "facts.schema.json").read_text()
+    )
+    made = TypeAdapter(PathFacts).json_schema()
+    assert {k: v for k, v in published.items() if k != "$schema"} == made | {
+        "title": "Facts of one path"
+    }
+    record = json.loads(json.dumps(asdict(facts_of(LEFT, two_rooms))))
+    jsonschema.validate(record, published)
