@@ -14,6 +14,7 @@ from ...formats.core.atomic import write_bytes
 from ...formats.scene.visibility import read_visibility
 from ...formats.vlnce.files import read_episodes, write_episodes
 from ...instruction_gen.instruct import InstructResult, instruct_episodes
+from ...instruction_gen.llm.brief import prompts_sha256
 from ...instruction_gen.records import InstructConfig
 from ..engine.keys import code_version, digest
 from ..engine.ledger import Ledger, Row
@@ -48,7 +49,8 @@ def item(
         config: how.
         seed: of the phrasing.
     """
-    key = digest(STAGE, source.key, sight.key, config, seed, code_version(*CODE))
+    prompts = prompts_sha256() if config.llm else ""
+    key = digest(STAGE, source.key, sight.key, config, prompts, seed, code_version(*CODE))
     arguments = (scenes, episodes, seen, out, facts, config, seed)
     return WorkItem(source.item, key, (out, facts), process, arguments)
 

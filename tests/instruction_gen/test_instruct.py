@@ -334,9 +334,7 @@ def test_facts_follow_their_published_schema(two_rooms):
     from vlnpe.instruction_gen.facts.records import PathFacts
 
     jsonschema = pytest.importorskip("jsonschema", reason="jsonschema is not installed")
-    published = json.loads(
-        (files("vlnpe.instruction_gen.facts") / "facts.schema.json").read_text()
-    )
+    published = json.loads((files("vlnpe.instruction_gen.facts") / "facts.schema.json").read_text())
     made = TypeAdapter(PathFacts).json_schema()
     assert {k: v for k, v in published.items() if k != "$schema"} == made | {
         "title": "Facts of one path"
