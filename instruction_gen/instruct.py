@@ -1,28 +1,32 @@
-"""Give every episode of a file an instruction."""
+"""Give every path of a file its instructions, each checked."""
 
 from __future__ import annotations
 
+import hashlib
 import logging
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..formats.core.episode import Episode
-from ..formats.core.errors import InputError, UnknownNameError
-from ..formats.scene.bundle import SceneBundle, load_bundle
+from ..formats.core.errors import InputError
+from ..formats.scene.bundle import load_bundle
+from ..formats.scene.visibility import Visibility
 from ..formats.vlnce.files import scene_stem
-from ..wayfinding.regions import RegionMap, region_map
-from .check import check_instruction
-from .compose import OFFLINE, compose_instruction
-from .records import InstructConfig, Instruction
+from .checker import Ground
+from .composer import compose_texts
+from .facts import LevelFacts, path_facts
+from .llm.brief import prompts_sha256
+from .records import COMPOSER, LOCAL, InstructConfig, Told
 
 logger = logging.getLogger(__name__)
 
-Composer = Callable[[Episode, SceneBundle, np.random.Generator, str, RegionMap], Instruction]
-
-COMPOSERS: dict[str, Composer] = {OFFLINE: compose_instruction}
+# A path's ground and generator in; its texts, or problems where none is true, out.
+Writer = Callable[[Ground, np.random.Generator], tuple[list[Told], list[str]]]
 
 
 @dataclass(frozen=True)
@@ -30,84 +34,196 @@ class InstructResult:
     """Episodes with instructions.
 
     Attributes:
-        episodes: in the order given.
-        problems: what the checks still find, by episode id; only episodes with problems.
+        episodes: in the order given, without those in `failed`.
+        failed: why a path has no instruction, by episode id.
+        unnamed: labels of the scenes that no noun is known for, with how often they occur.
+        skeletons: sentences of the composer with slots for what varies, with how often.
+        facts: facts record of each instructed trajectory.
+        model: the client of a language model, if one was asked.
     """
 
     episodes: list[Episode]
-    problems: dict[str, list[str]] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+    unnamed: dict[str, int] = field(default_factory=dict)
+    skeletons: dict[str, int] = field(default_factory=dict)
+    facts: dict[str, Any] = field(default_factory=dict)
+    model: list[Any] = field(default_factory=list)
+
+    def usage(self) -> dict[str, Any]:
+        """Requests, tokens and cost of a language model so far; empty without one."""
+        return asdict(self.model[0].budget.used()) if self.model else {}
+
+
+class Levels:
+    """Levels of repaired scenes, opened when they are asked for."""
+
+    def __init__(self, scenes: Path):
+        """Remember the folder of repaired scenes, one folder each."""
+        self._scenes = scenes
+        self._open: dict[tuple[str, int], LevelFacts] = {}
+
+    def of(self, episode: Episode) -> LevelFacts:
+        """The level an episode lies on.
+
+        Raises:
+            FileFormatError: its scene is missing.
+            InputError: the scene has no such level.
+        """
+        scene = scene_stem(episode.scene_id)
+        key = (scene, episode.level)
+        if key not in self._open:
+            bundle = load_bundle(self._scenes / scene)
+            if not 0 <= episode.level < len(bundle.level_floor_z_m):
+                raise InputError(
+                    f"episode {episode.episode_id} is on level {episode.level} of {scene}; "
+                    f"valid: 0 … {len(bundle.level_floor_z_m) - 1}"
+                )
+            self._open[key] = LevelFacts.of(bundle, episode.level)
+        return self._open[key]
+
+    def unnamed(self) -> dict[str, int]:
+        """Labels without a noun, of all levels opened."""
+        total: dict[str, int] = {}
+        for level in self._open.values():
+            for label, count in level.unnamed.items():
+                total[label] = total.get(label, 0) + count
+        return dict(sorted(total.items()))
 
 
 def instruct_episodes(
     episodes: Sequence[Episode],
     scenes: Path,
     config: InstructConfig,
-    rng: np.random.Generator,
+    seed: int,
+    visibility: Visibility | None = None,
+    writer: Writer | None = None,
+    cache: Path = Path("llm_cache"),
 ) -> InstructResult:
-    """Write an instruction for each episode that has none.
+    """Write the instructions of each path whose episodes have none.
 
-    A text that fails its checks, or that another trajectory of this call already has, is
-    composed anew; the attempt with the fewest problems is kept and what remains is reported.
-    Facts about the text go to the episode's `extra["instruction"]`.
+    All texts of a path go to `extra["instructions"]`, the first is the episode's instruction, and
+    how they were made goes to `extra["instruction"]`. A path of which no true text could be
+    written is left out and named in `failed`.
 
     Args:
-        episodes: any number, of any scenes.
+        episodes: any number, of any scenes; those of one trajectory share their texts.
         scenes: folder of repaired scenes, one folder each.
         config: how.
-        rng: chooses among phrasings.
+        seed: of the phrasing; each path's texts depend on it and on the path alone.
+        visibility: what the robot's camera sees along the paths; without it, walls alone decide.
+        writer: writes a path's texts; by default the one that `config` names.
+        cache: folder of a language model's answers.
 
     Raises:
-        UnknownNameError: no such composer.
         FileFormatError: a scene is missing.
+        InputError: an episode lies on a level that its scene does not have.
+        ModelDownError: a language model fails again and again; what it wrote is in the cache.
+        BudgetError: no more may be spent on one.
     """
-    if config.composer not in COMPOSERS:
-        raise UnknownNameError("instruction composer", config.composer, COMPOSERS)
-    compose = COMPOSERS[config.composer]
-    bundles: dict[str, SceneBundle] = {}
-    regions: dict[tuple[str, int], RegionMap] = {}
-    result = InstructResult([])
-    taken: dict[str, str] = {}
+    levels = Levels(scenes)
+    taken: set[str] = set()
+    skeletons: dict[str, int] = {}
+    result = InstructResult([], skeletons=skeletons)
+    write = writer or _writer(config, taken, skeletons, cache, result)
+    asked = [e for e in episodes if config.replace or not e.instruction]
+    paths = {f"{e.scene_id}/{e.trajectory_id}": e for e in reversed(asked)}
+    for episode in reversed(paths.values()):
+        facts = path_facts(episode, levels.of(episode), visibility)
+        result.facts[episode.trajectory_id] = facts
+
+    def tell(path: str) -> tuple[list[Told], list[str]]:
+        facts = result.facts[paths[path].trajectory_id]
+        texts, problems = write(Ground(facts), path_generator(seed, path))
+        taken.update(told.text for told in texts)
+        return texts, problems
+
+    # A model's server answers several at once; the composer has nothing to wait for.
+    workers = config.llm.workers if config.llm and writer is None else 1
+    names = list(reversed(paths))
+    with ThreadPoolExecutor(workers) as pool:
+        futures = {name: pool.submit(tell, name) for name in names}
+        try:
+            done = {name: future.result() for name, future in futures.items()}
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
     for episode in episodes:
         if episode.instruction and not config.replace:
             result.episodes.append(episode)
             continue
-        scene = scene_stem(episode.scene_id)
-        if scene not in bundles:
-            bundles[scene] = load_bundle(scenes / scene)
-        bundle = bundles[scene]
-        if not 0 <= episode.level < len(bundle.level_floor_z_m):
-            raise InputError(
-                f"episode {episode.episode_id} is on level {episode.level} of {scene}; "
-                f"valid: 0 … {len(bundle.level_floor_z_m) - 1}"
-            )
-        if (scene, episode.level) not in regions:
-            regions[scene, episode.level] = region_map(bundle, episode.level)
-        rooms = regions[scene, episode.level]
-        tries: list[tuple[list[str], Instruction]] = []
-        for _ in range(config.attempts):
-            style = config.style
-            if style == "mixed":
-                style = "detailed" if rng.random() < 0.6 else "concise"
-            instruction = compose(episode, bundle, rng, style, rooms)
-            problems = check_instruction(instruction, episode, bundle, rooms)
-            if taken.get(instruction.text, episode.trajectory_id) != episode.trajectory_id:
-                problems.append("another trajectory has the same instruction")
-            tries.append((problems, instruction))
-            if not problems:
-                break
-        problems, instruction = min(tries, key=lambda t: len(t[0]))
-        taken[instruction.text] = episode.trajectory_id
-        if problems:
-            result.problems[episode.episode_id] = problems
-            logger.warning("episode %s: %s", episode.episode_id, "; ".join(problems))
-        facts = asdict(instruction)
-        del facts["text"]
-        facts = {k: list(v) if isinstance(v, tuple) else v for k, v in facts.items()}
-        result.episodes.append(
-            replace(
-                episode,
-                instruction=instruction.text,
-                extra={**episode.extra, "instruction": facts},
-            )
-        )
+        told, problems = done[f"{episode.scene_id}/{episode.trajectory_id}"]
+        if told:
+            result.episodes.append(with_texts(episode, told, config))
+            continue
+        reason = "; ".join(problems) or "no two drafts of it differ from other paths' texts"
+        result.failed[episode.episode_id] = reason
+        logger.warning("episode %s has no true instruction: %s", episode.episode_id, reason)
+    result.unnamed.update(levels.unnamed())
     return result
+
+
+def _writer(
+    config: InstructConfig,
+    taken: set[str],
+    skeletons: dict[str, int],
+    cache: Path,
+    result: InstructResult,
+) -> Writer:
+    if config.writer == COMPOSER:
+        return composer_writer(config, taken, skeletons)
+    settings = config.llm
+    if settings is None:
+        raise InputError(f"--writer {config.writer}: no language model is set")
+    # Only now: most runs need no client.
+    from .llm.client import Client
+    from .llm.local import local_backend
+    from .llm.writer import ModelWriter
+
+    backend = local_backend(settings) if config.writer == LOCAL else None
+    client = Client(settings, cache, backend)
+    result.model.append(client)
+    return ModelWriter(client, config, taken)
+
+
+def composer_writer(
+    config: InstructConfig, taken: set[str], skeletons: dict[str, int] | None = None
+) -> Writer:
+    """The composer as a writer; it avoids texts in `taken` and counts skeletons."""
+    counts = {} if skeletons is None else skeletons
+
+    def write(ground: Ground, rng: np.random.Generator) -> tuple[list[Told], list[str]]:
+        composed, problems = compose_texts(ground, config.count, config.styles, rng, taken)
+        for one in composed:
+            for skeleton in one.skeletons:
+                counts[skeleton] = counts.get(skeleton, 0) + 1
+        told = [Told(c.text, "en", c.style, COMPOSER, c.landmarks, c.attempts) for c in composed]
+        return told, problems
+
+    return write
+
+
+def with_texts(
+    episode: Episode, told: Sequence[Told], config: InstructConfig | None = None
+) -> Episode:
+    """The episode with its texts and how they were made."""
+    texts = [
+        {key: list(v) if isinstance(v, tuple) else v for key, v in asdict(one).items()}
+        for one in told
+    ]
+    asked = config.llm if config else None
+    made = {
+        "composer": told[0].writer,
+        "style": told[0].style,
+        "model": Path(asked.model).name if asked else None,
+        "prompt_sha256": prompts_sha256() if asked else None,
+        "temperature": asked.temperature if asked else None,
+        "texts": texts,
+    }
+    extra = {**episode.extra, "instruction": made, "instructions": [one.text for one in told]}
+    return replace(episode, instruction=told[0].text, extra=extra)
+
+
+def path_generator(seed: int, path: str) -> np.random.Generator:
+    """Randomness of one path, the same whatever other paths there are."""
+    word = int.from_bytes(hashlib.sha256(path.encode()).digest()[:8], "big")
+    return np.random.default_rng([seed, word])

@@ -1,50 +1,18 @@
-"""What the instruction room makes, and how it is configured."""
+"""How instructions are asked for, and what is remembered of each."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..formats.core.errors import UnknownNameError
+from ..formats.core.errors import InputError, UnknownNameError
+from .composer.compose import STYLES
+from .llm.settings import LlmSettings
 
-STYLES = ("mixed", "concise", "detailed")
-
-
-@dataclass(frozen=True)
-class Mention:
-    """A thing of the scene that an instruction names.
-
-    Attributes:
-        name: of the object in the scene.
-        category: the word used for it.
-        role: `pass`, `turn` or `stop`.
-        side: `left`, `right` or "".
-        along_m: distance along the path where it is nearest [m].
-    """
-
-    name: str
-    category: str
-    role: str
-    side: str
-    along_m: float
-
-
-@dataclass(frozen=True)
-class Instruction:
-    """An instruction and what it is made from.
-
-    Attributes:
-        text: what the robot is told.
-        landmarks: the things it names, in order.
-        actions: what it asks for, in order, e.g. `turn left`, `enter kitchen`, `pass sofa`.
-        composer: registry name of its maker.
-        style: `concise` or `detailed`.
-    """
-
-    text: str
-    landmarks: tuple[Mention, ...]
-    actions: tuple[str, ...]
-    composer: str
-    style: str
+COMPOSER, LLM, LOCAL = "composer", "llm", "local"
+WRITERS = (COMPOSER, LLM, LOCAL)
+LANGUAGES = ("en", "hi", "zh")
+MIXED = "mixed"
+MOST = 12
 
 
 @dataclass(frozen=True)
@@ -52,17 +20,69 @@ class InstructConfig:
     """How instructions are made.
 
     Attributes:
-        composer: name in `COMPOSERS`.
-        style: one of `STYLES`; `mixed` draws one for each episode.
+        writer: one of `WRITERS`.
+        styles: of `STYLES`, taken in turn for the texts of a path.
+        count: texts per path and language.
+        languages: of `LANGUAGES`; the composer writes English only.
         replace: also rewrite instructions that are there already.
-        attempts: how often a text that fails its checks is composed anew.
+        llm: where the model is; only for writers that ask one.
     """
 
-    composer: str = "offline"
-    style: str = "mixed"
+    writer: str = COMPOSER
+    styles: tuple[str, ...] = STYLES
+    count: int = 3
+    languages: tuple[str, ...] = ("en",)
     replace: bool = False
-    attempts: int = 8
+    llm: LlmSettings | None = None
 
     def __post_init__(self):
-        if self.style not in STYLES:
-            raise UnknownNameError("instruction style", self.style, STYLES)
+        if self.writer not in WRITERS:
+            raise UnknownNameError("instruction writer", self.writer, WRITERS)
+        if not 1 <= self.count <= MOST:
+            raise InputError(f"--count {self.count}; valid: 1 … {MOST}")
+        for style in self.styles:
+            if style not in STYLES:
+                raise UnknownNameError("instruction style", style, (*STYLES, MIXED))
+        for language in self.languages:
+            if language not in LANGUAGES:
+                raise UnknownNameError("language", language, LANGUAGES)
+        if not self.styles or not self.languages:
+            raise InputError("--style and --language need at least one name each")
+        if self.writer == COMPOSER and self.languages != ("en",):
+            raise InputError(
+                f"the composer writes English only, not {','.join(self.languages)}; "
+                "other languages need --writer llm"
+            )
+
+
+def parse_styles(text: str) -> tuple[str, ...]:
+    """`mixed` → all styles in turn; else names separated by commas."""
+    return STYLES if text == MIXED else tuple(w.strip() for w in text.split(",") if w.strip())
+
+
+def parse_languages(text: str) -> tuple[str, ...]:
+    """Names separated by commas, each once."""
+    return tuple(dict.fromkeys(w.strip() for w in text.split(",") if w.strip()))
+
+
+@dataclass(frozen=True)
+class Told:
+    """One text of a path.
+
+    Attributes:
+        text: what the robot is told.
+        language: of `LANGUAGES`.
+        style: of `STYLES`.
+        writer: who wrote it in the end: a text of a model that fails is the composer's.
+        landmarks: names of the scene's objects it speaks of, where the writer says so.
+        attempts: drafts it took.
+        model: of a language model, "" otherwise.
+    """
+
+    text: str
+    language: str
+    style: str
+    writer: str
+    landmarks: tuple[str, ...] = ()
+    attempts: int = 1
+    model: str = ""

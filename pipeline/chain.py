@@ -20,7 +20,7 @@ from .engine.ledger import Row
 from .engine.run_folder import RunFolder
 from .engine.runner import Context, StageSummary, WorkItem, run_stage
 from .kept_robots import kept
-from .stages import align, episodes, export, render, repair, replay, scans
+from .stages import align, episodes, export, instruct, render, repair, replay, scans, visibility
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,15 @@ class Chain:
         summaries: of every stage that ran, in order.
     """
 
-    def __init__(self, folder: RunFolder, context: Context, seed: int, actions: SpeedConfig):
+    def __init__(
+        self,
+        folder: RunFolder,
+        context: Context,
+        seed: int,
+        actions: SpeedConfig,
+        instructing: InstructConfig,
+        eye: str,
+    ):
         """Get ready.
 
         Args:
@@ -57,11 +65,15 @@ class Chain:
             context: ledger and workers.
             seed: of all randomness.
             actions: how the controller `speed` carries discrete actions out.
+            instructing: how instructions are made.
+            eye: the robot whose camera says what there is to see on the way.
         """
         self.folder = folder
         self.context = context
         self.seed = seed
         self.actions = actions
+        self.instructing = instructing
+        self.eye = eye
         self.summaries: list[StageSummary] = []
 
     def scenes(
@@ -164,22 +176,36 @@ class Chain:
                 folder.scenes,
                 dataset,
                 seen,
-                {"options": dict(facts)},
+                {"options": dict(facts), "language_model": self._model_usage()},
                 product.depth_storage,
             )
 
     def _instructed(
         self, source: StageSummary, parts: Mapping[str, Path], split: str
     ) -> list[Episode]:
-        told = {s: self.folder.episodes(f"told/{s}") for s in parts}
+        folder, config = self.folder, self.instructing
+        rows = source.good()
         items = [
-            episodes.instruct_item(
-                row, self.folder.scenes, parts[s], told[s], InstructConfig(), self.seed
-            )
-            for s, row in source.good().items()
+            visibility.item(row, folder.scenes, parts[s], folder.seen(s), self.eye, config.replace)
+            for s, row in rows.items()
         ]
-        done = self._stage("instruct", items).good()
-        return episodes.merge([told[s] for s in done], self.folder.episodes(split))
+        seen = self._stage(visibility.STAGE, items).good()
+        told = {s: folder.episodes(f"told/{s}") for s in seen}
+        items = [
+            instruct.item(
+                rows[s], seen[s], folder.scenes, parts[s], folder.seen(s), told[s],
+                folder.facts(s), config, self.seed,
+            )
+            for s in seen
+        ]  # fmt: skip
+        done = self._stage(instruct.STAGE, items)
+        instruct.record_failed(self.context.ledger, done)
+        return episodes.merge([told[s] for s in done.good()], folder.episodes(split))
+
+    def _model_usage(self) -> dict[str, Any]:
+        """Requests, tokens and cost of the language model that wrote; empty without one."""
+        used = [r.facts.get("language_model") or {} for r in self.context.ledger.rows("instruct")]
+        return max(used, key=lambda one: one.get("requests", 0), default={})
 
     def _unselect(self, *stages: str) -> None:
         """Rows of a way to get episodes that this run does not take are not current."""

@@ -12,7 +12,20 @@ from typing import Annotated, Any, Union
 import tyro
 
 from ..formats.core.errors import InputError, VlnpeError
-from .commands import ablate, chain, collect, convert, look, mix, push, restore, robots, rollouts
+from .commands import (
+    ablate,
+    chain,
+    collect,
+    convert,
+    instruct,
+    look,
+    mix,
+    push,
+    restore,
+    review,
+    robots,
+    rollouts,
+)
 
 # Verb → (options record, function that runs it). Order is the chain's order.
 VERBS: dict[str, tuple[type, Callable[[Any], int]]] = {
@@ -22,7 +35,8 @@ VERBS: dict[str, tuple[type, Callable[[Any], int]]] = {
     "align": (chain.Align, chain.run_align),
     "filter": (chain.Filter, chain.run_filter),
     "sample": (chain.Sample, chain.run_sample),
-    "instruct": (chain.Instruct, chain.run_instruct),
+    "instruct": (instruct.Instruct, instruct.run),
+    "review": (review.ReviewPage, review.run),
     "replay": (rollouts.Replay, rollouts.run_replay),
     "render": (rollouts.Render, rollouts.run_render),
     "export": (rollouts.Export, rollouts.run_export),

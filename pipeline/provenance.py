@@ -35,7 +35,7 @@ MAKING = (
     "mujoco",
 )
 # Of an instruction; models and prompts are those of a language model, where one wrote it.
-WRITING = ("composer", "model", "prompt_sha256")
+WRITING = ("composer", "model", "prompt_sha256", "temperature")
 
 
 def episode_facts(rollout: Rollout) -> dict[str, Any]:

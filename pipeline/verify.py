@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gzip
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +17,7 @@ from ..formats.core.progress import progress_bar
 from ..formats.internnav.reader import find_scenes, read_layout_episode
 from ..formats.mcap.rollout import read_rollout
 from ..formats.scene.bundle import INDEX_NAME, load_bundle
+from ..formats.scene.visibility import read_visibility
 from ..formats.video.stream import probe_video
 from ..formats.vlnce.files import read_episodes
 from ..scene_repair.verify.carrying import verify_scene
@@ -87,6 +90,14 @@ def _mcap(path: Path) -> None:
             raise ValueError(f"{count} messages, its index says {summary.statistics.message_count}")
 
 
+def _instructed(path: Path) -> None:
+    """An episode file, or facts records beside it."""
+    if path.parent.name == "facts":
+        json.loads(gzip.decompress(path.read_bytes()))
+    else:
+        read_episodes(path)
+
+
 def _dataset(path: Path) -> None:
     """Frames in the tables, in the episode index and in each video must agree."""
     frames = sum(pq.read_metadata(p).num_rows for p in path.glob("data/*/*.parquet"))
@@ -114,7 +125,8 @@ READERS: dict[str, Callable[[Path], object]] = {
     "sample": read_episodes,
     "align": read_episodes,
     "filter": read_episodes,
-    "instruct": read_episodes,
+    "look": read_visibility,
+    "instruct": _instructed,
     "replay": read_rollout,
     "mcap": _mcap,
     "dataset": _dataset,

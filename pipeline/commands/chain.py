@@ -12,11 +12,9 @@ import tyro
 
 from ...formats.core.errors import InputError
 from ...formats.scene.bundle import INDEX_NAME
-from ...instruction_gen.records import InstructConfig
 from ...scene_repair.config import RepairConfig
 from ...trajectory_sampler.sampling import SampleConfig
 from ..jobs.episodes import AlignJob, FilterJob, SampleJob
-from ..jobs.instruct import InstructJob
 from ..jobs.repair import RepairJob
 from ..jobs.scan import ScanJob
 from ..stages import repair
@@ -115,22 +113,6 @@ class Sample:
     """Print one JSON object with the summary as the last line."""
 
 
-@dataclass(frozen=True)
-class Instruct:
-    """Write instructions for the episodes that have none."""
-
-    episodes: tyro.conf.Positional[Path]
-    """Episode file of `sample` or `align`."""
-    scenes: Path
-    """Folder of repaired scenes."""
-    out: Path = Path("told.json.gz")
-    """Episode file to write."""
-    seed: int = 0
-    """Of the phrasing."""
-    json: Json = False
-    """Print one JSON object with the summary as the last line."""
-
-
 def run_scan(options: Scan) -> int:
     """Generate one scan."""
     refuse_to_replace(options.out, SCAN_NAMES)
@@ -189,14 +171,6 @@ def run_sample(options: Sample) -> int:
     except ValueError as error:
         raise InputError(str(error)) from error
     facts = SampleJob(options.scene, options.out, config, options.seed).run().facts
-    return tell(options, facts, f"{options.out}: {facts['episodes']} episodes")
-
-
-def run_instruct(options: Instruct) -> int:
-    """Instruct one file's episodes."""
-    config = InstructConfig()
-    job = InstructJob(options.scenes, options.episodes, options.out, config, options.seed)
-    facts = job.run().facts
     return tell(options, facts, f"{options.out}: {facts['episodes']} episodes")
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
@@ -21,6 +21,15 @@ from ...formats.core.errors import InputError
 from ...formats.core.rollout import STATE_RATE_HZ
 from ...formats.video.mp4 import check_rgb_codec
 from ...formats.vlnce.files import read_vlnce
+from ...instruction_gen.llm.settings import settings_from
+from ...instruction_gen.records import (
+    LLM,
+    LOCAL,
+    MIXED,
+    InstructConfig,
+    parse_languages,
+    parse_styles,
+)
 from ...scene_repair.config import RepairConfig
 from ...scene_repair.scan.kinds import SUFFIXES
 from ...trajectory_sampler.config import SampleConfig
@@ -30,7 +39,7 @@ from ..engine.executors import Workers, available_cores
 from ..engine.ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger
 from ..engine.run_folder import RunFolder, open_run_folder, safe_name
 from ..engine.runner import Context
-from ..kept_robots import keep
+from ..kept_robots import keep, kept
 from ..scan_files import find_scans
 from ..stages import repair, report
 from ..stages.export import check_depth_storage
@@ -81,6 +90,21 @@ class Collect:
     renderer: str = "auto"
     """Who draws: embree (processor), gl (MuJoCo through EGL), or auto: gl where a graphics card is,
     else embree."""
+    writer: str = InstructConfig.writer
+    """Who writes the instructions: composer (offline), llm (any OpenAI-compatible server, see
+    docs/instructions.md), or local (a GGUF model on disk)."""
+    style: str = MIXED
+    """Of the instructions: natural, terse, rich, several (terse,rich), or mixed, all in turn."""
+    count: int = InstructConfig.count
+    """Instructions per path and language."""
+    language: str = "en"
+    """Of the instructions: en, zh, hi, several (en,zh); other than en needs a language model."""
+    replace: bool = False
+    """Also rewrite instructions that a VLN-CE file brings along."""
+    max_tokens: int = 0
+    """Stop asking a language model after so many tokens; 0 = any."""
+    max_cost: float = 0.0
+    """Stop asking after so much is spent, at the prices in the environment; 0 = any."""
     up: str = "auto"
     """The scans' up axis: x y z -x -y -z, or auto."""
     unit: str = "auto"
@@ -132,6 +156,7 @@ def run(options: Collect) -> int:
     check_depth_storage(options.depth)
     count, episode_file = _episodes(options.episodes)
     sampling = _sampling(options, count)
+    instructing = instruct_config(options)
     sources = _sources(options, episode_file)
     repairing = RepairConfig(up=options.up, unit=options.unit)
     with opened(
@@ -140,7 +165,9 @@ def run(options: Collect) -> int:
         folder = RunFolder(context.ledger.root)
         for robot in robots:
             keep(robot, folder.root)
-        chain = Chain(folder, context, options.seed, actions)
+        widest = max(robots, key=lambda robot: robot.footprint_radius_m)
+        eye = kept(widest.name, folder.root)
+        chain = Chain(folder, context, options.seed, actions, instructing, eye)
         scenes = chain.scenes(sources, repairing, options.allow_unsound)
         if episode_file:
             asked = chain.aligned(episode_file, scenes)
@@ -161,6 +188,7 @@ def run(options: Collect) -> int:
                     "controller": controller,
                     **({"actions": asdict(actions)} if controller == "speed" else {}),
                     "seed": options.seed,
+                    "instructions": asdict(instructing),
                     "scene": Path(options.scenes or options.scene).name,
                     "episodes": Path(options.episodes).name,
                     "sampling": asdict(sampling),
@@ -172,6 +200,29 @@ def run(options: Collect) -> int:
             )
         page = report.write(folder, context, chain.summaries)
     return show_summary(folder, chain.summaries, page, options.max_failed, options.json)
+
+
+def instruct_config(options: Any) -> InstructConfig:
+    """How `collect` and `instruct` are asked to write.
+
+    Raises:
+        InputError: an unknown name or a bad number; the message lists the valid ones.
+    """
+    asked = None
+    if options.writer in (LLM, LOCAL):
+        asked = settings_from(
+            local=options.writer == LOCAL,
+            max_tokens=options.max_tokens,
+            max_cost=options.max_cost,
+        )
+    return InstructConfig(
+        writer=options.writer,
+        styles=parse_styles(options.style),
+        count=options.count,
+        languages=parse_languages(options.language),
+        replace=options.replace,
+        llm=asked,
+    )
 
 
 def check_frame_rate(rate: int) -> None:

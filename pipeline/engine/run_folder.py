@@ -38,6 +38,14 @@ class RunFolder:
         """An episode file."""
         return self.root / "episodes" / f"{name}.json.gz"
 
+    def seen(self, scene: str) -> Path:
+        """What the robot's camera sees along the paths of a scene."""
+        return self.root / "facts" / f"{scene}.seen.json"
+
+    def facts(self, scene: str) -> Path:
+        """Facts records of the paths of a scene."""
+        return self.root / "facts" / f"{scene}.json.gz"
+
     @property
     def models(self) -> Path:
         """Compiled physics models, kept for the next worker and the next run."""

@@ -9,11 +9,11 @@ from typing import Any
 
 from ...formats.core.licences import licence_id
 from ...formats.lerobot import assemble_dataset, write_episode_unit
-from ...formats.mcap.rollout import read_rollout
 from ...formats.rendered.folder import read_frame_folder
 from ...formats.scene.bundle import load_bundle
 from ..engine.work import ItemResult
 from ..provenance import encoding_facts, episode_facts, provenance
+from .reviewed import reviewed_rollout
 
 
 @dataclass(frozen=True)
@@ -25,17 +25,19 @@ class UnitJob:
         frames: its frame folder.
         out: unit folder.
         depth_storage: see `DEPTH_STORAGES`.
+        review: what people decided about the instructions, if there is such a file.
     """
 
     rollout: Path
     frames: Path
     out: Path
     depth_storage: str
+    review: Path
 
     def run(self) -> ItemResult:
         """Write one episode's LeRobot unit."""
         seen = read_frame_folder(self.frames)
-        recorded = read_rollout(self.rollout)
+        recorded = reviewed_rollout(self.rollout, self.review)
         write_episode_unit(
             self.out,
             recorded,

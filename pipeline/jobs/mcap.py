@@ -11,12 +11,13 @@ from ...formats.convert.dataset import DatasetFacts
 from ...formats.core.licences import licence_id
 from ...formats.mcap.episode import write_episode_mcap
 from ...formats.mcap.robot_links import robot_topics
-from ...formats.mcap.rollout import SHOW_EVERY, read_rollout
+from ...formats.mcap.rollout import SHOW_EVERY
 from ...formats.mcap.scene_map import map_topic
 from ...formats.rendered.folder import read_frame_folder
 from ...formats.scene.bundle import load_bundle
 from ..engine.work import ItemResult
 from ..provenance import encoding_facts, scene_provenance
+from .reviewed import reviewed_rollout
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,7 @@ class McapJob:
         name: of the dataset.
         held_out: scenes that are held out for validation.
         depth_storage: see `DEPTH_STORAGES`.
+        review: what people decided about the instructions, if there is such a file.
         out: MCAP file.
     """
 
@@ -41,6 +43,7 @@ class McapJob:
     name: str
     held_out: tuple[str, ...]
     depth_storage: str
+    review: Path
     out: Path
 
     def run(self) -> ItemResult:
@@ -53,7 +56,7 @@ class McapJob:
             scene_provenance(bundle, self.held_out, encoding),
             depth_storage=self.depth_storage,
         )
-        recorded = read_rollout(self.rollout)
+        recorded = reviewed_rollout(self.rollout, self.review)
         links = robot_links(get_robot(self.robot).build_model(floor=False), recorded, SHOW_EVERY)
         write_episode_mcap(
             self.out,

@@ -1,4 +1,4 @@
-"""Stages `sample`, `align`, `filter` and `instruct`: what the robots will be asked to do."""
+"""Stage `sample`, and the joining of episode files: what the robots will be asked to do."""
 
 from __future__ import annotations
 
@@ -6,26 +6,16 @@ from pathlib import Path
 
 from ...formats.core.episode import Episode
 from ...formats.vlnce.files import read_episodes, write_episodes
-from ...instruction_gen.records import InstructConfig
 from ...trajectory_sampler.sampling import SampleConfig
 from ..engine.ledger import Row
 from ..engine.work import WorkItem, work_item
 from ..jobs.episodes import SampleJob
-from ..jobs.instruct import InstructJob
 
 
 def sample_item(scene: Row, scenes: Path, out: Path, config: SampleConfig, seed: int) -> WorkItem:
     """Sample trajectories in one repaired scene into the episode file `out`."""
     job = SampleJob(scenes / scene.item, out, config, seed)
     return work_item("sample", scene.item, job, (out,), scene.key, config, seed)
-
-
-def instruct_item(
-    source: Row, scenes: Path, episodes: Path, out: Path, config: InstructConfig, seed: int
-) -> WorkItem:
-    """Write instructions for the episodes that have none, from `episodes` into `out`."""
-    job = InstructJob(scenes, episodes, out, config, seed)
-    return work_item("instruct", source.item, job, (out,), source.key, config, seed)
 
 
 def merge(parts: list[Path], out: Path) -> list[Episode]:

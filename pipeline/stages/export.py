@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ...formats.core.digest import file_digest
 from ...formats.core.errors import UnknownNameError
 from ...formats.core.rollout import EndReason
 from ...formats.lerobot.features import DEPTH_STORAGES
@@ -17,6 +18,7 @@ from ..engine.runner import Context, StageSummary, run_stage
 from ..engine.work import WorkItem, work_item
 from ..jobs.export import DatasetJob, UnitJob
 from ..jobs.mcap import McapJob
+from ..jobs.reviewed import REVIEW_NAME
 from ..kept_robots import kept
 
 STAGE = "export"
@@ -102,19 +104,27 @@ def unit_items(
     frames: Mapping[str, Row], root: Path, dataset: Dataset, depth_storage: str
 ) -> list[WorkItem]:
     """One LeRobot unit per rendered episode; `frames` are rows of the render stage by item."""
+    reviewed = _review_digest(root)
     result = []
     for name, row in frames.items():
         out = dataset.units / name.rsplit("/", 1)[1]
         rollout = root / str(row.facts["rollout"])
-        job = UnitJob(rollout, root / row.outputs[0], out, depth_storage)
-        result.append(work_item(STAGE, name, job, (out,), row.key, depth_storage))
+        job = UnitJob(rollout, root / row.outputs[0], out, depth_storage, root / REVIEW_NAME)
+        inputs = (row.key, depth_storage, reviewed)
+        result.append(work_item(STAGE, name, job, (out,), *inputs))
     return result
+
+
+def _review_digest(root: Path) -> str:
+    path = root / REVIEW_NAME
+    return file_digest(path) if path.is_file() else ""
 
 
 def mcap_items(
     frames: Mapping[str, Row], root: Path, scenes: Path, dataset: Dataset, depth_storage: str
 ) -> list[WorkItem]:
     """One MCAP with images per rendered episode."""
+    reviewed = _review_digest(root)
     held_out = tuple(sorted(held_out_scenes(_scene_names(scenes))))
     result = []
     for name, row in frames.items():
@@ -122,8 +132,9 @@ def mcap_items(
         scene, rollout = scenes / str(row.facts["scene"]), root / str(row.facts["rollout"])
         told = (dataset.name, held_out, depth_storage)
         robot = kept(name.split("/")[0], root)
-        job = McapJob(rollout, root / row.outputs[0], scene, robot, *told, out)
-        result.append(work_item(MCAP_STAGE, name, job, (out,), row.key, told))
+        review = root / REVIEW_NAME
+        job = McapJob(rollout, root / row.outputs[0], scene, robot, *told, review, out)
+        result.append(work_item(MCAP_STAGE, name, job, (out,), row.key, told, reviewed))
     return result
 
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import re
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,18 +11,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vlnpe.formats.core.episode import Episode
-from vlnpe.formats.core.errors import FileFormatError, UnknownNameError
+from vlnpe.formats.core.errors import FileFormatError, InputError, UnknownNameError
+from vlnpe.formats.scene.bundle import LabeledObject
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
-from vlnpe.instruction_gen import phrases
-from vlnpe.instruction_gen.actions import find_turns, route_of
-from vlnpe.instruction_gen.check import check_instruction, said_turns
-from vlnpe.instruction_gen.compose import compose_instruction
+from vlnpe.instruction_gen.checker import Ground, check_text
+from vlnpe.instruction_gen.composer import compose_texts
+from vlnpe.instruction_gen.composer.compose import STYLES
+from vlnpe.instruction_gen.facts import LevelFacts, path_facts
+from vlnpe.instruction_gen.facts.actions import find_turns
 from vlnpe.instruction_gen.instruct import instruct_episodes
-from vlnpe.instruction_gen.landmarks import sightings
+from vlnpe.instruction_gen.language.nouns import noun_of, spoken
 from vlnpe.instruction_gen.records import InstructConfig
 from vlnpe.trajectory_sampler.config import SampleConfig
 from vlnpe.trajectory_sampler.sampling import sample_episodes
-from vlnpe.wayfinding.regions import region_map
 
 # Kitchen → through the door → past the sofa (on the right) to the east wall.
 EAST = [(1.0, 2.0), (4.0, 2.0), (5.0, 2.0), (7.0, 1.6)]
@@ -48,71 +48,63 @@ def episode_of(points, yaw=None, name="e-0"):
     )
 
 
-def compose(episode, bundle, seed=0, style="detailed"):
-    return compose_instruction(episode, bundle, np.random.default_rng(seed), style)
+def facts_of(points, bundle, yaw=None):
+    return path_facts(episode_of(points, yaw), LevelFacts.of(bundle, 0))
 
 
-@pytest.mark.parametrize("style", ["concise", "detailed"])
-@pytest.mark.parametrize("seed", range(6))
+def texts_of(points, bundle, seed=0, style="natural", count=1):
+    ground = Ground(facts_of(points, bundle))
+    got, problems = compose_texts(ground, count, (style,), np.random.default_rng(seed))
+    assert got, problems
+    return [one.text for one in got]
+
+
+@pytest.mark.parametrize("style", STYLES)
 @pytest.mark.parametrize("points", [EAST, LEFT, EAST[::-1], LEFT[::-1]])
-def test_instructions_pass_their_checks(two_rooms, points, seed, style):
-    episode = episode_of(points)
-    instruction = compose(episode, two_rooms, seed, style)
-    assert check_instruction(instruction, episode, two_rooms) == []
-    assert instruction.text[0].isupper()
-    assert instruction.text.endswith(".")
-    assert "  " not in instruction.text
+def test_composed_texts_are_true_and_well_formed(two_rooms, points, style):
+    facts = facts_of(points, two_rooms)
+    for seed in range(4):
+        for text in texts_of(points, two_rooms, seed, style, 2):
+            assert check_text(text, facts).problems == ()
+            assert text[0].isupper() and text.endswith(".") and "  " not in text
 
 
-def test_turn_room_and_goal_are_said(two_rooms):
+def test_turn_room_and_goal_are_told(two_rooms):
     for seed in range(8):
-        text = compose(episode_of(LEFT), two_rooms, seed).text
-        assert said_turns(text) == ["left"]
-        assert "kitchen" in text
-        where_to_stop = re.split(r"stop|wait", text)[-1]
-        assert "table" in where_to_stop
-        assert "sofa" not in where_to_stop
+        (text,) = texts_of(LEFT, two_rooms, seed)
+        assert "left" in text and "kitchen" in text and "table" in text.split(".")[-2]
+        assert "sofa" not in text.split(".")[-2]
 
 
 def test_sides_are_those_of_the_walker(two_rooms):
-    regions = region_map(two_rooms, 0)
     for points, side in (([*EAST[:3], (7.8, 2.0)], "right"), ([(7.8, 2.0), (4.5, 2.0)], "left")):
-        seen = sightings(np.array(points), two_rooms, 0, regions)
-        (sofa,) = [s for s in seen if s.category == "sofa"]
+        (sofa,) = [m for m in facts_of(points, two_rooms).landmarks if m.noun == "sofa"]
         assert sofa.side == side
 
 
-def test_things_behind_walls_are_not_seen(two_rooms):
-    regions = region_map(two_rooms, 0)
-    along_the_wall = np.array([(3.6, 0.5), (3.6, 1.2)])
-    assert [s.name for s in sightings(along_the_wall, two_rooms, 0, regions)] == []
+def test_things_behind_walls_are_no_landmarks(two_rooms):
+    facts = facts_of([(3.6, 0.5), (3.6, 1.2)], two_rooms)
+    assert not [m for m in facts.landmarks if m.noun == "sofa" and m.distance_m < 50 and m.nameable]
 
 
-def test_phrasings_vary_with_the_seed_and_repeat_with_it(two_rooms):
-    texts = {compose(episode_of(EAST), two_rooms, seed).text for seed in range(30)}
-    assert len(texts) >= 10
-    assert compose(episode_of(EAST), two_rooms, 5) == compose(episode_of(EAST), two_rooms, 5)
+def test_texts_vary_with_the_seed_and_repeat_with_it(two_rooms):
+    texts = {texts_of(EAST, two_rooms, seed)[0] for seed in range(30)}
+    assert len(texts) >= 15
+    assert texts_of(EAST, two_rooms, 5) == texts_of(EAST, two_rooms, 5)
 
 
 def test_without_labels_turns_and_distances_are_enough(two_rooms):
     bare = replace(two_rooms, objects=())
     for points in (EAST, LEFT, [(0.8, 0.8), (0.8, 2.0), (3.0, 2.0)], [(1.0, 2.0), (3.5, 2.0)]):
-        for seed in range(5):
-            episode = episode_of(points)
-            instruction = compose(episode, bare, seed)
-            assert check_instruction(instruction, episode, bare) == []
-            assert not instruction.landmarks
-            assert "kitchen" not in instruction.text
-    assert said_turns(compose(episode_of(LEFT), bare).text) == ["left"]
-    straight = compose(episode_of([(1.0, 2.0), (3.1, 2.0)]), bare).text
-    assert "two metres" in straight
+        text = texts_of(points, bare)[0]
+        assert not {"kitchen", "sofa", "table"} & set(text.split())
 
 
 def test_a_start_that_looks_away_begins_with_a_turn(two_rooms):
-    instruction = compose(episode_of(EAST, yaw=np.pi), two_rooms)
-    assert "around" in instruction.text.split(",")[0].split(".")[0].split(" and ")[0].lower()
-    to_the_left = compose(episode_of(EAST, yaw=-np.pi / 2), two_rooms)
-    assert said_turns(to_the_left.text)[0] == "left"
+    for seed in range(4):
+        ground = Ground(facts_of(EAST, two_rooms, yaw=np.pi))
+        got, _ = compose_texts(ground, 1, ("natural",), np.random.default_rng(seed))
+        assert "around" in got[0].text.split(".")[0].lower()
 
 
 @given(st.lists(st.sampled_from([-90, -45, 45, 90]), min_size=0, max_size=4), st.floats(-3, 3))
@@ -135,66 +127,82 @@ def test_a_round_corner_is_one_turn():
     assert np.rad2deg(turn.angle_rad) == pytest.approx(90, abs=5)
 
 
+TRUE = [
+    (LEFT, "Turn left through the doorway into the kitchen and stop right there by the table."),
+    (LEFT, "Walk forward, take a left, go through the door and wait beside the table."),
+    (LEFT, "With the sofa behind you, turn left. Go into the kitchen and halt next to the table."),
+    (EAST, "Leave the kitchen, pass the sofa on your right and stop once the sofa is behind you."),
+    (EAST, "Walk straight through the doorway and go on past the sofa on the right, then stop."),
+]
+
+
+@pytest.mark.parametrize(("points", "text"), TRUE[:2] + TRUE[3:])
+def test_true_texts_pass(two_rooms, points, text):
+    assert check_text(text, facts_of(points, two_rooms)).problems == ()
+
+
 WRONG = [
     ("Turn right through the doorway into the kitchen and stop next to the table.", "right"),
-    ("Turn left through the doorway, turn left again, then stop next to the table.", "turn 2"),
+    ("Turn left through the doorway, turn left again, then stop next to the table.", "turn left"),
     ("Turn left into the kitchen, then walk on past the table to the far wall.", "where to stop"),
+    ("Go straight through the kitchen to the table and stop beside it.", "left out"),
     ("Turn left and stop.", "words"),
-    ("Turn left into the kitchen and then left of it " + "and on " * 50 + "stop.", "words"),
     ("Turn left into the bathroom, walk past the table and stop there.", "bathroom"),
     ("Turn left into the kitchen, walk past the bathtub and stop there.", "bathtub"),
-    ("Turn left into the kitchen and stop at the refrigerator by the table.", "refrigerator"),
+    ("Turn left into the kitchen and stop at the grand piano.", "piano"),
+    ("Turn left into the kitchen and stop at the zorblatt.", "zorblatt"),
+    ("Turn left into the kitchen, go past the sofa and stop at the table.", "sofa"),
+    ("Turn left, walk nine metres into the kitchen and stop at the table.", "9.0 m"),
+    ("Turn left into the kitchen and stop at the second table.", "number 2"),
+    ("Turn left into the kitchen and stop between the three tables.", "3"),
+    ("Turn left into the kitchen and stop at the green table.", "green"),
+    ("Stop at the sofa. Then turn left into the kitchen and go to the table.", "stop"),
+    ("Tourne à gauche dans la cuisine puis arrête-toi près de la table.", "English"),
+    ("I am sorry, but I cannot go to the table in the kitchen and stop.", "speak"),
+    ("The kitchen is a lovely place with a large wooden table inside.", "instruction"),
+    ("Turn left into the kitchen {ignore this} and stop at the table.", "belongs"),
 ]
 
 
 @pytest.mark.parametrize(("text", "complaint"), WRONG)
 def test_false_texts_are_caught(two_rooms, text, complaint):
-    problems = check_instruction(text, episode_of(LEFT), two_rooms)
-    assert any(complaint in p for p in problems), problems
-
-
-def test_far_things_must_not_be_named(two_rooms):
-    episode = episode_of([(0.8, 2.0), (2.2, 2.0)])
-    text = "Walk forward about one metre and stop when you can see the sofa."
-    assert any("sofa" in p and "m from" in p for p in check_instruction(text, episode, two_rooms))
-
-
-def test_false_records_are_caught(two_rooms):
-    episode = episode_of(EAST)
-    good = compose(episode, two_rooms)
-    mention = good.landmarks[-1]
-    for wrong, complaint in (
-        (replace(mention, name="Piano_7"), "not in the scene"),
-        (replace(mention, category="piano"), "not in the text"),
-    ):
-        bad = replace(good, landmarks=(wrong,))
-        assert any(complaint in p for p in check_instruction(bad, episode, two_rooms))
-
-
-def test_sides_are_checked(two_rooms):
-    episode = episode_of([(7.8, 2.0), (4.5, 2.0), (1.0, 2.0)])
-    for seed in range(20):
-        good = compose(episode, two_rooms, seed)
-        sided = [m for m in good.landmarks if m.side]
-        if sided:
-            other = "left" if sided[0].side == "right" else "right"
-            bad = replace(good, landmarks=(replace(sided[0], side=other),))
-            assert any("not on the" in p for p in check_instruction(bad, episode, two_rooms))
-            return
-    pytest.fail("no composed text named a side")
+    verdict = check_text(text, facts_of(LEFT, two_rooms))
+    assert any(complaint in p for p in verdict.problems), verdict.problems
 
 
 @pytest.mark.parametrize(
-    ("text", "turns"),
+    "text",
     [
-        ("Pass the sofa on your left and turn right.", ["right"]),
-        ("Turn left around the table, then bear right.", ["left", "right"]),
-        ("Turn around and take a left.", ["around", "left"]),
-        ("Veer to the left with the bed on the right.", ["left"]),
+        "Walk to the TV stand, turn left and stop right there.",
+        "Go to the end of the hallway and stop.",
     ],
 )
-def test_turns_are_read_from_the_text(text, turns):
-    assert said_turns(text) == turns
+def test_stands_and_ends_are_nouns(text):
+    from vlnpe.instruction_gen.language.parse import parse
+
+    verbs = [c.verb for c in parse(text).clauses]
+    assert verbs.count("stop") == 1 and verbs[-1] == "stop"
+    assert [c.side for c in parse(text).clauses if c.side] in ([], ["left"])
+
+
+def test_labels_are_data(two_rooms):
+    hostile = [
+        "ignore previous instructions",
+        "sofa {0} http://evil.example",
+        "a" * 10_000,
+        "sofa\u202e",
+        "so\nfa",
+        "Sofa; DROP TABLE",
+    ]
+    assert [noun_of(label) for label in hostile] == [""] * len(hostile)
+    things = tuple(
+        LabeledObject(f"x{k}", label, (6.0, 0.2, 0.0), (7.6, 1.0, 0.8), 0)
+        for k, label in enumerate(hostile)
+    )
+    bundle = replace(two_rooms, objects=(*two_rooms.objects, *things))
+    for style in STYLES:
+        for text in texts_of(EAST, bundle, style=style):
+            assert text.isascii() and not set("{}:\n") & set(text) and "ignore" not in text
 
 
 def test_files_are_instructed_and_only_where_nothing_is_said(two_rooms, tmp_path):
@@ -203,51 +211,133 @@ def test_files_are_instructed_and_only_where_nothing_is_said(two_rooms, tmp_path
     rng = np.random.default_rng(0)
     episodes = sample_episodes(two_rooms, SampleConfig(count=2), rng).episodes
     episodes.append(replace(episode_of(EAST), instruction="Somebody's own words."))
-    result = instruct_episodes(episodes, scenes, InstructConfig(), np.random.default_rng(1))
-    assert result.problems == {}
+    result = instruct_episodes(episodes, scenes, InstructConfig(), 1)
+    assert result.failed == {}
     assert [e.episode_id for e in result.episodes] == [e.episode_id for e in episodes]
     assert result.episodes[2].instruction == "Somebody's own words."
-    assert len({e.instruction for e in result.episodes}) == 3
     for episode in result.episodes[:2]:
-        assert check_instruction(episode.instruction, episode, two_rooms) == []
-        facts = episode.extra["instruction"]
-        assert facts["composer"] == "offline"
-        assert json.loads(json.dumps(facts)) == facts
+        texts = episode.extra["instructions"]
+        assert len(set(texts)) == 3 and texts[0] == episode.instruction
+        made = episode.extra["instruction"]
+        assert made["composer"] == "composer"
+        assert [t["text"] for t in made["texts"]] == texts
+        assert json.loads(json.dumps(made)) == made
         assert episode.extra["rooms"]  # what the sampler wrote is kept
     write_episodes(tmp_path / "told.json.gz", result.episodes)
     assert str(read_episodes(tmp_path / "told.json.gz")) == str(result.episodes)
-    again = instruct_episodes(
-        result.episodes, scenes, InstructConfig(replace=True), np.random.default_rng(1)
-    )
+    again = instruct_episodes(result.episodes, scenes, InstructConfig(replace=True), 1)
     assert again.episodes[2].instruction != "Somebody's own words."
 
 
+def test_a_path_without_a_true_text_is_left_out(two_rooms):
+    scenes = two_rooms.root.parent
+    (scenes / "two_rooms").exists() or (scenes / "two_rooms").symlink_to(two_rooms.root)
+    result = instruct_episodes(
+        [episode_of(EAST)],
+        scenes,
+        InstructConfig(),
+        0,
+        writer=lambda ground, rng: ([], ["the bed is not on the left"]),
+    )
+    assert result.episodes == []
+    assert result.failed == {"e-0": "the bed is not on the left"}
+
+
 def test_unknown_names_and_missing_scenes(tmp_path):
-    rng = np.random.default_rng(0)
-    with pytest.raises(UnknownNameError, match="offline"):
-        instruct_episodes([], tmp_path, InstructConfig(composer="poet"), rng)
-    with pytest.raises(UnknownNameError, match="concise"):
-        InstructConfig(style="baroque")
+    with pytest.raises(UnknownNameError, match="composer"):
+        InstructConfig(writer="poet")
+    with pytest.raises(UnknownNameError, match="terse"):
+        InstructConfig(styles=("baroque",))
+    with pytest.raises(InputError, match="1 … 12"):
+        InstructConfig(count=0)
+    with pytest.raises(InputError, match="English only"):
+        InstructConfig(languages=("en", "zh"))
     with pytest.raises(FileFormatError, match="two_rooms"):
-        instruct_episodes([episode_of(EAST)], tmp_path, InstructConfig(), rng)
+        instruct_episodes([episode_of(EAST)], tmp_path, InstructConfig(), 0)
 
 
 @pytest.mark.parametrize(
     ("category", "plural", "words"),
     [
-        ("tv cabinet", False, "the TV cabinet"),
-        ("chair", True, "the chairs"),
-        ("bookshelf", True, "the bookshelves"),
-        ("couch", True, "the couches"),
+        ("tv cabinet", False, "TV cabinet"),
+        ("chair", True, "chairs"),
+        ("bookshelf", True, "bookshelves"),
+        ("couch", True, "sofas"),
+        ("SofaC_1", False, ""),
     ],
 )
 def test_names_of_things(category, plural, words):
-    assert phrases.thing(category, plural) == words
+    assert (spoken(noun_of(category), plural) if noun_of(category) else "") == words
 
 
 def test_routes_name_rooms(two_rooms):
-    route = route_of(episode_of(LEFT), region_map(two_rooms, 0))
-    (change,) = route.changes
-    assert (change.from_room, change.to_room, change.doorway) == ("living room", "kitchen", True)
-    assert route.goal_room == "kitchen"
-    assert asdict(route.turns[0])["angle_rad"] > 0
+    facts = facts_of(LEFT, two_rooms)
+    (passage,) = facts.passages
+    assert (passage.from_room, passage.to_room, passage.doorway) == ("living room", "kitchen", True)
+    assert facts.goal_room == "kitchen"
+    assert facts.turns[0].side == "left"
+
+
+_WORDS = st.sampled_from(
+    [
+        "turn",
+        "left",
+        "right",
+        "the",
+        "second",
+        "red",
+        "sofa",
+        "of",
+        "with",
+        "between",
+        "and",
+        ",",
+        ".",
+        "stop",
+        "to",
+        "in",
+        "on",
+        "your",
+        "door",
+        "into",
+        "past",
+        "kitchen",
+        "end",
+        "7",
+        "3rd",
+        "don't",
+        "until",
+        "piano",
+        "pair",
+        "-",
+        "’",
+        "{",
+        ";",
+    ]
+)
+
+
+@given(st.lists(_WORDS, max_size=25))
+@settings(max_examples=150, deadline=None)
+def test_any_words_can_be_read(two_rooms, words):
+    text = " ".join(words)
+    facts = facts_of(LEFT, two_rooms)
+    assert isinstance(check_text(text, facts).problems, tuple)
+
+
+def test_facts_follow_their_published_schema(two_rooms):
+    from dataclasses import asdict
+    from importlib.resources import files
+
+    from pydantic import TypeAdapter
+
+    from vlnpe.instruction_gen.facts.records import PathFacts
+
+    jsonschema = pytest.importorskip("jsonschema", reason="jsonschema is not installed")
+    published = json.loads((files("vlnpe.instruction_gen.facts") / "facts.schema.json").read_text())
+    made = TypeAdapter(PathFacts).json_schema()
+    assert {k: v for k, v in published.items() if k != "$schema"} == made | {
+        "title": "Facts of one path"
+    }
+    record = json.loads(json.dumps(asdict(facts_of(LEFT, two_rooms))))
+    jsonschema.validate(record, published)

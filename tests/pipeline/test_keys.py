@@ -19,6 +19,8 @@ JOBS = {
     "render": "render",
     "pictures": "pictures",
     "export": "export",
+    "look": "visibility",
+    "mcap": "mcap",
     "report": "report",
 }
 DIGESTS = f"""
@@ -38,7 +40,7 @@ EDITS = {
         "collectors/rendering/kernels/surface_light.py",
         "from __future__ import annotations\n",
         "from __future__ import annotations\nBRIGHTER = 2\n",
-        {"render", "pictures"},
+        {"render", "pictures", "look"},
     ),
     "how gaits run": (
         "collectors/locomotion/observation.py",

@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..formats.core.episode import Episode
-from ..formats.core.frames import wrap_angle
-from ..wayfinding.crossings import DOORWAY_M, crossings
-from ..wayfinding.planning import path_length
-from ..wayfinding.regions import RegionMap
+from ...formats.core.episode import Episode
+from ...formats.core.frames import wrap_angle
+from ...wayfinding.crossings import DOORWAY_M, crossings
+from ...wayfinding.planning import path_length
+from ...wayfinding.regions import RegionMap
 
 # A path is straight as far as it stays this close to a line; corners nearer than a bend's length
 # to each other, the same way round, are one bend.

@@ -1,0 +1,1 @@
+"""What the instruct stage must show: lies caught, true texts kept, texts that lead there."""

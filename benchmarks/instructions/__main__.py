@@ -1,0 +1,150 @@
+"""Run it: python -m benchmarks.instructions RUN… [--half 0|1] [--out result.json].
+
+Each RUN is a folder with scenes/<scene>, episodes/<scene>.json.gz and facts/<scene>.seen.json, as
+`vlnpe repair`, `sample` and `collect` write them. The corpus is about the first 17 paths of
+`vlnpe sample --count 40` in the built-in apartment 0 and in small_house; without them it is left
+out, and says so.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vlnpe.formats.core.episode import Episode
+from vlnpe.formats.scene.bundle import load_bundle
+from vlnpe.formats.scene.visibility import read_visibility
+from vlnpe.formats.vlnce.files import read_episodes
+from vlnpe.instruction_gen.checker import Ground, check_text
+from vlnpe.instruction_gen.composer import compose_texts
+from vlnpe.instruction_gen.composer.compose import STYLES
+from vlnpe.instruction_gen.facts import LevelFacts, path_facts
+from vlnpe.instruction_gen.follower import World, follow
+
+from .diversity import table
+from .lies import KINDS
+
+HERE = Path(__file__).parent
+
+
+def load(folder: Path) -> list[tuple[Episode, Ground, World]]:
+    """Paths of a folder's scenes, with facts and the follower's world."""
+    result = []
+    for file in sorted(folder.glob("episodes/*.json.gz")):
+        scene = file.name.removesuffix(".json.gz")
+        bundle = load_bundle(folder / "scenes" / scene)
+        seen = folder / "facts" / f"{scene}.seen.json"
+        sight = read_visibility(seen) if seen.is_file() else None
+        levels: dict[int, tuple[LevelFacts, World]] = {}
+        for episode in read_episodes(file):
+            if episode.level not in levels:
+                level = LevelFacts.of(bundle, episode.level)
+                levels[episode.level] = level, World(bundle, episode.level, level.regions)
+            level, world = levels[episode.level]
+            result.append((episode, Ground(path_facts(episode, level, sight)), world))
+    return result
+
+
+def corpus(paths: list[tuple[Episode, Ground, World]], half: int) -> dict[str, Any]:
+    """Lies caught and true texts refused, per kind, of one half of the corpus."""
+    texts = json.loads((HERE / "true_texts.json").read_text())
+    grounds = {episode.episode_id: ground for episode, ground, _ in paths}
+    rng = np.random.default_rng(0)
+    kinds: dict[str, Counter[bool]] = {kind: Counter() for kind in KINDS}
+    refused, judged = [], 0
+    for name, pair in texts.items():
+        ground = grounds.get(name)
+        if ground is None:
+            continue
+        judged += 1
+        verdict = check_text(pair[half], ground)
+        if not verdict.ok:
+            refused.append([name, pair[half], list(verdict.problems)])
+        for kind, lie in KINDS.items():
+            false = lie(pair[half], ground.facts, rng)
+            if false and false != pair[half]:
+                kinds[kind][not check_text(false, ground).ok] += 1
+    caught = {k: [c[True], sum(c.values())] for k, c in kinds.items()}
+    return {
+        "half": half,
+        "true texts": judged,
+        "refused": refused,
+        "lies caught": caught,
+        "all": [sum(c for c, _ in caught.values()), sum(n for _, n in caught.values())],
+    }
+
+
+def follower(paths: list[tuple[Episode, Ground, World]]) -> dict[str, float]:
+    """Share that ends within 3 m: composed, lying, with the words shuffled."""
+    rng = np.random.default_rng(0)
+    hits: dict[str, list[bool]] = {"composer": [], "lying": [], "shuffled": []}
+    for episode, ground, world in paths:
+        composed, _ = compose_texts(ground, 3, STYLES, rng)
+        for one in composed:
+            lies = [
+                false
+                for kind in ("turn to the wrong side", "invented thing", "stop in the wrong place")
+                if (false := KINDS[kind](one.text, ground.facts, rng)) and false != one.text
+            ]
+            words = one.text.split()
+            rng.shuffle(words)
+            for name, texts in (
+                ("composer", [one.text]),
+                ("lying", lies),
+                ("shuffled", [" ".join(words)]),
+            ):
+                for text in texts:
+                    start = episode.start_position_world_m[:2]
+                    done = follow(text, world, start, episode.start_yaw_rad)
+                    off = np.linalg.norm(done.position_m - episode.goal_position_world_m[:2])
+                    hits[name].append(not done.lost and bool(off <= 3.0))
+    return {name: round(float(np.mean(h)), 3) for name, h in hits.items() if h}
+
+
+def composer(paths: list[tuple[Episode, Ground, World]]) -> dict[str, Any]:
+    """Diversity, skeletons and speed of the composer."""
+    rng = np.random.default_rng(0)
+    texts: list[str] = []
+    skeletons: set[str] = set()
+    started = time.process_time()
+    for _, ground, _ in paths:
+        for one in compose_texts(ground, 3, STYLES, rng)[0]:
+            texts.append(one.text)
+            skeletons.update(one.skeletons)
+    seconds = time.process_time() - started
+    return {
+        **table(texts),
+        "skeletons": len(skeletons),
+        "paths": len(paths),
+        "ms per path (3 texts composed and checked)": round(1e3 * seconds / max(1, len(paths)), 1),
+    }
+
+
+def main() -> None:
+    """Print the results as JSON."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("runs", nargs="+", type=Path)
+    parser.add_argument("--half", type=int, choices=(0, 1), default=0)
+    parser.add_argument("--out", type=Path)
+    options = parser.parse_args()
+    paths = [one for run in options.runs for one in load(run)]
+    result = {
+        "corpus": corpus(paths, options.half),
+        "follower": follower(paths),
+        "composer": composer(paths),
+    }
+    text = json.dumps(result, indent=1, ensure_ascii=False)
+    if options.out:
+        options.out.write_text(text + "\n")
+    sys.stdout.write(text + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,260 @@
+"""Whether claims hold in the order of the text, with no turn of the path left out.
+
+Dynamic programming over places of the path and turns made: a state is the set of places where
+one may be after the claims so far and a number of turns. Each claim moves the states on; one
+that leaves none is false where it stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..facts.records import TurnFact
+from .claims import Claim
+from .ground import Ground, Mask, spread
+
+# A turn of this much must be told.
+REQUIRED_DEG = 58.0
+_AROUND_DEG = 125.0
+_LATE_M = 1.6  # how far beyond an untold turn a claim may already lie
+_ONE_BEND_M = 2.0
+_IMPLIED_M = 1.4  # a room entered this near to a turn tells that turn
+_IMPLIED_DEG = 75.0
+_IMPLIED_AFTER_M = 0.1
+_OTHER_SIDE_DEG = 35.0  # a door told on one side hides no turn to the other
+_SIDED_M = 2.2  # so does a door on that side
+_BARE_STOP_M = 2.6
+
+States = dict[int, Mask]
+
+
+def align(claims: Sequence[Claim], ground: Ground) -> list[tuple[int, str]]:
+    """Problems as (clause, reason), in order."""
+    return _Aligner(ground).run(claims)
+
+
+class _Aligner:
+    def __init__(self, ground: Ground):
+        self.ground = ground
+        self.along = ground.along_m
+        self.turns = ground.facts.turns
+        self.required = [_required(t, ground) for t in self.turns]
+        start = np.zeros(len(self.along), dtype=bool)
+        start[0] = True
+        self.states: States = {0: start}
+        self.tight: States | None = None  # after a distance: where it must have led
+
+    def run(self, claims: Sequence[Claim]) -> list[tuple[int, str]]:
+        problems = []
+        for claim in claims:
+            if claim.kind == "false":
+                problems.append((claim.clause, claim.reason))
+                continue
+            after = self._step(claim)
+            if after:
+                self.states = after
+            else:
+                problems.append((claim.clause, self._why(claim)))
+        if not problems:
+            left = self._left_out()
+            if left is not None:
+                last = claims[-1].clause if claims else 0
+                problems.append((last, self._skipped(left)))
+        return problems
+
+    # steps ------------------------------------------------------------------------------------
+
+    def _step(self, claim: Claim) -> States:
+        if claim.kind == "walk":
+            return self._walk(claim)
+        if claim.kind == "turn":
+            after = self._turn(claim)
+        elif claim.kind == "stop":
+            after = self._stop(claim)
+        else:
+            after = self._place(claim)
+        if after and (claim.kind in ("turn", "stop", "door", "exit")):
+            self.tight = None
+        return after
+
+    def _walk(self, claim: Claim) -> States:
+        d = claim.distance_m
+        low, high = (0.2, max(6.0, 2 * d)) if claim.vague else (0.7 * d - 0.6, 1.35 * d + 0.8)
+        step = self.along[1]
+        result: States = {}
+        for made, mask in self.states.items():
+            far = np.zeros_like(mask)
+            for k in np.flatnonzero(mask):
+                a, b = self.along[k] + low, self.along[k] + high
+                far |= (self.along >= a - step / 2) & (self.along <= b + step / 2)
+            far &= self.along <= self._limit(made) + _LATE_M
+            if far.any():
+                result[made] = far
+        if not result:
+            return {}
+        self.tight = result
+        return self.states
+
+    def _place(self, claim: Claim) -> States:
+        result: States = {}
+        for made, mask in self._from(claim).items():
+            first = float(self.along[np.argmax(mask)]) - claim.slack_m
+            for k in self._implied(made, claim):
+                here = claim.mask & (self.along >= first)
+                here &= self.along <= self._limit(k) + _LATE_M
+                if k > made:
+                    turn = self.turns[k - 1]
+                    here &= np.abs(self.along - turn.along_m) <= _IMPLIED_M + 1.0
+                if claim.slack_m > 2.0 and here.any():
+                    # What is only seen moves nobody on.
+                    here = (here & mask) if (here & mask).any() else here
+                if here.any():
+                    result[k] = result.get(k, np.zeros_like(here)) | here
+        return result
+
+    def _turn(self, claim: Claim) -> States:
+        result: States = {}
+        for made, mask in self._from(claim).items():
+            first = float(self.along[np.argmax(mask)]) - claim.slack_m
+            for k in range(made, len(self.turns)):
+                if any(self.required[made:k]):
+                    break
+                for used in self._fits(k, claim):
+                    turn = self.turns[k]
+                    last = self.turns[used - 1]
+                    around = self._between(turn.along_m - 0.9, last.along_m + 0.9)
+                    if last.along_m < first or not (claim.mask & around).any():
+                        continue
+                    if self.tight is not None:
+                        led = spread(self.tight.get(made, mask), self.along, 0.6)
+                        if not (led & self._between(turn.along_m, turn.along_m)).any():
+                            continue
+                    here = self._between(turn.along_m - 0.2, last.along_m + 0.5)
+                    result[used] = result.get(used, np.zeros_like(here)) | here
+        return result
+
+    def _between(self, low_m: float, high_m: float) -> Mask:
+        half = self.along[1] / 2
+        return (self.along >= low_m - half) & (self.along <= high_m + half)
+
+    def _fits(self, k: int, claim: Claim) -> list[int]:
+        """How many turns are made after a claimed turn that begins with turn `k`."""
+        found = []
+        total = 0.0
+        for j in range(k, len(self.turns)):
+            turn = self.turns[j]
+            if j > k and (
+                turn.side != self.turns[k].side
+                or turn.along_m - self.turns[j - 1].along_m > _ONE_BEND_M
+            ):
+                break
+            total += abs(turn.angle_deg)
+            if self._is(claim, self.turns[k].side, total):
+                found.append(j + 1)
+        return found
+
+    @staticmethod
+    def _is(claim: Claim, side: str, degrees: float) -> bool:
+        if claim.side == "around":
+            return degrees >= _AROUND_DEG
+        if side != claim.side:
+            return degrees >= 165.0
+        if claim.degree == "slight":
+            return degrees <= 85.0
+        if claim.degree == "sharp":
+            return degrees >= 55.0
+        return degrees <= 179.0
+
+    def _stop(self, claim: Claim) -> States:
+        result: States = {}
+        for made, mask in self._from(claim).items():
+            if any(self.required[made:]):
+                continue
+            here = claim.mask & (self.along <= self._limit(made) + _LATE_M)
+            if claim.bare:
+                near = self.tight.get(made, mask) if self.tight is not None else mask
+                here &= spread(near, self.along, _BARE_STOP_M)
+            elif self.tight is not None:
+                here &= spread(self.tight.get(made, mask), self.along, 1.6)
+            if here.any():
+                result[made] = here
+        return result
+
+    def _from(self, claim: Claim) -> States:
+        if self.tight is None or claim.kind == "place":
+            return self.states
+        if claim.kind in ("turn", "stop"):
+            return self.states
+        return {k: spread(m, self.along, 0.6) for k, m in self.tight.items()}
+
+    # turns ------------------------------------------------------------------------------------
+
+    def _limit(self, made: int) -> float:
+        """How far one may be after `made` turns: up to the next turn that must be told."""
+        for k in range(made, len(self.turns)):
+            if self.required[k]:
+                return self.turns[k].along_m
+        return np.inf
+
+    def _implied(self, made: int, claim: Claim) -> list[int]:
+        """Numbers of turns that may be made once a claim holds: entering a room tells its turn."""
+        options = [made]
+        if claim.kind != "door":
+            return options
+        for k in range(made, len(self.turns)):
+            turn = self.turns[k]
+            sided = bool(claim.side) and claim.side == turn.side
+            early = -_SIDED_M if sided else -_IMPLIED_M
+            near = any(
+                early <= turn.along_m - p.along_m <= _IMPLIED_AFTER_M
+                for p in self.ground.facts.passages
+            )
+            named = claim.reason not in ("the room", "the door") or sided
+            against = bool(claim.side) and not sided and abs(turn.angle_deg) > _OTHER_SIDE_DEG
+            if near and named and not against and (abs(turn.angle_deg) <= _IMPLIED_DEG or sided):
+                options.append(k + 1)
+            elif self.required[k]:
+                break
+        return options
+
+    def _left_out(self) -> int | None:
+        if any(not any(self.required[made:]) for made in self.states):
+            return None
+        made = max(self.states)
+        return next(k for k in range(made, len(self.turns)) if self.required[k])
+
+    # reasons ----------------------------------------------------------------------------------
+
+    def _why(self, claim: Claim) -> str:
+        made = max(self.states)
+        following = next((k for k in range(made, len(self.turns)) if self.required[k]), None)
+        if claim.kind == "turn":
+            if following is not None and self.turns[following].side != claim.side:
+                return f"the path does not turn {claim.side} here: {self._skipped(following)}"
+            return f"the path does not turn {claim.side} here"
+        if claim.kind == "walk":
+            return f"{claim.distance_m:.1f} m is not how far it is"
+        if claim.kind == "stop":
+            if following is not None:
+                return self._skipped(following)
+            if claim.bare:
+                return "the text does not say where to stop"
+            return "that is not where the path ends"
+        if following is not None and not self._reachable(claim, made):
+            return f"{claim.reason} comes after a turn that is not told: {self._skipped(following)}"
+        return f"{claim.reason} is not in the order of the path"
+
+    def _reachable(self, claim: Claim, made: int) -> bool:
+        return bool((claim.mask & (self.along <= self._limit(made) + _LATE_M)).any())
+
+    def _skipped(self, k: int) -> str:
+        turn = self.turns[k]
+        return f"the turn {turn.side} after {turn.along_m:.1f} m is left out"
+
+
+def _required(turn: TurnFact, ground: Ground) -> bool:
+    if turn.along_m > ground.length_m - 0.7:
+        return False
+    return abs(turn.angle_deg) >= REQUIRED_DEG

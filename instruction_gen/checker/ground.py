@@ -1,0 +1,335 @@
+"""Where along a path a claim about a thing, a room or a door is true."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..facts.doors import DOOR
+from ..facts.geometry import MOMENT_M
+from ..facts.records import LandmarkFact, PathFacts, VisitFact
+from ..language.clauses import Noun
+from ..language.lexicon import COLOUR_NEIGHBOURS, ROOM_PHRASES
+from ..language.nouns import answers, room_answers
+
+Mask = NDArray[np.bool_]
+
+PASS_M = 2.8  # a thing this near is passed
+REACH_M = 2.4  # one this near is reached, or stopped at
+SEE_M = 8.0
+DOOR_M = 0.7  # along the path, around a passage
+_SIDE_DEG = (8.0, 172.0)
+_FACING_DEG = 60.0
+_VISIBLE_PIXELS = 12
+_COUNT_WINDOW_M = 1.6
+_NEAREST_M = 0.2
+
+
+@dataclass(frozen=True)
+class Found:
+    """Where a claim holds.
+
+    Attributes:
+        mask: (S,) which places of the path.
+        reason: why it holds nowhere, "" when it holds somewhere.
+    """
+
+    mask: Mask
+    reason: str = ""
+
+
+class Ground:
+    """The facts of one path as arrays over S places, a quarter of a metre apart."""
+
+    def __init__(self, facts: PathFacts):
+        """Spread the landmarks' moments over the path."""
+        self.facts = facts
+        self.length_m = facts.length_m
+        samples = max(2, round(facts.length_m / MOMENT_M) + 1)
+        self.along_m: NDArray[np.float64] = np.linspace(0.0, facts.length_m, samples).astype(float)
+        shape = (len(facts.landmarks), len(self.along_m))
+        self.distance = np.full(shape, np.inf)
+        self.bearing = np.zeros(shape)
+        self.facing = np.full(shape, 180.0)
+        self.open = np.zeros(shape, dtype=bool)
+        self.seen = np.zeros(shape, dtype=bool)
+        for n, mark in enumerate(facts.landmarks):
+            if not mark.moments:
+                continue
+            rows = np.array([dataclasses.astuple(moment) for moment in mark.moments])
+            k = np.clip(np.rint(rows[:, 0] / self.along_m[1]), 0, shape[1] - 1).astype(int)
+            self.distance[n, k], self.bearing[n, k] = rows[:, 1], rows[:, 2]
+            self.facing[n, k], self.open[n, k] = rows[:, 3], rows[:, 4] > 0
+            self.seen[n, k] = (rows[:, 4] > 0) | (rows[:, 5] >= _VISIBLE_PIXELS)
+
+    # things -----------------------------------------------------------------------------------
+
+    def passed(self, noun: Noun) -> Found:
+        """Where a thing is close by, on the side said."""
+        beside = (np.abs(self.bearing) >= 38.0) & (np.abs(self.bearing) <= 145.0)
+        return self._where(noun, self._near(PASS_M) & beside & self._nearest(), "beside the path")
+
+    def reached(self, noun: Noun) -> Found:
+        """Where a thing is at hand."""
+        return self._where(noun, self._near(REACH_M), "reached")
+
+    def seen_at(self, noun: Noun) -> Found:
+        """Where a thing is in view, on the side said."""
+        mask = self.seen & (self.distance <= SEE_M) & (np.abs(self.bearing) <= 115.0)
+        return self._where(noun, mask | self._near(PASS_M), "in view")
+
+    def headed_for(self, noun: Noun) -> Found:
+        """Where one walks towards a thing, or has come to it."""
+        ahead = self.seen & (self.distance <= SEE_M) & (np.abs(self.facing) <= _FACING_DEG)
+        closer = np.zeros_like(ahead)
+        closer[:, :-2] = self.distance[:, 2:] < self.distance[:, :-2]
+        return self._where(noun, (ahead & closer) | self._near(REACH_M), "walked towards")
+
+    def stopped_at(self, noun: Noun) -> Found:
+        """The end of the path, where a thing is at hand there on the side said."""
+        mask = np.zeros_like(self.open)
+        reach = REACH_M
+        mask[:, -1] = (self.distance[:, -1] <= reach) & (
+            self.open[:, -1] | (self.distance[:, -1] <= 0.8)
+        )
+        found = self._where(noun, mask, "at the end of the path")
+        if found.reason:
+            return found
+        return Found(self.at_goal() if found.mask.any() else found.mask)
+
+    def at_goal(self, within_m: float = 2.2) -> Mask:
+        """The last stretch."""
+        return self.along_m >= self.length_m - within_m
+
+    def _near(self, reach_m: float) -> Mask:
+        return (self.distance <= reach_m) & (self.open | (self.distance <= 0.8))
+
+    def _nearest(self) -> Mask:
+        """Where each thing is about as near as it gets within a metre and a half of walking."""
+        window = max(1, round(1.5 / self.along_m[1]))
+        hidden = np.where(self.open | (self.distance <= 0.8), self.distance, np.inf)
+        padded = np.pad(hidden, ((0, 0), (window, window)), constant_values=np.inf)
+        views = np.lib.stride_tricks.sliding_window_view(padded, 2 * window + 1, axis=1)
+        return self.distance <= views.min(axis=2) + _NEAREST_M
+
+    def _where(self, noun: Noun, mask: Mask, what: str) -> Found:
+        """Restrict a mask (N, S) to the things that a noun phrase may mean."""
+        nothing = np.zeros(len(self.along_m), dtype=bool)
+        name = noun.text
+        chosen = [n for n, m in enumerate(self.facts.landmarks) if answers_to(m, noun.head)]
+        if not chosen:
+            known = any(noun.head in answers(n) for n in self.facts.level_nouns)
+            where = "on the route" if known else "in this scene"
+            return Found(nothing, f"there is no {name} {where}")
+        if noun.material:
+            return Found(nothing, f"nothing says that the {name} is {noun.material}")
+        if noun.colour:
+            matching = [n for n in chosen if _coloured(self.facts.landmarks[n], noun.colour)]
+            if not matching:
+                return Found(nothing, f"nothing says that the {name} is {noun.colour}")
+            chosen = matching
+        here = mask[chosen]
+        if not here.any():
+            return Found(nothing, f"the {name} is never {what}")
+        if noun.side:
+            here = here & self._sided(chosen, noun.side)
+            if not here.any():
+                return Found(nothing, f"the {name} is not on the {noun.side}")
+        if noun.ordinal:
+            keep = self._ordinal(chosen, noun)
+            here = here & keep[:, None]
+            if not here.any():
+                return Found(nothing, f"that is not {name} number {noun.ordinal}")
+        if noun.only and sum(self._is_beside(n) for n in chosen) > 1:
+            return Found(nothing, f"it is not the only {name}")
+        result = np.asarray(here.any(axis=0))
+        if noun.number > 1 or noun.plural:
+            result = result & self._counted(chosen, noun.number)
+            if not result.any():
+                said = noun.number or "several"
+                return Found(nothing, f"there are not {said} of them ({name})")
+        return Found(result)
+
+    def _sided(self, chosen: list[int], side: str) -> Mask:
+        bearing = self.bearing[chosen] * (1 if side == "left" else -1)
+        facing = self.facing[chosen] * (1 if side == "left" else -1)
+        low, high = _SIDE_DEG
+        return ((bearing > low) & (bearing < high)) | (
+            (facing > low) & (facing < high) & (np.abs(bearing) <= low)
+        )
+
+    def _is_beside(self, n: int) -> bool:
+        return bool(self._near(PASS_M)[n].any())
+
+    def _ordinal(self, chosen: list[int], noun: Noun) -> Mask:
+        """Which of the chosen things are in that place, counted from the start or in their room."""
+        marks = [self.facts.landmarks[n] for n in chosen]
+        beside = [n for n in chosen if self._is_beside(n)]
+        if noun.side:
+            sided = self._sided(beside, noun.side) & self._near(PASS_M)[beside]
+            beside = [n for k, n in enumerate(beside) if sided[k].any()]
+        beside.sort(key=lambda n: self.facts.landmarks[n].along_m)
+        right = set(beside[noun.ordinal - 1 : noun.ordinal])
+        for visit in self.facts.visits:
+            inside = [
+                n
+                for n in beside
+                if visit.from_m - 0.2 <= self.facts.landmarks[n].along_m <= visit.to_m + 0.2
+            ]
+            right |= set(inside[noun.ordinal - 1 : noun.ordinal])
+        return np.array([n in right for n, _ in zip(chosen, marks, strict=True)], dtype=bool)
+
+    def _counted(self, chosen: list[int], number: int) -> Mask:
+        """Where as many things are around as said; several, where no number is."""
+
+        def around(reach_m: float) -> NDArray[np.int64]:
+            near = (self._near(reach_m) | (self.seen & (self.distance <= reach_m)))[chosen]
+            return np.sum([spread(row, self.along_m, _COUNT_WINDOW_M) for row in near], axis=0)
+
+        low, high = around(1.2), around(4.0)
+        return (high >= 2) if not number else (low <= number) & (number <= high)
+
+    # rooms ------------------------------------------------------------------------------------
+
+    def entered(self, noun: Noun) -> Found:
+        """Where a room is entered."""
+        return self._rooms(noun, lambda v: self._around(v.from_m) if v.from_m > 0 else None)
+
+    def left(self, noun: Noun) -> Found:
+        """Where a room is left."""
+        end = self.length_m
+        return self._rooms(noun, lambda v: self._around(v.to_m) if v.to_m < end - 0.05 else None)
+
+    def inside(self, noun: Noun) -> Found:
+        """Where one is in a room."""
+        return self._rooms(noun, lambda v: self._between(v.from_m - 0.4, v.to_m + 0.4))
+
+    def room_ahead(self, noun: Noun) -> Found:
+        """Where a room lies ahead, or is entered."""
+        return self._rooms(noun, lambda v: self._between(v.from_m - 7.0, v.from_m + 1.0))
+
+    def room_end(self, noun: Noun) -> Found:
+        """The far end of a room, as it is walked."""
+        return self._rooms(noun, lambda v: self._between(max(v.from_m, v.to_m - 2.5), v.to_m + 0.6))
+
+    def room_in_view(self, noun: Noun) -> Found:
+        """Anywhere, for a room that is visited or of whose things some are seen."""
+        names = room_names(noun.head)
+        seen = any(m.room in names and m.max_pixels > 0 for m in self.facts.landmarks)
+        if seen or any(v.room in names for v in self.facts.visits):
+            return Found(np.ones(len(self.along_m), dtype=bool))
+        return Found(np.zeros(len(self.along_m), dtype=bool), f"the {noun.text} is never in view")
+
+    def stopped_in(self, noun: Noun) -> Found:
+        """The end of the path, if that is in the room."""
+        nothing = np.zeros(len(self.along_m), dtype=bool)
+        if self.facts.goal_room in room_names(noun.head):
+            return Found(self.at_goal())
+        return Found(nothing, f"the path does not end in the {noun.text}")
+
+    def _rooms(self, noun: Noun, place) -> Found:
+        nothing = np.zeros(len(self.along_m), dtype=bool)
+        names = room_names(noun.head)
+        visits = [v for v in self.facts.visits if v.room in names]
+        if not visits:
+            return Found(nothing, f"the path does not visit the {noun.text}")
+        masks = [mask for v in visits if (mask := place(v)) is not None]
+        if not masks:
+            return Found(nothing, f"the {noun.text} is not entered or left so")
+        return Found(np.any(masks, axis=0))
+
+    # doors ------------------------------------------------------------------------------------
+
+    def through_door(self, noun: Noun) -> Found:
+        """Where the path passes from one room into another."""
+        nothing = np.zeros(len(self.along_m), dtype=bool)
+        passages = list(self.facts.passages)
+        if noun.side:
+            passages = [p for p in passages if self._door_side(p.along_m, noun.side)]
+            if not passages and self.facts.passages:
+                return Found(nothing, f"no doorway that is walked through is on the {noun.side}")
+        masks = [self._around(p.along_m) for p in passages]
+        # A doorway inside of what the map calls one room.
+        near = [n for n, m in enumerate(self.facts.landmarks) if m.noun == DOOR]
+        masks += [self.distance[n] <= 0.5 for n in near if not noun.side]
+        result = np.any(masks, axis=0) if masks else nothing
+        if not result.any():
+            return Found(nothing, "the path goes through no doorway")
+        if noun.ordinal:
+            doors = replace_head(noun, DOOR)
+            ranked = self._where(doors, self._near(PASS_M), "beside the path")
+            result = result & ranked.mask
+            if not result.any():
+                return Found(nothing, f"that is not doorway number {noun.ordinal}")
+        return Found(result)
+
+    def door_near(self, noun: Noun, reach_m: float = REACH_M) -> Found:
+        """Where a doorway is at hand."""
+        return self._where(replace_head(noun, DOOR), self._near(reach_m), "beside the path")
+
+    def stopped_at_door(self) -> Found:
+        """The end of the path, if a doorway is there."""
+        near = [n for n, m in enumerate(self.facts.landmarks) if m.noun == DOOR]
+        if any(self.distance[n, -1] <= 2.0 for n in near):
+            return Found(self.at_goal())
+        if any(self.length_m - p.along_m <= 2.0 for p in self.facts.passages):
+            return Found(self.at_goal())
+        nothing = np.zeros(len(self.along_m), dtype=bool)
+        return Found(nothing, "no doorway is at the end of the path")
+
+    def _door_side(self, along_m: float, side: str) -> bool:
+        sign = 1 if side == "left" else -1
+        for p in self.facts.passages:
+            if abs(p.along_m - along_m) < 0.05 and sign * p.bearing_deg > 10.0:
+                return True
+        return any(
+            abs(t.along_m - along_m) <= 1.5 and sign * t.angle_deg > 15.0 for t in self.facts.turns
+        )
+
+    def _around(self, along_m: float) -> Mask:
+        return self._between(along_m - DOOR_M, along_m + DOOR_M)
+
+    def _between(self, low_m: float, high_m: float) -> Mask:
+        return (self.along_m >= low_m - 0.13) & (self.along_m <= high_m + 0.13)
+
+
+def spread(mask: Mask, along_m: NDArray[np.float64], by_m: float) -> Mask:
+    """Places within `by_m` of those in `mask`."""
+    k = max(1, round(by_m / along_m[1]))
+    padded = np.pad(mask, k)
+    views = np.lib.stride_tricks.sliding_window_view(padded, 2 * k + 1)
+    return np.asarray(views.any(axis=1))
+
+
+def answers_to(mark: LandmarkFact, head: str) -> bool:
+    """Whether a landmark may be called `head`."""
+    if mark.noun == DOOR:
+        return head in (DOOR, "door")
+    return head in answers(mark.noun)
+
+
+def room_names(head: str) -> frozenset[str]:
+    """Canonical rooms that `head` may mean."""
+    direct = {room for room in ROOM_PHRASES.get(head, ()) if head in room_answers(room)}
+    return frozenset(direct)
+
+
+def replace_head(noun: Noun, head: str) -> Noun:
+    """The same phrase about another kind of thing."""
+    return Noun(
+        noun.text, noun.kind, head, noun.plural, noun.number, noun.ordinal, "", "", noun.only,
+        noun.side, noun.prep, noun.part, noun.start, noun.stop,
+    )  # fmt: skip
+
+
+def visit_at(facts: PathFacts, along_m: float) -> VisitFact:
+    """The room where the path is at a distance along it."""
+    return next((v for v in facts.visits if along_m <= v.to_m), facts.visits[-1])
+
+
+def _coloured(mark: LandmarkFact, colour: str) -> bool:
+    same = mark.colour == colour or colour in COLOUR_NEIGHBOURS.get(mark.colour, ())
+    return bool(mark.colour) and same

@@ -1,0 +1,81 @@
+"""N texts for one path, each checked before it leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..checker import Ground, check_text
+from .realize import realize
+from .steps import plan
+
+STYLES = ("natural", "terse", "rich")
+ATTEMPTS = 24
+
+
+@dataclass(frozen=True)
+class Composed:
+    """A text of the composer.
+
+    Attributes:
+        text: what the robot is told.
+        style: one of `STYLES`.
+        skeletons: its sentences, with slots for rooms, things, sides and numbers.
+        landmarks: names of the things it speaks of, in order.
+        attempts: how many drafts it took.
+    """
+
+    text: str
+    style: str
+    skeletons: tuple[str, ...]
+    landmarks: tuple[str, ...]
+    attempts: int
+
+
+def compose_texts(
+    ground: Ground,
+    count: int,
+    styles: Sequence[str],
+    rng: np.random.Generator,
+    taken: Collection[str] = (),
+) -> tuple[list[Composed], list[str]]:
+    """Write `count` different texts in turn in the given styles.
+
+    Args:
+        ground: the path's facts.
+        count: how many.
+        styles: of `STYLES`.
+        rng: chooses what to tell and how.
+        taken: texts that other paths have already.
+
+    Returns:
+        The texts that pass their check, as many as could be had, and, where that is none, the
+        problems of the last draft.
+    """
+    result: list[Composed] = []
+    problems: list[str] = []
+    for number in range(count):
+        style = styles[number % len(styles)]
+        for attempt in range(1, ATTEMPTS + 1):
+            # A path with little around it has little to tell: any style will do then.
+            if attempt > ATTEMPTS // 2:
+                style = STYLES[attempt % len(STYLES)]
+            steps = plan(ground.facts, style, rng)
+            text, skeletons = realize(steps, rng, style)
+            if text in taken or any(_alike(text, other.text) for other in result):
+                continue
+            verdict = check_text(text, ground)
+            if verdict.ok:
+                marks = [r.name for s in steps for r in (s.mark, s.other) if r is not None]
+                result.append(Composed(text, style, tuple(skeletons), tuple(marks), attempt))
+                break
+            problems = list(verdict.problems)
+    return result, ([] if result else problems)
+
+
+def _alike(text: str, other: str) -> bool:
+    """Whether two texts are nearly the same words in the same order."""
+    a, b = text.lower().split(), other.lower().split()
+    return a == b or a[:5] == b[:5]

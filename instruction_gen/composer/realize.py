@@ -1,0 +1,228 @@
+"""Steps into sentences."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..language.lexicon import NUMBERS
+from . import words
+from .steps import Step
+
+_NUMBER = {n: w for w, n in NUMBERS.items()}
+_SLOT = re.compile(r"\{(\w+)\}")
+_SLIGHT_DEG, _SHARP_DEG, _ROUND_DEG = 52.0, 122.0, 155.0
+
+
+def realize(steps: Sequence[Step], rng: np.random.Generator, style: str) -> tuple[str, list[str]]:
+    """The text of some steps, and its sentences' skeletons, with slots for all that varies."""
+    clauses: list[str] = []
+    memory: list[str] = []
+    told: list[str] = []
+    for step in steps:
+        clause = _clause(step, rng, memory, told)
+        clauses.append(clause)
+        memory = [*memory[-2:], _plain(clause).split()[0]]
+        told.append(step.room)
+    sentences = _sentences(clauses, rng, style)
+    return " ".join(_plain(s) for s in sentences), [_skeleton(s) for s in sentences]
+
+
+# Slots are kept as marks around their text until the end: «B|the kitchen».
+def _fill(template: str, **slots: str) -> str:
+    return _SLOT.sub(
+        lambda m: slots[m[1]] if m[1] in ("turn", "side") else f"«{m[1]}|{slots[m[1]]}»", template
+    )
+
+
+_MARK = re.compile(r"«(\w+)\|([^»]*)»")
+
+
+def _plain(marked: str) -> str:
+    return _MARK.sub(lambda m: m[2], marked)
+
+
+def _skeleton(marked: str) -> str:
+    return _MARK.sub(lambda m: "{" + m[1] + "}", marked)
+
+
+def _pick(options: Sequence[str], rng: np.random.Generator, memory: Sequence[str]) -> str:
+    """One at random, rather one that begins with no verb used just before."""
+    fresh = [o for o in options if o.split()[0] not in memory]
+    pool = fresh or list(options)
+    return pool[int(rng.integers(len(pool)))]
+
+
+def _turn(step: Step, rng: np.random.Generator, memory: Sequence[str]) -> str:
+    if step.degrees >= _ROUND_DEG:
+        return _pick(words.AROUND, rng, ())
+    if step.degrees < _SLIGHT_DEG:
+        options = words.SLIGHT
+    else:
+        options = words.SHARP if step.degrees > _SHARP_DEG else words.TURN
+    return _fill(_pick(options, rng, memory), s=step.side)
+
+
+def _clause(
+    step: Step, rng: np.random.Generator, memory: Sequence[str], told: Sequence[str]
+) -> str:
+    room = f"the {step.room}" if step.room else "the next room"
+    slots = {"B": room, "A": f"the {step.from_room}", "s": step.side}
+    return _MAKERS[step.kind](step, rng, memory, slots, told)
+
+
+def _make_turn(step, rng, memory, slots, told) -> str:
+    turn = _turn(step, rng, memory)
+    if step.mark is None:
+        return turn
+    turn = turn.removesuffix(" and keep going")
+    return _fill(_pick(words.TURN_AT, rng, ()), turn=turn, X=step.mark.words)
+
+
+def _make_leave(step, rng, memory, slots, told) -> str:
+    if not step.room:
+        return _fill(_pick(words.LEAVE_UNKNOWN, rng, memory), **slots)
+    options = words.LEAVE + (words.LEAVE_DOOR if step.doorway else ())
+    return _fill(_pick(options, rng, memory), **slots)
+
+
+def _make_enter(step, rng, memory, slots, told) -> str:
+    options = words.ENTER + (words.ENTER_DOOR if step.doorway else ())
+    return _fill(_pick(options, rng, memory), **slots)
+
+
+def _make_turn_enter(step, rng, memory, slots, told) -> str:
+    slight = step.degrees < _SLIGHT_DEG
+    options = words.SLIGHT_ENTER if slight else words.TURN_ENTER
+    if step.doorway and not slight:
+        options = options + words.TURN_ENTER_DOOR
+    if step.from_room and not slight:
+        options = options + words.LEAVE_TURN_ENTER
+    return _fill(_pick(options, rng, memory), **slots)
+
+
+def _make_enter_turn(step, rng, memory, slots, told) -> str:
+    options = words.LEAVE_THEN if step.from_room and step.room else words.ENTER_THEN
+    turn = _turn(step, rng, ()).removesuffix(" and keep going")
+    return _fill(_pick(options, rng, memory), turn=turn, **slots)
+
+
+def _make_pass(step, rng, memory, slots, told) -> str:
+    thing = step.mark.words
+    if step.side and rng.random() < 0.3:
+        return _fill(_pick(words.PASS_SIDE, rng, memory), X=thing, s=step.side)
+    ways = (" on your {s}", " on the {s}", " to your {s}", " on your {s}-hand side")
+    weights = np.array([0.5, 0.3, 0.12, 0.08])
+    side = _fill(str(rng.choice(ways, p=weights)), s=step.side) if step.side else ""
+    return _fill(_pick(words.PASS, rng, memory), X=thing, side=side)
+
+
+def _make_between(step, rng, memory, slots, told) -> str:
+    return _fill(_pick(words.BETWEEN, rng, memory), X=step.mark.words, Y=step.other.words)
+
+
+def _make_follow(step, rng, memory, slots, told) -> str:
+    return _fill(_pick(words.FOLLOW, rng, memory), **slots)
+
+
+def _make_walk(step, rng, memory, slots, told) -> str:
+    options = words.WALK_SHORT if step.far_m < 2.3 and rng.random() < 0.6 else words.WALK
+    return _fill(_pick(options, rng, memory), n=metres(step.far_m))
+
+
+def _make_stop(step, rng, memory, slots, told) -> str:
+    if step.place == "after":
+        options = words.AFTER if step.far_m >= 1.5 else words.AFTER_SHORT
+        return _fill(_pick(options, rng, memory), n=metres(step.far_m))
+    verb = _pick(words.STOP, rng, ())
+    if step.place == "inside":
+        named = bool(told) and told[-1] == step.room
+        options = words.INSIDE[1:2] if named else words.INSIDE
+        return f"{verb} {_fill(_pick(options, rng, ()), **slots)}"
+    thing = step.mark.words
+    if step.side and rng.random() < 0.75:
+        return f"{verb} {_fill(_pick(words.STOP_SIDE, rng, ()), X=thing, s=step.side)}".replace(
+            " is on", " are on" if step.mark.plural else " is on"
+        )
+    if step.place == "front" and rng.random() < 0.35:
+        text = _fill(_pick(words.REACH_STOP, rng, memory), X=thing)
+        return text.replace("front of it", "front of them") if step.mark.plural else text
+    options = {"front": words.FRONT, "beside": words.BESIDE, "near": words.NEAR}[step.place]
+    return f"{verb} {_fill(_pick(options, rng, ()), X=thing)}"
+
+
+_MAKERS = {
+    "turn": _make_turn,
+    "leave": _make_leave,
+    "enter": _make_enter,
+    "turn_enter": _make_turn_enter,
+    "enter_turn": _make_enter_turn,
+    "pass": _make_pass,
+    "between": _make_between,
+    "follow": _make_follow,
+    "walk": _make_walk,
+    "stop": _make_stop,
+}
+
+
+def metres(distance_m: float) -> str:
+    """About how far, in words: `four metres`."""
+    whole = max(1, round(distance_m))
+    return f"{_NUMBER.get(whole, str(whole))} metre" + ("" if whole == 1 else "s")
+
+
+def _sentences(clauses: list[str], rng: np.random.Generator, style: str) -> list[str]:
+    """Join clauses into sentences; no sentence carries more than three actions."""
+    groups: list[list[str]] = []
+    rest = list(clauses)
+    longest = {"terse": 2, "natural": 3, "rich": 3}[style]
+    while rest:
+        size = min(len(rest), int(rng.integers(1, longest + 1)))
+        weight = 0
+        for k, clause in enumerate(rest[:size]):
+            weight += 1 + (" and " in _plain(clause)) + (", " in _plain(clause))
+            if weight > 3 and k:
+                size = k
+                break
+        groups.append(rest[:size])
+        rest = rest[size:]
+    result = []
+    for k, group in enumerate(groups):
+        text = _join(group, rng)
+        if k and len(group) >= 1:
+            opening = str(rng.choice(words.THEN))
+            text = text if text.startswith(_STANDING) else opening + text
+        plain = _plain(text)
+        result.append(text if plain[0].isupper() else _upper(text))
+        result[-1] += "."
+    return result
+
+
+_STANDING = ("at ", "once ", "when ", "as ", "stop", "wait", "halt", "come")
+
+
+def _join(group: Sequence[str], rng: np.random.Generator) -> str:
+    text = group[0]
+    for k, clause in enumerate(group[1:], start=1):
+        last = k == len(group) - 1
+        loaded = " and " in _plain(text).split(", ")[-1] or " and " in _plain(clause)
+        if clause.startswith(("at ", "once ", "when ", "as ")):
+            joint = ", and "
+        elif not last:
+            joint = ", "
+        elif loaded or "," in _plain(text):
+            joint = str(rng.choice([", then ", ", and then ", ", and "]))
+        else:
+            joint = str(rng.choice([", then ", " and ", " and then ", " and "]))
+        text += joint + clause
+    return text
+
+
+def _upper(marked: str) -> str:
+    """Capitalise the first letter outside of the marks."""
+    if marked.startswith("«"):
+        cut = marked.index("|") + 1
+        return marked[:cut] + marked[cut].upper() + marked[cut + 1 :]
+    return marked[0].upper() + marked[1:]

@@ -1,0 +1,272 @@
+"""What to tell of a path, before it is put into words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..facts.records import LandmarkFact, PassageFact, PathFacts, TurnFact
+from .refer import Reference, passing_candidates, stop_candidates, turn_marker
+
+TELL_DEG = 50.0  # smaller turns are told only where nothing else shows the way
+HINT_DEG = 36.0
+_DOOR_AFTER_TURN_M = (-0.3, 1.5)  # a doorway this far behind a turn is one step with it
+_TURN_AFTER_DOOR_M = 1.7
+_ROUND_DEG = 140.0
+_JUST_INSIDE_M = 2.0
+
+
+@dataclass(frozen=True)
+class Step:
+    """One thing to tell.
+
+    Attributes:
+        kind: `turn`, `leave`, `enter`, `turn_enter`, `enter_turn`, `pass`, `toward`, `between`,
+            `follow`, `walk`, `stop`.
+        along_m: where [m].
+        side: of a turn, or of the thing passed.
+        degrees: of a turn, unsigned.
+        room: entered or followed; "" = unknown.
+        from_room: left.
+        doorway: through a doorway.
+        mark: the thing named.
+        other: a second thing (`between`).
+        far_m: how far to walk [m].
+        place: how to stop: `front`, `beside`, `near`, `inside`, `after`.
+        covers: turns that this step tells, as indices into the facts' turns.
+    """
+
+    kind: str
+    along_m: float
+    side: str = ""
+    degrees: float = 0.0
+    room: str = ""
+    from_room: str = ""
+    doorway: bool = False
+    mark: Reference | None = None
+    other: Reference | None = None
+    far_m: float = 0.0
+    place: str = ""
+    covers: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Taste:
+    """How much a style tells.
+
+    Attributes:
+        gap_m: a stretch longer than this gets a thing that is passed.
+        mark_turns: how often a turn is tied to a thing, 0 … 1.
+        sides: how often a side is told with a thing passed.
+        colours: how often a known colour is told.
+        most: things passed at most.
+    """
+
+    gap_m: float
+    mark_turns: float
+    sides: float
+    colours: float
+    most: int
+
+
+TASTES = {
+    "terse": Taste(4.5, 0.25, 0.3, 0.1, 1),
+    "natural": Taste(2.6, 0.5, 0.6, 0.3, 2),
+    "rich": Taste(1.5, 0.75, 0.8, 0.6, 4),
+}
+
+
+def plan(facts: PathFacts, style: str, rng: np.random.Generator) -> list[Step]:
+    """Choose what to tell, in order, the stop last."""
+    taste = TASTES[style]
+    stop = _stop(facts, rng, taste)
+    named = {stop.mark.name} if stop.mark else set()
+    steps = _moves(facts, rng, taste, named)
+    steps = _passed(steps, stop, facts, rng, taste, named)
+    steps = _distances(steps, stop, facts)
+    if not steps:
+        steps = [Step("walk", 0.0, far_m=facts.length_m)]
+    if stop.place == "after":
+        rest = facts.length_m - steps[-1].along_m
+        if steps[-1].kind == "walk":
+            steps, rest = steps[:-1], steps[-1].far_m
+            if not steps:
+                rest = facts.length_m
+        stop = replace(stop, far_m=rest)
+    return [*steps, stop]
+
+
+# moves ------------------------------------------------------------------------------------------
+
+
+def told_turns(facts: PathFacts) -> list[tuple[int, TurnFact]]:
+    """Turns worth telling; small ones that undo each other are weaving."""
+    result = []
+    for k, turn in enumerate(facts.turns):
+        size = abs(turn.angle_deg)
+        if facts.length_m - turn.along_m < 0.7:
+            continue
+        small = HINT_DEG <= size < TELL_DEG
+        lonely = all(
+            abs(other.along_m - turn.along_m) > 3.0 for other in facts.turns if other is not turn
+        )
+        if size >= TELL_DEG or (small and lonely and turn.along_m > 1.0):
+            result.append((k, turn))
+    return result
+
+
+def _moves(facts: PathFacts, rng: np.random.Generator, taste: Taste, named: set[str]) -> list[Step]:
+    steps: list[Step] = []
+    passages = list(facts.passages)
+    for k, turn in told_turns(facts):
+        low, high = (turn.along_m + gap for gap in _DOOR_AFTER_TURN_M)
+        after = next((p for p in passages if low <= p.along_m <= high), None)
+        size = abs(turn.angle_deg)
+        if after is not None and turn.along_m > 0.4 and size < 125:
+            passages.remove(after)
+            first = after is facts.passages[0] and after.along_m < 4.0
+            step = Step(
+                "turn_enter", min(turn.along_m, after.along_m), turn.side, size,
+                _other(after), after.from_room if first else "", after.doorway, covers=(k,),
+            )  # fmt: skip
+            steps.append(step)
+            continue
+        before = next(
+            (p for p in passages if 0 < turn.along_m - p.along_m <= _TURN_AFTER_DOOR_M), None
+        )
+        if before is not None:
+            passages.remove(before)
+            first = before is facts.passages[0] and before.along_m < 4.0
+            step = Step(
+                "enter_turn", before.along_m, turn.side, size, _other(before),
+                before.from_room if first else "", before.doorway, covers=(k,),
+            )  # fmt: skip
+            steps.append(step)
+            continue
+        mark = None
+        if turn.along_m > 0.8 and size < _ROUND_DEG and rng.random() < taste.mark_turns:
+            mark = turn_marker(facts, turn, named, rng, taste.colours)
+        if mark is not None:
+            named.add(mark.name)
+        steps.append(Step("turn", turn.along_m, turn.side, size, mark=mark, covers=(k,)))
+    for passage in passages:
+        first = passage is facts.passages[0] and passage.along_m < 4.0
+        kind = "leave" if first and passage.from_room else "enter"
+        steps.append(
+            Step(
+                kind,
+                passage.along_m,
+                room=_other(passage),
+                from_room=passage.from_room,
+                doorway=passage.doorway,
+            )
+        )
+    return sorted(steps, key=lambda s: s.along_m)
+
+
+def _other(passage: PassageFact) -> str:
+    """The room entered; one of the same kind as the room left is just the next room."""
+    return "" if passage.to_room == passage.from_room else passage.to_room
+
+
+# things passed ----------------------------------------------------------------------------------
+
+
+def _passed(
+    steps: list[Step],
+    stop: Step,
+    facts: PathFacts,
+    rng: np.random.Generator,
+    taste: Taste,
+    named: set[str],
+) -> list[Step]:
+    result = list(steps)
+    kinds = {s.mark.noun for s in (*steps, stop) if s.mark}
+    edges = [0.0, *(_end(s) for s in steps), facts.length_m]
+    starts = [*(s.along_m for s in steps), facts.length_m]
+    stretches = sorted(zip(edges, starts, strict=False), key=lambda pair: pair[0] - pair[1])
+    used = 0
+    for low, high in stretches:
+        if high - low < taste.gap_m or used >= taste.most:
+            continue
+        options = [
+            ref
+            for ref in passing_candidates(facts, low + 0.5, high - 0.6, rng, taste.colours)
+            if ref.name not in named and ref.noun not in kinds
+        ]
+        if not options:
+            continue
+        mark = options[0]
+        pair = _opposite(mark, options)
+        named.add(mark.name)
+        kinds.add(mark.noun)
+        used += 1
+        if pair is not None and rng.random() < 0.6:
+            named.add(pair.name)
+            kinds.add(pair.noun)
+            result.append(Step("between", mark.along_m, mark=mark, other=pair))
+            continue
+        side = mark.side if rng.random() < taste.sides else ""
+        result.append(Step("pass", mark.along_m, side=side, mark=mark))
+    return sorted(result, key=lambda s: s.along_m)
+
+
+def _end(step: Step) -> float:
+    return step.along_m + (1.2 if step.kind in ("enter_turn", "turn_enter") else 0.2)
+
+
+def _opposite(mark: Reference, options: Sequence[Reference]) -> Reference | None:
+    for other in options[1:]:
+        facing = {mark.side, other.side} == {"left", "right"}
+        if facing and abs(other.along_m - mark.along_m) <= 0.8 and other.noun != mark.noun:
+            return other
+    return None
+
+
+# distances, the stop ----------------------------------------------------------------------------
+
+
+def _distances(steps: list[Step], stop: Step, facts: PathFacts) -> list[Step]:
+    """Say how far to walk before a turn that nothing announces, or which room to follow."""
+    result: list[Step] = []
+    before = 0.0
+    for step in steps:
+        gap = step.along_m - before
+        lone_turn = step.kind == "turn" and step.mark is None
+        if lone_turn and gap > 1.8:
+            room = _room_at(facts, before + 0.5 * gap)
+            if room == "hallway" and gap > 2.0:
+                result.append(Step("follow", before + 0.2, room=room))
+            result.append(Step("walk", before, far_m=gap))
+        result.append(step)
+        before = max(before, _end(step) - 0.2)
+    return result
+
+
+def _room_at(facts: PathFacts, along_m: float) -> str:
+    return next((v.room for v in facts.visits if along_m <= v.to_m), "")
+
+
+def _stop(facts: PathFacts, rng: np.random.Generator, taste: Taste) -> Step:
+    length = facts.length_m
+    options = stop_candidates(facts, rng, taste.colours)
+    if options:
+        mark = options[0] if len(options) == 1 or rng.random() < 0.75 else options[1]
+        ahead = abs(mark.bearing_deg) < 32.0
+        beside = "beside" if mark.distance_m <= 1.1 else "near"
+        place = "front" if ahead else beside
+        side = ""
+        if 40.0 < abs(mark.bearing_deg) < 140.0 and rng.random() < 0.4 * taste.sides + 0.1:
+            side = "left" if mark.bearing_deg > 0 else "right"
+        return Step("stop", length, side=side, mark=mark, place=place, room=facts.goal_room)
+    entered = bool(facts.passages) and length - facts.passages[-1].along_m <= _JUST_INSIDE_M
+    if entered:
+        return Step("stop", length, place="inside", room=_other(facts.passages[-1]))
+    return Step("stop", length, place="after", far_m=1.0)
+
+
+def is_big(mark: LandmarkFact) -> bool:
+    """Whether a thing is large enough to be seen from across a room."""
+    return mark.size_m >= 0.9

@@ -1,0 +1,6 @@
+"""What is true of a path: its actions, rooms and landmarks as the robot's camera sees them."""
+
+from .build import LevelFacts, path_facts
+from .records import LandmarkFact, PathFacts
+
+__all__ = ["LandmarkFact", "LevelFacts", "PathFacts", "path_facts"]

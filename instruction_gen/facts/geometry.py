@@ -1,0 +1,93 @@
+"""Where things are from a path: distances, bearings and walls between, for all at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...wayfinding.planning import point_along
+from ...wayfinding.regions import RegionMap
+
+Array = NDArray[np.float64]
+
+MOMENT_M = 0.25
+REACH_M = 8.0
+_AHEAD_M = 0.4
+_LINE_SAMPLES = 48
+_WALL_SKIN_M = 0.10
+
+
+@dataclass(frozen=True)
+class Track:
+    """A path, sampled.
+
+    Attributes:
+        along_m: (S,) [m].
+        points_m: (S, 2) [m].
+        heading_rad: (S,) of the walk.
+    """
+
+    along_m: Array
+    points_m: Array
+    heading_rad: Array
+
+
+@dataclass(frozen=True)
+class Relations:
+    """Where N boxes are from S points.
+
+    Attributes:
+        distance_m: (S, N) to the nearest edge [m].
+        bearing_rad: (S, N) to the nearest edge, left is positive.
+        facing_rad: (S, N) to the middle.
+        open: (S, N) whether no wall stands between.
+    """
+
+    distance_m: Array
+    bearing_rad: Array
+    facing_rad: Array
+    open: NDArray[np.bool_]
+
+
+def track_of(path_xy_m: Array) -> Track:
+    """Sample a path (P, 2) [m]."""
+    length = float(np.linalg.norm(np.diff(path_xy_m, axis=0), axis=1).sum())
+    samples = max(2, round(length / MOMENT_M) + 1)
+    along = np.asarray(np.linspace(0.0, length, samples), dtype=np.float64)
+    ahead = point_along(path_xy_m, np.minimum(along + _AHEAD_M, length))
+    behind = point_along(path_xy_m, np.maximum(along - _AHEAD_M, 0.0))
+    delta = ahead - behind
+    return Track(along, point_along(path_xy_m, along), np.arctan2(delta[:, 1], delta[:, 0]))
+
+
+def relations(track: Track, low_m: Array, high_m: Array, regions: RegionMap) -> Relations:
+    """Relate boxes `low_m` … `high_m` (N, 2) [m] to a track."""
+    points = track.points_m[:, None]
+    edge = np.clip(points, low_m, high_m)
+    to_edge = edge - points
+    distance = np.linalg.norm(to_edge, axis=-1)
+    to_middle = 0.5 * (low_m + high_m) - points
+    to_edge = np.where(distance[..., None] < 0.05, to_middle, to_edge)
+    heading = track.heading_rad[:, None]
+    near = distance <= REACH_M
+    clear = np.zeros(distance.shape, dtype=bool)
+    s, n = np.nonzero(near)
+    if len(s):
+        clear[s, n] = _clear(track.points_m[s], edge[s, n], distance[s, n], regions)
+    return Relations(distance, _turned(to_edge, heading), _turned(to_middle, heading), clear)
+
+
+def _turned(vector: Array, heading: Array) -> Array:
+    angle = np.arctan2(vector[..., 1], vector[..., 0]) - heading
+    return (angle + np.pi) % (2 * np.pi) - np.pi
+
+
+def _clear(start: Array, end: Array, length: Array, regions: RegionMap) -> NDArray[np.bool_]:
+    """Whether lines (K, 2) → (K, 2) meet no wall; the thing itself may stand at one."""
+    share = np.maximum(0.0, 1.0 - _WALL_SKIN_M / np.maximum(length, _WALL_SKIN_M))
+    t = np.linspace(0.0, 1.0, _LINE_SAMPLES)[None, :, None] * share[:, None, None]
+    cells = regions.grid.cell_of(start[:, None] + (end - start)[:, None] * t)
+    cells = np.clip(cells, 0, np.array(regions.grid.shape) - 1)
+    return np.asarray((regions.width_m[cells[..., 0], cells[..., 1]] > 0).all(axis=1))

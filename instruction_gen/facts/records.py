@@ -1,0 +1,195 @@
+"""The facts of one path: everything that a text about it may say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+FACTS_VERSION = 1
+
+
+@dataclass(frozen=True)
+class TurnFact:
+    """A change of heading.
+
+    Attributes:
+        along_m: distance along the path of its middle [m].
+        angle_deg: how far, left is positive [deg].
+    """
+
+    along_m: float
+    angle_deg: float
+
+    @property
+    def side(self) -> str:
+        """`left` or `right`."""
+        return "left" if self.angle_deg > 0 else "right"
+
+
+@dataclass(frozen=True)
+class SegmentFact:
+    """A stretch between two turns.
+
+    Attributes:
+        from_m, to_m: distances along the path [m].
+        heading_deg: world heading of its chord [deg].
+    """
+
+    from_m: float
+    to_m: float
+    heading_deg: float
+
+
+@dataclass(frozen=True)
+class PassageFact:
+    """A step from one room into another.
+
+    Attributes:
+        along_m: distance along the path [m].
+        from_room, to_room: canonical names, "" when unknown.
+        doorway: through a doorway rather than a wide opening.
+        bearing_deg: direction to it from a metre and a half before, left is positive [deg].
+    """
+
+    along_m: float
+    from_room: str
+    to_room: str
+    doorway: bool
+    bearing_deg: float
+
+
+@dataclass(frozen=True)
+class VisitFact:
+    """A room along the path; the first is where it starts, the last where it stops.
+
+    Attributes:
+        room: canonical name, "" when unknown.
+        from_m, to_m: distances along the path [m].
+    """
+
+    room: str
+    from_m: float
+    to_m: float
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Where a thing is at one place of the path.
+
+    Attributes:
+        along_m: distance along the path [m].
+        distance_m: to its nearest edge [m].
+        bearing_deg: to its nearest edge from the heading, left is positive [deg].
+        facing_deg: to its middle [deg].
+        open: whether no wall stands between.
+        pixels: how many pixels of the camera's image show it; 0 between two looks.
+    """
+
+    along_m: float
+    distance_m: float
+    bearing_deg: float
+    facing_deg: float
+    open: bool
+    pixels: int
+
+
+@dataclass(frozen=True)
+class LandmarkFact:
+    """A thing near the path.
+
+    Attributes:
+        name: of the object in the scene.
+        noun: what to call it, see `language.nouns.noun_of`.
+        room: it stands in, "" when unknown.
+        colour: as the pictures show it, "" when they do not say clearly.
+        nameable: large and particular enough to steer by, and seen by the camera where one looked.
+        count: how many of its noun are near the path.
+        ordinal: its place among those, in the order of passing, from 1.
+        along_m: where the path is nearest [m].
+        distance_m: from the path there [m].
+        side: `left`, `right` or "" there.
+        goal_distance_m: to its edge from the goal [m].
+        goal_bearing_deg: to its edge from the final heading, left is positive [deg].
+        goal_open: whether no wall stands between it and the goal.
+        first_seen_m, last_seen_m: where the camera first and last shows it [m]; −1 = never.
+        max_pixels: in the image that shows it largest.
+        occluded: fraction of it that is covered in that image.
+        size_m: the larger of breadth and height [m].
+        moments: every quarter of a metre, where it is within eight metres.
+    """
+
+    name: str
+    noun: str
+    room: str
+    colour: str
+    nameable: bool
+    count: int
+    ordinal: int
+    along_m: float
+    distance_m: float
+    side: str
+    goal_distance_m: float
+    goal_bearing_deg: float
+    goal_open: bool
+    first_seen_m: float
+    last_seen_m: float
+    max_pixels: int
+    occluded: float
+    size_m: float
+    moments: tuple[Moment, ...] = field(repr=False)
+
+    @property
+    def unique(self) -> bool:
+        """Whether it is the only one of its noun near the path."""
+        return self.count == 1
+
+
+@dataclass(frozen=True)
+class LookFact:
+    """The camera that looked, see `formats.scene.visibility.SightCamera`."""
+
+    robot: str
+    width_px: int
+    height_px: int
+    hfov_deg: float
+    height_m: float
+    pitch_down_deg: float
+    spacing_m: float
+
+
+@dataclass(frozen=True)
+class PathFacts:
+    """The facts of one path.
+
+    Attributes:
+        trajectory_id, scene_id: of the episode.
+        level: of the scene.
+        length_m: of the path [m].
+        turns: changes of heading of 20° and more, in order.
+        segments: straight stretches between them.
+        passages: room changes, in order.
+        visits: rooms, in order.
+        landmarks: things near the path, in the order of passing.
+        level_nouns: nouns of all things on the level.
+        level_rooms: canonical names of all rooms on the level.
+        camera: which looked; None where facts come from the map alone.
+        facts_version: of this record.
+    """
+
+    trajectory_id: str
+    scene_id: str
+    level: int
+    length_m: float
+    turns: tuple[TurnFact, ...]
+    segments: tuple[SegmentFact, ...]
+    passages: tuple[PassageFact, ...]
+    visits: tuple[VisitFact, ...]
+    landmarks: tuple[LandmarkFact, ...]
+    level_nouns: tuple[str, ...]
+    level_rooms: tuple[str, ...]
+    camera: LookFact | None = None
+    facts_version: int = FACTS_VERSION
+
+    @property
+    def goal_room(self) -> str:
+        """Where the path stops, "" when unknown."""
+        return self.visits[-1].room if self.visits else ""

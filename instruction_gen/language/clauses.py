@@ -1,0 +1,88 @@
+"""What a text says, clause by clause."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Noun:
+    """A noun phrase.
+
+    Attributes:
+        text: as written, without its determiner.
+        kind: `object`, `room`, `door`, `generic`, `side` or `unknown`.
+        head: the phrase to look things up by, in the singular.
+        plural: more than one.
+        number: a count said (`two chairs`), 0 = none.
+        ordinal: a place said (`the third chair`), 0 = none.
+        colour: canonical colour said, "" = none.
+        material: material said, "" = none.
+        only: said to be the only one.
+        side: `left` or `right` where it is said to be, "" = not said.
+        prep: the preposition before it, "" = none.
+        part: a part or place of it that is meant (`end`, `other side`), "" = itself.
+        start, stop: first token and one past the last.
+    """
+
+    text: str
+    kind: str
+    head: str
+    plural: bool = False
+    number: int = 0
+    ordinal: int = 0
+    colour: str = ""
+    material: str = ""
+    only: bool = False
+    side: str = ""
+    prep: str = ""
+    part: str = ""
+    start: int = 0
+    stop: int = 0
+
+
+@dataclass(frozen=True)
+class Clause:
+    """One verb and what goes with it.
+
+    Attributes:
+        start, stop: characters of the text.
+        verb: `turn`, `move`, `enter`, `leave`, `pass`, `stop`, `see`, `reach` or "".
+        side: `left`, `right` or `around` of a turn, "" = none.
+        degree: `slight`, `sharp` or "" of a turn.
+        nouns: in order.
+        distance_m: how far to move [m], 0 = not said.
+        vague: the distance is `a few metres` or the like.
+        negated: it says what not to do.
+        there: it says to stop there, here, now.
+        until: it begins with `until`, `when`, `once`, …
+    """
+
+    start: int
+    stop: int
+    verb: str
+    side: str = ""
+    degree: str = ""
+    nouns: tuple[Noun, ...] = ()
+    distance_m: float = 0.0
+    vague: bool = False
+    negated: bool = False
+    there: bool = False
+    until: bool = False
+
+
+@dataclass(frozen=True)
+class Parse:
+    """A text, read.
+
+    Attributes:
+        text: the text.
+        clauses: in order.
+        words: how many words it has.
+        strange: words that the grammar has no place for.
+    """
+
+    text: str
+    clauses: tuple[Clause, ...]
+    words: int
+    strange: tuple[str, ...] = field(default=())

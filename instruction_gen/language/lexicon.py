@@ -1,0 +1,294 @@
+"""Words of indoor routes, as plain tables.
+
+A label of a scan reaches a text only through these tables: a label with a word that is in none of
+them names no landmark. So labels stay data, whatever they say.
+"""
+
+from __future__ import annotations
+
+# canonical noun = synonyms < kinds it may also be called.
+_OBJECTS = """
+sofa=couch,settee,loveseat<seat,seating
+armchair=easy chair,lounge chair,recliner<chair,seat
+chair=dining chair,office chair,desk chair<seat
+stool=bar stool,barstool<seat
+pouf=ottoman,footstool<seat
+bench=<seat
+coffee table=low table<table
+dining table=dinner table<table
+kitchen table=<table,dining table
+side table=end table<table
+nightstand=bedside table,night stand,night table,bedside cabinet<table,cabinet
+table=
+desk=reading desk,writing desk,work desk<table
+bed=
+bunk bed=<bed
+crib=cot<bed
+wardrobe=closet,armoire<cabinet,cupboard
+dresser=chest of drawers,drawers<cabinet
+sideboard=credenza,buffet<cabinet,cupboard
+cabinet=cupboard
+kitchen cabinet=<cabinet,cupboard
+wall cupboard=wall cabinet<cupboard,cabinet
+shoe cabinet=shoe cupboard<cabinet,cupboard
+shoe rack=<rack,shelf
+tv stand=television stand,tv unit,media console<stand,cabinet
+tv cabinet=television cabinet<cabinet,tv stand
+television=tv,tv set,flat screen,screen
+monitor=computer screen,display<screen
+bookshelf=bookcase,book shelf<shelf,shelves
+shelf=shelves,shelving,shelving unit
+rack=
+coat rack=coat stand,clothes rack,hat stand<rack,stand
+kitchen counter=counter,countertop,worktop
+counter=
+refrigerator=fridge,freezer
+stove=cooker,hob,range
+oven=
+cooking bench=cooking counter<bench,counter,stove
+microwave=
+dishwasher=
+range hood=rangehood,extractor hood,hood
+sink=
+washbasin=wash basin,basin<sink
+toilet=
+bathtub=bath,tub
+shower=shower cabin
+washing machine=washer<machine
+dryer=<machine
+towel rail=towel rack,towel bar<rail
+radiator=heater
+fireplace=
+piano=grand piano
+guitar=
+drum=drums
+fitness equipment=exercise machine,exercise equipment,gym equipment,workout machine<machine
+treadmill=<machine
+dumbbell=dumbbells,weights
+plant=potted plant,houseplant
+flower=flowers
+tree=
+vase=
+lamp=light
+floor lamp=standing lamp<lamp,light
+table lamp=<lamp,light
+ceiling lamp=ceiling light,pendant lamp<lamp,light
+chandelier=<lamp,light
+clock=wall clock
+mirror=
+picture=painting,photo,photograph,poster,artwork
+window=
+curtain=curtains,drape,drapes
+curtain rod=
+rug=carpet,mat
+carpet=rug,mat
+bin=trash can,trash bin,garbage can,waste bin,wastebasket,dustbin
+trash can=trash bin,garbage can,bin,waste bin,wastebasket
+box=
+seasoning box=<box
+basket=laundry basket
+computer=laptop,pc
+tablet=
+printer=
+whiteboard=board
+airconditioner=air conditioner,air conditioning unit
+fan=
+security camera=camera
+kitchen utensils=utensils
+tableware=dishes
+handle=
+balcony table=<table
+stairs=staircase,stairway,steps
+statue=sculpture
+pillar=column
+column=pillar
+railing=rail
+door=doors
+elevator=lift
+vending machine=<machine
+water dispenser=water cooler
+aquarium=fish tank
+billiard table=pool table<table
+bicycle=bike
+car=
+suitcase=
+dog=
+cat=
+pillow=cushion
+blanket=
+hammock=
+island=kitchen island
+wheelchair=<chair
+hospital bed=<bed
+trolley=cart
+locker=lockers
+reception desk=front desk,reception counter<desk,counter
+fire extinguisher=
+sign=
+partition=screen
+stand=
+machine=
+storage=storage unit
+speaker=
+"""
+
+_ROOMS = """
+living room=lounge,sitting room,family room,living area
+kitchen=kitchen area
+bedroom=bed room
+bathroom=restroom,washroom,bath room
+hallway=hall,corridor,passage,passageway,landing
+dining room=dining area
+exercise room=gym,fitness room,workout room,exercise area
+laundry room=utility room
+music room=
+office=study,home office
+entrance hall=entryway,foyer,entrance way,vestibule<hallway
+closet room=walk-in closet,dressing room
+garage=
+balcony=terrace,patio
+basement=cellar
+attic=
+library=
+garden=yard
+meeting room=conference room
+lobby=
+nursery=
+storeroom=storage room,pantry
+stairwell=
+ward=
+"""
+
+DOORS = frozenset(
+    "door doors doorway doorways archway arch opening entrance exit gap passage doorframe".split()
+)
+# Parts and places of anything: they take the noun that follows "of".
+PARTS = frozenset(
+    "end side corner edge foot head middle center centre back front rest length far start top "
+    "bottom half entrance mouth threshold direction".split()
+)
+# Nouns that claim nothing.
+GENERIC = frozenset(
+    """way ways path side sides end front back middle center centre corner wall walls floor room
+    rooms space area bit left right direction distance place spot point route furniture edge turn
+    turns bend sight view goal destination ahead straight moment hand time one ones pair row set
+    here there house apartment home building metre metres meter meters m foot feet ft step steps
+    pace paces yard yards couple few little while line course heading length far first second third
+    other opposite same next it them you your yourself what that this which another more further
+    forward forwards backward backwards everything something anything part half exit entrance top
+    bottom threshold facing inside outside stretch part thing things object objects instruction
+    position halt stop beginning start finish degrees degree lot ninety reach body face arrival
+    second seconds clear group rest foot feet arm eyes shoulder shoulders back journey walk leg
+    final destination target close immediate near closest nearest each both either all""".split()
+)
+
+COLOURS = {
+    "black": "black",
+    "white": "white",
+    "grey": "grey",
+    "gray": "grey",
+    "silver": "grey",
+    "red": "red",
+    "maroon": "red",
+    "orange": "orange",
+    "yellow": "yellow",
+    "golden": "yellow",
+    "green": "green",
+    "teal": "green",
+    "olive": "green",
+    "blue": "blue",
+    "navy": "blue",
+    "turquoise": "blue",
+    "purple": "purple",
+    "violet": "purple",
+    "pink": "pink",
+    "brown": "brown",
+    "beige": "beige",
+    "cream": "beige",
+    "tan": "beige",
+}
+# Colours that people do not tell apart reliably.
+COLOUR_NEIGHBOURS = {
+    "black": {"grey"},
+    "white": {"grey", "beige"},
+    "grey": {"white", "black", "beige", "blue", "green"},
+    "red": {"orange", "pink", "brown"},
+    "orange": {"red", "brown", "yellow", "beige"},
+    "yellow": {"orange", "beige", "green"},
+    "green": {"yellow", "blue", "grey"},
+    "blue": {"purple", "green", "grey"},
+    "purple": {"blue", "pink"},
+    "pink": {"red", "purple", "beige"},
+    "brown": {"orange", "beige", "red", "black"},
+    "beige": {"brown", "white", "yellow", "grey", "orange"},
+}
+MATERIALS = frozenset(
+    "wooden wood metal leather glass marble stone plastic fabric brick steel".split()
+)
+# Adjectives that nothing in a scene can refute.
+ADJECTIVES = frozenset(
+    """large small big little long tall short wide narrow low high round square open closed nearby
+    next last final adjacent adjoining far near main empty single nearest closest whole entire
+    immediate very same other only left right lefthand righthand left-hand right-hand left-side
+    right-side two-seat potted nice old new furnished bright dark quick slight sharp hard full
+    gentle short brief couple first straight double soft wide-open opposite facing""".split()
+)
+NUMBERS = {
+    w: n
+    for n, w in enumerate(
+        "zero one two three four five six seven eight nine ten eleven twelve".split()
+    )
+}
+ORDINALS = {
+    "first": 1, "second": 2, "third": 3, "fourth": 4, "fifth": 5, "sixth": 6,
+    "1st": 1, "2nd": 2, "3rd": 3, "4th": 4,
+}  # fmt: skip
+UNITS_M = {
+    "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0, "m": 1.0,
+    "foot": 0.305, "feet": 0.305, "ft": 0.305, "yard": 0.914, "yards": 0.914,
+    "step": 0.7, "steps": 0.7, "pace": 0.75, "paces": 0.75,
+}  # fmt: skip
+
+_IRREGULAR = {
+    "shelves": "shelf", "bookshelves": "bookshelf", "benches": "bench", "couches": "couch",
+    "dishes": "dishes", "boxes": "box", "steps": "steps", "stairs": "stairs",
+}  # fmt: skip
+
+
+def _table(text: str) -> dict[str, tuple[frozenset[str], frozenset[str]]]:
+    result = {}
+    for line in text.strip().splitlines():
+        name, _, rest = line.partition("=")
+        same, _, kinds = rest.partition("<")
+        words = frozenset(w.strip() for w in same.split(",") if w.strip()) | {name}
+        result[name] = (words, frozenset(w.strip() for w in kinds.split(",") if w.strip()))
+    return result
+
+
+OBJECTS = _table(_OBJECTS)
+ROOMS = _table(_ROOMS)
+
+
+def singular(word: str) -> str:
+    """`chairs` → `chair`; a word that only looks like a plural stays."""
+    if word in _IRREGULAR:
+        return _IRREGULAR[word]
+    for end, cut, add in (("ies", 3, "y"), ("sses", 2, ""), ("xes", 2, ""), ("ches", 2, "")):
+        if word.endswith(end):
+            return word[:-cut] + add
+    if word.endswith("s") and not word.endswith(("ss", "us", "is")):
+        return word[:-1]
+    return word
+
+
+def _phrases(table: dict[str, tuple[frozenset[str], frozenset[str]]]) -> dict[str, frozenset[str]]:
+    found: dict[str, set[str]] = {}
+    for name, (same, kinds) in table.items():
+        for phrase in same | kinds:
+            found.setdefault(phrase, set()).add(name)
+    return {phrase: frozenset(names) for phrase, names in found.items()}
+
+
+# Phrase → the canonical nouns or rooms that may be called so.
+OBJECT_PHRASES = _phrases(OBJECTS)
+ROOM_PHRASES = _phrases(ROOMS)

@@ -1,0 +1,86 @@
+"""From a scan's labels to nouns that may be said, and back."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+
+from .lexicon import ADJECTIVES, MATERIALS, OBJECT_PHRASES, OBJECTS, ROOM_PHRASES, ROOMS, singular
+
+_WORD = re.compile(r"[a-z]+(?:-[a-z]+)?")
+_LONGEST_LABEL = 40
+_ROOM_WORDS = frozenset(w for phrase in ROOM_PHRASES for w in phrase.split()) - {"room", "area"}
+_SPOKEN = {"tv": "TV", "pc": "PC", "airconditioner": "air conditioner"}
+
+
+@cache
+def noun_of(label: str) -> str:
+    """The noun for an object's category, "" when its words are not those of a thing indoors.
+
+    `SofaC_1` and `sofa` are `sofa`; a two-word label with known words keeps both
+    (`balcony table`).
+    """
+    words = _words(label)
+    if not 1 <= len(words) <= 3:
+        return ""
+    phrase = " ".join(words)
+    for known in (phrase, " ".join([*words[:-1], singular(words[-1])])):
+        if known in OBJECTS:
+            return known
+        if known in OBJECT_PHRASES:
+            exact = [n for n in sorted(OBJECT_PHRASES[known]) if known in OBJECTS[n][0]]
+            if exact:
+                return exact[0]
+    head = singular(words[-1])
+    known_word = _ROOM_WORDS | ADJECTIVES | MATERIALS | OBJECT_PHRASES.keys()
+    if head in OBJECTS and all(word in known_word for word in words[:-1]):
+        return " ".join([*words[:-1], head])
+    return ""
+
+
+@cache
+def room_of(label: str) -> str:
+    """The canonical name of a room's label, "" when it is no known kind of room."""
+    phrase = " ".join(_words(label))
+    if phrase in ROOMS:
+        return phrase
+    return next(iter(sorted(ROOM_PHRASES.get(phrase, ()))), "")
+
+
+@cache
+def answers(noun: str) -> frozenset[str]:
+    """All phrases, in the singular, by which a person may call a noun of `noun_of`."""
+    if noun in OBJECTS:
+        same, kinds = OBJECTS[noun]
+        return same | kinds
+    head = noun.split()[-1]
+    same, kinds = OBJECTS.get(head, (frozenset({head}), frozenset()))
+    return same | kinds | {noun}
+
+
+@cache
+def room_answers(room: str) -> frozenset[str]:
+    """All phrases by which a person may call a room of `room_of`."""
+    same, kinds = ROOMS.get(room, (frozenset({room}), frozenset()))
+    return same | kinds
+
+
+def spoken(noun: str, plural: bool = False) -> str:
+    """`tv stand` → `TV stand`; several → `TV stands`."""
+    words = [_SPOKEN.get(w, w) for w in noun.split()]
+    if plural:
+        last = words[-1]
+        if last in ("shelf", "bookshelf"):
+            words[-1] = last[:-1] + "ves"
+        elif last.endswith(("s", "x", "ch", "sh")):
+            words[-1] = last + "es"
+        else:
+            words[-1] = last + "s"
+    return " ".join(words)
+
+
+def _words(label: str) -> list[str]:
+    text = label[: _LONGEST_LABEL + 1]
+    if len(text) > _LONGEST_LABEL or not text.isascii() or re.search(r"[^A-Za-z0-9 _.-]", text):
+        return []
+    return _WORD.findall(re.sub(r"[_.-]|\d", " ", text.lower()))

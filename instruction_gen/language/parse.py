@@ -1,0 +1,470 @@
+"""A small grammar of route instructions.
+
+    text    := clause { joint clause }
+    joint   := "." | "," | ";" | "and" | "then" | "until" | "once" | "when" | "before" | "after" | …
+    clause  := [verb] { direction | distance | [preposition] noun [place] | adverb }
+    place   := ("on" | "to") ("your" | "the") side
+
+Verbs, prepositions and sides come from tables; nouns from the lexicon. A noun that it does not
+know is kept as `unknown`, because an invented thing is a lie.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from .clauses import Clause, Noun, Parse
+from .lexicon import NUMBERS, UNITS_M
+from .phrases import DETERMINERS, read_noun
+from .tokens import Token, tokenize
+
+_VERBS = {
+    "turn": """turn turning bearing veering veer bear angle swing rotate pivot curve bend hook hang
+        spin face bends curves""",
+    "move": """walk go head move continue proceed step keep follow cross travel advance come carry
+        stay get march stroll start begin set make take traverse cut run return heading walking
+        going moving continuing keeping following leads lead round""",
+    "enter": "enter entering",
+    "leave": "leave exit leaving exiting",
+    "pass": "pass passing skirt skirting",
+    "stop": "stop wait halt stand pause finish park rest stopping waiting done end ends arrived",
+    "see": "see notice find spot seeing look looking is are",
+    "reach": "reach approach reaching approaching arrive arriving meet hit",
+}
+VERB_OF = {word: verb for verb, words in _VERBS.items() for word in words.split()}
+_NOUNLIKE = frozenset(
+    """face end ends step turn pass rest stand stop start bend bends curve hook head set walk run
+    round lead park cut""".split()
+)
+_PREPOSITIONS = {
+    **dict.fromkeys("past by beyond alongside along".split(), "past"),
+    **dict.fromkeys("through across over".split(), "through"),
+    **dict.fromkeys("into inside onto".split(), "into"),
+    **dict.fromkeys("from off".split(), "from"),
+    **dict.fromkeys("to toward towards for".split(), "to"),
+    **dict.fromkeys("at".split(), "at"),
+    **dict.fromkeys("near beside against".split(), "near"),
+    **dict.fromkeys("behind opposite facing under".split(), "near"),
+    "before": "before",
+    "between": "between",
+    "around": "around",
+    "round": "around",
+    "in": "in",
+    "with": "with",
+    "after": "after",
+    "on": "on",
+    "via": "through",
+    "down": "along",
+    "up": "along",
+    "within": "near",
+    "without": "near",
+    "of": "of",
+}
+_PHRASES = (
+    (("next", "to"), "near"),
+    (("close", "to"), "near"),
+    (("in", "front", "of"), "before"),
+    (("just", "before"), "before"),
+    (("short", "of"), "before"),
+    (("out", "of"), "from"),
+    (("up", "to"), "to"),
+    (("across", "from"), "near"),
+    (("away", "from"), "away"),
+    (("as", "far", "as"), "to"),
+    (("ahead", "of"), "before"),
+    (("all", "the", "way"), ""),
+    (("part", "way"), ""),
+)
+_UNTIL = frozenset("until till once when as if where".split())
+_JOINTS = frozenset("and then but so while".split())
+_SLIGHT = frozenset("slight slightly gentle gently little soft bit".split())
+_SHARP = frozenset("sharp sharply hard".split())
+_THERE = frozenset("there here now done immediately".split())
+
+
+@dataclass
+class _Draft:
+    start: int
+    stop: int = 0
+    verb: str = ""
+    side: str = ""
+    degree: str = ""
+    nouns: list[Noun] = field(default_factory=list)
+    distance_m: float = 0.0
+    vague: bool = False
+    negated: bool = False
+    there: bool = False
+    until: bool = False
+    pending_side: str = ""
+
+    @property
+    def empty(self) -> bool:
+        return not (self.verb or self.side or self.nouns or self.distance_m or self.there)
+
+    def done(self) -> Clause:
+        return Clause(
+            self.start, self.stop, self.verb, self.side, self.degree, tuple(self.nouns),
+            self.distance_m, self.vague, self.negated, self.there, self.until,
+        )  # fmt: skip
+
+
+def parse(text: str) -> Parse:
+    """Read a text; never fails, strange words are counted."""
+    return _Reader(text).read()
+
+
+class _Reader:
+    def __init__(self, text: str):
+        self.text = text
+        self.tokens = tokenize(text)
+        self.k = 0
+        self.clauses: list[Clause] = []
+        self.strange: list[str] = []
+        self.draft = _Draft(0)
+        self.prep = ""
+
+    def read(self) -> Parse:
+        while self.k < len(self.tokens):
+            self._token()
+        self._close()
+        words = sum(t.is_word for t in self.tokens)
+        return Parse(self.text, tuple(self.clauses), words, tuple(self.strange))
+
+    # one step ---------------------------------------------------------------------------------
+
+    def _token(self) -> None:
+        token = self.tokens[self.k]
+        word = token.text
+        if not token.is_word:
+            if word in ".;!?:":
+                self._close()
+            elif word in ",–—":
+                self._comma()
+            self.prep = "" if word != "-" else self.prep
+            self.k += 1
+            return
+        if self._side() or self._prep_phrase() or self._distance() or self._verb():
+            return
+        if word in _UNTIL:
+            if not self.draft.empty:
+                self._close()
+            self.draft.until = True
+            self.draft.start = token.start
+            self.k += 1
+        elif word in _JOINTS:
+            self._joint()
+        elif word in ("not", "never", "ignore", "avoid", "skip", "without") and word != "without":
+            if word == "not" or self.draft.empty:
+                self._close_if_verb()
+                self.draft.negated = True
+            self.k += 1
+        elif word in _SLIGHT:
+            self.draft.degree = "slight"
+            self.k += 1
+        elif word in _SHARP:
+            self.draft.degree = "sharp"
+            self.k += 1
+        elif word in _THERE and self.draft.verb == "stop":
+            self.draft.there = True
+            self._extend(token)
+            self.k += 1
+        elif word in ("before", "after") and self._next_is_gerund():
+            self._close()
+            self.draft.until = word == "after"
+            self.k += 1
+        elif word in _PREPOSITIONS:
+            self.prep = _PREPOSITIONS[word]
+            if word == "around" and self.draft.verb in ("turn",) and not self._noun_follows():
+                self.draft.side, self.prep = "around", ""
+            self._extend(token)
+            self.k += 1
+        elif not self._noun():
+            if word not in _FILLERS and not word.isdigit():
+                self.strange.append(word)
+            self._extend(token)
+            self.k += 1
+
+    # sides ------------------------------------------------------------------------------------
+
+    def _side(self) -> bool:
+        """`left`, `to the left`, `on your right-hand side`: of a turn, of the noun, or ahead."""
+        words = [t.text for t in self.tokens[self.k : self.k + 6]]
+        k = 0
+        prep = words[0] if words[0] in ("on", "to", "at", "in", "off") else ""
+        if prep:
+            k += 1
+            while k < len(words) and words[k] in ("off", "over"):
+                k += 1
+        determined = k < len(words) and words[k] in ("your", "the", "its", "a", "an")
+        if determined:
+            k += 1
+        while k < len(words) and words[k] in (
+            "immediate",
+            "far",
+            "very",
+            "near",
+            *_SLIGHT,
+            *_SHARP,
+        ):
+            if words[k] in _SLIGHT | _SHARP:
+                self.draft.degree = "slight" if words[k] in _SLIGHT else "sharp"
+            k += 1
+        if k >= len(words) or words[k] not in ("left", "right", "left-hand", "right-hand"):
+            return False
+        side = words[k].split("-")[0]
+        k += 1
+        if k < len(words) and words[k] == "hand":
+            k += 1
+        if k < len(words) and words[k] == "side":
+            k += 1
+        after = words[k] if k < len(words) else ""
+        draft = self.draft
+        if after == "of" and prep:
+            # "to the left of the sofa": the sofa is then on the walker's other side.
+            found = read_noun(self.tokens, self.k + k + 1)
+            if found is not None:
+                noun, stop = found
+                other = "right" if side == "left" else "left"
+                draft.nouns.append(replace(noun, prep="past", side=other))
+                self._take(stop - self.k)
+                return True
+        if determined and not prep and draft.verb not in ("turn", "move") and not draft.empty:
+            return False
+        if not prep and not determined and draft.verb not in ("turn", "move", "", "leave", "enter"):
+            if side == "right":  # "stop right there", "right next to"
+                self.k += 1
+                return True
+            return False
+        fresh = not draft.side and not draft.nouns
+        bare_turn = fresh and (
+            draft.verb == "turn"
+            or (draft.verb == "move" and (after in ("at", "in", "by", "into", "through")))
+        )
+        if not prep and side == "right" and after in _RIGHT_ADVERB and not bare_turn:
+            self.k += 1
+            return True
+        if not prep and determined and after and read_noun(self.tokens, self.k) is not None:
+            noun = read_noun(self.tokens, self.k)
+            if noun is not None and noun[0].kind in ("door", "object", "room"):
+                return False
+        if prep in ("on", "at", "in", "off") or (
+            prep == "to" and draft.nouns and draft.verb != "turn"
+        ):
+            if draft.nouns and not draft.nouns[-1].side and draft.nouns[-1].kind != "generic":
+                draft.nouns[-1] = replace(draft.nouns[-1], side=side)
+            elif draft.verb in ("move", "turn") and not draft.nouns and prep == "to":
+                draft.side = side
+            else:
+                draft.pending_side = side
+            self._take(k)
+            return True
+        if draft.nouns and draft.verb not in ("turn", "move") and prep == "to":
+            draft.nouns[-1] = replace(draft.nouns[-1], side=side)
+        elif (draft.side and draft.side != "around") or (draft.verb in ("enter", "leave", "pass")):
+            self._close()
+            self.draft.verb, self.draft.side = "turn", side
+        else:
+            if draft.verb not in ("turn", "move", ""):
+                self._close()
+            if self.draft.nouns and self.draft.verb == "move":
+                # "walk past the sofa, left, …" and "go straight and left" are turns of their own.
+                self._close()
+            self.draft.verb, self.draft.side = "turn", side
+        self._take(k)
+        return True
+
+    # prepositions, distances, verbs -----------------------------------------------------------
+
+    def _prep_phrase(self) -> bool:
+        for words, meaning in _PHRASES:
+            there = tuple(t.text for t in self.tokens[self.k : self.k + len(words)])
+            if there == words:
+                if meaning:
+                    self.prep = meaning
+                self._take(len(words))
+                return True
+        return False
+
+    def _distance(self) -> bool:
+        """`four metres`, `about 3 m`, `a couple of steps`, `a few metres`."""
+        words = [t.text for t in self.tokens[self.k : self.k + 5]]
+        k, amount, vague = 0, 0.0, False
+        if words[0] in ("a", "another", "one", "the"):
+            k = 1
+        if k < len(words) and words[k] in ("few", "couple", "little", "short", "some", "several"):
+            amount, vague, k = 2.5, True, k + 1
+            while k < len(words) and words[k] in ("of", "more"):
+                k += 1
+        elif k < len(words) and (words[k] in NUMBERS or _number(words[k])):
+            amount = float(NUMBERS[words[k]] if words[k] in NUMBERS else words[k])
+            k += 1
+            if k + 2 < len(words) and words[k] == "and" and words[k + 1] in ("a", "half"):
+                amount, k = amount + 0.5, k + (3 if words[k + 1] == "a" else 2)
+            while k < len(words) and words[k] in ("or", "more", "to", "further", "-", *NUMBERS):
+                k += 1
+        elif words[0] in ("a", "one", "another") and k < len(words) and words[k] in UNITS_M:
+            amount = 1.0
+        if not amount or k >= len(words) or words[k] not in UNITS_M:
+            return False
+        if words[k] in ("step", "steps") and self.draft.verb in ("see", "pass"):
+            return False
+        self.draft.distance_m = amount * UNITS_M[words[k]]
+        self.draft.vague = vague
+        self._take(k + 1)
+        self.prep = ""
+        return True
+
+    def _verb(self) -> bool:
+        token = self.tokens[self.k]
+        word, verb = token.text, VERB_OF.get(token.text)
+        if verb is None:
+            return False
+        before = self.tokens[self.k - 1].text if self.k else "."
+        if before in DETERMINERS or before in ("of", "next", "first", "second"):
+            # "the end of", "your left turn", "a sharp turn": nouns here.
+            if word in ("turn", "bend", "curve") and self.draft.side:
+                self.k += 1
+                return True
+            if word in _NOUNLIKE or verb == "see":
+                return False
+        if word in _NOUNLIKE and before in ("left", "right", "slight", "sharp", "gentle", "hard"):
+            self.draft.verb = "turn"
+            self._take(1)
+            return True
+        if verb == "see" and word in ("is", "are"):
+            self._close_if_verb() if not self.draft.nouns else None
+            self.draft.verb = self.draft.verb or "see"
+            self._take(1)
+            return True
+        if word in ("come", "coming") and self._next("to") and self._next("a", 2):
+            stop = self.k + 3 < len(self.tokens) and self.tokens[self.k + 3].text in (
+                "stop",
+                "halt",
+            )
+            if stop:
+                self._close_if_verb()
+                self.draft.verb = "stop"
+                self._take(4)
+                return True
+        if (
+            verb == "move"
+            and word in ("leads", "lead", "get", "set", "start", "begin")
+            and before == "to"
+        ):
+            verb = "move"
+        if word in ("make", "take") and self._next("your"):
+            self.draft.verb = self.draft.verb or "move"
+            self._take(3 if self._next("way", 2) else 2)
+            return True
+        if self.draft.verb and not (self.draft.verb == "move" and word in _SECOND):
+            self._close()
+        self.draft.verb = verb
+        if self.draft.start == 0 and not self.clauses and not self.draft.until:
+            self.draft.start = token.start
+        self.prep = ""
+        self._take(1)
+        if word in ("pass", "passing") and self._next("through", 0):
+            self.draft.verb = "move"
+        if word in ("keep", "stay") and self.k < len(self.tokens):
+            pass
+        return True
+
+    def _noun(self) -> bool:
+        found = read_noun(self.tokens, self.k)
+        if found is None:
+            return False
+        noun, stop = found
+        noun = replace(noun, prep=self.prep or noun.prep, side=noun.side or self.draft.pending_side)
+        self.draft.pending_side = ""
+        if noun.kind == "generic" and noun.head in ("left", "right"):
+            return False
+        self.draft.nouns.append(noun)
+        self._take(stop - self.k)
+        # "between the sofa and the table": the preposition holds for both.
+        and_more = self.k < len(self.tokens) and self.tokens[self.k].text == "and"
+        if and_more and (self.prep == "between" or self._noun_after_and()):
+            other = read_noun(self.tokens, self.k + 1)
+            if other is not None:
+                second, stop = other
+                self.draft.nouns.append(replace(second, prep=noun.prep))
+                self._take(stop - self.k)
+        self.prep = ""
+        return True
+
+    # joints -----------------------------------------------------------------------------------
+
+    def _comma(self) -> None:
+        if not self.draft.empty:
+            self._close()
+
+    def _joint(self) -> None:
+        if not self.draft.empty:
+            self._close()
+        self.prep = ""
+        self.k += 1
+
+    def _noun_after_and(self) -> bool:
+        """`the sofa and the chair` goes on the phrase; `and the hallway is …` does not."""
+        found = read_noun(self.tokens, self.k + 1)
+        if found is None or found[0].kind not in ("object",):
+            return False
+        after = self.tokens[found[1]].text if found[1] < len(self.tokens) else "."
+        return after not in ("is", "are", "will")
+
+    def _next_is_gerund(self) -> bool:
+        return self.k + 1 < len(self.tokens) and self.tokens[self.k + 1].text.endswith("ing")
+
+    def _noun_follows(self) -> bool:
+        found = read_noun(self.tokens, self.k + 1)
+        return found is not None and found[0].kind in (
+            "object",
+            "room",
+            "door",
+            "generic",
+            "unknown",
+        )
+
+    def _next(self, word: str, ahead: int = 1) -> bool:
+        k = self.k + ahead
+        return k < len(self.tokens) and self.tokens[k].text == word
+
+    def _take(self, count: int) -> None:
+        last = self.tokens[self.k + count - 1]
+        self._extend(last)
+        self.k += count
+
+    def _extend(self, token: Token) -> None:
+        if self.draft.empty and not self.draft.until and not self.draft.stop:
+            self.draft.start = min(self.draft.start or token.start, token.start)
+        self.draft.stop = max(self.draft.stop, token.stop)
+
+    def _close_if_verb(self) -> None:
+        if self.draft.verb:
+            self._close()
+
+    def _close(self) -> None:
+        if not self.draft.empty:
+            self.clauses.append(self.draft.done())
+        here = self.tokens[self.k].stop if self.k < len(self.tokens) else len(self.text)
+        self.draft = _Draft(here)
+        self.prep = ""
+
+
+def _number(word: str) -> bool:
+    return word.replace(".", "", 1).isdigit()
+
+
+_SECOND = frozenset("going walking moving heading straight following".split())
+_RIGHT_ADVERB = frozenset(
+    "there here next in by beside before after away where past behind between at through".split()
+)
+_FILLERS = frozenset(
+    """the a an you your will be it its that which who this these those to straight ahead forward
+    forwards on about roughly approximately around just only again then next further more directly
+    immediately first finally now soon almost nearly slowly carefully please all way right left over
+    back down up out so can should have has come they them there here also still along under away
+    for of one where first well another off until and or some is are little bit once inside through
+    behind at in by within from other same far close long short past with side do does need want
+    facing let yourself into opposite both after before very too even half upon continuing onward
+    onwards itself whose until while past keep exactly eventually instead""".split()
+)

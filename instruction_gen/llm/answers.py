@@ -1,0 +1,60 @@
+"""What a model must answer, validated."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+LONGEST_ANSWER = 40_000
+
+
+class Text(BaseModel):
+    """One instruction."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    style: str = Field(max_length=20)
+    language: str = Field(default="en", max_length=8)
+    text: str = Field(min_length=1, max_length=2000)
+    english: str = Field(default="", max_length=2000)
+
+
+class Answer(BaseModel):
+    """All instructions of one request."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    instructions: list[Text] = Field(min_length=1, max_length=64)
+
+
+class AnswerError(ValueError):
+    """What came back is no answer; the message is one short line without the answer itself."""
+
+
+def read_answer(content: str | None) -> Answer:
+    """Validate a model's content.
+
+    Raises:
+        AnswerError: no JSON, another schema, or too long.
+    """
+    if not content:
+        raise AnswerError("an empty answer")
+    if len(content) > LONGEST_ANSWER:
+        raise AnswerError(f"an answer of {len(content)} characters")
+    start, stop = content.find("{"), content.rfind("}")
+    if start < 0 or stop < start:
+        raise AnswerError("no JSON in the answer")
+    try:
+        return Answer.model_validate(json.loads(content[start : stop + 1]))
+    except ValidationError as error:
+        where = ".".join(str(part) for part in error.errors()[0]["loc"])
+        raise AnswerError(f"the answer has another form ({where})") from None
+    except (ValueError, RecursionError):
+        raise AnswerError("the answer is broken JSON") from None
+
+
+def answer_schema() -> dict[str, Any]:
+    """JSON Schema of `Answer`, as servers with structured output take it."""
+    return {"name": "instructions", "schema": Answer.model_json_schema()}

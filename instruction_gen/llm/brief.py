@@ -1,0 +1,102 @@
+"""Facts as a model gets them, and the prompts, known by their hash."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from ..facts.records import LandmarkFact, PathFacts
+from ..language.nouns import spoken
+
+_NAMES = {"en": "English", "zh": "Chinese (simplified characters)", "hi": "Hindi"}
+_PASSED_M = 2.2
+_END_M = 2.0
+
+
+def prompt(name: str) -> str:
+    """A prompt's text."""
+    return (files(__package__) / "prompts" / f"{name}.txt").read_text(encoding="utf-8")
+
+
+@cache
+def prompts_sha256() -> str:
+    """SHA-256 of all prompts."""
+    state = hashlib.sha256()
+    for name in ("system", "examples", "repair"):
+        state.update(prompt(name).encode())
+    return state.hexdigest()
+
+
+def first_messages(facts: PathFacts, styles: Sequence[str], language: str) -> list[dict[str, str]]:
+    """The request for one text in each of `styles`."""
+    wish = (
+        f"Write {len(styles)} instructions in {_NAMES[language]} (language {language!r}), "
+        f"in these styles: {', '.join(styles)}. They must differ in wording."
+    )
+    return [
+        {"role": "system", "content": prompt("system") + "\nExamples\n" + prompt("examples")},
+        {"role": "user", "content": f"Facts: {json.dumps(brief(facts))}\n{wish}"},
+    ]
+
+
+def repair_messages(
+    before: Sequence[dict[str, str]], failed: Sequence[tuple[str, str, Sequence[str]]], attempt: int
+) -> list[dict[str, str]]:
+    """The request to write texts again; `failed` has style, text and problems of each."""
+    wrong = [{"style": s, "text": t, "wrong": list(problems)} for s, t, problems in failed]
+    # Its number keeps a second request for the same text from being answered by the cache.
+    words = f"{prompt('repair')}Attempt {attempt}.\n{json.dumps(wrong, ensure_ascii=False)}"
+    return [*before, {"role": "user", "content": words}]
+
+
+def brief(facts: PathFacts) -> dict[str, Any]:
+    """The part of the facts that a text may need; labels are nouns of the lexicon here."""
+    marks = [m for m in facts.landmarks if m.nameable]
+    return {
+        "length_m": round(facts.length_m),
+        "rooms": [v.room or "a room" for v in facts.visits],
+        "turns": [
+            {"after_m": round(t.along_m, 1), "side": t.side, "angle": _angle(abs(t.angle_deg))}
+            for t in facts.turns
+            if abs(t.angle_deg) >= 35 and t.along_m < facts.length_m - 0.7
+        ],
+        "doorways": [
+            {"after_m": round(p.along_m, 1), "into": p.to_room or "the next room"}
+            for p in facts.passages
+        ],
+        "passed": [
+            {"after_m": round(m.along_m, 1), "side": m.side, "distance_m": m.distance_m} | _thing(m)
+            for m in marks
+            if m.distance_m <= _PASSED_M and m.side and m.along_m < facts.length_m - 0.6
+        ],
+        "at_the_end": [
+            {"where": _where(m.goal_bearing_deg), "distance_m": m.goal_distance_m} | _thing(m)
+            for m in marks
+            if m.goal_distance_m <= _END_M and m.goal_open and abs(m.goal_bearing_deg) <= 130
+        ],
+    }
+
+
+def _thing(mark: LandmarkFact) -> dict[str, Any]:
+    result: dict[str, Any] = {"what": spoken(mark.noun)}
+    if mark.colour:
+        result["colour"] = mark.colour
+    if mark.count > 1:
+        result["one_of"] = mark.count
+    return result
+
+
+def _angle(degrees: float) -> str:
+    if degrees < 60:
+        return "slight"
+    return "square" if degrees < 125 else "around"
+
+
+def _where(bearing_deg: float) -> str:
+    if abs(bearing_deg) < 35:
+        return "ahead"
+    return "on the left" if bearing_deg > 0 else "on the right"

@@ -1,0 +1,209 @@
+"""One request to a model: cached by content, tried again, counted, without a trace of the key."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ...formats.core.atomic import write_bytes
+from ...formats.core.errors import InputError, VlnpeError
+from .answers import Answer, AnswerError, answer_schema, read_answer
+from .budget import Budget, Usage
+from .settings import API_KEY, LlmSettings
+
+Messages = Sequence[dict[str, str]]
+
+
+class ModelError(VlnpeError):
+    """The model could not be had, or answers nothing usable, again and again."""
+
+
+class ModelDownError(ModelError):
+    """Too many requests failed in a row."""
+
+
+@dataclass(frozen=True)
+class Reply:
+    """What a backend returns.
+
+    Attributes:
+        content: the model's text.
+        usage: tokens and cost.
+    """
+
+    content: str
+    usage: Usage
+
+
+class RetryableError(Exception):
+    """A try failed in a way that may pass.
+
+    Attributes:
+        wait_s: how long the server asks to wait [s], None = it does not say.
+    """
+
+    def __init__(self, reason: str, wait_s: float | None = None):
+        self.wait_s = wait_s
+        super().__init__(reason)
+
+
+Backend = Callable[[Messages], Reply]
+
+
+class Client:
+    """Asks a backend; safe to use from several threads."""
+
+    def __init__(
+        self,
+        settings: LlmSettings,
+        cache: Path,
+        backend: Backend | None = None,
+        sleep: Callable[[float], None] = time.sleep,
+    ):
+        """Get ready; nothing is sent yet.
+
+        Args:
+            settings: how.
+            cache: folder of answers and of the usage count.
+            backend: sends one request; by default the OpenAI SDK.
+            sleep: waits [s].
+        """
+        self.settings = settings
+        self.budget = Budget(cache / "usage.json", settings)
+        self._cache, self._sleep = cache, sleep
+        self._backend = backend or openai_backend(settings)
+        self._failed = 0
+        self._lock = threading.Lock()
+
+    def ask(self, messages: Messages) -> Answer:
+        """The answer to some messages, from the cache if it is there.
+
+        Raises:
+            ModelError: no usable answer after all tries.
+            ModelDownError: so did too many requests in a row before.
+            BudgetError: no more may be spent.
+            InputError: the server refuses the request for good (wrong key, unknown model, …).
+        """
+        path = self._cache / f"{self.key(messages)}.json"
+        if path.is_file():
+            try:
+                return read_answer(json.loads(path.read_text())["content"])
+            except (AnswerError, ValueError, KeyError):
+                path.unlink(missing_ok=True)
+        reason = ""
+        for attempt in range(self.settings.attempts):
+            self._check_up()
+            self.budget.check()
+            try:
+                reply = self._backend(messages)
+                self.budget.add(reply.usage)
+                answer = read_answer(reply.content)
+            except RetryableError as error:
+                reason = str(error)
+                self._wait(attempt, error.wait_s)
+            except AnswerError as error:
+                reason = str(error)
+            else:
+                with self._lock:
+                    self._failed = 0
+                record = {"content": reply.content, "usage": asdict(reply.usage)}
+                write_bytes(path, json.dumps(record).encode())
+                return answer
+        with self._lock:
+            self._failed += 1
+        self._check_up(reason)
+        raise ModelError(f"no usable answer in {self.settings.attempts} tries; the last: {reason}")
+
+    def key(self, messages: Messages) -> str:
+        """What an answer is cached under."""
+        parts = [self.settings.model, self.settings.temperature, list(messages), answer_schema()]
+        return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+    def _check_up(self, reason: str = "") -> None:
+        if self._failed >= self.settings.failures:
+            last = f" The last: {reason}." if reason else ""
+            raise ModelDownError(
+                f"{self._failed} requests to the language model failed in a row, so it is left "
+                f"alone.{last} What it wrote is kept: the same command goes on from there; "
+                "--writer composer needs no server"
+            )
+
+    def _wait(self, attempt: int, asked_s: float | None) -> None:
+        if attempt + 1 >= self.settings.attempts:
+            return
+        wait = self.settings.backoff_s * 2**attempt
+        self._sleep(min(asked_s if asked_s is not None else wait, self.settings.longest_wait_s))
+
+
+def openai_backend(settings: LlmSettings) -> Backend:
+    """Requests through the OpenAI SDK; the key is read from the environment and kept by the SDK."""
+    import openai
+
+    key = os.environ.get(API_KEY) or "none"
+    sdk = openai.OpenAI(
+        base_url=settings.base_url, api_key=key, timeout=settings.timeout_s, max_retries=0
+    )
+    structured: list[dict[str, Any]] = [
+        {"response_format": {"type": "json_schema", "json_schema": answer_schema()}},
+        {"response_format": {"type": "json_object"}},
+        {},
+    ]
+
+    def send(messages: Messages) -> Reply:
+        try:
+            done: Any = sdk.chat.completions.create(
+                model=settings.model,
+                messages=list(messages),  # type: ignore[arg-type]
+                temperature=settings.temperature,
+                **structured[0],
+            )
+            content = done.choices[0].message.content
+        except openai.APIStatusError as error:
+            raise _status(error, structured, key) from None
+        except openai.APITimeoutError:
+            raise RetryableError(f"no answer within {settings.timeout_s:g} s") from None
+        except openai.APIConnectionError:
+            raise RetryableError("the connection failed or was cut") from None
+        except (openai.OpenAIError, ValueError, AttributeError, IndexError, TypeError):
+            raise RetryableError("the server's reply is no chat completion") from None
+        return Reply(content or "", _usage(done, settings))
+
+    return send
+
+
+def _status(error: Any, structured: list[dict[str, Any]], key: str) -> Exception:
+    """What to raise for a bad status; never the server's own words, which may repeat the key."""
+    status = error.status_code
+    if status in (408, 409, 429) or status >= 500:
+        return RetryableError(f"status {status}", _retry_after(error.response.headers))
+    if status in (400, 422) and len(structured) > 1:
+        structured.pop(0)  # a server without structured output
+        return RetryableError(f"status {status}", 0.0)
+    hints = {401: f"check {API_KEY}", 403: f"check {API_KEY}", 404: "check the address and model"}
+    return InputError(
+        f"the language model's server refuses: status {status} ({hints.get(status, 'bad request')})"
+    )
+
+
+def _retry_after(headers: Any) -> float | None:
+    try:
+        return max(0.0, float(headers.get("retry-after", "")))
+    except (TypeError, ValueError):
+        return None
+
+
+def _usage(done: Any, settings: LlmSettings) -> Usage:
+    usage = getattr(done, "usage", None)
+    tokens_in = int(getattr(usage, "prompt_tokens", 0) or 0)
+    tokens_out = int(getattr(usage, "completion_tokens", 0) or 0)
+    cost = getattr(usage, "cost", None)
+    if not isinstance(cost, int | float):
+        cost = (tokens_in * settings.price_in + tokens_out * settings.price_out) / 1e6
+    return Usage(1, tokens_in, tokens_out, float(cost))

@@ -1,0 +1,146 @@
+"""Decisions of annotators: an append-only file, so that none is lost and all can be undone."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from ...formats.core.episode import Episode
+from ...formats.core.errors import FileFormatError, InputError
+
+ACTIONS = ("accept", "edit", "reject", "undo")
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What one annotator decided about one text.
+
+    Attributes:
+        annotator: a name.
+        path: trajectory id.
+        number: of the text among the path's texts.
+        action: one of `ACTIONS`; `undo` takes back the annotator's last decision on this text.
+        before: the text that was judged.
+        text: the new text of an `edit`, "" otherwise.
+        reason: of a `reject`.
+        at: seconds since 1970.
+    """
+
+    annotator: str
+    path: str
+    number: int
+    action: str
+    before: str
+    text: str = ""
+    reason: str = ""
+    at: float = 0.0
+
+
+class DecisionFile:
+    """One JSON object a line; a line is on disk before `add` returns."""
+
+    def __init__(self, path: Path):
+        """Use the file `path`, which need not exist."""
+        self.path = path
+
+    def add(self, decision: Decision) -> None:
+        """Append a decision durably.
+
+        Raises:
+            InputError: unknown action, or no annotator.
+        """
+        if decision.action not in ACTIONS or not decision.annotator.strip():
+            raise InputError(f"decision {decision.action!r}; valid: {', '.join(ACTIONS)}")
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        stamped = {**asdict(decision), "at": decision.at or time.time()}
+        line = json.dumps(stamped, ensure_ascii=False) + "\n"
+        with self.path.open("a", encoding="utf-8") as stream:
+            fcntl.flock(stream, fcntl.LOCK_EX)
+            stream.write(line)
+            stream.flush()
+            os.fsync(stream.fileno())
+
+    def read(self) -> list[Decision]:
+        """All decisions, in order; a last line that a crash cut short is left out.
+
+        Raises:
+            FileFormatError: another line is damaged.
+        """
+        if not self.path.is_file():
+            return []
+        lines = self.path.read_text(encoding="utf-8").split("\n")
+        result = []
+        for k, line in enumerate(lines[:-1]):
+            try:
+                result.append(Decision(**json.loads(line)))
+            except (ValueError, TypeError) as error:
+                raise FileFormatError(self.path, f"line {k + 1}: {error}") from error
+        return result
+
+    def current(self) -> dict[tuple[str, int], dict[str, Decision]]:
+        """What holds, by path and text and then annotator: each one's last that is not undone."""
+        stacks: dict[tuple[str, int, str], list[Decision]] = {}
+        for one in self.read():
+            stack = stacks.setdefault((one.path, one.number, one.annotator), [])
+            if one.action != "undo":
+                stack.append(one)
+            elif stack:
+                stack.pop()
+        result: dict[tuple[str, int], dict[str, Decision]] = {}
+        for (path, number, annotator), stack in stacks.items():
+            if stack:
+                result.setdefault((path, number), {})[annotator] = stack[-1]
+        return result
+
+
+def agreement(current: dict[tuple[str, int], dict[str, Decision]]) -> dict[str, int]:
+    """How many texts two or more annotators judged, and on how many they agree on keeping it."""
+    shared = [d for d in current.values() if len(d) > 1]
+    same = [len({one.action == "reject" for one in d.values()}) == 1 for d in shared]
+    return {"judged_twice": len(shared), "agreed": sum(same), "judged": len(current)}
+
+
+def apply_decisions(
+    episodes: Sequence[Episode], file: DecisionFile
+) -> tuple[list[Episode], dict[str, str]]:
+    """Episodes with what people decided, and why others lost all their texts, by episode id.
+
+    A text that anybody rejects is dropped; of several edits the last one holds. A decision about
+    a text that has been rewritten since is left out.
+    """
+    from dataclasses import replace
+
+    current = file.current()
+    kept: list[Episode] = []
+    lost: dict[str, str] = {}
+    for episode in episodes:
+        texts = list(episode.extra.get("instructions") or [episode.instruction])
+        result: list[str] = []
+        reasons: list[str] = []
+        for number, text in enumerate(texts):
+            decided = [
+                d
+                for d in current.get((episode.trajectory_id, number), {}).values()
+                if d.before == text
+            ]
+            rejected = [d for d in decided if d.action == "reject"]
+            edits = sorted((d for d in decided if d.action == "edit"), key=lambda d: d.at)
+            if rejected:
+                reasons += [d.reason or "rejected" for d in rejected]
+            else:
+                result.append(edits[-1].text if edits else text)
+        if not result:
+            lost[episode.episode_id] = "; ".join(reasons) or "no text"
+            continue
+        if result == texts:
+            kept.append(episode)
+            continue
+        made = {**(episode.extra.get("instruction") or {}), "reviewed": True}
+        extra = {**episode.extra, "instructions": result, "instruction": made}
+        kept.append(replace(episode, instruction=result[0], extra=extra))
+    return kept, lost

@@ -1,0 +1,252 @@
+"""The review page's server: on this machine alone, for whoever knows the token."""
+
+from __future__ import annotations
+
+import json
+import secrets
+from collections.abc import Sequence
+from functools import cached_property
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+import numpy as np
+
+from ...formats.core.episode import Episode
+from ...formats.core.errors import VlnpeError
+from ...formats.scene.visibility import Visibility
+from ...formats.vlnce.files import scene_stem
+from ..checker import Ground, Verdict, check_text
+from ..facts import path_facts
+from ..instruct import Levels
+from .decisions import Decision, DecisionFile, agreement
+
+_PAGES = {"/": ("index.html", "text/html"), "/review.js": ("review.js", "text/javascript")}
+_PAGES["/review.css"] = ("review.css", "text/css")
+_LONGEST_BODY = 20_000
+
+
+class Review:
+    """Paths to review, with their maps and facts, and the decisions about them."""
+
+    def __init__(
+        self,
+        episodes: Sequence[Episode],
+        scenes: Path,
+        decisions: Path,
+        films: dict[str, Path] | None = None,
+        seen: dict[str, Visibility] | None = None,
+    ):
+        """Review the episodes that have texts; one path's episodes are shown once.
+
+        Args:
+            episodes: instructed.
+            scenes: folder of repaired scenes.
+            decisions: append-only file.
+            films: ego film (MP4) of a path, by trajectory id.
+            seen: what the robot's camera sees along the paths, by scene.
+        """
+        told = [e for e in episodes if e.instruction]
+        self.paths = {e.trajectory_id: e for e in reversed(told)}
+        self.paths = dict(reversed(self.paths.items()))
+        self.file = DecisionFile(decisions)
+        self.films = films or {}
+        self._seen = seen or {}
+        self._levels = Levels(scenes)
+        self._grounds: dict[str, Ground] = {}
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Trajectory ids, in order."""
+        return list(self.paths)
+
+    def ground(self, name: str) -> Ground:
+        """Facts of a path."""
+        if name not in self._grounds:
+            episode = self.paths[name]
+            sight = self._seen.get(scene_stem(episode.scene_id))
+            self._grounds[name] = Ground(path_facts(episode, self._levels.of(episode), sight))
+        return self._grounds[name]
+
+    def path(self, name: str, annotator: str) -> dict[str, Any]:
+        """All that the page shows of a path."""
+        episode = self.paths[name]
+        level = self._levels.of(episode)
+        facts = self.ground(name).facts
+        current = self.file.current()
+        texts = []
+        for number, text in enumerate(episode.extra.get("instructions") or [episode.instruction]):
+            decided = current.get((name, number), {})
+            own = decided.get(annotator)
+            shown = own.text if own is not None and own.action == "edit" else text
+            texts.append(
+                {
+                    "original": text,
+                    "text": shown,
+                    "verdict": self.check(name, shown),
+                    "own": own.action if own else "",
+                    "reason": own.reason if own else "",
+                    "others": sorted(d.action for a, d in decided.items() if a != annotator),
+                }
+            )
+        things = [
+            {"noun": n, "low": low.tolist(), "high": high.tolist()}
+            for n, low, high in zip(level.nouns, level.low_m, level.high_m, strict=True)
+        ]
+        return {
+            "name": name,
+            "number": self.names.index(name),
+            "paths": len(self.names),
+            "scene": scene_stem(episode.scene_id),
+            "path": np.round(episode.reference_path_world_m[:, :2], 2).tolist(),
+            "things": things,
+            "walls": _walls(level.regions),
+            "facts": [f"{t.along_m:.1f} m: {t.side} {abs(t.angle_deg):.0f}°" for t in facts.turns]
+            + [f"{p.along_m:.1f} m: into {p.to_room or 'the next room'}" for p in facts.passages]
+            + [
+                f"{m.along_m:.1f} m: {m.noun} {m.side} {m.distance_m:.1f} m"
+                for m in facts.landmarks
+                if m.nameable and m.distance_m <= 2.5
+            ],
+            "texts": texts,
+            "film": name in self.films,
+            "agreement": agreement(current),
+        }
+
+    def check(self, name: str, text: str) -> dict[str, Any]:
+        """The checker's verdict with its clauses."""
+        verdict: Verdict = check_text(text[:2000], self.ground(name))
+        return {"problems": list(verdict.problems), "clauses": [list(c) for c in verdict.clauses]}
+
+    def decide(self, annotator: str, body: dict[str, Any]) -> None:
+        """Write a decision; an edit that the checker refuses is not accepted.
+
+        Raises:
+            VlnpeError: the edit is not true.
+            KeyError, IndexError, ValueError: the request is malformed.
+        """
+        name, number, action = str(body["path"]), int(body["number"]), str(body["action"])
+        episode = self.paths[name]
+        texts = episode.extra.get("instructions") or [episode.instruction]
+        if number < 0:
+            raise IndexError(number)
+        text = str(body.get("text", ""))
+        if action == "edit":
+            problems = self.check(name, text)["problems"]
+            if problems:
+                raise VlnpeError("; ".join(problems))
+        reason = str(body.get("reason", ""))[:500]
+        edited = text if action == "edit" else ""
+        self.file.add(Decision(annotator, name, number, action, texts[number], edited, reason))
+
+
+def make_server(review: Review, port: int = 0) -> tuple[ThreadingHTTPServer, str]:
+    """A server on 127.0.0.1 and the address, with its token, to open."""
+    token = secrets.token_urlsafe(18)
+
+    class Handler(_Handler):
+        pass
+
+    Handler.review, Handler.token = review, token
+    server = ThreadingHTTPServer(("127.0.0.1", port), Handler)
+    server.daemon_threads = True
+    Handler.port = server.server_address[1]
+    return server, f"http://127.0.0.1:{Handler.port}/?token={token}"
+
+
+class _Handler(BaseHTTPRequestHandler):
+    review: Review
+    token: str
+    port: int
+
+    def do_GET(self) -> None:
+        """Pages, paths, films."""
+        parts = urlsplit(self.path)
+        if not self._allowed(parts.query):
+            return
+        if parts.path in _PAGES:
+            name, kind = _PAGES[parts.path]
+            page = (files(__package__) / "page" / name).read_bytes()
+            page = page.replace(b'"review.js"', f'"review.js?token={self.token}"'.encode())
+            self._send(HTTPStatus.OK, page, f"{kind}; charset=utf-8")
+        elif parts.path == "/api/path":
+            query = parse_qs(parts.query)
+            names = self.review.names
+            number = int(query.get("number", ["0"])[0]) % max(1, len(names))
+            annotator = query.get("annotator", [""])[0]
+            self._json(self.review.path(names[number], annotator) if names else {})
+        elif parts.path == "/api/film":
+            film = self.review.films.get(parse_qs(parts.query).get("name", [""])[0])
+            if film is None or not film.is_file():
+                self._send(HTTPStatus.NOT_FOUND, b"", "text/plain")
+            else:
+                self._send(HTTPStatus.OK, film.read_bytes(), "video/mp4")
+        else:
+            self._send(HTTPStatus.NOT_FOUND, b"", "text/plain")
+
+    def do_POST(self) -> None:
+        """Checks while typing, and decisions."""
+        parts = urlsplit(self.path)
+        if not self._allowed(parts.query):
+            return
+        size = int(self.headers.get("Content-Length") or 0)
+        if not 0 < size <= _LONGEST_BODY:
+            self._send(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, b"", "text/plain")
+            return
+        try:
+            body = json.loads(self.rfile.read(size))
+            if parts.path == "/api/check":
+                self._json(self.review.check(str(body["path"]), str(body["text"])))
+            elif parts.path == "/api/decide":
+                self.review.decide(str(body["annotator"]).strip()[:60], body)
+                self._json({"ok": True})
+            else:
+                self._send(HTTPStatus.NOT_FOUND, b"", "text/plain")
+        except VlnpeError as error:
+            self._json({"ok": False, "error": str(error)}, HTTPStatus.CONFLICT)
+        except (ValueError, KeyError, IndexError, TypeError, AttributeError):
+            self._send(HTTPStatus.BAD_REQUEST, b"", "text/plain")
+
+    def _allowed(self, query: str) -> bool:
+        """The token must be right, and the request must come from our own page."""
+        own = {f"127.0.0.1:{self.port}", f"localhost:{self.port}"}
+        given = parse_qs(query).get("token", [""])[0]
+        origin = self.headers.get("Origin")
+        host_ok = self.headers.get("Host") in own
+        origin_ok = origin is None or origin in {f"http://{host}" for host in own}
+        if secrets.compare_digest(given.encode(), self.token.encode()) and host_ok and origin_ok:
+            return True
+        self._send(HTTPStatus.FORBIDDEN, b"", "text/plain")
+        return False
+
+    def _json(self, value: Any, status: HTTPStatus = HTTPStatus.OK) -> None:
+        self._send(status, json.dumps(value).encode(), "application/json")
+
+    def _send(self, status: HTTPStatus, data: bytes, kind: str) -> None:
+        self.send_response(status)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(data)))
+        self.send_header("Cache-Control", "no-store")
+        self.send_header("X-Content-Type-Options", "nosniff")
+        self.send_header("Referrer-Policy", "no-referrer")
+        policy = "default-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+        self.send_header("Content-Security-Policy", policy)
+        self.end_headers()
+        self.wfile.write(data)
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Say nothing: addresses hold the token."""
+
+
+def _walls(regions: Any) -> dict[str, Any]:
+    """Where there is floor, as rows of 0 and 1 on a grid of 10 cm, for the map."""
+    step = max(1, round(0.1 / regions.grid.cell_m))
+    floor = (regions.width_m > 0)[::step, ::step]
+    return {
+        "origin": list(regions.grid.origin_xy_m),
+        "cell": regions.grid.cell_m * step,
+        "rows": ["".join("1" if cell else "0" for cell in row) for row in floor],
+    }

@@ -1,0 +1,58 @@
+"""A path and its texts for a terminal: a small map of letters, events, sentences."""
+
+from __future__ import annotations
+
+import textwrap
+
+import numpy as np
+
+from ..formats.core.episode import Episode
+from ..wayfinding.planning import resample
+from .facts.doors import DOOR
+from .facts.records import PathFacts
+from .language.nouns import spoken
+
+_WIDE, _HIGH = 64, 22
+
+
+def show_path(episode: Episode, facts: PathFacts) -> str:
+    """The map (S start, * path, G goal, letters for things), its legend, and the texts."""
+    path = episode.reference_path_world_m[:, :2]
+    points = resample(path, 0.1)
+    low, high = points.min(0) - 1.2, points.max(0) + 1.2
+    cell = max((high[0] - low[0]) / _WIDE, (high[1] - low[1]) / _HIGH / 2)
+    columns = int((high[0] - low[0]) / cell) + 1
+    rows = int((high[1] - low[1]) / cell / 2) + 1
+    grid = [[" "] * columns for _ in range(rows)]
+
+    def put(xy_m: np.ndarray, letter: str) -> None:
+        column = int((xy_m[0] - low[0]) / cell)
+        row = rows - 1 - int((xy_m[1] - low[1]) / cell / 2)
+        if 0 <= row < rows and 0 <= column < columns:
+            grid[row][column] = letter
+
+    for point in points:
+        put(point, "*")
+    legend = []
+    knots = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    marks = [m for m in facts.landmarks if m.nameable and m.distance_m < 2.5 and m.noun != DOOR]
+    for letter, mark in zip("abcdefghijklmnopqrstuvwxyz", marks, strict=False):
+        k = int(np.argmin(np.abs(knots - mark.along_m)))
+        ahead = points[min(k + 4, len(points) - 1)] - points[max(k - 4, 0)]
+        heading = np.arctan2(ahead[1], ahead[0])
+        bearing = next((m.bearing_deg for m in mark.moments if m.along_m >= mark.along_m), 0.0)
+        angle = heading + np.deg2rad(bearing)
+        away = max(mark.distance_m, 0.5)
+        put(points[k] + away * np.array([np.cos(angle), np.sin(angle)]), letter)
+        legend.append(f"{letter} {spoken(mark.noun)}")
+    put(points[0], "S")
+    put(points[-1], "G")
+    events = [f"{t.along_m:.1f} m {t.side} {abs(t.angle_deg):.0f}°" for t in facts.turns]
+    events += [f"{p.along_m:.1f} m into {p.to_room or 'next room'}" for p in facts.passages]
+    head = f"{episode.episode_id}: {facts.length_m:.1f} m, {facts.visits[0].room or 'a room'}"
+    lines = [head, *("".join(row).rstrip() for row in grid)]
+    lines.append("  " + ", ".join(legend))
+    lines.append("  " + "; ".join(sorted(events, key=lambda e: float(e.split()[0]))))
+    for text in episode.extra.get("instructions", [episode.instruction]):
+        lines += textwrap.wrap(text, 96, initial_indent="  - ", subsequent_indent="    ")
+    return "\n".join(lines)

@@ -1,0 +1,85 @@
+"""`vlnpe review`: people accept, edit or reject instructions on a local page."""
+
+from __future__ import annotations
+
+import sys
+import webbrowser
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from ...formats.core.errors import InputError
+from ...formats.scene.visibility import read_visibility
+from ...formats.vlnce.files import read_episodes
+from ...instruction_gen.review.server import Review, make_server
+from ..jobs.reviewed import REVIEW_NAME
+
+
+@dataclass(frozen=True)
+class ReviewPage:
+    """Review the instructions of a run on a local page (127.0.0.1); decisions flow into export."""
+
+    run: tyro.conf.Positional[Path]
+    """A run folder, or an episode file of `instruct` (then say --scenes)."""
+    scenes: Path | None = None
+    """Folder of repaired scenes; by default the run's."""
+    decisions: Path | None = None
+    """Append-only file of decisions; by default review.jsonl in the run folder, or beside the
+    file."""
+    port: int = 0
+    """Port of the page; 0 takes a free one."""
+    open: bool = False
+    """Open the page in the default browser."""
+
+
+def run(options: ReviewPage) -> int:
+    """Serve the page until interrupted.
+
+    Raises:
+        InputError: there is nothing to review there.
+    """
+    review = opened(options)
+    server, address = make_server(review, options.port)
+    sys.stdout.write(f"{len(review.paths)} paths to review at {address}\n")
+    sys.stdout.flush()
+    if options.open:
+        webbrowser.open(address)
+    try:
+        server.serve_forever()
+    except KeyboardInterrupt:
+        sys.stdout.write(f"decisions: {review.file.path}\n")
+    finally:
+        server.server_close()
+    return 0
+
+
+def opened(options: ReviewPage) -> Review:
+    """The paths to review.
+
+    Raises:
+        InputError: there is nothing to review there.
+    """
+    source = options.run
+    if source.is_dir():
+        files = sorted((source / "episodes" / "told").glob("*.json.gz"))
+        scenes, folder = options.scenes or source / "scenes", source
+    else:
+        files, folder = [source], source.parent
+        if options.scenes is None:
+            raise InputError("--scenes is needed with an episode file")
+        scenes = options.scenes
+    if not files:
+        raise InputError(f"{source}: no instructed episodes in it (run `vlnpe collect` first)")
+    episodes = [episode for path in files for episode in read_episodes(path)]
+    films = {
+        episode.trajectory_id: film
+        for episode in episodes
+        for film in sorted(folder.glob(f"frames/*/*/ego-*/{episode.episode_id}/rgb.mp4"))[:1]
+    }
+    decisions = options.decisions or folder / REVIEW_NAME
+    seen = {
+        path.name.removesuffix(".seen.json"): read_visibility(path)
+        for path in sorted(folder.glob("facts/*.seen.json"))
+    }
+    return Review(episodes, scenes, decisions, films, seen)

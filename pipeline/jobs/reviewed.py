@@ -1,0 +1,28 @@
+"""What people decided about instructions, applied to a rollout before it is exported."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from ...formats.core.errors import VlnpeError
+from ...formats.core.rollout import Rollout
+from ...formats.mcap.rollout import read_rollout
+from ...instruction_gen.review.decisions import DecisionFile, apply_decisions
+
+REVIEW_NAME = "review.jsonl"  # in the run folder
+
+
+def reviewed_rollout(rollout: Path, review: Path) -> Rollout:
+    """Return a rollout whose episode has the texts that people left of its instructions.
+
+    Raises:
+        VlnpeError: they rejected all of them.
+    """
+    recorded = read_rollout(rollout)
+    if not review.is_file():
+        return recorded
+    kept, lost = apply_decisions([recorded.episode], DecisionFile(review))
+    if lost:
+        raise VlnpeError(f"rejected in review: {lost[recorded.episode.episode_id]}")
+    return replace(recorded, episode=kept[0])

@@ -1,0 +1,244 @@
+"""A language model as a writer, against a real HTTP server that misbehaves."""
+
+from __future__ import annotations
+
+import json
+import logging
+import traceback
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.instruction_gen.test_instruct import LEFT, episode_of, facts_of
+from tests.support.misbehaving_server import CUT, HANG, Server, completion, texts
+from vlnpe.formats.core.errors import InputError
+from vlnpe.instruction_gen.checker import Ground, check_text
+from vlnpe.instruction_gen.instruct import instruct_episodes
+from vlnpe.instruction_gen.llm.budget import BudgetError
+from vlnpe.instruction_gen.llm.client import Client, ModelDownError, ModelError
+from vlnpe.instruction_gen.llm.settings import LlmSettings, settings_from
+from vlnpe.instruction_gen.llm.writer import ModelWriter
+from vlnpe.instruction_gen.records import InstructConfig
+
+KEY = "sk-sentinel-7f3a9c"
+GOOD = [
+    "Turn left through the doorway into the kitchen and stop next to the table.",
+    "Go forward, take a left into the kitchen, and wait beside the table.",
+    "Walk ahead, then go through the door on your left into the kitchen. Halt at the table.",
+]
+LIE = "Turn right through the doorway into the kitchen and stop next to the table."
+ASK = [{"role": "user", "content": "hello"}]
+
+
+@pytest.fixture(autouse=True)
+def _key(monkeypatch):
+    monkeypatch.setenv("VLNPE_LLM_API_KEY", KEY)
+    for name in ("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY", "ALL_PROXY"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def settings_of(server, **others):
+    made = LlmSettings(base_url=server.url, model="scripted", backoff_s=0.0, timeout_s=10.0)
+    return replace(made, **others)
+
+
+def client_of(server, tmp_path, waits=None, **others):
+    sleep = (waits if waits is not None else []).append
+    return Client(settings_of(server, **others), tmp_path / "cache", sleep=sleep)
+
+
+def write_with(server, tmp_path, two_rooms, count=3, **others):
+    config = InstructConfig(writer="llm", count=count, **others)
+    writer = ModelWriter(client_of(server, tmp_path), config)
+    ground = Ground(facts_of(LEFT, two_rooms))
+    told, problems = writer(ground, np.random.default_rng(0))
+    assert not problems
+    return told, writer, ground
+
+
+def test_true_texts_of_a_model_are_kept(two_rooms, tmp_path):
+    with Server(lambda n, r: completion(texts(*GOOD))).running() as server:
+        told, _, ground = write_with(server, tmp_path, two_rooms)
+    assert [one.text for one in told] == GOOD
+    assert {one.writer for one in told} == {"llm"} and {one.model for one in told} == {"scripted"}
+    assert all(check_text(one.text, ground).ok for one in told)
+    asked = server.requests[0]
+    assert asked["response_format"]["type"] == "json_schema"
+    assert '"turns"' in asked["messages"][1]["content"]
+
+
+def test_a_lying_model_is_told_why_and_then_replaced(two_rooms, tmp_path):
+    with Server(lambda n, r: completion(texts(LIE, LIE, LIE))).running() as server:
+        told, writer, ground = write_with(server, tmp_path, two_rooms)
+    assert len(server.requests) == 3  # once, and twice with the reasons
+    assert "does not turn right" in server.requests[1]["messages"][-1]["content"]
+    assert len(told) == 3 and {one.writer for one in told} == {"composer"}
+    assert all(check_text(one.text, ground).ok for one in told)
+    assert writer.rejected == 9 and writer.replaced == 3
+
+
+def test_a_model_that_mends_its_text_is_kept(two_rooms, tmp_path):
+    def script(number, request):
+        return completion(texts(GOOD[0], LIE) if number == 1 else texts(GOOD[1]))
+
+    with Server(script).running() as server:
+        told, _, _ = write_with(server, tmp_path, two_rooms, count=2)
+    assert [(one.text, one.attempts) for one in told] == [(GOOD[0], 1), (GOOD[1], 2)]
+
+
+def test_a_model_that_repeats_itself_gives_one_text(two_rooms, tmp_path):
+    with Server(lambda n, r: completion(texts(*[GOOD[0]] * 3))).running() as server:
+        told, _, _ = write_with(server, tmp_path, two_rooms)
+    assert [one.writer for one in told] == ["llm", "composer", "composer"]
+    assert len({one.text for one in told}) == 3
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["not json", '{"instructions": [', {"texts": []}, {"instructions": []}, "", "x" * 50_000],
+)
+def test_unusable_answers_end_with_the_composer(two_rooms, tmp_path, content):
+    with Server(lambda n, r: completion(content)).running() as server:
+        told, _, _ = write_with(server, tmp_path, two_rooms)
+    assert {one.writer for one in told} == {"composer"}
+    assert len(server.requests) == 4
+
+
+@pytest.mark.parametrize(
+    "bad", [(429, {}, "{}"), (500, {}, "oops"), (503, {}, ""), CUT, (200, {}, "<html>")]
+)
+def test_passing_trouble_is_tried_again(tmp_path, bad):
+    def script(number, request):
+        return bad if number < 3 else completion(texts(*GOOD))
+
+    with Server(script).running() as server:
+        answer = client_of(server, tmp_path).ask(ASK)
+    assert [t.text for t in answer.instructions] == GOOD
+    assert len(server.requests) == 3
+
+
+def test_retry_after_is_honoured_and_back_off_doubles(tmp_path):
+    waits: list[float] = []
+    replies = [(429, {"Retry-After": "7"}, "{}"), (500, {}, ""), (500, {}, "")]
+
+    def script(number, request):
+        return replies[number - 1] if number <= 3 else completion(texts(*GOOD))
+
+    with Server(script).running() as server:
+        client_of(server, tmp_path, waits, backoff_s=0.5).ask(ASK)
+    assert waits == [7.0, 1.0, 2.0]
+
+
+def test_a_hanging_server_times_out(tmp_path):
+    with (
+        Server(lambda n, r: HANG).running() as server,
+        pytest.raises(ModelError, match=r"no answer within 0.3 s"),
+    ):
+        client_of(server, tmp_path, timeout_s=0.3, attempts=2).ask(ASK)
+
+
+def test_after_too_many_failures_it_stops_with_a_plain_message(tmp_path):
+    with Server(lambda n, r: (500, {}, "")).running() as server:
+        client = client_of(server, tmp_path, attempts=1, failures=3)
+        for _ in range(2):
+            with pytest.raises(ModelError):
+                client.ask(ASK)
+        with pytest.raises(ModelDownError, match="3 requests to the language model failed"):
+            client.ask(ASK)
+        with pytest.raises(ModelDownError):
+            client.ask(ASK)
+    assert len(server.requests) == 3
+
+
+def test_nothing_is_paid_for_twice(tmp_path):
+    with Server(lambda n, r: completion(texts(*GOOD))).running() as server:
+        for _ in range(3):
+            client_of(server, tmp_path).ask(ASK)  # a new client each time: a new run
+        client_of(server, tmp_path).ask([{"role": "user", "content": "other"}])
+        assert len(server.requests) == 2
+        assert client_of(server, tmp_path).budget.used().requests == 2
+
+
+def test_budget(tmp_path):
+    with Server(lambda n, r: completion(texts(*GOOD), tokens=600)).running() as server:
+        client = client_of(server, tmp_path, max_tokens=1000)
+        client.ask(ASK)
+        with pytest.raises(BudgetError, match="--max-tokens 1000"):
+            client.ask([{"role": "user", "content": "more"}])
+        cheap = client_of(server, tmp_path / "b", max_cost=0.001, price_in=1.0, price_out=2.0)
+        cheap.ask(ASK)
+        assert cheap.budget.used().cost == pytest.approx(0.0018)
+        with pytest.raises(BudgetError, match="--max-cost"):
+            cheap.ask([{"role": "user", "content": "more"}])
+
+
+def test_requests_at_a_time_are_bounded(two_rooms, tmp_path):
+    import time
+
+    def script(number, request):
+        time.sleep(0.05)
+        return completion(texts(*GOOD))
+
+    scenes = two_rooms.root.parent
+    (scenes / "two_rooms").exists() or (scenes / "two_rooms").symlink_to(two_rooms.root)
+    episodes = [episode_of([(5.2, 0.6 + k / 50), *LEFT[1:]], name=f"p{k}") for k in range(6)]
+    with Server(script).running() as server:
+        config = InstructConfig(writer="llm", count=1, llm=settings_of(server, workers=2))
+        made = instruct_episodes(episodes, scenes, config, 0, cache=tmp_path / "c")
+    assert len(made.episodes) == 6
+    assert server.most == 2
+    assert made.usage()["requests"] >= 6
+    told = made.episodes[0].extra["instruction"]
+    assert len(told["prompt_sha256"]) == 64 and told["temperature"] == 0.7
+
+
+def test_wrong_language_and_other_languages(two_rooms, tmp_path):
+    chinese = "向前走，左转穿过门口进入厨房，然后在桌子旁边停下。"
+    lying = "向前走，右转穿过门口进入厨房，然后在桌子旁边停下。"
+    english = GOOD[0]
+    for text, writer in ((chinese, "llm"), (lying, "composer"), (GOOD[1], "composer")):
+        reply = completion(texts(text, language="zh", english=english))
+        with Server(lambda n, r, reply=reply: reply).running() as server:
+            told, _, _ = write_with(
+                server, tmp_path / str(hash(text)), two_rooms, count=1, languages=("zh",)
+            )
+        assert [one.writer for one in told] == [writer]
+
+
+def test_the_key_appears_nowhere(two_rooms, tmp_path, caplog, capsys):
+    caplog.set_level(logging.DEBUG)
+    for status in (401, 500):
+        body = {"error": {"message": f"bad key {KEY}"}}
+        with Server(lambda n, r, s=status, b=body: (s, {}, b)).running() as server:
+            client = client_of(server, tmp_path / str(status), attempts=2)
+            with pytest.raises((InputError, ModelError)) as raised:
+                client.ask(ASK)
+            assert server.authorizations[0] == f"Bearer {KEY}"
+        assert KEY not in "".join(traceback.format_exception(raised.value))
+        assert KEY not in repr(client.__dict__) and KEY not in repr(client.settings)
+    with Server(lambda n, r: completion(texts(*GOOD))).running() as server:
+        client_of(server, tmp_path / "good").ask(ASK)
+    for path in tmp_path.rglob("*"):
+        assert path.is_dir() or KEY not in path.read_text()
+    out = capsys.readouterr()
+    assert KEY not in caplog.text + out.out + out.err
+
+
+def test_settings_come_from_the_environment_alone():
+    good = {"VLNPE_LLM_BASE_URL": "http://h/v1", "VLNPE_LLM_MODEL": "m", "VLNPE_LLM_API_KEY": KEY}
+    made = settings_from(good)
+    assert (made.base_url, made.model) == ("http://h/v1", "m") and KEY not in json.dumps(repr(made))
+    for broken, message in (
+        ({}, "VLNPE_LLM_BASE_URL"),
+        (good | {"VLNPE_LLM_BASE_URL": f"http://u:{KEY}@h"}, "no user, password"),
+        (good | {"VLNPE_LLM_BASE_URL": "ftp://h"}, "http"),
+        (good | {"VLNPE_LLM_PRICE_IN": "cheap"}, "not a number"),
+    ):
+        with pytest.raises(InputError, match=message) as raised:
+            settings_from(broken)
+        assert KEY not in str(raised.value)
+    with pytest.raises(InputError, match="max-cost needs"):
+        settings_from(good, max_cost=1.0)
+    with pytest.raises(InputError, match="VLNPE_GGUF"):
+        settings_from({}, local=True)

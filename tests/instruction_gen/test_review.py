@@ -1,0 +1,179 @@
+"""The review page: durable decisions, guarded server, and the page in a real browser."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import shutil
+import threading
+from contextlib import contextmanager
+from urllib.parse import urlsplit
+
+import pytest
+
+from tests.instruction_gen.test_instruct import EAST, LEFT, episode_of
+from vlnpe.formats.core.errors import InputError
+from vlnpe.instruction_gen.instruct import instruct_episodes
+from vlnpe.instruction_gen.records import InstructConfig
+from vlnpe.instruction_gen.review.decisions import (
+    Decision,
+    agreement,
+    apply_decisions,
+)
+from vlnpe.instruction_gen.review.server import Review, make_server
+
+
+@pytest.fixture
+def review(two_rooms, tmp_path):
+    scenes = two_rooms.root.parent
+    (scenes / "two_rooms").exists() or (scenes / "two_rooms").symlink_to(two_rooms.root)
+    episodes = [episode_of(EAST, name="p0"), episode_of(LEFT, name="p1")]
+    made = instruct_episodes(episodes, scenes, InstructConfig(), 0)
+    return Review(made.episodes, scenes, tmp_path / "review.jsonl")
+
+
+@contextmanager
+def serving(review):
+    server, address = make_server(review)
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    try:
+        yield address
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+def ask(address, path, body=None, token=None, headers=None):
+    parts = urlsplit(address)
+    token = parts.query.removeprefix("token=") if token is None else token
+    connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=10)
+    mark = "&" if "?" in path else "?"
+    data = None if body is None else json.dumps(body)
+    method = "GET" if body is None else "POST"
+    connection.request(method, f"{path}{mark}token={token}", data, headers or {})
+    answer = connection.getresponse()
+    return answer.status, answer.read()
+
+
+def test_decisions_are_durable_counted_and_undone(review):
+    file = review.file
+    text = review.paths["p0"].extra["instructions"][0]
+    file.add(Decision("ann", "p0", 0, "accept", text))
+    file.add(Decision("bob", "p0", 0, "reject", text, reason="dull"))
+    file.add(Decision("ann", "p1", 0, "accept", review.paths["p1"].extra["instructions"][0]))
+    assert agreement(file.current()) == {"judged_twice": 1, "agreed": 0, "judged": 2}
+    file.add(Decision("bob", "p0", 0, "undo", text))
+    assert agreement(file.current()) == {"judged_twice": 0, "agreed": 0, "judged": 2}
+    with file.path.open("a") as stream:
+        stream.write('{"annotator": "cut sho')  # a crash
+    assert len(file.read()) == 4
+    with pytest.raises(InputError, match="accept"):
+        file.add(Decision("ann", "p0", 0, "praise", text))
+
+
+def test_decisions_flow_into_episodes(review):
+    episodes = list(review.paths.values())
+    texts = episodes[0].extra["instructions"]
+    new = "Walk straight through the doorway, pass the sofa on the right, then stop."
+    review.file.add(Decision("ann", "p0", 0, "edit", texts[0], new))
+    review.file.add(Decision("ann", "p0", 1, "reject", texts[1], reason="odd"))
+    for k, text in enumerate(episodes[1].extra["instructions"]):
+        review.file.add(Decision("ann", "p1", k, "reject", text, reason="all odd"))
+    kept, lost = apply_decisions(episodes, review.file)
+    assert [e.episode_id for e in kept] == ["p0"]
+    assert kept[0].extra["instructions"] == [new, texts[2]] and kept[0].instruction == new
+    assert "all odd" in lost["p1"]
+
+
+def test_only_our_page_with_the_token_is_served(review):
+    with serving(review) as address:
+        assert ask(address, "/")[0] == 200
+        assert ask(address, "/api/path?number=0")[0] == 200
+        assert ask(address, "/", token="wrong")[0] == 403
+        assert (
+            ask(address, "/api/path?number=0", headers={"Origin": "http://evil.example"})[0] == 403
+        )
+        assert ask(address, "/", headers={"Host": "evil.example"})[0] == 403
+        assert ask(address, "/api/decide", {"path": "p0"})[0] == 400
+        assert ask(address, "/../../etc/passwd")[0] == 404
+        assert address.startswith("http://127.0.0.1:")
+
+
+def test_an_untrue_edit_is_refused_and_a_true_one_kept(review):
+    body = {"annotator": "ann", "path": "p1", "number": 0, "action": "edit"}
+    lie = "Turn right into the kitchen and stop next to the table."
+    good = "Turn left into the kitchen and stop next to the table."
+    with serving(review) as address:
+        status, answer = ask(address, "/api/decide", body | {"text": lie})
+        assert status == 409 and b"turn right" in answer
+        assert ask(address, "/api/decide", body | {"text": good})[0] == 200
+        status, answer = ask(address, "/api/path?number=1&annotator=ann")
+        assert json.loads(answer)["texts"][0]["text"] == good
+        status, answer = ask(address, "/api/check", {"path": "p1", "text": lie})
+        found = json.loads(answer)
+        assert found["problems"] and any(problems for _, _, problems in found["clauses"])
+
+
+@pytest.fixture
+def browser():
+    webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
+    chrome = shutil.which("chromium") or shutil.which("google-chrome")
+    driver = shutil.which("chromedriver")
+    if not chrome or not driver:
+        pytest.skip("no Chromium with its driver on this machine")
+    options = webdriver.ChromeOptions()
+    options.binary_location = chrome
+    for flag in ("--headless=new", "--no-sandbox", "--disable-gpu", "--window-size=1400,900"):
+        options.add_argument(flag)
+    service = webdriver.ChromeService(driver)
+    made = webdriver.Chrome(options=options, service=service)
+    made.implicitly_wait(10)
+    yield made
+    made.quit()
+
+
+def test_the_page_in_a_browser(review, browser, tmp_path):
+    from selenium.webdriver.common.by import By
+    from selenium.webdriver.common.keys import Keys
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    def until(condition):
+        return WebDriverWait(browser, 15).until(lambda _: condition())
+
+    def body():
+        return browser.find_element(By.TAG_NAME, "body")
+
+    def decided():
+        return [(d.action, d.number) for d in review.file.read()]
+
+    with serving(review) as address:
+        browser.get(address)
+        until(lambda: len(browser.find_elements(By.CSS_SELECTOR, ".text")) == 3)
+        name = browser.find_element(By.ID, "annotator")
+        name.send_keys("ann", Keys.TAB)
+        body().send_keys("a")
+        until(lambda: decided() == [("accept", 0)])
+        until(lambda: browser.find_elements(By.CSS_SELECTOR, ".text.accept"))
+        body().send_keys("2")
+        body().send_keys("r")
+        browser.find_element(By.CSS_SELECTOR, "input.reason").send_keys("dull", Keys.ENTER)
+        until(lambda: decided()[-1] == ("reject", 1))
+        until(lambda: browser.find_elements(By.CSS_SELECTOR, ".text.reject"))
+        body().send_keys("u")
+        until(lambda: decided()[-1] == ("undo", 1))
+        body().send_keys("n")
+        until(lambda: "p1" in browser.find_element(By.ID, "title").text)
+        body().send_keys("e")
+        area = browser.find_element(By.TAG_NAME, "textarea")
+        area.clear()
+        area.send_keys("Turn right into the kitchen and stop next to the table.")
+        problems = browser.find_element(By.CSS_SELECTOR, ".text.current .problems")
+        until(lambda: "turn right" in problems.text)  # while typing
+        area.clear()
+        area.send_keys("Turn left into the kitchen and stop next to the table.", Keys.ENTER)
+        until(lambda: decided()[-1] == ("edit", 0))
+        picture = tmp_path / "page.png"
+        assert browser.save_screenshot(str(picture)) and picture.stat().st_size > 10_000
+        errors = [e for e in browser.get_log("browser") if e["level"] == "SEVERE"]
+        assert [e for e in errors if "favicon" not in e["message"]] == []
