@@ -17,7 +17,7 @@ COLLECT = --robot "$(ROBOT)" --controller "$(CONTROLLER)" --scene "$(SCENE)" --e
           $(if $(WORKERS),--workers "$(WORKERS)") $(ARGS)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup collect train-gait test lint bench report verify doctor clean
+.PHONY: help setup collect train-gait test test-fast test-slow lint docs bench report verify doctor clean
 
 help:  ## Show this help
 	@echo "usage: make <target> [VARIABLE=value …]"
@@ -37,9 +37,23 @@ train-gait:  ## Train a walking policy: make train-gait ROBOT=aliengo [OUT=folde
 	@$(SETUP) full
 	@$(BIN)/python -m vlnpe.collectors.gait_training.train "$(ROBOT)" $(if $(OUT),--out "$(OUT)")
 
-test:  ## Run all tests (installs the full environment with torch and lerobot)
+test:  ## Run all tests, about 12 minutes on 2 cores (installs the full environment with torch and lerobot)
 	@$(SETUP) full
+	@echo "all tests: about 12 minutes on 2 cores; make test-fast leaves out torch, lerobot and slow tests"
 	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
+
+test-fast:  ## Run the fast tests of the core, without torch and lerobot
+	@$(SETUP) test
+	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --core -m "not slow"
+
+test-slow:  ## Run only the tests that test-fast leaves out as slow
+	@$(SETUP) full
+	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile -m slow
+
+docs:  ## Write the API reference to build/docs
+	@$(SETUP) full
+	@PDOC_ALLOW_EXEC=1 $(BIN)/python -m pdoc -d google -o build/docs vlnpe.formats vlnpe.wayfinding vlnpe.apartments vlnpe.scene_repair \
+	    vlnpe.trajectory_sampler vlnpe.instruction_gen vlnpe.collectors vlnpe.datasets vlnpe.pipeline
 
 lint:  ## Check style and types
 	@$(SETUP) full

@@ -6,7 +6,7 @@ or installs uv, finds a Python 3.12 or 3.13 (on PATH, or under pyenv's `versions
 be on PATH) or lets uv fetch one, then syncs the committed lock into `.venv`. A stamp of the lock
 makes every further call a no-op.
 
-usage: python pipeline/bootstrap.py core|full
+usage: python pipeline/bootstrap.py core|test|full
 """
 
 from __future__ import print_function
@@ -33,6 +33,7 @@ UV_MINIMUM = (0, 8)
 PYTHONS = ((3, 12), (3, 13))
 SYNC = {
     "core": ["--inexact"],  # never removes what `full` has already installed
+    "test": ["--inexact", "--group", "test"],
     "full": ["--all-extras", "--group", "dev"],
 }
 

@@ -2,54 +2,79 @@
 
 from __future__ import annotations
 
+import argparse
+import ast
 import logging
 import os
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Union
 
-import tyro
-
 from ..formats.core.errors import InputError, VlnpeError
-from .commands import (
-    ablate,
-    chain,
-    collect,
-    convert,
-    instruct,
-    look,
-    mix,
-    push,
-    restore,
-    review,
-    robots,
-    rollouts,
-)
 
-# Verb → (options record, function that runs it). Order is the chain's order.
-VERBS: dict[str, tuple[type, Callable[[Any], int]]] = {
-    "collect": (collect.Collect, collect.run),
-    "scan": (chain.Scan, chain.run_scan),
-    "repair": (chain.Repair, chain.run_repair),
-    "align": (chain.Align, chain.run_align),
-    "filter": (chain.Filter, chain.run_filter),
-    "sample": (chain.Sample, chain.run_sample),
-    "instruct": (instruct.Instruct, instruct.run),
-    "review": (review.ReviewPage, review.run),
-    "replay": (rollouts.Replay, rollouts.run_replay),
-    "render": (rollouts.Render, rollouts.run_render),
-    "export": (rollouts.Export, rollouts.run_export),
-    "convert": (convert.Convert, convert.run_convert),
-    "restore": (restore.Restore, restore.run),
-    "robots": (robots.Robots, robots.run_robots),
-    "mix": (mix.Mix, mix.run),
-    "ablate": (ablate.Ablate, ablate.run),
-    "push": (push.Push, push.run_push),
-    "verify": (look.Verify, look.run_verify),
-    "report": (look.Report, look.run_report),
-    "doctor": (look.Doctor, look.run_doctor),
-}
+
+@dataclass(frozen=True)
+class Verb:
+    """One command, named without importing it: its module may need seconds for its libraries.
+
+    Attributes:
+        name: what the user types.
+        module: the module in `pipeline.commands`.
+        record: its options class there.
+        function: the function there that takes the options and returns the exit code.
+    """
+
+    name: str
+    module: str
+    record: str
+    function: str
+
+    def options(self) -> type:
+        """Import the command and return its options class."""
+        return getattr(self._import(), self.record)
+
+    def run(self) -> Callable[[Any], int]:
+        """Import the command and return the function that runs it."""
+        return getattr(self._import(), self.function)
+
+    def summary(self) -> str:
+        """Return the first paragraph of the options class's docstring, read from the source."""
+        path = Path(__file__).parent / "commands" / f"{self.module}.py"
+        classes = [n for n in ast.parse(path.read_bytes()).body if isinstance(n, ast.ClassDef)]
+        docstring = next(ast.get_docstring(n) for n in classes if n.name == self.record)
+        return " ".join((docstring or "").split("\n\n")[0].split())
+
+    def _import(self) -> Any:
+        return import_module(f".commands.{self.module}", __package__)
+
+
+# In the chain's order.
+_TABLE = (
+    Verb("collect", "collect", "Collect", "run"),
+    Verb("scan", "chain", "Scan", "run_scan"),
+    Verb("repair", "chain", "Repair", "run_repair"),
+    Verb("align", "chain", "Align", "run_align"),
+    Verb("filter", "chain", "Filter", "run_filter"),
+    Verb("sample", "chain", "Sample", "run_sample"),
+    Verb("instruct", "instruct", "Instruct", "run"),
+    Verb("review", "review", "ReviewPage", "run"),
+    Verb("replay", "rollouts", "Replay", "run_replay"),
+    Verb("render", "rollouts", "Render", "run_render"),
+    Verb("export", "rollouts", "Export", "run_export"),
+    Verb("convert", "convert", "Convert", "run_convert"),
+    Verb("restore", "restore", "Restore", "run"),
+    Verb("robots", "robots", "Robots", "run_robots"),
+    Verb("mix", "mix", "Mix", "run"),
+    Verb("ablate", "ablate", "Ablate", "run"),
+    Verb("push", "push", "Push", "run_push"),
+    Verb("verify", "look", "Verify", "run_verify"),
+    Verb("report", "look", "Report", "run_report"),
+    Verb("doctor", "look", "Doctor", "run_doctor"),
+)
+VERBS = {verb.name: verb for verb in _TABLE}
 
 DESCRIPTION = """Scanned buildings in, cross-embodiment VLN datasets out, by robots that walk.
 
@@ -61,29 +86,58 @@ quarantined than --max-failed allows, 2 bad input."""
 FONT_LIST_FOLDER = Path(__file__).parent / "__pycache__" / "matplotlib"
 
 
-def parse(arguments: Sequence[str] | None = None) -> Any:
-    """Options record of the verb on the command line; exits with code 2 on a bad call."""
+def parse(arguments: Sequence[str]) -> tuple[Verb, Any]:
+    """Return the command and its options; exit with code 2 on a bad call, with 0 after help.
+
+    Only the command that is named gets imported, and none for the list of commands.
+    """
+    if arguments and arguments[0] in ("-h", "--help"):
+        _overview().print_help()
+        sys.exit(0)
+    import tyro
+
+    if arguments and (verb := VERBS.get(arguments[0])):
+        options = verb.options()
+        config = (tyro.conf.OmitArgPrefixes,)
+        return verb, tyro.cli(options, prog=f"vlnpe {verb.name}", args=arguments[1:], config=config)
+    # Unknown commands (tyro suggests the nearest) and shell completion need the options of all.
+    records = {verb.options(): verb for verb in VERBS.values()}
     verbs = [
-        Annotated[options, tyro.conf.subcommand(name=verb, prefix_name=False)]
-        for verb, (options, _) in VERBS.items()
+        Annotated[record, tyro.conf.subcommand(name=verb.name, prefix_name=False)]
+        for record, verb in records.items()
     ]
-    return tyro.cli(
+    options = tyro.cli(
         Union[tuple(verbs)],  # type: ignore[arg-type]  # noqa: UP007 - built at run time
         prog="vlnpe",
         description=DESCRIPTION,
         args=arguments,
-        config=(tyro.conf.OmitArgPrefixes, tyro.conf.FlagConversionOff)[:1],
+        config=(tyro.conf.OmitArgPrefixes,),
     )
+    return records[type(options)], options
+
+
+def _overview() -> argparse.ArgumentParser:
+    """Return a parser whose help lists the commands."""
+    parser = argparse.ArgumentParser(
+        "vlnpe",
+        usage="vlnpe [-h] COMMAND …",
+        description=DESCRIPTION,
+        epilog="`vlnpe COMMAND --help` lists a command's options.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND")
+    for verb in VERBS.values():
+        commands.add_parser(verb.name, help=verb.summary(), add_help=False)
+    return parser
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb; returns the exit code."""
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(message)s")
     os.environ.setdefault("MPLCONFIGDIR", str(FONT_LIST_FOLDER))
-    options = parse(arguments)
-    run = next(run for record, run in VERBS.values() if isinstance(options, record))
+    verb, options = parse(sys.argv[1:] if arguments is None else arguments)
     try:
-        return run(options)
+        return verb.run()(options)
     except InputError as error:
         _complain(error)
         return 2

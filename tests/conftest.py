@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -12,6 +13,32 @@ from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.video.scheduling import ordinary_threads
 
 SHARED_SCENES = Path(__file__).resolve().parents[2] / "shared" / "scenes"
+
+# What the core environment lacks: libraries of the extras and of the group `dev`.
+NOT_CORE = re.compile(
+    r"^\s*(?:import|from) (?:torch|lerobot|lerobot_doctor|datasets|accelerate|onnx|onnxruntime"
+    r"|rsl_rl|huggingface_hub|open3d|pyvista|setuptools"
+    r"|vlnpe\.collectors\.gait_training\.(?:env|export|mirror|train))\b"
+    r"|vlnpe\.datasets\.ablation",
+    re.MULTILINE,
+)
+SUPPORT = re.compile(r"^from tests\.support\.(\w+) import", re.MULTILINE)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--core", action="store_true", help="leave out test files that need more than the core"
+    )
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave out, with `--core`, test files that import anything beyond the core, as text tells."""
+    if not (config.getoption("--core") and collection_path.suffix == ".py"):
+        return None
+    source = collection_path.read_text()
+    support = Path(__file__).parent / "support"
+    sources = [source, *((support / f"{name}.py").read_text() for name in SUPPORT.findall(source))]
+    return True if any(NOT_CORE.search(text) for text in sources) else None
 
 
 @pytest.fixture(scope="session")

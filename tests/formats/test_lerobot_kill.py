@@ -14,6 +14,8 @@ import pytest
 from vlnpe.formats.core.atomic import TEMPORARY_PREFIX
 from vlnpe.formats.lerobot import read_episode_unit
 
+pytestmark = pytest.mark.slow
+
 EPISODES = 6
 KILLS = 4
 

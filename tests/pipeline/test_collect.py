@@ -24,6 +24,8 @@ from vlnpe.formats.vlnce.files import (
 )
 from vlnpe.pipeline.engine.ledger import Ledger
 
+pytestmark = pytest.mark.slow
+
 VIEW = "ego-256x256-90deg-baked"
 EPISODES = 3
 

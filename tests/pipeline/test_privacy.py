@@ -17,6 +17,8 @@ from tests.support import scans
 from tests.support.rooms import write_two_rooms
 from vlnpe.formats.vlnce.files import write_episodes
 
+pytestmark = pytest.mark.slow
+
 REPOSITORY = Path(__file__).resolve().parents[2]
 WRITES = "openat,open,creat,mkdir,mkdirat,rename,renameat,renameat2,link,linkat,symlink,symlinkat"
 # Compiled code beside its source; locks between worker processes; terminals and the like.

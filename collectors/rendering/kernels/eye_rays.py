@@ -1,9 +1,7 @@
 """The kernel that traces rays from the eye and shades what of the scene they hit.
 
 Helpers are inlined from other files: passing arrays between compiled functions counts references
-atomically, which costs more than a texture look-up. Numba's cache notices changes of a kernel's own
-file alone, so delete this folder's __pycache__/*.nbi after changing `texture_sampling`,
-`surface_light`, `shadow_rays` or `packets`.
+atomically, which costs more than a texture look-up.
 """
 
 from __future__ import annotations

@@ -1,0 +1,80 @@
+"""The scripts in `examples/` run as they stand."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.support.rollouts import make_rollout
+from vlnpe.formats.core.episode import Episode
+from vlnpe.formats.lerobot import assemble_dataset
+from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.formats.vlnce.files import write_episodes
+from vlnpe.wayfinding.planning import plan_path
+
+EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+
+
+def run(name: str, *arguments: object) -> str:
+    command = [sys.executable, str(EXAMPLES / name), *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    from tests.support.lerobot_data import write_unit
+
+    root = tmp_path_factory.mktemp("dataset")
+    units = [write_unit(root, make_rollout(s, n), n) for n, s in enumerate((2.0, 3.0))]
+    assemble_dataset(units, root / "data", provenance={}, licence="mit", title="two walks")
+    return root / "data"
+
+
+def test_load_dataset(dataset: Path) -> None:
+    lines = run("load_dataset.py", dataset).splitlines()
+    assert [line.split(":")[0] for line in lines] == ["episode 0", "episode 1"]
+    assert "(1, 64, 64, 3)" in lines[0]
+
+
+def test_own_robot(tmp_path: Path) -> None:
+    assert "myrobot: My own robot" in run("own_robot.py", tmp_path / "myrobot")
+
+
+def test_own_policy_reaches_a_goal_in_the_same_room(two_rooms: SceneBundle, tmp_path: Path) -> None:
+    path = plan_path(two_rooms.freemap(0), (1.0, 1.0), (3.0, 2.0), 0.3)
+    assert path is not None
+    points = np.column_stack([path, np.zeros(len(path))])
+    episode = Episode(
+        episode_id="e0",
+        trajectory_id="t0",
+        scene_id="two_rooms",
+        split="train",
+        level=0,
+        start_position_world_m=points[0],
+        start_yaw_rad=0.0,
+        goal_position_world_m=points[-1],
+        reference_path_world_m=points,
+        geodesic_distance_m=float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()),
+    )
+    write_episodes(tmp_path / "episodes.json.gz", [episode])
+    text = run("own_policy.py", two_rooms.root, tmp_path / "episodes.json.gz")
+    assert text.startswith("e0: success"), text
+
+
+def test_convert(dataset: Path, tmp_path: Path) -> None:
+    run("convert.py", dataset, 1, tmp_path / "one.mcap")
+    assert (tmp_path / "one.mcap").read_bytes().startswith(b"\x89MCAP")
+
+
+def test_custom_camera(two_rooms: SceneBundle, tmp_path: Path) -> None:
+    text = run("custom_camera.py", two_rooms.root, tmp_path / "seen.png")
+    assert Image.open(tmp_path / "seen.png").size == (160, 120)
+    # From (1, 2) through the doorway at x = 4 to the inner face of the east wall, x = 8.
+    assert "centre 7.0" in text
