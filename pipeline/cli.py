@@ -14,7 +14,7 @@ import tyro
 from ..formats.core.errors import InputError, VlnpeError
 from .commands import ablate, chain, collect, convert, look, mix, push, restore, robots, rollouts
 
-# Verb → (options record, function that runs it). Order is the chain's order.
+# Subcommand → (options, function that runs it), in pipeline order.
 VERBS: dict[str, tuple[type, Callable[[Any], int]]] = {
     "collect": (collect.Collect, collect.run),
     "scan": (chain.Scan, chain.run_scan),
@@ -37,18 +37,18 @@ VERBS: dict[str, tuple[type, Callable[[Any], int]]] = {
     "doctor": (look.Doctor, look.run_doctor),
 }
 
-DESCRIPTION = """Scanned buildings in, cross-embodiment VLN datasets out, by robots that walk.
+DESCRIPTION = """Turn scanned buildings into cross-embodiment VLN datasets with simulated robots.
 
-`vlnpe collect` runs the whole chain; every stage also runs alone. Exit codes: 0 done, 1 more items
-quarantined than --max-failed allows, 2 bad input."""
+`vlnpe collect` runs the whole pipeline; every stage can also be run on its own. Exit codes:
+0 success, 1 more items quarantined than --max-failed allows, 2 invalid input."""
 
 
-# Beside the code that Python and numba compile; matplotlib's own place is the user's home.
+# Next to the bytecode of Python and numba; matplotlib's default is the user's home directory.
 FONT_LIST_FOLDER = Path(__file__).parent / "__pycache__" / "matplotlib"
 
 
 def parse(arguments: Sequence[str] | None = None) -> Any:
-    """Options record of the verb on the command line; exits with code 2 on a bad call."""
+    """Return the options of the subcommand on the command line; exit with code 2 on misuse."""
     verbs = [
         Annotated[options, tyro.conf.subcommand(name=verb, prefix_name=False)]
         for verb, (options, _) in VERBS.items()
@@ -63,7 +63,7 @@ def parse(arguments: Sequence[str] | None = None) -> Any:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one verb; returns the exit code."""
+    """Run one subcommand and return the exit code."""
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(message)s")
     os.environ.setdefault("MPLCONFIGDIR", str(FONT_LIST_FOLDER))
     options = parse(arguments)
@@ -80,7 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _complain(error)
         return 1
     except KeyboardInterrupt:
-        _complain("interrupted; the same command goes on where this one stopped")
+        _complain("interrupted; run the same command again to resume")
         return 130
 
 
