@@ -101,7 +101,9 @@ def robot_of(scene: SceneFolder, info: dict[str, Any], assumptions: Assumptions)
     told = assumptions.robot or str(info.get("robot_type") or "")
     robot = ROBOT_OF_SCAN.get(scene.scan, "") if told in UNKNOWN_ROBOTS else told
     if not robot:
-        raise InputError(f"{scene.folder}: which robot? Say --robot h1, aliengo, …")
+        raise InputError(
+            f"{scene.folder}: which robot? Pass --robot h1, aliengo, …"
+        )
     return robot
 
 
@@ -121,7 +123,7 @@ def foreign_parts(
     robot = robot_of(scene, episode.info, assumptions)
     height = assumptions.base_height_m or BASE_HEIGHT_M.get(robot)
     if height is None:
-        raise InputError(f"{scene.folder}: how high is {robot}'s base? Say --base-height-m")
+        raise InputError(f"{scene.folder}: how high is {robot}'s base? Pass --base-height-m")
     table, start = frame_table(episode, height, assumptions.frames_per_second)
     features = dataset_features(
         table,
