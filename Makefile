@@ -1,4 +1,4 @@
-# vlnpe: every command sets up what it needs first; nothing but Python, make and git is required.
+# vlnpe: every target installs what it needs first; only Python, make and git are required.
 ROBOT      ?= aliengo
 CONTROLLER ?= auto
 SCENE      ?= builtin
@@ -22,18 +22,18 @@ COLLECT = --robot "$(ROBOT)" --controller "$(CONTROLLER)" --scene "$(SCENE)" --e
 help:  ## Show this help
 	@echo "usage: make <target> [VARIABLE=value …]"
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
-	@echo "variables of collect: ROBOT=$(ROBOT) CONTROLLER=$(CONTROLLER) SCENE=$(SCENE) EPISODES=$(EPISODES)"
+	@echo "variables for collect: ROBOT=$(ROBOT) CONTROLLER=$(CONTROLLER) SCENE=$(SCENE) EPISODES=$(EPISODES)"
 	@echo "  CAMERA=$(CAMERA) LIGHT=$(LIGHT) SEED=$(SEED) SCENES=<folder> OUT=<folder> WORKERS=<processes>"
-	@echo "  ARGS=<any further option of vlnpe collect, see vlnpe collect --help>"
+	@echo "  ARGS=<any other option of vlnpe collect, see vlnpe collect --help>"
 
-setup:  ## Install the core environment into .venv (collect does this by itself)
+setup:  ## Install the core environment into .venv (collect does this automatically)
 	@$(SETUP) core
 
 collect:  ## Collect a dataset: make collect ROBOT=aliengo [SCENE=scan.glb EPISODES=8 OUT=…]
 	@$(SETUP) core
 	@$(BIN)/vlnpe collect $(COLLECT)
 
-train-gait:  ## Train a walking policy: make train-gait ROBOT=aliengo [OUT=folder]
+train-gait:  ## Train a locomotion policy: make train-gait ROBOT=aliengo [OUT=folder]
 	@$(SETUP) full
 	@$(BIN)/python -m vlnpe.collectors.gait_training.train "$(ROBOT)" $(if $(OUT),--out "$(OUT)")
 
@@ -55,28 +55,28 @@ docs:  ## Write the API reference to build/docs
 	@PDOC_ALLOW_EXEC=1 $(BIN)/python -m pdoc -d google -o build/docs vlnpe.formats vlnpe.wayfinding vlnpe.apartments vlnpe.scene_repair \
 	    vlnpe.trajectory_sampler vlnpe.instruction_gen vlnpe.collectors vlnpe.datasets vlnpe.pipeline
 
-lint:  ## Check style and types
+lint:  ## Check formatting, style and types
 	@$(SETUP) full
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/pyright
 
-bench:  ## Measure speed and write benchmarks/README.md: make bench [ONLY="render write"]
+bench:  ## Run the benchmarks and write benchmarks/README.md: make bench [ONLY="render write"]
 	@$(SETUP) full
 	@$(BIN)/python -m benchmarks $(ONLY)
 
-report:  ## Write a run's report again: make report OUT=runs/<name>
+report:  ## Regenerate a run's report: make report OUT=runs/<name>
 	@$(SETUP) core
 	@$(BIN)/vlnpe report "$(or $(OUT),runs/apartment-$(SEED))"
 
-verify:  ## Check a run's outputs: make verify OUT=runs/<name>
+verify:  ## Verify a run's outputs: make verify OUT=runs/<name>
 	@$(SETUP) core
 	@$(BIN)/vlnpe verify "$(or $(OUT),runs/apartment-$(SEED))"
 
-doctor:  ## Say what this machine can do and what is missing
+doctor:  ## Check this machine and report what is missing
 	@$(SETUP) core
 	@$(BIN)/vlnpe doctor
 
-clean:  ## Remove the environment and caches; runs/ stays
+clean:  ## Remove the environment and caches; keep runs/
 	rm -rf .venv .tools .pytest_cache .ruff_cache .hypothesis build dist *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -36,7 +36,7 @@ def measure_coasting(
     every stop does is left out.
 
     Args:
-        robot: whom.
+        robot: Robot to measure.
         gait: what moves its joints; see `world.Gait`.
         commands_m_s: speeds to stop from; those beyond the robot's limits are its limit.
     """

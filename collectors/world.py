@@ -43,7 +43,7 @@ class World:
     Attributes:
         bundle: the scene.
         level: which of its levels.
-        robot: whom.
+        robot: Robot to simulate.
         model, data: compiled physics and its state; `data` is reused by every episode.
         handles: where the robot's state lies in them.
         base: (7,) view of the base's position and quaternion in `data`.
@@ -138,7 +138,7 @@ def open_world(
     Args:
         bundle: the scene.
         level: which of its levels.
-        robot: whom.
+        robot: Robot to simulate.
         gait: what moves the joints; the robot's own wheels or policy when None.
         config: how the level becomes physics.
         cache_dir: where compiled models are kept; none are when None.

@@ -168,7 +168,7 @@ def read_index(root: Path) -> DatasetIndex:
         videos = [key for key, f in info["features"].items() if f["dtype"] == "video"]
         float(info["fps"])
     except FileNotFoundError as error:
-        raise FileFormatError(path, "missing; no LeRobot dataset lies here") from error
+        raise FileFormatError(path, "missing; not a LeRobot dataset") from error
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise FileFormatError(path, f"not the info of a LeRobot dataset: {error!r}") from error
     columns = [*_PLACES, *_LABELS]

@@ -76,13 +76,13 @@ _TABLE = (
 )
 VERBS = {verb.name: verb for verb in _TABLE}
 
-DESCRIPTION = """Scanned buildings in, cross-embodiment VLN datasets out, by robots that walk.
+DESCRIPTION = """Turn scanned buildings into cross-embodiment VLN datasets with simulated robots.
 
-`vlnpe collect` runs the whole chain; every stage also runs alone. Exit codes: 0 done, 1 more items
-quarantined than --max-failed allows, 2 bad input."""
+`vlnpe collect` runs the whole pipeline; every stage can also be run on its own. Exit codes:
+0 success, 1 more items quarantined than --max-failed allows, 2 invalid input."""
 
 
-# Beside the code that Python and numba compile; matplotlib's own place is the user's home.
+# Next to the bytecode of Python and numba; matplotlib's default is the user's home directory.
 FONT_LIST_FOLDER = Path(__file__).parent / "__pycache__" / "matplotlib"
 
 
@@ -132,7 +132,7 @@ def _overview() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one verb; returns the exit code."""
+    """Run one subcommand and return the exit code."""
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(message)s")
     os.environ.setdefault("MPLCONFIGDIR", str(FONT_LIST_FOLDER))
     verb, options = parse(sys.argv[1:] if arguments is None else arguments)
@@ -148,7 +148,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _complain(error)
         return 1
     except KeyboardInterrupt:
-        _complain("interrupted; the same command goes on where this one stopped")
+        _complain("interrupted; run the same command again to resume")
         return 130
 
 

@@ -29,7 +29,7 @@ OURS = ["data/*", "meta/*", "videos/*", f"{ROLLOUTS_PATH.partition('/')[0]}/*", 
 
 
 class HubError(VlnpeError):
-    """The hub refused, or could not be reached."""
+    """The Hub refused the request, or could not be reached."""
 
 
 class Hub(Protocol):
@@ -134,7 +134,7 @@ def plan_release(root: Path, repo: str, tag: str | None = None, private: bool = 
     if tag is not None and (not TAG.fullmatch(tag) or VERSION_LIKE.fullmatch(tag)):
         raise InputError(
             f"--tag {tag!r}: valid: letters, digits, '-', '_' and '.', beginning with a letter, "
-            "and no version number, which LeRobot would take for that of its format"
+            "and not a version number, which LeRobot reads as its format version"
         )
     _read_json(root / INFO_PATH)
     if not (root / CARD).is_file():
@@ -153,7 +153,7 @@ def demand_licence(release: Release) -> None:
     if release.refusals:
         raise InputError(
             f"{release.root.name} is not published: {'; '.join(release.refusals)}. "
-            "With the owners' permission, say --licence-ok"
+            "If you have the owners' permission, pass --licence-ok"
         )
 
 
@@ -181,7 +181,7 @@ def upload(release: Release, hub: Hub | None = None) -> Upload:
             if release.named_by_content:
                 return Upload(taken[release.tag], new=False)
             raise InputError(
-                f"{release.repo} has a release {release.tag} already, and releases never change; "
+                f"{release.repo} already has a release {release.tag}, and releases never change; "
                 "choose another --tag"
             )
         hub.create_repo(release.repo, private=release.private, exist_ok=True, **kind)
@@ -277,7 +277,7 @@ def _read_json(path: Path) -> dict[str, Any]:
     try:
         value = json.loads(path.read_text())
     except FileNotFoundError as error:
-        raise FileFormatError(path, "missing; no LeRobot dataset lies here") from error
+        raise FileFormatError(path, "missing; not a LeRobot dataset") from error
     except (OSError, ValueError) as error:
         raise FileFormatError(path, f"not readable: {error}") from error
     if not isinstance(value, dict):

@@ -50,7 +50,7 @@ def show_summary(
     stream.write(looking_commands(folder, summaries, page) + "\n")
     if code:
         path = folder.root / "quarantine.json"
-        stream.write(f"\n{quarantined} items were quarantined; their reasons: {path}\n")
+        stream.write(f"\n{quarantined} items were quarantined; see {path} for the reasons\n")
     return code
 
 

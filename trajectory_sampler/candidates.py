@@ -29,7 +29,7 @@ class Candidate:
         reference_m: (P, 3) waypoints; every straight segment between them is safe [m].
         geodesic_m: length of the shortest way of VLN-CE's agent [m].
         crossed: its steps from room to room, in order.
-        rooms: names of the rooms it visits, in order; "" where nobody knows.
+        rooms: names of the rooms it visits, in order; "" if unknown.
         ends: room indices of its start and goal.
     """
 

@@ -68,7 +68,7 @@ class RegionMap:
     Attributes:
         grid: the cells.
         region: (rows, columns) int32 index into `names`, −1 = outside of every room.
-        names: what each room is called (`kitchen`), or "" when nobody knows.
+        names: what each room is called (`kitchen`), or "" if unknown.
         width_m: (rows, columns) float64 [m]: twice the distance to the nearest wall, i.e. the
             width of the passage where the cell lies in the middle of one.
     """

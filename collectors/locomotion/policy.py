@@ -26,7 +26,7 @@ class GaitPolicy:
     """Velocity tracking for one robot in one simulation; keeps clock and last action.
 
     Attributes:
-        robot: whom it moves.
+        robot: Robot that the policy controls.
         card: what it was trained on.
         network: turns observations into actions.
     """

@@ -196,7 +196,7 @@ def read_info(root: Path) -> dict[str, Any]:
             info[key]
         return info
     except FileNotFoundError as error:
-        raise FileFormatError(path, "missing; no LeRobot dataset lies here") from error
+        raise FileFormatError(path, "missing; not a LeRobot dataset") from error
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise FileFormatError(path, f"no LeRobot dataset: {error!r}") from error
 

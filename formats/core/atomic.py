@@ -15,7 +15,7 @@ TEMPORARY_PREFIX = ".vlnpe-tmp-"
 
 
 def sweep(root: Path) -> None:
-    """Remove what killed processes left unfinished under `root`; nobody else may be writing."""
+    """Remove unfinished files of killed processes under `root`; no one else may be writing."""
     for path in [*root.rglob(f"{TEMPORARY_PREFIX}*")]:
         if path.is_dir():
             shutil.rmtree(path, ignore_errors=True)

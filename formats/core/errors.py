@@ -1,4 +1,4 @@
-"""The typed errors that every room raises.
+"""Typed errors raised by all packages.
 
 A command exits with code 2 on `InputError`: the message is one line that names what is wrong,
 which value was given and what is valid. Anything a single work item raises is quarantined by the
@@ -12,19 +12,19 @@ from pathlib import Path
 
 
 class VlnpeError(Exception):
-    """Base class of all errors that vlnpe raises on purpose."""
+    """Base class of all errors raised by vlnpe."""
 
 
 class InputError(VlnpeError):
-    """What the user gave cannot be used."""
+    """Invalid user input."""
 
 
 class FileFormatError(InputError):
-    """A file cannot be read as what it claims to be.
+    """A file is damaged or is not in the expected format.
 
     Attributes:
-        path: the offending file.
-        reason: one line, without the file's name.
+        path: The offending file.
+        reason: One line, without the file name.
     """
 
     def __init__(self, path: Path | str, reason: str):
@@ -33,18 +33,18 @@ class FileFormatError(InputError):
         super().__init__(f"{self.path}: {reason}")
 
     def __reduce__(self):
-        """Survive the way from a worker process."""
+        """Support pickling, so that the error can be raised in a worker process."""
         return type(self), (self.path, self.reason)
 
 
 class SceneError(InputError):
-    """A scene was read, but no robot could live in it (no floor, impossible scale, …)."""
+    """A scene was read but cannot be used for navigation (no floor, implausible scale, …)."""
 
 
 class UnknownNameError(InputError):
-    """A name is in no registry.
+    """A name is not registered.
 
-    The message lists the valid names, so that a user can mend the call without the source.
+    The message lists the valid names, so that users can fix the call without reading the source.
     """
 
     def __init__(self, kind: str, name: str, valid: Iterable[str]):
@@ -52,9 +52,9 @@ class UnknownNameError(InputError):
         super().__init__(f"unknown {kind} {name!r}; valid: {', '.join(self.valid)}")
 
     def __reduce__(self):
-        """Survive the way from a worker process."""
+        """Support pickling, so that the error can be raised in a worker process."""
         return type(self), (self.kind, self.name, self.valid)
 
 
 class DivergedError(VlnpeError):
-    """Physics produced NaN or exploded."""
+    """The physics simulation diverged (NaN or implausibly large values)."""

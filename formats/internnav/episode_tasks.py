@@ -2,7 +2,7 @@
 
 InternNav's loaders take the span of `task_index` in episodes_stats.jsonl. LeRobot 2.1's own tools
 nest that span under `stats`, or leave the line out; then the episode's rows and episodes.jsonl say
-the same. An episode of which nobody says it has no instruction: task 0 belongs to another one.
+the same. An episode without a listed task has no instruction: task 0 belongs to another one.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def read_tasks(folder: Path, number: int, row_tasks: NDArray[Any] | None) -> Epi
         row_tasks: the rows' `task_index` (T,), if there are any.
 
     Raises:
-        FileFormatError: damaged, or nobody tells the episode's instructions.
+        FileFormatError: If the file is damaged, or does not give the episode's instructions.
     """
     path = folder / layout.TASKS_PATH
     lines = read_lines(path)

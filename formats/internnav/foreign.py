@@ -93,15 +93,15 @@ class Assumptions:
 
 
 def robot_of(scene: SceneFolder, info: dict[str, Any], assumptions: Assumptions) -> str:
-    """Whose data it is.
+    """Return the name of the robot that recorded the data.
 
     Raises:
-        InputError: nobody says.
+        InputError: If neither the options nor the data name the robot.
     """
-    told = assumptions.robot or str(info.get("robot_type") or "")
-    robot = ROBOT_OF_SCAN.get(scene.scan, "") if told in UNKNOWN_ROBOTS else told
+    named = assumptions.robot or str(info.get("robot_type") or "")
+    robot = ROBOT_OF_SCAN.get(scene.scan, "") if named in UNKNOWN_ROBOTS else named
     if not robot:
-        raise InputError(f"{scene.folder}: which robot? Say --robot h1, aliengo, …")
+        raise InputError(f"{scene.folder}: which robot? Pass --robot h1, aliengo, …")
     return robot
 
 
@@ -116,12 +116,12 @@ def foreign_parts(
     """Index, without the images' statistics, and rows.
 
     Raises:
-        InputError: nobody says which robot it was, or how high its base is.
+        InputError: If the robot or the height of its base is unknown.
     """
     robot = robot_of(scene, episode.info, assumptions)
     height = assumptions.base_height_m or BASE_HEIGHT_M.get(robot)
     if height is None:
-        raise InputError(f"{scene.folder}: how high is {robot}'s base? Say --base-height-m")
+        raise InputError(f"{scene.folder}: how high is {robot}'s base? Pass --base-height-m")
     table, start = frame_table(episode, height, assumptions.frames_per_second)
     features = dataset_features(
         table,
@@ -198,7 +198,7 @@ def _columns(
     start: StartFrame,
     robot: str,
 ) -> dict[str, Any]:
-    """Episode columns; numbers that nobody tells are NaN."""
+    """Return the episode columns; unknown numbers are NaN."""
     position = episode.columns["observation.robot_position"]
     unknown = float("nan")
     end = _end_reason(episode)

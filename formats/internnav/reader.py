@@ -92,7 +92,7 @@ def find_scenes(root: Path) -> list[SceneFolder]:
 
 
 def is_layout(root: Path) -> bool:
-    """Whether VLN-PE's layout lies here: a v2.1 dataset somewhere below with frames as .npy."""
+    """Return whether the folder has VLN-PE's layout: a v2.1 dataset below it with .npy frames."""
     for folder in _folders(root, MAX_DEPTH):
         info = folder / layout.INFO_PATH
         if info.is_file() and not (folder / "meta" / "episodes").is_dir():

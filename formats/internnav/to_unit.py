@@ -53,7 +53,7 @@ def unit_from_layout(
 
     Raises:
         FileFormatError: the episode is damaged.
-        InputError: nobody says which robot it was, or how high its base is.
+        InputError: If the robot or the height of its base is unknown.
     """
     episode = read_layout_episode(scene.folder, number)
     height, width = episode.rgb.shape[1:3]

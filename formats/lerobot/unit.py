@@ -213,7 +213,7 @@ def read_episode_unit(folder: Path) -> EpisodeUnit:
             columns=index["columns"],
         )
     except FileNotFoundError as error:
-        raise FileFormatError(path, "missing; no episode unit lies here") from error
+        raise FileFormatError(path, "missing; not an episode unit") from error
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise FileFormatError(path, f"not an episode unit: {error!r}") from error
 

@@ -1,4 +1,4 @@
-"""`vlnpe ablate`: train a compact agent on each mixture of a recipe and compare them."""
+"""`vlnpe ablate`: train a compact agent on each mixture of a recipe and compare the results."""
 
 from __future__ import annotations
 
@@ -21,26 +21,27 @@ TABLE, RESULTS, PLOT, PAGE = "table.md", "results.json", "plot.png", "index.html
 
 @dataclass(frozen=True)
 class Ablate:
-    """Train a compact agent on each of a recipe's mixtures and predict held-out episodes.
+    """Train a compact agent on each mixture of a recipe and evaluate it on held-out episodes.
 
-    Writes table.md, results.json, plot.png and index.html. The same command goes on where it was
-    interrupted.
+    Writes table.md, results.json, plot.png and index.html. Run the same command again to resume
+    after an interruption.
     """
 
     recipe: tyro.conf.Positional[str]
-    """A recipe (.yaml), or a shipped one: cross_embodiment, controller, lighting."""
+    """Recipe file (.yaml), or the name of a built-in recipe: cross_embodiment, controller,
+    lighting."""
     data: Path = Path("runs")
-    """The folder whose runs hold the datasets."""
+    """Folder of the runs that contain the datasets."""
     out: Path = Path("runs/ablation")
-    """Where results, checkpoints and decoded images go."""
+    """Output folder for results, checkpoints and decoded images."""
     steps: int | None = None
-    """Training steps per row and seed, instead of the recipe's."""
+    """Training steps per mixture and seed; overrides the recipe."""
     seeds: int | None = None
-    """Trainings per row, instead of the recipe's."""
+    """Number of seeds per mixture; overrides the recipe."""
     device: str | None = None
-    """cpu, cuda or auto, instead of the recipe's."""
+    """Torch device: cpu, cuda or auto; overrides the recipe."""
     threads: int = 0
-    """Threads that compute; 0 takes one per core."""
+    """Number of torch threads; 0 uses one per core."""
     json: Annotated[bool, tyro.conf.arg(name="json")] = False
     """Print one JSON object with the results as the last line."""
 
@@ -49,12 +50,12 @@ def run(options: Ablate) -> int:
     """Run the ablation and write its report.
 
     Raises:
-        InputError: recipe, settings or data are not valid, or the extra `train` is missing.
+        InputError: If the recipe, settings or data are invalid, or the extra `train` is missing.
     """
     if options.threads < 0:
         raise InputError(f"--threads {options.threads}: valid: 0 (one per core) and above")
     threads = options.threads or available_cores()
-    # Before torch is loaded: it keeps what it finds.
+    # Set before importing torch, which reads it only once.
     os.environ.setdefault("OMP_NUM_THREADS", str(threads))
     from ...datasets.mixture.recipe import read_recipe
     from ...datasets.mixture.shipped import recipe_path

@@ -1,4 +1,4 @@
-"""The chain's first stages, each alone on files the user names: scans, scenes, episodes."""
+"""Commands for the first stages: `scan`, `repair`, `align`, `filter`, `sample`, `instruct`."""
 
 from __future__ import annotations
 
@@ -30,61 +30,61 @@ Json = Annotated[bool, tyro.conf.arg(name="json")]
 
 @dataclass(frozen=True)
 class Scan:
-    """Generate a furnished apartment and scan it virtually."""
+    """Generate a furnished apartment and a virtual scan of it."""
 
     seed: tyro.conf.Positional[int] = 0
-    """Which apartment: the same seed gives the same home."""
+    """Random seed of the apartment; the same seed gives the same apartment."""
     out: Path = Path("scan")
-    """Folder to write scan.glb, its labels and the true floor into."""
+    """Output folder for scan.glb, its labels and the ground-truth floor."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""
 
 
 @dataclass(frozen=True)
 class Repair:
-    """Turn a scan into a simulation-ready scene: fill the floor's holes, build collision."""
+    """Turn a scan into a simulation-ready scene: fill floor holes and build collision geometry."""
 
     scan: tyro.conf.Positional[Path]
-    """The scan: GLB, glTF, OBJ, PLY, STL, USD, or a point cloud (PLY, PCD); docs/scans.md tells
-    more, also about labels beside it."""
+    """Scan to repair: GLB, glTF, OBJ, PLY, STL, USD, or a point cloud (PLY, PCD). See docs/scans.md
+    for details and for label files."""
     out: Path = Path("scene")
-    """Folder to write the scene into."""
+    """Output folder for the scene."""
     up: str = "auto"
-    """The scan's up axis: x y z -x -y -z, or auto."""
+    """Up axis of the scan: x, y, z, -x, -y, -z, or auto to detect it."""
     unit: str = "auto"
-    """The scan's unit of length: m cm mm in ft, or auto."""
+    """Length unit of the scan: m, cm, mm, in, ft, or auto to detect it."""
     allow_unsound: bool = False
-    """Exit with code 0 even if the scene is not sound."""
+    """Exit with code 0 even if the repaired scene fails its soundness checks."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""
 
 
 @dataclass(frozen=True)
 class Align:
-    """Bring VLN-CE episodes into the frame of repaired scenes, onto the floor, out of walls."""
+    """Transform VLN-CE episodes into the frame of repaired scenes, snapped to free floor."""
 
     episodes: tyro.conf.Positional[Path]
-    """VLN-CE episode file."""
+    """VLN-CE episode file to read."""
     scenes: Path
-    """Folder of repaired scenes, one folder each, named as the scan."""
+    """Folder of repaired scenes, with one subfolder per scene, named after its scan."""
     out: Path = Path("aligned.json.gz")
     """Episode file to write."""
     max_failed: int = 0
-    """Exit with code 1 when more episodes than this are rejected."""
+    """Maximum number of rejected episodes; exit with code 1 above it."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""
 
 
 @dataclass(frozen=True)
 class Filter:
-    """Drop episodes that climb stairs: a height step of the reference path above a threshold."""
+    """Drop episodes that climb stairs, detected by height steps in the reference path."""
 
     episodes: tyro.conf.Positional[Path]
-    """VLN-CE episode file."""
+    """VLN-CE episode file to read."""
     out: Path = Path("kept.json.gz")
     """Episode file to write, in the same schema."""
     max_step_m: float = 0.3
-    """Largest height difference of consecutive reference points [m]."""
+    """Maximum height difference between consecutive reference path points [m]."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""
 
@@ -94,21 +94,21 @@ class Sample:
     """Sample new trajectories in a repaired scene."""
 
     scene: tyro.conf.Positional[Path]
-    """A repaired scene's folder."""
+    """Folder of a repaired scene."""
     out: Path = Path("episodes.json.gz")
     """Episode file to write."""
     count: int = 6
-    """How many episodes."""
+    """Number of episodes to sample."""
     min_length_m: float = SampleConfig.min_length_m
-    """Least geodesic distance from start to goal [m]; the reference path is no shorter."""
+    """Minimum geodesic distance from start to goal [m]; the reference path is never shorter."""
     max_length_m: float = SampleConfig.max_length_m
-    """Longest reference path [m]; the geodesic distance is no longer."""
+    """Maximum length of the reference path [m]; the geodesic distance is never longer."""
     min_crossings: int = SampleConfig.min_crossings
-    """How often a path must pass from one room into another; 0 for a single room."""
+    """Minimum number of room-to-room transitions per path; use 0 for a single-room scan."""
     robot_radius_m: float = SampleConfig.robot_radius_m
-    """Clearance that every point of a path keeps [m]."""
+    """Clearance kept at every point of a path [m]."""
     seed: int = 0
-    """Of everything random."""
+    """Random seed."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""
 
@@ -121,10 +121,10 @@ def run_scan(options: Scan) -> int:
 
 
 def run_repair(options: Repair) -> int:
-    """Repair one scan and tell what was decided; exit code 1 if the scene is not sound.
+    """Repair one scan and print the decisions made; return 1 if the scene is not sound.
 
     Raises:
-        InputError: the scan cannot be used, or `out` holds something else.
+        InputError: If the scan cannot be used, or `out` contains unrelated files.
     """
     repair.source_digest(options.scan)
     refuse_to_replace(options.out, SCENE_NAMES)
@@ -140,7 +140,7 @@ def run_repair(options: Repair) -> int:
 
 
 def run_align(options: Align) -> int:
-    """Align one file's episodes; exit code 1 when too many are rejected."""
+    """Align the episodes of one file; return 1 if too many are rejected."""
     scenes = scenes_in(options.scenes)
     result = AlignJob(options.episodes, scenes, options.out, all_scenes=True).run()
     rejected = result.facts["rejected"]
@@ -152,7 +152,7 @@ def run_align(options: Align) -> int:
 
 
 def run_filter(options: Filter) -> int:
-    """Filter one file's episodes."""
+    """Filter the episodes of one file."""
     facts = FilterJob(options.episodes, options.out, options.max_step_m).run().facts
     return tell(options, facts, f"{options.out}: {facts['kept']} kept, {facts['dropped']} dropped")
 
@@ -175,36 +175,38 @@ def run_sample(options: Sample) -> int:
 
 
 def scenes_in(folder: Path) -> dict[str, Path]:
-    """Scene id → folder of every repaired scene in `folder`.
+    """Return the folder of every repaired scene in `folder`, by scene id.
 
     Raises:
-        InputError: not a single one.
+        InputError: If `folder` contains no repaired scene.
     """
     indices = sorted(folder.glob(f"*/{INDEX_NAME}"))
     found = {p.parent.name: p.parent for p in indices if not p.parent.name.startswith(".")}
     if not found:
-        raise InputError(f"{folder}: no repaired scene in it (run `vlnpe repair` first)")
+        raise InputError(f"{folder}: contains no repaired scene; run `vlnpe repair` first")
     return found
 
 
 def refuse_to_replace(folder: Path, own: frozenset[str]) -> None:
-    """Results replace a folder whole, so never one that holds anything but such a result.
+    """Refuse an output folder that contains anything other than an earlier result.
+
+    Results replace the whole folder, so unrelated files in it would be lost.
 
     Raises:
-        InputError: `folder` is a file, or holds anything that is not named in `own`.
+        InputError: If `folder` is a file, or contains an entry whose name is not in `own`.
     """
     if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is a file; --out takes a folder")
-    strange = sorted({p.name for p in folder.iterdir()} - own) if folder.is_dir() else []
-    if strange:
+        raise InputError(f"{folder}: is a file; --out must be a folder")
+    foreign = sorted({p.name for p in folder.iterdir()} - own) if folder.is_dir() else []
+    if foreign:
         raise InputError(
-            f"{folder}: not empty and no earlier result (it holds {strange[0]}); "
+            f"{folder}: not empty and not an earlier result (it contains {foreign[0]}); "
             "choose another --out"
         )
 
 
 def tell(options: Any, facts: dict[str, Any], text: str) -> int:
-    """Print one line for people or, with `--json`, one object for programs; returns 0."""
+    """Print `text` or, with `--json`, one JSON object; return 0."""
     value = {**{k: str(v) for k, v in asdict(options).items() if k == "out"}, **facts}
     sys.stdout.write((json.dumps(value) if options.json else text) + "\n")
     return 0

@@ -1,4 +1,4 @@
-"""`vlnpe collect`: the whole chain, reusing what is done."""
+"""`vlnpe collect`: run the whole pipeline, reusing finished work."""
 
 from __future__ import annotations
 
@@ -55,92 +55,97 @@ BUILTIN = "builtin"
 class Collect:
     """Collect a dataset: repair, sample, instruct, replay, render, export, report.
 
-    Everything lands in one run folder; what is done already is reused, and changing one option
-    redoes only what depends on it.
+    All outputs go into one run folder. Finished work is reused, and changing an option redoes only
+    the work that depends on it.
     """
 
     robot: str = "aliengo"
-    """Which robots walk: a name (see `vlnpe robots`), your own robot's folder, several (h1,g1), or
-    `all` that have a body. All get the same episodes, with room for the widest of them."""
+    """Robots to run: a name (see `vlnpe robots`), the folder of your own robot, a comma-separated
+    list (h1,g1), or `all` for every built-in robot with a body. All robots get the same episodes,
+    sampled with clearance for the widest one."""
     controller: str = AUTO
-    """How they are driven: path, speed or flash, several (path,speed), or `all`; `auto` is path,
-    and flash for an agent without a body."""
+    """Controllers to run: path, speed or flash, a comma-separated list (path,speed), or `all`.
+    `auto` selects path, or flash for an agent without a body."""
     action_steps: int = SpeedConfig.steps_per_action
-    """Physics steps of 5 ms that a discrete action of the controller speed lasts."""
+    """Duration of a discrete action of the speed controller, in physics steps of 5 ms."""
     closed_loop: bool = False
-    """Instead, a discrete action lasts until its 0.25 m or 15° are reached."""
+    """Run each discrete action of the speed controller until its 0.25 m or 15° is reached, instead
+    of for a fixed number of steps."""
     scene: str = BUILTIN
-    """A scan to collect in (GLB, glTF, OBJ, PLY, STL, USD or a point cloud; see docs/scans.md), or
+    """Scan to collect in (GLB, glTF, OBJ, PLY, STL, USD or a point cloud; see docs/scans.md), or
     `builtin` for a generated apartment."""
     scenes: Path | None = None
-    """A folder of scans: all of them, or those that a VLN-CE file's scene ids name."""
+    """Folder of scans. All of them are used, or only those named by the scene ids of the VLN-CE
+    file in --episodes."""
     episodes: str = "6"
-    """How many episodes to sample per scene, or a VLN-CE file (.json.gz)."""
+    """Number of episodes to sample per scene, or a VLN-CE episode file (.json.gz)."""
     min_length_m: float = SampleConfig.min_length_m
-    """Least geodesic distance from start to goal of sampled episodes [m]; lower it for a scan of a
-    single room."""
+    """Minimum geodesic distance from start to goal of sampled episodes [m]; lower it for a
+    single-room scan."""
     min_crossings: int = SampleConfig.min_crossings
-    """How often a sampled path must pass from one room into another; 0 for a single room."""
+    """Minimum number of room-to-room transitions per sampled path; use 0 for a single-room scan."""
     camera: str = "ego"
-    """Which views to render: ego, chase, top; several (ego,chase), each with its own size and field
-    of view if wished (ego:640x480:79). Each is a dataset of its own."""
+    """Cameras to render: ego, chase, top, or a comma-separated list (ego,chase), each with an
+    optional size and field of view (ego:640x480:79). Each camera becomes a separate dataset."""
     light: str = "baked"
-    """Which lighting: baked (as scanned), DL5000 (panel lights, day), DL300 (night), CL (a lamp on
-    the robot); several (DL5000,CL), or `all`. Each is a dataset of its own."""
+    """Lighting: baked (as scanned), DL5000 (panel lights, day), DL300 (night), CL (a lamp on the
+    robot), a comma-separated list (DL5000,CL), or `all`. Each becomes a separate dataset."""
     renderer: str = "auto"
-    """Who draws: embree (processor), gl (MuJoCo through EGL), or auto: gl where a graphics card is,
-    else embree."""
+    """Renderer: embree (ray tracing on the CPU), gl (MuJoCo through EGL), or auto, which selects gl
+    if a GPU is available and embree otherwise."""
     writer: str = InstructConfig.writer
-    """Who writes the instructions: composer (offline), llm (any OpenAI-compatible server, see
+    """Writer of the instructions: composer (offline), llm (any OpenAI-compatible server, see
     docs/instructions.md), or local (a GGUF model on disk)."""
     style: str = MIXED
-    """Of the instructions: natural, terse, rich, several (terse,rich), or mixed, all in turn."""
+    """Styles of the instructions: natural, terse, rich, a comma-separated list (terse,rich), or
+    mixed, which takes all in turn."""
     count: int = InstructConfig.count
-    """Instructions per path and language."""
+    """Number of instructions per path and language."""
     language: str = "en"
-    """Of the instructions: en, zh, hi, several (en,zh); other than en needs a language model."""
+    """Languages of the instructions: en, zh, hi, or a comma-separated list (en,zh). Languages other
+    than en need a language model."""
     replace: bool = False
-    """Also rewrite instructions that a VLN-CE file brings along."""
+    """Also rewrite instructions that a VLN-CE file already has."""
     max_tokens: int = 0
-    """Stop asking a language model after so many tokens; 0 = any."""
+    """Stop querying the language model after this many tokens; 0 means no limit."""
     max_cost: float = 0.0
-    """Stop asking after so much is spent, at the prices in the environment; 0 = any."""
+    """Stop querying after this cost, at the prices set in the environment; 0 means no limit."""
     up: str = "auto"
-    """The scans' up axis: x y z -x -y -z, or auto."""
+    """Up axis of the scans: x, y, z, -x, -y, -z, or auto to detect it."""
     unit: str = "auto"
-    """The scans' unit of length: m cm mm in ft, or auto."""
+    """Length unit of the scans: m, cm, mm, in, ft, or auto to detect it."""
     allow_unsound: bool = False
-    """Collect in scenes, too, whose repair is not sound; they are quarantined otherwise. Report and
-    dataset card name them."""
+    """Also collect in scenes whose repair is not sound, instead of quarantining them. The report
+    and the dataset card list them."""
     out: Path | None = None
-    """The run folder; by default `runs/<scene>`."""
+    """Run folder; defaults to `runs/<scene>`."""
     seed: int = 0
-    """Of the built-in apartment, the sampling and everything else that is random."""
+    """Random seed of the built-in apartment, the sampling and every other random choice."""
     semantic: bool = False
-    """Also render the label of every pixel (semantic.mov, and in MCAP)."""
+    """Also render semantic segmentation (semantic.mov, and in MCAP)."""
     instance: bool = False
-    """Also render the object of every pixel (instance.mov, and in MCAP)."""
+    """Also render instance segmentation (instance.mov, and in MCAP)."""
     frames_per_second: int = 4
     """Rendered frames per second: 4, 5, 10, 20, 25 or 50."""
     only_success: bool = False
-    """Export only episodes that end at the goal; otherwise all, each with its end reason."""
+    """Export only successful episodes. By default all are exported, each with its end reason."""
     rgb_codec: str = "h264"
-    """Codec of colour videos: h264, or av1, which nobody claims fees for."""
+    """Codec of RGB videos: h264, or av1 (royalty-free)."""
     depth: str = "video"
-    """How LeRobot datasets keep depth: video (lossless, 12-bit codes) or image (16-bit, mm)."""
+    """Depth storage in LeRobot datasets: video (lossless, 12-bit codes) or image (16-bit, mm)."""
     workers: int = 0
-    """Worker processes; 0 takes one per core."""
+    """Number of worker processes; 0 uses one per core."""
     max_failed: int = 0
-    """Exit with code 1 when more items than this are quarantined."""
+    """Maximum number of quarantined items; exit with code 1 above it."""
     json: Annotated[bool, tyro.conf.arg(name="json")] = False
     """Print one JSON object with the summary as the last line."""
 
 
 def run(options: Collect) -> int:
-    """Run the chain; returns the exit code.
+    """Run the pipeline and return the exit code.
 
     Raises:
-        InputError: any option is unusable; checked before anything is written.
+        InputError: If an option is invalid; checked before anything is written.
     """
     robots = chosen_robots(options.robot)
     pairs = crews(robots, options.controller)
@@ -226,24 +231,26 @@ def instruct_config(options: Any) -> InstructConfig:
 
 
 def check_frame_rate(rate: int) -> None:
-    """Raise InputError for a frame rate that does not divide the state rate."""
+    """Raise InputError if `rate` does not divide the state rate."""
     if rate < 1 or STATE_RATE_HZ % rate:
         raise InputError(f"--frames-per-second {rate}: valid: 4, 5, 10, 20, 25, 50")
 
 
 @contextmanager
 def opened(root: Path, workers: int) -> Iterator[Context]:
-    """Open an output folder with its ledger, and worker processes.
+    """Open an output folder with its ledger, and start worker processes.
 
     Raises:
-        InputError: the folder cannot be used, or `workers` is negative.
+        InputError: If the folder cannot be used, or `workers` is negative.
     """
     if workers < 0:
         raise InputError(f"WORKERS={workers}: valid: 0 (one per core) and above")
     new = not root.exists()
     ours = any((root / name).is_file() for name in (MANIFEST_NAME, JOURNAL_NAME))
     if root.is_dir() and any(root.iterdir()) and not ours:
-        raise InputError(f"output folder {root}: not empty and no earlier run; choose another OUT")
+        raise InputError(
+            f"output folder {root}: not empty and not an earlier run; choose another OUT"
+        )
     folder = open_run_folder(root)
     sweep(folder.root)
     ledger = Ledger(folder.root)
@@ -259,21 +266,21 @@ def opened(root: Path, workers: int) -> Iterator[Context]:
 
 
 def _roomy(sampling: SampleConfig, robots: Sequence[RobotSpec], ledger: Ledger) -> SampleConfig:
-    """Sample paths with room for the widest robot of this run, and of the runs before it.
+    """Widen the sampling clearance to the widest robot of this run and of earlier runs.
 
-    Episodes that fit a wide robot fit the others; so a run folder's episodes change only when a
-    wider robot joins, and the robots of one folder walk the same ones.
+    Episodes that fit a wide robot also fit the others, so the episodes of a run folder change only
+    when a wider robot is added, and all robots of one folder walk the same episodes.
     """
-    # Rows of another version's code may lack it, and so do quarantined ones.
+    # Rows written by another version may lack this fact, and quarantined rows always do.
     before = [row.facts.get("robot_radius_m", 0.0) for row in ledger.rows("sample")]
     before_m = max(before, default=0.0)
     widest = max(robots, key=lambda robot: robot.footprint_radius_m)
     radius_m = max(sampling.robot_radius_m, before_m, widest.footprint_radius_m)
     if before_m and radius_m > before_m:
         log.warning(
-            "%s needs %.2f m of clearance, and the episodes here had %.2f m: they are sampled "
-            "anew. What other robots collected on the old ones leaves the report; name these "
-            "robots, too, and they walk the new ones",
+            "%s needs %.2f m of clearance, but the existing episodes have %.2f m: sampling new "
+            "episodes. Results of other robots on the old episodes are dropped from the report; "
+            "add these robots to ROBOT to run them on the new episodes",
             widest.name,
             radius_m,
             before_m,
@@ -283,12 +290,12 @@ def _roomy(sampling: SampleConfig, robots: Sequence[RobotSpec], ledger: Ledger) 
 
 
 def _sources(options: Collect, episode_file: Path | None) -> dict[str, Path]:
-    """Scene id → scan; empty for the built-in apartment."""
+    """Return the scan of each scene id; empty for the built-in apartment."""
     if options.scenes is None:
         if options.scene == BUILTIN:
             return {}
         source = Path(options.scene)
-        repair.source_digest(source)  # says at once when the file is not there
+        repair.source_digest(source)  # fails early if the file does not exist
         return {safe_name(source.stem): source}
     found = find_scans(options.scenes)
     if episode_file:
@@ -296,7 +303,7 @@ def _sources(options: Collect, episode_file: Path | None) -> dict[str, Path]:
         found = {name: path for name, path in found.items() if name in named}
     if not found:
         what = "none of the episodes' scans" if episode_file else "no scan"
-        raise InputError(f"SCENES={options.scenes}: {what} in it; valid: {' '.join(SUFFIXES)}")
+        raise InputError(f"SCENES={options.scenes}: contains {what}; valid: {' '.join(SUFFIXES)}")
     return found
 
 
@@ -306,7 +313,7 @@ def _episodes(text: str) -> tuple[int, Path | None]:
     path = Path(text)
     if path.is_file():
         return 0, path
-    raise InputError(f"EPISODES={text}: neither a number above 0 nor an existing VLN-CE file")
+    raise InputError(f"EPISODES={text}: valid: a number above 0, or an existing VLN-CE file")
 
 
 def _sampling(options: Collect, count: int) -> SampleConfig:

@@ -30,31 +30,33 @@ class Instruct:
     out: Path = Path("told.json.gz")
     """Episode file to write."""
     writer: str = InstructConfig.writer
-    """Who writes: composer (offline), llm (any OpenAI-compatible server, see
+    """Writer: composer (offline), llm (any OpenAI-compatible server, see
     docs/instructions.md), or local (a GGUF model on disk)."""
     style: str = MIXED
-    """natural, terse, rich, several (terse,rich), or mixed, all in turn."""
+    """Styles: natural, terse, rich, a comma-separated list (terse,rich), or mixed, which takes all
+    in turn."""
     count: int = InstructConfig.count
-    """Texts per path and language."""
+    """Number of texts per path and language."""
     language: str = "en"
-    """en, zh, hi, several (en,zh); other than en needs a language model."""
+    """Languages: en, zh, hi, or a comma-separated list (en,zh). Languages other than en need a
+    language model."""
     replace: bool = False
-    """Also rewrite instructions that are there already."""
+    """Also rewrite existing instructions."""
     robot: str = "aliengo"
-    """Whose camera says what there is to see on the way, or `none`: then the map alone does, which
-    is quicker."""
+    """Robot whose camera determines which landmarks are visible along the path, or `none` to use the
+    map alone, which is faster."""
     max_tokens: int = 0
-    """Stop asking a language model after so many tokens; 0 = any."""
+    """Stop querying the language model after this many tokens; 0 means no limit."""
     max_cost: float = 0.0
-    """Stop asking after so much is spent, at the prices in the environment; 0 = any."""
+    """Stop querying after this cost, at the prices set in the environment; 0 means no limit."""
     cache: Path | None = None
-    """Folder of a model's answers; by default `llm_cache` beside the output."""
+    """Cache folder for model responses; default `llm_cache` next to the output."""
     facts: Path | None = None
-    """Also write the facts that the texts are made from, as compressed JSON."""
+    """Also write the facts records behind the texts, as compressed JSON."""
     show: int = 0
-    """Print a map and the texts of so many paths."""
+    """Print a map and the texts for this many paths."""
     seed: int = 0
-    """Of the phrasing."""
+    """Random seed of the phrasing."""
     max_failed: int = 0
     """Exit with code 1 when more episodes than this have no true instruction."""
     json: Annotated[bool, tyro.conf.arg(name="json")] = False

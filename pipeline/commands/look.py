@@ -1,4 +1,4 @@
-"""Commands that look at a run or at this machine: `verify`, `report`, `doctor`."""
+"""Commands that inspect a run or this machine: `verify`, `report`, `doctor`."""
 
 from __future__ import annotations
 
@@ -23,39 +23,39 @@ Json = Annotated[bool, tyro.conf.arg(name="json")]
 
 @dataclass(frozen=True)
 class Verify:
-    """Check a run's outputs: every file opens, counts agree, checksums hold, floors carry."""
+    """Verify a run's outputs: files open, counts and checksums match, floors have no leaks."""
 
     run: tyro.conf.Positional[Path]
-    """The run folder, or the folder of one repaired scene."""
+    """Run folder, or the folder of a single repaired scene."""
     json: Json = False
     """Print one JSON object with the findings as the last line."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """Write a run's report page again."""
+    """Regenerate the report page of a run."""
 
     run: tyro.conf.Positional[Path]
-    """The run folder."""
+    """Run folder."""
     json: Json = False
-    """Print one JSON object with the page's path as the last line."""
+    """Print one JSON object with the path of the page as the last line."""
 
 
 @dataclass(frozen=True)
 class Doctor:
-    """Say what this machine can do, and the command that adds what is missing."""
+    """Check what this machine supports, and print the command that installs what is missing."""
 
     out: Path = Path("runs")
-    """Where runs would be written."""
+    """Folder that runs would be written to."""
     json: Json = False
     """Print one JSON object with the findings as the last line."""
 
 
 def run_verify(options: Verify) -> int:
-    """Verify a run; exit code 1 when anything is wrong.
+    """Verify a run; return 1 if any check fails.
 
     Raises:
-        InputError: no run there.
+        InputError: If the folder contains no run.
     """
     checks = verify_run(options.run)
     bad = [c for c in checks if c.problem]
@@ -73,7 +73,7 @@ def run_report(options: Report) -> int:
     """Write the report of a run.
 
     Raises:
-        InputError: no run there.
+        InputError: If the folder contains no run.
     """
     folder = RunFolder(options.run.resolve())
     with Workers(1) as workers:
@@ -93,5 +93,5 @@ def run_doctor(options: Doctor) -> int:
     for f in findings:
         sys.stdout.write(f"{'ok  ' if f.good else '--  '}{f.subject:<17} {f.seen}\n")
     if command:
-        sys.stdout.write(f"\nto add what is missing:\n  {command}\n")
+        sys.stdout.write(f"\nto install what is missing:\n  {command}\n")
     return 0

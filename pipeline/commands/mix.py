@@ -1,4 +1,4 @@
-"""`vlnpe mix`: what a recipe's mixtures train on."""
+"""`vlnpe mix`: show the training data that each mixture of a recipe selects."""
 
 from __future__ import annotations
 
@@ -20,23 +20,25 @@ from ...formats.core.errors import InputError, UnknownNameError
 
 @dataclass(frozen=True)
 class Mix:
-    """Show what a recipe's mixtures train on: datasets, episodes, shares, what is left out and why.
+    """Show the training data of a recipe's mixtures: datasets, episodes, shares and exclusions.
 
-    Without --dry-run the chosen episodes are also written to --out, by dataset and number.
+    Unless --dry-run is given, the selected episodes are also written to --out, by dataset and
+    episode index.
     """
 
     recipe: tyro.conf.Positional[str]
-    """A recipe (.yaml), or a shipped one: cross_embodiment, controller, lighting."""
+    """Recipe file (.yaml), or the name of a built-in recipe: cross_embodiment, controller,
+    lighting."""
     data: Path = Path("runs")
-    """The folder whose runs hold the datasets."""
+    """Folder of the runs that contain the datasets."""
     mixture: str | None = None
-    """Only this one of the recipe's mixtures."""
+    """Show only this mixture of the recipe."""
     draws: str = "episodes"
-    """What is drawn, and what shares count: episodes or frames."""
+    """Unit that is sampled and that shares are computed from: episodes or frames."""
     dry_run: bool = False
-    """Only show it."""
+    """Show the mixtures without writing anything."""
     out: Path | None = None
-    """Where to write the chosen episodes (.json)."""
+    """Output file for the selected episodes (.json)."""
     json: Annotated[bool, tyro.conf.arg(name="json")] = False
     """Print one JSON object with the plan as the last line."""
 
@@ -45,12 +47,12 @@ def run(options: Mix) -> int:
     """Plan the mixtures and print them.
 
     Raises:
-        InputError: the recipe is not valid, or the data is not there.
+        InputError: If the recipe is invalid, or the data does not exist.
     """
     if options.draws not in ("episodes", "frames"):
         raise UnknownNameError("draws", options.draws, ("episodes", "frames"))
     if not options.dry_run and options.out is None:
-        raise InputError("vlnpe mix: give --dry-run to look only, or --out FILE.json to write to")
+        raise InputError("vlnpe mix: pass --dry-run, or an output file with --out FILE.json")
     recipe = read_recipe(recipe_path(options.recipe))
     if options.mixture is not None and options.mixture not in recipe.mixtures:
         raise UnknownNameError("mixture", options.mixture, recipe.mixtures)
@@ -70,7 +72,7 @@ def run(options: Mix) -> int:
 
 
 def _episodes(plan: MixturePlan) -> dict[str, dict[str, list[int]]]:
-    """Episode numbers by source and dataset folder."""
+    """Return the episode indices by source and dataset folder."""
     result: dict[str, dict[str, list[int]]] = {}
     for source in plan.sources:
         chosen = source.selection

@@ -1,4 +1,4 @@
-"""`vlnpe push`: publish a dataset on the Hugging Face hub; by default, show what that means."""
+"""`vlnpe push`: publish a dataset on the Hugging Face Hub; a dry run by default."""
 
 from __future__ import annotations
 
@@ -17,33 +17,35 @@ MEBIBYTE = 1024 * 1024
 
 @dataclass(frozen=True)
 class Push:
-    """Publish a LeRobot dataset on the Hugging Face hub, under a tag that never moves.
+    """Publish a LeRobot dataset on the Hugging Face Hub under an immutable tag.
 
-    Without --yes nothing is uploaded, and no network is used: it shows what would be.
+    Without --yes, show what would be uploaded; nothing is uploaded and the network is not used.
     """
 
     dataset: tyro.conf.Positional[Path]
-    """A dataset's folder, runs/<name>/lerobot/<dataset>."""
+    """Dataset folder, e.g. runs/<name>/lerobot/<dataset>."""
     repo: str
-    """Where to: user/name."""
+    """Target repository on the Hub: user/name."""
     tag: str | None = None
-    """Name of the release; by default one made of the content's digest."""
+    """Tag of the release; by default derived from the digest of the content."""
     private: bool = False
-    """Make a new repository private."""
+    """Make the repository private if it is new."""
     licence_ok: bool = False
-    """Publish although a scene's licence forbids it, or is unknown: you have the permission."""
+    """Publish even if a scene's licence forbids it or is unknown; confirms that you have
+    permission."""
     yes: bool = False
-    """Upload."""
+    """Upload the dataset."""
     json: Annotated[bool, tyro.conf.arg(name="json")] = False
     """Print one JSON object with the release as the last line."""
 
 
 def run_push(options: Push, hub: Hub | None = None) -> int:
-    """Show a release, and upload it when `options.yes`; `hub` stands in for the real one.
+    """Show a release, and upload it if `options.yes` is set; `hub` replaces the real Hub in tests.
 
     Raises:
-        InputError: no dataset, a bad name, a licence that forbids it, or a tag that exists.
-        HubError: the hub refused, or could not be reached.
+        InputError: If there is no dataset, a name is invalid, a licence forbids publishing, or the
+            tag already exists.
+        HubError: If the Hub refuses the upload or cannot be reached.
     """
     release = plan_release(options.dataset, options.repo, options.tag, options.private)
     if not options.json:
@@ -56,10 +58,10 @@ def run_push(options: Push, hub: Hub | None = None) -> int:
         value["commit"] = done.commit if done else None
         sys.stdout.write(json.dumps(value) + "\n")
     elif done:
-        what = "uploaded" if done.new else "published already, nothing changed"
+        what = "uploaded" if done.new else "already published, nothing changed"
         sys.stdout.write(f"\n{what}: {release.url}\n")
     else:
-        sys.stdout.write("\nnothing was uploaded; to do it, say --yes\n")
+        sys.stdout.write("\nnothing was uploaded; pass --yes to upload\n")
     return 0
 
 
@@ -79,5 +81,5 @@ def _shown(release: Release, licence_ok: bool) -> str:
         lines.append("licence     " + ("permitted by --licence-ok" if licence_ok else "refused"))
         lines += [f"  {reason}" for reason in release.refusals]
     else:
-        lines.append("licence     all scenes' licences let the data be published")
+        lines.append("licence     publishing is permitted by the licences of all scenes")
     return "\n".join(lines) + "\n"

@@ -1,4 +1,4 @@
-"""`vlnpe restore`: give a dataset that LeRobot's tools edited vlnpe's columns back."""
+"""`vlnpe restore`: restore vlnpe's columns in a dataset edited with LeRobot's tools."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from ...formats.convert.restore import restore
 
 @dataclass(frozen=True)
 class Restore:
-    """Give a dataset that LeRobot deleted, split or merged what LeRobot dropped.
+    """Restore the metadata that LeRobot's delete, split and merge tools drop from a dataset.
 
-    Episodes are recognised by their frame rows; they get their columns in meta/episodes (uid,
-    scene, split, instructions, metrics, camera, …), the dataset its provenance, splits and card.
+    Episodes are matched by their frame rows. Restores the columns in meta/episodes (uid, scene,
+    split, instructions, metrics, camera, …) and the provenance, splits and card of the dataset.
     """
 
     dataset: tyro.conf.Positional[Path]
-    """The edited dataset's folder; changed in place."""
+    """Folder of the edited dataset; modified in place."""
     original: tuple[Path, ...]
-    """The datasets that it was made from, as vlnpe wrote them."""
+    """Datasets that it was made from, as written by vlnpe."""
     json: Annotated[bool, tyro.conf.arg(name="json")] = False
     """Print one JSON object with the summary as the last line."""
 
@@ -33,12 +33,12 @@ def run(options: Restore) -> int:
     """Restore a dataset in place.
 
     Raises:
-        FileFormatError: one of the folders is no dataset, or an episode is in no original.
+        FileFormatError: If a folder is not a dataset, or an episode is in none of the originals.
     """
     done = restore(options.dataset, options.original)
     if options.json:
         value = {"episodes": done.episodes, "sources": [str(path) for path in done.sources]}
         sys.stdout.write(json.dumps(value) + "\n")
     else:
-        sys.stdout.write(f"{options.dataset}: {done.episodes} episodes are whole again\n")
+        sys.stdout.write(f"{options.dataset}: {done.episodes} episodes restored\n")
     return 0

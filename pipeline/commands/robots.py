@@ -1,4 +1,4 @@
-"""`vlnpe robots`: what robots there are, what they look like, and how to begin one's own."""
+"""`vlnpe robots`: list robots, render them, and export one as a template."""
 
 from __future__ import annotations
 
@@ -17,32 +17,34 @@ from ...formats.core.errors import FileFormatError, InputError
 
 @dataclass(frozen=True)
 class Robots:
-    """List the robots: mass, height, camera, limits, controllers, and how well their gaits walk.
+    """List the robots: mass, height, camera, command limits, controllers and gait evaluation.
 
-    Named robots are told of in full. `--view h1` writes a turntable picture and a walking strip,
-    `--export aliengo` writes a robot as a folder, a start for your own (docs/robots.md).
+    Robots given by name are described in full. `--view h1` writes a turntable image and a walking
+    film strip; `--export aliengo` writes a robot as a folder, as a template for your own
+    (docs/robots.md).
     """
 
     names: tyro.conf.Positional[tuple[str, ...]] = ()
-    """Which robots: names, or folders of your own robots, which are checked."""
+    """Robots to describe: names, or folders of your own robots, which are also validated."""
     view: str | None = None
-    """Write pictures of this robot into --out."""
+    """Write images of this robot to --out."""
     export: str | None = None
     """Write this robot as a folder to --out."""
     out: Path | None = None
-    """For --view the folder of the pictures (default: here), for --export the robot's folder."""
+    """Output folder of the images for --view (default: the current folder), or of the robot for
+    --export."""
     json: Annotated[bool, tyro.conf.arg(name="json")] = False
     """Print one JSON object as the last line."""
 
 
 @dataclass
 class _Done:
-    """What was told and written.
+    """Output of the command.
 
     Attributes:
-        lines: for people.
-        values: for programs.
-        problems: a robot that was asked for cannot be used.
+        lines: Human-readable output.
+        values: Output of `--json`.
+        problems: Whether a requested robot cannot be used.
     """
 
     lines: list[str] = field(default_factory=list)
@@ -51,14 +53,14 @@ class _Done:
 
 
 def run_robots(options: Robots) -> int:
-    """List robots, picture one, or export one.
+    """List robots, render one, or export one.
 
     Raises:
-        InputError: an unknown robot, a folder that is none, or an unusable `out`.
+        InputError: If a robot is unknown, a folder is not a robot, or `out` cannot be used.
     """
     done = _Done()
     if options.view is not None and options.export is not None:
-        raise InputError("--view and --export: valid: one of them at a time")
+        raise InputError("--view and --export cannot be combined")
     if options.view is not None:
         _view(get_robot(options.view), options.out or Path(), done)
     elif options.export is not None:
@@ -71,11 +73,11 @@ def run_robots(options: Robots) -> int:
 
 
 def _list(options: Robots, done: _Done) -> None:
-    # Late, because loading all that robots move and are drawn with takes seconds.
+    # Imported late: loading the physics and rendering modules takes seconds.
     from ..robot_sheet import details, sheet_of, table
 
     sheets = [sheet_of(get_robot(name)) for name in options.names or ROBOTS]
-    # Who asks for a robot by name wants to know whether it can be used.
+    # A robot requested by name that cannot be used is an error.
     done.problems = bool(options.names) and any(sheet.problem for sheet in sheets)
     done.values["robots"] = [asdict(sheet) for sheet in sheets]
     done.lines.append(table(sheets))
@@ -89,7 +91,7 @@ def _view(robot: RobotSpec, out: Path, done: _Done) -> None:
     from ...collectors.stroll import stroll
 
     if out.exists() and not out.is_dir():
-        raise InputError(f"{out}: is a file; --out takes a folder")
+        raise InputError(f"{out}: is a file; --out must be a folder")
     studio, written = make_studio(robot), []
 
     def save(kind: str, picture: Picture) -> None:
@@ -105,7 +107,7 @@ def _view(robot: RobotSpec, out: Path, done: _Done) -> None:
         except FileFormatError as error:
             note = f"no walking strip: {error}"
     else:
-        note = f"no walking strip: {robot.name} is placed and cannot walk"
+        note = f"no walking strip: {robot.name} has no joints and cannot walk"
     done.values.update(pictures=written, note=note)
     done.lines += [*written, *([note] if note else [])]
 
@@ -114,13 +116,13 @@ def _export(robot: RobotSpec, out: Path | None, done: _Done) -> None:
     from ...collectors.locomotion.policy import policy_files
 
     if out is None:
-        raise InputError("--export needs --out: the folder, whose name becomes the robot's")
+        raise InputError("--export requires --out, a folder whose name becomes the robot's name")
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        # A robot there may have been edited by hand; nothing could bring that back.
-        raise InputError(f"{out}: exists already; choose another folder, or remove it first")
+        # An existing robot may have been edited by hand, so never overwrite it.
+        raise InputError(f"{out}: already exists; choose another folder or remove it first")
     name = out.resolve().name
     if name in ROBOTS:
-        raise InputError(f"{out}: a robot is named {name} already; choose another folder")
+        raise InputError(f"{out}: {name} is a built-in robot; choose another folder name")
     walks = robot.drive is None and bool(robot.joints)
     files = policy_files(robot) if walks else None
     for path in files or ():

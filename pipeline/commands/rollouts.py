@@ -1,4 +1,4 @@
-"""The chain's later stages, each alone: `replay`, `render`, `export`."""
+"""Commands for the later stages: `replay`, `render`, `export`."""
 
 from __future__ import annotations
 
@@ -30,82 +30,83 @@ from ..views import chosen_lights, chosen_views
 from .chain import scenes_in
 from .collect import check_frame_rate, opened
 
-FRAME_RATE, VIDEO_RATE = 4, 25  # frames per second, unless asked for otherwise
+FRAME_RATE, VIDEO_RATE = 4, 25  # default frames per second
 
 Json = Annotated[bool, tyro.conf.arg(name="json")]
 
 
 @dataclass(frozen=True)
 class Replay:
-    """Walk episodes with a physically simulated robot; records states, no pixels."""
+    """Execute episodes with a physically simulated robot; records states, no images."""
 
     episodes: tyro.conf.Positional[Path]
-    """Episode file of `instruct`, `sample` or `align`."""
+    """Episode file written by `instruct`, `sample` or `align`."""
     scenes: Path
     """Folder of repaired scenes."""
     out: Path = Path("rollouts")
-    """Folder for <robot>/<controller>/<episode>.mcap."""
+    """Output folder; rollouts are written to <robot>/<controller>/<episode>.mcap in it."""
     robot: str = "aliengo"
-    """Which robots walk: a name (see `vlnpe robots`), your own robot's folder, several (h1,g1), or
-    `all` that have a body."""
+    """Robots to run: a name (see `vlnpe robots`), the folder of your own robot, a comma-separated
+    list (h1,g1), or `all` for every built-in robot with a body."""
     controller: str = AUTO
-    """How they are driven: path, speed or flash, several (path,speed), or `all`; `auto` is path,
-    and flash for an agent without a body."""
+    """Controllers to run: path, speed or flash, a comma-separated list (path,speed), or `all`.
+    `auto` selects path, or flash for an agent without a body."""
     action_steps: int = SpeedConfig.steps_per_action
-    """Physics steps of 5 ms that a discrete action of the controller speed lasts."""
+    """Duration of a discrete action of the speed controller, in physics steps of 5 ms."""
     closed_loop: bool = False
-    """Instead, a discrete action lasts until its 0.25 m or 15° are reached."""
+    """Run each discrete action of the speed controller until its 0.25 m or 15° is reached, instead
+    of for a fixed number of steps."""
     seed: int = 0
-    """Of everything random."""
+    """Random seed."""
     workers: int = 0
-    """Worker processes; 0 takes one per core."""
+    """Number of worker processes; 0 uses one per core."""
     max_failed: int = 0
-    """Exit with code 1 when more episodes than this are quarantined."""
+    """Maximum number of quarantined episodes; exit with code 1 above it."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""
 
 
 @dataclass(frozen=True)
 class Render:
-    """Render rollouts: RGB and depth of any cameras, or videos to look at."""
+    """Render rollouts: RGB and depth from any camera, or preview videos."""
 
     rollouts: tyro.conf.Positional[Path]
-    """Folder that `replay` wrote."""
+    """Folder written by `replay`."""
     scenes: Path
     """Folder of repaired scenes."""
     out: Path = Path("frames")
-    """Folder for <robot>/<controller>/<view>/<episode>/."""
+    """Output folder; frames are written to <robot>/<controller>/<view>/<episode>/ in it."""
     camera: str = "ego"
-    """Which views: ego (the robot's own camera), chase, top; several (ego,chase), each with its own
-    size and field of view if wished (ego:640x480:79)."""
+    """Cameras: ego (the robot's own camera), chase, top, or a comma-separated list (ego,chase),
+    each with an optional size and field of view (ego:640x480:79)."""
     width_px: int | None = None
-    """Image width; by default the camera's own."""
+    """Image width [px]; defaults to the camera's own."""
     height_px: int | None = None
-    """Image height; by default the camera's own."""
+    """Image height [px]; defaults to the camera's own."""
     hfov_deg: float | None = None
-    """Horizontal field of view; by default the camera's own."""
+    """Horizontal field of view [deg]; defaults to the camera's own."""
     light: str = "baked"
-    """Which lighting: baked (as scanned), DL5000 (panel lights, day), DL300 (night), CL (a lamp on
-    the robot); several (DL5000,CL), or `all`."""
+    """Lighting: baked (as scanned), DL5000 (panel lights, day), DL300 (night), CL (a lamp on the
+    robot), a comma-separated list (DL5000,CL), or `all`."""
     renderer: str = "auto"
-    """Who draws: embree (processor), gl (MuJoCo through EGL), or auto: gl where a graphics card is,
-    else embree."""
+    """Renderer: embree (ray tracing on the CPU), gl (MuJoCo through EGL), or auto, which selects gl
+    if a GPU is available and embree otherwise."""
     frames_per_second: int | None = None
-    """4, 5, 10, 20, 25 or 50; by default 4, for videos to look at 25."""
+    """Rendered frames per second: 4, 5, 10, 20, 25 or 50. Defaults to 4, or to 25 with --video."""
     semantic: bool = False
-    """Also the label of every pixel: semantic.mov, and labels.json with the names."""
+    """Also render semantic segmentation: semantic.mov, and labels.json with the class names."""
     instance: bool = False
-    """Also the object of every pixel: instance.mov, and labels.json with the names."""
+    """Also render instance segmentation: instance.mov, and labels.json with the object names."""
     depth_mm: bool = False
-    """Also depth in whole millimetres: depth_mm.mov (16-bit PNG frames)."""
+    """Also write depth in whole millimetres: depth_mm.mov (16-bit PNG frames)."""
     video: bool = False
-    """Instead of data, one .mp4 per episode to look at."""
+    """Write one preview video (.mp4) per episode instead of data."""
     rgb_codec: str = "h264"
-    """Codec of colour videos: h264, or av1, which nobody claims fees for."""
+    """Codec of RGB videos: h264, or av1 (royalty-free)."""
     workers: int = 0
-    """Worker processes; 0 takes one per core."""
+    """Number of worker processes; 0 uses one per core."""
     max_failed: int = 0
-    """Exit with code 1 when more episodes than this are quarantined."""
+    """Maximum number of quarantined episodes; exit with code 1 above it."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""
 
@@ -115,28 +116,28 @@ class Export:
     """Export rendered rollouts as LeRobot v3 datasets and as MCAP files."""
 
     frames: tyro.conf.Positional[Path]
-    """Folder that `render` wrote."""
+    """Folder written by `render`."""
     scenes: Path
     """Folder of repaired scenes."""
     out: Path = Path("data")
-    """Folder for lerobot/<dataset>/ and mcap/<dataset>/."""
+    """Output folder; datasets are written to lerobot/<dataset>/ and mcap/<dataset>/ in it."""
     only_success: bool = False
-    """Export only episodes that end at the goal; otherwise all, each with its end reason."""
+    """Export only successful episodes. By default all are exported, each with its end reason."""
     depth: str = "video"
-    """How LeRobot datasets keep depth: video (lossless, 12-bit codes) or image (16-bit, mm)."""
+    """Depth storage in LeRobot datasets: video (lossless, 12-bit codes) or image (16-bit, mm)."""
     workers: int = 0
-    """Worker processes; 0 takes one per core."""
+    """Number of worker processes; 0 uses one per core."""
     max_failed: int = 0
-    """Exit with code 1 when more episodes than this are quarantined."""
+    """Maximum number of quarantined episodes; exit with code 1 above it."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""
 
 
 def run_replay(options: Replay) -> int:
-    """Replay one file's episodes.
+    """Replay the episodes of one file.
 
     Raises:
-        InputError: an unknown robot or controller, or an unusable file or folder.
+        InputError: If a robot or controller is unknown, or a file or folder cannot be used.
     """
     robots = chosen_robots(options.robot)
     pairs = crews(robots, options.controller)
@@ -158,10 +159,10 @@ def run_replay(options: Replay) -> int:
 
 
 def run_render(options: Render) -> int:
-    """Render all rollouts of a folder.
+    """Render all rollouts in a folder.
 
     Raises:
-        InputError: an unknown camera, light, renderer or codec, or an unusable folder.
+        InputError: If a camera, light, renderer or codec is unknown, or a folder cannot be used.
     """
     chosen_lights(options.light)
     rate = options.frames_per_second or (VIDEO_RATE if options.video else FRAME_RATE)
@@ -183,7 +184,7 @@ def run_render(options: Render) -> int:
         for robot, _ in groups
     }
     if not groups:
-        raise FileFormatError(options.rollouts, "no rollout in it")
+        raise FileFormatError(options.rollouts, "contains no rollout")
     walked = {str(row.facts["scene"]) for rows in groups.values() for row in rows.values()}
     _demand_scenes(walked, scenes, options.scenes)
     extras = Extras(options.semantic, options.instance, options.depth_mm)
@@ -205,10 +206,10 @@ def run_render(options: Render) -> int:
 
 
 def run_export(options: Export) -> int:
-    """Export all rendered rollouts of a folder.
+    """Export all rendered rollouts in a folder.
 
     Raises:
-        InputError: an unusable folder, or an unknown way to keep depth.
+        InputError: If a folder cannot be used, or the depth storage is unknown.
     """
     export.check_depth_storage(options.depth)
     source = Ledger.existing(options.frames)
@@ -218,10 +219,10 @@ def run_export(options: Export) -> int:
         if row.status == "done":
             groups.setdefault(tuple(row.item.split("/")[:3]), {})[row.item] = row
     if not groups:
-        raise FileFormatError(options.frames, "no rendered episode in it")
+        raise FileFormatError(options.frames, "contains no rendered episode")
     groups = {group: export.wanted(rows, options.only_success) for group, rows in groups.items()}
     if not any(groups.values()):
-        raise FileFormatError(options.frames, "no rendered episode in it ends at its goal")
+        raise FileFormatError(options.frames, "contains no successful rendered episode")
     summaries = []
     with opened(options.out, options.workers) as context:
         for (robot, controller, view), rows in groups.items():
@@ -234,13 +235,13 @@ def run_export(options: Export) -> int:
 def _demand_scenes(names: Iterable[str], scenes: Mapping[str, Row], folder: Path) -> None:
     missing = sorted(set(names) - scenes.keys())
     if missing:
-        raise InputError(f"{folder}: no repaired scene {', '.join(missing)} in it")
+        raise InputError(f"{folder}: contains no repaired scene {', '.join(missing)}")
 
 
 def _scene_rows(folder: Path) -> dict[str, Row]:
-    """Scenes that lie in a folder, as if the repair stage had just made them.
+    """Return a ledger row for every scene in a folder, as if the repair stage had written it.
 
-    Their key hashes the folder's index, which the repair writes last and never changes.
+    The key hashes the scene's index file, which the repair writes last and never modifies.
     """
     return {
         name: Row(repair.STAGE, name, digest(path, (path / "scene.json").read_text()), "done")

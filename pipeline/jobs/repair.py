@@ -63,7 +63,7 @@ class SoundnessJob:
         if self.problems and not self.allow_unsound:
             raise SceneError(
                 f"{self.scene_id} is not sound: {'; '.join(self.problems)}. Look at after.png and "
-                "repair.json in its folder; --allow-unsound collects in it all the same"
+                "repair.json in its folder; pass --allow-unsound to collect in it anyway"
             )
         return ItemResult({"problems": list(self.problems)})
 

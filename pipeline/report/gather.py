@@ -20,7 +20,7 @@ class RobotRow:
     Diverged episodes are set aside, but they count: as episodes, and as failures.
 
     Attributes:
-        robot, controller: whom.
+        robot, controller: Robot and controller names.
         driven: the controller, and how it carried discrete actions out.
         episodes: how many were tried.
         collected: that ended within 0.25 m of the goal; SR, OS, SPL follow VLN-CE.

@@ -96,7 +96,7 @@ class _Parts:
 
     `above` and `below` count the cells in and around it through which upright surfaces pass over
     and under it: a floor has a room's walls over it, a ceiling or a roof has them only under it.
-    `pitch` is the median rise over run, 0 where nobody could stand.
+    `pitch` is the median rise over run, 0 if there is no standing room.
     """
 
     area_m2: NDArray[np.float64]

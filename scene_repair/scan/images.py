@@ -46,7 +46,7 @@ class PixelBudget:
 def open_picture(
     data: bytes, name: str, warnings: list[str], budget: PixelBudget
 ) -> Image.Image | None:
-    """A picture whose size is bearable; None, with a line in `warnings`, if there is none in it.
+    """Return an image within the size limits; None, with a line in `warnings`, if it is unusable.
 
     Small ones are not decoded yet: see `decode_all`.
     """

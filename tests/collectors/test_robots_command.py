@@ -155,7 +155,7 @@ def test_an_export_never_replaces_a_robot(capsys: pytest.CaptureFixture, tmp_pat
     edited = facts.read_text() + "# mine\n"
     facts.write_text(edited)
     assert main(["robots", "--export", "jetbot", "--out", str(out)]) == 2
-    assert "exists already" in capsys.readouterr().err
+    assert "already exists" in capsys.readouterr().err
     assert facts.read_text() == edited
 
 

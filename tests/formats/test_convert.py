@@ -303,7 +303,7 @@ def test_bad_mcap_files_are_named(tmp_path: Path, damage: str, reason: str) -> N
 @pytest.mark.parametrize(
     ("damage", "reason"),
     [
-        ("no info", "no LeRobot dataset lies here"),
+        ("no info", "not a LeRobot dataset"),
         ("v2.1", "LeRobot v2.1"),
         ("fewer episodes", "3 episodes listed"),
         ("cut video", "rgb"),

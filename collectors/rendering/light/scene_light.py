@@ -1,4 +1,4 @@
-"""A light in a scene: what of it can be worked out before any camera looks."""
+"""A light in a scene: the part of it that can be precomputed independently of the camera."""
 
 from __future__ import annotations
 

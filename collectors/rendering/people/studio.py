@@ -117,7 +117,7 @@ class Sitter:
     """A robot standing in its default pose, its soles on the floor.
 
     Attributes:
-        robot: whom.
+        robot: Robot to render.
         body: its shapes.
         lower_m, upper_m: (3,) bounds of everything that is seen of it.
     """
@@ -162,7 +162,7 @@ def turntable(studio: SceneRenderer, robot: RobotSpec, tile_px2: int = TURNTABLE
 
     Args:
         studio: from `make_studio`.
-        robot: whom.
+        robot: Robot to render.
         tile_px2: area of a view.
     """
     sitter = Sitter.of(robot)
@@ -197,7 +197,7 @@ def walking_strip(
 
     Args:
         studio: from `make_studio`.
-        robot: whom.
+        robot: Robot to render.
         stroll: two cycles of its gait, along +x or on the spot.
         tile_px2: area of a moment.
     """

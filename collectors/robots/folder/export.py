@@ -25,7 +25,7 @@ def export_robot(robot: RobotSpec, out: Path, policy: tuple[Path, Path] | None) 
     """Write `robot` as a folder that moves exactly like it; its name is the folder's.
 
     Args:
-        robot: whom.
+        robot: Robot to export.
         out: the folder; replaced whole.
         policy: network and card of a robot that walks.
 
