@@ -43,8 +43,8 @@ class Instruct:
     replace: bool = False
     """Also rewrite existing instructions."""
     robot: str = "aliengo"
-    """Robot whose camera determines which landmarks are visible along the path, or `none` to use the
-    map alone, which is faster."""
+    """Robot whose camera determines which landmarks are visible along the path, or `none` to use
+    the map alone, which is faster."""
     max_tokens: int = 0
     """Stop querying the language model after this many tokens; 0 means no limit."""
     max_cost: float = 0.0
