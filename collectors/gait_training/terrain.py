@@ -93,3 +93,12 @@ def noise_terrain(
 ) -> Terrain:
     """One field of bumps of 0…amplitude everywhere, for evaluation."""
     return Terrain(noise(rng, round(size_m / cell_m), cell_m, amplitude_m), size_m)
+
+
+def ramp_terrain(
+    angle_deg: float, size_m: float = 30.0, cell_m: float = 0.05, run_m: float = 4.0
+) -> Terrain:
+    """Ridges and valleys along y: 4 m up, 4 m down, and so on, for evaluation."""
+    x = cell_m * np.arange(round(size_m / cell_m))
+    profile = np.tan(np.deg2rad(angle_deg)) * (run_m - np.abs(x % (2 * run_m) - run_m))
+    return Terrain(np.tile(profile, (len(x), 1)), size_m)

@@ -1,0 +1,96 @@
+"""How a walking robot stops: whether it stays up, how far it goes on, when it is at rest."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..gait_training.trial import STEP_S, Conditions, Trial
+from .policy import GaitPolicy
+
+Array = NDArray[np.float64]
+
+SPEEDS_M_S = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+TURNS_RAD_S = (-1.0, -0.5, 0.0, 0.5, 1.0)
+PHASES = 5  # moments of the gait's cycle at which a stop comes
+STOPS = len(SPEEDS_M_S) * len(TURNS_RAD_S) * PHASES
+WALK_S, WATCH_S = 3.0, 3.0
+REST_M_S = 0.05  # a base slower than this, and never faster again, is at rest
+
+
+def stops(
+    policy: GaitPolicy, conditions: list[Conditions], rng: np.random.Generator
+) -> dict[str, Any]:
+    """Walk for about 3 s, then drop the command to zero at once; watch for 3 s more.
+
+    Every speed is combined with every turn rate and several moments of the gait's cycle, in all
+    conditions.
+
+    Returns:
+        Robots and falls; share `upright` 3 s after the stop, of the worst condition; `rest_s_p99`
+        [s], the 99th percentile of the time until a base is and stays slower than 0.05 m/s, of the
+        worst condition (those who fall never rest); and by `speed_m_s`, over all conditions and
+        turn rates, the displacement from the stop to rest `distance_m_p50`, `distance_m_p95` [m]
+        of those who stayed up, and `rest_s_p99_by_speed` [s].
+    """
+    commands = np.array(
+        [(v, 0.0, w) for v, w, _ in product(SPEEDS_M_S, TURNS_RAD_S, range(PHASES))]
+    )
+    trials = [_stop(policy, commands, each, rng) for each in conditions]
+    upright = [float(1.0 - fallen.mean()) for fallen, _, _ in trials]
+    rest_s = [_p99(rest) for _, rest, _ in trials]
+    fallen, rest, distance = (np.concatenate(parts) for parts in zip(*trials, strict=True))
+    speed = np.tile(commands[:, 0], len(conditions))
+    per_speed = [speed == v for v in SPEEDS_M_S]
+    return {
+        "robots": len(fallen),
+        "falls": int(fallen.sum()),
+        "upright": min(upright),
+        "rest_s_p99": max(rest_s),
+        "rest_within_1_5_s": float((rest <= 1.5).mean()),
+        "speed_m_s": list(SPEEDS_M_S),
+        "distance_m_p50": [_quantile(distance[at & ~fallen], 0.5) for at in per_speed],
+        "distance_m_p95": [_quantile(distance[at & ~fallen], 0.95) for at in per_speed],
+        "rest_s_p99_by_speed": [_p99(rest[at]) for at in per_speed],
+    }
+
+
+def _stop(
+    policy: GaitPolicy, commands: Array, conditions: Conditions, rng: np.random.Generator
+) -> tuple[NDArray[np.bool_], Array, Array]:
+    """Who fell (N,), time to rest (N,) [s], displacement while stopping (N,) [m]."""
+    n = len(commands)
+    spread = np.zeros((n, 2)) if conditions.terrain.height_m is None else rng.uniform(-4, 4, (n, 2))
+    trial = Trial(policy, conditions, spread, rng.uniform(-np.pi, np.pi, n), rng)
+    cycle_s = 1.0 / policy.card.gait.frequency_hz
+    stop_s = WALK_S + cycle_s * (np.arange(n) % PHASES) / PHASES
+    steps = round((WALK_S + cycle_s + WATCH_S) / STEP_S)
+    where = np.empty((steps, n, 2))
+    speed = np.empty((steps, n))
+    for k in range(steps):
+        stopped = trial.time_s >= stop_s
+        trial.step(np.where(stopped[:, None], 0.0, commands))
+        where[k] = trial.position_m[:, :2]
+        speed[k] = np.linalg.norm(trial.state().linear_velocity_m_s[:, :2], axis=1)
+    time_s = STEP_S * np.arange(1, steps + 1)[:, None]
+    # What happens later than 3 s after a robot's stop belongs to none.
+    watched = (time_s > stop_s) & (time_s <= stop_s + WATCH_S + 1e-6)
+    moving = watched & (speed >= REST_M_S)
+    last = np.where(moving, time_s, stop_s).max(axis=0)
+    rest = np.where(trial.fallen | (last > stop_s + WATCH_S - 0.5 * STEP_S), np.inf, last - stop_s)
+    first = np.argmax(watched, axis=0)
+    end = np.minimum(first + round(WATCH_S / STEP_S), steps - 1)
+    moved = where[end, np.arange(n)] - where[np.maximum(first - 1, 0), np.arange(n)]
+    return trial.fallen.copy(), rest, np.linalg.norm(moved, axis=1)
+
+
+def _p99(values: Array) -> float:
+    """The 99th percentile, of the values themselves: between numbers and inf there is no middle."""
+    return float(np.quantile(values, 0.99, method="higher"))
+
+
+def _quantile(values: Array, share: float) -> float:
+    return float(np.quantile(values, share)) if len(values) else float("nan")
