@@ -9,7 +9,7 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from ..locomotion.gait import joint_targets
+from ..locomotion.gait import ClockState, joint_targets
 from ..locomotion.observation import RobotState, observe, states_of
 from ..locomotion.policy import GaitPolicy
 from ..locomotion.target_pipe import TargetPipe
@@ -108,7 +108,7 @@ class Trial:
         self.fallen, self._gone = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
         self._target = np.tile(robot.default_joint_rad, (n, 1))
         self._pipe.fill(self._target)
-        self.action, self._phase = np.zeros((n, robot.policy_joints)), np.zeros(n)
+        self.action, self._clock = np.zeros((n, robot.policy_joints)), ClockState.standing(n)
         self._soles = self._look_at_soles() if watch_feet else None
         # As in a replay, the robot first settles on its feet.
         self.time_s = -settle_s
@@ -137,14 +137,14 @@ class Trial:
         self._push()
         robot, gait, previous = self.policy.robot, self.policy.card.gait, self.action
         wanted = robot.command_limits.clip(command)
-        moving, wanted = gait.moving(wanted), gait.aimed(wanted)
-        self._phase = gait.advance(self._phase, moving, STEP_S)
+        self._clock, moving = gait.tick(self._clock, wanted, STEP_S)
+        wanted, phase = gait.aimed(self._clock.command), self._clock.phase
         default, policed = robot.default_joint_rad, robot.policy_joints
         self.action = self.policy.infer(
-            observe(self.state(), default[:policed], wanted, self._phase, moving, previous)
+            observe(self.state(), default[:policed], wanted, phase, moving, previous)
         )
         before = self._target
-        reference = gait.reference(self._phase, moving, wanted)
+        reference = gait.reference(phase, moving, wanted)
         self._target = joint_targets(default, reference, robot.action_scale_rad, self.action)
         control = self._pipe.push(self._target)
         order = np.argsort(self.handles.actuators)
