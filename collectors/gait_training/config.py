@@ -63,6 +63,7 @@ class TrainingConfig:
         noise: half width of uniform observation noise per block.
         init_std: exploration noise of a training from scratch.
         entropy: weight of the entropy bonus; a small one lets the exploration noise die down.
+        kl: how far an iteration may move the policy; the learning rate follows.
         hidden: widths of actor and critic.
     """
 
@@ -105,6 +106,7 @@ class TrainingConfig:
     rewards: RewardWeights = field(default_factory=RewardWeights)
     init_std: float = 0.5
     entropy: float = 0.004
+    kl: float = 0.015
     hidden: tuple[int, int] = (128, 128)
 
 
@@ -142,7 +144,7 @@ def ppo_config(config: TrainingConfig, seed: int) -> dict:
             "learning_rate": 1e-3,
             "max_grad_norm": 1.0,
             "schedule": "adaptive",
-            "desired_kl": 0.015,
+            "desired_kl": config.kl,
             "use_clipped_value_loss": True,
             "symmetry_cfg": {
                 "data_augmentation_func": "vlnpe.collectors.gait_training.mirror:mirrored",
@@ -217,6 +219,7 @@ def _refine(flat: TrainingConfig) -> TrainingConfig:
         hurried_share=0.2,
         command_s=(1.0, 5.0),
         init_std=0.2,
+        kl=0.008,
         entropy=0.0005,
     )
 

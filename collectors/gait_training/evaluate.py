@@ -20,14 +20,14 @@ from ...formats.core.atomic import atomic_file
 from ..controllers import SpeedConfig
 from ..locomotion.card import POLICY_FOLDER, save_card
 from ..locomotion.policy import GaitPolicy
-from ..locomotion.stopping import STOPS, stops
+from ..locomotion.stopping import stops
 from ..robots import RobotSpec, get_robot
 from .action_errors import action_errors
 from .aim import calibrated
 from .driven import follow_paths
 from .gates import CLOSED_LOOP, TIMED, gate_results
 from .measures import command_grid, posture, pushes, standing, velocity_errors
-from .terrain import Terrain, noise_terrain, ramp_terrain
+from .terrain import noise_terrain, ramp_terrain
 from .trial import POLICY_DECIMATION, Conditions
 
 log = logging.getLogger(__name__)
@@ -69,18 +69,9 @@ def evaluation_table(policy: GaitPolicy, seed: int = SEED, scale: float = 1.0) -
     table["pushes"] = pushes(policy, many, 0.5, rng)
     table["pushes_hard"] = pushes(policy, many, 0.8, rng)
     table["posture"] = posture(policy, rng)
-    table["stopping"] = stops(policy, stop_conditions(rng, rough["noise_4cm"]), rng)
+    every = min(max(1, round(1 / scale)), 24)
+    table["stopping"] = stops(policy, rough["noise_4cm"], rng, every)
     return table
-
-
-def stop_conditions(rng: np.random.Generator, rough: Terrain) -> list[Conditions]:
-    """Friction of 0.5 and 1.1, actions in time and 20 ms late, level; and a mixture on bumps."""
-    level = [
-        Conditions(friction=friction, latency_substeps=substeps)
-        for friction in (0.5, 1.1)
-        for substeps in (0, POLICY_DECIMATION)
-    ]
-    return [*level, Conditions.mixed(STOPS, rng, rough)]
 
 
 def publish(robot: RobotSpec, source: Path, target: Path) -> dict[str, Any]:

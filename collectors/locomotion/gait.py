@@ -64,7 +64,7 @@ class GaitClock:
         aim_limits: 3 ranges of vx, vy and yaw that may be asked for.
         stand_linear_m_s, stand_yaw_rad_s: commands below both mean "stand still".
         brake_m_s2, brake_rad_s2: a command that falls is followed no faster than this; one that
-            rises at once. inf follows any jump.
+            rises at once. None follows any jump.
         last_steps: steps taken on the spot after the command has come to nothing, so that the feet
             end side by side. 0 freezes in the middle of a step.
     """
@@ -84,9 +84,15 @@ class GaitClock:
     aim_limits: tuple[tuple[float, float], ...] = ()
     stand_linear_m_s: float = 0.03
     stand_yaw_rad_s: float = 0.05
-    brake_m_s2: float = math.inf
-    brake_rad_s2: float = math.inf
+    brake_m_s2: float | None = None
+    brake_rad_s2: float | None = None
     last_steps: int = 0
+
+    @property
+    def brakes(self) -> tuple[float, float]:
+        """Fastest slowing down that is followed, [m/s²] and [rad/s²]; inf without a limit."""
+        linear, turn = self.brake_m_s2, self.brake_rad_s2
+        return math.inf if linear is None else linear, math.inf if turn is None else turn
 
     def moving(self, command: Array) -> NDArray[np.bool_]:
         """Whether (N, 3) commands ask for walking, (N,)."""
@@ -104,7 +110,8 @@ class GaitClock:
         self, state: ClockState, wanted: Array, dt_s: float
     ) -> tuple[ClockState, NDArray[np.bool_]]:
         """The state after `dt_s` of wanting commands (N, 3), and who is stepping (N,)."""
-        most = dt_s * np.array([self.brake_m_s2, self.brake_m_s2, self.brake_rad_s2])
+        linear, turn = self.brakes
+        most = dt_s * np.array([linear, linear, turn])
         old = state.command
         slower = (np.abs(wanted) < np.abs(old)) | (wanted * old < 0.0)
         command = np.where(slower, old + np.clip(wanted - old, -most, most), wanted)

@@ -71,8 +71,7 @@ class QuickStep:
                 gait.stand_linear_m_s,
                 gait.stand_yaw_rad_s,
                 gait.turn_lead_s,
-                gait.brake_m_s2 / rate_hz,
-                gait.brake_rad_s2 / rate_hz,
+                *(brake / rate_hz for brake in gait.brakes),
                 gait.last_steps,
             ]
         )
