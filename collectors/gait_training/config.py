@@ -204,7 +204,7 @@ def _hard(flat: TrainingConfig) -> TrainingConfig:
 
 
 def _refine(flat: TrainingConfig) -> TrainingConfig:
-    """Stop at once, obey late and in a hurry, climb ramps, and do not waddle; starts from a gait."""
+    """Stop at once, obey late and in a hurry, climb ramps, do not waddle; starts from a gait."""
     rewards = replace(
         flat.rewards, roll=-30.0, roll_pitch_rate=-0.15, stand_drift=-1.0, track_yaw=1.5
     )
@@ -219,7 +219,7 @@ def _refine(flat: TrainingConfig) -> TrainingConfig:
         hurried_share=0.2,
         command_s=(1.0, 5.0),
         init_std=0.2,
-        kl=0.008,
+        kl=0.01,
         entropy=0.0005,
     )
 

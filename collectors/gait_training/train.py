@@ -121,6 +121,9 @@ def train(
             runner.load(str(checkpoint))
         elif refine:
             _start_refining(robot, env, runner)
+        if refine:
+            # A normaliser that drifts moves a finished policy more than learning does.
+            runner.alg.actor.obs_normalizer.until = 0
         while done < last:
             started = time.monotonic()
             # Robots first learn to walk, then to walk smoothly and to be kicked.
@@ -137,13 +140,8 @@ def train(
             with atomic_file(checkpoint) as temporary:
                 runner.save(str(temporary), progress)
             if done % 50 == 0 or done == last:
-                write_policy(
-                    robot,
-                    phase,
-                    runner.alg.get_policy(),
-                    _facts(robot, seed, progress, refine),
-                    out,
-                )
+                facts = _facts(robot, seed, progress, refine)
+                write_policy(robot, phase, runner.alg.get_policy(), facts, out)
         first = last
 
 
