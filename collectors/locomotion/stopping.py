@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.frames import wrap_angle
 from ..gait_training.terrain import Terrain
 from ..gait_training.trial import STEP_S, Conditions, Trial
 from ..robots import POLICY_DECIMATION
@@ -38,7 +39,8 @@ def stops(
         worst condition (3 s for those who fall or never rest); share `rested` within 1.5 s, of all;
         and by `speed_m_s`, over all conditions and
         turn rates, the displacement from the stop to rest `distance_m_p50`, `distance_m_p95` [m]
-        of those who stayed up, and `rest_s_p99_by_speed` [s].
+        of those who stayed up, and `rest_s_p99_by_speed` [s]; by `turn_rad_s`, over all conditions
+        and speeds, the angle `turned_rad_p50`, `turned_rad_p95` [rad] turned on in that sense.
     """
     commands = np.array(
         [(v, 0.0, w) for v, w, _ in product(SPEEDS_M_S, TURNS_RAD_S, range(REPEATS))]
@@ -50,11 +52,14 @@ def stops(
     ]
     conditions.append(Conditions.mixed(len(commands), rng, bumps))
     trials = [_stop(policy, commands, each, rng) for each in conditions]
-    upright = [float(1.0 - fallen.mean()) for fallen, _, _ in trials]
-    rest_s = [_p99(rest) for _, rest, _ in trials]
-    fallen, rest, distance = (np.concatenate(parts) for parts in zip(*trials, strict=True))
-    speed = np.tile(commands[:, 0], len(conditions))
+    upright = [float(1.0 - fallen.mean()) for fallen, *_ in trials]
+    rest_s = [_p99(rest) for _, rest, *_ in trials]
+    fallen, rest, distance, turned = (np.concatenate(parts) for parts in zip(*trials, strict=True))
+    speed, _, turn = np.tile(commands, (len(conditions), 1)).T
     per_speed = [speed == v for v in SPEEDS_M_S]
+    turned *= np.sign(turn)
+    turns = [w for w in TURNS_RAD_S if w > 0.0]
+    per_turn = [(np.abs(turn) == w) & ~fallen for w in turns]
     return {
         "robots": len(fallen),
         "falls": int(fallen.sum()),
@@ -65,25 +70,28 @@ def stops(
         "distance_m_p50": [_quantile(distance[at & ~fallen], 0.5) for at in per_speed],
         "distance_m_p95": [_quantile(distance[at & ~fallen], 0.95) for at in per_speed],
         "rest_s_p99_by_speed": [_p99(rest[at]) for at in per_speed],
+        "turn_rad_s": turns,
+        "turned_rad_p50": [_quantile(turned[at], 0.5) for at in per_turn],
+        "turned_rad_p95": [_quantile(turned[at], 0.95) for at in per_turn],
     }
 
 
 def _stop(
     policy: GaitPolicy, commands: Array, conditions: Conditions, rng: np.random.Generator
-) -> tuple[NDArray[np.bool_], Array, Array]:
-    """Who fell (N,), time to rest (N,) [s], displacement while stopping (N,) [m]."""
+) -> tuple[NDArray[np.bool_], Array, Array, Array]:
+    """Who fell (N,); while stopping, time to rest [s], displacement [m], angle turned left [rad]."""
     n = len(commands)
     spread = np.zeros((n, 2)) if conditions.terrain.height_m is None else rng.uniform(-4, 4, (n, 2))
     trial = Trial(policy, conditions, spread, rng.uniform(-np.pi, np.pi, n), rng)
     cycle_s = 1.0 / policy.card.gait.frequency_hz
     stop_s = WALK_S + cycle_s * rng.random(n)
     steps = round((WALK_S + cycle_s + WATCH_S) / STEP_S)
-    where = np.empty((steps, n, 2))
+    where = np.empty((steps, n, 3))
     speed = np.empty((steps, n))
     for k in range(steps):
         stopped = trial.time_s >= stop_s
         trial.step(np.where(stopped[:, None], 0.0, commands))
-        where[k] = trial.position_m[:, :2]
+        where[k] = trial.poses[:, 1]
         speed[k] = np.linalg.norm(trial.state().linear_velocity_m_s[:, :2], axis=1)
     time_s = STEP_S * np.arange(1, steps + 1)[:, None]
     # What happens later than 3 s after a robot's stop belongs to none.
@@ -94,7 +102,8 @@ def _stop(
     first = np.argmax(watched, axis=0)
     end = np.minimum(first + round(WATCH_S / STEP_S), steps - 1)
     moved = where[end, np.arange(n)] - where[np.maximum(first - 1, 0), np.arange(n)]
-    return trial.fallen.copy(), rest, np.linalg.norm(moved, axis=1)
+    distance = np.linalg.norm(moved[:, :2], axis=1)
+    return trial.fallen.copy(), rest, distance, wrap_angle(moved[:, 2])
 
 
 def _p99(values: Array) -> float:

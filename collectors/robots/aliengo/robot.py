@@ -136,12 +136,12 @@ ALIENGO = RobotSpec(
     fall=FallThresholds(com_to_foot_m=0.18),
     command_limits=CommandLimits((-0.3, 1.0), (-0.3, 0.3), (-1.05, 1.05)),
     sources=(
-        "masses, link lengths, joint, torque and speed limits: Unitree's published robot description "
-        "(unitree_ros, aliengo.urdf)",
+        "masses, link lengths, joint, torque and speed limits: Unitree's published robot "
+        "description (unitree_ros, aliengo.urdf)",
         "fall thresholds, camera height (0.40–0.50 m) and HFOV 90°: VLN-PE",
         "PD gains and default pose: common practice of velocity-tracking policies on this robot",
-        "torque falls off from 60 % of the speed limit on: Unitree's torque-speed curves of such motors "
-        "have their knee at 55–77 % of the no-load speed (unitree_rl_lab)",
+        "torque falls off from 60 % of the speed limit on: Unitree's torque-speed curves of such "
+        "motors have their knee at 55–77 % of the no-load speed (unitree_rl_lab)",
         "link inertias: uniform boxes of the links' outer size with the published masses",
     ),
     build=build_aliengo,

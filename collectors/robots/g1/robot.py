@@ -283,12 +283,12 @@ G1 = RobotSpec(
     fall=FallThresholds(com_to_foot_m=0.42),
     command_limits=CommandLimits((-0.3, 1.0), (-0.3, 0.3), (-1.05, 1.05)),
     sources=(
-        "masses, link lengths, joint, torque and speed limits: Unitree's published robot description "
-        "(unitree_ros, g1_29dof_rev_1_0.urdf)",
+        "masses, link lengths, joint, torque and speed limits: Unitree's published robot "
+        "description (unitree_ros, g1_29dof_rev_1_0.urdf)",
         "fall rule and HFOV 90°: VLN-PE; the camera is where its D435 sits, levelled",
         "PD gains and default legs: common practice of velocity-tracking policies on this robot",
-        "torque falls off from 60 % of the speed limit on: Unitree's torque-speed curves of such motors "
-        "have their knee at 55–77 % of the no-load speed (unitree_rl_lab)",
+        "torque falls off from 60 % of the speed limit on: Unitree's torque-speed curves of such "
+        "motors have their knee at 55–77 % of the no-load speed (unitree_rl_lab)",
         "link inertias: uniform boxes of the links' outer size with the published masses",
     ),
     build=build_g1,

@@ -204,12 +204,12 @@ H1 = RobotSpec(
     fall=FallThresholds(com_to_foot_m=0.6),
     command_limits=CommandLimits((-0.3, 1.0), (-0.3, 0.3), (-1.05, 1.05)),
     sources=(
-        "masses, link lengths, joint, torque and speed limits: Unitree's published robot description "
-        "(unitree_ros, h1.urdf)",
+        "masses, link lengths, joint, torque and speed limits: Unitree's published robot "
+        "description (unitree_ros, h1.urdf)",
         "fall thresholds, camera height (about 1.66 m, 15° down) and HFOV 90°: VLN-PE",
         "PD gains and default legs: common practice of velocity-tracking policies on this robot",
-        "torque falls off from 60 % of the speed limit on: Unitree's torque-speed curves of such motors "
-        "have their knee at 55–77 % of the no-load speed (unitree_rl_lab)",
+        "torque falls off from 60 % of the speed limit on: Unitree's torque-speed curves of such "
+        "motors have their knee at 55–77 % of the no-load speed (unitree_rl_lab)",
         "link inertias: uniform boxes of the links' outer size with the published masses",
     ),
     build=build_h1,
