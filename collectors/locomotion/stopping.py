@@ -79,7 +79,7 @@ def stops(
 def _stop(
     policy: GaitPolicy, commands: Array, conditions: Conditions, rng: np.random.Generator
 ) -> tuple[NDArray[np.bool_], Array, Array, Array]:
-    """Who fell (N,); while stopping, time to rest [s], displacement [m], angle turned left [rad]."""
+    """Who fell (N,); time to rest [s], displacement [m] and angle turned left [rad] till then."""
     n = len(commands)
     spread = np.zeros((n, 2)) if conditions.terrain.height_m is None else rng.uniform(-4, 4, (n, 2))
     trial = Trial(policy, conditions, spread, rng.uniform(-np.pi, np.pi, n), rng)
