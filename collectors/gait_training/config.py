@@ -203,10 +203,16 @@ def _hard(flat: TrainingConfig) -> TrainingConfig:
     )
 
 
-def _refine(flat: TrainingConfig) -> TrainingConfig:
+def _refine(flat: TrainingConfig, yaw_mean: float, hurried: float) -> TrainingConfig:
     """Stop at once, obey late and in a hurry, climb ramps, do not waddle; starts from a gait."""
     rewards = replace(
-        flat.rewards, roll=-30.0, roll_pitch_rate=-0.15, stand_drift=-1.0, track_yaw=1.5
+        flat.rewards,
+        roll=-15.0,
+        stand_drift=-1.0,
+        track_linear=3.0,
+        track_linear_mean=4.0,
+        track_yaw=1.5,
+        track_yaw_mean=yaw_mean,
     )
     return replace(
         _hard(flat),
@@ -214,13 +220,13 @@ def _refine(flat: TrainingConfig) -> TrainingConfig:
         swing_height_m=0.06,
         high_swing=1.0,
         yaw_widths=(0.25, 0.05),
-        late_share=0.4,
-        stop_share=0.4,
-        hurried_share=0.2,
+        late_share=0.3,
+        stop_share=0.35,
+        hurried_share=hurried,
         command_s=(1.0, 5.0),
         init_std=0.2,
         kl=0.01,
-        entropy=0.0005,
+        entropy=0.0,
     )
 
 
@@ -246,10 +252,7 @@ PHASES: dict[str, tuple[tuple[TrainingConfig, int], ...]] = {
 
 # The same for a training that starts from an installed gait.
 REFINEMENTS: dict[str, tuple[tuple[TrainingConfig, int], ...]] = {
-    name: ((_refine(flat), first), (_smooth(_refine(flat)), last))
-    for name, flat, first, last in (
-        ("aliengo", ALIENGO_FLAT, 150, 80),
-        ("h1", H1_FLAT, 500, 150),
-        ("g1", G1_FLAT, 500, 150),
-    )
+    "aliengo": ((_refine(ALIENGO_FLAT, 1.25, 0.1), 150),),
+    "h1": ((_refine(H1_FLAT, 1.5, 0.1), 2000),),
+    "g1": ((_refine(G1_FLAT, 2.5, 0.2), 2000),),
 }

@@ -14,7 +14,6 @@ from tensordict import TensorDict
 
 from ..locomotion.gait import ClockState, joint_targets
 from ..locomotion.observation import RobotState, layout, observe, states_of
-from ..locomotion.target_pipe import TargetPipe
 from ..robots import POLICY_DECIMATION, TIMESTEP_S, RobotHandles, RobotSpec, apply_physics_options
 from .commands import ACTION_S, command_bounds, sample_actions, sample_commands
 from .config import TrainingConfig
@@ -22,6 +21,7 @@ from .gaits import GAITS
 from .mirror import Symmetry
 from .randomize import draw_latency, randomize_models
 from .rewards import SMOOTHNESS_TERMS, BodyFacts, StepFacts, reward_terms
+from .target_pipe import TargetPipe
 from .terrain import Terrain
 
 Array = NDArray[np.float64]

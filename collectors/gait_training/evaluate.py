@@ -20,13 +20,13 @@ from ...formats.core.atomic import atomic_file
 from ..controllers import SpeedConfig
 from ..locomotion.card import POLICY_FOLDER, save_card
 from ..locomotion.policy import GaitPolicy
-from ..locomotion.stopping import stops
 from ..robots import RobotSpec, get_robot
 from .action_errors import action_errors
 from .aim import calibrated
 from .driven import follow_paths
 from .gates import CLOSED_LOOP, TIMED, gate_results
 from .measures import command_grid, posture, pushes, standing, velocity_errors
+from .stopping import stops
 from .terrain import noise_terrain, ramp_terrain
 from .trial import POLICY_DECIMATION, Conditions
 

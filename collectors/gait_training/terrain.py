@@ -85,7 +85,7 @@ def rough_terrain(rng: np.random.Generator, size_m: float = 24.0, cell_m: float 
     height = np.zeros((count * tile, count * tile))
     for row in range(count):
         for column in range(count):
-            kind = rng.choice(["flat", "noise", "steps", "ramps"], p=[0.15, 0.4, 0.2, 0.25])
+            kind = rng.choice(["flat", "noise", "steps", "ramps"], p=[0.35, 0.3, 0.15, 0.2])
             part = np.s_[row * tile : (row + 1) * tile, column * tile : (column + 1) * tile]
             if kind == "noise":
                 height[part] = noise(rng, tile, cell_m, rng.uniform(0.01, 0.06))

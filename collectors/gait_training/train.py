@@ -148,7 +148,7 @@ def train(
 def _start_refining(robot: RobotSpec, env: GaitEnv, runner: OnPolicyRunner) -> None:
     """Take over the installed gait, and let the critic learn what it is worth first."""
     # Late, because onnx is needed for nothing else here.
-    from ..locomotion.warm_start import start_from_installed
+    from .warm_start import start_from_installed
 
     algorithm = runner.alg
     start_from_installed(robot, None, env, algorithm.actor)

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from ..locomotion.gait import ClockState, joint_targets
 from ..locomotion.observation import RobotState, observe, states_of
 from ..locomotion.policy import GaitPolicy
-from ..locomotion.target_pipe import TargetPipe
 from ..robots import POLICY_DECIMATION, TIMESTEP_S, RobotHandles, apply_physics_options
+from .target_pipe import TargetPipe
 from .terrain import Terrain
 
 Array = NDArray[np.float64]

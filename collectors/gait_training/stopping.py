@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.frames import wrap_angle
-from ..gait_training.terrain import Terrain
-from ..gait_training.trial import STEP_S, Conditions, Trial
+from ..locomotion.policy import GaitPolicy
 from ..robots import POLICY_DECIMATION
-from .policy import GaitPolicy
+from .terrain import Terrain
+from .trial import STEP_S, Conditions, Trial
 
 Array = NDArray[np.float64]
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from vlnpe.collectors.gait_training.stopping import GOAL_S, SPEEDS_M_S, stops
+from vlnpe.collectors.gait_training.target_pipe import TargetPipe
 from vlnpe.collectors.gait_training.terrain import noise_terrain
 from vlnpe.collectors.locomotion.gait import GaitClock
 from vlnpe.collectors.locomotion.policy import GaitPolicy
-from vlnpe.collectors.locomotion.stopping import GOAL_S, SPEEDS_M_S, stops
-from vlnpe.collectors.locomotion.target_pipe import TargetPipe
 from vlnpe.collectors.robots import get_robot
 
 

@@ -10,9 +10,9 @@ import onnx
 import torch
 from onnx import numpy_helper
 
-from ..gait_training.env import GaitEnv
+from ..locomotion.policy import policy_files
 from ..robots import RobotSpec
-from .policy import policy_files
+from .env import GaitEnv
 
 LOOK_STEPS = 200  # policy steps over which the observations' mean and spread are taken
 
