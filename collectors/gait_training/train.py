@@ -24,6 +24,7 @@ from rsl_rl.runners import OnPolicyRunner
 from ...formats.core.atomic import atomic_file
 from ...formats.core.errors import UnknownNameError, VlnpeError
 from ..locomotion.card import POLICY_FOLDER, load_card
+from ..locomotion.policy import policy_files
 from ..robots import RobotSpec, get_robot
 from .config import PHASES, REFINEMENTS, ppo_config
 from .env import GaitEnv
@@ -46,7 +47,8 @@ class Arguments:
         threads: for physics.
         publish: evaluate the result and install it into the package.
         iterations: PPO iterations per phase; default as configured. For a quick trial.
-        refine: start from the installed gait, with the phases for that (`REFINEMENTS`).
+        refine: start from a gait, with the phases for that (`REFINEMENTS`).
+        start: folder of the gait to refine; default the installed one.
     """
 
     robot: tyro.conf.Positional[str]
@@ -56,6 +58,7 @@ class Arguments:
     publish: bool = False
     iterations: int | None = None
     refine: bool = False
+    start: Path = POLICY_FOLDER
 
 
 def run(arguments: Arguments) -> None:
@@ -74,7 +77,7 @@ def run(arguments: Arguments) -> None:
         arguments.seed,
         arguments.threads,
         arguments.iterations,
-        arguments.refine,
+        arguments.start if arguments.refine else None,
     )
     if arguments.publish:
         # Late, because it needs more than training does.
@@ -89,11 +92,11 @@ def train(
     seed: int,
     threads: int,
     iterations: int | None = None,
-    refine: bool = False,
+    refine: Path | None = None,
 ) -> None:
     """Run all phases of the robot's training, going on from the last checkpoint in `out`.
 
-    With `refine` it starts from the installed gait and runs the phases of a refinement.
+    With `refine`, a folder, it starts from the gait in there and runs the phases of a refinement.
     """
     # The networks are small: more torch threads cost more than they give.
     torch.set_num_threads(1)
@@ -120,7 +123,7 @@ def train(
         if checkpoint.exists():
             runner.load(str(checkpoint))
         elif refine:
-            _start_refining(robot, env, runner)
+            _start_refining(robot, refine, env, runner)
         if refine:
             # A normaliser that drifts moves a finished policy more than learning does.
             runner.alg.actor.obs_normalizer.until = 0
@@ -145,13 +148,13 @@ def train(
         first = last
 
 
-def _start_refining(robot: RobotSpec, env: GaitEnv, runner: OnPolicyRunner) -> None:
-    """Take over the installed gait, and let the critic learn what it is worth first."""
+def _start_refining(robot: RobotSpec, folder: Path, env: GaitEnv, runner: OnPolicyRunner) -> None:
+    """Take over the gait in a folder, and let the critic learn what it is worth first."""
     # Late, because onnx is needed for nothing else here.
-    from .warm_start import start_from_installed
+    from .warm_start import start_from
 
     algorithm = runner.alg
-    start_from_installed(robot, None, env, algorithm.actor)
+    start_from(robot, folder, env, algorithm.actor)
     schedule, rate = algorithm.schedule, algorithm.learning_rate
     algorithm.schedule = "fixed"
     algorithm.actor.requires_grad_(False)
@@ -162,11 +165,13 @@ def _start_refining(robot: RobotSpec, env: GaitEnv, runner: OnPolicyRunner) -> N
         group["lr"] = algorithm.learning_rate
 
 
-def _facts(robot: RobotSpec, seed: int, progress: dict[str, Any], refine: bool) -> dict[str, Any]:
+def _facts(
+    robot: RobotSpec, seed: int, progress: dict[str, Any], refine: Path | None
+) -> dict[str, Any]:
     phases = (REFINEMENTS if refine else PHASES)[robot.name]
     start = {}
     if refine:
-        card = load_card(POLICY_FOLDER / f"{robot.name}.json")
+        card = load_card(policy_files(robot, refine)[1])
         start = {"start": {"onnx_sha256": card.onnx_sha256, "training": card.training}}
     return {
         "algorithm": "PPO (rsl-rl-lib) over mujoco.batch",

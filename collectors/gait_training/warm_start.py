@@ -1,4 +1,4 @@
-"""Begin a training with an installed gait instead of with nothing."""
+"""Begin a training with an exported gait instead of with nothing."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .env import GaitEnv
 LOOK_STEPS = 200  # policy steps over which the observations' mean and spread are taken
 
 
-def start_from_installed(robot: RobotSpec, folder: Path | None, env: GaitEnv, actor: Any) -> None:
+def start_from(robot: RobotSpec, folder: Path, env: GaitEnv, actor: Any) -> None:
     """Give a fresh actor the weights of `<robot>.onnx`, undoing what `export.py` folded in.
 
     An exported network is the mean of an actor and its mirror image side by side: its first half
@@ -26,7 +26,7 @@ def start_from_installed(robot: RobotSpec, folder: Path | None, env: GaitEnv, ac
 
     Args:
         robot: whose gait.
-        folder: of the ONNX file; None for the installed one.
+        folder: of the ONNX file.
         env: walked for 4 s.
         actor: `rsl_rl`'s, with a normaliser and an ELU network of half the exported widths.
     """
