@@ -22,6 +22,7 @@ from ...formats.core.atomic import atomic_file
 from ..locomotion.card import load_card, save_card
 from ..locomotion.policy import policy_files
 from ..robots import get_robot
+from .export import motor_speeds
 from .gaits import GAITS
 
 
@@ -41,6 +42,7 @@ def main(
     second: Annotated[Path, tyro.conf.Positional],
     share: float,
     out: Path,
+    aim_beyond: tuple[float, float, float] | None = None,
 ) -> None:
     """Write the blend of two gaits of one robot, and a card without evaluation.
 
@@ -50,6 +52,7 @@ def main(
         second: folder of the refined ones.
         share: of the second.
         out: folder to write to.
+        aim_beyond: how far beyond the robot's limits its calibration may ask, see `aim.calibrated`.
     """
     spec = get_robot(robot)
     (first_onnx, first_card), (second_onnx, second_card) = (
@@ -61,10 +64,13 @@ def main(
         **cards[1].training,
         "blend": {"share": share, "of": cards[1].onnx_sha256, "with": cards[0].onnx_sha256},
     }
+    if aim_beyond is not None:
+        training["aim_beyond"] = list(aim_beyond)
     card = replace(
         cards[1],
         physics_hash=spec.physics_hash(),
         gait=GAITS[robot],
+        speed_rad_s=motor_speeds(spec),
         onnx_sha256=hashlib.sha256(content).hexdigest(),
         training=training,
         evaluation={},

@@ -252,9 +252,17 @@ PHASES: dict[str, tuple[tuple[TrainingConfig, int], ...]] = {
     "g1": ((G1_FLAT, 450), (_hard(G1_FLAT), 350), (_polish(G1_FLAT), 150)),
 }
 
+def _settle(refined: TrainingConfig) -> TrainingConfig:
+    """Level ground, few falls: what is left to gain is obeying."""
+    rewards = replace(refined.rewards, track_linear_mean=6.0)
+    return replace(
+        refined, rewards=rewards, terrain="flat", push_m_s=0.5, late_share=0.2, hurried_share=0.05
+    )
+
+
 # The same for a training that starts from an installed gait.
 REFINEMENTS: dict[str, tuple[tuple[TrainingConfig, int], ...]] = {
-    "aliengo": ((_refine(ALIENGO_FLAT, 1.25, 0.1), 150),),
-    "h1": ((_refine(H1_FLAT, 1.5, 0.1), 2000),),
-    "g1": ((_refine(G1_FLAT, 2.5, 0.2), 2000),),
+    "aliengo": ((_settle(_refine(ALIENGO_FLAT, 1.25, 0.1)), 150),),
+    "h1": ((_refine(H1_FLAT, 1.5, 0.1), 120), (_settle(_refine(H1_FLAT, 1.5, 0.0)), 300)),
+    "g1": ((_settle(_refine(G1_FLAT, 3.0, 0.1)), 400),),
 }
