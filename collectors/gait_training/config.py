@@ -252,6 +252,7 @@ PHASES: dict[str, tuple[tuple[TrainingConfig, int], ...]] = {
     "g1": ((G1_FLAT, 450), (_hard(G1_FLAT), 350), (_polish(G1_FLAT), 150)),
 }
 
+
 def _settle(refined: TrainingConfig) -> TrainingConfig:
     """Level ground, few falls: what is left to gain is obeying."""
     rewards = replace(refined.rewards, track_linear_mean=6.0)
