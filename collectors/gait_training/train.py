@@ -122,11 +122,11 @@ def train(
         runner = OnPolicyRunner(env, {**ppo_config(phase, seed), "multi_gpu": None})
         if checkpoint.exists():
             runner.load(str(checkpoint))
-        elif refine:
-            _start_refining(robot, refine, env, runner)
         if refine:
             # A normaliser that drifts moves a finished policy more than learning does.
             runner.alg.actor.obs_normalizer.until = 0
+            if not checkpoint.exists():
+                _start_refining(robot, refine, env, runner)
         while done < last:
             started = time.monotonic()
             # Robots first learn to walk, then to walk smoothly and to be kicked.
