@@ -41,7 +41,8 @@ def action_errors(
 
     Returns:
         90th percentiles of all actions' errors in position [m] and heading [°], and of steps and
-        turns alone; mean step [m] and turn [°]; share of turns; mean time of an action [s]; falls.
+        turns alone; mean step [m] and turn [°]; share of turns, and of turns right after one
+        to the other side; mean time of an action [s]; falls.
     """
     paths = [random_path(rng, FORWARD_STEP_M * actions) for _ in range(count)]
     heading = rng.uniform(-np.pi / 2, np.pi / 2, count)
@@ -58,6 +59,7 @@ def action_errors(
     turned = np.rad2deg(np.abs(wrap_angle(moved[:, 2] - nominal[:, 2])))
     steps = np.array([kind is Action.FORWARD for kind in kinds], dtype=bool)
     sign = np.sign(nominal[:, 2])
+    turned_deg = np.rad2deg(sign * moved[:, 2])[~steps]
     return {
         "robots": count,
         "actions": len(kinds),
@@ -69,7 +71,10 @@ def action_errors(
         "turn_position_p90_m": _p90(position[~steps]),
         "turn_heading_p90_deg": _p90(turned[~steps]),
         "step_mean_m": _mean(moved[steps, 0]),
-        "turn_mean_deg": _mean(np.rad2deg(sign * moved[:, 2])[~steps]),
+        "turn_mean_deg": _mean(turned_deg),
+        "turn_p5_deg": _quantile(turned_deg, 0.05),
+        "turn_p95_deg": _quantile(turned_deg, 0.95),
+        "reversals": _mean(np.array([_reverses(*p) for s in drivers.actions for p in pairwise(s)])),
         "turns": _mean(~steps),
         "seconds_per_action": _mean(seconds),
     }
@@ -89,9 +94,17 @@ def displacements(started: list[list[StartedAction]]) -> tuple[list[Action], Arr
     return kinds, np.reshape(moved, (-1, 3)), np.array(seconds)
 
 
+def _reverses(first: StartedAction, second: StartedAction) -> bool:
+    return {first.action, second.action} == {Action.LEFT, Action.RIGHT}
+
+
 def _mean(values: Array) -> float:
     return float(values.mean()) if len(values) else math.nan
 
 
 def _p90(values: Array) -> float:
-    return float(np.quantile(values, 0.9)) if len(values) else math.nan
+    return _quantile(values, 0.9)
+
+
+def _quantile(values: Array, share: float) -> float:
+    return float(np.quantile(values, share)) if len(values) else math.nan

@@ -28,10 +28,15 @@ STRIDE = 0.7  # share of the remaining error that a round corrects
 
 
 def calibrated(policy: GaitPolicy) -> GaitPolicy:
-    """The policy with its gait calibrated, within the commands of its last phase of training."""
-    phase = policy.card.training["phases"][-1]
-    limits = policy.robot.command_limits
-    most = command_bounds(limits, phase["command_margin"], phase.get("command_beyond", (0, 0, 0)))
+    """The policy with its gait calibrated, within the commands of its last phase of training.
+
+    A card whose training says `aim_beyond` may be asked for that much more than the robot's limits:
+    a gait that only walks too slowly follows commands that it never saw.
+    """
+    training = policy.card.training
+    phase = training["phases"][-1]
+    beyond = training.get("aim_beyond", phase.get("command_beyond", (0, 0, 0)))
+    most = command_bounds(policy.robot.command_limits, phase["command_margin"], beyond)
     return policy.changed(policy.robot, replace(policy.card, gait=aimed(policy, most)))
 
 

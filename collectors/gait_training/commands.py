@@ -13,6 +13,9 @@ Array = NDArray[np.float64]
 # spot, or does both at once, and stops in between.
 KINDS = {"any": 0.40, "straight": 0.17, "turn": 0.17, "arc": 0.12, "stand": 0.14}
 
+ACTION_S = 0.25  # of a discrete action in VLN-PE's timing
+ACTIONS = np.array([(1.0, 0.0, 0.0), (0.0, 0.0, np.pi / 3), (0.0, 0.0, -np.pi / 3)])
+
 
 def command_bounds(
     limits: CommandLimits, margin: float = 1.0, beyond: ArrayLike = (0.0, 0.0, 0.0)
@@ -28,3 +31,8 @@ def sample_commands(rng: np.random.Generator, count: int, bounds: Array) -> Arra
     kind = rng.choice(len(KINDS), count, p=list(KINDS.values()))
     mask = np.array([[1, 1, 1], [1, 0, 0], [0, 0, 1], [1, 0, 1], [0, 0, 0]])
     return command * mask[kind]
+
+
+def sample_actions(rng: np.random.Generator, count: int) -> Array:
+    """Commands (count, 3) of discrete actions as VLN-PE times them: half steps, half turns."""
+    return ACTIONS[rng.choice(3, count, p=(0.5, 0.25, 0.25))]

@@ -17,6 +17,7 @@ class RewardWeights:
     vertical_velocity: float = -2.0
     roll_pitch_rate: float = -0.1
     tilt: float = -5.0
+    roll: float = 0.0
     base_height: float = -40.0
     torque: float = -1e-4
     joint_acceleration: float = -2.5e-7
@@ -28,6 +29,7 @@ class RewardWeights:
     sideways: float = -0.4
     stand_pose: float = -1.0
     stand_joint_velocity: float = -0.02
+    stand_drift: float = 0.0
     joint_limit: float = -5.0
 
 
@@ -43,17 +45,25 @@ class TrainingConfig:
         command_margin: commands are drawn from the robot's limits times this.
         command_beyond: and from this much beyond them, for vx, vy [m/s] and yaw [rad/s].
         swing_height_m: height of the foot's arc above the ground.
+        high_swing: weight of being above that arc, over that of being below.
         stand_joint_rad: pose to stand in, per leg, at the base height wanted.
+        yaw_widths: squared widths [(rad/s)²] of the bells that reward the turn rate.
         linear_mean_widths, yaw_mean_widths: squared widths [(m/s)², (rad/s)²] of the bells that
             reward the mean velocity.
         friction, mass_scale, gain_scale: ranges drawn once per simulation.
         com_shift_m: largest shift of the base's centre of mass along each axis.
-        latency_substeps: largest delay of an action, in physics steps.
+        latency_substeps: largest delay of an action, in physics steps, of most simulations.
+        late_share, late_substeps: share of simulations with larger delays, and their largest.
+        stop_share, stop_s: how often a new command is "stop at once" for one that walks, and the
+            range of times it then stands.
+        hurried_share: share of simulations that get discrete actions in VLN-PE's timing.
         fall_slack: an episode ends at this many times the robot's roll and pitch thresholds; above
             1 there is something to recover from.
         push_m_s, push_s: largest kick of the base and range of times between kicks.
         noise: half width of uniform observation noise per block.
+        init_std: exploration noise of a training from scratch.
         entropy: weight of the entropy bonus; a small one lets the exploration noise die down.
+        kl: how far an iteration may move the policy; the learning rate follows.
         hidden: widths of actor and critic.
     """
 
@@ -65,7 +75,9 @@ class TrainingConfig:
     command_margin: float = 1.1
     command_beyond: tuple[float, float, float] = (0.0, 0.0, 0.0)
     swing_height_m: float = 0.08
+    high_swing: float = 0.3
     stand_joint_rad: tuple[float, ...] = (0.0, 0.841, -1.682)
+    yaw_widths: tuple[float, ...] = (0.25,)
     linear_mean_widths: tuple[float, ...] = (0.01,)
     yaw_mean_widths: tuple[float, ...] = (0.02,)
     friction: tuple[float, float] = (0.4, 1.2)
@@ -73,6 +85,11 @@ class TrainingConfig:
     gain_scale: tuple[float, float] = (0.9, 1.1)
     com_shift_m: float = 0.02
     latency_substeps: int = 4
+    late_share: float = 0.0
+    late_substeps: int = 12
+    stop_share: float = 0.0
+    stop_s: tuple[float, float] = (1.5, 3.0)
+    hurried_share: float = 0.0
     fall_slack: float = 1.3
     push_m_s: float = 0.6
     push_s: tuple[float, float] = (3.0, 6.0)
@@ -87,7 +104,9 @@ class TrainingConfig:
         }
     )
     rewards: RewardWeights = field(default_factory=RewardWeights)
+    init_std: float = 0.5
     entropy: float = 0.004
+    kl: float = 0.015
     hidden: tuple[int, int] = (128, 128)
 
 
@@ -108,7 +127,7 @@ def ppo_config(config: TrainingConfig, seed: int) -> dict:
             **network,
             "distribution_cfg": {
                 "class_name": "GaussianDistribution",
-                "init_std": 0.5,
+                "init_std": config.init_std,
                 "std_type": "log",
             },
         },
@@ -125,7 +144,7 @@ def ppo_config(config: TrainingConfig, seed: int) -> dict:
             "learning_rate": 1e-3,
             "max_grad_norm": 1.0,
             "schedule": "adaptive",
-            "desired_kl": 0.015,
+            "desired_kl": config.kl,
             "use_clipped_value_loss": True,
             "symmetry_cfg": {
                 "data_augmentation_func": "vlnpe.collectors.gait_training.mirror:mirrored",
@@ -184,9 +203,42 @@ def _hard(flat: TrainingConfig) -> TrainingConfig:
     )
 
 
+def _refine(flat: TrainingConfig, yaw_mean: float, hurried: float) -> TrainingConfig:
+    """Stop at once, obey late and in a hurry, climb ramps, do not waddle; starts from a gait."""
+    rewards = replace(
+        flat.rewards,
+        roll=-10.0,
+        stand_drift=-1.0,
+        track_linear=3.0,
+        track_linear_mean=4.0,
+        track_yaw=1.5,
+        track_yaw_mean=yaw_mean,
+    )
+    return replace(
+        _hard(flat),
+        rewards=rewards,
+        swing_height_m=0.06,
+        high_swing=0.5,
+        yaw_widths=(0.25, 0.05),
+        late_share=0.35,
+        stop_share=0.35,
+        hurried_share=hurried,
+        command_s=(1.0, 5.0),
+        push_m_s=0.7,
+        push_s=(3.0, 6.0),
+        init_std=0.2,
+        kl=0.01,
+        entropy=0.0,
+    )
+
+
 def _polish(flat: TrainingConfig) -> TrainingConfig:
     """Level ground and gentler kicks again, without exploring: walk as fast as asked."""
-    return replace(_hard(flat), terrain="flat", push_m_s=0.7, push_s=(3.0, 6.0), entropy=0.0)
+    return _smooth(_hard(flat))
+
+
+def _smooth(rough: TrainingConfig) -> TrainingConfig:
+    return replace(rough, terrain="flat", push_m_s=0.7, push_s=(3.0, 6.0), entropy=0.0)
 
 
 # Phases of training, in order: settings and PPO iterations.
@@ -198,4 +250,20 @@ PHASES: dict[str, tuple[tuple[TrainingConfig, int], ...]] = {
     ),
     "h1": ((H1_FLAT, 550), (_hard(H1_FLAT), 400), (_polish(H1_FLAT), 150)),
     "g1": ((G1_FLAT, 450), (_hard(G1_FLAT), 350), (_polish(G1_FLAT), 150)),
+}
+
+
+def _settle(refined: TrainingConfig) -> TrainingConfig:
+    """Level ground, few falls: what is left to gain is obeying."""
+    rewards = replace(refined.rewards, track_linear_mean=6.0)
+    return replace(
+        refined, rewards=rewards, terrain="flat", push_m_s=0.5, late_share=0.2, hurried_share=0.05
+    )
+
+
+# The same for a training that starts from an installed gait.
+REFINEMENTS: dict[str, tuple[tuple[TrainingConfig, int], ...]] = {
+    "aliengo": ((_settle(_refine(ALIENGO_FLAT, 1.25, 0.1)), 150),),
+    "h1": ((_refine(H1_FLAT, 1.5, 0.1), 120), (_settle(_refine(H1_FLAT, 1.5, 0.0)), 300)),
+    "g1": ((_settle(_refine(G1_FLAT, 3.0, 0.1)), 400),),
 }

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from ...formats.core.rollout import Action
 from ...formats.scene.freemap import Freemap
 from ...formats.scene.grid import GridSpec
-from ..controllers import STOPPED, Controller, PathConfig, Pose, Task
+from ..controllers import STOPPED, Controller, PathConfig, Pose, SpeedConfig, Task
 from ..controllers.path import PathController
+from ..controllers.speed import SpeedController
 from ..locomotion.policy import GaitPolicy
 from ..outcome import OutcomeConfig
 from ..robots import RobotSpec
@@ -23,7 +24,7 @@ from .trial import STEP_S, Conditions, Trial
 Array = NDArray[np.float64]
 
 CONTROL_HZ = 100  # `Trial` tells two poses per step of 20 ms
-REST_S = 0.5  # as in a replay, a robot must still stand after it stopped
+REST_S = 2.5  # a robot must still stand so long after it stopped
 
 
 def random_path(rng: np.random.Generator, length_m: float = 12.0) -> Array:
@@ -107,17 +108,25 @@ class Drivers:
 
 
 def follow_paths(
-    policy: GaitPolicy, count: int, conditions: Conditions, rng: np.random.Generator
+    policy: GaitPolicy,
+    count: int,
+    conditions: Conditions,
+    rng: np.random.Generator,
+    by_speed: bool = False,
 ) -> dict[str, float]:
-    """Follow random 12 m paths under move-along-path as it is by default.
+    """Follow random 12 m paths under move-along-path, or move-by-speed, as it is by default.
 
-    Reached means what success means in a replay: it stopped, and half a second later still stands
+    Reached means what success means in a replay: it stopped, and 2.5 s later still stands
     within the goal's tolerance.
     """
     paths = [random_path(rng) for _ in range(count)]
     trial = Trial(policy, conditions, np.zeros((count, 2)), np.zeros(count), rng)
     outcome = OutcomeConfig()
-    controllers = [PathController(task_along(policy.robot, p), PathConfig()) for p in paths]
+    tasks = [task_along(policy.robot, path) for path in paths]
+    controllers: list[PathController | SpeedController] = [
+        SpeedController(task, SpeedConfig()) if by_speed else PathController(task, PathConfig())
+        for task in tasks
+    ]
     drivers = Drivers(controllers, trial)
     nominal_s = np.array([c.nominal_s for c in controllers])
     off: list[float] = []

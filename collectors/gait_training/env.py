@@ -12,15 +12,16 @@ from numpy.typing import NDArray
 from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
-from ..locomotion.gait import joint_targets
+from ..locomotion.gait import ClockState, joint_targets
 from ..locomotion.observation import RobotState, layout, observe, states_of
 from ..robots import POLICY_DECIMATION, TIMESTEP_S, RobotHandles, RobotSpec, apply_physics_options
-from .commands import command_bounds, sample_commands
+from .commands import ACTION_S, command_bounds, sample_actions, sample_commands
 from .config import TrainingConfig
 from .gaits import GAITS
 from .mirror import Symmetry
-from .randomize import randomize_models
+from .randomize import draw_latency, randomize_models
 from .rewards import SMOOTHNESS_TERMS, BodyFacts, StepFacts, reward_terms
+from .target_pipe import TargetPipe
 from .terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -79,7 +80,8 @@ class GaitEnv(VecEnv):
         self._command_bounds = command_bounds(
             robot.command_limits, config.command_margin, config.command_beyond
         )
-        self._latency = rng.integers(0, config.latency_substeps + 1, config.envs)
+        self._pipe = TargetPipe(draw_latency(rng, config))
+        self._hurried = rng.random(config.envs) < config.hurried_share
         # Control vectors follow the model's actuator order, which is the policy's here.
         self._ctrl_order = np.argsort(self.handles.actuators)
         self._allocate()
@@ -88,8 +90,8 @@ class GaitEnv(VecEnv):
     def _allocate(self) -> None:
         n, j, f = self.num_envs, self.num_actions, len(self.robot.feet)
         self._action, self._previous, self._older = (np.zeros((n, j)) for _ in range(3))
-        self._target = np.tile(self._default, (n, 1))
-        self._command, self._phase = np.zeros((n, 3)), np.zeros(n)
+        self._pipe.fill(np.tile(self._default, (n, 1)))
+        self._wanted, self._clock = np.zeros((n, 3)), ClockState.standing(n)
         self._moving = np.zeros(n, dtype=bool)
         self._next_command, self._next_push = np.zeros(n), np.zeros(n)
         self._linear_mean, self._yaw_mean = np.zeros((n, 2)), np.zeros(n)
@@ -105,8 +107,8 @@ class GaitEnv(VecEnv):
         clean = observe(
             self._state(),
             self._zero,
-            self._command,
-            self._phase,
+            self._clock.command,
+            self._clock.phase,
             self._moving,
             self._action,
         )
@@ -152,7 +154,7 @@ class GaitEnv(VecEnv):
         self._push()
         if done.any():
             self._reset(np.flatnonzero(done))
-        self._phase = self.gait.advance(self._phase, self._moving, STEP_S)
+        self._clock, self._moving = self.gait.tick(self._clock, self._wanted, STEP_S)
         self.episode_length_buf = torch.from_numpy(self._age.copy())
         return (
             self.get_observations(),
@@ -167,14 +169,10 @@ class GaitEnv(VecEnv):
         return scale * getattr(self.config.rewards, name)
 
     def _advance_physics(self) -> None:
-        late = self._target
-        reference = self.gait.reference(self._phase, self._moving, self._command)
-        self._target = target = joint_targets(
-            self._default, reference, self.robot.action_scale_rad, self._action
-        )
+        reference = self.gait.reference(self._clock.phase, self._moving, self._clock.command)
+        target = joint_targets(self._default, reference, self.robot.action_scale_rad, self._action)
         # Each simulation applies the new target some physics steps late.
-        fresh = np.arange(POLICY_DECIMATION) >= self._latency[:, None]
-        control = np.where(fresh[..., None], target[:, None], late[:, None])
+        control = self._pipe.push(target)
         self.batch.rollout(POLICY_DECIMATION, control[..., self._ctrl_order], record=())
 
     def _state(self) -> RobotState:
@@ -201,7 +199,7 @@ class GaitEnv(VecEnv):
         acceleration = (state.joint_rad_s - self._joint_velocity) / STEP_S
         self._joint_velocity = state.joint_rad_s.copy()
         return StepFacts(
-            command=self._command,
+            command=self._clock.command,
             moving=self._moving,
             linear_velocity=linear,
             angular_velocity=angular,
@@ -216,7 +214,7 @@ class GaitEnv(VecEnv):
             action=self._action,
             previous_action=self._previous,
             older_action=self._older,
-            foot_phase=self.gait.foot_phase(self._phase),
+            foot_phase=self.gait.foot_phase(self._clock.phase),
             foot_contact=self._foot_contact,
             foot_height_m=self._foot_height,
             foot_speed_m_s=speed,
@@ -232,12 +230,24 @@ class GaitEnv(VecEnv):
         return (roll > slack * fall.roll_rad) | (pitch > slack * fall.pitch_rad) | low | broken
 
     def _change_commands(self) -> None:
+        """Give new commands to those whose time has come; every other one stops after a walk."""
         due = np.flatnonzero(self._age * STEP_S >= self._next_command)
-        if len(due):
-            self._command[due] = sample_commands(self.rng, len(due), self._command_bounds)
-            wait = self.rng.uniform(*self.config.command_s, len(due))
-            self._next_command[due] = self._age[due] * STEP_S + wait
-            self._moving = self.gait.moving(self._command)
+        if not len(due):
+            return
+        rng, config = self.rng, self.config
+        walked = self.gait.moving(self._wanted[due])
+        stop = walked & (rng.random(len(due)) < config.stop_share)
+        hurried = self._hurried[due]
+        wait = rng.uniform(*config.command_s, len(due))
+        wait = np.where(stop, rng.uniform(*config.stop_s, len(due)), wait)
+        fresh = sample_commands(rng, len(due), self._command_bounds)
+        # Like discrete actions in VLN-PE's timing: a step or a turn each quarter of a second.
+        wait[hurried] = ACTION_S * rng.integers(1, 5, hurried.sum())
+        fresh[hurried] = sample_actions(rng, int(hurried.sum()))
+        stop &= ~hurried | (rng.random(len(due)) < 0.2)
+        wait[hurried & stop] = rng.uniform(*config.stop_s, int((hurried & stop).sum()))
+        self._wanted[due] = np.where(stop[:, None], 0.0, fresh)
+        self._next_command[due] = self._age[due] * STEP_S + wait
 
     def _push(self) -> None:
         due = np.flatnonzero(self._age * STEP_S >= self._next_push)
@@ -267,10 +277,12 @@ class GaitEnv(VecEnv):
         self._qpos[np.ix_(ids, h.joint_qpos)] = joints
         self._qvel[ids, v : v + 6] = rng.uniform(-0.2, 0.2, (n, 6))
         self._age[ids] = 0
-        self._target[ids] = self._default
+        self._pipe.refill(ids, self._default)
         for array in (self._action, self._previous, self._older, self._linear_mean):
             array[ids] = 0.0
-        self._phase[ids], self._yaw_mean[ids], self._joint_velocity[ids] = 0.0, 0.0, 0.0
+        self._clock.command[ids], self._clock.phase[ids], self._clock.steps_left[ids] = 0, 0, 0
+        self._wanted[ids], self._moving[ids] = 0.0, False
+        self._yaw_mean[ids], self._joint_velocity[ids] = 0.0, 0.0
         self._height[ids], self._foot_height[ids] = self.robot.base_height_m, 0.0
         self._foot_contact[ids] = True
         self._next_command[ids] = 0.0
@@ -291,6 +303,8 @@ class GaitEnv(VecEnv):
             "linear_error": _mean(
                 np.linalg.norm(facts.linear_mean - facts.command[:, :2], axis=1), walking
             ),
+            "stand_speed": _mean(np.linalg.norm(facts.linear_velocity[:, :2], axis=1), ~walking),
+            "roll_deg": _mean(np.rad2deg(np.abs(facts.gravity[:, 1])), walking),
             "yaw_error": _mean(np.abs(facts.yaw_mean - facts.command[:, 2]), walking),
         }
         for name, value in terms.items():

@@ -25,12 +25,14 @@ from .action_errors import action_errors
 from .aim import calibrated
 from .driven import follow_paths
 from .gates import CLOSED_LOOP, TIMED, gate_results
-from .measures import command_grid, pushes, standing, velocity_errors
-from .terrain import noise_terrain
+from .measures import command_grid, posture, pushes, standing, velocity_errors
+from .stopping import stops
+from .terrain import noise_terrain, ramp_terrain
 from .trial import POLICY_DECIMATION, Conditions
 
 log = logging.getLogger(__name__)
 
+LATE_SUBSTEPS = 12  # 60 ms
 SEED = 1234  # of everything; terrain and seeds are not training's
 
 
@@ -56,7 +58,19 @@ def evaluation_table(policy: GaitPolicy, seed: int = SEED, scale: float = 1.0) -
     for name, terrain in {"flat": None, **rough}.items():
         conditions = Conditions.mixed(many, rng, terrain)
         table[f"paths_{name}"] = follow_paths(policy, many, conditions, rng)
+    late = replace(Conditions.mixed(many, rng), latency_substeps=LATE_SUBSTEPS)
+    table["paths_60ms_late"] = follow_paths(policy, many, late, rng)
+    for degrees in (5, 8):
+        for name, by_speed in (("path", False), ("speed", True)):
+            conditions = Conditions.mixed(4 * few, rng, ramp_terrain(degrees))
+            table[f"ramps_{degrees}deg_{name}"] = follow_paths(
+                policy, 4 * few, conditions, rng, by_speed
+            )
     table["pushes"] = pushes(policy, many, 0.5, rng)
+    table["pushes_hard"] = pushes(policy, many, 0.8, rng)
+    table["posture"] = posture(policy, rng)
+    every = min(max(1, round(1 / scale)), 24)
+    table["stopping"] = stops(policy, rough["noise_4cm"], rng, every)
     return table
 
 
@@ -90,6 +104,7 @@ def main(
     robot: Annotated[str, tyro.conf.Positional],
     policy: Path = POLICY_FOLDER,
     scale: float = 1.0,
+    seed: int = SEED,
     publish_it: Annotated[bool, tyro.conf.arg(name="publish")] = False,
     strips: Path | None = None,
 ) -> None:
@@ -98,6 +113,7 @@ def main(
     Args:
         robot: registry name.
         policy: folder of `<robot>.onnx` and `<robot>.json`; default the installed one.
+        seed: of terrain, friction, paths and starts; another one tells what was tuned to the first.
         scale: below 1 takes fewer robots, for a quick look.
         publish_it: install the policy, with its table, beside this file.
         strips: measure nothing, write film strips of walking, turning and standing here.
@@ -115,7 +131,7 @@ def main(
     if publish_it:
         evaluation = publish(spec, policy, POLICY_FOLDER)
     else:
-        evaluation = evaluation_table(GaitPolicy.load(spec, policy), scale=scale)
+        evaluation = evaluation_table(GaitPolicy.load(spec, policy), seed, scale)
     log.info("%s\n\n%s", json.dumps(evaluation, indent=1), report(evaluation))
 
 

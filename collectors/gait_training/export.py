@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -86,6 +87,12 @@ def _matrix(order: torch.Tensor, signs: torch.Tensor) -> Array:
     return np.eye(len(order))[order.numpy()] * signs.numpy()[:, None]
 
 
+def motor_speeds(robot: RobotSpec) -> tuple[float | None, ...]:
+    """Greatest speed of each joint's motor [rad/s], as a card tells it."""
+    speeds = (joint.speed_rad_s for joint in robot.joints)
+    return tuple(speed if math.isfinite(speed) else None for speed in speeds)
+
+
 def write_policy(
     robot: RobotSpec,
     config: TrainingConfig,
@@ -106,6 +113,7 @@ def write_policy(
         kp=tuple(joint.kp for joint in robot.joints),
         kd=tuple(joint.kd for joint in robot.joints),
         torque_nm=tuple(joint.torque_nm for joint in robot.joints),
+        speed_rad_s=motor_speeds(robot),
         rate_hz=1.0 / (TIMESTEP_S * POLICY_DECIMATION),
         gait=GAITS[robot.name],
         onnx_sha256=hashlib.sha256(content).hexdigest(),

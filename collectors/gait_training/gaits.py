@@ -29,6 +29,9 @@ TROT = GaitClock(
     left_rad=_per_leg(-0.38, 0.0, 0.0),
     foot_xy_m=((0.24, 0.134), (0.24, -0.134), (-0.24, 0.134), (-0.24, -0.134)),
     lead_cycles=0.12,
+    brake_m_s2=4.0,
+    brake_rad_s2=6.0,
+    last_steps=1,
 )
 
 
@@ -91,6 +94,9 @@ def biped_walk(
         lead_cycles=lead_cycles,
         turn_rad=alike({"hip_yaw": -0.25 / frequency_hz}),
         turn_lead_s=0.15,
+        brake_m_s2=3.0,
+        brake_rad_s2=4.0,
+        last_steps=2,
     )
 
 

@@ -87,6 +87,9 @@ GATES: tuple[Gate, ...] = (
     Gate("12 m paths reached, 4 cm noise", "%", 0.97, True, ("paths_noise_4cm",), "reached"),
     Gate("12 m paths reached, 6 cm noise", "%", 0.90, True, ("paths_noise_6cm",), "reached"),
     Gate("survived pushes of 0.5 m/s for 20 s", "%", 0.95, True, ("pushes",), "survived"),
+    Gate("12 m paths reached, 60 ms late", "%", 0.90, True, ("paths_60ms_late",), "reached"),
+    Gate("upright 3 s after a stop at speed", "%", 0.99, True, ("stopping",), "upright"),
+    Gate("at rest after a stop, 99 %", "s", 1.5, False, ("stopping",), "rest_s_p99"),
     Gate("slip of feet on the ground", "m/s", 0.1, False, ("grid_*",), "foot_slip_m_s"),
 )
 

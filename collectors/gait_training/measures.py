@@ -100,3 +100,35 @@ def pushes(
         for _ in range(round(4.0 / STEP_S)):
             trial.step(commands)
     return {"push_m_s": speed_m_s, "survived": float(1.0 - trial.fallen.mean()), "robots": count}
+
+
+def posture(policy: GaitPolicy, rng: np.random.Generator, seconds: float = 6.0) -> dict[str, float]:
+    """How a gait looks: straight walks of 0.3–1.0 m/s on level ground.
+
+    Returns:
+        Of the worst walk: roll from peak to peak within a gait cycle [°], median over cycles, and
+        the height of a swinging foot's lowest sole [m], median over swings, of the highest and of
+        the lowest walk.
+    """
+    speed = np.linspace(0.3, policy.robot.command_limits.vx_m_s[1], 8)
+    n = len(speed)
+    commands = np.column_stack([speed, np.zeros(n), np.zeros(n)])
+    trial = Trial(policy, Conditions.mixed(n, rng), np.zeros((n, 2)), np.zeros(n), rng)
+    roll, lift = [], []
+    for _ in range(round(seconds / STEP_S)):
+        trial.step(commands)
+        if trial.time_s > 2.0:
+            gravity = trial.state().gravity
+            roll.append(np.rad2deg(np.arctan2(-gravity[:, 1], -gravity[:, 2])))
+            lift.append(trial.foot_clearance_m)
+    cycle = round(1.0 / (policy.card.gait.frequency_hz * STEP_S))
+    whole = len(roll) // cycle * cycle
+    rolls = np.array(roll[:whole]).reshape(-1, cycle, n)
+    swings = np.array(lift[:whole]).reshape(-1, cycle, n, len(policy.robot.feet)).max(axis=1)
+    heights = np.median(swings.mean(axis=2), axis=0)
+    return {
+        "roll_peak_to_peak_deg": float(np.median(np.ptp(rolls, axis=1), axis=0).max()),
+        "clearance_max_m": float(heights.max()),
+        "clearance_min_m": float(heights.min()),
+        "falls": int(trial.fallen.sum()),
+    }

@@ -29,7 +29,15 @@ def randomize_models(
     batch.expand("body_mass")[:] *= mass[:, None]
     batch.expand("body_inertia")[:] *= mass[:, None, None]
     batch.expand("body_ipos")[:, handles.root_body] += shift
-    batch.expand("actuator_gainprm")[:] *= gain[:, None, None]
-    batch.expand("actuator_biasprm")[:] *= gain[:, None, None]
+    # Of a `dcmotor`, these are the gains kp and kd; its electrical constants stay.
+    batch.expand("actuator_gainprm")[:, :, [4, 6]] *= gain[:, None, None]
     batch.set_const()
     return np.column_stack([friction, mass, gain, shift])
+
+
+def draw_latency(rng: np.random.Generator, config: TrainingConfig) -> NDArray[np.intp]:
+    """Delays of the actions [physics steps], (N,): most of up to 20 ms, some of up to 60 ms."""
+    n = config.envs
+    usual = rng.integers(0, config.latency_substeps + 1, n)
+    late = rng.integers(0, config.late_substeps + 1, n)
+    return np.where(rng.random(n) < config.late_share, late, usual)

@@ -76,13 +76,14 @@ def reward_terms(s: StepFacts, body: BodyFacts, config: TrainingConfig) -> dict[
     still = ~s.moving
     return {
         "track_linear": np.exp(-linear_error / 0.25),
-        "track_yaw": np.exp(-yaw_error / 0.25),
+        "track_yaw": _closeness(yaw_error, config.yaw_widths),
         "track_linear_mean": _closeness(linear_mean_error, config.linear_mean_widths),
         "track_yaw_mean": _closeness(yaw_mean_error, config.yaw_mean_widths),
         "alive": np.ones(len(s.moving)),
         "vertical_velocity": s.linear_velocity[:, 2] ** 2,
         "roll_pitch_rate": np.sum(s.angular_velocity[:, :2] ** 2, axis=1),
         "tilt": np.sum(s.gravity[:, :2] ** 2, axis=1),
+        "roll": s.gravity[:, 1] ** 2,
         "base_height": (s.height_m - body.base_height_m) ** 2,
         "torque": np.sum(s.torque_nm**2, axis=1),
         "joint_acceleration": np.sum(s.joint_acceleration**2, axis=1),
@@ -90,10 +91,11 @@ def reward_terms(s: StepFacts, body: BodyFacts, config: TrainingConfig) -> dict[
         "action_jerk": np.sum((s.action - 2 * s.previous_action + s.older_action) ** 2, axis=1),
         "contact_schedule": np.mean(s.foot_contact != swing, axis=1),
         "swing_height": np.sum(np.minimum(s.foot_height_m - arc, 0.0) ** 2 * swing, axis=1)
-        + 0.3 * np.sum(np.maximum(s.foot_height_m - arc, 0.0) ** 2, axis=1),
+        + config.high_swing * np.sum(np.maximum(s.foot_height_m - arc, 0.0) ** 2, axis=1),
         "foot_slip": np.sum(np.minimum(s.foot_speed_m_s, 1.0) ** 2 * s.foot_contact, axis=1),
         "sideways": np.sum((s.joint_rad - body.default_joint_rad)[:, body.sideways] ** 2, axis=1),
         "stand_pose": np.sum(np.abs(s.joint_rad - body.stand_joint_rad), axis=1) * still,
         "stand_joint_velocity": np.sum(s.joint_rad_s**2, axis=1) * still,
+        "stand_drift": np.minimum(np.linalg.norm(s.linear_velocity[:, :2], axis=1), 0.5) * still,
         "joint_limit": np.sum(beyond, axis=1),
     }

@@ -72,19 +72,27 @@ def steps(rng: np.random.Generator, cells: int, cell_m: float, height_m: float) 
     return heights.repeat(block, axis=0).repeat(block, axis=1)[:cells, :cells]
 
 
+def pyramid(cells: int, cell_m: float, slope_deg: float) -> Array:
+    """Ramps from all four sides up to the middle."""
+    inward = cell_m * np.minimum(np.arange(cells), np.arange(cells)[::-1])
+    return np.tan(np.deg2rad(slope_deg)) * np.minimum(inward[:, None], inward)
+
+
 def rough_terrain(rng: np.random.Generator, size_m: float = 24.0, cell_m: float = 0.05) -> Terrain:
-    """Tiles of 4 m: flat, noise of 1–6 cm and steps of 2–5 cm, in random order."""
+    """Tiles of 4 m: flat, noise of 1–6 cm, steps of 2–5 cm, ramps of 3–10°, in random order."""
     tile = round(4.0 / cell_m)
     count = round(size_m / 4.0)
     height = np.zeros((count * tile, count * tile))
     for row in range(count):
         for column in range(count):
-            kind = rng.choice(["flat", "noise", "steps"], p=[0.25, 0.5, 0.25])
+            kind = rng.choice(["flat", "noise", "steps", "ramps"], p=[0.35, 0.3, 0.15, 0.2])
             part = np.s_[row * tile : (row + 1) * tile, column * tile : (column + 1) * tile]
             if kind == "noise":
                 height[part] = noise(rng, tile, cell_m, rng.uniform(0.01, 0.06))
             elif kind == "steps":
                 height[part] = steps(rng, tile, cell_m, rng.uniform(0.02, 0.05))
+            elif kind == "ramps":
+                height[part] = pyramid(tile, cell_m, rng.uniform(3.0, 10.0))
     return Terrain(height, size_m)
 
 
@@ -93,3 +101,12 @@ def noise_terrain(
 ) -> Terrain:
     """One field of bumps of 0…amplitude everywhere, for evaluation."""
     return Terrain(noise(rng, round(size_m / cell_m), cell_m, amplitude_m), size_m)
+
+
+def ramp_terrain(
+    angle_deg: float, size_m: float = 30.0, cell_m: float = 0.05, run_m: float = 4.0
+) -> Terrain:
+    """Ridges and valleys along y: 4 m up, 4 m down, and so on, for evaluation."""
+    x = cell_m * np.arange(round(size_m / cell_m))
+    profile = np.tan(np.deg2rad(angle_deg)) * (run_m - np.abs(x % (2 * run_m) - run_m))
+    return Terrain(np.tile(profile, (len(x), 1)), size_m)

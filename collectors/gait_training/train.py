@@ -23,14 +23,16 @@ from rsl_rl.runners import OnPolicyRunner
 
 from ...formats.core.atomic import atomic_file
 from ...formats.core.errors import UnknownNameError, VlnpeError
-from ..locomotion.card import POLICY_FOLDER
+from ..locomotion.card import POLICY_FOLDER, load_card
+from ..locomotion.policy import policy_files
 from ..robots import RobotSpec, get_robot
-from .config import PHASES, ppo_config
+from .config import PHASES, REFINEMENTS, ppo_config
 from .env import GaitEnv
 from .export import write_policy
 from .terrain import Terrain, rough_terrain
 
 log = logging.getLogger(__name__)
+CRITIC_ITERATIONS = 25  # of a refinement, before the actor learns
 CHUNK = 10  # iterations per line of the learning curve
 
 
@@ -45,6 +47,8 @@ class Arguments:
         threads: for physics.
         publish: evaluate the result and install it into the package.
         iterations: PPO iterations per phase; default as configured. For a quick trial.
+        refine: start from a gait, with the phases for that (`REFINEMENTS`).
+        start: folder of the gait to refine; default the installed one.
     """
 
     robot: tyro.conf.Positional[str]
@@ -53,6 +57,8 @@ class Arguments:
     threads: int = 2
     publish: bool = False
     iterations: int | None = None
+    refine: bool = False
+    start: Path = POLICY_FOLDER
 
 
 def run(arguments: Arguments) -> None:
@@ -65,7 +71,14 @@ def run(arguments: Arguments) -> None:
         raise UnknownNameError("robot to train", arguments.robot, PHASES)
     robot = get_robot(arguments.robot)
     out = arguments.out or Path("runs") / f"gait-{robot.name}"
-    train(robot, out, arguments.seed, arguments.threads, arguments.iterations)
+    train(
+        robot,
+        out,
+        arguments.seed,
+        arguments.threads,
+        arguments.iterations,
+        arguments.start if arguments.refine else None,
+    )
     if arguments.publish:
         # Late, because it needs more than training does.
         from .evaluate import publish
@@ -74,16 +87,25 @@ def run(arguments: Arguments) -> None:
 
 
 def train(
-    robot: RobotSpec, out: Path, seed: int, threads: int, iterations: int | None = None
+    robot: RobotSpec,
+    out: Path,
+    seed: int,
+    threads: int,
+    iterations: int | None = None,
+    refine: Path | None = None,
 ) -> None:
-    """Run all phases of the robot's training, going on from the last checkpoint in `out`."""
+    """Run all phases of the robot's training, going on from the last checkpoint in `out`.
+
+    With `refine`, a folder, it starts from the gait in there and runs the phases of a refinement.
+    """
     # The networks are small: more torch threads cost more than they give.
     torch.set_num_threads(1)
     out.mkdir(parents=True, exist_ok=True)
     checkpoint = out / "checkpoint.pt"
     done, samples, wall_s = 0, 0, 0.0
     first = 0
-    for number, (phase, planned) in enumerate(PHASES[robot.name]):
+    phases = (REFINEMENTS if refine else PHASES)[robot.name]
+    for number, (phase, planned) in enumerate(phases):
         last = first + (planned if iterations is None else iterations)
         if checkpoint.exists():
             # Our own file, written below.
@@ -100,11 +122,17 @@ def train(
         runner = OnPolicyRunner(env, {**ppo_config(phase, seed), "multi_gpu": None})
         if checkpoint.exists():
             runner.load(str(checkpoint))
+        if refine:
+            # A normaliser that drifts moves a finished policy more than learning does.
+            runner.alg.actor.obs_normalizer.until = 0
+            if not checkpoint.exists():
+                _start_refining(robot, refine, env, runner)
         while done < last:
             started = time.monotonic()
             # Robots first learn to walk, then to walk smoothly and to be kicked.
-            env.push_scale = min(1.0, max(0.0, (done - 100) / 300))
-            env.smoothness_scale = min(1.0, 0.2 + done / 300)
+            if not refine:
+                env.push_scale = min(1.0, max(0.0, (done - 100) / 300))
+                env.smoothness_scale = min(1.0, 0.2 + done / 300)
             count = min(CHUNK, last - done)
             runner.learn(count)
             done += count
@@ -115,18 +143,45 @@ def train(
             with atomic_file(checkpoint) as temporary:
                 runner.save(str(temporary), progress)
             if done % 50 == 0 or done == last:
-                write_policy(
-                    robot, phase, runner.alg.get_policy(), _facts(robot, seed, progress), out
-                )
+                facts = _facts(robot, seed, progress, refine)
+                write_policy(robot, phase, runner.alg.get_policy(), facts, out)
         first = last
 
 
-def _facts(robot: RobotSpec, seed: int, progress: dict[str, Any]) -> dict[str, Any]:
+def _start_refining(robot: RobotSpec, folder: Path, env: GaitEnv, runner: OnPolicyRunner) -> None:
+    """Take over the gait in a folder, and let the critic learn what it is worth first."""
+    # Late, because onnx is needed for nothing else here.
+    from .warm_start import start_from
+
+    algorithm = runner.alg
+    start_from(robot, folder, env, algorithm.actor)
+    schedule, rate = algorithm.schedule, algorithm.learning_rate
+    algorithm.schedule = "fixed"
+    # A clipped critic moves by 0.2 an iteration, and has to rise to about 15.
+    algorithm.use_clipped_value_loss = False
+    algorithm.actor.requires_grad_(False)
+    runner.learn(CRITIC_ITERATIONS)
+    algorithm.actor.requires_grad_(True)
+    algorithm.use_clipped_value_loss = True
+    algorithm.schedule, algorithm.learning_rate = schedule, 0.3 * rate
+    for group in algorithm.optimizer.param_groups:
+        group["lr"] = algorithm.learning_rate
+
+
+def _facts(
+    robot: RobotSpec, seed: int, progress: dict[str, Any], refine: Path | None
+) -> dict[str, Any]:
+    phases = (REFINEMENTS if refine else PHASES)[robot.name]
+    start = {}
+    if refine:
+        card = load_card(policy_files(robot, refine)[1])
+        start = {"start": {"onnx_sha256": card.onnx_sha256, "training": card.training}}
     return {
         "algorithm": "PPO (rsl-rl-lib) over mujoco.batch",
         "seed": seed,
         **progress,
-        "phases": [{**asdict(p), "iterations": count} for p, count in PHASES[robot.name]],
+        **start,
+        "phases": [{**asdict(p), "iterations": count} for p, count in phases],
         "versions": {name: version(name) for name in ("mujoco", "rsl-rl-lib", "torch")},
     }
 

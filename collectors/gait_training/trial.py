@@ -9,10 +9,11 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from ..locomotion.gait import joint_targets
+from ..locomotion.gait import ClockState, joint_targets
 from ..locomotion.observation import RobotState, observe, states_of
 from ..locomotion.policy import GaitPolicy
 from ..robots import POLICY_DECIMATION, TIMESTEP_S, RobotHandles, apply_physics_options
+from .target_pipe import TargetPipe
 from .terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -28,7 +29,7 @@ class Conditions:
     Attributes:
         terrain: the ground.
         friction: of the feet, or None for the robot's own.
-        latency_substeps: physics steps by which every action comes late, 0 to 4.
+        latency_substeps: physics steps by which every action comes late.
         push_m_s, push_every_s: kicks of the base in random directions; none where 0.
     """
 
@@ -90,7 +91,7 @@ class Trial:
         if conditions.friction is not None:
             friction = np.broadcast_to(conditions.friction, n)
             self.batch.expand("geom_friction")[:, h.sole_geoms.ravel(), 0] = friction[:, None]
-        self._late = np.arange(POLICY_DECIMATION) < np.reshape(conditions.latency_substeps, (-1, 1))
+        self._pipe = TargetPipe(np.broadcast_to(conditions.latency_substeps, n))
         self._next_push = self.rng.uniform(0.0, conditions.push_every_s, n)
         self.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
         self._qpos, self._qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
@@ -106,7 +107,8 @@ class Trial:
         self.batch.forward()
         self.fallen, self._gone = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
         self._target = np.tile(robot.default_joint_rad, (n, 1))
-        self.action, self._phase = np.zeros((n, robot.policy_joints)), np.zeros(n)
+        self._pipe.fill(self._target)
+        self.action, self._clock = np.zeros((n, robot.policy_joints)), ClockState.standing(n)
         self._soles = self._look_at_soles() if watch_feet else None
         # As in a replay, the robot first settles on its feet.
         self.time_s = -settle_s
@@ -135,17 +137,16 @@ class Trial:
         self._push()
         robot, gait, previous = self.policy.robot, self.policy.card.gait, self.action
         wanted = robot.command_limits.clip(command)
-        moving, wanted = gait.moving(wanted), gait.aimed(wanted)
-        self._phase = gait.advance(self._phase, moving, STEP_S)
+        self._clock, moving = gait.tick(self._clock, wanted, STEP_S)
+        wanted, phase = gait.aimed(self._clock.command), self._clock.phase
         default, policed = robot.default_joint_rad, robot.policy_joints
         self.action = self.policy.infer(
-            observe(self.state(), default[:policed], wanted, self._phase, moving, previous)
+            observe(self.state(), default[:policed], wanted, phase, moving, previous)
         )
         before = self._target
-        reference = gait.reference(self._phase, moving, wanted)
+        reference = gait.reference(phase, moving, wanted)
         self._target = joint_targets(default, reference, robot.action_scale_rad, self.action)
-        late = np.broadcast_to(self._late, (len(command), POLICY_DECIMATION))[..., None]
-        control = np.where(late, before[:, None], self._target[:, None])
+        control = self._pipe.push(self._target)
         order = np.argsort(self.handles.actuators)
         record = self.batch.rollout(
             POLICY_DECIMATION, control[ids][..., order], record=("qpos",), ids=ids

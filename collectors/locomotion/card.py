@@ -33,6 +33,8 @@ class PolicyCard:
         action_scale_rad: joint target = default + gait reference + scale × action.
         action_clip: actions are clipped to ± this.
         default_joint_rad, kp, kd, torque_nm: per joint of the robot.
+        speed_rad_s: greatest speed of each motor, None for those without a limit; empty in cards
+            of before motors had one.
         rate_hz: calls per second.
         gait: the gait clock.
         onnx_sha256: digest of the ONNX file.
@@ -55,6 +57,7 @@ class PolicyCard:
     onnx_sha256: str
     training: dict[str, Any]
     evaluation: dict[str, Any]
+    speed_rad_s: tuple[float | None, ...] = ()
 
     def check(self, robot: RobotSpec, path: Path) -> None:
         """Refuse to run on anything but what the policy was trained on.
@@ -124,6 +127,7 @@ def load_card(path: Path) -> PolicyCard:
         raise FileFormatError(path, "no policy card here; train one (make train-gait)")
     try:
         values = json.loads(path.read_text())
+        values.setdefault("speed_rad_s", ())
         values = {f.name: values[f.name] for f in fields(PolicyCard)}
         gait = values["gait"]
         for key in ("foot_offsets", "stand_rad"):
@@ -140,7 +144,7 @@ def load_card(path: Path) -> PolicyCard:
             gait[key] = tuple(tuple(row) for row in gait.get(key, ()))
         values["gait"] = GaitClock(**gait)
         values["observation"] = [(str(n), int(w)) for n, w in values["observation"]]
-        for key in ("joints", "default_joint_rad", "kp", "kd", "torque_nm"):
+        for key in ("joints", "default_joint_rad", "kp", "kd", "torque_nm", "speed_rad_s"):
             values[key] = tuple(values[key])
         return PolicyCard(**values)
     except (KeyError, TypeError, ValueError) as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations_with_replacement
@@ -12,6 +13,27 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 # The monomials of a calibration: which of vx, vy and yaw are multiplied.
 FACTORS = tuple(f for degree in (1, 2, 3) for f in combinations_with_replacement(range(3), degree))
+
+
+@dataclass
+class ClockState:
+    """Where N robots are in their gait.
+
+    Attributes:
+        command: (N, 3) vx, vy [m/s] and yaw rate [rad/s] that are followed: what is wanted, but
+            slowed down no faster than the gait can.
+        phase: (N,) in cycles; 0 while standing.
+        steps_left: (N,) steps that a robot still takes after its command came to nothing.
+    """
+
+    command: Array
+    phase: Array
+    steps_left: NDArray[np.intp]
+
+    @classmethod
+    def standing(cls, count: int) -> ClockState:
+        """Of robots that have not walked yet."""
+        return cls(np.zeros((count, 3)), np.zeros(count), np.zeros(count, dtype=np.intp))
 
 
 @dataclass(frozen=True)
@@ -41,6 +63,10 @@ class GaitClock:
             they are reached; none for a gait that was not calibrated.
         aim_limits: 3 ranges of vx, vy and yaw that may be asked for.
         stand_linear_m_s, stand_yaw_rad_s: commands below both mean "stand still".
+        brake_m_s2, brake_rad_s2: a command that falls is followed no faster than this; one that
+            rises at once. None follows any jump.
+        last_steps: steps taken on the spot after the command has come to nothing, so that the feet
+            end side by side. 0 freezes in the middle of a step.
     """
 
     frequency_hz: float
@@ -58,6 +84,15 @@ class GaitClock:
     aim_limits: tuple[tuple[float, float], ...] = ()
     stand_linear_m_s: float = 0.03
     stand_yaw_rad_s: float = 0.05
+    brake_m_s2: float | None = None
+    brake_rad_s2: float | None = None
+    last_steps: int = 0
+
+    @property
+    def brakes(self) -> tuple[float, float]:
+        """Fastest slowing down that is followed, [m/s²] and [rad/s²]; inf without a limit."""
+        linear, turn = self.brake_m_s2, self.brake_rad_s2
+        return math.inf if linear is None else linear, math.inf if turn is None else turn
 
     def moving(self, command: Array) -> NDArray[np.bool_]:
         """Whether (N, 3) commands ask for walking, (N,)."""
@@ -71,9 +106,24 @@ class GaitClock:
         asked = command + monomials(command) @ np.array(self.aim).T
         return np.clip(asked, *np.array(self.aim_limits).T)
 
-    def advance(self, phase: Array, moving: NDArray[np.bool_], dt_s: float) -> Array:
-        """Phases (N,) in cycles after `dt_s`; a standing robot waits at phase 0."""
-        return np.where(moving, (phase + self.frequency_hz * dt_s) % 1.0, 0.0)
+    def tick(
+        self, state: ClockState, wanted: Array, dt_s: float
+    ) -> tuple[ClockState, NDArray[np.bool_]]:
+        """The state after `dt_s` of wanting commands (N, 3), and who is stepping (N,)."""
+        linear, turn = self.brakes
+        most = dt_s * np.array([linear, linear, turn])
+        old = state.command
+        slower = (np.abs(wanted) < np.abs(old)) | (wanted * old < 0.0)
+        command = np.where(slower, old + np.clip(wanted - old, -most, most), wanted)
+        asked = self.moving(command)
+        stepping = asked | (state.steps_left > 0)
+        phase = state.phase + self.frequency_hz * dt_s
+        # A step ends where one foot lands and the other one is about to lift.
+        landed = np.floor(2.0 * phase) > np.floor(2.0 * state.phase)
+        left = np.where(asked, self.last_steps, state.steps_left - landed)
+        stepping &= asked | (left > 0)
+        left = np.where(stepping, left, 0)
+        return ClockState(command, np.where(stepping, phase % 1.0, 0.0), left), stepping
 
     def foot_phase(self, phase: Array) -> Array:
         """(N, F) phase of each foot in [0, 1), swing below one half."""

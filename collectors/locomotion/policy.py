@@ -100,7 +100,7 @@ class GaitPolicy:
         step = QuickStep(data, self.handles(data.model), self.card.gait, self.card.rate_hz)
         self._output = np.zeros(step.action.shape, dtype=np.float32)
         if self._step is not None:
-            step.phase[:], step.action[:] = self._step.phase, self._step.action
+            step.take_over(self._step)
         return step
 
     def infer(self, observation: NDArray[np.float64]) -> NDArray[np.float64]:

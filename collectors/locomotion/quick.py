@@ -71,6 +71,8 @@ class QuickStep:
                 gait.stand_linear_m_s,
                 gait.stand_yaw_rad_s,
                 gait.turn_lead_s,
+                *(brake / rate_hz for brake in gait.brakes),
+                gait.last_steps,
             ]
         )
         self.observation = np.zeros((1, sum(width for _, width in layout(joints))), dtype)
@@ -79,8 +81,15 @@ class QuickStep:
     def reset(self) -> None:
         """Forget clock and last action."""
         self.phase = np.zeros(1)
+        # The command that is followed, and the steps left to take; see `gait.ClockState`.
+        self._followed = np.zeros(4)
         self.action = np.zeros((1, self._joint_qpos.size))
         self._reference = np.zeros_like(self._default)
+
+    def take_over(self, other: QuickStep) -> None:
+        """Go on where another step of the same robot is in its gait."""
+        self.phase[:], self.action[:] = other.phase, other.action
+        self._followed[:] = other._followed
 
     def look(self, vx_m_s: float, vy_m_s: float, yaw_rad_s: float) -> NDArray[np.floating]:
         """Advance the clock under a command in the base frame; returns the observation (1, D)."""
@@ -104,6 +113,7 @@ class QuickStep:
             self._stand,
             self.action,
             self.phase,
+            self._followed,
             self.observation,
             self._reference,
         )
@@ -114,6 +124,14 @@ class QuickStep:
         targets = self._default + self._reference
         _add_action(output, clip, scale_rad, self.action, targets)
         return targets
+
+
+@kernel()
+def _followed(old, wanted, most):
+    """What is followed after `old`: `wanted`, but slowed down by no more than `most`."""
+    if abs(wanted) < abs(old) or wanted * old < 0.0:
+        return old + min(max(wanted - old, -most), most)
+    return wanted
 
 
 @kernel()
@@ -137,15 +155,30 @@ def _look(
     stand,
     action,
     phase,
+    followed,
     seen,
     reference,
 ):
-    """Fill the observation (1, D) and the reference (J,); advance the phase (1,)."""
+    """Fill the observation (1, D) and the reference (J,); advance the phase (1,) and `followed`.
+
+    `followed` (4,) is the command that is followed and the steps left to take.
+    """
     vx = min(max(vx, limits[0, 0]), limits[0, 1])
     vy = min(max(vy, limits[1, 0]), limits[1, 1])
     yaw = min(max(yaw, limits[2, 0]), limits[2, 1])
+    vx = _followed(followed[0], vx, clock[4])
+    vy = _followed(followed[1], vy, clock[4])
+    yaw = _followed(followed[2], yaw, clock[5])
+    followed[0], followed[1], followed[2] = vx, vy, yaw
+    ahead_phase = phase[0] + clock[0]
     moving = np.hypot(vx, vy) > clock[1] or abs(yaw) > clock[2]
-    phase[0] = (phase[0] + clock[0]) % 1.0 if moving else 0.0
+    if moving:
+        followed[3] = clock[6]
+    elif followed[3] > 0.0:
+        if np.floor(2.0 * ahead_phase) > np.floor(2.0 * phase[0]):
+            followed[3] -= 1.0
+        moving = followed[3] > 0.0
+    phase[0] = ahead_phase % 1.0 if moving else 0.0
     if len(aim):
         asked = np.array([vx, vy, yaw])
         wanted = asked.copy()

@@ -57,10 +57,17 @@ class Soles:
 
 
 def joint_of(
-    name: str, default: float, low: float, high: float, kp: float, kd: float, torque: float
+    name: str,
+    default: float,
+    low: float,
+    high: float,
+    kp: float,
+    kd: float,
+    torque: float,
+    speed: float,
 ) -> JointFacts:
     """Facts of the joint of the link `name`, see `JointFacts`."""
-    return JointFacts(f"{name}_joint", default, (low, high), kp, kd, torque)
+    return JointFacts(f"{name}_joint", default, (low, high), kp, kd, torque, speed)
 
 
 def both_sides(

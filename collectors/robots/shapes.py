@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import mujoco
@@ -14,6 +15,8 @@ Color = tuple[float, float, float]
 
 VISUAL_GROUP = 2
 COLLISION_GROUP = 3
+FULL_TORQUE_SPEED = 0.6  # share of a motor's greatest speed up to which it has its full torque
+POSITION_INPUT = 1  # MuJoCo's mjINPUT_POS, which its Python module does not name
 _GEOM = mujoco.mjtGeom
 SHAPES = {
     "box": _GEOM.mjGEOM_BOX,
@@ -138,7 +141,13 @@ def add_joint(
 
 
 def add_servo(spec: mujoco.MjSpec, facts: JointFacts) -> None:
-    """Add a torque-limited PD position servo: force = kp (ctrl − q) − kd q̇, ctrl in rad."""
+    """Add a PD position servo within its motor's limits: force = kp (ctrl − q) − kd q̇, ctrl in rad.
+
+    The torque is limited to `torque_nm`, and beyond `FULL_TORQUE_SPEED` of the motor's greatest
+    speed it falls off linearly to none at that speed, as the supply voltage does in a DC motor;
+    braking is not limited further. MuJoCo's `dcmotor` computes just this when its constants are
+    chosen so that 1 V is 1 rad/s.
+    """
     servo = spec.add_actuator(
         name=facts.name,
         target=facts.name,
@@ -146,7 +155,15 @@ def add_servo(spec: mujoco.MjSpec, facts: JointFacts) -> None:
         forcelimited=mujoco.mjtLimited.mjLIMITED_TRUE,
         forcerange=[-facts.torque_nm, facts.torque_nm],
     )
-    servo.set_to_position(kp=facts.kp, kv=facts.kd)
+    if math.isinf(facts.speed_rad_s):
+        servo.set_to_position(kp=facts.kp, kv=facts.kd)
+        return
+    servo.set_to_dcmotor(
+        motorconst=[1.0, 1.0],
+        resistance=(1.0 - FULL_TORQUE_SPEED) * facts.speed_rad_s / facts.torque_nm,
+        controller=[facts.kp, 0.0, facts.kd, 0.0, 0.0, facts.speed_rad_s],
+        ctrlspec=POSITION_INPUT,
+    )
 
 
 def add_wheel(

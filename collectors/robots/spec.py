@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,6 +29,8 @@ class JointFacts:
         kp, kd: PD gains of the position servo [Nm/rad], [Nm·s/rad]; for a wheel's velocity servo
             kp is 0 and kd its gain.
         torque_nm: torque limit [Nm].
+        speed_rad_s: speed at which the motor has no torque left [rad/s]; inf for a servo that is
+            as strong at any speed. See `shapes.add_servo`.
     """
 
     name: str
@@ -36,6 +39,7 @@ class JointFacts:
     kp: float
     kd: float
     torque_nm: float
+    speed_rad_s: float = math.inf
 
 
 @dataclass(frozen=True)

@@ -69,6 +69,22 @@ PUBLISHED_TORQUE = {
     },
     "jetbot": {"wheel": 50},
 }
+# `velocity` of the limits in Unitree's published URDF files [rad/s].
+PUBLISHED_SPEED = {
+    "aliengo": {"hip": 20, "thigh": 20, "calf": 15.9},
+    "h1": {
+        **{f"hip_{axis}": 23 for axis in ("yaw", "roll", "pitch")},
+        **{"knee": 14, "ankle": 9, "torso": 23},
+        **{"shoulder_pitch": 9, "shoulder_roll": 9, "shoulder_yaw": 20, "elbow": 20},
+    },
+    "g1": {
+        **{"hip_pitch": 32, "hip_roll": 20, "hip_yaw": 32, "knee": 20},
+        **{"ankle_pitch": 30, "ankle_roll": 30},
+        **{"waist_yaw": 32, "waist_roll": 30, "waist_pitch": 30},
+        **{f"shoulder_{axis}": 37 for axis in ("pitch", "roll", "yaw")},
+        **{"elbow": 37, "wrist_roll": 37, "wrist_pitch": 22, "wrist_yaw": 22},
+    },
+}
 PUBLISHED_RANGE = {
     "aliengo": {"hip": (-1.22, 1.22), "calf": (-2.775, -0.646)},
     "h1": {
@@ -187,6 +203,53 @@ def test_torque_and_joint_limits_bind(robot: RobotSpec):
     mujoco.mj_forward(model, data)
     limits = [joint.torque_nm for joint in robot.joints]
     np.testing.assert_allclose(data.actuator_force[handles.actuators], limits)
+
+
+@pytest.mark.parametrize("name", sorted(PUBLISHED_SPEED))
+def test_motors_lose_their_torque_at_the_published_speed(name: str):
+    robot = get_robot(name)
+    model, data, handles = standing(robot)
+    greatest = np.array([PUBLISHED_SPEED[name][part_of(joint.name)] for joint in robot.joints])
+    torque = np.array([joint.torque_nm for joint in robot.joints])
+
+    def force(share: float, target: float) -> np.ndarray:
+        data.ctrl[handles.actuators] = target
+        data.qvel[handles.joint_dof] = share * greatest
+        mujoco.mj_forward(model, data)
+        return data.actuator_force[handles.actuators] / torque
+
+    # An absurd target asks for all there is: full torque up to 60 % of the speed, then less.
+    for share, left in ((0.0, 1.0), (0.6, 1.0), (0.8, 0.5), (1.0, 0.0)):
+        np.testing.assert_allclose(force(share, 100.0), left, atol=1e-9)
+    # Braking is not weakened by speed.
+    for share in (0.3, 0.8, 1.0):
+        np.testing.assert_allclose(force(share, -100.0), -1.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", sorted(PUBLISHED_SPEED))
+def test_no_motor_drives_a_joint_faster_than_it_turns(name: str):
+    robot = get_robot(name)
+    spec = robot.spec()
+    apply_physics_options(spec)
+    spec.option.gravity = [0.0, 0.0, 0.0]
+    spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    for joint in spec.joints:
+        joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
+    model = spec.compile()
+    handles = RobotHandles.find(robot, model)
+    greatest = np.array([joint.speed_rad_s for joint in robot.joints])
+    data, beyond = mujoco.MjData(model), 0
+    for step in range(200):
+        # Targets that jump to and fro ask every motor for more than it has.
+        data.ctrl[handles.actuators] = 3.0 if step // 25 % 2 else -3.0
+        mujoco.mj_step1(model, data)
+        speed = data.qvel[handles.joint_dof].copy()
+        mujoco.mj_step2(model, data)
+        fast = np.abs(speed) > greatest
+        beyond += int(fast.sum())
+        # A link may be flung faster than its motor turns, but its motor only brakes it then.
+        assert (data.actuator_force[handles.actuators] * speed)[fast].max(initial=0.0) < 1e-6
+    assert beyond > 0
 
 
 @all_robots

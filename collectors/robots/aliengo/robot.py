@@ -32,10 +32,10 @@ FRICTIONLOSS_NM = 0.2
 
 def _leg_joints(leg: str) -> tuple[JointFacts, ...]:
     return (
-        JointFacts(f"{leg}_hip_joint", 0.0, (-1.22, 1.22), 40.0, 2.0, 35.3),
+        JointFacts(f"{leg}_hip_joint", 0.0, (-1.22, 1.22), 40.0, 2.0, 35.3, 20.0),
         # The published thigh joint turns freely; one turn of freedom keeps simulation honest.
-        JointFacts(f"{leg}_thigh_joint", 0.8, (-3.14, 3.14), 40.0, 2.0, 35.3),
-        JointFacts(f"{leg}_calf_joint", -1.5, (-2.775, -0.646), 40.0, 2.0, 44.4),
+        JointFacts(f"{leg}_thigh_joint", 0.8, (-3.14, 3.14), 40.0, 2.0, 35.3, 20.0),
+        JointFacts(f"{leg}_calf_joint", -1.5, (-2.775, -0.646), 40.0, 2.0, 44.4, 15.9),
     )
 
 
@@ -136,9 +136,12 @@ ALIENGO = RobotSpec(
     fall=FallThresholds(com_to_foot_m=0.18),
     command_limits=CommandLimits((-0.3, 1.0), (-0.3, 0.3), (-1.05, 1.05)),
     sources=(
-        "masses, link lengths, joint and torque limits: Unitree's published robot description",
+        "masses, link lengths, joint, torque and speed limits: Unitree's published robot "
+        "description (unitree_ros, aliengo.urdf)",
         "fall thresholds, camera height (0.40–0.50 m) and HFOV 90°: VLN-PE",
         "PD gains and default pose: common practice of velocity-tracking policies on this robot",
+        "torque falls off from 60 % of the speed limit on: Unitree's torque-speed curves of such "
+        "motors have their knee at 55–77 % of the no-load speed (unitree_rl_lab)",
         "link inertias: uniform boxes of the links' outer size with the published masses",
     ),
     build=build_aliengo,

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ....formats.core.errors import FileFormatError
 from ..handles import sole_radius_m
+from ..shapes import POSITION_INPUT
 from ..spec import CameraMount, Foot, JointFacts
 from .facts import FACTS_NAME, FolderFacts
 
@@ -209,12 +210,18 @@ class ModelReader:
         if name not in known:
             raise FileFormatError(self.path, f"joint {name!r} has no actuator; valid: one")
         servo = model.actuator(name)
-        gain, bias = servo.gainprm, servo.biasprm
+        gain, bias, speed = servo.gainprm, servo.biasprm, math.inf
         simple = not servo.dyntype[0] and not servo.gaintype[0] and servo.biastype[0] == 1
         simple = simple and servo.gear[0] == 1.0 and gain[0] > 0
         if wheel:
             fits = simple and bias[1] == 0.0 and bias[2] == -gain[0]
             kind, kp, kd = "<velocity kv=…> of gear 1, for a wheel", 0.0, gain[0]
+        elif servo.gaintype[0] == mujoco.mjtGain.mjGAIN_DCMOTOR:
+            # R, K, temperature, reference, kp, ki, kd, greatest voltage; see `shapes.add_servo`.
+            fits = model.actuator_ctrlspec[servo.id] == POSITION_INPUT and servo.gear[0] == 1.0
+            fits = fits and model.actuator_actnum[servo.id] == 0 and gain[4] > 0
+            kind, kp, kd = '<dcmotor input="pos"> of gear 1 without states', gain[4], gain[6]
+            speed = float(gain[7] / gain[1]) if gain[7] > 0 else math.inf
         else:
             fits = simple and bias[1] == -gain[0]
             kind, kp, kd = "<position kp=… kv=…> of gear 1", gain[0], -bias[2]
@@ -236,7 +243,7 @@ class ModelReader:
             raise FileFormatError(
                 self.path, f"the actuator of joint {name!r} has no forcerange; give its torque [Nm]"
             )
-        return JointFacts(name, default_rad, limits, float(kp), float(kd), limit)
+        return JointFacts(name, default_rad, limits, float(kp), float(kd), limit, speed)
 
     def check_feet(self) -> None:
         """Raises FileFormatError: soles of a wrong shape or number."""

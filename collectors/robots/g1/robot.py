@@ -47,7 +47,7 @@ LEFT_LEG = (
         1.35,
         (0.003, 0.048, -0.026),
         (0.1, 0.1, 0.1),
-        joint_of("left_hip_pitch", -0.1, -2.53, 2.88, 150, 2, 88),
+        joint_of("left_hip_pitch", -0.1, -2.53, 2.88, 150, 2, 88, 32),
         MIDDLE_KG_M2,
     ),
     Link(
@@ -58,7 +58,7 @@ LEFT_LEG = (
         1.52,
         (0.03, -0.001, -0.088),
         (0.1, 0.09, 0.14),
-        joint_of("left_hip_roll", 0.0, -0.52, 2.97, 150, 2, 139),
+        joint_of("left_hip_roll", 0.0, -0.52, 2.97, 150, 2, 139, 20),
         LARGE_KG_M2,
         -LEAN_DEG,
     ),
@@ -70,7 +70,7 @@ LEFT_LEG = (
         1.702,
         (-0.058, -0.011, -0.151),
         (0.12, 0.1, 0.2),
-        joint_of("left_hip_yaw", 0.0, -2.76, 2.76, 150, 2, 88),
+        joint_of("left_hip_yaw", 0.0, -2.76, 2.76, 150, 2, 88, 32),
         MIDDLE_KG_M2,
     ),
     Link(
@@ -81,7 +81,7 @@ LEFT_LEG = (
         1.932,
         (0.005, 0.004, -0.121),
         (0.1, 0.09, 0.28),
-        joint_of("left_knee", 0.3, -0.09, 2.88, 300, 4, 139),
+        joint_of("left_knee", 0.3, -0.09, 2.88, 300, 4, 139, 20),
         LARGE_KG_M2,
         LEAN_DEG,
     ),
@@ -93,7 +93,7 @@ LEFT_LEG = (
         0.074,
         (-0.007, 0.0, 0.011),
         (0.05, 0.05, 0.05),
-        joint_of("left_ankle_pitch", -0.2, -0.87, 0.52, 50, 5, 35),
+        joint_of("left_ankle_pitch", -0.2, -0.87, 0.52, 50, 5, 35, 30),
         PAIR_KG_M2,
     ),
     Link(
@@ -104,7 +104,7 @@ LEFT_LEG = (
         0.608,
         (0.0265, 0.0, -0.0164),
         (0.2, 0.07, 0.04),
-        joint_of("left_ankle_roll", 0.0, -0.26, 0.26, 50, 5, 35),
+        joint_of("left_ankle_roll", 0.0, -0.26, 0.26, 50, 5, 35, 30),
         PAIR_KG_M2,
     ),
 )
@@ -117,7 +117,7 @@ WAIST = (
         0.214,
         (0.0, 0.0, 0.018),
         (0.08, 0.08, 0.06),
-        joint_of("waist_yaw", 0.0, -2.618, 2.618, 200, 5, 88),
+        joint_of("waist_yaw", 0.0, -2.618, 2.618, 200, 5, 88, 32),
         MIDDLE_KG_M2,
     ),
     Link(
@@ -128,7 +128,7 @@ WAIST = (
         0.086,
         (0.0, 0.0, 0.0),
         (0.06, 0.06, 0.04),
-        joint_of("waist_roll", 0.0, -0.52, 0.52, 200, 5, 50),
+        joint_of("waist_roll", 0.0, -0.52, 0.52, 200, 5, 50, 30),
         PAIR_KG_M2,
     ),
     Link(
@@ -139,7 +139,7 @@ WAIST = (
         7.818,
         (0.002, 0.0, 0.17),
         (0.15, 0.2, 0.34),
-        joint_of("waist_pitch", 0.0, -0.52, 0.52, 200, 5, 50),
+        joint_of("waist_pitch", 0.0, -0.52, 0.52, 200, 5, 50, 30),
         PAIR_KG_M2,
     ),
 )
@@ -152,7 +152,7 @@ LEFT_ARM = (
         0.718,
         (0.0, 0.036, -0.01),
         (0.08, 0.09, 0.08),
-        joint_of("left_shoulder_pitch", 0.2, -3.09, 2.67, 60, 2, 25),
+        joint_of("left_shoulder_pitch", 0.2, -3.09, 2.67, 60, 2, 25, 37),
         SMALL_KG_M2,
     ),
     Link(
@@ -163,7 +163,7 @@ LEFT_ARM = (
         0.643,
         (0.0, 0.003, -0.05),
         (0.07, 0.07, 0.12),
-        joint_of("left_shoulder_roll", 0.16, -1.59, 2.25, 60, 2, 25),
+        joint_of("left_shoulder_roll", 0.16, -1.59, 2.25, 60, 2, 25, 37),
         SMALL_KG_M2,
     ),
     Link(
@@ -174,7 +174,7 @@ LEFT_ARM = (
         0.734,
         (0.011, 0.0, -0.06),
         (0.07, 0.07, 0.12),
-        joint_of("left_shoulder_yaw", 0.0, -2.618, 2.618, 40, 1, 25),
+        joint_of("left_shoulder_yaw", 0.0, -2.618, 2.618, 40, 1, 25, 37),
         SMALL_KG_M2,
     ),
     # At zero the forearm points forward.
@@ -186,7 +186,7 @@ LEFT_ARM = (
         0.6,
         (0.06, 0.0, -0.01),
         (0.14, 0.06, 0.06),
-        joint_of("left_elbow", 0.8, -1.047, 2.094, 40, 1, 25),
+        joint_of("left_elbow", 0.8, -1.047, 2.094, 40, 1, 25, 37),
         SMALL_KG_M2,
     ),
     Link(
@@ -197,7 +197,7 @@ LEFT_ARM = (
         0.0854,
         (0.017, 0.0, 0.0),
         (0.05, 0.05, 0.05),
-        joint_of("left_wrist_roll", 0.0, -1.97, 1.97, 20, 1, 25),
+        joint_of("left_wrist_roll", 0.0, -1.97, 1.97, 20, 1, 25, 37),
         SMALL_KG_M2,
     ),
     Link(
@@ -208,7 +208,7 @@ LEFT_ARM = (
         0.484,
         (0.023, 0.0, 0.0),
         (0.07, 0.05, 0.06),
-        joint_of("left_wrist_pitch", 0.0, -1.614, 1.614, 20, 1, 5),
+        joint_of("left_wrist_pitch", 0.0, -1.614, 1.614, 20, 1, 5, 22),
         TINY_KG_M2,
     ),
     Link(
@@ -219,7 +219,7 @@ LEFT_ARM = (
         0.2546,
         (0.07, 0.0, 0.0),
         (0.14, 0.04, 0.07),
-        joint_of("left_wrist_yaw", 0.0, -1.614, 1.614, 20, 1, 5),
+        joint_of("left_wrist_yaw", 0.0, -1.614, 1.614, 20, 1, 5, 22),
         TINY_KG_M2,
     ),
 )
@@ -283,9 +283,12 @@ G1 = RobotSpec(
     fall=FallThresholds(com_to_foot_m=0.42),
     command_limits=CommandLimits((-0.3, 1.0), (-0.3, 0.3), (-1.05, 1.05)),
     sources=(
-        "masses, link lengths, joint and torque limits: Unitree's published robot description",
+        "masses, link lengths, joint, torque and speed limits: Unitree's published robot "
+        "description (unitree_ros, g1_29dof_rev_1_0.urdf)",
         "fall rule and HFOV 90°: VLN-PE; the camera is where its D435 sits, levelled",
         "PD gains and default legs: common practice of velocity-tracking policies on this robot",
+        "torque falls off from 60 % of the speed limit on: Unitree's torque-speed curves of such "
+        "motors have their knee at 55–77 % of the no-load speed (unitree_rl_lab)",
         "link inertias: uniform boxes of the links' outer size with the published masses",
     ),
     build=build_g1,

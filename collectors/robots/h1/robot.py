@@ -41,7 +41,7 @@ LEFT_LEG = (
         2.244,
         (-0.049, 0.0, 0.007),
         (0.16, 0.11, 0.12),
-        joint_of("left_hip_yaw", 0.0, -0.43, 0.43, 200, 5, 200),
+        joint_of("left_hip_yaw", 0.0, -0.43, 0.43, 200, 5, 200, 23),
         0.05,
     ),
     Link(
@@ -52,7 +52,7 @@ LEFT_LEG = (
         2.232,
         (-0.006, 0.03, 0.0),
         (0.12, 0.12, 0.11),
-        joint_of("left_hip_roll", 0.0, -0.43, 0.43, 200, 5, 200),
+        joint_of("left_hip_roll", 0.0, -0.43, 0.43, 200, 5, 200, 23),
         0.05,
     ),
     Link(
@@ -63,7 +63,7 @@ LEFT_LEG = (
         4.152,
         (0.007, -0.023, -0.082),
         (0.14, 0.12, 0.38),
-        joint_of("left_hip_pitch", -0.4, -1.57, 1.57, 200, 5, 200),
+        joint_of("left_hip_pitch", -0.4, -1.57, 1.57, 200, 5, 200, 23),
         0.05,
     ),
     Link(
@@ -74,7 +74,7 @@ LEFT_LEG = (
         1.721,
         (-0.001, -0.005, -0.138),
         (0.09, 0.08, 0.36),
-        joint_of("left_knee", 0.8, -0.26, 2.05, 300, 6, 300),
+        joint_of("left_knee", 0.8, -0.26, 2.05, 300, 6, 300, 14),
         0.05,
     ),
     Link(
@@ -85,7 +85,7 @@ LEFT_LEG = (
         0.446,
         (0.049, 0.0, -0.046),
         (0.24, 0.08, 0.05),
-        joint_of("left_ankle", -0.4, -0.87, 0.52, 40, 2, 40),
+        joint_of("left_ankle", -0.4, -0.87, 0.52, 40, 2, 40, 9),
         0.02,
     ),
 )
@@ -97,7 +97,7 @@ TORSO = Link(
     17.79,
     (0.0, 0.0, 0.205),
     (0.2, 0.26, 0.5),
-    joint_of("torso", 0.0, -2.35, 2.35, 300, 6, 200),
+    joint_of("torso", 0.0, -2.35, 2.35, 300, 6, 200, 23),
     0.05,
 )
 LEFT_ARM = (
@@ -109,7 +109,7 @@ LEFT_ARM = (
         1.033,
         (0.005, 0.045, -0.005),
         (0.1, 0.1, 0.1),
-        joint_of("left_shoulder_pitch", 0.1, -2.87, 2.87, 100, 3, 40),
+        joint_of("left_shoulder_pitch", 0.1, -2.87, 2.87, 100, 3, 40, 9),
         0.02,
     ),
     Link(
@@ -120,7 +120,7 @@ LEFT_ARM = (
         0.793,
         (0.0, 0.005, -0.06),
         (0.08, 0.08, 0.15),
-        joint_of("left_shoulder_roll", 0.1, -0.34, 3.11, 100, 3, 40),
+        joint_of("left_shoulder_roll", 0.1, -0.34, 3.11, 100, 3, 40, 9),
         0.02,
     ),
     Link(
@@ -131,7 +131,7 @@ LEFT_ARM = (
         0.839,
         (0.01, 0.0, -0.08),
         (0.08, 0.08, 0.2),
-        joint_of("left_shoulder_yaw", 0.0, -1.3, 4.45, 60, 2, 18),
+        joint_of("left_shoulder_yaw", 0.0, -1.3, 4.45, 60, 2, 18, 20),
         0.02,
     ),
     # At zero the forearm points forward.
@@ -143,7 +143,7 @@ LEFT_ARM = (
         0.669,
         (0.15, 0.0, -0.01),
         (0.3, 0.06, 0.06),
-        joint_of("left_elbow", 1.0, -1.25, 2.61, 60, 2, 18),
+        joint_of("left_elbow", 1.0, -1.25, 2.61, 60, 2, 18, 20),
         0.02,
     ),
 )
@@ -204,9 +204,12 @@ H1 = RobotSpec(
     fall=FallThresholds(com_to_foot_m=0.6),
     command_limits=CommandLimits((-0.3, 1.0), (-0.3, 0.3), (-1.05, 1.05)),
     sources=(
-        "masses, link lengths, joint and torque limits: Unitree's published robot description",
+        "masses, link lengths, joint, torque and speed limits: Unitree's published robot "
+        "description (unitree_ros, h1.urdf)",
         "fall thresholds, camera height (about 1.66 m, 15° down) and HFOV 90°: VLN-PE",
         "PD gains and default legs: common practice of velocity-tracking policies on this robot",
+        "torque falls off from 60 % of the speed limit on: Unitree's torque-speed curves of such "
+        "motors have their knee at 55–77 % of the no-load speed (unitree_rl_lab)",
         "link inertias: uniform boxes of the links' outer size with the published masses",
     ),
     build=build_h1,

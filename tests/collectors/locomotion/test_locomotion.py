@@ -24,6 +24,7 @@ from vlnpe.collectors.gait_training.terrain import noise_terrain
 from vlnpe.collectors.gait_training.trial import Conditions
 from vlnpe.collectors.locomotion import GaitPolicy, PolicyMismatchError
 from vlnpe.collectors.locomotion.card import POLICY_FOLDER
+from vlnpe.collectors.locomotion.gait import ClockState
 from vlnpe.collectors.locomotion.observation import layout, observe, states_of
 from vlnpe.collectors.robots import POLICY_DECIMATION, RobotHandles, get_robot
 from vlnpe.formats.core.errors import FileFormatError
@@ -231,13 +232,41 @@ def test_observation_matches_mujocos_own_frames(policy: GaitPolicy):
     assert observation.shape == (1, sum(width for _, width in layout(len(robot.joints))))
 
 
+def test_a_zero_command_is_braked_to_and_the_last_steps_are_taken_to_their_ends():
+    gait = replace(GAITS["h1"], brake_m_s2=2.0, brake_rad_s2=4.0, last_steps=2)
+    state, dt = ClockState.standing(1), 0.02
+    walk, stop = np.array([[1.0, 0.0, 0.5]]), np.zeros((1, 3))
+    for _ in range(20):
+        state, stepping = gait.tick(state, walk, dt)
+    # What rises is followed at once.
+    np.testing.assert_array_equal(state.command, walk)
+    speeds, phases = [], []
+    while stepping[0]:
+        state, stepping = gait.tick(state, stop, dt)
+        speeds.append(state.command[0, 0])
+        phases.append(float(state.phase[0]))
+        assert len(speeds) < 100
+    np.testing.assert_allclose(-np.diff([1.0, *speeds[:25]]), 2.0 * dt, atol=1e-9)
+    still = next(k for k, v in enumerate(speeds) if v <= gait.stand_linear_m_s)
+    landings = np.flatnonzero(np.diff(np.floor(2.0 * np.array(phases[:-1]))) != 0) + 1
+    # Two steps end after the command has come to nothing, the second one with the standing.
+    assert (landings >= still).sum() == 1
+    assert phases[-1] == 0.0
+    assert phases[-2] > 0.5 - gait.frequency_hz * dt or phases[-2] % 0.5 > 0.4
+    # From then on it waits.
+    state, stepping = gait.tick(state, stop, dt)
+    assert not stepping[0]
+
+
 def test_clock_stands_and_trots():
     gait = GAITS["aliengo"]
     command = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, -0.3]])
     moving = gait.moving(command)
     assert moving.tolist() == [False, True, True]
-    phase = np.full(3, 0.98)
-    after = gait.advance(phase, moving, 0.02)
+    state = ClockState(np.zeros((3, 3)), np.full(3, 0.98), np.zeros(3, dtype=np.intp))
+    state, stepping = gait.tick(state, command, 0.02)
+    assert stepping.tolist() == moving.tolist()
+    after = state.phase
     assert after[0] == 0.0
     np.testing.assert_allclose(after[1:], 0.02)
     front_left, front_right, rear_left, rear_right = (gait.foot_phase(after[1:2]) < 0.5)[0]

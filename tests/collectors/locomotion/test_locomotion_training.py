@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,8 @@ pytest.importorskip("rsl_rl", reason="extra `train` is not installed")
 import torch
 from tensordict import TensorDict
 
-from vlnpe.collectors.gait_training import train
+from vlnpe.collectors.gait_training import train, warm_start
+from vlnpe.collectors.gait_training.blend import blended
 from vlnpe.collectors.gait_training.commands import command_bounds, sample_commands
 from vlnpe.collectors.gait_training.config import PHASES, TrainingConfig
 from vlnpe.collectors.gait_training.env import GaitEnv
@@ -29,9 +31,11 @@ from vlnpe.collectors.gait_training.mirror import (
 )
 from vlnpe.collectors.gait_training.terrain import Terrain, noise_terrain, rough_terrain
 from vlnpe.collectors.locomotion import GaitPolicy
+from vlnpe.collectors.locomotion.card import POLICY_FOLDER
 from vlnpe.collectors.locomotion.observation import layout
 from vlnpe.collectors.locomotion.onnx_file import OnnxFile
 from vlnpe.collectors.locomotion.onnx_mlp import read_mlp
+from vlnpe.collectors.locomotion.policy import policy_files
 from vlnpe.collectors.robots import RobotSpec, get_robot
 
 
@@ -113,6 +117,34 @@ def test_exported_with_its_mirror_image_it_is_symmetric(robot):
     plain = actor_to_onnx(actor)
     mean = 0.5 * (act(plain, one) + act(plain, other)[:, done] * done_signs)
     np.testing.assert_allclose(here, mean, atol=2e-5)
+
+
+def test_a_refinement_starts_as_the_gait_it_starts_from(robot, tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(warm_start, "LOOK_STEPS", 20)
+    monkeypatch.setattr(train, "CRITIC_ITERATIONS", 1)
+    monkeypatch.setattr(train, "REFINEMENTS", {robot.name: ((tiny(robot), 1),)})
+    started = []
+    refining = train._start_refining
+
+    def start(*arguments):
+        refining(*arguments)
+        started.append(actor_to_onnx(arguments[3].alg.actor, Symmetry.of(robot)))
+
+    monkeypatch.setattr(train, "_start_refining", start)
+    train.train(robot, tmp_path, seed=0, threads=1, refine=POLICY_FOLDER)
+    installed = policy_files(robot)[0].read_bytes()
+    inputs = sum(width for _, width in layout(robot.policy_joints))
+    observation = np.random.default_rng(0).normal(0, 0.3, (32, inputs)).astype(np.float32)
+    np.testing.assert_allclose(act(started[0], observation), act(installed, observation), atol=2e-3)
+    # One iteration later it is another one, which says where it comes from.
+    card = GaitPolicy.load(robot, tmp_path).card
+    assert (tmp_path / f"{robot.name}.onnx").read_bytes() != started[0]
+    assert card.training["start"]["onnx_sha256"] == hashlib.sha256(installed).hexdigest()
+    # Half of it is between both.
+    half = blended(installed, (tmp_path / f"{robot.name}.onnx").read_bytes(), 0.5)
+    assert blended(installed, half, 0.0) == blended(installed, installed, 1.0)
+    far = np.abs(act(half, observation) - act(installed, observation)).max()
+    assert 0.0 < far < 0.5
 
 
 def test_the_command_of_make_train_gait(tmp_path: Path, monkeypatch, capsys):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from vlnpe.collectors.gait_training.gaits import GAITS
-from vlnpe.collectors.locomotion.gait import FACTORS, GaitClock, joint_targets
+from vlnpe.collectors.locomotion.gait import FACTORS, ClockState, GaitClock, joint_targets
 from vlnpe.collectors.locomotion.observation import observe, states_of
 from vlnpe.collectors.locomotion.policy import GaitPolicy
 from vlnpe.collectors.locomotion.quick import QuickStep
@@ -25,6 +25,7 @@ CASES = [
     # A policy that moves nine joints of twelve; the others follow the reference.
     (replace(get_robot("aliengo"), policy_joints=9), GAITS["aliengo"]),
     (get_robot("aliengo"), CALIBRATED),
+    (get_robot("h1"), replace(GAITS["h1"], brake_m_s2=2.0, brake_rad_s2=3.0, last_steps=2)),
 ]
 
 
@@ -44,15 +45,15 @@ def test_a_walk_of_one_is_a_walk_of_many(robot: RobotSpec, gait: GaitClock) -> N
     handles = RobotHandles.find(robot, data.model)
     step = QuickStep(data, handles, gait, 50.0, np.float64)
     joints, default = robot.policy_joints, robot.default_joint_rad
-    phase, action = np.zeros(1), np.zeros((1, joints))
-    for k in range(60):
+    clock, action = ClockState.standing(1), np.zeros((1, joints))
+    for k in range(120):
         data.qpos[:] = shaken(robot, rng).qpos
         data.qvel[:] = rng.normal(0, 2.0, data.qvel.shape)
         # Beyond the limits, within them, and standing still for a while.
-        command = rng.normal(0, 0.6, 3) * (k % 20 < 15)
+        command = rng.normal(0, 0.6, 3) * (k % 40 < 15)
         wanted = robot.command_limits.clip(command[None])
-        moving = gait.moving(wanted)
-        phase, wanted = gait.advance(phase, moving, 1 / 50.0), gait.aimed(wanted)
+        clock, moving = gait.tick(clock, wanted, 1 / 50.0)
+        phase, wanted = clock.phase, gait.aimed(clock.command)
         seen = observe(
             states_of(data.qpos[None], data.qvel[None], handles),
             default[:joints],
