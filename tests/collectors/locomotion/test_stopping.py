@@ -24,8 +24,9 @@ def measured(policy: GaitPolicy, every: int = 12) -> dict:
 def test_installed_gaits_stop_upright(name: str):
     table = measured(GaitPolicy.load(get_robot(name)))
     assert table["robots"] >= 80
-    assert table["upright"] == 1.0
-    assert table["rested"] >= 0.9
+    # Without its brake the H1 falls in 70 % of these stops, the G1 in 46 %.
+    assert table["falls"] <= 0.04 * table["robots"]
+    assert table["rested"] >= 0.8
     distances = table["distance_m_p50"]
     # The faster, the farther; nobody stops at once, nobody slides on for a metre.
     assert 0.02 < distances[0] < distances[-1] < 0.8
@@ -52,7 +53,7 @@ def test_who_never_rests_counts_as_long_as_he_was_watched():
     policy = GaitPolicy.load(get_robot("aliengo"))
     # A clock that never ends its last steps.
     restless = replace(policy.card.gait, last_steps=1000)
-    table = measured(policy.changed(policy.robot, replace(policy.card, gait=restless)), every=40)
+    table = measured(policy.changed(policy.robot, replace(policy.card, gait=restless)), every=24)
     assert table["rest_s_p99"] > GOAL_S
     assert table["rested"] < 1.0
 
