@@ -147,7 +147,7 @@ def load_card(path: Path) -> PolicyCard:
         for key in ("joints", "default_joint_rad", "kp", "kd", "torque_nm", "speed_rad_s"):
             values[key] = tuple(values[key])
         return PolicyCard(**values)
-    except (KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise FileFormatError(path, f"not a policy card: {error!r}") from error
 
 

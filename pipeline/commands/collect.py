@@ -41,7 +41,7 @@ from ..engine.run_folder import RunFolder, open_run_folder, safe_name
 from ..engine.runner import Context
 from ..kept_robots import keep, kept
 from ..scan_files import find_scans
-from ..stages import repair, report
+from ..stages import repair, report, visibility
 from ..stages.export import check_depth_storage
 from ..summary import show_summary
 from ..views import chosen_views
@@ -171,7 +171,7 @@ def run(options: Collect) -> int:
         for robot in robots:
             keep(robot, folder.root)
         widest = max(robots, key=lambda robot: robot.footprint_radius_m)
-        eye = kept(widest.name, folder.root)
+        eye = _eye(context.ledger) or kept(widest.name, folder.root)
         chain = Chain(folder, context, options.seed, actions, instructing, eye)
         scenes = chain.scenes(sources, repairing, options.allow_unsound)
         if episode_file:
@@ -205,6 +205,15 @@ def run(options: Collect) -> int:
             )
         page = report.write(folder, context, chain.summaries)
     return show_summary(folder, chain.summaries, page, options.max_failed, options.json)
+
+
+def _eye(ledger: Ledger) -> str | None:
+    """Return the robot whose camera an earlier run of this folder looked with, if any.
+
+    Robots that join later walk the same episodes with the same instructions.
+    """
+    rows = (row for row in ledger.rows(visibility.STAGE) if row.status == "done")
+    return next((row.facts["robot"] for row in rows if "robot" in row.facts), None)
 
 
 def instruct_config(options: Any) -> InstructConfig:

@@ -63,7 +63,12 @@ class LookJob:
         sight = look(load_bundle(self.scene), asked, get_robot(self.robot))
         write_visibility(self.out, sight)
         looks = sum(len(one.looks_m) for one in sight.paths.values())
-        facts = {"paths": len(sight.paths), "images": looks, "cpu_s": round(sight.seconds, 2)}
+        facts = {
+            "robot": self.robot,
+            "paths": len(sight.paths),
+            "images": looks,
+            "cpu_s": round(sight.seconds, 2),
+        }
         return ItemResult(facts)
 
 

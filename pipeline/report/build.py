@@ -152,7 +152,7 @@ def _scene(root: Path, row: Row) -> dict[str, Any]:
     return {
         "name": row.item,
         "facts": _repair_note(row.facts),
-        "problems": row.facts["problems"],
+        "problems": row.facts.get("problems", ()),
         "before": data_uri(folder / "before.png", 1200),
         "after": data_uri(folder / "after.png", 1200),
     }
@@ -167,5 +167,5 @@ def _repair_note(facts: Mapping[str, Any]) -> str:
     text += f"{facts['floor_before_m2']:.1f} m² before, {facts['floor_after_m2']:.1f} m² after."
     if left:
         text += f" Left open: {left}."
-    notes = [*facts["doubts"], *facts["warnings"]]
+    notes = [*facts.get("doubts", ()), *facts["warnings"]]
     return " ".join([text, *(f"{note.rstrip('.')}." for note in notes)])

@@ -35,6 +35,7 @@ WALLED_SHARE = 0.8
 BETWEEN_FACES_SHARE = 0.5
 # … unless something stands in it that is thicker than a wall: a wardrobe.
 WALL_THICKNESS_M = 0.3
+SHAFT_M = 0.75  # shafts are at least this wide; cupboards, whose sides look like walls, are not
 # Walls, lintels and the outside make up this share of the rim of a window's niche: where a sill is
 # labelled as such, and where it could be any shelf.
 SILL_CLOSED_SHARE, NICHE_CLOSED_SHARE = 0.5, 0.85
@@ -296,7 +297,7 @@ def _judge(rim: _Rim, ceiled: bool, floored: bool) -> tuple[bool, str, str]:
     if rim.structure >= 0.5 and closed >= SILL_CLOSED_SHARE:
         return False, "wall", f"a sill lies over {100 * rim.structure:.0f} %"
     walled = rim.wall >= WALLED_SHARE or rim.floor < 0.03
-    if not thin and not rim.joined and rim.furniture < 0.5:
+    if rim.thickness_m >= SHAFT_M and not rim.joined and rim.furniture < 0.5:
         return False, "walled off", "walls part it from all floor that has room for a robot"
     if thin:
         # Real walls: a strip of a courtyard between bridged walls has no floor around it, either.

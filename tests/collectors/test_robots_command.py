@@ -55,8 +55,8 @@ def test_a_gate_that_was_not_measured_is_said_so(monkeypatch: pytest.MonkeyPatch
     policy = GaitPolicy.load(robot)
     for evaluation, summary in (
         ({}, "not measured"),
-        ({"pushes": {"survived": 0.5}}, "0 of 1 passed, 9 not measured"),
-        ({"pushes": {"survived": 1.0}}, "1 of 1 passed, 9 not measured"),
+        ({"pushes": {"survived": 0.5}}, "0 of 1 passed, 12 not measured"),
+        ({"pushes": {"survived": 1.0}}, "1 of 1 passed, 12 not measured"),
         ({"pushes": {"survived": math.nan}}, "not measured"),
     ):
         changed = policy.changed(robot, replace(policy.card, evaluation=evaluation))
@@ -187,10 +187,10 @@ def test_an_exported_robot_is_a_robot(capsys: pytest.CaptureFixture, tmp_path: P
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--export", "aliengo"], "needs --out"),
-        (["--export", "aliengo", "--out", "h1"], "named h1 already"),
+        (["--export", "aliengo"], "requires --out"),
+        (["--export", "aliengo", "--out", "h1"], "h1 is a built-in robot"),
         (["--export", "aliengo", "--out", "my dog"], "letters, digits, - and _"),
-        (["--export", "aliengo", "--view", "h1"], "one of them at a time"),
+        (["--export", "aliengo", "--view", "h1"], "cannot be combined"),
     ],
 )
 def test_bad_calls_are_refused(

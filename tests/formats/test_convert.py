@@ -465,7 +465,7 @@ def test_the_command_refuses_what_it_cannot_use(
     out = str(tmp_path / "out")
     for source, to, words in [
         (first.parent, "lerobot", [str(second), "h1", "another robot", str(first), "aliengo"]),
-        (first.parent, "mcap", ["mcap already"]),
+        (first.parent, "mcap", ["already mcap"]),
         (tmp_path / "none", "mcap", ["no such folder"]),
         (tmp_path / "frames-a", "mcap", ["nothing to convert"]),
     ]:

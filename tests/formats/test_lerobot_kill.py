@@ -25,7 +25,7 @@ import sys
 from pathlib import Path
 import tests.support.lerobot_data as data
 from tests.support.rollouts import make_rollout
-from vlnpe.formats.atomic import sweep
+from vlnpe.formats.core.atomic import sweep
 from vlnpe.formats.lerobot import assemble_dataset
 root = Path(sys.argv[1])
 sweep(root)

@@ -146,7 +146,7 @@ ENCODE = """
 import sys
 from pathlib import Path
 from tests.formats.test_video import RANGE, depth_frames, rgb_frames
-from vlnpe.formats.video import CLIP_CODEC, WATCH_CODEC, write_depth_video, write_rgb_video
+from vlnpe.formats.video.mp4 import CLIP_CODEC, WATCH_CODEC, write_depth_video, write_rgb_video
 for codec in ("h264", CLIP_CODEC, WATCH_CODEC):
     write_rgb_video(Path("a.mp4"), rgb_frames(14, 150, 200), 4, codec)
     sys.stdout.buffer.write(Path("a.mp4").read_bytes())

@@ -95,4 +95,4 @@ def test_episodes_keep_room_for_the_widest_robot(
     sampled(0.3)
     assert _roomy(plain, [wide], ledger) == both
     assert "wide needs 0.50 m" in caplog.text
-    assert "sampled anew" in caplog.text
+    assert "sampling new episodes" in caplog.text

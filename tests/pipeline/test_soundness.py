@@ -9,8 +9,10 @@ from typing import Any
 import pytest
 
 from tests.support import scans
+from vlnpe.formats.core.camera import CameraModel
 from vlnpe.formats.core.errors import SceneError
-from vlnpe.formats.lerobot.card import CardFacts, dataset_card
+from vlnpe.formats.lerobot import usage
+from vlnpe.formats.lerobot.card import CameraFacts, CardFacts, dataset_card
 from vlnpe.formats.lerobot.layout import DEPTH_KEY
 from vlnpe.formats.scene.bundle import UNSOUND, load_bundle
 from vlnpe.pipeline.commands.chain import Repair, run_repair
@@ -105,13 +107,16 @@ def test_the_dataset_card_names_them() -> None:
         "total_tasks": 1,
         "fps": 4,
         "codebase_version": "v3.0",
-        "features": {DEPTH_KEY: {"dtype": "video", "shape": [1, 1, 1]}},
+        "features": {
+            key: {"dtype": "video", "shape": [4, 4, 3]}
+            for key in (DEPTH_KEY, *usage.INPUTS, *usage.OUTPUTS)
+        },
     }
 
     def card(source: dict[str, Any]) -> str:
-        facts = CardFacts(
-            "t", "mit", {"train": [0]}, {"train": {"s"}}, 10.0, {"scenes": {"s": source}}
-        )
+        view = CameraFacts(CameraModel("ego", 4, 4, 90.0), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0))
+        splits = ({"train": [0]}, {"train": {"s"}})
+        facts = CardFacts("t", "mit", *splits, 10.0, view, {"scenes": {"s": source}})
         return dataset_card(facts, info)
 
     assert "Unsound" not in card({"licence": "MIT"})
