@@ -112,7 +112,7 @@ def posture(policy: GaitPolicy, rng: np.random.Generator, seconds: float = 6.0) 
     """
     speed = np.linspace(0.3, policy.robot.command_limits.vx_m_s[1], 8)
     n = len(speed)
-    commands = np.column_stack([speed, np.zeros(n), np.zeros(n)])
+    commands = np.column_stack([speed, np.zeros(n), np.zeros(n)]).astype(np.float64)
     trial = Trial(policy, Conditions.mixed(n, rng), np.zeros((n, 2)), np.zeros(n), rng)
     roll, lift = [], []
     for _ in range(round(seconds / STEP_S)):

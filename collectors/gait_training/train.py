@@ -124,7 +124,8 @@ def train(
             runner.load(str(checkpoint))
         if refine:
             # A normaliser that drifts moves a finished policy more than learning does.
-            runner.alg.actor.obs_normalizer.until = 0
+            normalizer: Any = runner.alg.actor.obs_normalizer
+            normalizer.until = 0
             if not checkpoint.exists():
                 _start_refining(robot, refine, env, runner)
         while done < last:
