@@ -127,6 +127,8 @@ def push(hub: Hub, monkeypatch: pytest.MonkeyPatch) -> Callable[..., dict[str, A
     """Publishes with the hub's own client, in this process; returns what `--json` prints."""
     from huggingface_hub import HfApi, constants
 
+    # Other tests set HF_HUB_OFFLINE, which the client reads once, when it is first imported.
+    monkeypatch.setattr(constants, "HF_HUB_OFFLINE", False)
     monkeypatch.setattr(constants, "HF_HUB_DISABLE_XET", True)
     monkeypatch.setattr(constants, "HF_HUB_DISABLE_PROGRESS_BARS", True)
     monkeypatch.setenv("HF_ENDPOINT", hub.url)
