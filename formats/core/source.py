@@ -11,6 +11,7 @@ import hashlib
 import platform
 import sys
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, packages_distributions, version
 from pathlib import Path
@@ -54,7 +55,7 @@ def code_digest(*modules: str) -> str:
     state = hashlib.sha256()
     ours = imported_modules(*modules)
     for module in sorted(ours):
-        state.update(f"{module} {_code_digest(module)}\n".encode())
+        state.update(f"{module} {_source(module).digest}\n".encode())
     for folder in sorted({_path(module).parent for module in ours}):
         for path in sorted(folder.iterdir()):
             if path.suffix in DATA_SUFFIXES:
@@ -82,23 +83,26 @@ def imported_modules(*modules: str) -> frozenset[str]:
         parent = module.rpartition(".")[0]
         if parent and _file(parent) is not None:
             waiting.append(parent)
-        waiting.extend(_imports(module)[0] - found)
+        waiting.extend(_source(module).ours - found)
     return frozenset(found)
 
 
 def libraries(*modules: str) -> dict[str, str]:
     """Return name and version of each installed distribution that the modules import."""
     owners = _owners()
-    result = {}
+    result: dict[str, str | None] = {}
     for module in imported_modules(*modules):
-        for package in _imports(module)[1]:
-            for name in owners.get(package, ()):
-                try:
-                    result[name] = version(name)
-                except PackageNotFoundError:  # a stale record of the environment
-                    continue
-    result.pop(NAME, None)
-    return result
+        for package in _source(module).others:
+            result.update((name, _version(name)) for name in owners.get(package, ()))
+    return {name: v for name, v in result.items() if v is not None and name != NAME}
+
+
+@cache
+def _version(distribution: str) -> str | None:
+    try:
+        return version(distribution)
+    except PackageNotFoundError:  # a stale record of the environment
+        return None
 
 
 @cache
@@ -121,18 +125,23 @@ def _path(module: str) -> Path:
     return path
 
 
-@cache
-def _tree(module: str) -> ast.Module:
-    return ast.parse(_path(module).read_bytes())
+@dataclass(frozen=True)
+class _Source:
+    """What one module's source says: our modules and others' top-level names, and its digest."""
+
+    ours: frozenset[str]
+    others: frozenset[str]
+    digest: str
 
 
 @cache
-def _imports(module: str) -> tuple[frozenset[str], frozenset[str]]:
-    """Our modules, and the top-level names of others, that a module's source imports."""
-    package = module if _path(module).name == "__init__.py" else module.rpartition(".")[0]
+def _source(module: str) -> _Source:
+    path = _path(module)
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    tree = ast.parse(path.read_bytes())
     ours: set[str] = set()
     others: set[str] = set()
-    for node in _nodes(_tree(module)):
+    for node in _nodes(tree):
         if isinstance(node, ast.Import):
             others.update(alias.name.split(".")[0] for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and not node.level:
@@ -145,7 +154,12 @@ def _imports(module: str) -> tuple[frozenset[str], frozenset[str]]:
                 name = f"{base}.{alias.name}" if base else alias.name
                 # A name is a module of its own, or it is defined in the module before it.
                 ours.update(m for m in (base, name) if m and _file(m) is not None)
-    return frozenset(ours), frozenset(others - set(sys.stdlib_module_names))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            docstring = ast.get_docstring(node, clean=False)
+            node.body = node.body[docstring is not None :]
+    digest = hashlib.sha256(ast.dump(tree).encode()).hexdigest()
+    return _Source(frozenset(ours), frozenset(others - set(sys.stdlib_module_names)), digest)
 
 
 def _nodes(tree: ast.AST) -> Iterator[ast.AST]:
@@ -156,13 +170,3 @@ def _nodes(tree: ast.AST) -> Iterator[ast.AST]:
             continue
         yield child
         yield from _nodes(child)
-
-
-@cache
-def _code_digest(module: str) -> str:
-    tree = ast.parse(_path(module).read_bytes())  # a copy of its own: docstrings are taken out
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-            docstring = ast.get_docstring(node, clean=False)
-            node.body = node.body[docstring is not None :]
-    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()

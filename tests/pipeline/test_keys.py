@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import subprocess
 import sys
@@ -23,10 +24,27 @@ JOBS = {
     "mcap": "mcap",
     "report": "report",
 }
-DIGESTS = f"""
-from vlnpe.formats.core.source import source_digest
-for stage, job in {JOBS!r}.items():
-    print(stage, source_digest("pipeline.jobs." + job))
+# Prints the digests of the untouched copy and after each edit alone, one JSON object a line.
+DIGESTS = """
+import json, sys
+from pathlib import Path
+from vlnpe.formats.core import source
+
+jobs, edits = json.load(sys.stdin)
+
+def show():
+    source._source.cache_clear(), source.imported_modules.cache_clear()
+    source.code_digest.cache_clear(), source.source_digest.cache_clear()
+    print(json.dumps({s: source.source_digest("pipeline.jobs." + job) for s, job in jobs.items()}))
+
+show()
+for name, old, new in edits:
+    path = Path(source.__file__).parents[2] / name
+    text = path.read_text()
+    assert old in text, (name, old)
+    path.write_text(text.replace(old, new, 1))
+    show()
+    path.write_text(text)
 """
 # File, text in it, its replacement; the stages that must run again, and no others may.
 EDITS = {
@@ -94,25 +112,24 @@ def tree(tmp_path_factory) -> Path:
     return root
 
 
-def digests(tree: Path) -> dict[str, str]:
-    # -S with the site's folder behind: the copy goes before the installed package.
-    code = f"import sys; sys.path.insert(0, {str(tree.parent)!r}); sys.meta_path[:] = ["
-    code += "f for f in sys.meta_path if '__editable__' not in str(f)]\n" + DIGESTS
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    return dict(line.split() for line in done.stdout.splitlines())
+def run_in(tree: Path, code: str, stdin: str = "") -> str:
+    """Return what Python code prints that finds the copy before the installed package."""
+    first = f"import sys; sys.path.insert(0, {str(tree.parent)!r}); sys.meta_path[:] = ["
+    first += "f for f in sys.meta_path if '__editable__' not in str(f)]\n"
+    command = [sys.executable, "-c", first + code]
+    return subprocess.run(
+        command, input=stdin, stdout=subprocess.PIPE, text=True, check=True
+    ).stdout
 
 
 def test_edits_repeat_the_stages_they_matter_to_and_no_others(tree):
-    before = digests(tree)
+    edits = [edit[:3] for edit in EDITS.values()]
+    lines = run_in(tree, DIGESTS, json.dumps([JOBS, edits])).splitlines()
+    before, *after = map(json.loads, lines)
+    assert set(before) == set(JOBS) and len(after) == len(EDITS)
     wrong = {}
-    for what, (name, old, new, stages) in EDITS.items():
-        path = tree / name
-        text = path.read_text()
-        assert old in text, (what, name)
-        path.write_text(text.replace(old, new, 1))
-        after = digests(tree)
-        path.write_text(text)
-        again = {stage for stage in JOBS if after[stage] != before[stage]}
+    for (what, (*_, stages)), digests in zip(EDITS.items(), after, strict=True):
+        again = {stage for stage in JOBS if digests[stage] != before[stage]}
         if again != stages:
             wrong[what] = {"again": sorted(again), "expected": sorted(stages)}
     assert wrong == {}
@@ -136,17 +153,12 @@ def caller(x):
 def test_a_kernel_is_compiled_anew_when_a_helper_of_another_module_changes(tree):
     helper, caller = tree / "formats/trial_helper.py", tree / "formats/trial_caller.py"
     caller.write_text(CALLER)
-    code = f"import sys; sys.path.insert(0, {str(tree.parent)!r}); sys.meta_path[:] = ["
-    code += "f for f in sys.meta_path if '__editable__' not in str(f)]\n"
-    code += "from vlnpe.formats.trial_caller import caller\nprint(caller(1), end=' ')\n"
+    code = "from vlnpe.formats.trial_caller import caller\nprint(caller(1), end=' ')\n"
     code += "print(sum(caller.stats.cache_hits.values()))"
     results = []
     for text in (HELPER, HELPER, HELPER.replace("x + 1", "x + 2")):
         helper.write_text(text)
-        done = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True
-        )
-        results.append(done.stdout.split())
+        results.append(run_in(tree, code).split())
     helper.unlink()
     caller.unlink()
     assert results == [["2", "0"], ["2", "1"], ["3", "0"]]
