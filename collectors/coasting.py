@@ -61,7 +61,7 @@ def measure_coasting(
         stops = []
         for phase_s in _PHASES_S:
             mujoco.mj_resetData(model, data)
-            handles.spawn(data, 0.0, 0.0, 0.0, 0.0)
+            handles.spawn(data)
             mujoco.mj_forward(model, data)
             gait.reset()
             run(_SETTLE_S, STOPPED)

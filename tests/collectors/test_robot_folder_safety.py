@@ -112,7 +112,7 @@ ATTACKS = {
     ),
     "replicate": (
         insert(f'<replicate count="1000000000">{GEOM}</replicate>', "<camera"),
-        r"elements with all its copies; valid: 20,000",
+        r"elements, copies included; valid: 20,000",
     ),
     "replicate in replicate": (
         insert(

@@ -12,7 +12,8 @@ from PIL import Image
 
 from vlnpe.collectors.gait_training.gates import GATES
 from vlnpe.collectors.locomotion.policy import GaitPolicy
-from vlnpe.collectors.rendering.people.studio import Sitter, make_studio, turntable, walking_strip
+from vlnpe.collectors.rendering.people.portraits import Sitter, turntable, walking_strip
+from vlnpe.collectors.rendering.people.studio import make_studio
 from vlnpe.collectors.robots import ROBOTS, get_robot
 from vlnpe.collectors.stroll import stroll
 from vlnpe.formats.core.errors import InputError

@@ -34,7 +34,7 @@ def test_it_is_a_cylinder_with_a_camera():
     model = robot.build_model()
     data = mujoco.MjData(model)
     handles = RobotHandles.find(robot, model)
-    handles.spawn(data, 0.0, 0.0, 0.0, 0.0)
+    handles.spawn(data)
     mujoco.mj_forward(model, data)
     assert data.cam_xpos[handles.camera, 2] == pytest.approx(1.25, abs=0.002)
     assert -data.cam_xmat[handles.camera].reshape(3, 3)[2, 2] == pytest.approx(0.0, abs=1e-12)
@@ -79,7 +79,7 @@ def test_it_is_seen_from_behind_and_not_by_itself(two_rooms: SceneBundle, rollou
     renderer = SceneRenderer(two_rooms)
     samples = np.array([0, 250])
     for kind, seen in (("ego", False), ("chase", True)):
-        view = make_view(kind, "vlnce", 96, 96)
+        view = make_view(kind, "vlnce", width_px=96, height_px=96)
         plan = RolloutFrames.plan(renderer, rollout, view, samples)
         for n, (rgb, _) in enumerate(plan.render(renderer)):
             position, quat = plan.path.position_world_m[n], plan.path.quat_wxyz[n]

@@ -1,6 +1,6 @@
-"""What the Jetbot looks like: visual shapes only, no mass and no contact.
+"""Visual shapes of the Jetbot, without mass or contacts.
 
-Positions are those of the toy [m], about the middle of its axle, and grow with the robot.
+Positions are those of the toy [m], relative to the middle of its axle; they scale with the robot.
 """
 
 from __future__ import annotations
@@ -30,19 +30,29 @@ Part = Callable[..., None]
 
 
 def _parts(body: mujoco.MjsBody, scale: float) -> Part:
-    def grown(values: Vector | None) -> list[float] | None:
-        return None if values is None else [scale * v for v in values]
+    """Return `add_visual` for that body, with lengths scaled."""
+
+    def grown(values: Vector) -> list[float]:
+        return [scale * v for v in values]
 
     def part(
         shape: str,
         size: Vector,
         color: Color,
         position: Vector | None = None,
+        *,
         ends: tuple[Vector, Vector] | None = None,
         euler_deg: Vector | None = None,
     ) -> None:
-        both = None if ends is None else (grown(ends[0]) or (), grown(ends[1]) or ())
-        add_visual(body, shape, grown(size) or (), color, grown(position), both, euler_deg)
+        add_visual(
+            body,
+            shape,
+            grown(size),
+            color,
+            None if position is None else grown(position),
+            ends=None if ends is None else (grown(ends[0]), grown(ends[1])),
+            euler_deg=euler_deg,
+        )
 
     return part
 
@@ -130,7 +140,7 @@ def dress_camera(base: mujoco.MjsBody, scale: float, lens: Vector, pitch_deg: fl
     part("cylinder", (0.0026,), GLASS, ends=((x - 0.002, y, z), (x - 0.0009, y, z)))
 
 
-def dress_mast(base: mujoco.MjsBody, scale: float, foot: Vector, top: Vector) -> None:
+def dress_mast(base: mujoco.MjsBody, scale: float, *, foot: Vector, top: Vector) -> None:
     """A slim aluminium mast from the deck up to the camera of an enlarged Jetbot."""
     part = _parts(base, scale)
     part("cylinder", (0.0034,), STEEL, ends=(foot, top))
@@ -142,7 +152,7 @@ def dress_mast(base: mujoco.MjsBody, scale: float, foot: Vector, top: Vector) ->
     part("box", (0.005, 0.006, 0.007), PRINT, (top[0] + 0.001, y, top[2] - 0.002))
 
 
-def dress_wheel(wheel: mujoco.MjsBody, scale: float, radius_m: float, side: float) -> None:
+def dress_wheel(wheel: mujoco.MjsBody, scale: float, *, radius_m: float, side: float) -> None:
     """A dark tyre around a yellow hub with spokes, so that one sees it turn."""
     part = _parts(wheel, scale)
     half = 0.0095
