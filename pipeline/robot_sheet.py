@@ -10,7 +10,7 @@ from ..collectors.controllers import valid_controllers
 from ..collectors.gait_training.gates import GateResult, gate_results
 from ..collectors.locomotion.card import PolicyCard
 from ..collectors.locomotion.policy import GaitPolicy
-from ..collectors.rendering.people.studio import Sitter
+from ..collectors.rendering.people.portraits import Sitter
 from ..collectors.robots import RobotSpec
 from ..formats.core.errors import FileFormatError
 

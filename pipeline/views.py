@@ -37,5 +37,5 @@ def chosen_views(
     return [
         view
         for name in chosen_lights(light)
-        for view in parse_views(camera, robot, wishes, name, drawn_by)
+        for view in parse_views(camera, robot, wishes, light=name, renderer=drawn_by)
     ]

@@ -1,4 +1,4 @@
-"""A robot's links and visible shapes as MCAP files show them."""
+"""A robot's links and visible shapes for MCAP files."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ GEOM = mujoco.mjtGeom
 
 
 def robot_links(model: mujoco.MjModel, rollout: Rollout, every: int) -> RobotLinks:
-    """The links of every `every`-th sample of a rollout of the robot-alone `model`.
+    """Return the links at every `every`-th sample of a rollout of the robot-alone `model`.
 
     Raises:
-        ValueError: not exactly one free joint, or a joint that the model does not have.
+        ValueError: the model does not have exactly one free joint.
+        KeyError: the model lacks a joint of the rollout.
     """
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
     if len(free) != 1:
