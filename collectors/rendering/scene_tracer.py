@@ -111,7 +111,7 @@ class SceneTracer:
         render_rays(
             order, directions, per_px.astype(np.float32), request.position.astype(np.float32),
             request.cut_above_m, self._packets, self.arrays, lighting.light, lighting.spheres,
-            *hits,
+            hits,
         )  # fmt: skip
         return hits
 
@@ -198,4 +198,4 @@ def pixel_directions(request: RenderRequest, out: F32 | None = None) -> F32:
 
 @functools.lru_cache(maxsize=8)
 def _pixel_order(size_px: tuple[int, int], lanes_: int) -> I32:
-    return tile_order(size_px, TILES[lanes_])
+    return tile_order(size_px, tile_px=TILES[lanes_])

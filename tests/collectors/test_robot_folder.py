@@ -1,5 +1,5 @@
 """A user's own robot: the documented example drives, ours as folders are ours, and every mistake
-is told with file, field and what is valid."""
+raises an error with file, field and valid values."""
 
 from __future__ import annotations
 
@@ -290,10 +290,10 @@ def test_each_mistake_is_told_in_one_line(tmp_path: Path, mistake: str):
     spoil, message = MISTAKES[mistake]
     folder = written_rover(tmp_path / "rover")
     spoil(folder)
-    with pytest.raises(FileFormatError, match=message) as told:
+    with pytest.raises(FileFormatError, match=message) as raised:
         get_robot(str(folder))
-    assert "\n" not in str(told.value)
-    assert str(folder) in str(told.value)
+    assert "\n" not in str(raised.value)
+    assert str(folder) in str(raised.value)
 
 
 def changed_card(**values: object) -> Callable[[Path], None]:

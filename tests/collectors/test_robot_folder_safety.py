@@ -143,10 +143,10 @@ ATTACKS = {
 def test_each_way_out_is_refused_with_file_and_reason(rover: Path, attack: str):
     spoil, reason = ATTACKS[attack]
     spoil(rover)
-    with pytest.raises(FileFormatError, match=reason) as told:
+    with pytest.raises(FileFormatError, match=reason) as raised:
         get_robot(str(rover))
-    assert "\n" not in str(told.value)
-    assert str(rover) in str(told.value)
+    assert "\n" not in str(raised.value)
+    assert str(rover) in str(raised.value)
 
 
 def test_what_stays_inside_is_read(rover: Path, tmp_path: Path):

@@ -71,8 +71,8 @@ def test_a_rollout_without_joints_survives_its_file(rollout: Rollout, tmp_path: 
 def test_a_target_inside_furniture_is_flagged(tmp_path: Path):
     # The map knows nothing of this box, which stands in the doorway.
     bundle = with_box(tmp_path, (4.0, 2.0, 0.6), (0.1, 0.5, 0.1))
-    told = replay_episode(bundle, make_episode(bundle), FLASH).events
-    assert {event.kind for event in told} == {"collision_target"}
+    events = replay_episode(bundle, make_episode(bundle), FLASH).events
+    assert {event.kind for event in events} == {"collision_target"}
 
 
 def test_it_is_seen_from_behind_and_not_by_itself(two_rooms: SceneBundle, rollout: Rollout):

@@ -72,7 +72,7 @@ def subpixel_directions(
     return out
 
 
-def tile_order(size_px: tuple[int, int], tile_px: tuple[int, int]) -> NDArray[np.int32]:
+def tile_order(size_px: tuple[int, int], *, tile_px: tuple[int, int]) -> NDArray[np.int32]:
     """Return the pixels (row-major indices) of an image tile by tile, −1 = none.
 
     The rays of a tile are closest together, so that they make the best packets.

@@ -87,7 +87,7 @@ class View:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CameraWishes:
+class CameraOverrides:
     """Intrinsics that replace those of a view kind; None = the kind's default."""
 
     width_px: int | None = None
@@ -128,7 +128,7 @@ MAX_SIDE_PX = 8192
 
 
 def parse_views(
-    text: str, robot: str | RobotSpec, defaults: CameraWishes, *, light: str, renderer: str
+    text: str, robot: str | RobotSpec, defaults: CameraOverrides, *, light: str, renderer: str
 ) -> list[View]:
     """Parse views like `ego,chase:640x480,top:480x480:50`: kind, size [px], horizontal FOV [deg].
 

@@ -60,7 +60,7 @@ def scene_pieces(mesh: VisualMesh, materials: MaterialTable) -> Pieces:
         name = f"piece{len(used)}"
         uv = mesh.corner_uv[faces] if materials.texture[material] >= 0 else None
         _add_mesh(spec, name, corner[faces], uv)
-        _add_geom(spec, name, f"material{material}")
+        _add_geom(spec, name, material=f"material{material}")
         points = corner[faces].reshape(-1, 3)
         boxes.append([points.min(0), points.max(0)])
         used.append(material)
@@ -78,7 +78,7 @@ def robot_model(surfaces: Iterable[GeomSurface]) -> mujoco.MjModel:
         _add_mesh(spec, name, surface.corners.astype(np.float64), None)
         material = spec.add_material(name=name, emission=EMISSION, specular=0.0, shininess=0.0)
         material.rgba = [*to_srgb(surface.color_linear), 1.0]
-        _add_geom(spec, name, name)
+        _add_geom(spec, name, material=name)
     return spec.compile()
 
 
@@ -112,7 +112,7 @@ def _add_mesh(
         mesh.userfacetexcoord = faces
 
 
-def _add_geom(spec: mujoco.MjSpec, mesh: str, material: str) -> None:
+def _add_geom(spec: mujoco.MjSpec, mesh: str, *, material: str) -> None:
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh, material=material, contype=0, conaffinity=0
     )

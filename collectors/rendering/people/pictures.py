@@ -52,20 +52,20 @@ def film_strip(
     """
     samples = np.linspace(0, len(rollout.time_s) - 1, columns).round().astype(np.int64)
     rows: list[list[Picture]] = []
-    who = robot or get_robot(rollout.robot)
+    spec = robot or get_robot(rollout.robot)
 
     def frames_of(kind: str, aspect: float) -> RolloutFrames:
         view = make_view(
             kind,
-            who,
+            spec,
             width_px=tile_px,
             height_px=round(tile_px * aspect),
             light=renderer.light,
             renderer=renderer.name,
         )
-        return RolloutFrames.plan(renderer, rollout, view, samples, who)
+        return RolloutFrames.plan(renderer, rollout, view, samples, spec)
 
-    own = who.camera.model
+    own = spec.camera.model
     frames = list(frames_of("ego", own.height_px / own.width_px).render(renderer))
     rows.append([rgb for rgb, _ in frames])
     rows.append([depth_picture(depth) for _, depth in frames])
@@ -106,16 +106,16 @@ def third_person_clip(
     Raises:
         ValueError: the frame rate does not divide 100.
     """
-    who = robot or get_robot(rollout.robot)
+    spec = robot or get_robot(rollout.robot)
     view = make_view(
         "chase",
-        who,
+        spec,
         width_px=width_px,
         height_px=height_px,
         light=renderer.light,
         renderer=renderer.name,
     )
-    pictures = _stamped(renderer, rollout, view, frames_per_second, who, last_s)
+    pictures = _stamped(renderer, rollout, view, frames_per_second, spec, last_s)
     last: list[Picture] = []
 
     def keeping_last() -> Iterator[Picture]:
@@ -151,8 +151,8 @@ def watchable_video(
     Raises:
         ValueError: the frame rate does not divide 100, or the renderer is not the view's.
     """
-    who = robot or get_robot(rollout.robot)
-    pictures = _stamped(renderer, rollout, view, frames_per_second, who)
+    spec = robot or get_robot(rollout.robot)
+    pictures = _stamped(renderer, rollout, view, frames_per_second, spec)
     return write_rgb_video(path, pictures, frames_per_second, WATCH_CODEC)
 
 

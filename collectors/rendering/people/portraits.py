@@ -33,7 +33,7 @@ INK, QUIET = (38, 42, 48), (98, 106, 116)
 
 
 @dataclass(frozen=True)
-class Sitter:
+class StandingRobot:
     """A robot standing in its default pose, its soles on the floor.
 
     Attributes:
@@ -48,7 +48,7 @@ class Sitter:
     upper_m: Array
 
     @classmethod
-    def of(cls, robot: RobotSpec) -> Sitter:
+    def of(cls, robot: RobotSpec) -> StandingRobot:
         """Return `robot` in its default pose."""
         body = RobotBody(robot.build_model(floor=False), robot.joint_names)
         points = _points(cls._standing(robot, body, 0.0))
@@ -85,7 +85,7 @@ def turntable(studio: SceneRenderer, robot: RobotSpec, tile_px2: int = TURNTABLE
         robot: robot to render.
         tile_px2: area of a view [px].
     """
-    sitter = Sitter.of(robot)
+    standing = StandingRobot.of(robot)
     elevation, azimuth = np.deg2rad(ELEVATION_DEG), np.deg2rad(CAMERA_AZIMUTH_DEG)
     away = np.array(
         [
@@ -96,17 +96,17 @@ def turntable(studio: SceneRenderer, robot: RobotSpec, tile_px2: int = TURNTABLE
     )
     # The robot turns, not the light; the first view shows its front and left.
     first = azimuth - np.deg2rad(32.0)
-    poses = [sitter.standing(first + 2 * np.pi * k / VIEWS) for k in range(VIEWS)]
+    poses = [standing.standing(first + 2 * np.pi * k / VIEWS) for k in range(VIEWS)]
     points = np.concatenate([_points(pose) for pose in poses])
     shot = _Shot.framing(points, away=away, tile_px2=tile_px2)
     tiles = [shot.take(studio, pose) for pose in poses]
-    shot.draw_height(tiles[0], _points(poses[0]), sitter.height_m)
+    shot.draw_height(tiles[0], _points(poses[0]), standing.height_m)
     camera = robot.camera
-    facts = [f"{_meters(sitter.height_m)} tall"]
+    facts = [f"{_meters(standing.height_m)} tall"]
     if robot.joints:  # a bodyless agent's mass is a stand-in
         facts.append(f"{robot.mass_kg:.3g} kg")
     tilt = f"{camera.pitch_down_deg:.0f}° down" if camera.pitch_down_deg else "level"
-    facts.append(f"camera {_meters(sitter.camera_height_m)}, {tilt}")
+    facts.append(f"camera {_meters(standing.camera_height_m)}, {tilt}")
     return _sheet(tiles, COLUMNS, title=robot.title, facts=" · ".join(facts))
 
 
@@ -121,7 +121,7 @@ def walking_strip(
         stroll: two cycles of its gait, along +x or in place.
         tile_px2: area of a moment [px].
     """
-    sitter = Sitter.of(robot)
+    standing = StandingRobot.of(robot)
     ticks = np.linspace(0.0, 1.0, FRAMES, endpoint=False) * (len(stroll.time_s) - 1)
     moments = ticks.round().astype(int)
     # Every moment is moved back to the origin at the mean velocity, so that swaying stays visible.
@@ -130,7 +130,7 @@ def walking_strip(
     middle = np.array([0.0, float(y.mean()), 0.0])
     poses = [
         _turned_back(
-            sitter.body.pose(
+            standing.body.pose(
                 stroll.position_m[i] - middle, stroll.quat_wxyz[i], stroll.joint_rad[i]
             )
         )
@@ -146,7 +146,7 @@ def walking_strip(
         tile = shot.take(studio, pose, center)
         _write(tile, (0.05, 0.935), f"{stroll.time_s[i]:.2f} s", 0.045, QUIET)
         tiles.append(tile)
-    facts = f"{_meters(sitter.height_m)} tall · {stroll.doing} · {stroll.cycles}"
+    facts = f"{_meters(standing.height_m)} tall · {stroll.doing} · {stroll.cycles}"
     return _sheet(tiles, FRAMES // 2, title=robot.title, facts=facts)
 
 

@@ -14,7 +14,7 @@ from PIL import Image
 from ....formats.scene.bundle import Material, SceneBundle, VisualMesh, save_bundle
 from ...robots import RobotSpec
 from ..embree import SceneRenderer
-from .portraits import Sitter
+from .portraits import StandingRobot
 
 Picture = NDArray[np.uint8]
 
@@ -27,7 +27,7 @@ def make_studio(robot: RobotSpec) -> SceneRenderer:
 
     The lines on its floor are 1 m and 0.25 m apart; for a robot the size of a toy a tenth of that.
     """
-    scale = 10.0 ** round(math.log10(Sitter.of(robot).height_m))
+    scale = 10.0 ** round(math.log10(StandingRobot.of(robot).height_m))
     with tempfile.TemporaryDirectory() as name:
         root = Path(name)
         Image.fromarray(_floor_picture()).save(root / "floor.png")

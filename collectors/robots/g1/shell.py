@@ -26,19 +26,19 @@ def dress(bodies: Bodies) -> None:
 
 
 def _dress_pelvis(pelvis: mujoco.MjsBody) -> None:
-    """A dark block between the hip motors with a light plate in front."""
+    """Add a dark block between the hip motors with a light plate in front."""
     add_visual(pelvis, "capsule", (0.0565,), DARK, ends=((0, -0.032, -0.065), (0, 0.032, -0.065)))
     add_visual(pelvis, "ellipsoid", (0.03, 0.055, 0.05), SILVER, position=(0.038, 0.0, -0.055))
 
 
 def _dress_waist(bodies: Bodies) -> None:
-    """A slim dark column that turns and tilts."""
+    """Add a slim dark column that turns and tilts."""
     add_visual(bodies["waist_yaw"], "cylinder", (0.048,), DARK, ends=((0, 0, -0.03), (0, 0, 0.03)))
     add_visual(bodies["waist_roll"], "sphere", (0.047,), GREY)
 
 
 def _dress_torso(torso: mujoco.MjsBody) -> None:
-    """Light armour, broad at the shoulders, over an oval dark waist; a pack on the back."""
+    """Add light armour, broad at the shoulders, over an oval dark waist; a pack on the back."""
     add_visual(torso, "cylinder", (0.05,), DARK, ends=((0, 0, 0), (0, 0, 0.06)))
     add_visual(torso, "box", (0.0625, 0.04, 0.09), GREY, position=(0.0, 0.0, 0.13))
     for y in (-0.04, 0.04):

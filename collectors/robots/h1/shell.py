@@ -26,7 +26,7 @@ def dress(bodies: Bodies) -> None:
 
 
 def _dress_pelvis(pelvis: mujoco.MjsBody) -> None:
-    """A bridge between the two upright motors that turn the legs, under the waist's motor."""
+    """Add a bridge between the two upright motors that turn the legs, under the waist's motor."""
     add_visual(pelvis, "capsule", (0.071,), SHELL, ends=((0, -0.06, -0.05), (0, 0.06, -0.05)))
     add_visual(pelvis, "cylinder", (0.066,), DARK, ends=((0, 0, -0.02), (0, 0, 0.09)))
     for y in (-0.0875, 0.0875):
@@ -34,7 +34,7 @@ def _dress_pelvis(pelvis: mujoco.MjsBody) -> None:
 
 
 def _dress_torso(torso: mujoco.MjsBody) -> None:
-    """A flat trunk, rounded in front, with a lighter chest plate and a battery on the back."""
+    """Add a flat trunk, rounded in front, with a lighter chest plate and a battery on the back."""
     add_visual(torso, "box", (0.0685, 0.1205, 0.2005), SHELL, position=(-0.017, 0.0, 0.28))
     add_visual(torso, "box", (0.02, 0.086, 0.2005), SHELL, position=(0.0655, 0.0, 0.28))
     for y in (-0.0865, 0.0865):
@@ -65,7 +65,7 @@ def _dress_side(bodies: Bodies, side: str, sign: float) -> None:
 
 
 def _dress_hip(bodies: Bodies, side: str, sign: float) -> None:
-    """Below the upright motor one along the robot, then the big one across it."""
+    """Add a motor along the robot below the upright one, then the large one across it."""
     yaw = bodies[f"{side}_hip_yaw"]
     add_visual(yaw, "cylinder", (0.06,), DARK, ends=((-0.1, 0, 0), (0.09, 0, 0)))
     add_visual(yaw, "cylinder", (0.042,), STEEL, ends=((-0.104, 0, 0), (0.094, 0, 0)))

@@ -58,7 +58,7 @@ def _parts(body: mujoco.MjsBody, scale: float) -> Part:
 
 
 def dress_chassis(base: mujoco.MjsBody, scale: float, caster: Vector, ball_m: float) -> None:
-    """Printed chassis with motors and caster below, computer, antennas and camera bracket above."""
+    """Add the printed chassis, motors and caster; computer, antennas and camera bracket on top."""
     part = _parts(base, scale)
     # The printed tub: floor, rounded front and rear, side walls with windows, a deck on top.
     part("box", (0.046, 0.036, 0.0015), PRINT, (-0.016, 0.0, -0.0135))
@@ -93,7 +93,7 @@ def dress_chassis(base: mujoco.MjsBody, scale: float, caster: Vector, ball_m: fl
 
 
 def _dress_computer(part: Part) -> None:
-    """The Jetson Nano: green carrier on stand-offs, module, finned heat sink, ports to the rear."""
+    """Add the Jetson Nano: carrier board on stand-offs, module, heat sink, ports to the rear."""
     for x in (-0.058, 0.026):
         for y in (-0.032, 0.032):
             part("cylinder", (0.0022,), GOLD, ends=((x, y, 0.0165), (x, y, 0.026)))
@@ -122,7 +122,7 @@ def _dress_computer(part: Part) -> None:
 
 
 def _dress_bracket(part: Part) -> None:
-    """The printed camera bracket at the front, tilted, with its little camera board."""
+    """Add the tilted camera bracket at the front with its small camera board."""
     for y in (-0.014, 0.014):
         part("box", (0.0022, 0.0022, 0.0245), PRINT, (0.0335, y, 0.04), euler_deg=(0, -6, 0))
         part("box", (0.008, 0.0022, 0.0022), PRINT, (0.0285, y, 0.019))
@@ -130,7 +130,7 @@ def _dress_bracket(part: Part) -> None:
 
 
 def dress_camera(base: mujoco.MjsBody, scale: float, lens: Vector, pitch_deg: float) -> None:
-    """A camera board whose lens ends at `lens` (x, y, z) of the toy [m], tilted down."""
+    """Add a camera board whose lens ends at `lens` (x, y, z) of the toy [m], tilted down."""
     part = _parts(base, scale)
     x, y, z = lens
     tilt = (0.0, pitch_deg, 0.0)
@@ -141,7 +141,7 @@ def dress_camera(base: mujoco.MjsBody, scale: float, lens: Vector, pitch_deg: fl
 
 
 def dress_mast(base: mujoco.MjsBody, scale: float, *, foot: Vector, top: Vector) -> None:
-    """A slim aluminium mast from the deck up to the camera of an enlarged Jetbot."""
+    """Add a slim aluminium mast from the deck up to the camera of an enlarged Jetbot."""
     part = _parts(base, scale)
     part("cylinder", (0.0034,), STEEL, ends=(foot, top))
     x, y, z = foot
@@ -153,7 +153,7 @@ def dress_mast(base: mujoco.MjsBody, scale: float, *, foot: Vector, top: Vector)
 
 
 def dress_wheel(wheel: mujoco.MjsBody, scale: float, *, radius_m: float, side: float) -> None:
-    """A dark tyre around a yellow hub with spokes, so that one sees it turn."""
+    """Add a dark tyre around a yellow hub with spokes, which make its rotation visible."""
     part = _parts(wheel, scale)
     half = 0.0095
     part("cylinder", (radius_m,), TYRE, ends=((0, -0.6 * half, 0), (0, 0.6 * half, 0)))
@@ -167,7 +167,7 @@ def dress_wheel(wheel: mujoco.MjsBody, scale: float, *, radius_m: float, side: f
         x, z = 0.33 * radius_m * math.sin(turn), 0.33 * radius_m * math.cos(turn)
         tilt = (0.0, math.degrees(turn), 0.0)
         part("box", (0.0022, 0.0008, 0.33 * radius_m), YELLOW, (x, face, z), euler_deg=tilt)
-    # The valve, by which one sees how far it has turned.
+    # The valve, which shows how far the wheel has turned.
     part(
         "cylinder",
         (0.0028,),

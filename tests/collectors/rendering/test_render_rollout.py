@@ -15,7 +15,7 @@ from vlnpe.collectors.rendering.camera.extras import ROBOT_CODE, Extras
 from vlnpe.collectors.rendering.camera.rollout_views import RolloutFrames, render_rollout
 from vlnpe.collectors.rendering.camera.views import (
     VIEWS,
-    CameraWishes,
+    CameraOverrides,
     View,
     make_view,
     parse_views,
@@ -199,7 +199,7 @@ def test_a_video_to_watch_plays_at_the_robots_pace(
 
 
 def test_cameras_say_their_size_and_field_of_view() -> None:
-    wishes = CameraWishes(width_px=96)
+    wishes = CameraOverrides(width_px=96)
     views = parse_views(
         "ego,chase:64x48,top:80x80:50", "aliengo", wishes, light="CL", renderer="gl"
     )
@@ -226,7 +226,7 @@ def test_cameras_say_their_size_and_field_of_view() -> None:
 )
 def test_unusable_cameras_are_refused(text: str, reason: str) -> None:
     with pytest.raises(InputError, match=reason):
-        parse_views(text, "aliengo", CameraWishes(), light="baked", renderer="embree")
+        parse_views(text, "aliengo", CameraOverrides(), light="baked", renderer="embree")
 
 
 def test_views_are_named_after_what_they_are() -> None:
