@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...formats.core.camera import CameraModel
-from ...formats.scene.bundle import SceneBundle
+from ...formats.scene.bundle import SceneBundle, VisualMesh
 from .frame import NOTHING, ROBOT, Drawn, Frame, Pose, RenderRequest
 from .scene.robot_body import RobotGeometryPose
+from .scene.textures import MaterialTable, load_materials
 from .scene_tracer import SceneTracer
 
 
@@ -33,7 +34,9 @@ class Renderer(ABC):
             FileFormatError: the mesh or a texture cannot be read.
         """
         self.light = light
-        self._scene = SceneTracer(bundle, light)
+        mesh, materials = bundle.visual(), load_materials(bundle)
+        self._scene = SceneTracer(bundle, light, mesh, materials)
+        self._prepare(mesh, materials)
 
     def render(
         self,
@@ -85,6 +88,10 @@ class Renderer(ABC):
     def first_hit_m(self, origin_world_m: ArrayLike, direction_world: ArrayLike) -> float:
         """Return the distance [m] along a ray to the scene without the robot; inf = no hit."""
         return self._scene.first_hit_m(origin_world_m, direction_world)
+
+    def _prepare(self, mesh: VisualMesh, materials: MaterialTable) -> None:
+        """Build what a renderer needs beside the ray structure; neither argument is kept."""
+        return
 
     @abstractmethod
     def _draw(self, request: RenderRequest) -> Drawn:

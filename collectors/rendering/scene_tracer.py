@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...formats.core.camera import CameraModel
-from ...formats.scene.bundle import SceneBundle
+from ...formats.scene.bundle import SceneBundle, VisualMesh
 from .camera.rays import SUBPIXELS, fill_directions, list_order, subpixel_directions, tile_order
 from .frame import RenderRequest
 from .kernels.data import Hits, LightArrays, Packets
@@ -22,7 +22,7 @@ from .kernels.srgb import encode_srgb, encode_table
 from .light.lights import get_light
 from .light.scene_light import light_arrays, with_lamp
 from .scene.arrays import scene_arrays
-from .scene.textures import load_materials
+from .scene.textures import MaterialTable
 
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
@@ -47,28 +47,29 @@ class SceneTracer:
     """Traces and shades rays from the eye.
 
     Attributes:
-        mesh: the scene's triangles.
-        materials: their materials and textures.
-        arrays: both as arrays for kernels.
-        rays: ray structure of the mesh.
+        arrays: triangles, materials and textures for kernels.
+        rays: ray structure of the triangles.
         label, thing: (F,) label and object of each triangle.
     """
 
-    def __init__(self, bundle: SceneBundle, light: str):
-        """Load the mesh and textures and build the ray structure.
+    def __init__(self, bundle: SceneBundle, light: str, mesh: VisualMesh, materials: MaterialTable):
+        """Build the ray structure and compute the light.
+
+        Args:
+            bundle: the scene.
+            light: name of the light.
+            mesh: triangles of the scene.
+            materials: their materials and textures.
 
         Raises:
             UnknownNameError: no such light; the message lists the valid names.
-            FileFormatError: the mesh or a texture cannot be read.
         """
         kind = get_light(light)
-        self.mesh = bundle.visual()
-        self.materials = load_materials(bundle)
-        self.label, self.thing = self.mesh.face_label, self.mesh.face_object
-        self.arrays = scene_arrays(self.mesh, self.materials, kind.relit)
-        self.rays = PacketScene(self.mesh.vertices, self.mesh.faces)
+        self.label, self.thing = mesh.face_label, mesh.face_object
+        self.arrays = scene_arrays(mesh, materials, kind.relit)
+        self.rays = PacketScene(mesh.vertices, mesh.faces)
         any_shaded = bool(self.arrays.shaded.any())
-        self._light = light_arrays(kind, bundle, self.mesh, self.rays, any_shaded)
+        self._light = light_arrays(kind, bundle, mesh, self.rays, any_shaded)
         self._lamp = kind.lamp
         self._packets = Packets(self.rays.handle, self.rays.arguments, packet(), packet(), lanes())
         self._encode = encode_table()

@@ -112,14 +112,14 @@ ATTACKS = {
     ),
     "replicate": (
         insert(f'<replicate count="1000000000">{GEOM}</replicate>', "<camera"),
-        r"elements, copies included; valid: 20,000",
+        r"elements, copies included; valid: up to 20,000",
     ),
     "replicate in replicate": (
         insert(
             '<replicate count="400"><replicate count="400">' + GEOM + "</replicate></replicate>",
             "<camera",
         ),
-        r"valid: 20,000",
+        r"valid: up to 20,000",
     ),
     "texture without end": (
         insert(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....formats.core.frames import quat_to_matrix
-from ....formats.scene.bundle import SceneBundle
+from ....formats.scene.bundle import SceneBundle, VisualMesh
 from ..frame import Drawn, RenderRequest
 from ..interface import Renderer
 from ..kernels.data import Hits, LightArrays
@@ -21,6 +21,7 @@ from ..kernels.srgb import decode_table
 from ..light.contact_shadow import ContactShadow
 from ..scene.robot_body import GeomSurface, RobotGeometryPose, bounding_boxes
 from ..scene.robot_trace import HOUSING_MARGIN_M
+from ..scene.textures import MaterialTable
 from ..scene_tracer import pixel_directions
 from .draw import HIDDEN_GROUP, NEAR_M, DrawnView, GlContext, ModelDrawer, gl_context
 from .model import robot_model, scene_pieces
@@ -47,14 +48,16 @@ class GlRenderer(Renderer):
             InputError: no OpenGL context can be created through EGL; the message says why.
         """
         self._context = gl_context()
+        self._robot: _RobotDrawer | None = None
+        self._decode = decode_table()
         super().__init__(bundle, light)
-        pieces = scene_pieces(self._scene.mesh, self._scene.materials)
+
+    def _prepare(self, mesh: VisualMesh, materials: MaterialTable) -> None:
+        pieces = scene_pieces(mesh, materials)
         self._corners_m = pieces.corners_m
         self._lit = self._scene.arrays.shaded[pieces.material]
         self._drawer = ModelDrawer(self._context, pieces.model)
         self._drawer.upload(pieces.textures)
-        self._robot: _RobotDrawer | None = None
-        self._decode = decode_table()
 
     @property
     def device(self) -> str:
