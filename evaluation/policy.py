@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from hashlib import sha256
 from typing import Any, Protocol
+from uuid import uuid4
 
 import numpy as np
 
@@ -136,6 +137,27 @@ def check_policy(name: str) -> None:
     """
     if name not in POLICIES and name != ORACLE and not name.startswith(SERVER_SCHEMES):
         raise UnknownNameError("policy", name, valid_policies())
+
+
+def policy_identity(name: str, timeout_s: float) -> str:
+    """Return what tells a policy from others, so that results are reused for the same one alone.
+
+    For a policy server that is the `version` it states; one that states none is never the same.
+
+    Raises:
+        InputError: the server cannot be reached, or its client's libraries are missing.
+    """
+    if not name.startswith(SERVER_SCHEMES):
+        return name
+    from .remote import RemotePolicy
+
+    server = RemotePolicy(name, timeout_s)
+    try:
+        server.connect()
+    except PolicyError as error:
+        raise InputError(str(error)) from error
+    server.close()
+    return f"{name} {server.version or uuid4().hex}"
 
 
 def make_policy(name: str, seed: int, timeout_s: float) -> Policy:

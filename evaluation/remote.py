@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import asdict
 from typing import Any, NoReturn
 
@@ -17,7 +18,12 @@ LARGEST_ANSWER_BYTES = 1 << 20
 
 
 class RemotePolicy:
-    """Asks a policy server; satisfies `Policy`. The connection is opened with the first episode."""
+    """Asks a policy server; satisfies `Policy`. The connection is opened with the first episode.
+
+    Attributes:
+        blind: the server wants no images; known once connected.
+        version: what the server calls its policy, empty if it does not; known once connected.
+    """
 
     def __init__(self, url: str, timeout_s: float = 30.0) -> None:
         """Name the server.
@@ -38,7 +44,8 @@ class RemotePolicy:
             ) from error
         self.url, self._timeout_s = url, timeout_s
         self._connection: Any = None
-        self.blind = False
+        self._open = ExitStack()
+        self.blind, self.version = False, ""
 
     def reset(self, assignment: Assignment) -> None:
         """Begin an episode; connect first if there is no connection.
@@ -47,7 +54,7 @@ class RemotePolicy:
             PolicyError: the server cannot be reached, speaks another protocol, or fails.
         """
         if self._connection is None:
-            self._connect()
+            self.connect()
         self._ask({"type": "reset", "episode": asdict(assignment)})
 
     def act(self, observation: Observation) -> Any:
@@ -63,21 +70,27 @@ class RemotePolicy:
 
     def close(self) -> None:
         """Close the connection, if there is one."""
-        connection, self._connection = self._connection, None
-        if connection is not None:
-            connection.close()
+        self._connection = None
+        self._open.close()
 
-    def _connect(self) -> None:
+    def connect(self) -> None:
+        """Open the connection and learn what the server is.
+
+        Raises:
+            PolicyError: the server cannot be reached, or speaks another protocol.
+        """
         from websockets.exceptions import WebSocketException
         from websockets.sync.client import connect
 
         try:
-            self._connection = connect(
-                self.url,
-                open_timeout=self._timeout_s,
-                max_size=LARGEST_ANSWER_BYTES,
-                compression=None,
-                proxy=None,
+            self._connection = self._open.enter_context(
+                connect(
+                    self.url,
+                    open_timeout=self._timeout_s,
+                    max_size=LARGEST_ANSWER_BYTES,
+                    compression=None,
+                    proxy=None,
+                )
             )
             hello = decode(self._connection.recv(timeout=self._timeout_s))
         except (OSError, WebSocketException, ValueError) as error:
@@ -85,6 +98,7 @@ class RemotePolicy:
         if not isinstance(hello, dict) or hello.get("protocol") != PROTOCOL:
             self._fail(f"does not speak {PROTOCOL}")
         self.blind = not hello.get("images", True)
+        self.version = str(hello.get("version") or "")
 
     def _ask(self, message: dict[str, Any]) -> dict[str, Any]:
         from websockets.exceptions import WebSocketException

@@ -4,6 +4,7 @@ This file needs numpy, msgpack and websockets, and nothing of vlnpe: copy it bes
 
     class MyPolicy:
         images = True                       # False: send no images
+        version = "my-model step 4000"      # results are reused for the same version only
         def reset(self, episode): ...       # dict with instruction, episode_id, scene_id, robot, …
         def act(self, observation):         # dict with rgb, depth_m, instruction, pose, …
             return 1                        # 0 STOP, 1 FORWARD, 2 LEFT, 3 RIGHT
@@ -11,7 +12,7 @@ This file needs numpy, msgpack and websockets, and nothing of vlnpe: copy it bes
 
 Messages are msgpack maps, one per WebSocket message. The server speaks first:
 
-    server  {"protocol": "vlnpe-policy/1", "images": true}
+    server  {"protocol": "vlnpe-policy/1", "images": true, "version": "…"}
     client  {"type": "reset", "episode": {…}}          server  {}
     client  {"type": "act", "observation": {…}}        server  {"action": 1}
 
@@ -85,7 +86,8 @@ def serve(make_policy: Callable[[], Any], host: str = "127.0.0.1", port: int = 8
 
     def handle(connection: Any) -> None:
         policy = make_policy()
-        connection.send(encode({"protocol": PROTOCOL, "images": getattr(policy, "images", True)}))
+        hello = {"protocol": PROTOCOL, "images": getattr(policy, "images", True)}
+        connection.send(encode(hello | {"version": getattr(policy, "version", "")}))
         for data in connection:
             try:
                 message = decode(data)

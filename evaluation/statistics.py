@@ -28,6 +28,8 @@ def clustered_interval(
     scenes: Sequence[str],
     trajectories: Sequence[str],
     rng: np.random.Generator,
+    *,
+    rate: bool = False,
     resamples: int = RESAMPLES,
 ) -> Interval:
     """Return the mean over episodes with its percentile bootstrap interval.
@@ -42,6 +44,8 @@ def clustered_interval(
         scenes: (N,) of each episode.
         trajectories: (N,) of each episode, unique within a scene.
         rng: draws.
+        rate: values are 0 or 100. Draws of nothing but zeros, or hundreds, do not vary; then the
+            interval is Clopper's and Pearson's for the number of trajectories.
         resamples: number of draws.
     """
     array = np.asarray(values, np.float64)
@@ -52,7 +56,11 @@ def clustered_interval(
     if not groups:
         return Interval(np.nan, np.nan, np.nan)
     mean = float(array[np.isfinite(array)].mean())
-    if sum(map(len, groups.values())) < 2:
+    paths = sum(map(len, groups.values()))
+    if rate and mean in (0.0, 100.0):
+        exact = binomtest(paths if mean else 0, paths).proportion_ci(LEVEL)
+        return Interval(mean, 100 * float(exact.low), 100 * float(exact.high))
+    if paths < 2:
         return Interval(mean, np.nan, np.nan)
     # (T, 2) sum and count of each trajectory, one array per scene.
     totals = [np.array([(sum(v), len(v)) for v in scene.values()]) for scene in groups.values()]
