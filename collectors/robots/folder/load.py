@@ -17,7 +17,8 @@ from ....formats.core.errors import FileFormatError
 from ..parts import Foot
 from ..spec import RobotSpec
 from .facts import FACTS_NAME, FolderFacts, read_facts
-from .model import MODEL_NAME, ModelReader, compile_model, load_model
+from .model import MODEL_NAME, compile_model, load_model
+from .reader import ModelReader
 from .safety import check_model, folder_files
 
 POLICY_NAME, CARD_NAME = "policy.onnx", "policy.json"
