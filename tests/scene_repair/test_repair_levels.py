@@ -39,6 +39,13 @@ BUILDINGS = {
     "shed roof": (buildings.under_a_roof(10, shed=True), (0.0,), (48.0,)),
     "ceiling in the floor's plane": (buildings.in_one_plane(), (0.0, 2.8), (20.0, 17.5)),
     "ceiling just under the floor": (buildings.in_one_plane(0.01), (0.0, 2.8), (20.0, 17.5)),
+    "ceiling 2 mm above the floor": (buildings.in_one_plane(-0.002), (0.0, 2.8), (20.0, 17.5)),
+    "ceiling 5 mm above the floor": (buildings.in_one_plane(-0.005), (0.0, 2.8), (20.0, 17.5)),
+    "ceiling 1 mm under the floor, turned": (
+        buildings.in_one_plane(0.001, 3.4, 33.0),
+        (0.0, 3.4),
+        (20.0, 17.5),
+    ),
     "lift shaft": (buildings.lift_shaft(), (0.0,), (27.44,)),
 }
 
