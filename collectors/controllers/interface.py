@@ -15,15 +15,18 @@ from ..robots import CommandLimits
 
 @dataclass(frozen=True)
 class Coasting:
-    """How far a robot still goes after its command has dropped to zero.
+    """How far a robot still goes and turns after its command has dropped to zero.
 
     Attributes:
         speed_m_s: (K,) ascending, greater than 0.
         distance_m: (K,) from the zero command to rest.
+        turn_lag_s: by how much a turn lags behind its command: the angle that is turned on after
+            the zero command, over the turn rate before it.
     """
 
     speed_m_s: tuple[float, ...] = ()
     distance_m: tuple[float, ...] = ()
+    turn_lag_s: float = 0.0
 
     def distance(self, speed_m_s: float) -> float:
         """At any speed, linearly between the known ones; beyond the last as at the last [m]."""

@@ -40,8 +40,9 @@ class SpeedConfig:
         ramp_m_s2, ramp_rad_s2: how fast the command changes; jumping between full speed and a
             full turn four times a second throws walking robots off balance. inf jumps.
         carry_s: a moving body goes on for about this long; the expert chooses a direction from
-            where it will then be, or it would correct every turn by the opposite one. It stops by
-            where the robot will come to rest (`Task.coasting`).
+            where it will then be, turned as far as commanded (`Coasting.turn_lag_s`), or it would
+            correct every turn by the opposite one. It stops by where the robot will come to rest
+            (`Coasting.distance`).
         expert: how actions are chosen.
     """
 
@@ -79,6 +80,8 @@ class SpeedController:
         self._coming: Action | None = None
         self._command: Command = STOPPED
         self._recent: deque[Pose] = deque(maxlen=STRIDE + 1)
+        lag_samples = round(task.coasting.turn_lag_s * self.rate_hz)
+        self._pending_rad_s: deque[float] = deque(maxlen=lag_samples)
 
     rate_hz = 100
 
@@ -94,13 +97,13 @@ class SpeedController:
         if track is None or self._over(track, time_s, pose):
             # One in closed loop that has not arrived is no ground to have chosen the next one from.
             if self._coming is None or (track and track.remaining(pose) > 0):
-                carried = self._carried(self._config.carry_s)
-                self._coming = self._expert.next_action(carried, self._at_rest())
+                self._coming = self._expert.next_action(self._about_to_be(), self._at_rest())
             started, self._coming = self._coming, None
             self._track = track = Track(started, pose)
             self._start_s = time_s
         wanted = self._steered(track, pose) if self._config.end_on_displacement else self._timed()
         self._command = self._ramped(wanted)
+        self._pending_rad_s.append(self._command[2])
         notes = tuple(self._expert.notes())
         return Decision(self._command, started, done=track.action is Action.STOP, notes=notes)
 
@@ -139,6 +142,19 @@ class SpeedController:
             new.y_m + ratio * (new.y_m - old.y_m),
             wrap_angle(new.yaw_rad + ratio * wrap_angle(new.yaw_rad - old.yaw_rad)),
         )
+
+    def _about_to_be(self) -> Pose:
+        """Where the robot will be, and how it will be turned when it has turned as commanded.
+
+        A body turns later than it is told to, and the command itself falls to zero on a ramp: of a
+        single turn action, most happens during the next action. So the angle is known from the
+        commands alone, without a gait's sway.
+        """
+        soon, now = self._carried(self._config.carry_s), self._recent[-1]
+        rate = self._command[2]
+        lagging_rad = sum(self._pending_rad_s) / self.rate_hz
+        ramp_rad = rate * abs(rate) / (2.0 * self._config.ramp_rad_s2)
+        return Pose(soon.x_m, soon.y_m, wrap_angle(now.yaw_rad + lagging_rad + ramp_rad))
 
     def _at_rest(self) -> Pose:
         """Where the robot would come to rest if it were told to stop now."""
