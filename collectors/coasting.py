@@ -1,4 +1,4 @@
-"""How far a robot still goes and turns after a stop: by its gait's card, or measured here."""
+"""Stopping distance and turn lag of a robot: from its gait's card, or measured here."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Command = tuple[float, float, float]
 
 
 def coasting_of(robot: RobotSpec, gait: Any) -> Coasting:
-    """Return what the gait's card says (`evaluation["stopping"]`), else what is measured now."""
+    """Return the values of the gait's card (`evaluation["stopping"]`), or measure them now."""
     stopping = gait.card.evaluation.get("stopping") if isinstance(gait, GaitPolicy) else None
     return measure_coasting(robot, gait) if stopping is None else _by_card(stopping)
 
@@ -38,14 +38,14 @@ def _by_card(stopping: Mapping[str, Any]) -> Coasting:
 def measure_coasting(
     robot: RobotSpec, gait: Any, commands_m_s: Sequence[float] = (0.5, 1.0)
 ) -> Coasting:
-    """Let the robot walk and turn on flat ground, stop it, and see where it comes to rest.
+    """Measure stopping distances and turn lag of a robot on flat ground.
 
     Takes some 20 s of simulated time. Stops that end in a fall do not count; a speed from which
     every stop does is left out.
 
     Args:
         robot: Robot to measure.
-        gait: what moves its joints; see `world.Gait`.
+        gait: actuation of its joints; see `world.Gait`.
         commands_m_s: speeds to stop from; those beyond the robot's limits are its limit.
     """
     ground, limits = _FlatGround(robot, gait), robot.command_limits
@@ -120,6 +120,6 @@ class _FlatGround:
 
 
 def _between(first: Pose, second: Pose) -> tuple[float, float]:
-    """Distance [m] and angle turned left [rad] from one pose to another, less than half a turn."""
+    """Return distance [m] and angle turned left [rad] between poses, less than half a turn."""
     turned = math.remainder(second.yaw_rad - first.yaw_rad, 2 * math.pi)
     return math.hypot(second.x_m - first.x_m, second.y_m - first.y_m), turned

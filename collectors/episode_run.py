@@ -1,4 +1,4 @@
-"""One episode in progress: spawn, settle, drive until it ends, and what there is to tell of it."""
+"""One episode in progress: spawn, settle, drive until it ends, and collect the rollout."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class EpisodeRun:
         driver = self.entry.build(task, self.controller_config)
         if self.entry.teleports:
             return self._finish(self._jump(cast(Teleporter, driver)))
-        # Kept only if physics explodes while settling: a rollout has at least one sample.
+        # Kept only if physics diverges while settling: a rollout has at least one sample.
         self.recorder.sample(STOPPED)
         if not self._settle():
             return self._finish(EndReason.DIVERGED)
@@ -96,7 +96,7 @@ class EpisodeRun:
         return rng.normal(0.0, self.config.spawn_joint_noise_rad, len(self.world.robot.joints))
 
     def _settle(self) -> bool:
-        """Stand under zero command until quiet, unrecorded; False when physics exploded."""
+        """Stand under zero command until at rest, unrecorded; return False if physics diverged."""
         world, config = self.world, self.config
         data, handles = world.data, world.handles
         period_s = POLICY_DECIMATION * TIMESTEP_S
@@ -168,7 +168,7 @@ class EpisodeRun:
         return self._stop()
 
     def _stop(self) -> EndReason:
-        """Whether a stop here is a success."""
+        """Return whether a stop here is a success."""
         pose = self.world.pose
         x, y = self.episode.goal_position_world_m[:2].tolist()
         near = math.hypot(pose.x_m - x, pose.y_m - y) <= self.config.outcome.success_m
@@ -207,7 +207,7 @@ class EpisodeRun:
         self.events.append(Event(len(self.recorder) / STATE_RATE_HZ, kind, detail))
 
     def _diverged(self) -> bool:
-        """Whether physics exploded; if so keeps what blew up among the facts."""
+        """Return whether physics diverged, and keep the diverged state among the facts."""
         what = self.watch.diverged()
         if what is None:
             return False
@@ -246,7 +246,7 @@ class EpisodeRun:
         )
 
     def _labels(self, arrays: dict[str, Any]) -> tuple[Action, ...]:
-        """What the expert would have done at each frame of a robot that follows its path."""
+        """Return the expert's action at each frame of a robot that follows its path."""
         every = STATE_RATE_HZ // DISCRETE_RATE_HZ
         place, quat = arrays["position_world_m"][::every], arrays["quat_wxyz"][::every]
         expert = Expert(self.task)

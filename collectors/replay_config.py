@@ -12,7 +12,7 @@ from .physics import LevelModelConfig
 
 @dataclass(frozen=True)
 class ReplayConfig:
-    """How episodes are replayed.
+    """Parameters of a replay.
 
     Attributes:
         robot: what `get_robot` takes: a registry name, or the path of a robot's folder.

@@ -29,7 +29,7 @@ CLOSED_LOOP_S = 0.7  # an action takes a walking robot about so long in closed l
 
 @dataclass(frozen=True)
 class SpeedConfig:
-    """How discrete actions are carried out.
+    """Parameters of the controller `speed`.
 
     Attributes:
         linear_m_s, yaw_rad_s: commanded while walking and while turning.
@@ -87,7 +87,7 @@ class SpeedController:
 
     @property
     def nominal_s(self) -> float:
-        """All forward steps and turns of the route, and a right angle at the start."""
+        """Time of all steps and turns of the route, and of a right angle at the start."""
         return self._nominal
 
     def step(self, time_s: float, pose: Pose) -> Decision:
@@ -114,7 +114,7 @@ class SpeedController:
         return track.remaining(pose) <= 0 or spent_s >= config.servo.longest_s
 
     def _steered(self, track: Track, pose: Pose) -> Command:
-        """In closed loop. What comes next is chosen when it begins to matter."""
+        """Return the closed-loop command; choose the next action when braking depends on it."""
         servo = self._config.servo
         fast = servo.cruise_m_s if track.action is Action.FORWARD else servo.turn_rad_s
         slow = braking(track, pose, self._carried(servo.reaction_s), servo)
@@ -131,7 +131,7 @@ class SpeedController:
         return 0.0, 0.0, clip(self._track.sense * config.yaw_rad_s, *limits.yaw_rad_s)
 
     def _carried(self, seconds: float) -> Pose:
-        """Where the body's momentum will take it, by its mean velocity over the last samples."""
+        """Return the pose after `seconds` at the mean velocity of the last samples."""
         count = min(RECENT, len(self._recent) - 1)
         old, new = self._recent[-1 - count], self._recent[-1]
         if not count:
@@ -144,11 +144,11 @@ class SpeedController:
         )
 
     def _about_to_be(self) -> Pose:
-        """Where the robot will be, and how it will be turned when it has turned as commanded.
+        """Return the pose at which the next action takes effect, all commanded turning included.
 
-        A body turns later than it is told to, and the command itself falls to zero on a ramp: of a
-        single turn action, most happens during the next action. So the angle is known from the
-        commands alone, without a gait's sway.
+        A body turns later than commanded, and the command itself falls to zero on a ramp: most of
+        a single turn action happens during the next action. The angle follows from the commands
+        alone, without a gait's sway.
         """
         soon, now = self._carried(self._config.carry_s), self._recent[-1]
         rate = self._command[2]
@@ -157,7 +157,7 @@ class SpeedController:
         return Pose(soon.x_m, soon.y_m, wrap_angle(now.yaw_rad + lagging_rad + ramp_rad))
 
     def _at_rest(self) -> Pose:
-        """Where the robot would come to rest if it were told to stop now."""
+        """Return the pose at which the robot would come to rest if it were stopped now."""
         old, new = self._recent[0], self._recent[-1]
         dx, dy = new.x_m - old.x_m, new.y_m - old.y_m
         moved_m = math.hypot(dx, dy)
@@ -168,7 +168,7 @@ class SpeedController:
         return Pose(new.x_m + ratio * dx, new.y_m + ratio * dy, new.yaw_rad)
 
     def _ramped(self, wanted: Command) -> Command:
-        """The command one sample further on the way to what is wanted."""
+        """Return the command one sample further on the ramp to `wanted`."""
         linear, turn = self._config.ramp_m_s2, self._config.ramp_rad_s2
         most = (linear / self.rate_hz, linear / self.rate_hz, turn / self.rate_hz)
         vx, vy, yaw = (

@@ -19,7 +19,7 @@ from ..core.frames import quat_to_yaw
 from ..core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
 from .step_search import StepCost, TimedActions, Walk, search_steps
 
-# A motion this near to a whole action is one, in units of an action's displacement.
+# A motion this near to an exact action is one, in units of the action's displacement.
 _EXACT = 0.01
 # Searched one after another until the total turning agrees, each with so many prices of a turn.
 _COSTS = (StepCost(), StepCost(heading=0.15), StepCost(heading=1.5), StepCost(offset=0.3))
@@ -96,7 +96,7 @@ def discrete_steps(poses: NDArray[np.float64]) -> DiscreteSteps:
 
 
 def _whole_actions(walk: NDArray[np.float64]) -> TimedActions | None:
-    """The actions of a walk each of whose frames is followed by one action or none; else None."""
+    """Return the actions of a walk with one exact action or none after each frame, else None."""
     dx, dy, turned = np.diff(walk, axis=0).T
     c, s = np.cos(walk[:-1, 2]), np.sin(walk[:-1, 2])
     motion = np.column_stack([c * dx + s * dy, c * dy - s * dx, turned])
@@ -113,7 +113,7 @@ def _whole_actions(walk: NDArray[np.float64]) -> TimedActions | None:
 
 
 def _nearest_actions(walk: NDArray[np.float64]) -> TimedActions:
-    """The actions that follow a walk closely and turn about as much as it does.
+    """Return actions that follow a walk closely and turn about as much.
 
     The dearer a turn, the fewer there are, so its price is bisected. Turns come and go in groups,
     at prices that depend on the weight of the heading.
@@ -143,7 +143,7 @@ def _nearest_actions(walk: NDArray[np.float64]) -> TimedActions:
 def _frames(
     walk: NDArray[np.float64], before: NDArray[np.float64], complete: NDArray[np.float64]
 ) -> NDArray[np.int64]:
-    """The frame (M,) that shows best what an agent sees before each action.
+    """Return the frame (M,) that shows best what an agent sees before each action.
 
     Of the frames between the completion of the action before and that of the action itself, the one
     whose pose is nearest to the agent's.

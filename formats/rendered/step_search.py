@@ -22,12 +22,13 @@ from ..core.rollout import FORWARD_STEP_M, TURN_STEP_RAD
 
 _HEADINGS = 5  # multiples of 15° around the robot's heading that are tried
 _CELL, _CELLS = 0.25, 21  # size of an offset's cell in FORWARD steps, and their number per axis
+_MARGIN = 4.0  # partial sequences costlier than the best one by more are dropped
 _MOTION_PER_NODE = 0.6  # at most one action is taken per node of the walk
 
 
 @dataclass(frozen=True)
 class StepCost:
-    """What deviations and turns cost, in units of one action's displacement.
+    """Weights of deviations and turns, in units of one action's displacement.
 
     Attributes:
         offset: squared distance [0.25 m] between agent and robot, per action's worth of motion.
@@ -59,7 +60,7 @@ class TimedActions:
 
 @dataclass(frozen=True)
 class Walk:
-    """A robot's walk as nodes between which it moves by a fraction of an action.
+    """A walk divided into nodes between which the robot moves by a fraction of an action.
 
     Attributes:
         frame: (T,) float64 time of each node, in frames since the first.
@@ -100,7 +101,7 @@ def search_steps(walk: Walk, cost: StepCost) -> TimedActions:
 
 @kernel()
 def _search(pose, motion, weights):
-    """Action (T,) taken at each node of a walk, 0 for none."""
+    """Return the action (T,) taken at each node of a walk, 0 for none."""
     nodes, half = len(pose), _CELLS // 2
     states = _HEADINGS * _CELLS * _CELLS
     turn_rad = TURN_STEP_RAD
@@ -108,36 +109,37 @@ def _search(pose, motion, weights):
     action = np.zeros((nodes, states), np.uint8)
     cost, new_cost = np.full(states, np.inf), np.empty(states)
     x, y, new_x, new_y = np.zeros(states), np.zeros(states), np.zeros(states), np.zeros(states)
+    ahead_x, ahead_y = np.empty(_HEADINGS), np.empty(_HEADINGS)
     origin = -(_HEADINGS // 2)
     cost[(_HEADINGS // 2 * _CELLS + half) * _CELLS + half] = 0.0
     for t in range(1, nodes):
         px, py, heading = pose[t, 0], pose[t, 1], pose[t, 2]
         new_origin = int(np.round(heading)) - _HEADINGS // 2
         new_cost[:] = np.inf
-        limit = cost.min() + 4.0
+        limit = cost.min() + _MARGIN
+        for row in range(_HEADINGS):
+            ahead_x[row] = np.cos((origin + row) * turn_rad)
+            ahead_y[row] = np.sin((origin + row) * turn_rad)
         for s in range(states):
             if cost[s] > limit:
                 continue
-            k = origin + s // (_CELLS * _CELLS)
+            row = s // (_CELLS * _CELLS)
             for a in range(4):
-                nx, ny, nk, price = x[s], y[s], k, cost[s]
+                new_row = row + origin - new_origin
+                nx, ny, price = x[s], y[s], cost[s]
                 if a == 1:
-                    nx += np.cos(k * turn_rad)
-                    ny += np.sin(k * turn_rad)
-                elif a == 2:
-                    nk += 1
+                    nx += ahead_x[row]
+                    ny += ahead_y[row]
+                elif a > 1:
+                    new_row += 1 if a == 2 else -1
                     price += weights[2]
-                elif a == 3:
-                    nk -= 1
-                    price += weights[2]
-                row = nk - new_origin
-                if row < 0 or row >= _HEADINGS:
+                if new_row < 0 or new_row >= _HEADINGS:
                     continue
-                ex, ey, off = nx - px, ny - py, nk - heading
+                ex, ey, off = nx - px, ny - py, new_row + new_origin - heading
                 price += motion[t] * (weights[0] * (ex * ex + ey * ey) + weights[1] * off * off)
-                i = min(max(int(np.round(ex / _CELL)) + half, 0), _CELLS - 1)
-                j = min(max(int(np.round(ey / _CELL)) + half, 0), _CELLS - 1)
-                n = (row * _CELLS + i) * _CELLS + j
+                i = min(max(int(np.floor(ex / _CELL + 0.5)) + half, 0), _CELLS - 1)
+                j = min(max(int(np.floor(ey / _CELL + 0.5)) + half, 0), _CELLS - 1)
+                n = (new_row * _CELLS + i) * _CELLS + j
                 if price < new_cost[n]:
                     new_cost[n], new_x[n], new_y[n] = price, nx, ny
                     parent[t, n], action[t, n] = s, a

@@ -135,3 +135,13 @@ def test_other_frame_rates_give_about_the_same_steps() -> None:
     coarse, finer = discrete_steps(poses).action, discrete_steps(fine).action
     for action in (FORWARD, LEFT, RIGHT):
         assert abs(int((coarse == action).sum()) - int((finer == action).sum())) <= 1
+
+
+def test_a_robot_that_is_thrown_about_is_followed_as_well_as_can_be() -> None:
+    """A fall, or a jump of a damaged recording: 3 m sideways and half a turn in one frame."""
+    poses = walk([0.0, 0.2], [0.5, 0.5])
+    poses[5:] += (0.0, 3.0, np.pi)
+    poses[7:] += (0.4, 0.0, -1.0)
+    steps = discrete_steps(poses)
+    assert steps.action[-1] == STOP
+    assert np.isfinite(steps.pose).all()
