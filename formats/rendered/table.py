@@ -157,7 +157,7 @@ def planar_motion(
 ) -> NDArray[np.float64]:
     """Return the motion (N, 3) from each pose to the next: Δx, Δy [m] and Δyaw [rad].
 
-    Displacements are in the pose's yaw frame. The last row is zero. `integrate_motion` is the inverse.
+    Displacements are in the pose's yaw frame; the last row is zero. Inverse: `integrate_motion`.
     """
     yaw = quat_to_yaw(quat_wxyz)
     motion = np.zeros((len(yaw), 3))
