@@ -73,6 +73,17 @@ def test_steps_stay_sharp(name: str, heights: tuple[float, float], tmp_path: Pat
     assert apart.max() < 0.002
 
 
+@pytest.mark.parametrize("turn_deg", [0.0, 17.0])
+def test_a_ball_that_rolls_off_a_step_has_not_fallen_through(
+    turn_deg: float, tmp_path: Path
+) -> None:
+    """Where a step's edge crosses a cell of the floor, as in a building that is turned."""
+    bundle = repaired(buildings.tribune(turn_deg), tmp_path)
+    proof = json.loads((bundle.root / "repair.json").read_text())["verification"]
+    assert proof["levels"][0]["balls"]["visual.npz"]["dropped"] > 100
+    assert proof["problems"] == []
+
+
 def test_hole_in_a_ramp_is_filled_in_its_slope(tmp_path: Path) -> None:
     hole = scans.disc(4.5, 1.5, 0.6)
     bundle = repaired(buildings.ramp(without=hole), tmp_path)
