@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 
 def space_evenly(points_m: ArrayLike, step_m: float) -> NDArray[np.float64]:
-    """Points about `step_m` apart along a polyline (N, D), its two ends kept: (M, D), M ≥ 1.
+    """Return points (M, D), M ≥ 1, about `step_m` apart along a polyline (N, D), ends included.
 
     The spacing is the largest one not above `step_m` that divides the length evenly.
     """
