@@ -7,13 +7,13 @@ it, and rooms never import a neighbour.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import map_coordinates
 from skimage.graph import MCP_Geometric
 
+from ..formats.core.geometry import arc_length, resample
 from ..formats.scene.freemap import Freemap
 from ..formats.scene.grid import GridSpec
 from .distance import SNAP_M, nearest_cell
@@ -121,25 +121,6 @@ def path_clearance(freemap: Freemap, path_xy_m: ArrayLike) -> Array:
     return np.where(inside & freemap.traversable[cells[:, 0], cells[:, 1]], clearance, 0.0)
 
 
-def resample(path_m: ArrayLike, spacing_m: float) -> Array:
-    """Divide each segment of a path (P, D) evenly so that none is longer than `spacing_m`.
-
-    All given points are kept, so the shape is unchanged; repeated points are dropped.
-    """
-    path = np.asarray(path_m, dtype=np.float64)
-    pieces = [path[:1]]
-    for a, b in pairwise(path):
-        length = float(np.linalg.norm(b - a))
-        if length > 0:
-            count = int(np.ceil(length / spacing_m - 1e-9))
-            pieces.append(a + (b - a) * (np.arange(1, count + 1) / count)[:, None])
-    result = np.concatenate(pieces)
-    if len(result) == 1:
-        return np.repeat(result, 2, axis=0)
-    result[-1] = path[-1]
-    return result
-
-
 def simplify_path(
     freemap: Freemap, path_m: ArrayLike, radius_m: float, spacing_m: float, tolerance_m: float
 ) -> Array:
@@ -151,7 +132,7 @@ def simplify_path(
     """
     path = np.asarray(path_m, dtype=np.float64)
     free = freemap.free(radius_m)
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    along = arc_length(path)
     # Equal spacing over the whole path looks better than one short rest at its end.
     spacing = along[-1] / max(1, int(np.ceil(along[-1] / spacing_m - 1e-9))) + 1e-9
     kept = [0]
@@ -169,19 +150,6 @@ def simplify_path(
                 best = j
         kept.append(best)
     return path[kept]
-
-
-def path_length(path_m: ArrayLike) -> float:
-    """Length [m] of a path (P, D)."""
-    return float(np.linalg.norm(np.diff(np.asarray(path_m), axis=0), axis=1).sum())
-
-
-def point_along(path_m: ArrayLike, along_m: ArrayLike) -> Array:
-    """Points (..., D) at distances (...) [m] along a path (P, D); clamped to its ends."""
-    path = np.asarray(path_m, dtype=np.float64)
-    knots = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-    along = np.asarray(along_m, dtype=np.float64)
-    return np.stack([np.interp(along, knots, path[:, k]) for k in range(path.shape[1])], axis=-1)
 
 
 def _fractional(grid: GridSpec, xy_m: Array) -> Array:

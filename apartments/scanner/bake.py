@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.geometry import triangle_normals
 from ..config import ScanConfig
 from ..home.true_scene import TrueScene
 from .appearance import Appearance
@@ -16,7 +17,6 @@ from .light import Lighting, Lights
 from .lookup import exact_surface
 from .packing import Packing
 from .raster import rasterize
-from .scan import unit_normals
 from .surface import ScanMesh
 from .tracing import Tracer
 
@@ -61,7 +61,7 @@ class Baker:
     ):
         self._tracer, self._rays = tracer, config.light_rays
         self._looks = Appearance.of(scene)
-        self._normals = unit_normals(scene.shape.corners)
+        self._normals = triangle_normals(scene.shape.corners).astype(np.float32)
         panes = self._looks.emissive[scene.shape.material]
         open_tracer = Tracer(scene.shape.corners[~panes])
         lights = Lights.of(rng, scene)

@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.geometry import triangle_normals
 from ..config import ScanConfig
 from ..home.true_scene import TrueScene
 from .depth import DepthCamera, measure, misplaced
@@ -16,13 +17,6 @@ from .tracing import Tracer
 
 _MARGIN_M = 0.28
 _BATCH = 24
-
-
-def unit_normals(corners_m: NDArray[np.float64]) -> NDArray[np.float32]:
-    """(F, 3) unit normals of a triangle soup (F, 3, 3)."""
-    cross = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
-    length = np.linalg.norm(cross, axis=1, keepdims=True)
-    return (cross / np.maximum(length, 1e-12)).astype(np.float32)
 
 
 def fuse(
@@ -36,7 +30,7 @@ def fuse(
         config.voxel_m,
     )
     camera = DepthCamera.of(config)
-    normals = unit_normals(scene.shape.corners)
+    normals = triangle_normals(scene.shape.corners).astype(np.float32)
     todo = views(rng, scene.plan, tracer, config)
     # Every view has its own stream, so that the order in which threads finish does not matter.
     streams = rng.spawn(len(todo))

@@ -11,6 +11,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from skimage.measure import marching_cubes
 
+from ...formats.core.geometry import triangle_normals_and_areas
 from .fusion import DistanceVolume
 
 _LEAST_WEIGHT = 0.06
@@ -34,10 +35,7 @@ class ScanMesh:
 
     def normals(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(F, 3) unit normals and (F,) areas [m²]."""
-        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
-        cross = np.cross(b - a, c - a)
-        length = np.linalg.norm(cross, axis=1)
-        return cross / np.maximum(length, 1e-12)[:, None], length / 2
+        return triangle_normals_and_areas(self.vertices[self.faces])
 
 
 def extract(volume: DistanceVolume, target_faces: int) -> ScanMesh:

@@ -15,7 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vlnpe.formats.core.frames import habitat_to_world_position, world_to_habitat_position
+from vlnpe.formats.core.frames import (
+    habitat_to_world_position,
+    quat_to_matrix,
+    world_to_habitat_position,
+    xyzw_to_wxyz,
+)
 
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -231,14 +236,7 @@ def _matrix(node: dict[str, Any]) -> NDArray[np.float64]:
     if "matrix" in node:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
     pose = np.eye(4)
-    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
-    rotation = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    rotation = quat_to_matrix(xyzw_to_wxyz(node.get("rotation", (0.0, 0.0, 0.0, 1.0))))
     pose[:3, :3] = rotation * np.array(node.get("scale", (1.0, 1.0, 1.0)))
     pose[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
     return pose

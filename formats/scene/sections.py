@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.geometry import triangle_cross
 from ..core.kernel import kernel
 from .grid import GridSpec
 
@@ -50,7 +51,7 @@ def _outline(triangles: NDArray[np.float64], z_m: float) -> NDArray[np.float64]:
         rows = np.flatnonzero(crosses)
         ends[rows, found[rows]] = at[rows]
         found[rows] += 1
-    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normal = triangle_cross(triangles)
     ahead = ends[:, 1] - ends[:, 0]
     # The outward normal lies to the right of the segment.
     turned = ahead[:, 0] * normal[:, 1] - ahead[:, 1] * normal[:, 0] > 0

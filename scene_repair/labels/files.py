@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.errors import FileFormatError
+from ...formats.core.frames import quat_to_matrix, xyzw_to_wxyz
 from ..scan.side_files import LABELS_NAME, MAX_LABELS_BYTES, side_file
 from ..scan.soup import MAX_COORDINATE
 from .categories import category_of_name
@@ -145,11 +146,4 @@ def _rotation(xyzw: NDArray[np.float64]) -> NDArray[np.float64]:
     length = float(np.linalg.norm(xyzw))
     if not np.isfinite(length) or length < LEAST_QUATERNION:
         raise ValueError(f"{xyzw.tolist()} is no rotation: its length is {length:g}")
-    x, y, z, w = xyzw / length
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    return quat_to_matrix(xyzw_to_wxyz(xyzw))

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.geometry import triangle_normals
 from ...formats.scene.bundle import LabeledObject
 from ..scan.record import Scan, ScanObject
 from .categories import THINGS
@@ -45,9 +46,7 @@ def label_by_boxes(scan: Scan, boxes: list[LabelBox], source_to_world: NDArray[n
     open_ = np.flatnonzero(scan.face_object < 0)
     corners = scan.vertices[scan.faces[open_]]
     centers = corners.mean(axis=1)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    level = np.abs(normals @ up) > LEVEL_NORMAL
+    level = np.abs(triangle_normals(corners) @ up) > LEVEL_NORMAL
     height = (corners @ up).max(axis=1)
     face_object = scan.face_object.copy()
     for k in sorted(range(len(things)), key=lambda k: -float(np.prod(things[k].half))):

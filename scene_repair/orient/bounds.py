@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.geometry import triangle_areas
+
 # This share of the surface may lie beyond the bounds on either side of an axis, if it lies further
 # away than this share of the extent.
 STRAY_SHARE, STRAY_DISTANCE = 5e-4, 0.1
@@ -20,8 +22,7 @@ def robust_bounds(
         faces: (F, 3), at least one.
     """
     corners = vertices[faces]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    weight = np.linalg.norm(cross, axis=1)
+    weight = triangle_areas(corners)
     lower, upper = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     centers = corners.mean(axis=1)
     for axis in range(3):

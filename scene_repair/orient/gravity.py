@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.geometry import triangle_normals_and_areas
+
 Array = NDArray[np.float64]
 
 # Normals are gathered in cells of about a degree, whose mean is exact.
@@ -49,11 +51,8 @@ class Surfaces:
     @staticmethod
     def of(vertices: Array, faces: NDArray[np.int64]) -> Surfaces:
         """From triangles with area: vertices (V, 3), faces (F, 3)."""
-        a, b, c = (vertices[faces[:, i]] for i in range(3))
-        cross = np.cross(b - a, c - a)
-        doubled = np.linalg.norm(cross, axis=1)
-        normals = cross / doubled[:, None]
-        area = 0.5 * doubled
+        corners = vertices[faces]
+        normals, area = triangle_normals_and_areas(corners)
         side = np.where(_positive(normals), 1.0, -1.0)
         index = np.rint(normals * side[:, None] * CELLS_PER_UNIT).astype(np.int64) + 64
         _, cell = np.unique(
@@ -69,7 +68,7 @@ class Surfaces:
         return Surfaces(
             normals,
             area,
-            (a + b + c) / 3.0,
+            (corners[:, 0] + corners[:, 1] + corners[:, 2]) / 3.0,
             sums[known] / length[known, None],
             np.bincount(cell, area, count)[known].astype(np.float64),
         )

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.geometry import triangle_areas
 from .record import Scan, ScanMaterial, ScanObject
 from .vertex_colors import MAX_FACES, bake_corner_colors
 
@@ -115,9 +116,7 @@ def _usable_faces(
     if not keep.all():
         warnings.append(f"{int((~keep).sum())} faces with invalid coordinates dropped")
     with np.errstate(invalid="ignore", over="ignore"):
-        a, b, c = (vertices[faces[:, i]] for i in range(3))
-        doubled = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    degenerate = keep & ~(doubled > 0)
+        degenerate = keep & ~(triangle_areas(vertices[faces]) > 0)
     if degenerate.any():
         warnings.append(f"{int(degenerate.sum())} faces without area dropped")
     return keep & ~degenerate

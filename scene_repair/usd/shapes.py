@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
+from ...formats.core.geometry import triangle_areas
+
 SIDES = 24
 TIME = Usd.TimeCode.EarliestTime()
 # Cyclic turns that bring z to the named axis.
@@ -115,5 +117,4 @@ def _turned(
     cap = np.stack([np.zeros(sides - 2, dtype=int), around[1:-1], around[2:]], axis=1)
     faces = np.concatenate([*walls, cap[:, ::-1], cap + sides * (count - 1)])
     # Where a ring is a point, triangles vanish.
-    a, b, c = (points[faces[:, k]] for k in range(3))
-    return points, faces[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 0]
+    return points, faces[triangle_areas(points[faces]) > 0]
