@@ -18,9 +18,9 @@ from .home.apartment import build_apartment
 from .home.true_scene import TrueScene
 from .scanner.bake import Baker, ChartVertices, chart_vertices, page_corners
 from .scanner.charts import Charts, cut
-from .scanner.labelling import label_faces
+from .scanner.fusion import fuse
+from .scanner.lookup import label_faces
 from .scanner.packing import Packing, pack
-from .scanner.scan import fuse
 from .scanner.surface import ScanMesh, extract
 from .scanner.tracing import Tracer
 from .truth import write_truth

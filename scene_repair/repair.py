@@ -26,8 +26,8 @@ from .labels.semantics import label_by_boxes, not_floor, structural
 from .orient.bounds import robust_bounds
 from .orient.transform import orient
 from .scan.dispatch import read_scan
+from .scan.files import licence_beside
 from .scan.record import ScanObject
-from .scan.side_files import licence_beside
 from .verify.carrying import probe_level
 from .write.scene import Repaired, write_scene
 

@@ -1,4 +1,4 @@
-"""Fuses depth views into a truncated signed distance field (Curless and Levoy, 1996)."""
+"""Scan the exact apartment: fuse depth views into a truncated signed distance volume."""
 
 from __future__ import annotations
 
@@ -8,13 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.geometry import triangle_normals
 from ...formats.core.kernel import kernel
-from .depth import DepthCamera
-from .stations import View
+from ..config import ScanConfig
+from ..home.true_scene import TrueScene
+from .depth import DepthCamera, measure, misplaced
+from .stations import View, views
+from .tracing import Tracer
 
 # In voxels: how far before and behind a surface the field is kept.
 _FRONT = 3.0
 _BEHIND = 2.2
+_MARGIN_M = 0.28
+_BATCH = 24
 
 
 @dataclass(frozen=True)
@@ -137,3 +143,32 @@ def _integrate(value, weight, depth, step, offset, focal, voxel, start, stop):
                 total = weight[i, j, k] + w
                 value[i, j, k] += (signed - value[i, j, k]) * w / total
                 weight[i, j, k] = min(total, 60.0)
+
+
+def fuse(
+    rng: np.random.Generator, scene: TrueScene, tracer: Tracer, config: ScanConfig
+) -> DistanceVolume:
+    """Take all depth views of `scene` and fuse them."""
+    lower, upper = scene.plan.bounds()
+    volume = DistanceVolume.empty(
+        np.array([*(lower - _MARGIN_M), -0.15]),
+        np.array([*(upper + _MARGIN_M), scene.plan.ceiling_m + 0.15]),
+        config.voxel_m,
+    )
+    camera = DepthCamera.of(config)
+    normals = triangle_normals(scene.shape.corners).astype(np.float32)
+    todo = views(rng, scene.plan, tracer, config)
+    # Every view has its own stream, so that the order in which threads finish does not matter.
+    streams = rng.spawn(len(todo))
+
+    def shoot(job: tuple[View, np.random.Generator]) -> tuple[View, NDArray[np.float32]]:
+        view, stream = job
+        depth = measure(stream, tracer, normals, camera, view, config)
+        return misplaced(stream, view, config), depth
+
+    with ThreadPoolExecutor(1) as pool:
+        for first in range(0, len(todo), _BATCH):
+            jobs = zip(todo[first : first + _BATCH], streams[first : first + _BATCH], strict=True)
+            for believed, depth in list(pool.map(shoot, jobs)):
+                volume.integrate(pool, camera, believed, depth)
+    return volume

@@ -1,10 +1,12 @@
-"""Which point of the exact surface a point of the scan stands for."""
+"""Which point of the exact surface, and which object, a point of the scan stands for."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
+from .surface import ScanMesh, neighbours, smooth_normals
 from .tracing import Hits, Tracer
 
 _BEFORE_M, _BEHIND_M = 0.05, 0.08
@@ -32,3 +34,34 @@ def exact_surface(
                 hits.face[missed[nearer]] = other.face[nearer]
                 hits.bary[missed[nearer]] = other.bary[nearer]
     return hits
+
+
+def label_faces(
+    mesh: ScanMesh, tracer: Tracer, face_object: NDArray[np.int32]
+) -> NDArray[np.int32]:
+    """(F,) index of the object behind each triangle; specks take their neighbours' label."""
+    centers = mesh.vertices[mesh.faces].mean(1).astype(np.float32)
+    normals = smooth_normals(mesh, 1).astype(np.float32)
+    hits = exact_surface(tracer, centers, normals)
+    label = np.where(hits.face >= 0, face_object[hits.face], -1).astype(np.int32)
+    pairs = neighbours(mesh.faces)
+    for _ in range(3):
+        label = _majority(label, pairs)
+    lost = np.flatnonzero(label < 0)
+    if len(lost):
+        # Nothing exact is near (a noisy speck): it belongs to the nearest labelled triangle.
+        known = np.flatnonzero(label >= 0)
+        label[lost] = label[known[KDTree(centers[known]).query(centers[lost])[1]]]
+    return label
+
+
+def _majority(label: NDArray[np.int32], pairs: NDArray[np.int64]) -> NDArray[np.int32]:
+    """A triangle whose neighbours all agree on another label takes it."""
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    order = np.argsort(both[:, 0], kind="stable")
+    me, other = both[order, 0], label[both[order, 1]]
+    low = np.full(len(label), np.iinfo(np.int32).max, dtype=np.int32)
+    high = np.full(len(label), -1, dtype=np.int32)
+    np.minimum.at(low, me, other)
+    np.maximum.at(high, me, other)
+    return np.where((low == high) & (high >= 0), high, label)

@@ -15,9 +15,8 @@ from ...formats.scene.grid import GridSpec
 from ..grid.world_mesh import WorldMesh
 from .evidence import COVER_NORMAL_Z
 from .outline import cell_polygons, face_outline, trace_loops
-from .patch_region import Region
+from .patch_region import Region, Tiles
 from .reference import STEP_M
-from .tiles import Tiles
 
 # Inner vertices of a patch stand this far apart, so that it can follow a floor that is not plane.
 INNER_M = 0.1

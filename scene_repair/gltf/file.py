@@ -33,6 +33,7 @@ COLOR_PICTURES = (
 PICTURE_SOURCES = ("EXT_texture_webp",)
 # What is read of vertices; the library would copy all others, too, for each piece.
 ATTRIBUTES = ("POSITION", "TEXCOORD_0", "COLOR_0")
+OWN_GENERATOR = "vlnpe"
 
 
 @dataclass(frozen=True)
@@ -250,3 +251,14 @@ def _chunks(path: Path) -> tuple[bytes, memoryview]:
     if not text:
         raise ValueError("no JSON chunk")
     return text, data
+
+
+def gltf_facts(tree: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """Licence (empty if the file tells none) and generator facts, from a glTF file's JSON tree."""
+    asset = tree.get("asset", {})
+    extras = asset.get("extras", {})
+    extras = extras if isinstance(extras, dict) else {}
+    licence = str(extras.get("licence") or extras.get("license") or asset.get("copyright") or "")
+    if asset.get("generator") != OWN_GENERATOR:
+        return licence, {}
+    return licence, {k: v for k, v in extras.items() if k not in ("licence", "license")}

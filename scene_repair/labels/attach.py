@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..orient.bounds import robust_bounds
+from ..scan.files import HOUSE_NAME
 from ..scan.record import Scan
-from ..scan.side_files import HOUSE_NAME
 from .files import LabelBox, read_labels
 from .matterport import House, read_house
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...formats.core.errors import FileFormatError
 from ...formats.core.frames import quat_to_matrix, xyzw_to_wxyz
-from ..scan.side_files import LABELS_NAME, MAX_LABELS_BYTES, side_file
+from ..scan.files import LABELS_NAME, MAX_LABELS_BYTES, side_file
 from ..scan.soup import MAX_COORDINATE
 from .categories import category_of_name
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.errors import FileFormatError
-from ..scan.side_files import MAX_HOUSE_BYTES, side_file
+from ..scan.files import MAX_HOUSE_BYTES, side_file
 from .categories import category_of_name
 from .files import LabelBox
 

@@ -8,10 +8,10 @@ from PIL import Image
 
 from ...formats.core.errors import FileFormatError
 from ..usd.package import read_member
+from .files import CLOUD_SUFFIXES, SUFFIXES, USD_SUFFIXES, splats, why_not
+from .headers import has_faces, splat_kind
 from .images import PixelBudget, decode_all, open_picture
-from .kinds import CLOUD_SUFFIXES, SUFFIXES, USD_SUFFIXES, splats, why_not
 from .mesh import read_mesh
-from .ply_header import has_faces, splat_kind
 from .readings import LookRef, Readings
 from .record import Scan, ScanMaterial
 from .resolver import MAX_BYTES

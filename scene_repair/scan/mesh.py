@@ -16,15 +16,13 @@ from trimesh.visual.texture import TextureVisuals
 
 from ...formats.core.errors import FileFormatError
 from ..gltf.checks import check_gltf
-from ..gltf.facts import gltf_facts
-from ..gltf.file import GltfFile
+from ..gltf.file import GltfFile, gltf_facts
 from ..gltf.textures import with_pictures
 from ..labels.categories import category_of_name
-from ..paint.srgb import linear_to_srgb
+from .files import MESH_SUFFIXES
+from .headers import CHECKS
 from .images import brief, decode_all
-from .kinds import MESH_SUFFIXES
-from .mesh_checks import CHECKS
-from .record import DEFAULT_COLOR, Scan, ScanMaterial
+from .record import DEFAULT_COLOR, Scan, ScanMaterial, linear_to_srgb
 from .resolver import ConfinedResolver
 from .soup import Part, merge_parts
 

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from ...formats.core.errors import FileFormatError, InputError
-from .pcd_header import check_pcd
-from .ply_header import read_header
+from .headers import check_pcd, read_header
 from .readings import LookRef, RawPart, Readings
 from .record import DEFAULT_COLOR
 

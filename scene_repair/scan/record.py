@@ -1,4 +1,7 @@
-"""A scan as it was read: one triangle soup with materials and object names per face."""
+"""A scan as it was read: one triangle soup with materials and object names per face.
+
+Colours are sRGB; the transfer function is below.
+"""
 
 from __future__ import annotations
 
@@ -67,3 +70,13 @@ class Scan:
         order = np.argsort(self.face_object, kind="stable")
         ends = np.searchsorted(self.face_object[order], np.arange(len(self.objects) + 1))
         return [order[a:b] for a, b in pairwise(ends)]
+
+
+def srgb_to_linear(srgb: NDArray[np.float64]) -> NDArray[np.float64]:
+    """IEC 61966-2-1; values in 0–1."""
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+
+
+def linear_to_srgb(linear: NDArray[np.float64]) -> NDArray[np.float64]:
+    """IEC 61966-2-1; values in 0–1."""
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)

@@ -98,7 +98,7 @@ def main(reader: str, path: Path, memory_bytes: int) -> None:
     folder = Path.cwd()
     # Each has large libraries of its own, which the other one and the parent do without.
     if reader == "usd":
-        from ..usd.stage import read
+        from ..usd.read_stage import read
     else:
         from .point_cloud import read
     try:

@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath
 from pxr import Sdf
 
 from ...formats.core.errors import FileFormatError
-from ..scan.kinds import USD_SUFFIXES
+from ..scan.files import USD_SUFFIXES
 from .package import check_package
 
 MAX_LAYERS = 20_000

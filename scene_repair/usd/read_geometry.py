@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from ...formats.core.errors import FileFormatError
-from ..floor.polygons import triangulate
-from ..paint.srgb import linear_to_srgb
 from ..scan.readings import LookRef, RawPart
-from .names import object_of
+from ..scan.record import linear_to_srgb
+from .polygons import triangulate
 from .read_materials import Look, Looks
+from .read_objects import object_of
 from .shapes import simple_shape
 
 MAX_TRIANGLES = 20_000_000

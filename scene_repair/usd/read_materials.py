@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdShade
 
-from ..paint.srgb import linear_to_srgb
 from ..scan.readings import LookRef
-from ..scan.record import DEFAULT_COLOR
+from ..scan.record import DEFAULT_COLOR, linear_to_srgb
 
 CONTEXTS = ("", "mdl")
 # Inputs that carry the colour of a surface, in the order in which they are asked.

@@ -9,7 +9,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdPhysics, UsdShade
 
 from ...formats.scene.bundle import Material
-from ..paint.srgb import srgb_to_linear
+from ..scan.record import srgb_to_linear
 
 # What MuJoCo's level models use by default, too.
 FRICTION = 0.8

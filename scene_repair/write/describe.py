@@ -1,16 +1,22 @@
-"""The written account of a repair: `repair.json`."""
+"""The written account of a repair: `repair.json`, and the doubts that are printed."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.scene.grid import GridSpec
+from ..collide.level_collision import LevelCollision
 from ..floor.holes import Hole
 from ..floor.outline import cell_polygons
 from ..floor.repair_level import RepairedFloor
+from ..orient.scale import ROOM_M
+
+# Rooms are rarely lower or higher than this, and a scene is rarely made for less floor.
+LOW_ROOM_M, HIGH_ROOM_M, LEAST_FLOOR_M2 = 2.0, 6.0, 4.0
 
 
 def describe_level(level: RepairedFloor, probes: dict[str, Any]) -> dict[str, Any]:
@@ -61,3 +67,27 @@ def _describe_hole(hole: Hole, grid: GridSpec) -> dict[str, Any]:
         "action": "filled" if hole.fill else "left",
         "reason": hole.reason,
     }
+
+
+def doubts(evidence: dict[str, Any], levels: Sequence[LevelCollision]) -> list[str]:
+    """One line for each doubt about up, unit and floor.
+
+    Args:
+        evidence: of the orientation.
+        levels: the collision of all levels.
+    """
+    found = list(evidence["doubts"])
+    room = evidence["room_height_m"]
+    area = sum(float(level.floor.covered.sum()) * level.floor.grid.cell_m**2 for level in levels)
+    strange = []
+    if room and not LOW_ROOM_M <= room <= HIGH_ROOM_M:
+        strange.append(f"rooms of {room:.2f} m height (usual: {ROOM_M:g} m)")
+    if area < LEAST_FLOOR_M2:
+        strange.append(f"{area:.1f} m² of floor")
+    if strange:
+        up, unit = evidence["up"], evidence["unit"]
+        found.append(
+            f"{' and '.join(strange)} are implausible with {up} up in {unit}: look at after.png, "
+            "and set --up (x y z -x -y -z) or --unit if the scan is turned or scaled wrongly"
+        )
+    return found

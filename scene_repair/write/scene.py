@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.core.atomic import write_json
-from ...formats.core.digest import file_digest
+from ...formats.core.atomic import file_digest, write_json
 from ...formats.scene.bundle import (
     UNSOUND,
     SceneBundle,
@@ -30,10 +29,9 @@ from ..labels.semantics import labelled_objects
 from ..orient.transform import Orientation
 from ..paint.shading import Looks
 from ..scan.record import Scan, ScanMaterial
-from ..usd.write_scene import UsdContent, write_usd
+from ..usd.write_stage import UsdContent, write_usd
 from ..verify.carrying import RECORD_NAME, verify_scene
-from .describe import describe_level
-from .doubts import doubts
+from .describe import describe_level, doubts
 from .pictures import GREEN, GREY, RED, mark_holes, view_from_above, write_picture
 from .textures import write_materials
 

@@ -28,11 +28,11 @@ from vlnpe.scene_repair.grid.columns import sample_columns
 from vlnpe.scene_repair.scan import images
 from vlnpe.scene_repair.scan.big_png import shrink_png
 from vlnpe.scene_repair.scan.dispatch import read_scan, scan_of
+from vlnpe.scene_repair.scan.headers import read_header
 from vlnpe.scene_repair.scan.mesh import _load, _parts, read_mesh
-from vlnpe.scene_repair.scan.ply_header import read_header
 from vlnpe.scene_repair.scan.record import Scan
 from vlnpe.scene_repair.scan.resolver import ConfinedResolver
-from vlnpe.scene_repair.usd import stage as read_usd
+from vlnpe.scene_repair.usd import read_stage as read_usd
 
 
 def check_sound(scan: Scan) -> None:

@@ -16,7 +16,7 @@ from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.orient.transform import orient
 from vlnpe.scene_repair.scan import point_cloud as read_points
 from vlnpe.scene_repair.scan.dispatch import read_scan, scan_of
-from vlnpe.scene_repair.scan.pcd_header import check_pcd
+from vlnpe.scene_repair.scan.headers import check_pcd
 
 SIZE = (5.0, 4.0, 2.6)
 needs_open3d = pytest.mark.skipif(

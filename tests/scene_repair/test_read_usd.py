@@ -26,7 +26,7 @@ from vlnpe.scene_repair.scan.dispatch import read_scan, scan_of
 from vlnpe.scene_repair.scan.readings import LookRef
 from vlnpe.scene_repair.scan.record import Scan
 from vlnpe.scene_repair.usd import package as usd_package
-from vlnpe.scene_repair.usd import stage as read_usd
+from vlnpe.scene_repair.usd import read_stage as read_usd
 from vlnpe.scene_repair.usd.shapes import simple_shape
 
 SQUARE = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0)]
