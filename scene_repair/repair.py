@@ -27,7 +27,7 @@ from .orient.bounds import robust_bounds
 from .orient.transform import orient
 from .scan.dispatch import read_scan
 from .scan.files import licence_beside
-from .scan.record import ScanObject
+from .scan.record import Scan, ScanObject
 from .verify.carrying import probe_level
 from .write.scene import Repaired, write_scene
 
@@ -80,27 +80,11 @@ def repair_scene(
     coarse, fine = _grids(original, config)
     tell(f"finding floors among {len(scan.faces):,} triangles")
     found, ignore = _find_floors(original, fine, not_floor(scan), config)
-    structure = structural(scan)
-    mesh, materials, objects = original, scan.materials, scan.objects
-    floors: list[RepairedFloor] = []
-    for k, scanned in enumerate(found):
-        tell(f"repairing the floor of level {k}")
-        added = np.zeros(len(mesh.faces) - len(ignore), dtype=bool)
-        floor = repair_floor(
-            mesh,
-            materials,
-            objects,
-            scanned,
-            np.concatenate([ignore, added]),
-            np.concatenate([structure, added]),
-            k,
-            config,
-        )
-        mesh, materials, objects = floor.mesh, floor.materials, floor.objects
-        floors.append(floor)
+    floors = _repair_floors(scan, original, found, ignore, config, tell)
+    mesh = floors[-1].mesh
     tell("building collision and freemaps")
     levels = [build_collision(mesh, floor, coarse, config) for floor in floors]
-    visual, labels = _visual(mesh, objects, floors)
+    visual, labels = _visual(mesh, floors[-1].objects, floors)
     tell("probing the floor")
     probed = [probe_level(visual, level) for level in levels]
     tell("writing")
@@ -111,7 +95,7 @@ def repair_scene(
         boxes=boxes,
         original=original,
         mesh=mesh,
-        materials=materials,
+        materials=floors[-1].materials,
         floors=floors,
         levels=[level for level, _ in probed],
         probes=[record for _, record in probed],
@@ -158,6 +142,36 @@ def _find_floors(
     ignore = ignore | averted
     surfaces = find_surfaces(columns, up, ignore, LEAST_CLEARANCE_M)
     return find_levels(surfaces, columns, mesh, config), ignore
+
+
+def _repair_floors(
+    scan: Scan,
+    mesh: WorldMesh,
+    found: list[ScannedFloor],
+    ignore: NDArray[np.bool_],
+    config: RepairConfig,
+    tell: Callable[[str], None],
+) -> list[RepairedFloor]:
+    """Repair the floors one after the other; each starts from the mesh of the one before."""
+    structure = structural(scan)
+    materials, objects = scan.materials, scan.objects
+    floors: list[RepairedFloor] = []
+    for k, scanned in enumerate(found):
+        tell(f"repairing the floor of level {k}")
+        added = np.zeros(len(mesh.faces) - len(ignore), dtype=bool)
+        floor = repair_floor(
+            mesh,
+            materials,
+            objects,
+            scanned,
+            ignore=np.concatenate([ignore, added]),
+            structure=np.concatenate([structure, added]),
+            index=k,
+            config=config,
+        )
+        mesh, materials, objects = floor.mesh, floor.materials, floor.objects
+        floors.append(floor)
+    return floors
 
 
 def _visual(

@@ -56,7 +56,7 @@ class Appearance:
         return _sample(face, bary, self.uv, self.material, self.pixels, self.layout, self.size_m)
 
 
-@kernel(nogil=True)
+@kernel()
 def _sample(face, bary, uv, material, pixels, layout, size_m):
     out = np.zeros((face.shape[0], 3), dtype=np.uint8)
     for i in range(face.shape[0]):

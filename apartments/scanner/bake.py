@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,16 +107,13 @@ class Baker:
         corner_light = light[split.face[mine]]
         normals = charts.normal[mine]
 
-        def paint(first: int) -> None:
+        for first in range(0, len(filled), _CHUNK):
             part = filled[first : first + _CHUNK]
             which, b = flat_face[part], flat_bary[part]
             weight = np.stack([1 - b[:, 0] - b[:, 1], b[:, 0], b[:, 1]], axis=1)
             position = np.einsum("nk,nki->ni", weight, points[which])
             shade = np.einsum("nk,nki->ni", np.clip(weight, 0, 1), corner_light[which])
             flat_image[part] = self._texels(position, normals[which], shade)
-
-        with ThreadPoolExecutor(1) as pool:
-            list(pool.map(paint, range(0, len(filled), _CHUNK)))
         image[face < 0] = image[face >= 0].mean(0) if len(filled) else 0
         return image
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +19,6 @@ from .tracing import Tracer
 _FRONT = 3.0
 _BEHIND = 2.2
 _MARGIN_M = 0.28
-_BATCH = 24
 
 
 @dataclass(frozen=True)
@@ -54,7 +52,6 @@ class DistanceVolume:
 
     def integrate(
         self,
-        pool: ThreadPoolExecutor,
         camera: DepthCamera,
         view: View,
         depth_m: NDArray[np.float32],
@@ -72,23 +69,18 @@ class DistanceVolume:
         stop = np.minimum(
             np.ceil((high - self.origin_m) / self.voxel_m) + 1, self.value.shape
         ).astype(np.int64)
-        middle = int(start[0] + stop[0]) // 2
+        step = view.rotation * self.voxel_m
         offset = (self.origin_m - view.position_m) @ view.rotation
-
-        def half(first: int, last: int) -> None:
-            _integrate(
-                self.value, self.weight, depth_m, view.rotation * self.voxel_m, offset,
-                camera.focal_px, self.voxel_m, np.array([first, start[1], start[2]]),
-                np.array([last, stop[1], stop[2]]),
-            )  # fmt: skip
-
-        # The halves touch disjoint slabs.
-        list(pool.map(half, (int(start[0]), middle), (middle, int(stop[0]))))
+        scale = (camera.focal_px, self.voxel_m)
+        _integrate(self.value, self.weight, depth_m, step, offset, scale, np.stack([start, stop]))
 
 
-@kernel(nogil=True)
-def _integrate(value, weight, depth, step, offset, focal, voxel, start, stop):
+@kernel()
+def _integrate(value, weight, depth, step, offset, scale, box):
+    """Fuse a depth image into the voxels of `box`, its first and last (exclusive) index."""
     rows, columns = depth.shape
+    focal, voxel = scale
+    start, stop = box[0], box[1]
     front, behind = _FRONT * voxel, _BEHIND * voxel
     half_x, half_y = 0.5 * columns / focal, 0.5 * rows / focal
     farthest = depth.max() + behind
@@ -123,9 +115,9 @@ def _integrate(value, weight, depth, step, offset, focal, voxel, start, stop):
                 continue
             for k in range(int(np.ceil(first)), int(np.floor(last)) + 1):
                 z = bz + k * step[2, 2]
-                scale = focal / z
-                u = int((bx + k * step[2, 0]) * scale + 0.5 * columns)
-                v = int((by + k * step[2, 1]) * scale + 0.5 * rows)
+                zoom = focal / z
+                u = int((bx + k * step[2, 0]) * zoom + 0.5 * columns)
+                v = int((by + k * step[2, 1]) * zoom + 0.5 * rows)
                 if u < 0 or v < 0 or u >= columns or v >= rows:
                     continue
                 d = depth[v, u]
@@ -157,18 +149,8 @@ def fuse(
     )
     camera = DepthCamera.of(config)
     normals = triangle_normals(scene.shape.corners).astype(np.float32)
-    todo = views(rng, scene.plan, tracer, config)
-    # Every view has its own stream, so that the order in which threads finish does not matter.
-    streams = rng.spawn(len(todo))
-
-    def shoot(job: tuple[View, np.random.Generator]) -> tuple[View, NDArray[np.float32]]:
-        view, stream = job
+    true_views = views(rng, scene.plan, tracer, config)
+    for view, stream in zip(true_views, rng.spawn(len(true_views)), strict=True):
         depth = measure(stream, tracer, normals, camera, view, config)
-        return misplaced(stream, view, config), depth
-
-    with ThreadPoolExecutor(1) as pool:
-        for first in range(0, len(todo), _BATCH):
-            jobs = zip(todo[first : first + _BATCH], streams[first : first + _BATCH], strict=True)
-            for believed, depth in list(pool.map(shoot, jobs)):
-                volume.integrate(pool, camera, believed, depth)
+        volume.integrate(camera, misplaced(stream, view, config), depth)
     return volume

@@ -96,17 +96,7 @@ def _tidy(mesh: ScanMesh) -> ScanMesh:
 def without_specks(mesh: ScanMesh, least_faces: int) -> ScanMesh:
     """Without connected pieces of fewer than `least_faces` triangles."""
     faces = mesh.faces
-    count = len(mesh.vertices)
-    rows, columns = faces[:, [0, 1]].T
-    more_rows, more_columns = faces[:, [1, 2]].T
-    graph = coo_matrix(
-        (
-            np.ones(2 * len(faces), dtype=np.int8),
-            (np.r_[rows, more_rows], np.r_[columns, more_columns]),
-        ),
-        shape=(count, count),
-    )
-    _, piece = connected_components(graph, directed=False)
+    piece = pieces(len(mesh.vertices), np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]]))
     size = np.bincount(piece[faces[:, 0]], minlength=piece.max(initial=0) + 1)
     return _compact(mesh.vertices, faces[size[piece[faces[:, 0]]] >= least_faces])
 

@@ -57,10 +57,10 @@ def build_collision(
         mesh.faces,
         mesh.face_object,
         grid,
-        z0,
-        layers,
-        height + config.floor_clearance_m,
-        height + config.robot_height_m,
+        z0_m=z0,
+        layers=layers,
+        cut_below_m=height + config.floor_clearance_m,
+        cut_above_m=height + config.robot_height_m,
     )
     blocked = blocked_cells(voxels, height, config.blocked_above_m)
     place = places(floor.covered & ~blocked, grid.cell_m)

@@ -71,13 +71,14 @@ def gather_evidence(
     columns: Columns,
     scanned_z_m: NDArray[np.float64],
     floor_z_m: float,
+    *,
     ignore: NDArray[np.bool_],
     structure: NDArray[np.bool_],
     bump_width_m: float,
     bump_height_m: float,
     cover_m: float = COVER_M,
 ) -> Evidence:
-    """Collect the facts.
+    """Collect the facts of a level's cells.
 
     Args:
         mesh: the scan.

@@ -65,7 +65,7 @@ def sample_columns(
         )
     counts = np.zeros(grid.rows * grid.columns + 1, dtype=np.int64)
     empty_z, empty_face = np.empty(0, dtype=np.float32), np.empty(0, dtype=np.int32)
-    _raster(scaled, faces, grid.rows, grid.columns, counts, empty_z, empty_face, False)
+    _raster(scaled, faces, grid.shape, counts, empty_z, empty_face, False)
     start = np.concatenate([[0], np.cumsum(counts[:-1])])
     if start[-1] > MAX_HITS:
         raise SceneError(
@@ -75,7 +75,7 @@ def sample_columns(
     cursor = start.copy()
     z = np.empty(start[-1], dtype=np.float32)
     face = np.empty(start[-1], dtype=np.int32)
-    _raster(scaled, faces, grid.rows, grid.columns, cursor, z, face, True)
+    _raster(scaled, faces, grid.shape, cursor, z, face, True)
     cell = np.repeat(np.arange(len(start) - 1), np.diff(start))
     order = np.lexsort((z, cell))
     return Columns(grid, start, z[order], face[order])
@@ -154,12 +154,13 @@ def _top(vertices, faces, corner_uv, height, face, uv):
 
 
 @kernel()
-def _raster(vertices, faces, rows, columns, cursor, z_out, face_out, fill):
+def _raster(vertices, faces, shape, cursor, z_out, face_out, fill):
     """Count hits per cell, or write them at each cell's cursor.
 
     Half-open edge rule by the sign of exact edge functions: a centre on a shared edge may count
     for both triangles, which does no harm; it is never lost.
     """
+    rows, columns = shape
     for f in range(len(faces)):
         ax, ay, az = vertices[faces[f, 0]]
         bx, by, bz = vertices[faces[f, 1]]

@@ -27,6 +27,7 @@ def paint_floor(
     region: NDArray[np.bool_],
     rooms: NDArray[np.int32],
     grid: GridSpec,
+    *,
     texel_m: float,
     max_px: int,
 ) -> tuple[Image.Image, GridSpec]:
@@ -55,7 +56,9 @@ def paint_floor(
     floor = _only(mesh, floor_faces)
     for room in np.unique(rooms[region]).tolist():
         own = rooms == room
-        window, image, wanted = _paint_room(floor, looks, region & own, region, own, grid, texels)
+        window, image, wanted = _paint_room(
+            floor, looks, region=region & own, others=region, room=own, grid=grid, texels=texels
+        )
         picture[window][wanted] = np.rint(np.clip(image[wanted], 0.0, 1.0) * 255.0)
     return Image.fromarray(picture[::-1]), texels
 
@@ -75,6 +78,7 @@ def _only(mesh: WorldMesh, faces: NDArray[np.int64]) -> WorldMesh:
 def _paint_room(
     floor: WorldMesh,
     looks: Looks,
+    *,
     region: NDArray[np.bool_],
     others: NDArray[np.bool_],
     room: NDArray[np.bool_],

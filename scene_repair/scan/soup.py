@@ -1,4 +1,4 @@
-"""Merge the parts that a reader found into one triangle soup, vertex colours baked into textures."""
+"""Merge the parts that a reader found into one triangle soup; bake vertex colours into textures."""
 
 from __future__ import annotations
 

@@ -13,12 +13,16 @@ from numpy.typing import NDArray
 from ...formats.core.atomic import file_digest, write_json
 from ...formats.scene.bundle import (
     UNSOUND,
+    Floor,
+    LabeledObject,
+    Obstacles,
     SceneBundle,
     VisualMesh,
     load_bundle,
     save_bundle,
     save_index,
 )
+from ...formats.scene.freemap import Freemap
 from ...formats.scene.grid import GridSpec
 from ..collide.level_collision import LevelCollision
 from ..config import RepairConfig
@@ -78,27 +82,7 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
     source, way = repaired.source, repaired.way
     materials = write_materials(repaired.materials, out_dir, config.max_texture_px)
     heights = tuple(floor.floor_z_m for floor in repaired.floors)
-    named, index = labelled_objects(
-        repaired.scan,
-        repaired.boxes,
-        repaired.original.vertices,
-        way.source_to_world,
-        heights,
-    )
-
-    # Patches come after the scan's own objects and belong to none of them.
-    def named_thing(own: NDArray[np.int32]) -> NDArray[np.int32]:
-        return np.append(index, np.int32(-1))[np.where(own < len(index), own, -1)]
-
-    visual = replace(repaired.visual, face_object=named_thing(repaired.mesh.face_object))
-    levels = [
-        (
-            level.floor,
-            replace(level.obstacles, box_object=named_thing(level.obstacles.box_object)),
-            level.freemap,
-        )
-        for level in repaired.levels
-    ]
+    named, visual, levels = _by_object(repaired, heights)
     scene_id = config.scene_id or source.stem
     facts = {
         "path": source.name,
@@ -153,6 +137,34 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
         bundle = replace(bundle, source={**bundle.source, UNSOUND: proof["problems"]})
         save_index(bundle)
     return bundle
+
+
+def _by_object(
+    repaired: Repaired, heights_m: tuple[float, ...]
+) -> tuple[tuple[LabeledObject, ...], VisualMesh, list[tuple[Floor, Obstacles, Freemap]]]:
+    """Return the named objects, and the mesh and levels whose faces and boxes point to them."""
+    named, index = labelled_objects(
+        repaired.scan,
+        repaired.boxes,
+        repaired.original.vertices,
+        repaired.way.source_to_world,
+        heights_m,
+    )
+
+    # Patches come after the scan's own objects and belong to none of them.
+    def object_of(own: NDArray[np.int32]) -> NDArray[np.int32]:
+        return np.append(index, np.int32(-1))[np.where(own < len(index), own, -1)]
+
+    visual = replace(repaired.visual, face_object=object_of(repaired.mesh.face_object))
+    levels = [
+        (
+            level.floor,
+            replace(level.obstacles, box_object=object_of(level.obstacles.box_object)),
+            level.freemap,
+        )
+        for level in repaired.levels
+    ]
+    return named, visual, levels
 
 
 def _write_pictures(repaired: Repaired, out_dir: Path, scene_id: str, width_px: int) -> None:
