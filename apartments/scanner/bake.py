@@ -11,10 +11,9 @@ from ...formats.core.geometry import triangle_normals
 from ..config import ScanConfig
 from ..home.true_scene import TrueScene
 from .appearance import Appearance
-from .charts import Charts
+from .atlas import Charts, Packing
 from .light import Lighting, Lights
 from .lookup import exact_surface
-from .packing import Packing
 from .raster import rasterize
 from .surface import ScanMesh
 from .tracing import Tracer

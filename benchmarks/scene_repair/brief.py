@@ -6,7 +6,7 @@ from pathlib import Path
 
 from .cases import apartment_case, real_cases, run_case
 from .fillers import table as filler_table
-from .tables import summary
+from .report import summary
 
 SEEDS = (0, 1)
 

@@ -97,6 +97,7 @@ def survey(
     name: str,
     parts: list[Part],
     floor_z_m: float,
+    *,
     exact: bool,
     true_floor: tuple[GridSpec, Mask] | None = None,
     building: Mask | None = None,
