@@ -250,7 +250,7 @@ def load_bundle(root: Path) -> SceneBundle:
         index = json.loads(path.read_text())
         if index["format_version"] != FORMAT_VERSION:
             raise FileFormatError(
-                path, f"format version {index['format_version']}, this code reads {FORMAT_VERSION}"
+                path, f"format version {index['format_version']}; this code reads {FORMAT_VERSION}"
             )
         return SceneBundle(
             root=root,

@@ -131,4 +131,4 @@ def read_visibility(path: Path) -> Visibility:
     except OSError as error:
         raise FileFormatError(path, f"cannot be read: {error.strerror}") from error
     except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
-        raise FileFormatError(path, f"no visibility record: {error!r}") from error
+        raise FileFormatError(path, f"not a visibility record: {error!r}") from error

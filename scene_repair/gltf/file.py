@@ -79,7 +79,7 @@ class GltfFile:
         for kind in TABLES:
             table = self.tree.get(kind, [])
             if not isinstance(table, list) or not all(isinstance(e, dict) for e in table):
-                raise FileFormatError(path, f"damaged glTF header: {kind} is no list of objects")
+                raise FileFormatError(path, f"damaged glTF header: {kind} is not a list of objects")
         self._buffers: dict[int, bytes | memoryview] = {}
 
     def buffer(self, index: int) -> bytes | memoryview:
@@ -103,7 +103,7 @@ class GltfFile:
     def buffer_length(self, index: int) -> int:
         """How many bytes a buffer really has."""
         if index < 0:
-            raise ValueError(f"buffer {index}")
+            raise ValueError(f"buffer index {index} is negative")
         return len(self.buffer(index))
 
     def _bytes_of(self, uri: str) -> bytes:
@@ -111,7 +111,9 @@ class GltfFile:
             try:
                 return base64.b64decode(uri.partition(",")[2], validate=True)
             except (binascii.Error, ValueError) as error:
-                raise FileFormatError(self.path, f"embedded data is no base64: {error}") from error
+                raise FileFormatError(
+                    self.path, f"embedded data is not valid base64: {error}"
+                ) from error
         try:
             return self.resolver.get(unquote(uri))
         except OSError as error:
@@ -144,13 +146,13 @@ class GltfFile:
         """Where an image lies; several images may name one place.
 
         Raises:
-            ValueError: it lies nowhere.
+            ValueError: it has neither a buffer view nor a URI.
         """
         entry = self.tree["images"][image]
         if "bufferView" in entry:
             return f"view {entry['bufferView']}"
         if not isinstance(entry.get("uri"), str):
-            raise ValueError("it lies nowhere")
+            raise ValueError("it has neither a buffer view nor a URI")
         return entry["uri"]
 
     def picture_bytes(self, image: int) -> bytes:
@@ -158,7 +160,7 @@ class GltfFile:
 
         Raises:
             OSError: its file is missing or outside the folder.
-            ValueError: it lies nowhere.
+            ValueError: it has neither a buffer view nor a URI.
         """
         entry = self.tree["images"][image]
         if "bufferView" in entry:
@@ -226,7 +228,7 @@ def _chunks(path: Path) -> tuple[bytes, memoryview]:
     size = path.stat().st_size
     if path.suffix.lower() == ".gltf":
         if size > MAX_JSON_BYTES * 4:
-            raise ValueError(f"{size:,} bytes of JSON")
+            raise ValueError(f"{size:,} bytes of JSON; valid: up to {4 * MAX_JSON_BYTES:,}")
         return path.read_bytes(), memoryview(b"")
     with path.open("rb") as stream:
         start = stream.read(12)
@@ -234,7 +236,7 @@ def _chunks(path: Path) -> tuple[bytes, memoryview]:
             raise ValueError("no glTF signature")
         version = struct.unpack_from("<I", start, 4)[0]
         if version != 2:
-            raise ValueError(f"container version {version}, valid: 2")
+            raise ValueError(f"container version {version}; valid: 2")
         text, data = b"", memoryview(b"")
         while head := stream.read(8):
             length, kind = struct.unpack("<I4s", head)
@@ -242,7 +244,7 @@ def _chunks(path: Path) -> tuple[bytes, memoryview]:
                 raise ValueError(f"chunk of {length:,} bytes in a file of {size:,}")
             if kind == JSON_CHUNK and not text:
                 if length > MAX_JSON_BYTES:
-                    raise ValueError(f"{length:,} bytes of JSON")
+                    raise ValueError(f"{length:,} bytes of JSON; valid: up to {MAX_JSON_BYTES:,}")
                 text = stream.read(length)
             elif kind == BIN_CHUNK and not len(data):
                 data = memoryview(stream.read(length))

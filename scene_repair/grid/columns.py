@@ -60,8 +60,8 @@ def sample_columns(
     tests = _tests(scaled, faces, grid)
     if tests > MAX_TESTS:
         raise SceneError(
-            f"its faces cover {tests:,} cells of {grid.cell_m:g} m together, those above each "
-            f"other counted for each; valid: up to {MAX_TESTS:,} (cut it into parts)"
+            f"its faces cover {tests:,} cells of {grid.cell_m:g} m in total, counting "
+            f"overlapping ones each time; valid: up to {MAX_TESTS:,} (cut it into parts)"
         )
     counts = np.zeros(grid.rows * grid.columns + 1, dtype=np.int64)
     empty_z, empty_face = np.empty(0, dtype=np.float32), np.empty(0, dtype=np.int32)

@@ -85,7 +85,7 @@ def read_labels(source: Path) -> list[LabelBox]:
 
 def _objects_of(data: dict[str, Any]) -> list[dict[str, Any]]:
     if data.get("frame") != "source":
-        raise ValueError(f"frame {data.get('frame')!r}, valid: 'source'")
+        raise ValueError(f"frame {data.get('frame')!r}; valid: 'source'")
     return data["objects"]
 
 
@@ -145,5 +145,5 @@ def _bounded(*values: NDArray[np.float64]) -> bool:
 def _rotation(xyzw: NDArray[np.float64]) -> NDArray[np.float64]:
     length = float(np.linalg.norm(xyzw))
     if not np.isfinite(length) or length < LEAST_QUATERNION:
-        raise ValueError(f"{xyzw.tolist()} is no rotation: its length is {length:g}")
+        raise ValueError(f"{xyzw.tolist()} is not a rotation: its length is {length:g}")
     return quat_to_matrix(xyzw_to_wxyz(xyzw))

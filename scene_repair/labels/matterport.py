@@ -76,7 +76,7 @@ def read_house(path: Path) -> House | None:
         except (IndexError, ValueError) as error:
             raise FileFormatError(path, f"line {number} is damaged: {error}") from error
     if not boxes:
-        raise FileFormatError(path, "holds neither rooms nor things")
+        raise FileFormatError(path, "contains neither rooms nor objects")
     corners = np.concatenate([box.corners() for box in boxes])
     if bounds is None or not (bounds[1] > bounds[0]).all():
         bounds = np.stack([corners.min(axis=0), corners.max(axis=0)])
@@ -86,7 +86,7 @@ def read_house(path: Path) -> House | None:
 def _floats(fields: list[str]) -> NDArray[np.float64]:
     values = np.array([float(f) for f in fields])
     if not np.isfinite(values).all() or np.abs(values).max(initial=0.0) > 1e6:
-        raise ValueError(f"impossible numbers {' '.join(fields)}")
+        raise ValueError(f"numbers out of range: {' '.join(fields)}")
     return values
 
 

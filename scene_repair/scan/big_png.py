@@ -24,7 +24,9 @@ def shrink_png(data: bytes, max_side: int) -> NDArray[np.uint8]:
     """
     width, height, depth, kind, _, _, interlaced = struct.unpack(">IIBBBBB", data[16:29])
     if interlaced or depth not in (8, 16) or kind not in CHANNELS:
-        raise ValueError(f"{width} × {height} pixels, interlaced or of few bits, are too many")
+        raise ValueError(
+            f"{width} × {height} pixels are too many for an interlaced or low-depth image"
+        )
     if width * height > MAX_PIXELS or max(width, height) > MAX_SIDE:
         raise ValueError(f"{width} × {height} pixels are too many")
     factor = -(-max(width, height) // max_side)
@@ -51,7 +53,7 @@ def shrink_png(data: bytes, max_side: int) -> NDArray[np.uint8]:
             taken, row = 0, row + 1
             if row == down:
                 return result
-    raise ValueError("picture ends early")
+    raise ValueError("the image ends early")
 
 
 def _chunks(data: bytes) -> Iterator[tuple[bytes, memoryview]]:

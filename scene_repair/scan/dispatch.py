@@ -54,10 +54,10 @@ def scan_of(path: Path, readings: Readings) -> Scan:
         for p in readings.parts
     ]
     if not parts:
-        raise FileFormatError(path, "; ".join(["holds no visible triangles", *warnings[:3]]))
+        raise FileFormatError(path, "; ".join(["contains no visible triangles", *warnings[:3]]))
     scan = merge_parts(parts, warnings, readings.up, readings.unit)
     if not len(scan.faces):
-        raise FileFormatError(path, "holds no usable triangle: " + "; ".join(warnings[:5]))
+        raise FileFormatError(path, "contains no usable triangle: " + "; ".join(warnings[:5]))
     return scan
 
 

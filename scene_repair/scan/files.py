@@ -49,12 +49,12 @@ def why_not(name: str) -> str:
         return f"{splats(suffix)}; {valid}"
     if suffix in CONVERTERS:
         return f"is {CONVERTERS[suffix].format(name=name, stem=stem)}; {valid}"
-    return f"unknown kind {suffix!r}; {valid}"
+    return f"unknown file type {suffix!r}; {valid}"
 
 
 def splats(kind: str) -> str:
     """Return why splats of this kind are not read."""
-    return f"holds {_SPLATS.format(kind=kind)}: take a mesh or a point cloud of the same place"
+    return f"contains {_SPLATS.format(kind=kind)}: use a mesh or a point cloud of the same place"
 
 
 def side_names(source: Path) -> list[str]:
@@ -96,7 +96,7 @@ def licence_beside(source: Path) -> str:
     """Text of the licence file beside the source, empty if there is none.
 
     Raises:
-        FileFormatError: no text, too large, or a link out of the folder.
+        FileFormatError: not UTF-8 text, too large, or a link out of the folder.
     """
     for name in licence_names(source.stem):
         data = side_file(source.parent, name, MAX_LICENCE_BYTES)
@@ -105,5 +105,5 @@ def licence_beside(source: Path) -> str:
                 return data.decode()
             except UnicodeDecodeError as error:
                 path = source.with_name(name)
-                raise FileFormatError(path, "licence is not text in UTF-8") from error
+                raise FileFormatError(path, "the licence is not UTF-8 text") from error
     return ""

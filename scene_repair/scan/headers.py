@@ -67,7 +67,7 @@ def read_header(path: Path) -> list[PlyElement]:
     for element in found:
         if element.count < 0 or element.count * max(element.least_bytes, 1) > body:
             raise FileFormatError(
-                path, f"promises {element.count:,} × {element.name} in {body:,} bytes"
+                path, f"declares {element.count:,} × {element.name} in {body:,} bytes"
             )
     return found
 
@@ -132,17 +132,19 @@ def check_pcd(path: Path) -> None:
         raise FileFormatError(path, "damaged PCD header: impossible SIZE or COUNT")
     points = grid if points < 0 else points
     if not 0 <= points <= MAX_POINTS or grid != points:
-        raise FileFormatError(path, f"promises {points:,} points, {grid:,} by width and height")
+        raise FileFormatError(path, f"declares {points:,} points, but {grid:,} by width and height")
     body = path.stat().st_size - at
     row = sum(s * c for s, c in zip(sizes, counts, strict=True))
     needed = {"ascii": 2 * len(fields), "binary": row}.get(kind, 0) * points
     if kind == "binary_compressed":
         packed, unpacked = struct.unpack("<II", (start[at : at + 8] + b"\0" * 8)[:8])
         if unpacked != row * points:
-            raise FileFormatError(path, f"unpacks to {unpacked:,} bytes, {row * points:,} promised")
+            raise FileFormatError(
+                path, f"unpacks to {unpacked:,} bytes instead of the declared {row * points:,}"
+            )
         needed = packed + 8
     if needed > body:
-        raise FileFormatError(path, f"promises {points:,} points in {body:,} bytes")
+        raise FileFormatError(path, f"declares {points:,} points in {body:,} bytes")
 
 
 def check_ply(path: Path) -> None:
@@ -153,7 +155,9 @@ def check_ply(path: Path) -> None:
     """
     counts = {element.name: element.count for element in read_header(path)}
     if counts.get("face", 0) > MAX_TRIANGLES:
-        raise FileFormatError(path, f"promises {counts['face']:,} faces; valid: {MAX_TRIANGLES:,}")
+        raise FileFormatError(
+            path, f"declares {counts['face']:,} faces; valid: up to {MAX_TRIANGLES:,}"
+        )
 
 
 def check_stl(path: Path) -> None:
@@ -166,14 +170,14 @@ def check_stl(path: Path) -> None:
     with path.open("rb") as stream:
         start = stream.read(STL_HEADER)
     if len(start) < 15:
-        raise FileFormatError(path, f"is no STL file: {size} bytes")
+        raise FileFormatError(path, f"is not an STL file: it has {size} bytes")
     if start.lstrip().lower().startswith(b"solid") and b"\0" not in start:
         return
     if len(start) < STL_HEADER:
-        raise FileFormatError(path, f"is no STL file: {size} bytes")
+        raise FileFormatError(path, f"is not an STL file: it has {size} bytes")
     (count,) = struct.unpack_from("<I", start, 80)
     if count > MAX_TRIANGLES or STL_HEADER + STL_TRIANGLE * count > size:
-        raise FileFormatError(path, f"promises {count:,} triangles in {size:,} bytes")
+        raise FileFormatError(path, f"declares {count:,} triangles in {size:,} bytes")
 
 
 def check_obj(path: Path) -> None:
@@ -191,7 +195,7 @@ def check_obj(path: Path) -> None:
             last = joined[-8:] if b"\n" not in joined[-8:] else joined[joined.rindex(b"\n") :]
     if groups > MAX_GROUPS:
         raise FileFormatError(
-            path, f"holds {groups:,} groups; valid: up to {MAX_GROUPS:,} (join them first)"
+            path, f"contains {groups:,} groups; valid: up to {MAX_GROUPS:,} (join them first)"
         )
 
 
@@ -210,7 +214,7 @@ def check_off(path: Path) -> None:
     if len(numbers) >= 2 and 4 * (int(numbers[0]) + int(numbers[1])) > size:
         raise FileFormatError(
             path,
-            f"promises {numbers[0].decode()} points and {numbers[1].decode()} faces in "
+            f"declares {numbers[0].decode()} points and {numbers[1].decode()} faces in "
             f"{size:,} bytes",
         )
 

@@ -38,7 +38,7 @@ class PixelBudget:
         """
         if width * height > self.left:
             raise ValueError(
-                f"the scan's pictures have more than {MAX_SOURCE_PIXELS:,} pixels together"
+                f"the scan's images have more than {MAX_SOURCE_PIXELS:,} pixels in total"
             )
         self.left -= width * height
 
@@ -110,7 +110,7 @@ def _decode(image: Image.Image, name: str, scale: float, warnings: list[str]) ->
     kind = image.format
     try:
         if kind is not None and kind not in FOUND_FORMATS:
-            raise ValueError(f"{kind} is not read; valid: {', '.join(FORMATS)}")
+            raise ValueError(f"{kind} is not supported; valid: {', '.join(FORMATS)}")
         if image.mode.startswith("I") or image.mode == "F":
             # Sixteen bits; Pillow would clip them to eight.
             image = Image.fromarray((np.asarray(image).astype(np.int64) >> 8).astype(np.uint8))

@@ -39,7 +39,9 @@ def read_mesh(path: Path) -> Scan:
         raise FileFormatError(path, "no such file")
     suffix = path.suffix.lower()
     if suffix not in MESH_SUFFIXES:
-        raise FileFormatError(path, f"unknown kind {suffix!r}; valid: {', '.join(MESH_SUFFIXES)}")
+        raise FileFormatError(
+            path, f"unknown file type {suffix!r}; valid: {', '.join(MESH_SUFFIXES)}"
+        )
     resolver = ConfinedResolver(path.parent)
     if suffix in GLTF:
         file = GltfFile(path, resolver)
@@ -60,10 +62,10 @@ def read_mesh(path: Path) -> Scan:
         parts = _decoded(parts, resolver.warnings)
     warnings = list(dict.fromkeys(resolver.warnings))
     if not parts:
-        raise FileFormatError(path, "; ".join(["holds no triangles", *warnings[:3]]))
+        raise FileFormatError(path, "; ".join(["contains no triangles", *warnings[:3]]))
     scan = merge_parts(parts, warnings, promise, metres)
     if not len(scan.faces):
-        raise FileFormatError(path, "holds no usable triangle: " + "; ".join(warnings[:5]))
+        raise FileFormatError(path, "contains no usable triangle: " + "; ".join(warnings[:5]))
     return replace(scan, licence=licence, generator=generator)
 
 

@@ -57,7 +57,9 @@ def read(path: Path) -> Readings:
         cloud.normals = o3d.utility.Vector3dVector(normals)
     vertices, faces = _surface(o3d, cloud, points, spacing)
     if not len(faces):
-        raise FileFormatError(path, f"no surface goes through its {len(points):,} points")
+        raise FileFormatError(
+            path, f"no surface could be reconstructed from its {len(points):,} points"
+        )
     warnings.append(
         f"surface of {len(faces):,} triangles through {len(points):,} points, "
         f"typically {spacing:.3g} units apart"
@@ -102,7 +104,7 @@ def _points(
     if usable.sum() < LEAST_POINTS:
         raise FileFormatError(
             path,
-            f"holds {int(usable.sum())} usable points and no triangles; "
+            f"contains {int(usable.sum())} usable points and no triangles; "
             f"valid: at least {LEAST_POINTS}",
         )
     colors = np.asarray(cloud.colors)[usable] if cloud.has_colors() else None

@@ -42,7 +42,7 @@ class ConfinedResolver(Resolver):
         try:
             target = (self.folder / name).resolve()
         except (OSError, ValueError, RuntimeError) as error:
-            return self._refuse(f"reference {name[:100]!r} is no file name: {error}")
+            return self._refuse(f"reference {name[:100]!r} is not a file name: {error}")
         if "://" in name or not target.is_relative_to(self.folder):
             self.refused = f"reference {name!r} leaves the scan's folder"
             return self._refuse(f"{self.refused}; ignored")
@@ -91,7 +91,7 @@ class ConfinedResolver(Resolver):
 
     def namespaced(self, namespace: str) -> Resolver:
         """Refused: none of the kinds that are read here ask for sub-folders."""
-        raise PermissionError(f"sub-folders are not read: {namespace}")
+        raise PermissionError(f"sub-folders are not supported: {namespace}")
 
     def keys(self) -> list[str]:
         """Names of the files that can be read."""

@@ -62,7 +62,7 @@ def read_in_child(
             _, errors = child.communicate(timeout=seconds)
         except subprocess.TimeoutExpired:
             raise FileFormatError(
-                path, f"not read within {seconds:.0f} s: damaged, or far too large"
+                path, f"not read within {seconds:.0f} s: it is damaged or far too large"
             ) from None
         finally:
             if child.poll() is None:
@@ -79,7 +79,7 @@ def _collect(path: Path, folder: Path, status: int, errors: bytes, memory_bytes:
         told = [line.strip() for line in lines if "FATAL" in line] or lines[-1:]
         last = f": {told[0][:160]}" if told else ""
         raise FileFormatError(
-            path, f"its reader failed ({why}; it may use {memory_bytes / 2**30:.3g} GiB){last}"
+            path, f"its reader failed ({why}; memory limit {memory_bytes / 2**30:.3g} GiB){last}"
         )
     data = json.loads(answer.read_text())
     if "missing" in data:

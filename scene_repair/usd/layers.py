@@ -70,7 +70,7 @@ def _check_inside(path: Path) -> None:
     """Every layer of a package, whose references must be to other members."""
     members = check_package(path)
     if PurePosixPath(members[0]).suffix.lower() not in USD_SUFFIXES[:3]:
-        raise FileFormatError(path, f"its first member {members[0]!r} is no USD layer")
+        raise FileFormatError(path, f"its first member {members[0]!r} is not a USD layer")
     for member in members:
         suffix = PurePosixPath(member).suffix.lower()
         if suffix == ".usdz":
@@ -96,7 +96,7 @@ def check_signature(path: Path) -> None:
         start = stream.read(5)
     kind = next((k for s, k in SIGNATURES.items() if start.startswith(s)), None)
     if kind is None or suffix not in (".usd", kind):
-        raise FileFormatError(path, f"is no {suffix[1:]} file: it starts with {start!r}")
+        raise FileFormatError(path, f"is not a {suffix[1:]} file: it starts with {start!r}")
 
 
 def _refuse_clips(path: Path, layer: Sdf.Layer) -> None:
@@ -111,7 +111,7 @@ def _refuse_clips(path: Path, layer: Sdf.Layer) -> None:
 
     layer.Traverse(Sdf.Path.absoluteRootPath, visit)
     if found:
-        raise FileFormatError(path, f"{found[0]}: value clips are not read; bake them")
+        raise FileFormatError(path, f"{found[0]}: value clips are not supported; bake them")
 
 
 def confined(folder: Path, layer: Path, reference: str) -> Path | None:
@@ -122,14 +122,16 @@ def confined(folder: Path, layer: Path, reference: str) -> Path | None:
             composing.
     """
     if reference.startswith("`"):
-        raise FileFormatError(layer, f"reference {reference!r} is an expression; only plain names")
+        raise FileFormatError(
+            layer, f"reference {reference!r} is an expression; valid: plain file names"
+        )
     if "[" in reference or "]" in reference:
         raise FileFormatError(
             layer, f"reference {reference!r} into a package; refer to the .usdz itself"
         )
     name = reference.split(":SDF_FORMAT_ARGS:")[0]
     if "\x00" in name:
-        raise FileFormatError(layer, f"reference {name!r} is no file name")
+        raise FileFormatError(layer, f"reference {name!r} is not a file name")
     windows = re.match(r"[A-Za-z]:", name) or "\\" in name
     if "://" in name or windows or Path(name).is_absolute():
         raise FileFormatError(layer, f"reference {name!r} leaves the scan's folder")
@@ -140,7 +142,7 @@ def confined(folder: Path, layer: Path, reference: str) -> Path | None:
         return None
     if target.suffix.lower() not in USD_SUFFIXES:
         raise FileFormatError(
-            layer, f"reference {name!r} is of an unknown kind; valid: {', '.join(USD_SUFFIXES)}"
+            layer, f"reference {name!r} has an unknown file type; valid: {', '.join(USD_SUFFIXES)}"
         )
     return target
 

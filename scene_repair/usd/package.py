@@ -34,13 +34,13 @@ def check_package(path: Path) -> list[str]:
         if member.flag_bits & 1:
             raise FileFormatError(path, f"member {name!r} is encrypted; USDZ forbids it")
         if member.file_size != member.compress_size:
-            raise FileFormatError(path, f"member {name!r} lies about its size")
+            raise FileFormatError(path, f"member {name!r} has contradictory sizes")
         if PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts or "\\" in name:
             raise FileFormatError(path, f"member {name!r} leaves the package")
     total = sum(member.file_size for member in members)
     if total > size:
         raise FileFormatError(
-            path, f"members of {total:,} bytes together in a file of {size:,} bytes"
+            path, f"members of {total:,} bytes in total in a file of {size:,} bytes"
         )
     return [member.filename for member in members]
 
@@ -55,7 +55,7 @@ def read_member(path: Path, name: str) -> bytes:
         with zipfile.ZipFile(path) as package:
             size = package.getinfo(name).file_size
             if size > MAX_MEMBER_BYTES:
-                raise ValueError(f"{size:,} bytes are too many")
+                raise ValueError(f"{size:,} bytes; valid: up to {MAX_MEMBER_BYTES:,}")
             return package.read(name)
     except Exception as error:
         raise FileFormatError(path, f"member {name!r} cannot be read: {error}") from error

@@ -55,7 +55,7 @@ class PartList:
         """
         self._prims += 1
         if self._prims > limit:
-            raise FileFormatError(self.path, f"holds more than {limit:,} prims")
+            raise FileFormatError(self.path, f"contains more than {limit:,} prims")
 
     def add(
         self,
@@ -73,7 +73,7 @@ class PartList:
         """
         self._triangles += len(faces)
         if self._triangles > MAX_TRIANGLES:
-            raise FileFormatError(self.path, f"holds more than {MAX_TRIANGLES:,} triangles")
+            raise FileFormatError(self.path, f"contains more than {MAX_TRIANGLES:,} triangles")
         used, faces = np.unique(faces, return_inverse=True)
         look = self._index.setdefault(ref, len(self.looks))
         if look == len(self.looks):

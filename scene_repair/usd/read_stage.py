@@ -57,7 +57,7 @@ def _open(path: Path, warnings: list[str]) -> Usd.Stage:
         # Layers without a file are named by their place in memory, which differs in each run.
         text = re.sub(r"anon:0x[0-9a-f]+(:[^\s@]*)?", "anonymous", " ".join(str(problem).split()))
         if "cycle" in type(problem).__name__.lower() or "cycle" in str(problem.errorType).lower():
-            raise FileFormatError(path, f"references run in a circle: {text[:300]}")
+            raise FileFormatError(path, f"circular references: {text[:300]}")
         warnings.append(f"composition: {text[:200]}")
     return stage
 

@@ -95,7 +95,7 @@ def write_usd(path: Path, content: UsdContent) -> None:
     stage.GetRootLayer().Save()
     problems = check_usd(path)
     if problems:
-        raise FileFormatError(path, f"written stage does not hold: {'; '.join(problems[:3])}")
+        raise FileFormatError(path, f"the written stage is invalid: {'; '.join(problems[:3])}")
 
 
 def _largest_things(content: UsdContent) -> UsdContent:

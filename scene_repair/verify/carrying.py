@@ -144,9 +144,11 @@ def _listed(path: Path, levels: int) -> list[dict[str, Any]]:
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise FileFormatError(path, f"not the record of a repair: {error!r}") from error
     if not whole:
-        raise FileFormatError(path, "not the record of a repair: holes without polygon or action")
+        raise FileFormatError(
+            path, "not the record of a repair: a hole lacks its polygon or action"
+        )
     if len(entries) != levels:
-        raise FileFormatError(path, f"{len(entries)} levels, the scene has {levels}")
+        raise FileFormatError(path, f"lists {len(entries)} levels; the scene has {levels}")
     return entries
 
 
