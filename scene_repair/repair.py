@@ -1,4 +1,4 @@
-"""The repair of one scan, step by step: a scan in, a simulation-ready scene out."""
+"""Repair one scan, step by step, into a simulation-ready scene."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from .orient.transform import orient
 from .scan.dispatch import read_scan
 from .scan.files import licence_beside
 from .scan.record import Scan, ScanObject
-from .verify.carrying import probe_level
+from .verify.scene import probe_level
 from .write.scene import Repaired, write_scene
 
 log = logging.getLogger(__name__)
@@ -106,7 +106,7 @@ def repair_scene(
 
 
 def _grids(mesh: WorldMesh, config: RepairConfig) -> tuple[GridSpec, GridSpec]:
-    """Coarse and fine grid over the scan, with common origin.
+    """Return coarse and fine grid over the scan, with a common origin.
 
     Raises:
         SceneError: too large for the cells asked for.
@@ -131,7 +131,7 @@ def _grids(mesh: WorldMesh, config: RepairConfig) -> tuple[GridSpec, GridSpec]:
 def _find_floors(
     mesh: WorldMesh, fine: GridSpec, ignore: NDArray[np.bool_], config: RepairConfig
 ) -> tuple[list[ScannedFloor], NDArray[np.bool_]]:
-    """Floors of all levels, and the (F,) faces that are no floor."""
+    """Return the floors of all levels, and the faces (F,) that are not floor."""
     columns = sample_columns(mesh.vertices, mesh.faces, fine)
     up = mesh.normals[:, 2]
     surfaces = find_surfaces(columns, up, ignore, LEAST_CLEARANCE_M)
@@ -177,7 +177,7 @@ def _repair_floors(
 def _visual(
     mesh: WorldMesh, objects: tuple[ScanObject, ...], floors: list[RepairedFloor]
 ) -> tuple[VisualMesh, tuple[str, ...]]:
-    """The mesh as it is written, and the category names that its faces point to."""
+    """Return the mesh as it is written, and the category names that its faces refer to."""
     labels = tuple(sorted({o.category for o in objects if o.category} | {"floor"}))
     number = {name: k for k, name in enumerate(labels)}
     of_object = np.array([number.get(o.category, -1) for o in objects] + [-1])

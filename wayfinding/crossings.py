@@ -1,4 +1,4 @@
-"""Where a path passes from one room into another."""
+"""Find where a path passes from one room into another."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Crossing:
 
 
 def crossings(regions: RegionMap, path_m: ArrayLike, settle_m: float = 1.0) -> list[Crossing]:
-    """Where a path (P, 2 or 3) [m] passes from one room into another, in order.
+    """Return where a path (P, 2 or 3) [m] passes from one room into another, in order.
 
     A visit shorter than `settle_m` is no visit: brushing past a corner of another room, or the
     ragged border of two, is not reported.
@@ -78,7 +78,7 @@ def _settled(
     widths: NDArray[np.float64],
     settle_m: float,
 ) -> bool:
-    """Whether the samples `run` of a path are a visit to their room."""
+    """Return whether the samples `run` of a path are a visit to their room."""
     if rooms[run[0]] < 0:
         return False
     stay = float(along[run[-1]] - along[run[0]])

@@ -77,7 +77,7 @@ def _absorb_small(
     pairs: NDArray[np.int64],
     normals: NDArray[np.float64],
 ) -> NDArray[np.int64]:
-    """Triangles of small charts take the direction of the largest chart beside them."""
+    """Assign triangles of small charts the direction of the largest neighbouring chart."""
     size = np.bincount(chart)
     a, b = np.concatenate([pairs, pairs[:, ::-1]]).T
     use = (size[chart[a]] < _SMALL_CHART) & (label[a] == label[b]) & (chart[a] != chart[b])
@@ -141,7 +141,7 @@ def _flatten(
 
 @dataclass(frozen=True)
 class Packing:
-    """Where the charts lie.
+    """Positions of the charts.
 
     Attributes:
         page: (C,) int64 page of each chart.
@@ -155,7 +155,7 @@ class Packing:
 
 
 def pack(charts: Charts, page_px: int) -> Packing:
-    """Pack on as few pages of at most `page_px` squared as shelves allow.
+    """Pack charts onto pages of at most `page_px` squared, in shelves.
 
     Raises:
         ValueError: one object alone does not fit on a page.
@@ -172,8 +172,8 @@ def pack(charts: Charts, page_px: int) -> Packing:
         # Shelves lose a little space, so that a full page's worth of area may overflow.
         take = max(int(np.searchsorted(total, 0.97 * page_px**2)), 1)
         while True:
-            mine = np.flatnonzero(np.isin(charts.object, objects[at : at + take]))
-            places, height = _shelves(boxes[mine], page_px)
+            selected = np.flatnonzero(np.isin(charts.object, objects[at : at + take]))
+            places, height = _shelves(boxes[selected], page_px)
             if height <= page_px:
                 break
             if take == 1:
@@ -181,15 +181,15 @@ def pack(charts: Charts, page_px: int) -> Packing:
                     f"texture of one object needs {height} rows; valid: at most page_px = {page_px}"
                 )
             take = max(int(take * 0.95), 1) if take > 20 else take - 1
-        page[mine] = len(sizes)
-        origin[mine] = places + PADDING
+        page[selected] = len(sizes)
+        origin[selected] = places + PADDING
         sizes.append((page_px, -(-height // 4) * 4))
         at += take
     return Packing(page, origin, tuple(sizes))
 
 
 def _shelves(boxes: NDArray[np.int64], width: int) -> tuple[NDArray[np.int64], int]:
-    """Places (N, 2) of boxes (N, 2) in rows of falling height, and the height needed."""
+    """Return places (N, 2) of boxes (N, 2) in shelves of falling height, and the total height."""
     order = np.lexsort((boxes[:, 0], -boxes[:, 1]))
     places = np.zeros_like(boxes)
     x = y = shelf = 0

@@ -1,4 +1,4 @@
-"""Paints the texture pages: exact colour times baked light."""
+"""Bake the texture pages: exact colour times light."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Baker:
         self._rng = rng
 
     def vertex_light(self, mesh: ScanMesh, split: ChartVertices) -> NDArray[np.float32]:
-        """(N, 3) soft light at chart vertices, smoothed once along the mesh."""
+        """Return soft light (N, 3) at chart vertices, smoothed along the mesh."""
         points = mesh.vertices[split.vertex].astype(np.float32)
         soft = self._light.soft(self._rng, points, split.normal, self._rays)
         light = soft.astype(np.float32)
@@ -94,17 +94,17 @@ class Baker:
         packing: Packing,
         page: int,
     ) -> NDArray[np.uint8]:
-        """The image (height, width, 3) of one page."""
-        mine = np.flatnonzero(packing.page[charts.chart] == page)
-        corner = page_corners(charts, packing)[mine]
+        """Bake the image (height, width, 3) of one page."""
+        selected = np.flatnonzero(packing.page[charts.chart] == page)
+        corner = page_corners(charts, packing)[selected]
         face, bary = rasterize(corner, packing.page_size[page])
         image = np.zeros((*face.shape, 3), dtype=np.uint8)
         flat_image, flat_face = image.reshape(-1, 3), face.ravel()
         flat_bary = bary.reshape(-1, 2)
         filled = np.flatnonzero(flat_face >= 0)
-        points = mesh.vertices[mesh.faces[mine]].astype(np.float32)
-        corner_light = light[split.face[mine]]
-        normals = charts.normal[mine]
+        points = mesh.vertices[mesh.faces[selected]].astype(np.float32)
+        corner_light = light[split.face[selected]]
+        normals = charts.normal[selected]
 
         for first in range(0, len(filled), _CHUNK):
             part = filled[first : first + _CHUNK]
@@ -134,5 +134,5 @@ class Baker:
 
 
 def page_corners(charts: Charts, packing: Packing) -> NDArray[np.float64]:
-    """(F, 3, 2) corners on their pages [texels, y down]."""
+    """Return corners (F, 3, 2) on their pages [texels, y down]."""
     return charts.corner + packing.origin[charts.chart][:, None]

@@ -41,7 +41,7 @@ class DistanceVolume:
     def empty(
         lower_m: NDArray[np.float64], upper_m: NDArray[np.float64], voxel_m: float
     ) -> DistanceVolume:
-        """An unseen volume that covers a box."""
+        """Return an empty volume that covers a box."""
         shape = tuple(np.ceil((upper_m - lower_m) / voxel_m).astype(int) + 1)
         return DistanceVolume(
             np.asarray(lower_m, dtype=np.float64),
@@ -56,7 +56,7 @@ class DistanceVolume:
         view: View,
         depth_m: NDArray[np.float32],
     ) -> None:
-        """Add a depth image (H, W) [m] taken (as believed) from `view`."""
+        """Add a depth image (H, W) [m] taken from `view`, as estimated."""
         seen = depth_m.ravel() > 0
         if not seen.any():
             return

@@ -1,4 +1,4 @@
-"""Which point of the exact surface, and which object, a point of the scan stands for."""
+"""Find the point of the exact surface, and the object, for each point of the scan."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _BEFORE_M, _BEHIND_M = 0.05, 0.08
 def exact_surface(
     tracer: Tracer, points_m: NDArray[np.float32], normals: NDArray[np.float32]
 ) -> Hits:
-    """The exact surface near points (N, 3) with unit normals (N, 3).
+    """Find the exact surface near points (N, 3) with unit normals (N, 3).
 
     Looks along the normal from 5 cm before to 8 cm behind the point; where that misses, takes
     the nearest hit along the six axes. `Hits.distance_m` is not meaningful.
@@ -39,7 +39,7 @@ def exact_surface(
 def label_faces(
     mesh: ScanMesh, tracer: Tracer, face_object: NDArray[np.int32]
 ) -> NDArray[np.int32]:
-    """(F,) index of the object behind each triangle; specks take their neighbours' label."""
+    """Return the object index (F,) of each triangle; specks take their neighbours' label."""
     centers = mesh.vertices[mesh.faces].mean(1).astype(np.float32)
     normals = smooth_normals(mesh, 1).astype(np.float32)
     hits = exact_surface(tracer, centers, normals)
@@ -56,7 +56,7 @@ def label_faces(
 
 
 def _majority(label: NDArray[np.int32], pairs: NDArray[np.int64]) -> NDArray[np.int32]:
-    """A triangle whose neighbours all agree on another label takes it."""
+    """Relabel each triangle whose neighbours all agree on another label."""
     both = np.concatenate([pairs, pairs[:, ::-1]])
     order = np.argsort(both[:, 0], kind="stable")
     me, other = both[order, 0], label[both[order, 1]]

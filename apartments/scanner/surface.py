@@ -37,12 +37,12 @@ class ScanMesh:
     faces: NDArray[np.int32]
 
     def normals(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(F, 3) unit normals and (F,) areas [m²]."""
+        """Return unit normals (F, 3) and areas (F,) [m²]."""
         return triangle_normals_and_areas(self.vertices[self.faces])
 
 
 def extract(volume: DistanceVolume, target_faces: int) -> ScanMesh:
-    """Marching cubes over fully seen cells, without specks, decimated to `target_faces`."""
+    """Run marching cubes over fully seen cells; remove specks; decimate to `target_faces`."""
     mesh = _march(volume)
     mesh = without_specks(mesh, _SMALLEST_PATCH)
     reduction = 1.0 - target_faces / max(len(mesh.faces), 1)
@@ -82,7 +82,7 @@ def _trail(field: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
 
 
 def _tidy(mesh: ScanMesh) -> ScanMesh:
-    """Without degenerate and doubled triangles."""
+    """Remove degenerate and duplicate triangles."""
     faces = mesh.faces
     _, area = mesh.normals()
     ordered = np.sort(faces, axis=1)
@@ -94,7 +94,7 @@ def _tidy(mesh: ScanMesh) -> ScanMesh:
 
 
 def without_specks(mesh: ScanMesh, least_faces: int) -> ScanMesh:
-    """Without connected pieces of fewer than `least_faces` triangles."""
+    """Remove connected pieces of fewer than `least_faces` triangles."""
     faces = mesh.faces
     piece = pieces(len(mesh.vertices), np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]]))
     size = np.bincount(piece[faces[:, 0]], minlength=piece.max(initial=0) + 1)
@@ -107,7 +107,7 @@ def _compact(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> ScanMes
 
 
 def neighbours(faces: NDArray[np.int32]) -> NDArray[np.int64]:
-    """(N, 2) pairs of triangles (F, 3) that share an edge."""
+    """Return pairs (N, 2) of triangles (F, 3) that share an edge."""
     edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     key = edges[:, 0].astype(np.int64) * (int(faces.max(initial=0)) + 1) + edges[:, 1]
     order = np.argsort(key, kind="stable")
@@ -116,7 +116,7 @@ def neighbours(faces: NDArray[np.int32]) -> NDArray[np.int64]:
 
 
 def pieces(count: int, pairs: NDArray[np.int64]) -> NDArray[np.int32]:
-    """(count,) number of the connected piece each of `count` items is in."""
+    """Return the connected component (count,) of each of `count` items."""
     graph = coo_matrix(
         (np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count)
     )
@@ -124,7 +124,7 @@ def pieces(count: int, pairs: NDArray[np.int64]) -> NDArray[np.int32]:
 
 
 def smooth_normals(mesh: ScanMesh, rounds: int) -> NDArray[np.float64]:
-    """(F, 3) unit face normals, averaged over `rounds` rings of neighbours by area."""
+    """Return unit face normals (F, 3), area-averaged over `rounds` rings of neighbours."""
     normals, area = mesh.normals()
     for _ in range(rounds):
         at_vertex = np.zeros_like(mesh.vertices)

@@ -1,4 +1,4 @@
-"""Atomic output: a reader sees a whole file or folder, or none."""
+"""Atomic output: a reader sees a whole file or folder, or none; digests of files."""
 
 from __future__ import annotations
 
@@ -98,6 +98,6 @@ def write_json(path: Path, value: Any) -> None:
 
 
 def file_digest(path: Path) -> str:
-    """SHA-256 hex of a file's content."""
+    """Return the SHA-256 hex digest of a file's content."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

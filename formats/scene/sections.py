@@ -1,4 +1,4 @@
-"""Horizontal sections: where a plane cuts through solids, so that pictures can cap the cut."""
+"""Horizontal sections of solids, so that renderings can cap the cut."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def inside_solids(
 
 
 def _outline(triangles: NDArray[np.float64], z_m: float) -> NDArray[np.float64]:
-    """Directed segments (N, 2, 2) of the section, the material on their left."""
+    """Return directed segments (N, 2, 2) of the section, the material on their left."""
     ends = np.full((len(triangles), 2, 2), np.nan)
     found = np.zeros(len(triangles), dtype=np.int64)
     for k in range(3):
@@ -61,7 +61,7 @@ def _outline(triangles: NDArray[np.float64], z_m: float) -> NDArray[np.float64]:
 
 @kernel()
 def _count(segments, winding, sign):
-    """Winding numbers of the centres by the crossings on their left [0] and right [1]."""
+    """Count winding numbers of the centres by the crossings on their left [0] and right [1]."""
     rows, columns = winding.shape[1:]
     for n in range(len(segments)):
         x0, y0 = segments[n, 0]

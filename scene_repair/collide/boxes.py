@@ -1,4 +1,4 @@
-"""Covering voxels with few axis-aligned boxes."""
+"""Cover voxels with few axis-aligned boxes."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def _grow_box(state, extent, seed, orders, row, slack, box):
 
 @kernel()
 def _take(state, done, box, mark):
-    """Count the open voxels in a box, and mark them as covered if told so."""
+    """Count the open voxels in a box, and mark them as covered if `mark`."""
     count = 0
     for i in range(box[0], box[1] + 1):
         for j in range(box[2], box[3] + 1):
@@ -135,7 +135,7 @@ def _take(state, done, box, mark):
 
 @kernel()
 def _cover(state, extent, orders, slack, done, boxes):
-    """Fill `boxes` (…, 6); returns how many there are."""
+    """Fill `boxes` (…, 6) and return their number."""
     count = 0
     seed, best_box = np.empty(3, dtype=np.int64), np.empty(6, dtype=np.int64)
     box = np.empty(6, dtype=np.int64)
@@ -161,7 +161,7 @@ def _cover(state, extent, orders, slack, done, boxes):
 
 @kernel()
 def _tight(boxes, state, lower, upper, low, high):
-    """Corners in voxel units, x, y, z, around the surfaces that each box covers."""
+    """Compute corners in voxel units, x, y, z, around the surfaces that each box covers."""
     for b in range(len(boxes)):
         for a in range(3):
             low[b, a], high[b, a] = 1e9, -1e9
@@ -178,7 +178,7 @@ def _tight(boxes, state, lower, upper, low, high):
 
 @kernel()
 def _majority(boxes, state, owner, result):
-    """What owns most of the voxels that each box covers (Boyer and Moore's vote, 1981)."""
+    """Find the owner of most voxels that each box covers (Boyer and Moore's vote, 1981)."""
     for b in range(len(boxes)):
         best, votes = -1, 0
         for i in range(boxes[b, 0], boxes[b, 1] + 1):

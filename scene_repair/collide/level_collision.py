@@ -25,7 +25,7 @@ MARGIN_M = 0.6
 
 @dataclass(frozen=True)
 class LevelCollision:
-    """What the simulator and the planner get for one level.
+    """Collision and freemap of one level, for simulator and planner.
 
     Boxes belong to the mesh's objects until the bundle's are known.
     """
@@ -70,7 +70,7 @@ def build_collision(
 
 
 def _cropped(floor: Floor) -> Floor:
-    """The floor's grid without what lies far beyond it."""
+    """Crop the floor's grid to the floor and its surroundings."""
     margin = round(MARGIN_M / floor.grid.cell_m)
     rows, columns = np.nonzero(floor.covered)
     if not len(rows):

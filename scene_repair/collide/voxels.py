@@ -38,7 +38,7 @@ class Voxels:
 
     @property
     def occupied(self) -> NDArray[np.bool_]:
-        """(rows, columns, layers) bool."""
+        """Return (rows, columns, layers) bool."""
         return self.upper[..., 2] > 0
 
 

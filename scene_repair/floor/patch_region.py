@@ -1,4 +1,4 @@
-"""The exact area that patches may cover: filled cells, up to the rim and up to the walls."""
+"""The exact area that patches may cover: filled cells, up to the rim and the walls."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Region:
     grid: GridSpec
 
     def polygons_m(self) -> list[NDArray[np.float64]]:
-        """World outlines."""
+        """Return the outlines in world coordinates."""
         rows, columns = self.cells.shape
         return cell_polygons(self.cells, (slice(0, rows), slice(0, columns)), self.grid)
 
@@ -46,7 +46,7 @@ class Region:
 def patch_region(
     mesh: WorldMesh, fill: Mask, reach: Mask, wall: Mask, grid: GridSpec, floor_z_m: float
 ) -> list[Region]:
-    """Areas to cover, one per connected group of filled cells.
+    """Return the areas to cover, one per connected group of filled cells.
 
     Each is the filled cells and a seam of one cell around, in which the patch finds the floor's
     rim; in cells of walls the seam ends at the wall's face.
@@ -65,10 +65,10 @@ def patch_region(
     regions = []
     for k, window in enumerate(windows(parts), start=1):
         around = grown_window(window, 1, grid.shape)
-        mine = fill[around] & (parts[around] == k)
-        seam = grow(mine) & reach[around] & ~mine
+        selected = fill[around] & (parts[around] == k)
+        seam = grow(selected) & reach[around] & ~selected
         local = _sub_grid(around, grid)
-        inner = _divide(mine)
+        inner = _divide(selected)
         if (seam & wall[around]).any():
             near = upright[tiles.near(*_bounds(local))].reshape(-1, 3)
             heights = floor_z_m + WALL_HEIGHTS_M
@@ -105,7 +105,7 @@ def _bounds(grid: GridSpec) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def _upright_faces(mesh: WorldMesh, floor_z_m: float) -> NDArray[np.int64]:
-    """Faces (n, 3) that cross any of the heights at which walls are looked for."""
+    """Return the faces (n, 3) that cross any of the heights at which walls are detected."""
     z = mesh.vertices[mesh.faces, 2] - floor_z_m
     first = np.searchsorted(WALL_HEIGHTS_M, z.min(axis=1))
     last = np.searchsorted(WALL_HEIGHTS_M, z.max(axis=1), side="right")
@@ -137,7 +137,7 @@ class Tiles:
         self.start = np.searchsorted(tile[order], np.arange(int(self.shape.prod()) + 1))
 
     def near(self, lower_m: NDArray[np.float64], upper_m: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Sorted numbers (n,) of the rectangles that touch the one from `lower_m` to `upper_m`."""
+        """Return the sorted indices (n,) of rectangles that touch the given one."""
         x0, y0 = np.maximum(self._tile(lower_m), 0)
         x1, y1 = np.minimum(self._tile(upper_m), self.shape - 1)
         if x1 < x0 or y1 < y0:

@@ -1,4 +1,4 @@
-"""Repair of one level's floor: flatten, find holes, patch, paint."""
+"""Repair one level's floor: flatten, find holes, patch, paint."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Crack:
 
 @dataclass(frozen=True)
 class RepairedFloor:
-    """What became of one level's floor.
+    """The repaired floor of one level.
 
     Attributes:
         mesh: the scan with bumps pressed and patches added.
@@ -172,7 +172,7 @@ def _flattened(
 def _filled_and_left(
     evidence: Evidence, holes: list[Hole], passable: NDArray[np.bool_], fine: GridSpec
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Cells (rows, columns) that get a floor, and those of holes that are left open."""
+    """Return cells (rows, columns) that get a floor, and those of holes left open."""
     fill = np.zeros(fine.shape, dtype=bool)
     leave = np.zeros(fine.shape, dtype=bool)
     for hole in holes:
@@ -207,7 +207,7 @@ def _patched(
 
 
 def _shared_out(patch: Patch, holes: list[Hole], fine: GridSpec) -> tuple[list[Hole], list[Crack]]:
-    """Holes with the area of what fills them, and the pieces that close none seen on the grid.
+    """Assign patch areas to holes; pieces that close no hole of the grid become cracks.
 
     A piece that closes several holes counts for each by its cells.
     """
@@ -223,10 +223,10 @@ def _shared_out(patch: Patch, holes: list[Hole], fine: GridSpec) -> tuple[list[H
         outer = max(rings, key=len)
         cells = fine.cell_of(np.concatenate(rings))
         cells = tuple(cells[fine.inside(cells)].T)
-        mine = np.unique(nearest[cells][near[cells]])
-        if not len(mine):
+        selected = np.unique(nearest[cells][near[cells]])
+        if not len(selected):
             cracks.append(Crack(outer, area))
             continue
-        size = np.array([holes[k].cells.sum() for k in mine])
-        added[mine] += area * size / size.sum()
+        size = np.array([holes[k].cells.sum() for k in selected])
+        added[selected] += area * size / size.sum()
     return [replace(h, added_m2=float(a)) for h, a in zip(holes, added, strict=True)], cracks

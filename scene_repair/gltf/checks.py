@@ -1,4 +1,4 @@
-"""Looking at a glTF file before a library believes it: sizes, references, and what is not read."""
+"""Check sizes, references and features of a glTF file before a library relies on them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ TRIANGLES, STRIP, FAN = 4, 5, 6
 
 
 def check_gltf(path: Path, file: GltfFile) -> None:
-    """Refuse what would be read wrongly, or would take all memory.
+    """Refuse files that would be misread or exhaust memory.
 
     Raises:
         FileFormatError: names what is wrong.
@@ -72,7 +72,7 @@ def _refuse_compressed(path: Path, tree: dict[str, Any]) -> None:
 
 
 def _view(file: GltfFile, index: int, view: dict[str, Any]) -> int:
-    """Length of a buffer view, once it lies inside its buffer."""
+    """Return the length of a buffer view; raise if it leaves its buffer."""
     offset, length = int(view.get("byteOffset", 0)), int(view["byteLength"])
     held = file.buffer_length(int(view["buffer"]))
     if offset < 0 or length < 0 or offset + length > held:
@@ -87,7 +87,7 @@ def _accessor(
     views: list[dict[str, Any]],
     lengths: list[int],
 ) -> int:
-    """How many bytes an accessor takes, once it lies inside its view."""
+    """Return the size of an accessor in bytes; raise if it leaves its buffer view."""
     count = int(accessor["count"])
     size = COMPONENT_BYTES[accessor["componentType"]] * COMPONENTS[accessor["type"]]
     if count < 0:
@@ -112,7 +112,7 @@ def _accessor(
 
 
 def _multiples(path: Path, file: GltfFile, in_views: int, in_accessors: int) -> None:
-    """Few bytes must not become many by being named often."""
+    """Limit data that is referred to many times."""
     zeros = sum(int(a["count"]) for a in file.tree.get("accessors", []) if "bufferView" not in a)
     if zeros > MAX_ZEROS:
         raise FileFormatError(path, f"its accessors declare {zeros:,} elements without data")
@@ -125,7 +125,7 @@ def _multiples(path: Path, file: GltfFile, in_views: int, in_accessors: int) -> 
 
 
 def _nodes(path: Path, tree: dict[str, Any]) -> None:
-    """Nodes must form a forest, and not multiply their meshes beyond reason."""
+    """Check that nodes form a forest and do not instance meshes too often."""
     nodes, meshes = tree.get("nodes", []), tree.get("meshes", [])
     vertices = sum(_vertices(mesh, tree.get("accessors", [])) for mesh in meshes)
     if vertices > MAX_VERTICES:

@@ -1,4 +1,4 @@
-"""A glTF file taken apart: its JSON tree, its buffers, and the pictures of its materials."""
+"""A parsed glTF file: its JSON tree, its buffers and the images of its materials."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ OWN_GENERATOR = "vlnpe"
 
 
 @dataclass(frozen=True)
-class Picture:
-    """The picture of a material's colour.
+class ColorImage:
+    """The base colour image of a material.
 
     Attributes:
         image: index of the glTF image.
@@ -54,7 +54,7 @@ class Picture:
 
 
 class GltfFile:
-    """A GLB or glTF file, its header read and its pictures set aside.
+    """A GLB or glTF file with a parsed header; images are read separately.
 
     Args:
         path: the file.
@@ -83,7 +83,7 @@ class GltfFile:
         self._buffers: dict[int, bytes | memoryview] = {}
 
     def buffer(self, index: int) -> bytes | memoryview:
-        """Bytes of a buffer.
+        """Return the bytes of a buffer.
 
         Raises:
             FileFormatError: missing, outside the folder, or no base64.
@@ -97,11 +97,11 @@ class GltfFile:
         return self._buffers[index]
 
     def held_bytes(self) -> int:
-        """How many bytes all buffers have that were read, each file counted once."""
+        """Return the size in bytes of all buffers read so far; each file counts once."""
         return sum({id(data): len(data) for data in self._buffers.values()}.values())
 
     def buffer_length(self, index: int) -> int:
-        """How many bytes a buffer really has."""
+        """Return the actual size of a buffer in bytes."""
         if index < 0:
             raise ValueError(f"buffer index {index} is negative")
         return len(self.buffer(index))
@@ -119,8 +119,8 @@ class GltfFile:
         except OSError as error:
             raise FileFormatError(self.path, str(error)) from error
 
-    def picture_of(self, material: int) -> Picture | None:
-        """The picture of a material's colour, None if it has none."""
+    def color_image_of(self, material: int) -> ColorImage | None:
+        """Return the base colour image of a material; None if it has none."""
         entry = self.tree.get("materials", [])[material]
         for extension, key in COLOR_PICTURES:
             home = (
@@ -139,11 +139,11 @@ class GltfFile:
             name = self.tree["images"][image].get("name") or f"image {image}"
             transform = info.get("extensions", {}).get("KHR_texture_transform", {})
             coordinates = transform.get("texCoord", info.get("texCoord", 0))
-            return Picture(int(image), str(name), _affine(transform), int(coordinates))
+            return ColorImage(int(image), str(name), _affine(transform), int(coordinates))
         return None
 
-    def place_of(self, image: int) -> str:
-        """Where an image lies; several images may name one place.
+    def image_location(self, image: int) -> str:
+        """Return the location of an image's data; several images may share one.
 
         Raises:
             ValueError: it has neither a buffer view nor a URI.
@@ -155,8 +155,8 @@ class GltfFile:
             raise ValueError("it has neither a buffer view nor a URI")
         return entry["uri"]
 
-    def picture_bytes(self, image: int) -> bytes:
-        """The encoded bytes of an image.
+    def image_bytes(self, image: int) -> bytes:
+        """Return the encoded bytes of an image.
 
         Raises:
             OSError: its file is missing or outside the folder.
@@ -167,11 +167,11 @@ class GltfFile:
             view = self.tree["bufferViews"][entry["bufferView"]]
             start = int(view.get("byteOffset", 0))
             return bytes(self.buffer(int(view["buffer"]))[start : start + int(view["byteLength"])])
-        uri = self.place_of(image)
+        uri = self.image_location(image)
         return self._bytes_of(uri) if uri.startswith("data:") else self.resolver.get(unquote(uri))
 
-    def without_pictures(self) -> io.BytesIO:
-        """The file as bytes, without pictures and all that is not read of vertices.
+    def without_images(self) -> io.BytesIO:
+        """Return the file's bytes without images and unused vertex attributes.
 
         Pictures are opened apart, in bounded memory; materials are named by their number, which
         tells whose they are.
@@ -204,7 +204,7 @@ def _plain(primitive: dict[str, Any]) -> dict[str, Any]:
 
 
 def _affine(transform: dict[str, Any]) -> NDArray[np.float64]:
-    """KHR_texture_transform: scaled, turned, then moved.
+    """Return the affine map of KHR_texture_transform: scale, then rotate, then translate.
 
     Raises:
         ValueError: not finite.
@@ -224,7 +224,7 @@ def _affine(transform: dict[str, Any]) -> NDArray[np.float64]:
 
 
 def _chunks(path: Path) -> tuple[bytes, memoryview]:
-    """JSON text and binary chunk of a file; a .gltf file has no such chunk."""
+    """Return JSON text and binary chunk of a file; the chunk of a .gltf file is empty."""
     size = path.stat().st_size
     if path.suffix.lower() == ".gltf":
         if size > MAX_JSON_BYTES * 4:
@@ -256,7 +256,7 @@ def _chunks(path: Path) -> tuple[bytes, memoryview]:
 
 
 def gltf_facts(tree: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    """Licence (empty if the file tells none) and generator facts, from a glTF file's JSON tree."""
+    """Return licence (empty if not stated) and generator facts from a glTF file's JSON tree."""
     asset = tree.get("asset", {})
     extras = asset.get("extras", {})
     extras = extras if isinstance(extras, dict) else {}

@@ -1,4 +1,4 @@
-"""Vertical sampling: every height at which the vertical line through a cell's centre meets a face.
+"""Vertical sampling: all heights at which the line through a cell's centre meets a face.
 
 This turns a triangle soup of any quality into something that can be reasoned about: per cell, the
 sorted list of surfaces from the lowest to the highest.
@@ -38,7 +38,7 @@ class Columns:
 
     @property
     def cell(self) -> NDArray[np.int64]:
-        """(N,) cell index of every hit."""
+        """Return the cell index (N,) of every hit."""
         return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
 
 
@@ -82,7 +82,7 @@ def sample_columns(
 
 
 def _tests(scaled: NDArray[np.float64], faces: NDArray[np.int64], grid: GridSpec) -> int:
-    """How many cells lie in the rectangles around all faces; `scaled` is in cells."""
+    """Count the cells in the bounding rectangles of all faces; `scaled` is in cells."""
     total = 0.0
     for first in range(0, len(faces), FACES_AT_ONCE):
         corners = scaled[faces[first : first + FACES_AT_ONCE], :2]
@@ -98,7 +98,7 @@ def top_faces(
     corner_uv: NDArray[np.float32],
     grid: GridSpec,
 ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """What is seen from above at each cell's centre.
+    """Find the topmost face at each cell's centre.
 
     Args:
         vertices_m: (V, 3) world.

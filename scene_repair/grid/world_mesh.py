@@ -37,11 +37,11 @@ class WorldMesh:
 
     @cached_property
     def normals(self) -> NDArray[np.float64]:
-        """(F, 3) unit normals; zero for faces whose area vanished."""
+        """Return unit normals (F, 3); zero for degenerate faces."""
         return triangle_normals(self.vertices[self.faces])
 
     def moved(self, vertices: NDArray[np.float64]) -> WorldMesh:
-        """The same faces over other vertex positions."""
+        """Return the same faces over other vertex positions."""
         return replace(self, vertices=vertices)
 
     def extended(

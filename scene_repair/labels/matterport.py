@@ -1,4 +1,4 @@
-"""Matterport3D's `.house` files: rooms and things of a building, in its own z-up metres.
+"""Read Matterport3D's `.house` files: rooms and objects of a building, z up, in metres.
 
 The format (lines whose first letter tells their kind, fields separated by blanks) is described in
 the data set's "data organization" document.
@@ -35,7 +35,7 @@ NOTHING = frozenset({"void", "misc", "objects", "unlabeled", "unlabelled", "remo
 
 @dataclass(frozen=True)
 class House:
-    """What a `.house` file holds, z up.
+    """The content of a `.house` file, z up.
 
     Attributes:
         boxes: things and rooms.

@@ -1,4 +1,4 @@
-"""How large a scan is, stray triangles far away from it left out."""
+"""Bounds of a scan without stray triangles far away from it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ STRAY_SHARE, STRAY_DISTANCE = 5e-4, 0.1
 def robust_bounds(
     vertices: NDArray[np.float64], faces: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lower and upper corner (3,) of a mesh, in its own units.
+    """Return lower and upper corner (3,) of a mesh, in its own units.
 
     Args:
         vertices: (V, 3).

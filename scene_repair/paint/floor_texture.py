@@ -1,4 +1,4 @@
-"""The look of filled floor: an orthographic picture of the scanned floor, continued into holes."""
+"""Texture of filled floor: an orthographic image of the scanned floor, continued into holes."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def paint_floor(
     texel_m: float,
     max_px: int,
 ) -> tuple[Image.Image, GridSpec]:
-    """Texture for the patches of one level.
+    """Paint the texture for the patches of one level.
 
     Args:
         mesh: the scan without patches.
@@ -64,7 +64,7 @@ def paint_floor(
 
 
 def _only(mesh: WorldMesh, faces: NDArray[np.int64]) -> WorldMesh:
-    """A part of a mesh with the vertices it uses."""
+    """Return the given faces of a mesh with the vertices that they use."""
     used, corners = np.unique(mesh.faces[faces], return_inverse=True)
     return WorldMesh(
         mesh.vertices[used],
@@ -85,7 +85,7 @@ def _paint_room(
     grid: GridSpec,
     texels: GridSpec,
 ) -> tuple[Window, NDArray[np.float32], NDArray[np.bool_]]:
-    """Floor of one room.
+    """Paint the floor of one room.
 
     Args:
         floor: scanned floor.
@@ -108,8 +108,8 @@ def _paint_room(
     corner = (x + j0 * texels.cell_m, y + i0 * texels.cell_m)
     seen = GridSpec(corner, texels.cell_m, int(i1 - i0), int(j1 - j0))
     cells = np.ix_(*_cells_under(seen, grid))
-    mine = region[cells]
-    wanted = grow(mine, MARGIN_PX) & (mine | ~others[cells])
+    selected = region[cells]
+    wanted = grow(selected, MARGIN_PX) & (selected | ~others[cells])
     face, uv = top_faces(floor.vertices, floor.faces, floor.corner_uv, seen)
     inside = (face >= 0) & room[cells]
     known = face >= 0
@@ -131,13 +131,13 @@ def _paint_room(
 
 
 def uv_on(grid: GridSpec, xy_m: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Texture coordinates (..., 2), v up, of world points (..., 2) on a texel grid's image."""
+    """Return texture coordinates (..., 2), v up, of world points (..., 2) on a texel grid."""
     size = np.array([grid.columns, grid.rows]) * grid.cell_m
     return ((xy_m - np.asarray(grid.origin_xy_m)) / size).astype(np.float32)
 
 
 def _cells_under(texels: GridSpec, grid: GridSpec) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Row of `grid` under each row of texels, and column under each column, clamped."""
+    """Return the row of `grid` under each row of texels, and likewise the columns; clamped."""
     found = []
     for axis, (count, limit) in enumerate(zip(texels.shape, grid.shape, strict=True)):
         at = np.zeros((count, 2))

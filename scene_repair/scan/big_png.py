@@ -1,4 +1,4 @@
-"""Shrinking a PNG picture while it is read, a few rows at a time."""
+"""Downscale a large PNG image while it is decoded, a few rows at a time."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MAX_PIXELS, MAX_SIDE = 4_000_000_000, 200_000
 
 
 def shrink_png(data: bytes, max_side: int) -> NDArray[np.uint8]:
-    """RGB pixels (H, W, 3) of a PNG file, averaged down by a whole factor; memory for a few rows.
+    """Return RGB pixels (H, W, 3) of a PNG file, averaged down by an integer factor.
 
     Raises:
         ValueError: damaged, interlaced, fewer than 8 bits a sample, or of too many pixels.
@@ -75,7 +75,7 @@ def _palette(data: bytes) -> NDArray[np.uint8]:
 
 
 def _lines(data: bytes, length: int) -> Iterator[bytes]:
-    """Rows as they are stored: one byte that names the filter, then the samples."""
+    """Yield rows as they are stored: one filter byte, then the samples."""
     unpack = zlib.decompressobj()
     left = bytearray()
     for kind, body in _chunks(data):

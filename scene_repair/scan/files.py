@@ -41,7 +41,7 @@ HOUSE_NAME, MAX_HOUSE_BYTES = "{stem}.house", 256 << 20
 
 
 def why_not(name: str) -> str:
-    """Return why a file of this name is not read, and what to do, in one line."""
+    """Return in one line why a file of this name is not supported, and how to convert it."""
     stem, dot, ending = name.rpartition(".")
     suffix = (dot + ending).lower() if dot else ""
     valid = f"valid: {', '.join(SUFFIXES)}"
@@ -53,18 +53,18 @@ def why_not(name: str) -> str:
 
 
 def splats(kind: str) -> str:
-    """Return why splats of this kind are not read."""
+    """Return why Gaussian splats of this kind are not supported."""
     return f"contains {_SPLATS.format(kind=kind)}: use a mesh or a point cloud of the same place"
 
 
 def side_names(source: Path) -> list[str]:
-    """Names of all files beside the scan `source` that are read with it if they are there."""
+    """Return the names of all files beside the scan `source` that are read with it if present."""
     stem = source.stem
     return [LABELS_NAME.format(stem=stem), HOUSE_NAME.format(stem=stem), *licence_names(stem)]
 
 
 def licence_names(stem: str) -> list[str]:
-    """Names a licence may have, the nearest first: `quest_room` may be under `LICENSE.quest`."""
+    """Return file names of a licence, most specific first: `LICENSE.quest` covers `quest_room`."""
     own = [pattern.format(stem=stem) for pattern in LICENCE_NAMES]
     ends = [k for k, letter in enumerate(stem) if letter in "_-" and k > 0]
     family = [LICENCE_NAMES[0].format(stem=stem[:k]) for k in reversed(ends)]
@@ -72,7 +72,7 @@ def licence_names(stem: str) -> list[str]:
 
 
 def side_file(folder: Path, name: str, max_bytes: int) -> bytes | None:
-    """Bytes of the file `name` in `folder`, None if there is none.
+    """Return the bytes of the file `name` in `folder`; None if there is none.
 
     Raises:
         FileFormatError: a link out of the folder, larger than `max_bytes`, or unreadable.
@@ -93,7 +93,7 @@ def side_file(folder: Path, name: str, max_bytes: int) -> bytes | None:
 
 
 def licence_beside(source: Path) -> str:
-    """Text of the licence file beside the source, empty if there is none.
+    """Return the text of the licence file beside the source; empty if there is none.
 
     Raises:
         FileFormatError: not UTF-8 text, too large, or a link out of the folder.

@@ -1,4 +1,4 @@
-"""Check the headers of mesh and point cloud files before a library believes them."""
+"""Check the headers of mesh and point cloud files before a library relies on them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ BLOCK = 8 << 20
 
 @dataclass(frozen=True)
 class PlyElement:
-    """One kind of rows: how many, and at least how many bytes each takes."""
+    """One PLY element: its number of rows, and the least number of bytes of each."""
 
     name: str
     count: int
@@ -36,7 +36,7 @@ class PlyElement:
 
 
 def read_header(path: Path) -> list[PlyElement]:
-    """The elements that the file promises, after looking that it is long enough for them.
+    """Return the elements that a PLY file declares, and check that it is long enough for them.
 
     Raises:
         FileFormatError: no PLY header, or it promises more than the file can hold.
@@ -73,7 +73,7 @@ def read_header(path: Path) -> list[PlyElement]:
 
 
 def has_faces(path: Path) -> bool:
-    """Whether the file promises faces (or triangle strips), or nothing at all.
+    """Return whether a PLY file declares faces or triangle strips, or no vertices either.
 
     Raises:
         FileFormatError: no PLY header, or it promises more than the file can hold.
@@ -83,7 +83,7 @@ def has_faces(path: Path) -> bool:
 
 
 def splat_kind(path: Path) -> str:
-    """Return which kind of Gaussian splats the file holds, empty if it holds none.
+    """Return which kind of Gaussian splats the file contains; empty if none.
 
     Raises:
         FileFormatError: no PLY header, or it promises more than the file can hold.
@@ -97,7 +97,7 @@ def splat_kind(path: Path) -> str:
 
 
 def check_pcd(path: Path) -> None:
-    """Look at the header before a library believes it.
+    """Check the header of a PCD file.
 
     Raises:
         FileFormatError: no PCD header, no coordinates, or more points than the file can hold.
@@ -148,7 +148,7 @@ def check_pcd(path: Path) -> None:
 
 
 def check_ply(path: Path) -> None:
-    """Refuse a PLY file that promises more than it can hold, or only strips.
+    """Refuse a PLY file that declares more than it can contain.
 
     Raises:
         FileFormatError: names what is wrong.
@@ -181,7 +181,7 @@ def check_stl(path: Path) -> None:
 
 
 def check_obj(path: Path) -> None:
-    """Refuse an OBJ file that consists of very many objects, which would be read one by one.
+    """Refuse an OBJ file of very many groups, which would be read one by one.
 
     Raises:
         FileFormatError: names what is wrong.
@@ -200,7 +200,7 @@ def check_obj(path: Path) -> None:
 
 
 def check_off(path: Path) -> None:
-    """Refuse an OFF file that promises more than it can hold.
+    """Refuse an OFF file that declares more than it can contain.
 
     Raises:
         FileFormatError: names what is wrong.

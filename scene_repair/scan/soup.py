@@ -52,7 +52,7 @@ def merge_parts(
     up: tuple[str, str] | None = None,
     unit: tuple[str, str] | None = None,
 ) -> Scan:
-    """All parts as one scan; unusable faces are dropped with a line in `warnings`."""
+    """Merge parts into one scan; drop unusable faces with a warning."""
     materials: dict[Any, int] = {}
     kept: list[ScanMaterial] = []
     objects: dict[str, int] = {}
@@ -104,7 +104,7 @@ def merge_parts(
 
 
 def _bakeable(part: Part) -> list[Part]:
-    """The part, cut where one image would not hold the colours of all its faces."""
+    """Split a part so that one image can hold the colours of its faces."""
     if part.colors is None or len(part.faces) <= MAX_FACES:
         return [part]
     colors = part.colors

@@ -1,4 +1,4 @@
-"""Which layers a USD file pulls in, looked at one by one before anything is composed."""
+"""Check every layer that a USD file depends on before the stage is composed."""
 
 # usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
 # pyright: reportAttributeAccessIssue=false
@@ -21,7 +21,7 @@ SIGNATURES = {b"#usda": ".usda", b"#usd ": ".usda", b"PXR-U": ".usdc", b"PK\x03\
 
 
 def check_layers(root: Path) -> list[str]:
-    """Open every layer that `root` depends on, each by itself, and refuse what is not sound.
+    """Open each layer that `root` depends on by itself, and refuse invalid ones.
 
     Returns:
         Warnings: references to files that are missing.
@@ -53,7 +53,7 @@ def check_layers(root: Path) -> list[str]:
 
 
 def _references(path: Path, identifier: str) -> list[str]:
-    """Asset paths that composing the layer `identifier` in the file `path` would open."""
+    """Return the asset paths that composing the layer `identifier` in `path` would open."""
     try:
         layer = Sdf.Layer.FindOrOpen(identifier)
     # Whatever USD raises on damaged bytes, the file is at fault.
@@ -67,7 +67,7 @@ def _references(path: Path, identifier: str) -> list[str]:
 
 
 def _check_inside(path: Path) -> None:
-    """Every layer of a package, whose references must be to other members."""
+    """Check every layer of a package; references must point to other members."""
     members = check_package(path)
     if PurePosixPath(members[0]).suffix.lower() not in USD_SUFFIXES[:3]:
         raise FileFormatError(path, f"its first member {members[0]!r} is not a USD layer")
@@ -86,7 +86,7 @@ def _check_inside(path: Path) -> None:
 
 
 def check_signature(path: Path) -> None:
-    """Look at a layer's first bytes.
+    """Check the file signature of a layer.
 
     Raises:
         FileFormatError: no USD file, or of another kind than its name says.
@@ -100,7 +100,7 @@ def check_signature(path: Path) -> None:
 
 
 def _refuse_clips(path: Path, layer: Sdf.Layer) -> None:
-    """Value clips open further files while values are read."""
+    """Refuse value clips, which open further files while values are read."""
     found: list[str] = []
 
     def visit(at: Sdf.Path) -> None:
@@ -115,10 +115,10 @@ def _refuse_clips(path: Path, layer: Sdf.Layer) -> None:
 
 
 def confined(folder: Path, layer: Path, reference: str) -> Path | None:
-    """The file that `reference` in `layer` names, None if it is missing.
+    """Return the file that `reference` in `layer` points to; None if it is missing.
 
     Raises:
-        FileFormatError: it lies outside `folder` (links followed), or cannot be told before
+        FileFormatError: it lies outside `folder` (links followed), or cannot be resolved before
             composing.
     """
     if reference.startswith("`"):
@@ -148,7 +148,7 @@ def confined(folder: Path, layer: Path, reference: str) -> Path | None:
 
 
 def brief(error: Exception) -> str:
-    """What an error says on one line, without the place in USD's own source."""
+    """Return an error's message on one line, without the location in USD's source."""
     try:
         text = " ".join(str(error).split())
     except UnicodeDecodeError:

@@ -1,4 +1,4 @@
-"""USDZ packages: ZIP files whose members lie in them uncompressed."""
+"""USDZ packages: ZIP files with uncompressed members."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MAX_MEMBERS, MAX_MEMBER_BYTES = 100_000, 2 << 30
 
 
 def check_package(path: Path) -> list[str]:
-    """Names of the members, after looking that none is packed, lies, or climbs out.
+    """Return the names of the members; raise if one is compressed, inconsistent or outside.
 
     Raises:
         FileFormatError: not a package that USD may read.
@@ -46,7 +46,7 @@ def check_package(path: Path) -> list[str]:
 
 
 def read_member(path: Path, name: str) -> bytes:
-    """One member's bytes; the package must have been checked.
+    """Return the bytes of one member; the package must have been checked.
 
     Raises:
         FileFormatError: there is no such member, or it is damaged or larger than 2 GiB.

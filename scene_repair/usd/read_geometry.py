@@ -1,4 +1,4 @@
-"""Triangles, texture coordinates and colours of USD's geometric prims."""
+"""Read triangles, texture coordinates and colours of USD's geometric prims."""
 
 # usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
 # pyright: reportAttributeAccessIssue=false
@@ -27,7 +27,7 @@ Matrix = NDArray[np.float64]
 
 
 class PartList:
-    """Parts found so far, and the looks that they point to.
+    """Parts read so far, and the materials that they refer to.
 
     Args:
         path: the file, for errors.
@@ -43,12 +43,12 @@ class PartList:
         self._triangles = self._prims = 0
 
     def warn(self, line: str) -> None:
-        """Note what was skipped, once."""
+        """Add a warning, once."""
         if line not in self.warnings:
             self.warnings.append(line)
 
     def count_prim(self, limit: int) -> None:
-        """One more prim was visited.
+        """Count a visited prim.
 
         Raises:
             FileFormatError: more than `limit` of them.
@@ -151,8 +151,8 @@ def _add_mesh(
         corner = corner[:, ::-1]
     world = points @ to_world[:3, :3] + to_world[3, :3]
     colors, interpolation = _display_color(mesh)
-    for look, mine in _by_look(mesh, face, len(counts), parts):
-        where = Corners(corner[mine], face[mine], indices, len(points), len(counts))
+    for look, selected in _by_look(mesh, face, len(counts), parts):
+        where = Corners(corner[selected], face[selected], indices, len(points), len(counts))
         uv = _texture_coordinates(prim, look, where, parts)
         ref, painted = look.ref, None
         one = None
@@ -219,8 +219,8 @@ def _by_look(
     number = np.zeros(polygons, dtype=np.int64)
     looks = [parts.materials.of(_bound(prim))]
     for subset in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets():
-        mine = np.array(subset.GetIndicesAttr().Get(TIME) or [], dtype=np.int64)
-        number[mine[(mine >= 0) & (mine < polygons)]] = len(looks)
+        selected = np.array(subset.GetIndicesAttr().Get(TIME) or [], dtype=np.int64)
+        number[selected[(selected >= 0) & (selected < polygons)]] = len(looks)
         looks.append(parts.materials.of(_bound(subset.GetPrim())))
     if len(looks) == 1:
         return [(looks[0], np.arange(len(owner)))] if len(owner) else []

@@ -1,4 +1,4 @@
-"""Reading USD stages into parts; runs in a child process, see `reader_child`."""
+"""Read USD stages into parts; runs in a child process, see `sandbox`."""
 
 # usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
 # pyright: reportAttributeAccessIssue=false
@@ -26,7 +26,7 @@ Matrix = NDArray[np.float64]
 
 
 def read(path: Path) -> Readings:
-    """All that is visible in the stage `path`, at its earliest time.
+    """Read everything visible in the stage `path` at its earliest time.
 
     Raises:
         FileFormatError: damaged, in a circle, referring outside its folder, or too large.
@@ -65,7 +65,7 @@ def _open(path: Path, warnings: list[str]) -> Usd.Stage:
 def _conventions(
     stage: Usd.Stage, warnings: list[str]
 ) -> tuple[tuple[str, str] | None, tuple[str, str] | None, float]:
-    """Up axis and unit where the stage says them, and the factor that makes that unit true."""
+    """Return up axis and unit if the stage states them, and the factor to that unit."""
     up = unit = None
     if stage.HasAuthoredMetadata(UsdGeom.Tokens.upAxis):
         axis = str(UsdGeom.GetStageUpAxis(stage)).lower()
@@ -91,7 +91,7 @@ def _walk(
     xforms: UsdGeom.XformCache,
     depth: int,
 ) -> None:
-    """Add what is visible below `prim`.
+    """Add everything visible below `prim`.
 
     Args:
         prim: where to begin.

@@ -1,4 +1,4 @@
-"""Materials of the USD scene: UsdPreviewSurface for the eye, friction for physics."""
+"""Write materials of the USD scene: UsdPreviewSurface for rendering, friction for physics."""
 
 # usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
 # pyright: reportAttributeAccessIssue=false

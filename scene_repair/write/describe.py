@@ -1,4 +1,4 @@
-"""The written account of a repair: `repair.json`, and the doubts that are printed."""
+"""The record of a repair in `repair.json`, and the doubts that are printed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LOW_ROOM_M, HIGH_ROOM_M, LEAST_FLOOR_M2 = 2.0, 6.0, 4.0
 
 
 def describe_level(level: RepairedFloor, probes: dict[str, Any]) -> dict[str, Any]:
-    """JSON values for one level: areas, every hole, every flattened bump, the probes."""
+    """Return JSON values for one level: areas, every hole, every flattened bump, the probes."""
     cell_m2 = level.fine.cell_m**2
     scanned = float(level.scanned.sum()) * cell_m2
     return {
@@ -70,7 +70,7 @@ def _describe_hole(hole: Hole, grid: GridSpec) -> dict[str, Any]:
 
 
 def doubts(evidence: dict[str, Any], levels: Sequence[LevelCollision]) -> list[str]:
-    """One line for each doubt about up, unit and floor.
+    """Return one line for each doubt about up axis, unit and floor.
 
     Args:
         evidence: of the orientation.
@@ -79,15 +79,15 @@ def doubts(evidence: dict[str, Any], levels: Sequence[LevelCollision]) -> list[s
     found = list(evidence["doubts"])
     room = evidence["room_height_m"]
     area = sum(float(level.floor.covered.sum()) * level.floor.grid.cell_m**2 for level in levels)
-    strange = []
+    implausible = []
     if room and not LOW_ROOM_M <= room <= HIGH_ROOM_M:
-        strange.append(f"rooms of {room:.2f} m height (usual: {ROOM_M:g} m)")
+        implausible.append(f"rooms of {room:.2f} m height (usual: {ROOM_M:g} m)")
     if area < LEAST_FLOOR_M2:
-        strange.append(f"{area:.1f} m² of floor")
-    if strange:
+        implausible.append(f"{area:.1f} m² of floor")
+    if implausible:
         up, unit = evidence["up"], evidence["unit"]
         found.append(
-            f"{' and '.join(strange)} are implausible with {up} up in {unit}: look at after.png, "
-            "and set --up (x y z -x -y -z) or --unit if the scan is turned or scaled wrongly"
+            f"{' and '.join(implausible)} are implausible with {up} up in {unit}: look at "
+            "after.png, and set --up (x y z -x -y -z) or --unit if the scan is turned or scaled wrongly"
         )
     return found

@@ -1,4 +1,4 @@
-"""Before and after pictures: a level from above, ceiling cut away, with its holes marked."""
+"""Draw before and after images: a level from above, ceiling removed, holes marked."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def view_from_above(
     first_patch: int,
     walked: NDArray[np.bool_],
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Shaded colours (rows, columns, 3) of a level, looking straight down; row 0 = least y.
+    """Render shaded colours (rows, columns, 3) of a level from above; row 0 = least y.
 
     Args:
         mesh: the repaired scan.
@@ -75,7 +75,7 @@ def _shoot(
     floor_z_m: float,
     origin: NDArray[np.float32],
 ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """Colours (N, 3), and height and face (N, 2) of what lies below each origin; −1 = nothing."""
+    """Return colours (N, 3), and height and face (N, 2) below each origin; −1 = nothing."""
     image = np.tile(np.array(BACKGROUND, dtype=np.float32), (len(origin), 1))
     found = np.full((len(origin), 2), -1.0)
     found[:, 0] = np.nan

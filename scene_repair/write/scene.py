@@ -1,4 +1,4 @@
-"""Writing a repaired scene: every file of the bundle."""
+"""Write a repaired scene: every file of the bundle."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from ..orient.transform import Orientation
 from ..paint.shading import Looks
 from ..scan.record import Scan, ScanMaterial
 from ..usd.write_stage import UsdContent, write_usd
-from ..verify.carrying import RECORD_NAME, verify_scene
+from ..verify.scene import RECORD_NAME, verify_scene
 from .describe import describe_level, doubts
 from .pictures import GREEN, GREY, RED, mark_holes, view_from_above, write_picture
 from .textures import write_materials
@@ -46,7 +46,7 @@ PICTURE_PIXELS, MIN_PICTURE_PX = 1_800_000, 900
 
 @dataclass(frozen=True)
 class Repaired:
-    """All that a repair found out and made.
+    """The results of a repair.
 
     Attributes:
         source: the scan's file.

@@ -250,7 +250,7 @@ def test_pieces_of_a_shared_buffer_keep_their_own_vertices(tmp_path: Path) -> No
     path = tmp_path / "scan.glb"
     path.write_bytes(glb(tree, data))
     file = GltfFile(path, ConfinedResolver(tmp_path))
-    parts = _parts(_load(path, file.without_pictures(), ConfinedResolver(tmp_path)), True, [])
+    parts = _parts(_load(path, file.without_images(), ConfinedResolver(tmp_path)), True, [])
     assert [len(part.vertices) for part in parts] == [3] * 100
     found = np.concatenate([p.vertices[p.faces].reshape(-1, 3) for p in parts])
     assert sorted(map(tuple, found)) == sorted(map(tuple, places[:300].astype(float)))
@@ -446,7 +446,7 @@ def test_shrinking_while_reading_is_the_mean(mode: str) -> None:
 )
 def test_picture_bombs_and_stumps_are_left_out(data: bytes) -> None:
     warnings: list[str] = []
-    image = images.open_picture(data, "a", warnings, images.PixelBudget())
+    image = images.open_image(data, "a", warnings, images.PixelBudget())
     found = images.decode_all({} if image is None else {"a": image}, warnings)
     assert found.get("a") is None
     assert warnings
