@@ -88,6 +88,7 @@ def doubts(evidence: dict[str, Any], levels: Sequence[LevelCollision]) -> list[s
         up, unit = evidence["up"], evidence["unit"]
         found.append(
             f"{' and '.join(implausible)} are implausible with {up} up in {unit}: look at "
-            "after.png, and set --up (x y z -x -y -z) or --unit if the scan is turned or scaled wrongly"
+            "after.png, and set --up (x y z -x -y -z) or --unit if the scan is turned or scaled "
+            "wrongly"
         )
     return found
