@@ -6,7 +6,6 @@ import base64
 import binascii
 import io
 import json
-import struct
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.errors import FileFormatError
+from ...formats.core.glb import MAX_JSON_BYTES, glb_bytes, read_glb
 from ..scan.resolver import ConfinedResolver
 
-MAX_JSON_BYTES = 256 << 20
-JSON_CHUNK, BIN_CHUNK = b"JSON", b"BIN\0"
 # Parts of the tree that are lists of objects.
 TABLES = (
     "accessors", "bufferViews", "buffers", "images", "materials", "meshes", "nodes", "samplers",
@@ -67,9 +65,9 @@ class GltfFile:
     def __init__(self, path: Path, resolver: ConfinedResolver):
         self.path, self.resolver = path, resolver
         try:
-            text, self._bin = _chunks(path)
+            text, self._bin = _contents(path)
             self.tree: dict[str, Any] = json.loads(text)
-        except (ValueError, struct.error, RecursionError) as error:
+        except (ValueError, RecursionError) as error:
             raise FileFormatError(path, f"damaged glTF header: {error}") from error
         if not isinstance(self.tree, dict) or not isinstance(self.tree.get("asset"), dict):
             raise FileFormatError(path, "damaged glTF header: no asset")
@@ -187,15 +185,9 @@ class GltfFile:
                 {**mesh, "primitives": [_plain(p) for p in mesh["primitives"]]}
                 for mesh in tree["meshes"]
             ]
-        text = json.dumps(tree).encode()
         if self.path.suffix.lower() == ".gltf":
-            return io.BytesIO(text)
-        text += b" " * (-len(text) % 4)
-        pieces = [struct.pack("<I4s", len(text), JSON_CHUNK), text]
-        if len(self._bin):
-            pieces += [struct.pack("<I4s", len(self._bin), BIN_CHUNK), self._bin]
-        total = 12 + sum(len(piece) for piece in pieces)
-        return io.BytesIO(b"".join([struct.pack("<4sII", b"glTF", 2, total), *pieces]))
+            return io.BytesIO(json.dumps(tree).encode())
+        return io.BytesIO(glb_bytes(tree, self._bin))
 
 
 def _plain(primitive: dict[str, Any]) -> dict[str, Any]:
@@ -223,36 +215,14 @@ def _affine(transform: dict[str, Any]) -> NDArray[np.float64]:
     return result
 
 
-def _chunks(path: Path) -> tuple[bytes, memoryview]:
+def _contents(path: Path) -> tuple[bytes, memoryview]:
     """Return JSON text and binary chunk of a file; the chunk of a .gltf file is empty."""
+    if path.suffix.lower() != ".gltf":
+        return read_glb(path)
     size = path.stat().st_size
-    if path.suffix.lower() == ".gltf":
-        if size > MAX_JSON_BYTES * 4:
-            raise ValueError(f"{size:,} bytes of JSON; valid: up to {4 * MAX_JSON_BYTES:,}")
-        return path.read_bytes(), memoryview(b"")
-    with path.open("rb") as stream:
-        start = stream.read(12)
-        if len(start) < 12 or start[:4] != b"glTF":
-            raise ValueError("no glTF signature")
-        version = struct.unpack_from("<I", start, 4)[0]
-        if version != 2:
-            raise ValueError(f"container version {version}; valid: 2")
-        text, data = b"", memoryview(b"")
-        while head := stream.read(8):
-            length, kind = struct.unpack("<I4s", head)
-            if length > size - stream.tell():
-                raise ValueError(f"chunk of {length:,} bytes in a file of {size:,}")
-            if kind == JSON_CHUNK and not text:
-                if length > MAX_JSON_BYTES:
-                    raise ValueError(f"{length:,} bytes of JSON; valid: up to {MAX_JSON_BYTES:,}")
-                text = stream.read(length)
-            elif kind == BIN_CHUNK and not len(data):
-                data = memoryview(stream.read(length))
-            else:
-                stream.seek(length, io.SEEK_CUR)
-    if not text:
-        raise ValueError("no JSON chunk")
-    return text, data
+    if size > MAX_JSON_BYTES * 4:
+        raise ValueError(f"{size:,} bytes of JSON; valid: up to {4 * MAX_JSON_BYTES:,}")
+    return path.read_bytes(), memoryview(b"")
 
 
 def gltf_facts(tree: dict[str, Any]) -> tuple[str, dict[str, Any]]:
