@@ -59,7 +59,7 @@ def heights_beside(height_m: NDArray[np.float64], fill: NDArray[np.bool_]) -> ND
     return np.where(np.abs(height_m - level) <= STEP_M, height_m, level)
 
 
-def without_pits(
+def without_bridging(
     floor_faces: NDArray[np.int64],
     mesh: WorldMesh,
     columns: Columns,

@@ -15,7 +15,7 @@ from ..grid.columns import Columns, sample_columns
 from ..grid.morphology import grow, nearest_in
 from ..grid.world_mesh import WorldMesh
 from ..paint.floor_texture import paint_floor, uv_on
-from ..paint.shading import Looks
+from ..paint.materials import MaterialSampler
 from ..scan.record import ScanMaterial, ScanObject
 from .evidence import Evidence, gather_evidence
 from .fill_cells import (
@@ -27,7 +27,7 @@ from .fill_cells import (
     room_of_cells,
     sloping_cells,
     thin_gaps,
-    without_pits,
+    without_bridging,
 )
 from .flatten import Bump, flatten_bumps
 from .holes import Hole, find_holes, floors_run_under_walls
@@ -121,7 +121,7 @@ def repair_floor(
         cracks=[],
     )
     floor_faces = floor_faces_of(mesh, everywhere, fine, ignore)
-    floor_faces = without_pits(floor_faces, mesh, columns, everywhere, fill)
+    floor_faces = without_bridging(floor_faces, mesh, columns, everywhere, fill)
     cracked = cracked_cells(mesh, floor_faces, fill | evidence.covered, fine)
     wanted = fill | cracked | sloping_cells(evidence, floor_faces, fill, fine)
     region = patch_region(mesh, wanted, ~leave, evidence.wall, fine, scanned.floor_z_m)
@@ -132,7 +132,7 @@ def repair_floor(
     outlines = np.concatenate([ring for piece in patch.pieces for ring in piece])
     image, texels = paint_floor(
         mesh,
-        Looks(materials),
+        MaterialSampler(materials),
         floor_faces,
         grow(fill | cells_at(outlines, fine), 2),
         rooms,

@@ -11,7 +11,7 @@ from ..grid.columns import top_faces
 from ..grid.morphology import Window, grow
 from ..grid.world_mesh import WorldMesh
 from .inpaint import inpaint
-from .shading import Looks
+from .materials import MaterialSampler
 
 # This much floor around a hole is what its filling is copied from.
 AROUND_M = 2.0
@@ -22,7 +22,7 @@ MARGIN_PX = 3
 
 def paint_floor(
     mesh: WorldMesh,
-    looks: Looks,
+    looks: MaterialSampler,
     floor_faces: NDArray[np.int64],
     region: NDArray[np.bool_],
     rooms: NDArray[np.int32],
@@ -77,7 +77,7 @@ def _only(mesh: WorldMesh, faces: NDArray[np.int64]) -> WorldMesh:
 
 def _paint_room(
     floor: WorldMesh,
-    looks: Looks,
+    looks: MaterialSampler,
     *,
     region: NDArray[np.bool_],
     others: NDArray[np.bool_],

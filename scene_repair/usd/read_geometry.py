@@ -17,7 +17,7 @@ from ...formats.core.errors import FileFormatError
 from ..scan.readings import LookRef, RawPart
 from ..scan.record import linear_to_srgb
 from .polygons import triangulate
-from .read_materials import Look, Looks
+from .read_materials import Look, StageMaterials
 from .read_objects import object_of
 from .shapes import simple_shape
 
@@ -35,7 +35,7 @@ class PartList:
         warnings: gets a line for what is skipped.
     """
 
-    def __init__(self, path: Path, materials: Looks, warnings: list[str]):
+    def __init__(self, path: Path, materials: StageMaterials, warnings: list[str]):
         self.path, self.materials, self.warnings = path, materials, warnings
         self.parts: list[RawPart] = []
         self.looks: list[LookRef] = []

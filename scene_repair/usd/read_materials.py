@@ -46,7 +46,7 @@ class Look:
 PLAIN = Look(LookRef("plain", DEFAULT_COLOR), "", np.eye(2, 3))
 
 
-class Looks:
+class StageMaterials:
     """Materials of a stage, each resolved once.
 
     Args:

@@ -17,7 +17,7 @@ from ..config import UNIT_M
 from ..scan.readings import Readings
 from .layers import brief, check_layers
 from .read_geometry import PartList, add_gprim
-from .read_materials import Looks
+from .read_materials import StageMaterials
 
 # What instancing may blow a file up to.
 MAX_PRIMS, MAX_DEPTH = 3_000_000, 200
@@ -33,7 +33,7 @@ def read(path: Path) -> Readings:
     """
     warnings = check_layers(path)
     stage = _open(path, warnings)
-    parts = PartList(path, Looks(path.parent.resolve(), warnings), warnings)
+    parts = PartList(path, StageMaterials(path.parent.resolve(), warnings), warnings)
     try:
         _walk(stage.GetPseudoRoot(), np.eye(4), "", parts, UsdGeom.XformCache(TIME), 0)
         up, unit, scale = _conventions(stage, warnings)

@@ -14,7 +14,7 @@ from ...formats.scene.grid import GridSpec
 from ...formats.scene.sections import inside_solids
 from ..floor.holes import Hole
 from ..grid.world_mesh import WorldMesh
-from ..paint.shading import Looks
+from ..paint.materials import MaterialSampler
 
 # The cut above the floor: under ceilings and lamps, above furniture and people.
 CUT_M = 2.2
@@ -27,7 +27,7 @@ CUT = (0.24, 0.26, 0.30)
 
 def view_from_above(
     mesh: WorldMesh,
-    looks: Looks,
+    looks: MaterialSampler,
     floor_z_m: float,
     pixels: GridSpec,
     first_patch: int,
@@ -71,7 +71,7 @@ def view_from_above(
 def _shoot(
     scene: EmbreeScene,
     mesh: WorldMesh,
-    looks: Looks,
+    looks: MaterialSampler,
     floor_z_m: float,
     origin: NDArray[np.float32],
 ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:

@@ -31,7 +31,7 @@ from ..grid.world_mesh import WorldMesh
 from ..labels.files import LabelBox
 from ..labels.semantics import labelled_objects
 from ..orient.transform import Orientation
-from ..paint.shading import Looks
+from ..paint.materials import MaterialSampler
 from ..scan.record import Scan, ScanMaterial
 from ..usd.write_stage import UsdContent, write_usd
 from ..verify.scene import RECORD_NAME, verify_scene
@@ -168,7 +168,7 @@ def _by_object(
 
 
 def _write_pictures(repaired: Repaired, out_dir: Path, scene_id: str, width_px: int) -> None:
-    looks, floors = Looks(repaired.materials), repaired.floors
+    looks, floors = MaterialSampler(repaired.materials), repaired.floors
     fine = floors[0].fine
     known = np.concatenate([np.argwhere(np.isfinite(f.height_m)) for f in floors])
     low = fine.center_of(known.min(axis=0)) - PICTURE_MARGIN_M

@@ -11,7 +11,7 @@ from ..scan.record import ScanMaterial
 ROW = 4096
 
 
-class Looks:
+class MaterialSampler:
     """Materials with their images as arrays, decoded once.
 
     Args:
