@@ -132,10 +132,7 @@ def labelled_objects(
         boxed.setdefault(box.name, len(found))
         add(box.name, box.category, corners)
     passed_over = {b.name for b in boxes}
-    order = np.argsort(scan.face_object, kind="stable")
-    bounds = np.searchsorted(scan.face_object[order], np.arange(len(scan.objects) + 1))
-    for k, obj in enumerate(scan.objects):
-        selected = order[bounds[k] : bounds[k + 1]]
+    for k, (obj, selected) in enumerate(zip(scan.objects, scan.object_faces(), strict=True)):
         if obj.name in passed_over:
             index[k] = boxed.get(obj.name, -1)
         elif len(selected):

@@ -223,7 +223,7 @@ def _check_extent(size_m: NDArray[np.float64], unit: str) -> None:
     if not MIN_EXTENT_M <= longest <= MAX_EXTENT_M:
         raise SceneError(
             f"the scene measures {_length(longest)} along its longer side (unit {unit}), which is "
-            f"no building; valid: {MIN_EXTENT_M:g} m … {MAX_EXTENT_M:g} m (set --unit if the "
+            f"not a building; valid: {MIN_EXTENT_M:g} m … {MAX_EXTENT_M:g} m (set --unit if the "
             "file's unit is wrong)"
         )
 
