@@ -153,7 +153,11 @@ def _judge(
     if path is None:
         return "unreachable"
     reference = simplify_path(
-        level.freemap, path, level.radius_m, config.waypoint_spacing_m, tolerance_m=0.03
+        level.freemap,
+        path,
+        radius_m=level.radius_m,
+        spacing_m=config.waypoint_spacing_m,
+        tolerance_m=0.03,
     )
     length = path_length(reference)
     if length < config.min_length_m:

@@ -121,7 +121,7 @@ def path_clearance(freemap: Freemap, path_xy_m: ArrayLike) -> Array:
 
 
 def simplify_path(
-    freemap: Freemap, path_m: ArrayLike, radius_m: float, spacing_m: float, tolerance_m: float
+    freemap: Freemap, path_m: ArrayLike, *, radius_m: float, spacing_m: float, tolerance_m: float
 ) -> Array:
     """Thin a path (P, 3) [m] to waypoints at its turns and at least every `spacing_m`.
 

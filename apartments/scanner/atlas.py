@@ -60,7 +60,9 @@ def cut(mesh: ScanMesh, label: NDArray[np.int32], texel_m: NDArray[np.float64]) 
     direction = np.where(leaning, own + 6, direction)
     chart = _grouped(len(label), pairs, label, direction)
     axes = _mean_normals(chart, true_normals, area)
-    return _flatten(mesh, chart, label, axes, true_normals, normals, texel_m)
+    return _flatten(
+        mesh, chart, label, axes=axes, true_normals=true_normals, normals=normals, texel_m=texel_m
+    )
 
 
 def _grouped(
@@ -103,6 +105,7 @@ def _flatten(
     mesh: ScanMesh,
     chart: NDArray[np.int32],
     label: NDArray[np.int32],
+    *,
     axes: NDArray[np.float64],
     true_normals: NDArray[np.float64],
     normals: NDArray[np.float64],

@@ -44,7 +44,7 @@ class Region:
 
 
 def patch_region(
-    mesh: WorldMesh, fill: Mask, reach: Mask, wall: Mask, grid: GridSpec, floor_z_m: float
+    mesh: WorldMesh, *, fill: Mask, reach: Mask, wall: Mask, grid: GridSpec, floor_z_m: float
 ) -> list[Region]:
     """Return the areas to cover, one per connected group of filled cells.
 

@@ -100,7 +100,9 @@ def repair_floor(
         config: limits.
     """
     fine = scanned.grid
-    mesh, columns, evidence, bumps = _flattened(mesh, scanned, ignore, structure, config)
+    mesh, columns, evidence, bumps = _flattened(
+        mesh, scanned, ignore=ignore, structure=structure, config=config
+    )
     holes, passable = find_holes(evidence, fine)
     everywhere = heights_everywhere(evidence, holes, fine)
     fill, leave = _filled_and_left(evidence, holes, passable, fine)
@@ -124,7 +126,9 @@ def repair_floor(
     floor_faces = without_bridging(floor_faces, mesh, columns, everywhere, fill)
     cracked = cracked_cells(mesh, floor_faces, fill | evidence.covered, fine)
     wanted = fill | cracked | sloping_cells(evidence, floor_faces, fill, fine)
-    region = patch_region(mesh, wanted, ~leave, evidence.wall, fine, scanned.floor_z_m)
+    region = patch_region(
+        mesh, fill=wanted, reach=~leave, wall=evidence.wall, grid=fine, floor_z_m=scanned.floor_z_m
+    )
     patch = build_patch(mesh, floor_faces, region, heights_beside(everywhere, wanted), fine)
     if not patch.pieces:
         return unpatched
@@ -146,6 +150,7 @@ def repair_floor(
 def _flattened(
     mesh: WorldMesh,
     scanned: ScannedFloor,
+    *,
     ignore: NDArray[np.bool_],
     structure: NDArray[np.bool_],
     config: RepairConfig,
@@ -195,8 +200,8 @@ def _patched(
             patch.vertices,
             patch.faces,
             uv_on(texels, joint[patch.faces][..., :2]),
-            len(floor.materials),
-            len(floor.objects),
+            material=len(floor.materials),
+            obj=len(floor.objects),
         ),
         materials=(*floor.materials, material),
         objects=(*floor.objects, ScanObject(f"FloorPatch_{index}", "floor")),

@@ -49,6 +49,7 @@ class WorldMesh:
         new_vertices: NDArray[np.float64],
         new_faces: NDArray[np.int64],
         new_uv: NDArray[np.float32],
+        *,
         material: int,
         obj: int,
     ) -> WorldMesh:

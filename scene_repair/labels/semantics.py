@@ -94,6 +94,7 @@ def _floor_like(category: str) -> bool:
 def labelled_objects(
     scan: Scan,
     boxes: list[LabelBox],
+    *,
     vertices_world_m: NDArray[np.float64],
     source_to_world: NDArray[np.float64],
     level_floor_z_m: tuple[float, ...],

@@ -202,7 +202,7 @@ def _copy_from_elsewhere(canvas: _Canvas, window: Window, texel_m: float) -> boo
     ring = (scanned if special else plain) | (near & canvas.made[outer])
     size_m = max(hole.shape) * texel_m - 2 * RING_M
     search = _search_window(window, size_m, texel_m, canvas.todo.shape)
-    place = best_place(stock, search, canvas.bright[outer], ring, hole)
+    place = best_place(stock, search, canvas.bright[outer], ring=ring, hole=hole)
     if place is None:
         return False
     i, j = place

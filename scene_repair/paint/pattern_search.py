@@ -51,7 +51,7 @@ class Stock:
 
 
 def best_place(
-    stock: Stock, search: Window, template: Image32, ring: Mask, hole: Mask
+    stock: Stock, search: Window, template: Image32, *, ring: Mask, hole: Mask
 ) -> tuple[int, int] | None:
     """Return where the template's ring fits best and all of the hole can be copied.
 
@@ -65,7 +65,7 @@ def best_place(
     Returns:
         Row and column in the stock of the template's corner; None if it fits nowhere.
     """
-    place = _rough_place(stock, search, template, ring, hole)
+    place = _rough_place(stock, search, template, ring=ring, hole=hole)
     if place is None:
         return None
     ring_at, hole_at = _some(ring), _some(hole)
@@ -117,7 +117,7 @@ def _cost(
 
 
 def _rough_place(
-    stock: Stock, search: Window, template: Image32, ring: Mask, hole: Mask
+    stock: Stock, search: Window, template: Image32, *, ring: Mask, hole: Mask
 ) -> tuple[int, int] | None:
     """Find the best shift by correlating masked images at low resolution."""
     rows, columns = (slice(w.start // COARSE, w.stop // COARSE) for w in search)

@@ -69,7 +69,7 @@ def shoot_down(surface: Surface, grid: GridSpec, expected_m: NDArray[np.float32]
         rows = max(CHUNK // probes.columns, 1)
         for start in range(0, probes.rows, rows):
             part = slice(start, min(start + rows, probes.rows))
-            _shoot(scene, surface, probes, part, expected_m, height, added)
+            _shoot(scene, surface, probes, part, expected_m=expected_m, height=height, added=added)
     return Probes(probes, per_side, height, added)
 
 
@@ -78,6 +78,7 @@ def _shoot(
     surface: Surface,
     probes: GridSpec,
     part: slice,
+    *,
     expected_m: NDArray[np.float32],
     height: NDArray[np.float32],
     added: NDArray[np.bool_],

@@ -112,7 +112,7 @@ def _with_edges(image: NDArray[np.float32], height: NDArray[np.float64]) -> NDAr
 
 
 def mark_holes(
-    image: NDArray[np.float32], holes: list[Hole], fine: GridSpec, pixels: GridSpec, before: bool
+    image: NDArray[np.float32], holes: list[Hole], *, fine: GridSpec, pixels: GridSpec, before: bool
 ) -> NDArray[np.float32]:
     """Overlay holes: hatched red areas before the repair, green outlines after it.
 

@@ -146,9 +146,9 @@ def _by_object(
     named, index = labelled_objects(
         repaired.scan,
         repaired.boxes,
-        repaired.original.vertices,
-        repaired.way.source_to_world,
-        heights_m,
+        vertices_world_m=repaired.original.vertices,
+        source_to_world=repaired.way.source_to_world,
+        level_floor_z_m=heights_m,
     )
 
     # Patches come after the scan's own objects and belong to none of them.
@@ -198,7 +198,7 @@ def _write_pictures(repaired: Repaired, out_dir: Path, scene_id: str, width_px: 
     for k, ((name, caption), legend) in enumerate(zip(captions, legends, strict=True)):
         marked = {
             f"level {n}, floor at {f.floor_z_m:.2f} m": mark_holes(
-                view[k], f.holes, fine, pixels, before=k == 0
+                view[k], f.holes, fine=fine, pixels=pixels, before=k == 0
             )
             for n, (view, f) in enumerate(zip(views, floors, strict=True))
         }

@@ -137,7 +137,7 @@ def test_planned_paths_keep_their_clearance(two_rooms, seed):
     assert np.array_equal(path[0, :2], start)
     assert np.array_equal(path[-1, :2], goal)
     assert np.linalg.norm(np.diff(path, axis=0), axis=1).max() <= 0.6
-    thin = simplify_path(freemap, path, RADIUS, 1.0, 0.03)
+    thin = simplify_path(freemap, path, radius_m=RADIUS, spacing_m=1.0, tolerance_m=0.03)
     for line in (path, thin):
         assert to_obstacles(resample(line[:, :2], 0.01)).min() >= RADIUS - freemap.grid.cell_m
     geodesic = float(distance_field(freemap, goal, RADIUS).at(start))
