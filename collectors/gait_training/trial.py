@@ -9,6 +9,7 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from ...formats.core.frames import quat_to_yaw
 from ..locomotion.gait import ClockState, joint_targets
 from ..locomotion.observation import RobotState, observe, states_of
 from ..locomotion.policy import GaitPolicy
@@ -194,9 +195,7 @@ class Trial:
     def _pose_of(self, qpos: Array) -> Array:
         """(N, 3) x, y [m] and heading [rad] of generalised positions (N, nq)."""
         q = self.handles.root_qpos
-        w, x, y, z = qpos[:, q + 3 : q + 7].T
-        yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        return np.column_stack([qpos[:, q : q + 2], yaw])
+        return np.column_stack([qpos[:, q : q + 2], quat_to_yaw(qpos[:, q + 3 : q + 7])])
 
     def _look_at_soles(self) -> _Soles:
         h = self.handles

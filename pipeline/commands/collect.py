@@ -31,7 +31,7 @@ from ...instruction_gen.records import (
     parse_styles,
 )
 from ...scene_repair.config import RepairConfig
-from ...scene_repair.scan.kinds import SUFFIXES
+from ...scene_repair.scan.files import SUFFIXES
 from ...trajectory_sampler.config import SampleConfig
 from ..chain import Chain, Product
 from ..crews import AUTO, action_timing, chosen_robots, crews

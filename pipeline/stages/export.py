@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...formats.core.digest import file_digest
+from ...formats.core.atomic import file_digest
 from ...formats.core.errors import UnknownNameError
 from ...formats.core.rollout import EndReason
 from ...formats.lerobot.features import DEPTH_STORAGES

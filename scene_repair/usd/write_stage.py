@@ -1,4 +1,4 @@
-"""The repaired scene as one USD file: looks, instances with labels, collision; z up, in metres.
+"""Write the repaired scene as one USD file: materials, labelled objects, collision.
 
 Layout, for whoever reads it (Isaac Sim among others):
 
@@ -46,7 +46,7 @@ MAX_THINGS = 5000
 
 @dataclass(frozen=True)
 class UsdContent:
-    """What goes into the file.
+    """The content of the file.
 
     Attributes:
         visual, materials, labels, objects: as in `SceneBundle`.
@@ -95,7 +95,7 @@ def write_usd(path: Path, content: UsdContent) -> None:
     stage.GetRootLayer().Save()
     problems = check_usd(path)
     if problems:
-        raise FileFormatError(path, f"written stage does not hold: {'; '.join(problems[:3])}")
+        raise FileFormatError(path, f"the written stage is invalid: {'; '.join(problems[:3])}")
 
 
 def _largest_things(content: UsdContent) -> UsdContent:
@@ -125,7 +125,7 @@ class _Names:
         self._taken: dict[str, set[str]] = {}
 
     def of(self, parent: str, text: str) -> str:
-        """A name like `text` that no earlier call gave for `parent`."""
+        """Return a name derived from `text` that is unique below `parent`."""
         taken = self._taken.setdefault(parent, set())
         name, n = Tf.MakeValidIdentifier(text or "unnamed"), 1
         unique = name
@@ -137,7 +137,7 @@ class _Names:
 
 
 def _parts(content: UsdContent, names: _Names, stage: Usd.Stage) -> list[str]:
-    """Author a labelled prim per object, and per label of nameless faces.
+    """Author a labelled prim per object, and one per label of unnamed faces.
 
     Returns:
         Their paths: of the objects, of nameless faces without label, and of each label's.
@@ -184,37 +184,37 @@ def _meshes(
     paths: list[str],
     looks: list[UsdShade.Material],
 ) -> None:
-    """Author one mesh per part and material; faces without any extent are left out."""
+    """Author one mesh per part and material; omit degenerate faces."""
     key = part * max(len(looks), 1) + visual.face_material
     key = np.where(_collapsed(visual), -1, key)
     order = np.argsort(key, kind="stable")
     values, starts = np.unique(key[order], return_index=True)
-    for value, mine in zip(values, np.split(order, starts[1:]), strict=True):
+    for value, selected in zip(values, np.split(order, starts[1:]), strict=True):
         if value < 0:
             continue
         path, material = paths[value // len(looks)], int(value % len(looks))
         name = looks[material].GetPath().name
-        used, inverse = np.unique(visual.faces[mine], return_inverse=True)
+        used, inverse = np.unique(visual.faces[selected], return_inverse=True)
         visual_mesh(
             stage,
             f"{path}/{name}",
             visual.vertices[used],
             inverse.reshape(-1, 3).astype(np.int32),
-            visual.corner_uv[mine],
+            visual.corner_uv[selected],
             looks[material],
         )
 
 
 def _collision(stage: Usd.Stage, levels: list[tuple[Floor, Obstacles]], paths: list[str]) -> None:
-    """Author the floors, and each thing's boxes below it; boxes of no named thing stay together."""
+    """Author the floors, each object's boxes below it, and one prim for all other boxes."""
     grip = friction(stage, "/World/Friction")
     UsdGeom.Scope.Define(stage, "/World/Collision")
     for k, (floor, boxes) in enumerate(levels):
         prim = collider(stage, f"/World/Collision/Floor_{k}", *floor_surface(floor), grip)
         _label(prim, "floor")
         for thing in np.unique(boxes.box_object).tolist():
-            mine = boxes.box_object == thing
-            surfaces = box_surfaces(Obstacles(boxes.center_m[mine], boxes.half_m[mine]))
+            selected = boxes.box_object == thing
+            surfaces = box_surfaces(Obstacles(boxes.center_m[selected], boxes.half_m[selected]))
             if thing >= 0:
                 collider(stage, f"{paths[thing]}/Collision_{k}", *surfaces, grip)
             else:

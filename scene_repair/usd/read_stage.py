@@ -1,4 +1,4 @@
-"""Reading USD stages into parts; runs in a child process, see `reader_child`."""
+"""Read USD stages into parts; runs in a child process, see `sandbox`."""
 
 # usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
 # pyright: reportAttributeAccessIssue=false
@@ -17,7 +17,7 @@ from ..config import UNIT_M
 from ..scan.readings import Readings
 from .layers import brief, check_layers
 from .read_geometry import PartList, add_gprim
-from .read_materials import Looks
+from .read_materials import StageMaterials
 
 # What instancing may blow a file up to.
 MAX_PRIMS, MAX_DEPTH = 3_000_000, 200
@@ -26,14 +26,14 @@ Matrix = NDArray[np.float64]
 
 
 def read(path: Path) -> Readings:
-    """All that is visible in the stage `path`, at its earliest time.
+    """Read everything visible in the stage `path` at its earliest time.
 
     Raises:
         FileFormatError: damaged, in a circle, referring outside its folder, or too large.
     """
     warnings = check_layers(path)
     stage = _open(path, warnings)
-    parts = PartList(path, Looks(path.parent.resolve(), warnings), warnings)
+    parts = PartList(path, StageMaterials(path.parent.resolve(), warnings), warnings)
     try:
         _walk(stage.GetPseudoRoot(), np.eye(4), "", parts, UsdGeom.XformCache(TIME), 0)
         up, unit, scale = _conventions(stage, warnings)
@@ -57,7 +57,7 @@ def _open(path: Path, warnings: list[str]) -> Usd.Stage:
         # Layers without a file are named by their place in memory, which differs in each run.
         text = re.sub(r"anon:0x[0-9a-f]+(:[^\s@]*)?", "anonymous", " ".join(str(problem).split()))
         if "cycle" in type(problem).__name__.lower() or "cycle" in str(problem.errorType).lower():
-            raise FileFormatError(path, f"references run in a circle: {text[:300]}")
+            raise FileFormatError(path, f"circular references: {text[:300]}")
         warnings.append(f"composition: {text[:200]}")
     return stage
 
@@ -65,7 +65,7 @@ def _open(path: Path, warnings: list[str]) -> Usd.Stage:
 def _conventions(
     stage: Usd.Stage, warnings: list[str]
 ) -> tuple[tuple[str, str] | None, tuple[str, str] | None, float]:
-    """Up axis and unit where the stage says them, and the factor that makes that unit true."""
+    """Return up axis and unit if the stage states them, and the factor to that unit."""
     up = unit = None
     if stage.HasAuthoredMetadata(UsdGeom.Tokens.upAxis):
         axis = str(UsdGeom.GetStageUpAxis(stage)).lower()
@@ -91,7 +91,7 @@ def _walk(
     xforms: UsdGeom.XformCache,
     depth: int,
 ) -> None:
-    """Add what is visible below `prim`.
+    """Add everything visible below `prim`.
 
     Args:
         prim: where to begin.

@@ -1,4 +1,4 @@
-"""Proof that the written triangles carry: rays onto every floor cell, and balls really dropped."""
+"""Verify that the written floor carries: rays onto every cell, and balls dropped in MuJoCo."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def probe_level(visual: VisualMesh, level: LevelCollision) -> tuple[LevelCollisi
     """Shoot rays down onto every covered cell, every 2 cm, and compare with the height field.
 
     Cells through which a probe falls all the same lose their floor in the maps: mostly sampled
-    cells that reach into walls. Walkable ones among them are told apart, for they should not.
+    cells that reach into walls. Walkable ones among them are reported apart, for they should not.
 
     Args:
         visual: the triangles as they are to be written.
@@ -85,13 +85,13 @@ def probe_level(visual: VisualMesh, level: LevelCollision) -> tuple[LevelCollisi
 
 
 def _places(cells: NDArray[np.bool_], floor: Floor) -> list[dict[str, Any]]:
-    """Connected cells with their middle and area, the largest first."""
+    """Return connected cells with their centre and area, the largest first."""
     parts, _ = label(cells, diagonal=True)
     found = []
     for number, window in enumerate(windows(parts), start=1):
-        mine = np.argwhere(parts[window] == number) + [w.start for w in window]
-        xy_m = floor.grid.center_of(mine).mean(axis=0)
-        area = round(len(mine) * floor.grid.cell_m**2, 5)
+        selected = np.argwhere(parts[window] == number) + [w.start for w in window]
+        xy_m = floor.grid.center_of(selected).mean(axis=0)
+        area = round(len(selected) * floor.grid.cell_m**2, 5)
         found.append({"xy_m": [round(float(v), 3) for v in xy_m], "area_m2": area})
     return sorted(found, key=lambda place: -place["area_m2"])[:MAX_PLACES]
 
@@ -130,7 +130,7 @@ def verify_scene(bundle: SceneBundle, usd_checked: bool = False) -> dict[str, An
         listed = _listed(bundle.root / RECORD_NAME, len(bundle.level_floor_z_m))
         for k, entry in enumerate(listed):
             levels.append(_verify_level(bundle, k, surfaces, entry))
-            verdict = judge_level(levels[-1], entry.get("probes", {})).told(f"level {k}: ")
+            verdict = judge_level(levels[-1], entry.get("probes", {})).prefixed(f"level {k}: ")
             problems += verdict.faults
             doubts += verdict.doubts
     return {"sound": not problems, "problems": problems, "doubts": doubts, "levels": levels}
@@ -145,9 +145,11 @@ def _listed(path: Path, levels: int) -> list[dict[str, Any]]:
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise FileFormatError(path, f"not the record of a repair: {error!r}") from error
     if not whole:
-        raise FileFormatError(path, "not the record of a repair: holes without polygon or action")
+        raise FileFormatError(
+            path, "not the record of a repair: a hole lacks its polygon or action"
+        )
     if len(entries) != levels:
-        raise FileFormatError(path, f"{len(entries)} levels, the scene has {levels}")
+        raise FileFormatError(path, f"lists {len(entries)} levels; the scene has {levels}")
     return entries
 
 
@@ -193,7 +195,7 @@ def _verify_level(
 
 
 def _near(surface: Surface, floor: Floor) -> Surface:
-    """The triangles that a probe may meet."""
+    """Return the triangles that a probe may hit."""
     grid = floor.grid
     lower = np.array([*grid.origin_xy_m, float(floor.height_m.min()) - TOLERANCE_M - 0.1])
     size = grid.cell_m * np.array([grid.columns, grid.rows])
@@ -202,14 +204,14 @@ def _near(surface: Surface, floor: Floor) -> Surface:
 
 
 def _cells(probes: NDArray[np.bool_], per_side: int) -> NDArray[np.bool_]:
-    """The floor's cells in which any probe is true."""
+    """Return the floor's cells in which any probe is true."""
     rows, columns = probes.shape
     blocks = probes.reshape(rows // per_side, per_side, columns // per_side, per_side)
     return np.asarray(blocks.any(axis=(1, 3)))
 
 
 def _ball_places(floor: Floor, freemap: Freemap, probes: Probes) -> NDArray[np.float64]:
-    """(N, 3) walkable points to drop balls on: along seams, and spread evenly."""
+    """Return walkable points (N, 3) to drop balls on: along seams, and spread evenly."""
     free = freemap.traversable & floor.covered
     added = _cells(probes.added, probes.per_side)
     seam = free & added & grow(_cells(~probes.added & ~probes.fell, probes.per_side))
@@ -226,7 +228,7 @@ def _ball_places(floor: Floor, freemap: Freemap, probes: Probes) -> NDArray[np.f
 def _balls_lost(
     surface: Surface, start_m: NDArray[np.float64], floor: Floor
 ) -> NDArray[np.float64]:
-    """Return where balls started that are under the floor in the end, (N, 2)."""
+    """Return where balls started that end up below the floor, (N, 2)."""
     end = drop_balls(_near(surface, floor).triangles_m, start_m)
     # Over the edge of a stairwell a ball may roll: what counts is the floor where it is now. Within
     # a cell through which a step's edge passes, that is the lower tread, next to it.

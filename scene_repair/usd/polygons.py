@@ -1,4 +1,4 @@
-"""Cutting polygons with any number of corners into triangles."""
+"""Triangulate polygons of any number of corners."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 def triangulate(
     points: NDArray[np.float64], counts: NDArray[np.int64], indices: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Triangles of polygons; convex ones as fans, others by ear clipping in their plane.
+    """Triangulate polygons: convex ones as fans, others by ear clipping in their plane.
 
     Args:
         points: (P, 3).
@@ -23,23 +23,23 @@ def triangulate(
     starts = np.cumsum(counts) - counts
     triangles, owner = [], []
     for sides in np.unique(counts[counts >= 3]):
-        mine = np.flatnonzero(counts == sides)
-        corner = starts[mine, None] + np.arange(sides)
+        selected = np.flatnonzero(counts == sides)
+        corner = starts[selected, None] + np.arange(sides)
         fan = np.stack(
             [np.zeros(sides - 2, int), np.arange(1, sides - 1), np.arange(2, sides)], axis=1
         )
         if sides == 3:
             triangles.append(corner)
-            owner.append(mine)
+            owner.append(selected)
             continue
         place = points[indices[corner]]
         convex = _convex(place)
         triangles.append(corner[convex][:, fan].reshape(-1, 3))
-        owner.append(np.repeat(mine[convex], sides - 2))
+        owner.append(np.repeat(selected[convex], sides - 2))
         for k in np.flatnonzero(~convex):
             ears = _ears(place[k])
             triangles.append(corner[k][ears])
-            owner.append(np.full(len(ears), mine[k]))
+            owner.append(np.full(len(ears), selected[k]))
     if not triangles:
         return np.zeros((0, 3), dtype=np.int64), np.zeros(0, dtype=np.int64)
     of = np.concatenate(owner)
@@ -48,13 +48,13 @@ def triangulate(
 
 
 def _newell(place: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Area vectors (…, 3) of polygons (…, n, 3); Newell's method."""
+    """Return area vectors (…, 3) of polygons (…, n, 3) by Newell's method."""
     local = place - place[..., :1, :]
     return np.cross(local, np.roll(local, -1, axis=-2)).sum(axis=-2)
 
 
 def _convex(place: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether each polygon (n, k, 3) turns the same way at every corner, and only once around."""
+    """Return whether each polygon (n, k, 3) is convex and simple."""
     with np.errstate(invalid="ignore", over="ignore"):
         normal = _newell(place)
         edge = np.roll(place, -1, axis=1) - place
@@ -68,7 +68,7 @@ def _convex(place: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def _ears(place: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Triangles (t, 3) of one polygon (k, 3), wound as the polygon is."""
+    """Return triangles (t, 3) of one polygon (k, 3) with the polygon's winding."""
     normal = _newell(place)
     across = np.argsort(np.abs(normal))[:2]
     flat = np.ascontiguousarray(place[:, across] - place[0, across])

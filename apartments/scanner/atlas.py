@@ -1,4 +1,4 @@
-"""Cuts the scan into charts: connected, nearly flat pieces of one object."""
+"""Charts of the scan (connected, nearly flat pieces of one object), and their texture pages."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .surface import ScanMesh
-from .topology import neighbours, pieces, smooth_normals
+from .surface import ScanMesh, neighbours, pieces, smooth_normals
 
 # A triangle leaning more than 60° against its chart would be stretched to twice its texels.
 _LEAST_FACING = 0.5
 _SMALL_CHART = 24
 # No triangle may be coarser than this, however much it leans.
 _COARSEST_M = 0.0098
+PADDING = 2
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,9 @@ def cut(mesh: ScanMesh, label: NDArray[np.int32], texel_m: NDArray[np.float64]) 
     direction = np.where(leaning, own + 6, direction)
     chart = _grouped(len(label), pairs, label, direction)
     axes = _mean_normals(chart, true_normals, area)
-    return _flatten(mesh, chart, label, axes, true_normals, normals, texel_m)
+    return _flatten(
+        mesh, chart, label, axes=axes, true_normals=true_normals, normals=normals, texel_m=texel_m
+    )
 
 
 def _grouped(
@@ -77,7 +79,7 @@ def _absorb_small(
     pairs: NDArray[np.int64],
     normals: NDArray[np.float64],
 ) -> NDArray[np.int64]:
-    """Triangles of small charts take the direction of the largest chart beside them."""
+    """Assign triangles of small charts the direction of the largest neighbouring chart."""
     size = np.bincount(chart)
     a, b = np.concatenate([pairs, pairs[:, ::-1]]).T
     use = (size[chart[a]] < _SMALL_CHART) & (label[a] == label[b]) & (chart[a] != chart[b])
@@ -103,6 +105,7 @@ def _flatten(
     mesh: ScanMesh,
     chart: NDArray[np.int32],
     label: NDArray[np.int32],
+    *,
     axes: NDArray[np.float64],
     true_normals: NDArray[np.float64],
     normals: NDArray[np.float64],
@@ -137,3 +140,69 @@ def _flatten(
     corner = np.where(tall[chart][:, None, None], corner[..., ::-1], corner)
     size = np.where(tall[:, None], size[:, ::-1], size)
     return Charts(chart, owner, corner, size, normals.astype(np.float32))
+
+
+@dataclass(frozen=True)
+class Packing:
+    """Positions of the charts.
+
+    Attributes:
+        page: (C,) int64 page of each chart.
+        origin: (C, 2) int64 x, y of each chart's first texel, padding excluded.
+        page_size: width and height of every page [texels].
+    """
+
+    page: NDArray[np.int64]
+    origin: NDArray[np.int64]
+    page_size: tuple[tuple[int, int], ...]
+
+
+def pack(charts: Charts, page_px: int) -> Packing:
+    """Pack charts onto pages of at most `page_px` squared, in shelves.
+
+    Raises:
+        ValueError: one object alone does not fit on a page.
+    """
+    boxes = charts.size + 2 * PADDING
+    objects = np.unique(charts.object)
+    need = np.bincount(charts.object, boxes.prod(1))
+    page = np.zeros(len(boxes), dtype=np.int64)
+    origin = np.zeros((len(boxes), 2), dtype=np.int64)
+    sizes: list[tuple[int, int]] = []
+    at = 0
+    while at < len(objects):
+        total = np.cumsum(need[objects[at:]])
+        # Shelves lose a little space, so that a full page's worth of area may overflow.
+        take = max(int(np.searchsorted(total, 0.97 * page_px**2)), 1)
+        while True:
+            selected = np.flatnonzero(np.isin(charts.object, objects[at : at + take]))
+            places, height = _shelves(boxes[selected], page_px)
+            if height <= page_px:
+                break
+            if take == 1:
+                raise ValueError(
+                    f"texture of one object needs {height} rows; valid: at most page_px = {page_px}"
+                )
+            take = max(int(take * 0.95), 1) if take > 20 else take - 1
+        page[selected] = len(sizes)
+        origin[selected] = places + PADDING
+        sizes.append((page_px, -(-height // 4) * 4))
+        at += take
+    return Packing(page, origin, tuple(sizes))
+
+
+def _shelves(boxes: NDArray[np.int64], width: int) -> tuple[NDArray[np.int64], int]:
+    """Return places (N, 2) of boxes (N, 2) in shelves of falling height, and the total height."""
+    order = np.lexsort((boxes[:, 0], -boxes[:, 1]))
+    places = np.zeros_like(boxes)
+    x = y = shelf = 0
+    for k in order.tolist():
+        w, h = int(boxes[k, 0]), int(boxes[k, 1])
+        if w > width:
+            return places, 1 << 30
+        if x + w > width:
+            x, y, shelf = 0, y + shelf, 0
+        places[k] = x, y
+        x += w
+        shelf = max(shelf, h)
+    return places, y + shelf

@@ -1,4 +1,4 @@
-"""Which object a USD prim belongs to, and what that object is."""
+"""Find the object that a USD prim belongs to, and its category."""
 
 # usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
 # pyright: reportAttributeAccessIssue=false
@@ -20,7 +20,7 @@ _NEW_SEMANTICS = "semantics:labels:"
 
 
 def object_of(prim: Usd.Prim) -> tuple[str, str]:
-    """Name (a prim path) and category of the thing that `prim` is part of; both empty if unknown.
+    """Return name (a prim path) and category of the object of `prim`; both empty if unknown.
 
     Written labels come first, the nearest ancestor's first. Then names count: the nearest model's
     (a prim of kind `component`), or else the nearest telling one. Where that is a folder of things
@@ -56,7 +56,7 @@ def _is_model(prim: Usd.Prim) -> bool:
 
 
 def written_label(prim: Usd.Prim) -> str | None:
-    """The class that the prim's own semantic attributes tell, None if it has none.
+    """Return the class in the prim's own semantic attributes; None if it has none.
 
     Both ways of writing it are known: `semantics:labels:<taxonomy>` (UsdSemantics), of which the
     taxonomy `class` is preferred, and the older `semantic:<instance>:params:semanticData`.

@@ -1,4 +1,4 @@
-"""Colours of surface points: base colour times texture, sampled in bulk."""
+"""Sample colours of surface points: base colour times texture."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..scan.record import ScanMaterial
 ROW = 4096
 
 
-class Looks:
+class MaterialSampler:
     """Materials with their images as arrays, decoded once.
 
     Args:
@@ -32,7 +32,7 @@ class Looks:
         return self._images[index]
 
     def at(self, material: NDArray[np.int32], uv: NDArray[np.float32]) -> NDArray[np.float32]:
-        """SRGB colours (N, 3) in 0–1, bilinear, repeating.
+        """Return sRGB colours (N, 3) in 0–1, bilinear, repeating.
 
         Args:
             material: (N,) material of each point.
@@ -46,13 +46,13 @@ class Looks:
             pixels = self._image(index)
             if pixels is None:
                 continue
-            mine = slice(None) if len(used) == 1 else np.flatnonzero(material == index)
-            result[mine] *= _bilinear(pixels, uv[mine]) * np.float32(1 / 255)
+            selected = slice(None) if len(used) == 1 else np.flatnonzero(material == index)
+            result[selected] *= _bilinear(pixels, uv[selected]) * np.float32(1 / 255)
         return result
 
 
 def _bilinear(pixels: NDArray[np.uint8], uv: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Colours (N, 3) at (N, 2), to a 32nd of a pixel."""
+    """Return colours (N, 3) at (N, 2), interpolated to 1/32 pixel."""
     height, width = pixels.shape[:2]
     # Wrapped first: far from zero single precision would blur.
     at = uv - np.floor(uv)
