@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import label
 
-from vlnpe.apartments import ApartmentConfig, TrueScene, build_apartment
+from vlnpe.apartments import ApartmentConfig, TrueScene, build_scene
 from vlnpe.apartments.home.plan import FloorPlan
 from vlnpe.apartments.home.planner import draw_plan
 from vlnpe.apartments.truth import covered_cells, true_floor
@@ -21,7 +21,7 @@ SEEDS = (0, 1, 2)
 
 @pytest.fixture(scope="module", params=SEEDS)
 def home(request: pytest.FixtureRequest) -> TrueScene:
-    return build_apartment(np.random.default_rng(request.param), CONFIG)
+    return build_scene(np.random.default_rng(request.param), CONFIG)
 
 
 def joined(plan: FloorPlan) -> bool:
@@ -147,7 +147,7 @@ def test_seeds_give_different_homes() -> None:
 
 
 def test_same_seed_gives_the_same_home() -> None:
-    a, b = (build_apartment(np.random.default_rng(5), CONFIG) for _ in range(2))
+    a, b = (build_scene(np.random.default_rng(5), CONFIG) for _ in range(2))
     assert a.objects == b.objects
     np.testing.assert_array_equal(a.shape.corners, b.shape.corners)
     for left, right in zip(a.materials, b.materials, strict=True):
