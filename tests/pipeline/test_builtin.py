@@ -41,7 +41,9 @@ def test_anything_else_is_a_file(text: str) -> None:
     assert parse_builtin(text, 0) == []
 
 
-@pytest.mark.parametrize("text", ["builtin:castle", "builtin:", "builtin:castle*10", "builtin:Villa"])
+@pytest.mark.parametrize(
+    "text", ["builtin:castle", "builtin:", "builtin:castle*10", "builtin:Villa"]
+)
 def test_unknown_kinds_name_the_valid_ones(text: str) -> None:
     with pytest.raises(InputError) as caught:
         parse_builtin(text, 0)
@@ -72,7 +74,5 @@ def test_scan_refuses_an_unknown_kind(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 def test_buildings_have_keys_of_their_own(tmp_path: Path) -> None:
-    keys = {
-        scans.item(BuiltIn(kind, seed), tmp_path).key for kind in BUILDINGS for seed in (0, 1)
-    }
+    keys = {scans.item(BuiltIn(kind, seed), tmp_path).key for kind in BUILDINGS for seed in (0, 1)}
     assert len(keys) == 2 * len(BUILDINGS)
