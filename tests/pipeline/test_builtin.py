@@ -52,16 +52,15 @@ def test_unknown_kinds_name_the_valid_ones(text: str) -> None:
         assert kind in str(caught.value)
 
 
-@pytest.mark.parametrize("text", ["builtin:villa*0", "builtin:villa*", "builtin:villa*-2",
-                                  "builtin:villa*ten", "builtin*1001", "builtin:villa*²"])  # fmt: skip
-def test_a_bad_number_of_buildings_is_refused(text: str) -> None:
+@pytest.mark.parametrize("count", ["0", "", "-2", "ten", "1001", "²"])
+def test_a_bad_number_of_buildings_is_refused(count: str) -> None:
     with pytest.raises(InputError, match=r"1 to 1,000.*\*10"):
-        parse_builtin(text, 0)
+        parse_builtin(f"builtin:villa*{count}", 0)
 
 
 def test_collect_refuses_an_unknown_kind_before_it_writes(tmp_path: Path) -> None:
     out = tmp_path / "run"
-    with pytest.raises(InputError, match="castle.*villa"):
+    with pytest.raises(InputError, match=r"castle.*villa"):
         run(Collect(scene="builtin:castle*10", out=out))
     assert not out.exists()
 
