@@ -131,11 +131,11 @@ def _nodes(
     starts = np.searchsorted(label[order], np.arange(len(scene.objects) + 1))
     nodes = []
     for k, thing in enumerate(scene.objects):
-        mine = order[starts[k] : starts[k + 1]]
-        if not len(mine):
+        triangles = order[starts[k] : starts[k + 1]]
+        if not len(triangles):
             continue
-        used, faces = np.unique(split.face[mine], return_inverse=True)
-        page = int(packing.page[charts.chart[mine[0]]])
+        used, faces = np.unique(split.face[triangles], return_inverse=True)
+        page = int(packing.page[charts.chart[triangles[0]]])
         nodes.append(
             GlbNode(
                 thing.name,

@@ -1,4 +1,4 @@
-"""The perfect floor, kept beside the scan so that a repair can be measured."""
+"""The true floor, kept beside the scan so that a repair can be measured."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ def covered_cells(grid: GridSpec, triangles_m: NDArray[np.float64]) -> NDArray[n
     # So many samples along an edge that no covered cell is missed.
     order = np.ceil(np.maximum(longest, 1e-6) / (0.6 * grid.cell_m)).astype(int)
     for n in np.unique(order):
-        mine = flat[order == n]
+        group = flat[order == n]
         i, j = np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij")
         inside = i + j <= n
         b, c = i[inside] / n, j[inside] / n
         weights = np.stack([1 - b - c, b, c], -1)
-        xy = np.einsum("sk,fki->fsi", weights, mine).reshape(-1, 2)
+        xy = np.einsum("sk,fki->fsi", weights, group).reshape(-1, 2)
         cells = grid.cell_of(xy)
         cells = cells[grid.inside(cells)]
         covered[cells[:, 0], cells[:, 1]] = True

@@ -1,4 +1,4 @@
-"""What hangs: pictures, clocks, mirrors, curtains, radiators, ceiling lamps."""
+"""Decoration of walls and ceilings: pictures, mirrors, curtains, radiators, lamps."""
 
 from __future__ import annotations
 
