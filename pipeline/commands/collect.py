@@ -120,7 +120,8 @@ class Collect:
     out: Path | None = None
     """Run folder; defaults to `runs/<scene>`."""
     seed: int = 0
-    """Random seed of the built-in scene (the first of several), the sampling and every other random choice."""
+    """Random seed of the built-in scene (the first of several), the sampling and every other random
+    choice."""
     semantic: bool = False
     """Also render semantic segmentation (semantic.mov, and in MCAP)."""
     instance: bool = False
