@@ -6,7 +6,8 @@ from pathlib import Path
 
 from ..locomotion.policy import GaitPolicy
 from ..rendering.people.pictures import save_picture
-from ..rendering.people.studio import make_studio, walking_strip
+from ..rendering.people.portraits import walking_strip
+from ..rendering.people.studio import make_studio
 from ..stroll import SPEED_M_S, stroll
 
 COMMANDS = {

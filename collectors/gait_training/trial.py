@@ -103,7 +103,8 @@ class Trial:
         for i in range(n):
             around = xy_m[i] + self.rng.uniform(-0.35, 0.35, (32, 2))
             ground = float(conditions.terrain.at(around).max())
-            h.spawn(data, xy_m[i, 0], xy_m[i, 1], ground, float(yaw_rad[i]))
+            x, y = xy_m[i]
+            h.spawn(data, x_m=x, y_m=y, floor_z_m=ground, yaw_rad=float(yaw_rad[i]))
             self._qpos[i] = data.qpos
         self.batch.forward()
         self.fallen, self._gone = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
