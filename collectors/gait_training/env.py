@@ -80,7 +80,9 @@ class GaitEnv(VecEnv):
         self._command_bounds = command_bounds(
             robot.command_limits, config.command_margin, config.command_beyond
         )
-        self._pipe = TargetPipe(draw_latency(rng, config))
+        latency = draw_latency(rng, config)
+        self._pipe = TargetPipe(latency)
+        self.physical = np.column_stack([self.physical, latency])
         self._hurried = rng.random(config.envs) < config.hurried_share
         # Control vectors follow the model's actuator order, which is the policy's here.
         self._ctrl_order = np.argsort(self.handles.actuators)
@@ -94,6 +96,7 @@ class GaitEnv(VecEnv):
         self._wanted, self._clock = np.zeros((n, 3)), ClockState.standing(n)
         self._moving = np.zeros(n, dtype=bool)
         self._next_command, self._next_push = np.zeros(n), np.zeros(n)
+        self._upcoming, self._upcoming_s, self._kick = np.zeros((n, 3)), np.zeros(n), np.zeros((n, 2))
         self._linear_mean, self._yaw_mean = np.zeros((n, 2)), np.zeros(n)
         self._foot_position, self._joint_velocity = np.zeros((n, f, 3)), np.zeros((n, j))
         self._foot_contact = np.ones((n, f), dtype=bool)
@@ -121,6 +124,7 @@ class GaitEnv(VecEnv):
                 self._foot_contact,
                 self._foot_height,
                 self.physical,
+                self._future(),
             ],
             axis=1,
         )
@@ -130,6 +134,32 @@ class GaitEnv(VecEnv):
                 "privileged": torch.from_numpy(privileged.astype(np.float32)),
             },
             batch_size=[self.num_envs],
+        )
+
+    def _future(self) -> Array:
+        """(N, 17) what will happen to each robot whatever it does, and the ground around it.
+
+        A baseline may know it: next command and kick, weighted by how near they are, and heights.
+        """
+        now, fade = self._age * STEP_S, 0.4
+        command = np.exp(-np.maximum(self._next_command - now, 0.0) / fade)[:, None]
+        kick = np.exp(-np.maximum(self._next_push - now, 0.0) / fade)[:, None]
+        q = self.handles.root_qpos
+        w, x, y, z = self._qpos[:, q + 3 : q + 7].T
+        yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        ahead = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+        left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+        kick_xy = self._kick
+        kicks = np.stack([(kick_xy * ahead).sum(axis=1), (kick_xy * left).sum(axis=1)], axis=1)
+        points = self._qpos[:, None, q : q + 2] + np.concatenate(
+            [f * ahead[:, None] + s * left[:, None] for f in (-0.15, 0.1, 0.35) for s in (-0.2, 0.2)],
+            axis=1,
+        )
+        heights = self.terrain.at(points)
+        heights = heights - heights.mean(axis=1, keepdims=True)
+        return np.concatenate(
+            [self._wanted, self._upcoming * command, command, kicks * kick, kick, 10.0 * heights],
+            axis=1,
         )
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
@@ -234,6 +264,12 @@ class GaitEnv(VecEnv):
         due = np.flatnonzero(self._age * STEP_S >= self._next_command)
         if not len(due):
             return
+        self._wanted[due] = self._upcoming[due]
+        self._next_command[due] = self._age[due] * STEP_S + self._upcoming_s[due]
+        self._draw_command(due)
+
+    def _draw_command(self, due: NDArray[np.intp]) -> None:
+        """Draw the commands that follow the present ones, and how long they will last."""
         rng, config = self.rng, self.config
         walked = self.gait.moving(self._wanted[due])
         stop = walked & (rng.random(len(due)) < config.stop_share)
@@ -246,19 +282,22 @@ class GaitEnv(VecEnv):
         fresh[hurried] = sample_actions(rng, int(hurried.sum()))
         stop &= ~hurried | (rng.random(len(due)) < 0.2)
         wait[hurried & stop] = rng.uniform(*config.stop_s, int((hurried & stop).sum()))
-        self._wanted[due] = np.where(stop[:, None], 0.0, fresh)
-        self._next_command[due] = self._age[due] * STEP_S + wait
+        self._upcoming[due] = np.where(stop[:, None], 0.0, fresh)
+        self._upcoming_s[due] = wait
 
     def _push(self) -> None:
         due = np.flatnonzero(self._age * STEP_S >= self._next_push)
         if len(due):
-            angle = self.rng.uniform(0, 2 * np.pi, len(due))
-            kick = self.push_scale * self.config.push_m_s * self.rng.uniform(0.3, 1, len(due))
             v = self.handles.root_dof
-            self._qvel[due, v] += kick * np.cos(angle)
-            self._qvel[due, v + 1] += kick * np.sin(angle)
+            self._qvel[due, v : v + 2] += self.push_scale * self._kick[due]
             wait = self.rng.uniform(*self.config.push_s, len(due))
             self._next_push[due] = self._age[due] * STEP_S + wait
+            self._draw_kick(due)
+
+    def _draw_kick(self, due: NDArray[np.intp]) -> None:
+        angle = self.rng.uniform(0, 2 * np.pi, len(due))
+        kick = self.config.push_m_s * self.rng.uniform(0.3, 1, len(due))
+        self._kick[due] = kick[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
     def _reset(self, ids: NDArray[np.intp]) -> None:
         n, rng, h = len(ids), self.rng, self.handles
@@ -287,6 +326,8 @@ class GaitEnv(VecEnv):
         self._foot_contact[ids] = True
         self._next_command[ids] = 0.0
         self._next_push[ids] = rng.uniform(*self.config.push_s, n)
+        self._draw_kick(ids)
+        self._draw_command(ids)
         self._change_commands()
 
     def _note(
