@@ -163,7 +163,11 @@ def refinement_config(config: TrainingConfig, seed: int, symmetry: Any) -> dict[
     model = "vlnpe.collectors.gait_training.mirror:SymmetricModel"
     ppo["actor"] |= {"class_name": model, "symmetry": symmetry}
     # A clipped critic moves by 0.2 an iteration, and has to rise to about 15.
-    ppo["algorithm"] |= {"symmetry_cfg": None, "use_clipped_value_loss": False}
+    ppo["algorithm"] |= {
+        "symmetry_cfg": None,
+        "use_clipped_value_loss": False,
+        "num_learning_epochs": 2,
+    }
     return ppo
 
 
@@ -218,7 +222,7 @@ def _refine(flat: TrainingConfig, yaw_mean: float, hurried: float) -> TrainingCo
     """Stop at once, obey late and in a hurry, climb ramps, do not waddle; starts from a gait."""
     rewards = replace(
         flat.rewards,
-        roll=-30.0,
+        roll=-45.0,
         stand_drift=-6.0,
         track_linear=3.0,
         track_linear_mean=4.0,
@@ -229,9 +233,9 @@ def _refine(flat: TrainingConfig, yaw_mean: float, hurried: float) -> TrainingCo
         _hard(flat),
         rewards=rewards,
         swing_height_m=0.06,
-        high_swing=1.0,
+        high_swing=2.0,
         yaw_widths=(0.25, 0.05),
-        late_share=0.35,
+        late_share=0.4,
         stop_share=0.35,
         hurried_share=hurried,
         command_s=(1.0, 5.0),
@@ -277,6 +281,6 @@ def _settle(refined: TrainingConfig) -> TrainingConfig:
 # The same for a training that starts from an installed gait.
 REFINEMENTS: dict[str, tuple[tuple[TrainingConfig, int], ...]] = {
     "aliengo": ((_settle(_refine(ALIENGO_FLAT, 1.25, 0.1)), 150),),
-    "h1": ((_refine(H1_FLAT, 1.5, 0.05), 450), (_settle(_refine(H1_FLAT, 1.5, 0.0)), 150)),
+    "h1": ((_refine(H1_FLAT, 1.5, 0.05), 500), (_settle(_refine(H1_FLAT, 1.5, 0.0)), 150)),
     "g1": ((_settle(_refine(G1_FLAT, 3.0, 0.1)), 400),),
 }

@@ -14,18 +14,26 @@ from tensordict import TensorDict
 
 from ..locomotion.gait import ClockState, joint_targets
 from ..locomotion.observation import RobotState, layout, observe, states_of
-from ..robots import POLICY_DECIMATION, TIMESTEP_S, RobotHandles, RobotSpec, apply_physics_options
-from .commands import ACTION_S, command_bounds, sample_actions, sample_commands
+from ..robots import POLICY_DECIMATION, RobotHandles, RobotSpec, apply_physics_options
 from .config import TrainingConfig
 from .gaits import GAITS
 from .mirror import Symmetry
-from .randomize import draw_latency, randomize_models
+from .randomize import (
+    ACTION_S,
+    command_bounds,
+    draw_latency,
+    randomize_models,
+    sample_actions,
+    sample_commands,
+)
 from .rewards import SMOOTHNESS_TERMS, BodyFacts, StepFacts, reward_terms
-from .target_pipe import TargetPipe
 from .terrain import Terrain
+from .trial import STEP_S, TargetPipe
 
 Array = NDArray[np.float64]
-STEP_S = TIMESTEP_S * POLICY_DECIMATION
+NEAR_S = 0.4  # what comes later than this hardly matters to the critic yet
+# Where the critic sees the ground, ahead and left of the base.
+AROUND_XY_M = np.array([(x, y) for x in (-0.15, 0.1, 0.35) for y in (-0.2, 0.2)])
 
 
 def build_training_model(robot: RobotSpec, terrain: Terrain) -> mujoco.MjModel:
@@ -96,7 +104,11 @@ class GaitEnv(VecEnv):
         self._wanted, self._clock = np.zeros((n, 3)), ClockState.standing(n)
         self._moving = np.zeros(n, dtype=bool)
         self._next_command, self._next_push = np.zeros(n), np.zeros(n)
-        self._upcoming, self._upcoming_s, self._kick = np.zeros((n, 3)), np.zeros(n), np.zeros((n, 2))
+        self._upcoming, self._upcoming_s, self._kick = (
+            np.zeros((n, 3)),
+            np.zeros(n),
+            np.zeros((n, 2)),
+        )
         self._linear_mean, self._yaw_mean = np.zeros((n, 2)), np.zeros(n)
         self._foot_position, self._joint_velocity = np.zeros((n, f, 3)), np.zeros((n, j))
         self._foot_contact = np.ones((n, f), dtype=bool)
@@ -137,30 +149,34 @@ class GaitEnv(VecEnv):
         )
 
     def _future(self) -> Array:
-        """(N, 17) what will happen to each robot whatever it does, and the ground around it.
+        """(N, 16) what happens to each robot whatever it does, and the shape of the ground.
 
-        A baseline may know it: next command and kick, weighted by how near they are, and heights.
+        A critic may know it: the next command and the next kick, weighted by how near they are,
+        and the heights around the robot. Without it, most of what an advantage tells is luck.
         """
-        now, fade = self._age * STEP_S, 0.4
-        command = np.exp(-np.maximum(self._next_command - now, 0.0) / fade)[:, None]
-        kick = np.exp(-np.maximum(self._next_push - now, 0.0) / fade)[:, None]
+        now = self._age * STEP_S
+        soon, kick_soon = (
+            np.exp(-np.maximum(at - now, 0.0) / NEAR_S)[:, None]
+            for at in (self._next_command, self._next_push)
+        )
         q = self.handles.root_qpos
         w, x, y, z = self._qpos[:, q + 3 : q + 7].T
         yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        ahead = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
-        left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
-        kick_xy = self._kick
-        kicks = np.stack([(kick_xy * ahead).sum(axis=1), (kick_xy * left).sum(axis=1)], axis=1)
-        points = self._qpos[:, None, q : q + 2] + np.concatenate(
-            [f * ahead[:, None] + s * left[:, None] for f in (-0.15, 0.1, 0.35) for s in (-0.2, 0.2)],
-            axis=1,
-        )
-        heights = self.terrain.at(points)
-        heights = heights - heights.mean(axis=1, keepdims=True)
-        return np.concatenate(
-            [self._wanted, self._upcoming * command, command, kicks * kick, kick, 10.0 * heights],
-            axis=1,
-        )
+        cosine, sine = np.cos(yaw), np.sin(yaw)
+        to_world = np.stack([cosine, -sine, sine, cosine], axis=-1).reshape(-1, 2, 2)
+        kick = np.einsum("nij,ni->nj", to_world, self._kick)
+        around = self._qpos[:, None, q : q + 2] + np.einsum("nij,kj->nki", to_world, AROUND_XY_M)
+        heights = self.terrain.at(around)
+        heights -= heights.mean(axis=1, keepdims=True)
+        parts = [
+            self._wanted,
+            self._upcoming * soon,
+            soon,
+            kick * kick_soon,
+            kick_soon,
+            10.0 * heights,
+        ]
+        return np.concatenate(parts, axis=1)
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
         """One policy step of every simulation; see `rsl_rl.env.VecEnv.step`."""

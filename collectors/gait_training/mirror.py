@@ -104,11 +104,7 @@ class SymmetricModel(MLPModel):
     """
 
     def __init__(self, *args: Any, symmetry: Symmetry, **kwargs: Any) -> None:
-        """Build the model; see `MLPModel` for the other arguments.
-
-        Args:
-            symmetry: of the robot.
-        """
+        """Build the model, with the robot's symmetry; see `MLPModel` for the other arguments."""
         super().__init__(*args, **kwargs)
         self.symmetry = symmetry
 

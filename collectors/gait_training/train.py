@@ -28,7 +28,7 @@ from ..locomotion.policy import policy_files
 from ..robots import RobotSpec, get_robot
 from .config import PHASES, REFINEMENTS, ppo_config, refinement_config
 from .env import GaitEnv
-from .export import write_policy
+from .export import start_from, write_policy
 from .terrain import Terrain, rough_terrain
 
 log = logging.getLogger(__name__)
@@ -162,14 +162,13 @@ def train(
 
 def _weights(runner: OnPolicyRunner) -> dict[str, torch.Tensor]:
     """A copy of the actor's weights, without its normaliser."""
-    return {k: v.detach().clone() for k, v in runner.alg.get_policy().mlp.named_parameters(prefix="mlp")}
+    return {
+        k: v.detach().clone() for k, v in runner.alg.get_policy().mlp.named_parameters(prefix="mlp")
+    }
 
 
 def _start_refining(robot: RobotSpec, folder: Path, env: GaitEnv, runner: OnPolicyRunner) -> None:
     """Take over the gait in a folder, and let the critic learn what it is worth first."""
-    # Late, because onnx is needed for nothing else here.
-    from .warm_start import start_from
-
     algorithm = runner.alg
     start_from(robot, folder, env, algorithm.actor)
     schedule, rate = algorithm.schedule, algorithm.learning_rate
