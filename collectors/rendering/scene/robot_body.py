@@ -84,7 +84,7 @@ def geom_colors(model: mujoco.MjModel) -> NDArray[np.float32]:
 
 def _surface(model: mujoco.MjModel, geom: int, color: NDArray[np.float32]) -> GeomSurface:
     corners, normals = geom_surface(model, geom)
-    face_normal = triangle_normals(corners)
+    face_normal = triangle_normals(corners).astype(np.float64)
     center = 0.5 * (corners.min((0, 1)) + corners.max((0, 1)))
     return GeomSurface(
         geom=geom,
