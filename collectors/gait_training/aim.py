@@ -97,7 +97,9 @@ def _mean_velocity(
     up = np.asarray(~trial.fallen).reshape(kinds, n)
     # A fallen robot's velocity says nothing.
     walking = np.maximum(up.sum(axis=0), 1)[:, None]
-    return (mean * up[..., None]).sum(axis=0) / walking, np.any(up, axis=0, keepdims=False).astype(np.bool_)
+    return (mean * up[..., None]).sum(axis=0) / walking, np.any(up, axis=0, keepdims=False).astype(
+        np.bool_
+    )
 
 
 def _fit(wanted: Array, extra: Array) -> Array:
