@@ -26,7 +26,7 @@ MOVES_M_S, TURNS_RAD_S = 0.05, 0.2
 
 @dataclass(frozen=True)
 class Stroll:
-    """Two cycles of a gait, or two turns of the wheels.
+    """Record of two gait cycles, or of two turns of the wheels.
 
     Attributes:
         time_s: (T,) from 0 on, every physics step [s].

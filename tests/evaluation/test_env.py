@@ -70,7 +70,7 @@ def test_gymnasium_accepts_it(env: NavigationEnv) -> None:
 def test_a_policy_sees_what_collection_renders_bit_for_bit(two_rooms, episodes, controller) -> None:
     world = open_world(two_rooms, 0, get_robot("aliengo"))
     config = ReplayConfig(controller=controller)
-    view, renderer = small_view(), make_renderer(two_rooms)
+    view, renderer = small_view(), make_renderer(two_rooms, "embree", light="baked")
     expert = replay_in(world, episodes[1], config)
     policy = Replayed(span.action for span in expert.actions)
     walked = evaluate_episode(world, episodes[1], config, policy, Eye(world, view, renderer))

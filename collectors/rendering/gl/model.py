@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ....formats.core.geometry import triangle_cross
 from ....formats.scene.bundle import VisualMesh
 from ..kernels.srgb import to_srgb
 from ..scene.robot_body import GeomSurface
@@ -45,9 +46,7 @@ def scene_pieces(mesh: VisualMesh, materials: MaterialTable) -> Pieces:
     spec = _spec()
     textures = _add_materials(spec, materials)
     corner = mesh.vertices[mesh.faces].astype(np.float64)
-    area = np.linalg.norm(
-        np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=-1
-    )
+    area = np.linalg.norm(triangle_cross(corner), axis=-1)
     cell = np.floor((corner.mean(1) - mesh.vertices.min(0)) / CHUNK_M).astype(np.int64)
     key = (cell @ np.array([1, 1000, 1_000_000])) * len(materials.texture) + mesh.face_material
     order = np.argsort(key, kind="stable")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ....formats.core.geometry import triangle_areas
 from ....formats.scene.bundle import VisualMesh
 from ..kernels.data import SceneArrays
 from ..kernels.packets import aligned
@@ -65,9 +66,7 @@ def drawn_share(mesh: VisualMesh, materials: MaterialTable) -> float:
     image), or the texture is a single flat colour.
     """
     corner = mesh.vertices[mesh.faces].astype(np.float64)
-    area = 0.5 * np.linalg.norm(
-        np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=-1
-    )
+    area = triangle_areas(corner)
     texture = materials.texture[mesh.face_material]
     area = np.where(texture >= 0, area, 0.0)
     if area.sum() == 0.0:

@@ -8,6 +8,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ....formats.core.geometry import triangle_cross, triangle_normals
+
 Array = NDArray[np.floating]
 # Corners (F, 3, 3) and unit normals at the corners (F, 3, 3).
 Surface = tuple[Array, Array]
@@ -25,20 +27,14 @@ def _grid_surface(points: Array, *, normals: Array) -> Surface:
         target.append(np.stack([a, c, d], axis=-2).reshape(-1, 3, 3))
         target.append(np.stack([a, d, b], axis=-2).reshape(-1, 3, 3))
     triangles, smooth = np.concatenate(corners), np.concatenate(corner_normals)
-    area = np.linalg.norm(_cross(triangles), axis=-1)
-    keep = area > 1e-12  # at poles one side of the quads has length 0
+    # Poles collapse one side of their quads.
+    keep = np.linalg.norm(triangle_cross(triangles), axis=-1) > 1e-12
     return triangles[keep], smooth[keep]
-
-
-def _cross(triangles: Array) -> Array:
-    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
 
 
 def flat(triangles: Array) -> Surface:
     """Return triangles (F, 3, 3) with their face normals."""
-    normal = _cross(triangles)
-    normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
-    return triangles, np.repeat(normal[:, None], 3, axis=1)
+    return triangles, np.repeat(triangle_normals(triangles)[:, None], 3, axis=1)
 
 
 def _unit_rings() -> tuple[Array, Array]:

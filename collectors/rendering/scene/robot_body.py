@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ....formats.core.frames import OPTICAL_TO_OPENGL, matrix_to_quat
+from ....formats.core.geometry import triangle_normals
 from .primitives import geom_surface
 
 # MuJoCo draws groups 0 to 2 by default; collision shapes are kept in 3 and above.
@@ -83,8 +84,7 @@ def geom_colors(model: mujoco.MjModel) -> NDArray[np.float32]:
 
 def _surface(model: mujoco.MjModel, geom: int, color: NDArray[np.float32]) -> GeomSurface:
     corners, normals = geom_surface(model, geom)
-    face_normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    face_normal /= np.linalg.norm(face_normal, axis=-1, keepdims=True)
+    face_normal = triangle_normals(corners).astype(np.float64)
     center = 0.5 * (corners.min((0, 1)) + corners.max((0, 1)))
     return GeomSurface(
         geom=geom,
