@@ -16,11 +16,10 @@ from .config import ApartmentConfig
 from .glb import GlbNode, write_glb
 from .home.building import build_scene
 from .home.true_scene import TrueScene
+from .scanner.atlas import Charts, Packing, cut, pack
 from .scanner.bake import Baker, ChartVertices, chart_vertices, page_corners
-from .scanner.charts import Charts, cut
-from .scanner.labelling import label_faces
-from .scanner.packing import Packing, pack
-from .scanner.scan import fuse
+from .scanner.fusion import fuse
+from .scanner.lookup import label_faces
 from .scanner.surface import ScanMesh, extract
 from .scanner.tracing import Tracer
 from .truth import write_truth

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..formats.scene.grid import GridSpec
 from .home.plan import FloorPlan
@@ -72,7 +73,7 @@ def write_truth(
     `world_to_scan`, identity unless the scanner was tilted or moved. The names of these arrays for
     a higher storey k end in `_k`.
     """
-    arrays: dict[str, ArrayLike] = {}
+    arrays: dict[str, Any] = {}
     for k, plan in enumerate(storeys):
         grid, floor = true_floor(plan)
         end = f"_{k}" if k else ""

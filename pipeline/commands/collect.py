@@ -14,7 +14,7 @@ import tyro
 
 from ...collectors.controllers import SpeedConfig
 from ...collectors.rendering.camera.extras import Extras
-from ...collectors.rendering.camera.views import CameraWishes
+from ...collectors.rendering.camera.views import CameraOverrides
 from ...collectors.robots import RobotSpec
 from ...formats.core.atomic import sweep
 from ...formats.core.errors import InputError
@@ -31,7 +31,7 @@ from ...instruction_gen.records import (
     parse_styles,
 )
 from ...scene_repair.config import RepairConfig
-from ...scene_repair.scan.kinds import SUFFIXES
+from ...scene_repair.scan.files import SUFFIXES
 from ...trajectory_sampler.config import SampleConfig
 from ..builtin import BUILTIN, BuiltIn, parse_builtin
 from ..chain import Chain, Product
@@ -156,7 +156,7 @@ def run(options: Collect) -> int:
         options.frames_per_second, extras, options.only_success, options.rgb_codec, options.depth
     )
     looks = (options.camera, options.light, options.renderer)
-    views = {r.name: chosen_views(*looks, r, CameraWishes()) for r in robots}
+    views = {r.name: chosen_views(*looks, r, CameraOverrides()) for r in robots}
     check_frame_rate(options.frames_per_second)
     check_rgb_codec(options.rgb_codec)
     check_depth_storage(options.depth)
