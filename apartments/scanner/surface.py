@@ -6,6 +6,7 @@ Only cells all of which was seen become surface.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import fast_simplification
 import numpy as np
@@ -115,7 +116,7 @@ def neighbours(faces: NDArray[np.int32]) -> NDArray[np.int64]:
     return np.stack([order[:-1][same], order[1:][same]], axis=1) // 3
 
 
-def pieces(count: int, pairs: NDArray[np.int64]) -> NDArray[np.int32]:
+def pieces(count: int, pairs: NDArray[np.integer[Any]]) -> NDArray[np.int32]:
     """Return the connected component (count,) of each of `count` items."""
     graph = coo_matrix(
         (np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count)

@@ -1,4 +1,4 @@
-"""A dense route along a reference path, with what a follower wants to know about each point."""
+"""A dense route along a reference path, with arc length, heading and curvature."""
 
 from __future__ import annotations
 
@@ -64,11 +64,11 @@ def make_route(xy_m: ArrayLike, problems: tuple[str, ...] = ()) -> Route:
 
 
 def plan_route(freemap: Freemap, waypoints_xy_m: ArrayLike, radius_m: float) -> Route:
-    """A route through waypoints (P, 2) [m] that keeps `radius_m` free wherever it can.
+    """Plan a route through waypoints (P, 2) [m] that keeps `radius_m` free where possible.
 
     Straight segments that are free are kept as they are. A blocked one is planned around; where
-    there is no way at all the straight segment stays, and the route's `problems` say so: the robot
-    shall try, and the rollout shall show what happened.
+    there is no way at all the straight segment stays, and `problems` describes it: the robot tries,
+    and the rollout records the result.
     """
     points = np.asarray(waypoints_xy_m, dtype=np.float64)[:, :2]
     if len(points) < 2:
@@ -88,6 +88,6 @@ def plan_route(freemap: Freemap, waypoints_xy_m: ArrayLike, radius_m: float) -> 
 
 
 def rejoin(freemap: Freemap, pose: Pose, rest_xy_m: Array, radius_m: float) -> Route | None:
-    """The way from `pose` to the first of the points (R, 2) and along them; None without one."""
+    """Return the way from `pose` to the first of the points (R, 2) and along them, or None."""
     back = plan_path(freemap, np.array([pose.x_m, pose.y_m]), rest_xy_m[0], radius_m)
     return None if back is None else make_route(np.vstack([back[:, :2], rest_xy_m]))

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.floating[Any]]
 
-
-def triangle_cross(corners: Array) -> Array:
+def triangle_cross[S: np.floating[Any]](corners: NDArray[S]) -> NDArray[S]:
     """Return the cross product of two edges of each triangle: along its normal, twice its area.
 
     Args:
@@ -21,10 +19,13 @@ def triangle_cross(corners: Array) -> Array:
     Returns:
         (F, 3), in the dtype of `corners`.
     """
-    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return cast("NDArray[S]", cross)
 
 
-def triangle_normals_and_areas(corners: Array) -> tuple[Array, Array]:
+def triangle_normals_and_areas[S: np.floating[Any]](
+    corners: NDArray[S],
+) -> tuple[NDArray[S], NDArray[S]]:
     """Return unit normals (F, 3) and areas (F,) of triangles (F, 3, 3).
 
     The normal of a triangle without area is zero.
@@ -35,12 +36,12 @@ def triangle_normals_and_areas(corners: Array) -> tuple[Array, Array]:
     return np.divide(cross, length, out=np.zeros_like(cross), where=length > 0), 0.5 * doubled
 
 
-def triangle_normals(corners: Array) -> Array:
+def triangle_normals[S: np.floating[Any]](corners: NDArray[S]) -> NDArray[S]:
     """Return unit normals (F, 3) of triangles (F, 3, 3); zero for triangles without area."""
     return triangle_normals_and_areas(corners)[0]
 
 
-def triangle_areas(corners: Array) -> Array:
+def triangle_areas[S: np.floating[Any]](corners: NDArray[S]) -> NDArray[S]:
     """Return areas (F,) of triangles (F, 3, 3)."""
     return 0.5 * np.linalg.norm(triangle_cross(corners), axis=1)
 

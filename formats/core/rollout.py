@@ -13,6 +13,7 @@ from .episode import Episode
 
 STATE_RATE_HZ = 100  # divisible by 4, 5, 10, 20, 25 and 50: every frame time is a sample
 DISCRETE_RATE_HZ = 4  # a discrete action takes 0.25 s in VLN-PE's timing
+REST_M_S = 0.05  # a base slower than this is at rest
 REST_EVENT = "rest"  # kind of the event that tells when a robot that had stopped came to rest
 FORWARD_STEP_M = 0.25
 TURN_STEP_RAD = math.radians(15.0)

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...collectors.rendering.interface import Frame
+from ...collectors.rendering.frame import Frame
 from ...collectors.rendering.registry import make_renderer
 from ...collectors.rendering.scene.robot_body import RobotBody
 from ...collectors.robots import RobotSpec, get_robot

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from ...formats.core.errors import FileFormatError
 from ...formats.scene.bundle import Floor, SceneBundle, VisualMesh
@@ -229,10 +230,12 @@ def _balls_lost(
 ) -> NDArray[np.float64]:
     """Return where balls started that end up below the floor, (N, 2)."""
     end = drop_balls(_near(surface, floor).triangles_m, start_m)
-    # Over the edge of a stairwell a ball may roll: what counts is the floor where it is now.
+    # Over the edge of a stairwell a ball may roll: what counts is the floor where it is now. Within
+    # a cell through which a step's edge passes, that is the lower tread, next to it.
+    height = np.where(floor.covered, floor.height_m, np.inf)
+    lowest = ndimage.minimum_filter(height, size=3, mode="nearest")
     cell = np.clip(floor.grid.cell_of(end[:, :2]), 0, np.array(floor.grid.shape) - 1)
-    height = floor.height_m[tuple(cell.T)]
-    lost = (end[:, 2] < height - FALLEN_M) & floor.covered[tuple(cell.T)]
+    lost = (end[:, 2] < lowest[tuple(cell.T)] - FALLEN_M) & floor.covered[tuple(cell.T)]
     return start_m[lost, :2]
 
 
