@@ -63,7 +63,7 @@ def _scene(scene: Path, rollouts: list[Rollout]) -> list[str]:
         reference, truth = 0.0, []
         for name, renderer in renderers.items():
             plans = [_plan(renderer, rollout, width, height) for rollout in rollouts]
-            pictures = _some(plans[0], renderer)  # also compiles and fills caches
+            pictures = _evenly_chosen(plans[0], renderer)  # also compiles and fills caches
             truth = truth or pictures
             seconds = _seconds_per_frame(plans, renderer)
             reference = reference or seconds
@@ -80,7 +80,7 @@ def _plan(renderer: Renderer, rollout: Rollout, width: int, height: int) -> Roll
     return RolloutFrames.plan(renderer, rollout, view, rollout.frame_samples(4))
 
 
-def _some(plan: RolloutFrames, renderer: Renderer) -> list[tuple[np.ndarray, np.ndarray]]:
+def _evenly_chosen(plan: RolloutFrames, renderer: Renderer) -> list[tuple[np.ndarray, np.ndarray]]:
     frames = list(plan.render(renderer))
     return [frames[k] for k in np.linspace(0, len(frames) - 1, COMPARED).astype(int)]
 

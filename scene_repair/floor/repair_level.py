@@ -192,7 +192,7 @@ def _patched(
     """Add the patch of level `index` and its picture over the grid `texels` to a floor."""
     mesh = floor.mesh
     joint = np.concatenate([mesh.vertices, patch.vertices])
-    holes, cracks = _shared_out(patch, floor.holes, floor.fine)
+    holes, cracks = _assign_areas(patch, floor.holes, floor.fine)
     material = ScanMaterial(f"floor_patch_{index}", (1.0, 1.0, 1.0), image)
     return replace(
         floor,
@@ -211,7 +211,9 @@ def _patched(
     )
 
 
-def _shared_out(patch: Patch, holes: list[Hole], fine: GridSpec) -> tuple[list[Hole], list[Crack]]:
+def _assign_areas(
+    patch: Patch, holes: list[Hole], fine: GridSpec
+) -> tuple[list[Hole], list[Crack]]:
     """Assign patch areas to holes; pieces that close no hole of the grid become cracks.
 
     A piece that closes several holes counts for each by its cells.

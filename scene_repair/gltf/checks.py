@@ -41,7 +41,7 @@ def check_gltf(path: Path, file: GltfFile) -> None:
             _accessor(path, k, accessor, tree.get("bufferViews", []), views)
             for k, accessor in enumerate(tree.get("accessors", []))
         ]
-        _multiples(path, file, sum(views), sum(sizes))
+        _check_sizes(path, file, sum(views), sum(sizes))
         _nodes(path, tree)
     # Infinity is a number for Python's JSON, and no integer.
     except (
@@ -111,7 +111,7 @@ def _accessor(
     return count * size
 
 
-def _multiples(path: Path, file: GltfFile, in_views: int, in_accessors: int) -> None:
+def _check_sizes(path: Path, file: GltfFile, in_views: int, in_accessors: int) -> None:
     """Limit data that is referred to many times."""
     zeros = sum(int(a["count"]) for a in file.tree.get("accessors", []) if "bufferView" not in a)
     if zeros > MAX_ZEROS:

@@ -57,7 +57,7 @@ def sample_columns(
     """
     scaled = (vertices_m - (*grid.origin_xy_m, 0.0)) / (grid.cell_m, grid.cell_m, 1.0)
     faces = np.ascontiguousarray(faces, dtype=np.int64)
-    tests = _tests(scaled, faces, grid)
+    tests = _cell_tests(scaled, faces, grid)
     if tests > MAX_TESTS:
         raise SceneError(
             f"its faces cover {tests:,} cells of {grid.cell_m:g} m in total, counting "
@@ -81,7 +81,7 @@ def sample_columns(
     return Columns(grid, start, z[order], face[order])
 
 
-def _tests(scaled: NDArray[np.float64], faces: NDArray[np.int64], grid: GridSpec) -> int:
+def _cell_tests(scaled: NDArray[np.float64], faces: NDArray[np.int64], grid: GridSpec) -> int:
     """Count the cells in the bounding rectangles of all faces; `scaled` is in cells."""
     total = 0.0
     for first in range(0, len(faces), FACES_AT_ONCE):

@@ -57,7 +57,7 @@ def label_scan(source: Path, scan: Scan) -> tuple[Scan, list[LabelBox]]:
     for box in house.boxes:
         turned = replace(box, center=turn @ box.center, axes=box.axes @ turn.T)
         here = _bounds(turned.corners())
-        if not any(_shared(here, there) > SAME for there in known.get(box.category, ())):
+        if not any(_iou(here, there) > SAME for there in known.get(box.category, ())):
             boxes.append(turned)
     reason = f"the bounds in {path.name} agree with {up} up ({100 * agreement:.0f} % shared)"
     unit = scan.unit or ("m", f"{path.name} is in metres")
@@ -72,14 +72,14 @@ def _frame(house: House, scan: Scan) -> tuple[str, float]:
     """Return the frame in which the building's bounds fit the scan's best, and how well."""
     there = np.stack(robust_bounds(scan.vertices, scan.faces))
     agreement = {
-        name: _shared(_bounds(np.stack([house.lower, house.upper]) @ turn.T), there)
+        name: _iou(_bounds(np.stack([house.lower, house.upper]) @ turn.T), there)
         for name, turn in FRAMES.items()
     }
     best = max(agreement, key=lambda name: agreement[name])
     return best, agreement[best]
 
 
-def _shared(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+def _iou(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
     """Return the intersection over union of two boxes given by their corners (2, 3)."""
     sides = np.minimum(one[1], other[1]) - np.maximum(one[0], other[0])
     both = float(np.prod(np.maximum(sides, 0.0)))

@@ -53,7 +53,7 @@ def paint_floor(
     texel_m = max(texel_m, float((high - low).max() + 2 * AROUND_M) / (max_px - 2))
     texels = GridSpec.covering(low, high, texel_m)
     picture = np.zeros((*texels.shape, 3), dtype=np.uint8)
-    floor = _only(mesh, floor_faces)
+    floor = _submesh(mesh, floor_faces)
     for room in np.unique(rooms[region]).tolist():
         own = rooms == room
         window, image, wanted = _paint_room(
@@ -63,7 +63,7 @@ def paint_floor(
     return Image.fromarray(picture[::-1]), texels
 
 
-def _only(mesh: WorldMesh, faces: NDArray[np.int64]) -> WorldMesh:
+def _submesh(mesh: WorldMesh, faces: NDArray[np.int64]) -> WorldMesh:
     """Return the given faces of a mesh with the vertices that they use."""
     used, corners = np.unique(mesh.faces[faces], return_inverse=True)
     return WorldMesh(

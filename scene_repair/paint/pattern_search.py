@@ -68,7 +68,7 @@ def best_place(
     place = _rough_place(stock, search, template, ring=ring, hole=hole)
     if place is None:
         return None
-    ring_at, hole_at = _some(ring), _some(hole)
+    ring_at, hole_at = _evenly_chosen(ring), _evenly_chosen(hole)
     wanted = template[ring_at]
     for step, reach in ((2, 4), (1, 1)):
         offsets = np.arange(-reach, reach + 1, step)
@@ -86,7 +86,7 @@ def best_place(
     return place
 
 
-def _some(mask: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _evenly_chosen(mask: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return rows and columns of up to `SAMPLES` true pixels, evenly spread."""
     found = np.flatnonzero(mask)
     if len(found) > SAMPLES:

@@ -64,11 +64,11 @@ class ConfinedResolver(Resolver):
         except (OSError, ValueError) as error:
             return self._refuse(f"referenced file {name[:100]!r} cannot be read: {error}")
         if target.suffix.lower() in PICTURES:
-            data = self._bearable(data, name)
+            data = self._within_limits(data, name)
         self._known[target] = data
         return data
 
-    def _bearable(self, data: bytes, name: str) -> bytes:
+    def _within_limits(self, data: bytes, name: str) -> bytes:
         found: list[str] = []
         image = open_image(data, name, found, self._budget)
         if not found:

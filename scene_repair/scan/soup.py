@@ -59,7 +59,7 @@ def merge_parts(
     named: list[ScanObject] = []
     uvs: list[NDArray[np.float32]] = []
     of_material, of_object = [], []
-    parts = [piece for part in parts for piece in _bakeable(part)]
+    parts = [piece for part in parts for piece in _split_for_baking(part)]
     for part in parts:
         material, uv = part.material, part.uv
         if part.colors is not None:
@@ -103,7 +103,7 @@ def merge_parts(
     )
 
 
-def _bakeable(part: Part) -> list[Part]:
+def _split_for_baking(part: Part) -> list[Part]:
     """Split a part so that one image can hold the colours of its faces."""
     if part.colors is None or len(part.faces) <= MAX_FACES:
         return [part]

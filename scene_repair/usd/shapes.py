@@ -32,7 +32,7 @@ def simple_shape(prim: Usd.Prim) -> Shape | None:
 
     if prim.IsA(UsdGeom.Cube):
         half = size("size", 2.0) / 2
-        return _turned(np.array([-half, half]), np.full(2, half), SQUARE)
+        return _swept(np.array([-half, half]), np.full(2, half), SQUARE)
     axis = str(prim.GetAttribute("axis").Get(TIME))
     axis = axis if axis in TURNS else "Z"
     if prim.IsA(UsdGeom.Plane):
@@ -42,7 +42,7 @@ def simple_shape(prim: Usd.Prim) -> Shape | None:
     profile = _profile(prim, size)
     if profile is None:
         return None
-    points, faces = _turned(*profile, circle)
+    points, faces = _swept(*profile, circle)
     return points[:, TURNS[axis]], faces
 
 
@@ -99,7 +99,7 @@ def _plane(width: float, length: float, axis: str) -> Shape:
     return points, faces if axis == "Z" else faces[:, ::-1]
 
 
-def _turned(
+def _swept(
     heights: NDArray[np.float64], radii: NDArray[np.float64], outline: NDArray[np.float64]
 ) -> Shape:
     """Sweep an outline (n, 2), counter-clockwise, over rings (R heights and radii); closed."""

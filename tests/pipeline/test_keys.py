@@ -74,7 +74,7 @@ EDITS = {
     ),
     "the report's template": ("pipeline/report/page.html.j2", "<body>", "<body >", {"report"}),
     "reading USD, by a name that only the child process imports": (
-        "scene_repair/usd/stage.py",
+        "scene_repair/usd/read_stage.py",
         "from __future__ import annotations\n",
         "from __future__ import annotations\nDEEPER = 2\n",
         {"repair"},

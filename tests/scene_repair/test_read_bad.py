@@ -393,7 +393,7 @@ def test_images_of_one_place_are_opened_once_and_within_the_budget(
     monkeypatch.setattr(images.PixelBudget.__init__, "__defaults__", (1000,))
     scan = read_mesh(path)
     assert all(m.image is None for m in scan.materials)
-    assert any("pixels together" in w for w in scan.warnings)
+    assert any("pixels in total" in w for w in scan.warnings)
 
 
 @pytest.mark.parametrize("suffix", ["glb", "obj"])

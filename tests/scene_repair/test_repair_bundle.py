@@ -37,9 +37,9 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def bundle(source: Path, tmp_path_factory: pytest.TempPathFactory) -> SceneBundle:
     out = tmp_path_factory.mktemp("bundle")
-    told: list[str] = []
-    repair_scene(source, out, progress=told.append)
-    assert len(told) >= 5
+    lines: list[str] = []
+    repair_scene(source, out, progress=lines.append)
+    assert len(lines) >= 5
     return load_bundle(out)
 
 
@@ -94,10 +94,10 @@ def test_every_face_knows_its_object(bundle: SceneBundle) -> None:
     visual = bundle.visual()
     corners = visual.vertices[visual.faces]
     for k, thing in enumerate(bundle.objects):
-        mine = corners[visual.face_object == k].reshape(-1, 3)
-        assert len(mine), thing.name
-        assert mine.min(axis=0) == pytest.approx(thing.lower_m, abs=1e-4)
-        assert mine.max(axis=0) == pytest.approx(thing.upper_m, abs=1e-4)
+        selected = corners[visual.face_object == k].reshape(-1, 3)
+        assert len(selected), thing.name
+        assert selected.min(axis=0) == pytest.approx(thing.lower_m, abs=1e-4)
+        assert selected.max(axis=0) == pytest.approx(thing.upper_m, abs=1e-4)
     patch = next(k for k, m in enumerate(bundle.materials) if m.name == "floor_patch_0")
     assert set(visual.face_object[visual.face_material == patch].tolist()) == {-1}
 

@@ -243,9 +243,9 @@ def test_patch_continues_the_pattern(tmp_path: Path) -> None:
 
     pixels = np.asarray(Image.open(bundle.root / texture).convert("L")).astype(float)
     visual = bundle.visual()
-    mine = visual.face_material == index
-    uv = visual.corner_uv[mine].mean(axis=1)
-    xy = visual.vertices[visual.faces[mine]].mean(axis=1)[:, :2]
+    patch = visual.face_material == index
+    uv = visual.corner_uv[patch].mean(axis=1)
+    xy = visual.vertices[visual.faces[patch]].mean(axis=1)[:, :2]
     row = ((1 - uv[:, 1]) * pixels.shape[0]).astype(int)
     column = (uv[:, 0] * pixels.shape[1]).astype(int)
     painted = pixels[row, column]

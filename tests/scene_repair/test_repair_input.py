@@ -327,7 +327,7 @@ def test_unknown_kind(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "expected"),
     [
         ("house.ifc", "IfcConvert house.ifc house.glb"),
         ("house.E57", "CloudCompare"),
@@ -336,21 +336,21 @@ def test_unknown_kind(tmp_path: Path) -> None:
         ("house.spz", "Gaussian splats"),
     ],
 )
-def test_what_is_not_read_names_the_converter(name: str, told: str, tmp_path: Path) -> None:
+def test_what_is_not_read_names_the_converter(name: str, expected: str, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(b"anything")
     message = refused(tmp_path / name)
-    assert told in message
+    assert expected in message
     assert ".glb, " in message
 
 
 @pytest.mark.parametrize(
-    ("properties", "told"),
+    ("properties", "expected"),
     [
         ("x y z f_dc_0 opacity scale_0 rot_0", "3D Gaussian splatting"),
         ("packed_position packed_rotation packed_scale packed_color", "SuperSplat"),
     ],
 )
-def test_splats_are_no_point_cloud(properties: str, told: str, tmp_path: Path) -> None:
+def test_splats_are_no_point_cloud(properties: str, expected: str, tmp_path: Path) -> None:
     path = tmp_path / "scan.ply"
     names = properties.split()
     lines = "".join(f"property float {name}\n" for name in names)
@@ -358,7 +358,7 @@ def test_splats_are_no_point_cloud(properties: str, told: str, tmp_path: Path) -
     path.write_bytes(head.encode() + bytes(400 * len(names)))
     message = refused(path)
     assert "Gaussian splats" in message
-    assert told in message
+    assert expected in message
 
 
 @pytest.mark.parametrize("suffix", ["glb", "gltf", "obj", "ply", "stl", "off"])

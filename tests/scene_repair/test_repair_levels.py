@@ -1,4 +1,4 @@
-"""Storeys, steps, ramps and sunken areas are told from furniture, roofs and holes."""
+"""Storeys, steps, ramps and sunken areas are distinguished from furniture, roofs and holes."""
 
 from __future__ import annotations
 
