@@ -19,6 +19,7 @@ from .crews import action_timing
 from .engine.ledger import Row
 from .engine.run_folder import RunFolder
 from .engine.runner import Context, StageSummary, WorkItem, run_stage
+from .jobs.instruct import CACHE, InstructJob
 from .kept_robots import kept
 from .stages import align, episodes, export, instruct, render, repair, replay, scans, visibility
 
@@ -193,11 +194,22 @@ class Chain:
         told = {s: folder.episodes(f"told/{s}") for s in seen}
         items = [
             instruct.item(
-                rows[s], seen[s], folder.scenes, parts[s], folder.seen(s), told[s],
-                folder.facts(s), config, self.seed,
+                s,
+                InstructJob(
+                    scenes=folder.scenes,
+                    episodes=parts[s],
+                    seen=(folder.seen(s),),
+                    out=told[s],
+                    facts=folder.facts(s),
+                    cache=folder.root / CACHE,
+                    config=config,
+                    seed=self.seed,
+                ),
+                rows[s].key,
+                seen[s].key,
             )
             for s in seen
-        ]  # fmt: skip
+        ]
         done = self._stage(instruct.STAGE, items)
         instruct.record_failed(self.context.ledger, done)
         return episodes.merge([told[s] for s in done.good()], folder.episodes(split))

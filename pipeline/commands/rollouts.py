@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
 from ...collectors.rendering.camera.extras import Extras
 from ...collectors.rendering.camera.views import CameraWishes
 from ...collectors.rendering.registry import chosen_renderer
-from ...formats.core.errors import FileFormatError, InputError
+from ...formats.core.errors import FileFormatError
 from ...formats.video.mp4 import check_rgb_codec
 from ...formats.vlnce.files import read_episodes
 from ..crews import action_timing, chosen_robots, crews
 from ..engine.context import open_context
-from ..engine.keys import digest
 from ..engine.ledger import Ledger, Row
 from ..engine.runner import StageSummary, run_stage
-from ..folders import scenes_in
 from ..kept_robots import keep, kept
 from ..options.rollouts import Export, Render, Replay
 from ..report.gather import robot_rows
@@ -39,8 +36,8 @@ def run_replay(options: Replay) -> int:
     pairs = crews(robots, options.controller)
     actions = action_timing(options.action_steps, options.closed_loop)
     asked = read_episodes(options.episodes)
-    scenes = _scene_rows(options.scenes)
-    _demand_scenes({e.scene_id for e in asked}, scenes, options.scenes)
+    scenes = repair.rows_of(options.scenes)
+    repair.demand({e.scene_id for e in asked}, scenes, options.scenes)
     summaries = []
     with open_context(options.out, options.workers) as context:
         root = context.ledger.root
@@ -66,7 +63,7 @@ def run_render(options: Render) -> int:
     check_rgb_codec(options.rgb_codec)
     chosen_renderer(options.renderer)
     source = Ledger.existing(options.rollouts)
-    scenes = _scene_rows(options.scenes)
+    scenes = repair.rows_of(options.scenes)
     groups: dict[tuple[str, str], dict[str, Row]] = {}
     for row in source.rows(replay.STAGE):
         if row.status == "done":
@@ -82,7 +79,7 @@ def run_render(options: Render) -> int:
     if not groups:
         raise FileFormatError(options.rollouts, "contains no rollout")
     walked = {str(row.facts["scene"]) for rows in groups.values() for row in rows.values()}
-    _demand_scenes(walked, scenes, options.scenes)
+    repair.demand(walked, scenes, options.scenes)
     extras = Extras(options.semantic, options.instance, options.depth_mm)
     root, folder = source.root.resolve(), options.scenes.resolve()
     summaries = []
@@ -126,23 +123,6 @@ def run_export(options: Export) -> int:
             scope = f"{robot}/{controller}/{view}/"
             summaries += export.run(context, rows, root, folder, dataset, scope, {}, options.depth)
     return _tell(options, summaries)
-
-
-def _demand_scenes(names: Iterable[str], scenes: Mapping[str, Row], folder: Path) -> None:
-    missing = sorted(set(names) - scenes.keys())
-    if missing:
-        raise InputError(f"{folder}: contains no repaired scene {', '.join(missing)}")
-
-
-def _scene_rows(folder: Path) -> dict[str, Row]:
-    """Return a ledger row for every scene in a folder, as if the repair stage had written it.
-
-    The key hashes the scene's index file, which the repair writes last and never modifies.
-    """
-    return {
-        name: Row(repair.STAGE, name, digest(path, (path / "scene.json").read_text()), "done")
-        for name, path in scenes_in(folder.resolve()).items()
-    }
 
 
 def _tell(options: Replay | Render | Export, summaries: Sequence[StageSummary]) -> int:

@@ -28,7 +28,7 @@ from ...formats.scene.visibility import (
     Visibility,
     write_visibility,
 )
-from ...formats.vlnce.files import read_episodes, scene_stem
+from ...formats.vlnce.files import read_episodes
 from ...wayfinding.planning import point_along, resample
 from ..engine.work import ItemResult
 
@@ -72,18 +72,6 @@ class LookJob:
         return ItemResult(facts)
 
 
-def looked(episodes: list[Episode], scenes: Path, robot: str, every: bool) -> Visibility:
-    """Look along the paths of episodes of any scenes, without writing anything."""
-    by_scene: dict[str, list[Episode]] = {}
-    for episode in episodes:
-        if every or not episode.instruction:
-            by_scene.setdefault(scene_stem(episode.scene_id), []).append(episode)
-    spec = get_robot(robot)
-    parts = [look(load_bundle(scenes / s), some, spec) for s, some in by_scene.items()]
-    paths = {name: one for part in parts for name, one in part.paths.items()}
-    return Visibility(camera_of(spec), paths, sum(part.seconds for part in parts))
-
-
 def look(bundle: SceneBundle, episodes: list[Episode], robot: RobotSpec) -> Visibility:
     """Render ids along the reference paths; episodes of one trajectory share a path."""
     started = time.process_time()
@@ -106,13 +94,12 @@ def look(bundle: SceneBundle, episodes: list[Episode], robot: RobotSpec) -> Visi
             frame = renderer.render_labelled(camera, position, quat)
             glimpses += counter.glimpses(frame, along, position, quat_to_matrix(quat))
         paths[episode.trajectory_id] = PathSight(tuple(a for a, _, _ in looks), tuple(glimpses))
-    return Visibility(camera_of(robot), paths, time.process_time() - started)
+    return Visibility(camera_of(robot, body), paths, time.process_time() - started)
 
 
-def camera_of(robot: RobotSpec) -> SightCamera:
-    """The camera that looks: the robot's own, where it is when the robot stands."""
+def camera_of(robot: RobotSpec, body: RobotBody) -> SightCamera:
+    """Return the robot's own camera, where it is when the robot stands."""
     mount = robot.camera
-    body = RobotBody(robot.build(robot).compile(), [joint.name for joint in robot.joints])
     base = (0.0, 0.0, robot.base_height_m)
     defaults = [joint.default_rad for joint in robot.joints]
     lens, _ = body.camera_pose(mount.name, base, yaw_to_quat(0.0), defaults)

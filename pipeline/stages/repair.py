@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ...formats.core.digest import file_digest
-from ...formats.core.errors import FileFormatError
+from ...formats.core.errors import FileFormatError, InputError
+from ...formats.scene.bundle import INDEX_NAME
 from ...scene_repair.config import RepairConfig
 from ...scene_repair.scan.kinds import USD_SUFFIXES
 from ...scene_repair.scan.side_files import side_names
 from ..engine.keys import digest
 from ..engine.ledger import Row
 from ..engine.work import WorkItem, work_item
+from ..folders import scenes_in
 from ..jobs.repair import RepairJob, SoundnessJob
 
 STAGE = "repair"
@@ -74,6 +76,27 @@ def check_items(repaired: Mapping[str, Row], scenes: Path, allow_unsound: bool) 
         inputs = (row.key, allow_unsound)
         result.append(work_item(CHECK_STAGE, scene_id, job, (scenes / scene_id,), *inputs))
     return result
+
+
+def rows_of(folder: Path) -> dict[str, Row]:
+    """Return a ledger row for every scene in a folder, as if this stage had written it.
+
+    The key hashes the scene's index file, which the repair writes last and never modifies.
+
+    Raises:
+        InputError: If `folder` contains no repaired scene.
+    """
+    return {
+        name: Row(STAGE, name, digest(path, (path / INDEX_NAME).read_text()), "done")
+        for name, path in scenes_in(folder.resolve()).items()
+    }
+
+
+def demand(names: Iterable[str], scenes: Mapping[str, Row], folder: Path) -> None:
+    """Raise InputError unless every scene of `names` is among those found in `folder`."""
+    missing = sorted(set(names) - scenes.keys())
+    if missing:
+        raise InputError(f"{folder}: contains no repaired scene {', '.join(missing)}")
 
 
 def source_digest(source: Path) -> str:
