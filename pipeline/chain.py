@@ -154,29 +154,25 @@ class Chain:
         scope = f"{robot}/{controller}/"
         items = self._walks(asked, scenes, robot, controller, self.seed, self.actions)
         rollouts = self._stage(replay.STAGE, items, scope).good()
+        recorded = render.Recorded(rollouts, folder.root, scenes, folder.scenes)
         for view in views:
             items = render.items(
-                rollouts,
-                scenes,
-                folder.root,
-                folder.scenes,
-                folder.frames,
-                folder.root,
+                recorded,
                 view,
                 product.frames_per_second,
+                folder.frames,
+                folder.root,
                 product.rgb_codec,
                 product.extras,
             )
-            seen = f"{scope}{view.name}/"
-            frames = self._stage(render.STAGE, items, seen).good()
             dataset = export.Dataset.under(folder.root, robot, controller, view.name)
+            frames = self._stage(render.STAGE, items, dataset.scope).good()
             self.summaries += export.run(
                 self.context,
                 export.wanted(frames, product.only_success),
                 folder.root,
                 folder.scenes,
                 dataset,
-                seen,
                 {"options": dict(facts), "language_model": self._model_usage()},
                 product.depth_storage,
             )

@@ -11,20 +11,12 @@ from typing import Any
 
 from ..formats.core.digest import file_digest
 from ..formats.core.rollout import Rollout
+from ..formats.core.source import ROOT
 from ..formats.lerobot.splits import held_out_scenes
 from ..formats.scene.bundle import SceneBundle
 from ..formats.video.mp4 import DEPTH_CODEC, RGB_CODECS
-from .engine.keys import PACKAGE_ROOT, code_version, digest
+from .engine.keys import digest
 
-PACKAGES = (
-    "apartments",
-    "collectors",
-    "formats",
-    "instruction_gen",
-    "scene_repair",
-    "trajectory_sampler",
-    "wayfinding",
-)
 # Facts of a rollout that tell how it was made, not what happened in it.
 MAKING = (
     "seed",
@@ -55,8 +47,9 @@ def provenance(
     scenes: Iterable[str],
     encoding: Mapping[str, Any],
     facts: Mapping[str, Any],
+    code_sha256: str,
 ) -> dict[str, Any]:
-    """Return JSON values that depend on nothing but the arguments and the code.
+    """Return JSON values that depend on nothing but the arguments.
 
     Args:
         episodes: `episode_facts` of each episode.
@@ -64,8 +57,9 @@ def provenance(
         scenes: names of all scenes of the run, of which some are held out for validation.
         encoding: frame rate, light, codecs, … of the pixels.
         facts: `options`, as the user chose them.
+        code_sha256: digest of the code that made the episodes and their pixels.
     """
-    lock = PACKAGE_ROOT / "uv.lock"
+    lock = ROOT / "uv.lock"
     rollouts = [episode["rollout"] for episode in episodes]
     written = [episode["instruction"] for episode in episodes]
     made = {
@@ -75,7 +69,7 @@ def provenance(
     options = dict(facts.get("options") or {})
     return {
         "vlnpe": version("vlnpe"),
-        "code_sha256": code_version(*PACKAGES),
+        "code_sha256": code_sha256,
         "lock_sha256": file_digest(lock) if lock.is_file() else None,
         "config_sha256": digest(options, made, dict(encoding)),
         "scenes": {bundle.scene_id: bundle.source for bundle in bundles},
@@ -90,7 +84,7 @@ def provenance(
 
 
 def scene_provenance(
-    bundle: SceneBundle, held_out: Sequence[str], encoding: Mapping[str, Any]
+    bundle: SceneBundle, held_out: Sequence[str], encoding: Mapping[str, Any], code_sha256: str
 ) -> dict[str, Any]:
     """What an episode's own file says of where it comes from, beside its rollout's facts.
 
@@ -100,11 +94,12 @@ def scene_provenance(
         bundle: the scene.
         held_out: scenes of the run that validate.
         encoding: frame rate, light, codecs, … of the pixels.
+        code_sha256: digest of the code that made the episode and its pixels.
     """
-    lock = PACKAGE_ROOT / "uv.lock"
+    lock = ROOT / "uv.lock"
     return {
         "vlnpe": version("vlnpe"),
-        "code_sha256": code_version(*PACKAGES),
+        "code_sha256": code_sha256,
         "lock_sha256": file_digest(lock) if lock.is_file() else None,
         "scenes": {bundle.scene_id: bundle.source},
         "held_out_scenes": list(held_out),

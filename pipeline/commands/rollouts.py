@@ -86,14 +86,14 @@ def run_render(options: Render) -> int:
     with open_context(options.out, options.workers) as context:
         out = context.ledger.root
         for (robot, controller), rows in groups.items():
+            recorded = render.Recorded(rows, root, scenes, folder)
             for view in views[robot]:
                 scope = f"{robot}/{controller}/{view.name}/"
                 if options.video:
-                    items = render.video_items(rows, scenes, root, folder, out, view, rate)
+                    items = render.video_items(recorded, view, rate, out)
                     summaries.append(run_stage(context, render.VIDEO_STAGE, items, scope))
                     continue
-                how = (view, rate, options.rgb_codec, extras)
-                items = render.items(rows, scenes, root, folder, out, out, *how)
+                items = render.items(recorded, view, rate, out, out, options.rgb_codec, extras)
                 summaries.append(run_stage(context, render.STAGE, items, scope))
     return _tell(options, summaries)
 
@@ -120,8 +120,7 @@ def run_export(options: Export) -> int:
     with open_context(options.out, options.workers) as context:
         for (robot, controller, view), rows in groups.items():
             dataset = export.Dataset.under(context.ledger.root, robot, controller, view)
-            scope = f"{robot}/{controller}/{view}/"
-            summaries += export.run(context, rows, root, folder, dataset, scope, {}, options.depth)
+            summaries += export.run(context, rows, root, folder, dataset, {}, options.depth)
     return _tell(options, summaries)
 
 

@@ -72,6 +72,7 @@ class DatasetJob:
         made: facts of each unit's episode, for the provenance.
         encoding: facts of the videos.
         facts: configuration and seeds.
+        code_sha256: digest of the code that made the episodes and their pixels.
     """
 
     units: tuple[Path, ...]
@@ -81,6 +82,7 @@ class DatasetJob:
     made: tuple[Mapping[str, Any], ...]
     encoding: Mapping[str, Any]
     facts: Mapping[str, Any]
+    code_sha256: str
 
     def run(self) -> ItemResult:
         """Assemble one dataset."""
@@ -89,7 +91,9 @@ class DatasetJob:
         summary = assemble_dataset(
             self.units,
             self.out,
-            provenance=provenance(self.made, bundles, self.all_scenes, self.encoding, self.facts),
+            provenance=provenance(
+                self.made, bundles, self.all_scenes, self.encoding, self.facts, self.code_sha256
+            ),
             licence="-and-".join(licences),
             title=self.out.name,
         )

@@ -33,6 +33,7 @@ class McapJob:
         held_out: scenes that are held out for validation.
         depth_storage: see `DEPTH_STORAGES`.
         review: what people decided about the instructions, if there is such a file.
+        code_sha256: digest of the code that made the episode and its pixels.
         out: MCAP file.
     """
 
@@ -44,6 +45,7 @@ class McapJob:
     held_out: tuple[str, ...]
     depth_storage: str
     review: Path
+    code_sha256: str
     out: Path
 
     def run(self) -> ItemResult:
@@ -53,7 +55,7 @@ class McapJob:
         facts = DatasetFacts(
             self.name,
             licence_id(str(bundle.source.get("licence") or "")),
-            scene_provenance(bundle, self.held_out, encoding),
+            scene_provenance(bundle, self.held_out, encoding, self.code_sha256),
             depth_storage=self.depth_storage,
         )
         recorded = reviewed_rollout(self.rollout, self.review)

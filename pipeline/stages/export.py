@@ -10,6 +10,7 @@ from typing import Any
 from ...formats.core.digest import file_digest
 from ...formats.core.errors import UnknownNameError
 from ...formats.core.rollout import EndReason
+from ...formats.core.source import code_digest
 from ...formats.lerobot.features import DEPTH_STORAGES
 from ...formats.lerobot.splits import held_out_scenes
 from ...formats.scene.bundle import INDEX_NAME
@@ -24,6 +25,11 @@ from ..kept_robots import kept
 STAGE = "export"
 MCAP_STAGE = "mcap"
 DATASET_STAGE = "dataset"
+# What makes episodes and writes their pixels.
+CODE = tuple(
+    f"pipeline.jobs.{job}"
+    for job in ("scan", "repair", "episodes", "visibility", "instruct", "replay", "render")
+)
 
 
 @dataclass(frozen=True)
@@ -32,12 +38,14 @@ class Dataset:
 
     Attributes:
         name: `<robot>-<controller>-<view>`.
+        scope: What the names of its items begin with, `<robot>/<controller>/<view>/`.
         units: folder of episode units.
         lerobot: the dataset's folder.
         mcap: folder of MCAP files.
     """
 
     name: str
+    scope: str
     units: Path
     lerobot: Path
     mcap: Path
@@ -46,7 +54,8 @@ class Dataset:
     def under(root: Path, robot: str, controller: str, view: str) -> Dataset:
         """Paths under an output folder."""
         name = f"{robot}-{controller}-{view}"
-        return Dataset(name, root / "units" / name, root / "lerobot" / name, root / "mcap" / name)
+        folders = (root / kind / name for kind in ("units", "lerobot", "mcap"))
+        return Dataset(name, f"{robot}/{controller}/{view}/", *folders)
 
 
 def wanted(frames: Mapping[str, Row], only_success: bool) -> dict[str, Row]:
@@ -63,7 +72,6 @@ def run(
     root: Path,
     scenes: Path,
     dataset: Dataset,
-    scope: str,
     facts: Mapping[str, Any],
     depth_storage: str = "video",
 ) -> list[StageSummary]:
@@ -77,17 +85,16 @@ def run(
         root: folder of the render stage's ledger.
         scenes: folder of the repaired scenes.
         dataset: where it goes.
-        scope: what the items' names begin with.
         facts: configuration and seeds for the provenance.
         depth_storage: see `check_depth_storage`.
     """
     out = context.ledger.root
     items = unit_items(frames, root, dataset, depth_storage)
-    units = run_stage(context, STAGE, items, scope)
+    units = run_stage(context, STAGE, items, dataset.scope)
     items = mcap_items(frames, root, scenes, dataset, depth_storage)
-    summaries = [units, run_stage(context, MCAP_STAGE, items, scope)]
+    summaries = [units, run_stage(context, MCAP_STAGE, items, dataset.scope)]
     # The folder of MCAP files is handed on as it is.
-    context.ledger.discard(MCAP_STAGE, scope)
+    context.ledger.discard(MCAP_STAGE, dataset.scope)
     items = [dataset_item(units.good(), out, scenes, dataset, facts)] if units.good() else []
     summaries.append(run_stage(context, DATASET_STAGE, items, dataset.name))
     context.ledger.discard(DATASET_STAGE, dataset.name)
@@ -133,7 +140,9 @@ def mcap_items(
         told = (dataset.name, held_out, depth_storage)
         robot = kept(name.split("/")[0], root)
         review = root / REVIEW_NAME
-        job = McapJob(rollout, root / row.outputs[0], scene, robot, *told, review, out)
+        job = McapJob(
+            rollout, root / row.outputs[0], scene, robot, *told, review, code_digest(*CODE), out
+        )
         result.append(work_item(MCAP_STAGE, name, job, (out,), row.key, told, reviewed))
     return result
 
@@ -166,6 +175,7 @@ def dataset_item(
         tuple(row.facts["made"] for row in rows),
         rows[0].facts["encoding"],
         dict(facts),
+        code_digest(*CODE),
     )
     inputs = ([row.key for row in rows], all_scenes, dict(facts))
     return work_item(DATASET_STAGE, dataset.name, job, (dataset.lerobot,), *inputs)
