@@ -56,7 +56,7 @@ def run(options: Ablate) -> int:
     write_bytes(out / PLOT, picture)
     write_bytes(out / TABLE, markdown.encode())
     write_json(out / RESULTS, value)
-    page = report_html(markdown, base64.b64encode(picture).decode())
+    page = report_html(markdown, PLOT, base64.b64encode(picture).decode())
     write_bytes(out / PAGE, page.encode())
     sys.stdout.write(f"{markdown}\n{out / PAGE}\n")
     if options.json:
