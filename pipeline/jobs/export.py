@@ -38,19 +38,7 @@ class UnitJob:
         """Write one episode's LeRobot unit."""
         seen = read_frame_folder(self.frames)
         recorded = reviewed_rollout(self.rollout, self.review)
-        write_episode_unit(
-            self.out,
-            recorded,
-            seen.arrays,
-            seen.frames_per_second,
-            rgb_video=seen.rgb_video,
-            depth_video=seen.depth_video,
-            camera=seen.camera,
-            depth_range=seen.depth_range,
-            light=seen.light,
-            rgb_codec=seen.rgb_codec,
-            depth_storage=self.depth_storage,
-        )
+        write_episode_unit(self.out, recorded, seen, depth_storage=self.depth_storage)
         facts = {
             "frames": seen.facts["frames"],
             "scene": seen.facts["scene_id"],

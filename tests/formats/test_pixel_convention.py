@@ -73,18 +73,7 @@ def frames(
 @pytest.fixture(scope="module")
 def unit(frames: Path, rollout: Rollout, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("pixels") / "unit"
-    view = read_frame_folder(frames)
-    write_episode_unit(
-        folder,
-        rollout,
-        view.arrays,
-        4,
-        rgb_video=view.rgb_video,
-        depth_video=view.depth_video,
-        camera=view.camera,
-        depth_range=view.depth_range,
-        light=view.light,
-    )
+    write_episode_unit(folder, rollout, read_frame_folder(frames))
     return folder
 
 
