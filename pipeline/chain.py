@@ -15,13 +15,12 @@ from ..formats.core.errors import InputError
 from ..instruction_gen.records import InstructConfig
 from ..scene_repair.config import RepairConfig
 from ..trajectory_sampler.sampling import SampleConfig
-from .crews import action_timing
+from .crews import action_timing, kept
 from .engine.ledger import Row
 from .engine.run_folder import RunFolder
 from .engine.runner import Context, StageSummary, WorkItem, run_stage
 from .jobs.instruct import CACHE, InstructJob
-from .kept_robots import kept
-from .stages import align, episodes, export, instruct, render, repair, replay, scans, visibility
+from .stages import align, episodes, export, instruct, render, repair, replay, visibility
 
 
 @dataclass(frozen=True)
@@ -86,7 +85,7 @@ class Chain:
         """
         if not sources:
             scan = self.folder.scan(f"apartment-{self.seed}")
-            self._stage(scans.STAGE, [scans.item(self.seed, scan)], required=True)
+            self._stage(repair.SCAN_STAGE, [repair.scan_item(self.seed, scan)], required=True)
             sources = {scan.name: scan / "scan.glb"}
         items = repair.items(sources, config, self.folder.scenes)
         repaired = self._stage(repair.STAGE, items, required=True).good()

@@ -1,12 +1,17 @@
-"""Which robots a run sends out, and which controllers drive each of them."""
+"""The robots of a run: which ones take part under which controllers, and copies of a user's own."""
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterable
+from pathlib import Path
 
 from ..collectors.controllers import CONTROLLERS, SpeedConfig, get_controller, valid_controllers
 from ..collectors.controllers.speed import SpeedController
 from ..collectors.robots import ROBOTS, TIMESTEP_S, RobotSpec, get_robot
+from ..collectors.robots.folder.load import folder_digest
+from ..collectors.robots.folder.safety import folder_files
+from ..formats.core.atomic import atomic_folder
 from ..formats.core.errors import InputError
 from ..formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD
 
@@ -88,3 +93,29 @@ def _names(variable: str, text: str, everything: Iterable[str]) -> list[str]:
         raise InputError(f"{variable}={text}: an empty name; valid: a name, or a,b,c, or {ALL}")
     spelled = [name for part in given for name in (everything if part == ALL else (part,))]
     return list(dict.fromkeys(spelled))
+
+
+FOLDER = "robots"
+
+
+def keep(robot: RobotSpec, root: Path) -> str:
+    """Copy a robot that came from a folder to `<root>/robots/<name>`; ours need no copy.
+
+    Returns:
+        What `get_robot` finds it by from now on.
+    """
+    if robot.folder is not None:
+        copy = root / FOLDER / robot.name
+        if not copy.is_dir() or folder_digest(copy) != robot.content_sha256:
+            with atomic_folder(copy) as temporary:
+                for path in folder_files(robot.folder):
+                    target = temporary / path.relative_to(robot.folder)
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copyfile(path, target)
+    return kept(robot.name, root)
+
+
+def kept(name: str, root: Path) -> str:
+    """What `get_robot` finds the robot `name` of a run by: its copy, or its own name."""
+    copy = root / FOLDER / name
+    return str(copy) if copy.is_dir() else name

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import FileFormatError
 from . import layout
-from .json_files import read_lines
+from .layout import read_lines
 
 
 @dataclass(frozen=True)

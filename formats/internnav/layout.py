@@ -14,9 +14,12 @@ world, z up, quaternions wxyz; the camera's frame looks along its x axis, z up.
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
+
+from ..core.errors import FileFormatError
 
 VERSION = "v2.1"
 EPISODES_PER_CHUNK = 1000
@@ -96,3 +99,33 @@ def table_schema(columns: dict[str, tuple[str, int]]) -> pa.Schema:
         value: dict[str, Any] = {"dtype": dtype, "_type": "Value"}
         hub[name] = value if size == 1 else {"feature": value, "length": size, "_type": "Sequence"}
     return pa.schema(fields, {"huggingface": json.dumps({"info": {"features": hub}})})
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """One object.
+
+    Raises:
+        FileFormatError: missing, no JSON, or no object.
+    """
+    try:
+        value = json.loads(path.read_text())
+    except (OSError, ValueError, RecursionError) as error:
+        raise FileFormatError(path, f"not readable ({error})") from error
+    if not isinstance(value, dict):
+        raise FileFormatError(path, "no JSON object")
+    return value
+
+
+def read_lines(path: Path) -> list[dict[str, Any]]:
+    """One object per line.
+
+    Raises:
+        FileFormatError: missing, or a line that is no JSON object.
+    """
+    try:
+        values = [json.loads(line) for line in path.read_text().splitlines() if line.strip()]
+    except (OSError, ValueError, RecursionError) as error:
+        raise FileFormatError(path, f"not readable ({error})") from error
+    if not all(isinstance(value, dict) for value in values):
+        raise FileFormatError(path, "a line that is no JSON object")
+    return values

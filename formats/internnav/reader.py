@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from ..core.errors import FileFormatError
 from . import layout
 from .episode_tasks import read_tasks
-from .json_files import read_json, read_lines
-from .layout import COLUMNS
+from .layout import COLUMNS, read_json, read_lines
 
 MAX_DEPTH = 3  # folders between a root and its scenes' trajectories
 MAX_NUMBER = 1e6  # of metres, radians or rows: more is damage

@@ -30,8 +30,7 @@ from ..core.rollout import Rollout
 from ..rendered.folder import FrameFolder
 from ..rendered.image_counts import add_depth_codes, add_rgb, new_depth_counts, new_rgb_counts
 from ..rendered.table import FrameTable, build_frame_table
-from ..video.depth_codes import DEPTH_PIXEL_FORMAT, codes_to_depth
-from ..video.depth_tiff import decode_depth_tiff
+from ..video.depth_codes import DEPTH_PIXEL_FORMAT, codes_to_depth, decode_depth_tiff
 from ..video.mp4 import VideoFacts, iterate_depth_codes, iterate_rgb_video, probe_video
 from ..video.stream import pick_frames
 from .episode_columns import EPISODE_COLUMNS, LATER_COLUMNS, episode_columns

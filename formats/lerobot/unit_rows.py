@@ -9,8 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from ..core.camera import DepthRange
-from ..video.depth_codes import codes_to_millimetres
-from ..video.depth_tiff import encode_depth_tiff
+from ..video.depth_codes import codes_to_millimetres, encode_depth_tiff
 from ..video.mp4 import iterate_depth_codes
 from .layout import DATASET_ROWS, DEPTH_KEY, IMAGE_TYPE, Features, row_schema
 

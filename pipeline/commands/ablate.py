@@ -27,15 +27,13 @@ def run(options: Ablate) -> int:
     threads = options.threads or available_cores()
     # Set before importing torch, which reads it only once.
     os.environ.setdefault("OMP_NUM_THREADS", str(threads))
-    from ...datasets.mixture.recipe import read_recipe
-    from ...datasets.mixture.shipped import recipe_path
+    from ...datasets.mixture.recipe import read_recipe, recipe_path
 
     try:
         import torch
     except ImportError as error:
         raise InputError("torch is not installed; run: uv sync --inexact --extra train") from error
-    from ...datasets.ablation.page import report_html
-    from ...datasets.ablation.plot import plot_png
+    from ...datasets.ablation.page import plot_png, report_html
     from ...datasets.ablation.report import estimates, report_json, report_markdown
     from ...datasets.ablation.run import run_ablation
 

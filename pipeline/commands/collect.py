@@ -17,12 +17,11 @@ from ...scene_repair.config import RepairConfig
 from ...scene_repair.scan.kinds import SUFFIXES
 from ...trajectory_sampler.config import SampleConfig
 from ..chain import Chain, Product
-from ..crews import action_timing, chosen_robots, crews
+from ..crews import action_timing, chosen_robots, crews, keep, kept
 from ..engine.context import open_context
 from ..engine.ledger import Ledger
 from ..engine.run_folder import RunFolder, safe_name
 from ..folders import find_scans
-from ..kept_robots import keep, kept
 from ..options.collect import Collect
 from ..stages import repair, report, visibility
 from ..stages.export import check_depth_storage

@@ -12,11 +12,10 @@ from ...collectors.rendering.registry import chosen_renderer
 from ...formats.core.errors import FileFormatError
 from ...formats.video.mp4 import check_rgb_codec
 from ...formats.vlnce.files import read_episodes
-from ..crews import action_timing, chosen_robots, crews
+from ..crews import action_timing, chosen_robots, crews, keep, kept
 from ..engine.context import open_context
 from ..engine.ledger import Ledger, Row
 from ..engine.runner import StageSummary, run_stage
-from ..kept_robots import keep, kept
 from ..options.rollouts import Export, Render, Replay
 from ..report.gather import robot_rows
 from ..stages import export, render, repair, replay

@@ -6,7 +6,7 @@ from ...scene_repair.config import RepairConfig
 from ..engine.context import run_single
 from ..folders import refuse_to_replace
 from ..options.scenes import Repair, Scan
-from ..stages import repair, scans
+from ..stages import repair
 from ..summary import tell
 
 SCAN_NAMES = frozenset({"scan.glb", "scan.labels.json", "truth.npz", "LICENSE.scan"})
@@ -20,7 +20,7 @@ def run_scan(options: Scan) -> int:
     """Generate one scan."""
     refuse_to_replace(options.out, SCAN_NAMES)
     out = options.out.resolve()
-    facts = run_single(out, scans.STAGE, scans.item(options.seed, out)).facts
+    facts = run_single(out, repair.SCAN_STAGE, repair.scan_item(options.seed, out)).facts
     return tell(options, facts, f"{options.out / 'scan.glb'}: apartment {options.seed}")
 
 

@@ -12,7 +12,7 @@ from ...formats.core.licences import licence_id
 from ...formats.mcap.episode import write_episode_mcap
 from ...formats.mcap.robot_links import robot_topics
 from ...formats.mcap.rollout import SHOW_EVERY
-from ...formats.mcap.scene_map import map_topic
+from ...formats.mcap.shown import map_topic
 from ...formats.rendered.folder import read_frame_folder
 from ...formats.scene.bundle import load_bundle
 from ..engine.work import ItemResult

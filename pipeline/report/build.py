@@ -13,10 +13,9 @@ from jinja2 import Environment, PackageLoader, select_autoescape
 from ..engine.ledger import Ledger, Row
 from .failures import failure_figures
 from .gather import RobotRow, diverged_rows, replay_rows, robot_rows
-from .images import data_uri
 from .maps import ScenePaths, map_figure
 from .pictures import STAGE as PICTURES_STAGE
-from .pictures import Pictures
+from .pictures import Pictures, data_uri
 from .plots import histogram
 
 

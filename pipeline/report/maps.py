@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...formats.core.episode import Episode
 from ...formats.mcap.rollout import read_rollout
 from ..engine.ledger import Row
-from .images import data_uri
+from .pictures import data_uri
 
 REFERENCE, START, GOAL = "#ffffff", "#1a9850", "#2b5fb8"
 BAD = "#d1332b"

@@ -14,13 +14,13 @@ from ...formats.core.source import code_digest
 from ...formats.lerobot.features import DEPTH_STORAGES
 from ...formats.lerobot.splits import held_out_scenes
 from ...formats.scene.bundle import INDEX_NAME
+from ..crews import kept
 from ..engine.ledger import Row
 from ..engine.runner import Context, StageSummary, run_stage
 from ..engine.work import WorkItem, work_item
 from ..jobs.export import DatasetJob, UnitJob
 from ..jobs.mcap import McapJob
 from ..jobs.reviewed import REVIEW_NAME
-from ..kept_robots import kept
 
 STAGE = "export"
 MCAP_STAGE = "mcap"

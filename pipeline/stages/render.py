@@ -9,11 +9,11 @@ from pathlib import Path
 
 from ...collectors.rendering.camera.extras import Extras
 from ...collectors.rendering.camera.views import View
+from ..crews import kept
 from ..engine.ledger import Row
 from ..engine.work import WorkItem, work_item
 from ..jobs.pictures import FilmJob
 from ..jobs.render import RenderJob
-from ..kept_robots import kept
 
 STAGE = "render"
 VIDEO_STAGE = "video"

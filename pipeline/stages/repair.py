@@ -1,4 +1,4 @@
-"""Stage `repair`: a scan in, a simulation-ready scene out."""
+"""Stages `scan`, `repair` and `soundness`: from a seed or a scan to a simulation-ready scene."""
 
 from __future__ import annotations
 
@@ -18,8 +18,11 @@ from ..engine.ledger import Row
 from ..engine.work import WorkItem, work_item
 from ..folders import scenes_in
 from ..jobs.repair import RepairJob, SoundnessJob
+from ..jobs.scan import ScanJob
 
+SCAN_STAGE = "scan"
 STAGE = "repair"
+CHECK_STAGE = "soundness"
 # Formats that keep textures or geometry in further files beside them.
 MULTI_FILE = {".gltf", ".obj", ".ply", ".glb", ".usd", ".usda", ".usdc"}
 PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
@@ -27,7 +30,9 @@ MAX_BESIDE = 100_000
 SIDE_FILES = {".mtl", ".mdl", ".bin", *PICTURES, *USD_SUFFIXES}
 
 
-CHECK_STAGE = "soundness"
+def scan_item(seed: int, folder: Path) -> WorkItem:
+    """Generate the built-in apartment of `seed` and scan it virtually into `folder`."""
+    return work_item(SCAN_STAGE, folder.name, ScanJob(seed, folder), (folder,), seed)
 
 
 def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> list[WorkItem]:

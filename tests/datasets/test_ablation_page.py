@@ -16,8 +16,7 @@ import pytest
 from vlnpe.datasets.ablation.config import train_config
 from vlnpe.datasets.ablation.evaluate import EpisodeScore
 from vlnpe.datasets.ablation.holdout import Holdout
-from vlnpe.datasets.ablation.page import report_html
-from vlnpe.datasets.ablation.plot import plot_png
+from vlnpe.datasets.ablation.page import plot_png, report_html
 from vlnpe.datasets.ablation.report import differences, estimates, report_markdown
 from vlnpe.datasets.ablation.run import Ablation, Row
 from vlnpe.datasets.mixture.recipe import recipe_of

@@ -39,7 +39,7 @@ from vlnpe.formats.mcap.episode import extract_episode, write_episode_mcap
 from vlnpe.formats.mcap.recording import open_recording, read_recording
 from vlnpe.formats.mcap.robot_links import robot_topics
 from vlnpe.formats.mcap.rollout import read_rollout, write_rollout
-from vlnpe.formats.mcap.scene_map import map_topic
+from vlnpe.formats.mcap.shown import map_topic
 from vlnpe.formats.video.depth_codes import MAX_CODE
 from vlnpe.formats.video.id_video import IdVideoWriter, read_id_video
 from vlnpe.formats.video.mp4 import iterate_bitstream, read_depth_video

@@ -28,7 +28,7 @@ from vlnpe.datasets.episode_index import read_index
 from vlnpe.datasets.episode_reader import EpisodeReader
 from vlnpe.formats.core.errors import FileFormatError, UnknownNameError
 from vlnpe.formats.lerobot import FileLimits, assemble_dataset, read_episode_unit
-from vlnpe.formats.video.depth_tiff import decode_depth_tiff, encode_depth_tiff
+from vlnpe.formats.video.depth_codes import decode_depth_tiff, encode_depth_tiff
 
 pytestmark = pytest.mark.usefixtures("offline")
 SECONDS = (3.0, 0.0, 1.5)

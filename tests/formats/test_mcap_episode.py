@@ -23,7 +23,7 @@ from vlnpe.formats.core.rollout import Rollout
 from vlnpe.formats.mcap.episode import write_episode_mcap
 from vlnpe.formats.mcap.robot_links import LinkShape, RobotLinks, robot_topics
 from vlnpe.formats.mcap.rollout import read_rollout
-from vlnpe.formats.mcap.scene_map import BLOCKED, FREE, map_topic
+from vlnpe.formats.mcap.shown import BLOCKED, FREE, map_topic
 from vlnpe.formats.rendered.table import build_frame_table
 from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.formats.scene.grid import GridSpec
