@@ -101,6 +101,12 @@ def table_schema(columns: dict[str, tuple[str, int]]) -> pa.Schema:
     return pa.schema(fields, {"huggingface": json.dumps({"info": {"features": hub}})})
 
 
+def place(template: str, number: int, **names: str) -> str:
+    """Return the path of an episode's file, one of the templates above filled in."""
+    chunk = number // EPISODES_PER_CHUNK
+    return template.format(episode_chunk=chunk, episode_index=number, **names)
+
+
 def read_json(path: Path) -> dict[str, Any]:
     """One object.
 
