@@ -218,12 +218,12 @@ def _reason(error: Exception) -> str:
         return "the hub wants a token (401): set HF_TOKEN, or run `hf auth login`"
     if status == 403:
         return "the token may not write there (403): take one with the right to write"
-    told = " ".join(str(error).split())
+    reason = " ".join(str(error).split())
     cause = error.__cause__
-    if cause is not None and str(cause) not in told:
-        told += f" ({type(cause).__name__}: {' '.join(str(cause).split())})"
+    if cause is not None and str(cause) not in reason:
+        reason += f" ({type(cause).__name__}: {' '.join(str(cause).split())})"
     return (
-        f"{type(error).__name__}: {told}. The release is not complete; the same command goes on "
+        f"{type(error).__name__}: {reason}. The release is not complete; the same command goes on "
         "where it stopped"
     )
 

@@ -72,7 +72,7 @@ class RobotSheet:
 
 
 def sheet_of(robot: RobotSpec) -> RobotSheet:
-    """Gather all there is to tell of `robot`; a policy that cannot be read is a problem, told."""
+    """Collect the facts of `robot`; a policy that cannot be read is listed as a problem."""
     sitter, camera, limits = Sitter.of(robot), robot.camera, robot.command_limits
     mover = "wheels" if robot.drive is not None else "policy" if robot.joints else "none"
     card, problem = _card(robot) if mover == "policy" else (None, "")

@@ -54,7 +54,8 @@ class Summary:
     Attributes:
         action: part of the steps whose action was predicted.
         waypoint_m: mean distance of the waypoints of the next 8 steps.
-        stop: mean of the parts of near and of other steps that were told to be so; 0.5 is chance.
+        stop: mean of the parts of near and of other steps that were classified correctly; 0.5 is
+            chance.
     """
 
     action: float

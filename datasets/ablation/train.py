@@ -51,7 +51,7 @@ def train_agent(
         config: how.
         seed: of weights, dropout and the order of the draws.
         checkpoint: file to go on from, and to write to.
-        progress: told the number of steps done after each.
+        progress: called with the number of steps done, after each step.
     """
     device = chosen_device(config)
     sampler = MixtureSampler(

@@ -235,8 +235,8 @@ def _filter(
         if wanted:
             labels = whole.labels(label)
             name = label.removesuffix("_id").removesuffix("_name")
-            told = np.array([f"{name} {value}" for value in labels], object)
-            keep(np.isin(labels.astype(str), wanted), told)
+            reasons = np.array([f"{name} {value}" for value in labels], object)
+            keep(np.isin(labels.astype(str), wanted), reasons)
     new = np.ones(len(whole), bool)
     facts = list(zip(*(whole.labels(name) for name in _IDENTITY), strict=True))
     for number in np.flatnonzero(mask):
@@ -247,8 +247,8 @@ def _filter(
     out = np.array([t in held_out for t in trajectories], bool)
     keep(~out, np.full(len(whole), HELD_OUT, object))
     if source.fraction < 1.0:
-        lucky = np.array([_uniform(t) < source.fraction for t in trajectories], bool)
-        keep(lucky, np.full(len(whole), FRACTION, object))
+        drawn = np.array([_uniform(t) < source.fraction for t in trajectories], bool)
+        keep(drawn, np.full(len(whole), FRACTION, object))
     return mask, reasons
 
 
@@ -274,8 +274,8 @@ def _size(selection: Selection, unit: str) -> int:
 def _nothing_left(
     name: str, indices: Sequence[DatasetIndex], dropped: Mapping[str, int], root: Path
 ) -> str:
-    told = "; ".join(f"{count} × {reason}" for reason, count in sorted(dropped.items()))
+    reasons = "; ".join(f"{count} × {reason}" for reason, count in sorted(dropped.items()))
     return (
-        f"source {name!r}: no episode is left of {len(indices)} datasets in {root} ({told}); "
+        f"source {name!r}: no episode is left of {len(indices)} datasets in {root} ({reasons}); "
         "collect what is missing, or change the recipe"
     )

@@ -103,8 +103,8 @@ class MixtureSampler:
             here = np.flatnonzero(chosen == source)
             positions = before[source] + np.arange(len(here))
             items[here] = _shuffled(positions, size, self._keys[source])
-        mine = slice(self.rank, None, self.world)
-        return list(zip(chosen[mine].tolist(), items[mine].tolist(), strict=True))
+        own = slice(self.rank, None, self.world)
+        return list(zip(chosen[own].tolist(), items[own].tolist(), strict=True))
 
     def state_dict(self) -> dict[str, Any]:
         """Where it is, with what the sequence depends on."""

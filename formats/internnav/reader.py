@@ -52,7 +52,7 @@ class LayoutEpisode:
         tasks: instructions without repetitions.
         finish_status, fail_reason: as written; "" where unknown.
         info: meta/info.json.
-        timestamp_step_s: seconds between rows by their timestamps; None where not told.
+        timestamp_step_s: seconds between rows by their timestamps; None if unknown.
         unit: index of the unit that our own writer had, or None.
     """
 
@@ -200,9 +200,9 @@ def _read_columns(path: Path) -> dict[str, NDArray[Any]]:
             worst = float(norm[np.argmax(np.abs(norm - 1.0))])
             raise FileFormatError(path, f"column {name}: a quaternion of length {worst:.3g}")
     actions = columns["observation.action"]
-    strange = (actions < 0) | (actions > 3)
-    if np.any(strange):
-        raise FileFormatError(path, f"action {actions[strange][0]}; valid: 0 to 3")
+    invalid = (actions < 0) | (actions > 3)
+    if np.any(invalid):
+        raise FileFormatError(path, f"action {actions[invalid][0]}; valid: 0 to 3")
     return columns
 
 

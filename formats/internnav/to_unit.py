@@ -36,7 +36,7 @@ class LayoutFacts:
         ours: vlnpe wrote it, so that nothing had to be assumed.
         finish_status, fail_reason: as written.
         fps: of info.json.
-        timestamp_step_s: seconds between rows by their timestamps; None where not told.
+        timestamp_step_s: seconds between rows by their timestamps; None if unknown.
     """
 
     ours: bool

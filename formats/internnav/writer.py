@@ -34,7 +34,7 @@ class SceneEpisode:
 
     Attributes:
         folder: the unit's.
-        tasks: at least one; the first is what the robot was told.
+        tasks: at least one; the first is the one that the robot followed.
     """
 
     folder: Path
@@ -42,18 +42,18 @@ class SceneEpisode:
 
 
 def share_instructions(units: Sequence[EpisodeUnit]) -> list[tuple[str, ...]]:
-    """Instructions of each unit: its own, and those of its path that no other unit was told.
+    """Instructions of each unit: its own, and those of its path that no other unit has.
 
     So every paraphrase is trained once, and none can be taken for another episode's.
     """
-    told = {(unit.columns["scene_id"], unit.columns["trajectory_id"], unit.task) for unit in units}
+    taken = {(unit.columns["scene_id"], unit.columns["trajectory_id"], unit.task) for unit in units}
     result = []
     for unit in units:
         path = (unit.columns["scene_id"], unit.columns["trajectory_id"])
         tasks = [unit.task]
         for text in unit.columns["instructions"]:
-            if (*path, text) not in told:
-                told.add((*path, text))
+            if (*path, text) not in taken:
+                taken.add((*path, text))
                 tasks.append(text)
         result.append(tuple(tasks))
     return result
@@ -193,7 +193,7 @@ def _info(unit: EpisodeUnit, episodes: int, frames: int, tasks: int) -> dict[str
         "data_path": layout.DATA_PATH,
         "video_path": layout.VIDEO_PATH,
         "features": features,
-        # Ours: without it nobody can unproject the depth.
+        # An addition of vlnpe, without which the depth cannot be unprojected.
         "camera": camera_of(unit.columns).to_json(),
     }
 

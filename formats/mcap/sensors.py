@@ -1,4 +1,4 @@
-"""What the robot feels and is told, as JSON messages: commands, actions, IMU and feet."""
+"""What the robot feels and is commanded, as JSON messages: commands, actions, IMU and feet."""
 
 from __future__ import annotations
 
@@ -65,12 +65,12 @@ def action_messages(
     """
     last = len(rollout.time_s) - 1
     spans = [(rollout.time_s[min(s.start_sample, last)], s.action, False) for s in rollout.actions]
-    told = spans or [(time_s, Action(label), True) for time_s, label in (labels or {}).items()]
-    if not told:
+    labelled = spans or [(time_s, Action(label), True) for time_s, label in (labels or {}).items()]
+    if not labelled:
         return
     fields = {"id": "integer", "name": "string", "derived": "boolean"}
     channel = _json_channel(recording, ACTION_TOPIC, "vlnpe.Action", fields)
-    for time_s, action, derived in told:
+    for time_s, action, derived in labelled:
         at = nanoseconds(time_s)
         message = {"id": int(action), "name": action.name, "derived": derived}
         yield at, lambda message=message, at=at: channel.log(message, log_time=at)

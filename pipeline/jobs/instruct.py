@@ -71,16 +71,16 @@ def read_sights(paths: Sequence[Path]) -> Visibility | None:
     return Visibility(parts[0].camera, sights, sum(part.seconds for part in parts))
 
 
-def summary(told: InstructResult) -> dict[str, Any]:
+def summary(result: InstructResult) -> dict[str, Any]:
     """What the ledger and `--json` say of a file's instructions."""
-    texts = [t for e in told.episodes for t in e.extra.get("instructions", [])]
+    texts = [t for e in result.episodes for t in e.extra.get("instructions", [])]
     return {
-        "episodes": len(told.episodes),
+        "episodes": len(result.episodes),
         "texts": len(texts),
-        "skeletons": len(told.skeletons),
-        "quarantined": dict(told.failed),
-        "unnamed_labels": told.unnamed,
-        "language_model": told.usage(),
+        "skeletons": len(result.skeletons),
+        "quarantined": dict(result.failed),
+        "unnamed_labels": result.unnamed,
+        "language_model": result.usage(),
     }
 
 

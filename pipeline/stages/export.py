@@ -137,13 +137,13 @@ def mcap_items(
     for name, row in frames.items():
         out = dataset.mcap / f"{name.rsplit('/', 1)[1]}.mcap"
         scene, rollout = scenes / str(row.facts["scene"]), root / str(row.facts["rollout"])
-        told = (dataset.name, held_out, depth_storage)
+        labels = (dataset.name, held_out, depth_storage)
         robot = kept(name.split("/")[0], root)
         review = root / REVIEW_NAME
         job = McapJob(
-            rollout, root / row.outputs[0], scene, robot, *told, review, code_digest(*CODE), out
+            rollout, root / row.outputs[0], scene, robot, *labels, review, code_digest(*CODE), out
         )
-        result.append(work_item(MCAP_STAGE, name, job, (out,), row.key, told, reviewed))
+        result.append(work_item(MCAP_STAGE, name, job, (out,), row.key, labels, reviewed))
     return result
 
 
