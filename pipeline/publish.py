@@ -223,8 +223,8 @@ def _reason(error: Exception) -> str:
     if cause is not None and str(cause) not in reason:
         reason += f" ({type(cause).__name__}: {' '.join(str(cause).split())})"
     return (
-        f"{type(error).__name__}: {reason}. The release is not complete; the same command goes on "
-        "where it stopped"
+        f"{type(error).__name__}: {reason}. The release is not complete; run the same command "
+        "again to continue where it stopped"
     )
 
 

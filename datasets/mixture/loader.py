@@ -60,7 +60,7 @@ class MixtureLoader:
             raise InputError(f"loaders of {sizes} items, a sampler for {sampler.sizes}")
         if batch_size < 1 or workers < 0:
             raise InputError(
-                f"batch size {batch_size}, workers {workers}; valid: from 1, from 0 on"
+                f"batch size {batch_size}, workers {workers}; valid: 1 or more, 0 or more"
             )
         self._data = JoinedSources(sources)
         self._sampler, self._batch_size = sampler, batch_size

@@ -210,7 +210,7 @@ def _record[T](kind: type[T], what: str, value: Any) -> T:
             given[key] = _number(where, entry)
         elif isinstance(default, int):
             if not isinstance(entry, int) or isinstance(entry, bool) or entry < 0:
-                raise InputError(f"{where}: {entry!r}; valid: a whole number from 0 on")
+                raise InputError(f"{where}: {entry!r}; valid: a whole number of at least 0")
         elif (isinstance(default, str) or key == "title") and not isinstance(entry, str):
             raise InputError(f"{where}: {entry!r}; valid: text")
     missing = [n for n, f in known.items() if f.default is MISSING and n not in given]

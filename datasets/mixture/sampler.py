@@ -69,7 +69,7 @@ class MixtureSampler:
         self.seed, self.rank, self.world, self.content = seed, rank, world, content
         self.length = max(sum(self.sizes) // world, 1) if length is None else length
         if self.length < 1:
-            raise InputError(f"length {self.length}; valid: from 1 on")
+            raise InputError(f"length {self.length}; valid: 1 or more")
         self._counted = (0, np.zeros(len(sizes), np.int64))
         self.drawn = 0  # by this process, through all epochs
         rng = np.random.default_rng([seed, len(sizes)])

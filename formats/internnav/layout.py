@@ -118,7 +118,7 @@ def read_json(path: Path) -> dict[str, Any]:
     except (OSError, ValueError, RecursionError) as error:
         raise FileFormatError(path, f"not readable ({error})") from error
     if not isinstance(value, dict):
-        raise FileFormatError(path, "no JSON object")
+        raise FileFormatError(path, "not a JSON object")
     return value
 
 
@@ -126,12 +126,12 @@ def read_lines(path: Path) -> list[dict[str, Any]]:
     """One object per line.
 
     Raises:
-        FileFormatError: missing, or a line that is no JSON object.
+        FileFormatError: missing, or a line is not a JSON object.
     """
     try:
         values = [json.loads(line) for line in path.read_text().splitlines() if line.strip()]
     except (OSError, ValueError, RecursionError) as error:
         raise FileFormatError(path, f"not readable ({error})") from error
     if not all(isinstance(value, dict) for value in values):
-        raise FileFormatError(path, "a line that is no JSON object")
+        raise FileFormatError(path, "a line is not a JSON object")
     return values

@@ -250,7 +250,7 @@ def _check_frames(path: Path, view: FrameFolder, rollout: Rollout) -> None:
     samples = view.arrays["sample_index"]
     expected = rollout.frame_samples(view.frames_per_second)
     if not np.array_equal(samples, expected[: len(samples)]) or len(samples) == 0:
-        raise FileFormatError(path, f"{len(samples)} frames that are not of this rollout")
+        raise FileFormatError(path, f"{len(samples)} frames that do not belong to this rollout")
     others = [view.rgb_video.parent / file for file in id_videos(view.facts).values()]
     for video in (view.rgb_video, view.depth_video, *others):
         if (count := probe_video(video).frames) != len(samples):

@@ -77,5 +77,5 @@ def _messages(
 def _decode(data: bytes, path: Path, name: str) -> NDArray[np.uint16]:
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
     if image is None or image.dtype != np.uint16 or image.ndim != 2:
-        raise FileFormatError(path, f"topic {ID_TOPIC.format(name=name)}: no 16-bit PNG")
+        raise FileFormatError(path, f"topic {ID_TOPIC.format(name=name)}: not a 16-bit PNG")
     return np.asarray(image, np.uint16)

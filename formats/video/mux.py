@@ -98,7 +98,9 @@ def _copy_frames(path: Path, out: Path, first: int, count: int) -> None:
             if packet.pts != (first + done) * ticks or packet.dts != packet.pts:
                 raise FileFormatError(path, f"frame {first + done} is not at its regular time")
             if done == 0 and not packet.is_keyframe:
-                raise FileFormatError(path, f"frame {first} begins an episode and is no key frame")
+                raise FileFormatError(
+                    path, f"frame {first}, an episode's first, is not a key frame"
+                )
             packet.pts = packet.dts = done * ticks
             packet.duration, packet.stream = ticks, output
             container.mux(packet)

@@ -43,7 +43,7 @@ def detect(path: Path) -> Source:
     if path.is_file() and path.suffix == ".mcap":
         return Source(path, Kind.MCAP, name)
     if not path.is_dir():
-        raise FileFormatError(path, "no such folder, and no .mcap file")
+        raise FileFormatError(path, "not a folder and not an .mcap file")
     if (path / "meta" / "episodes").is_dir():
         return Source(path, Kind.LEROBOT, name)
     if any(path.glob("*.mcap")):
