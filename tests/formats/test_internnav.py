@@ -299,7 +299,7 @@ def test_the_robot_is_told_by_somebody(layout: Path, tmp_path: Path, scan: str) 
     if scan == "mine":
         with pytest.raises(InputError, match="does not name its robot"):
             unit_from_layout(scene, 0, tmp_path / "u", Assumptions())
-        with pytest.raises(InputError, match="the height of .* is unknown"):
+        with pytest.raises(InputError, match="base is unknown"):
             unit_from_layout(scene, 0, tmp_path / "u", Assumptions(robot="jetbot"))
         unit_from_layout(scene, 0, tmp_path / "u", Assumptions("jetbot", base_height_m=0.15))
     else:
