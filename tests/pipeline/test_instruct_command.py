@@ -25,7 +25,7 @@ EAST = np.array([[1.0, 1.0, 0.0], [3.0, 1.0, 0.0], [6.5, 1.2, 0.0]])
 
 
 def episode(name: str, scene: str = "two_rooms", shift_m: float = 0.0) -> Episode:
-    path = EAST + (0.0, shift_m, 0.0)
+    path = EAST + np.array([0.0, shift_m, 0.0])
     return Episode(
         episode_id=name,
         trajectory_id=name,
@@ -91,14 +91,14 @@ def test_a_scene_that_cannot_be_looked_at_loses_its_own_episodes_alone(
     scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     shutil.copytree(scenes / "two_rooms", scenes / "broken")
-    (scenes / "broken" / "visual.npz").write_bytes(b"no mesh")
+    (scenes / "broken" / "scene.json").write_text("{}")
     write_episodes(tmp_path / "asked.json.gz", [episode("a"), episode("lost", "broken")])
     out = tmp_path / "out.json.gz"
     given = (tmp_path / "asked.json.gz", "--scenes", scenes, "--out", out, "--robot", "jetbot")
     code, value = instruct(capsys, *given)
     assert code == 1
     assert list(value["quarantined"]) == ["lost"]
-    assert "visual.npz" in value["quarantined"]["lost"]
+    assert "scene.json" in value["quarantined"]["lost"]
     assert [e.episode_id for e in read_episodes(out)] == ["a"]
     assert instruct(capsys, *given, "--max-failed", 1)[0] == 0
 
