@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from hashlib import sha256
 from pathlib import Path
@@ -20,6 +20,7 @@ import mujoco
 import numpy as np
 
 from ..formats.core.episode import Episode
+from ..formats.core.errors import InputError
 from ..formats.core.frames import quat_to_yaw
 from ..formats.core.rollout import (
     DISCRETE_RATE_HZ,
@@ -33,7 +34,9 @@ from ..formats.core.rollout import (
 )
 from ..formats.scene.bundle import SceneBundle
 from .controllers import (
+    CONTROLLERS,
     STOPPED,
+    Chooser,
     Coasting,
     Controller,
     Expert,
@@ -83,18 +86,31 @@ def replay_episode(
     return replay_in(world, episode, config)
 
 
-def replay_in(world: World, episode: Episode, config: ReplayConfig) -> Rollout:
+def replay_in(
+    world: World,
+    episode: Episode,
+    config: ReplayConfig,
+    choose: Callable[[Task], Chooser] | None = None,
+) -> Rollout:
     """Replay an episode in an opened world. The same world, episode and config give the same bits.
 
     Whatever happens to the robot is an outcome, not an error: exploding physics gives a rollout
     that ends as `diverged`, its last state among the facts.
 
+    Args:
+        world: the level with the robot in it.
+        episode: what to do.
+        config: how.
+        choose: Return who chooses the discrete actions of a task; the expert when None. It may
+            look at `world`: while it is asked, physics stands still.
+
     Raises:
         UnknownNameError: no such controller.
-        InputError: the controller cannot move the world's robot.
+        InputError: the controller cannot move the world's robot, or takes no discrete actions
+            although `choose` is given.
     """
     with _warnings_logged():
-        return _Run(world, episode, config).rollout()
+        return _Run(world, episode, config, choose).rollout()
 
 
 @contextlib.contextmanager
@@ -111,9 +127,20 @@ def _warnings_logged() -> Iterator[None]:
 class _Run:
     """One episode in progress."""
 
-    def __init__(self, world: World, episode: Episode, config: ReplayConfig) -> None:
-        self.world, self.episode, self.config = world, episode, config
+    def __init__(
+        self,
+        world: World,
+        episode: Episode,
+        config: ReplayConfig,
+        choose: Callable[[Task], Chooser] | None,
+    ) -> None:
+        self.world, self.episode, self.config, self.choose = world, episode, config, choose
         self.entry = controller_for(world.robot, config.controller)
+        if choose is not None and not self.entry.discrete:
+            valid = ", ".join(name for name, entry in CONTROLLERS.items() if entry.discrete)
+            raise InputError(
+                f"controller {config.controller!r} takes no discrete actions; valid: {valid}"
+            )
         self.controller_config = getattr(config, config.controller)
         self.recorder = Recorder(world)
         self.watch = OutcomeWatch(world, config.outcome)
@@ -136,6 +163,8 @@ class _Run:
             coasting=self.world.coasting if self.entry.coasts else Coasting(),
         )
         self.facts["coasting"] = asdict(task.coasting)
+        if self.choose is not None:
+            self.task = task = replace(task, chooser=self.choose(task))
         self.world.gait.reset()
         self.world.spawn(Pose(x, y, self.episode.start_yaw_rad), self._joint_noise())
         stuck_in = self.world.in_collision()
@@ -181,7 +210,8 @@ class _Run:
         world, config = self.world, self.config
         model, data = world.model, world.data
         control_every = STATE_RATE_HZ // controller.rate_hz
-        limit = round(config.outcome.timeout_factor * controller.nominal_s * STATE_RATE_HZ)
+        limit = config.outcome.timeout_factor * controller.nominal_s * STATE_RATE_HZ
+        limit = round(limit) if math.isfinite(limit) else limit
         self.facts["nominal_s"] = round(controller.nominal_s, 3)
         command = STOPPED
         end: EndReason | None = None

@@ -98,9 +98,7 @@ def _copy_frames(path: Path, out: Path, first: int, count: int) -> None:
             if packet.pts != (first + done) * ticks or packet.dts != packet.pts:
                 raise FileFormatError(path, f"frame {first + done} is not at its regular time")
             if done == 0 and not packet.is_keyframe:
-                raise FileFormatError(
-                    path, f"first frame of an episode, {first}, is no key frame"
-                )
+                raise FileFormatError(path, f"first frame of an episode, {first}, is no key frame")
             packet.pts = packet.dts = done * ticks
             packet.duration, packet.stream = ticks, output
             container.mux(packet)

@@ -17,6 +17,7 @@ from vlnpe.pipeline.commands.collect import BUILTIN
 from vlnpe.pipeline.crews import AUTO
 from vlnpe.pipeline.options.collect import Collect
 from vlnpe.pipeline.options.convert import Convert
+from vlnpe.pipeline.options.evaluate import Evaluate
 from vlnpe.pipeline.options.instructions import Instruct
 from vlnpe.pipeline.options.rollouts import Replay
 
@@ -79,8 +80,10 @@ def test_a_command_imports_no_other_command() -> None:
 def test_defaults_are_those_of_the_configurations() -> None:
     """Options repeat them, because the modules of the configurations import too much for help."""
     collect, instruct, convert = Collect(), Instruct(Path(), Path()), Convert(Path(), "mcap")
-    for options in (collect, Replay(Path(), Path())):
+    replay, evaluate = Replay(Path(), Path()), Evaluate(Path())
+    for options in (collect, replay):
         assert options.controller == AUTO
+    for options in (collect, replay, evaluate):
         assert options.action_steps == SpeedConfig.steps_per_action
     for options in (collect, instruct):
         assert (options.writer, options.style) == (InstructConfig.writer, MIXED)
