@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.support.episodes import episode_along
 from tests.support.work import InlineWorkers
-from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.instruction_gen.instruct import instruct_episodes
@@ -21,23 +21,7 @@ from vlnpe.instruction_gen.records import InstructConfig
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.engine import context
 
-EAST = np.array([[1.0, 1.0, 0.0], [3.0, 1.0, 0.0], [6.5, 1.2, 0.0]])
-
-
-def episode(name: str, scene: str = "two_rooms", shift_m: float = 0.0) -> Episode:
-    path = EAST + np.array([0.0, shift_m, 0.0])
-    return Episode(
-        episode_id=name,
-        trajectory_id=name,
-        scene_id=scene,
-        split="train",
-        level=0,
-        start_position_world_m=path[0],
-        start_yaw_rad=0.0,
-        goal_position_world_m=path[-1],
-        reference_path_world_m=path,
-        geodesic_distance_m=5.5,
-    )
+EAST = np.array([[1.0, 1.0], [3.0, 1.0], [6.5, 1.2]])
 
 
 class CountedWorkers(InlineWorkers):
@@ -68,7 +52,7 @@ def instruct(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[in
 def test_texts_are_those_of_a_direct_call_and_are_not_written_again(
     scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    asked = [episode("a"), replace(episode("b", shift_m=0.1), instruction="Walk on.")]
+    asked = [episode_along(EAST, "a"), replace(episode_along(EAST, "b"), instruction="Walk on.")]
     write_episodes(tmp_path / "asked.json.gz", asked)
     out, facts = tmp_path / "out.json.gz", tmp_path / "facts.json.gz"
     given = (tmp_path / "asked.json.gz", "--scenes", scenes, "--out", out, "--robot", "none")
@@ -92,7 +76,10 @@ def test_a_scene_that_cannot_be_looked_at_loses_its_own_episodes_alone(
 ) -> None:
     shutil.copytree(scenes / "two_rooms", scenes / "broken")
     (scenes / "broken" / "scene.json").write_text("{}")
-    write_episodes(tmp_path / "asked.json.gz", [episode("a"), episode("lost", "broken")])
+    write_episodes(
+        tmp_path / "asked.json.gz",
+        [episode_along(EAST, "a"), episode_along(EAST, "lost", scene="broken")],
+    )
     out = tmp_path / "out.json.gz"
     given = (tmp_path / "asked.json.gz", "--scenes", scenes, "--out", out, "--robot", "jetbot")
     code, value = instruct(capsys, *given)
@@ -106,7 +93,7 @@ def test_a_scene_that_cannot_be_looked_at_loses_its_own_episodes_alone(
 def test_missing_scenes_are_named(
     scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    write_episodes(tmp_path / "asked.json.gz", [episode("a", "elsewhere")])
+    write_episodes(tmp_path / "asked.json.gz", [episode_along(EAST, "a", scene="elsewhere")])
     out = tmp_path / "out.json.gz"
     given = ("instruct", tmp_path / "asked.json.gz", "--scenes", scenes, "--out", out)
     assert main([*map(str, given)]) == 2
