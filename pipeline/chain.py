@@ -25,7 +25,7 @@ from .stages import align, episodes, export, instruct, render, repair, replay, v
 
 @dataclass(frozen=True)
 class Product:
-    """What is made of rollouts.
+    """What is rendered and exported from rollouts.
 
     Attributes:
         frames_per_second: rendered.
@@ -58,7 +58,7 @@ class Chain:
         instructing: InstructConfig,
         eye: str,
     ):
-        """Get ready.
+        """Set up the chain.
 
         Args:
             folder: of the run.
@@ -105,7 +105,7 @@ class Chain:
         return self._instructed(sampled, parts, config.split)
 
     def aligned(self, source: Path, scenes: Mapping[str, Row]) -> list[Episode]:
-        """Filter and align a VLN-CE file's episodes; instruct those that have no words."""
+        """Filter and align a VLN-CE file's episodes; instruct those without an instruction."""
         split = source.name.split(".")[0]
         kept = self.folder.episodes(f"filtered/{split}")
         self._unselect("sample")
@@ -121,7 +121,7 @@ class Chain:
     def keep(
         self, asked: Sequence[Episode], scenes: Mapping[str, Row], pairs: Sequence[tuple[str, str]]
     ) -> None:
-        """What other robots or controllers than `pairs` did counts only on these very episodes."""
+        """Drop the rows of robots other than `pairs` unless they walked these episodes."""
         ledger = self.context.ledger
         done = {tuple(row.item.split("/")[:2]) for row in ledger.rows(replay.STAGE)}
         for robot, controller in sorted(done - set(pairs)):
@@ -210,17 +210,17 @@ class Chain:
         return episodes.merge([told[s] for s in done.good()], folder.episodes(split))
 
     def _model_usage(self) -> dict[str, Any]:
-        """Requests, tokens and cost of the language model that wrote; empty without one."""
+        """Return requests, tokens and cost of the language model; empty without one."""
         used = [r.facts.get("language_model") or {} for r in self.context.ledger.rows("instruct")]
         return max(used, key=lambda one: one.get("requests", 0), default={})
 
     def _unselect(self, *stages: str) -> None:
-        """Rows of a way to get episodes that this run does not take are not current."""
+        """Mark the rows of stages that this run does not use as not current."""
         for stage in stages:
             self.context.ledger.select(stage, "", ())
 
     def _driven(self, robot: str, controller: str) -> tuple[int, SpeedConfig]:
-        """Seed and timing with which a robot was driven when it last joined this run."""
+        """Return seed and action timing with which a robot was last driven in this run."""
         for row in self.context.ledger.rows(replay.STAGE):
             if row.item.startswith(f"{robot}/{controller}/") and "seed" in row.facts:
                 actions = row.facts["actions"]
@@ -242,7 +242,7 @@ class Chain:
         return replay.items(asked, scenes, folder.scenes, folder.rollouts, folder.models, config)
 
     def _is_current(self, item: WorkItem) -> bool:
-        """Whether an earlier run did this very item, or broke on it."""
+        """Return whether an earlier run did, or failed at, exactly this item."""
         ledger = self.context.ledger
         row = ledger.row(replay.STAGE, item.name)
         broken = row is not None and row.status == "quarantined" and row.key == item.key

@@ -11,7 +11,7 @@ from .engine.run_folder import safe_name
 
 
 def find_scans(folder: Path) -> dict[str, Path]:
-    """Every scan in `folder` and below, by scene id.
+    """Return every scan in `folder` and below, by scene id.
 
     A sub-folder that holds a file of its own name, as Matterport3D's `<id>/<id>.glb`, is one scan:
     what else lies there are its parts. Elsewhere each mesh is a scan, and each USD stage at the

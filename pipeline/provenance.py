@@ -1,4 +1,4 @@
-"""What a dataset says of where it comes from: meta/provenance.json."""
+"""How a dataset was made: the values of meta/provenance.json."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ WRITING = ("composer", "model", "prompt_sha256", "temperature")
 
 
 def episode_facts(rollout: Rollout) -> dict[str, Any]:
-    """How one episode was made, for `provenance`: JSON values."""
+    """Return how one episode was made, for `provenance`: JSON values."""
     written = rollout.episode.extra.get("instruction") or {}
     return {
         "rollout": {key: rollout.facts.get(key) for key in MAKING}
@@ -86,7 +86,7 @@ def provenance(
 def scene_provenance(
     bundle: SceneBundle, held_out: Sequence[str], encoding: Mapping[str, Any], code_sha256: str
 ) -> dict[str, Any]:
-    """What an episode's own file says of where it comes from, beside its rollout's facts.
+    """Return how an episode's own file was made, beside its rollout's facts.
 
     The same for all episodes of a scene and a view, so that files of one dataset can be joined.
 
@@ -108,7 +108,7 @@ def scene_provenance(
 
 
 def encoding_facts(meta: Mapping[str, Any], depth_storage: str) -> dict[str, Any]:
-    """How the pixels of a rendered view are kept; `meta` is its meta.json."""
+    """Return how the pixels of a rendered view are encoded; `meta` is its meta.json."""
     depth = {key: meta["depth"][key] for key in ("near_m", "far_m")}
     stored = asdict(DEPTH_CODEC) if depth_storage == "video" else {"image": "tiff, uint16 mm"}
     return {
@@ -120,11 +120,11 @@ def encoding_facts(meta: Mapping[str, Any], depth_storage: str) -> dict[str, Any
 
 
 def _distinct(values: Iterable[Any]) -> list[Any]:
-    """Different values but None, sorted by their JSON."""
+    """Return the distinct values other than None, sorted by their JSON."""
     texts = {json.dumps(value, sort_keys=True) for value in values if value is not None}
     return [json.loads(text) for text in sorted(texts)]
 
 
 def _counted(values: Iterable[Any]) -> dict[str, int]:
-    """How many episodes have each value but None."""
+    """Return how many episodes have each value other than None."""
     return dict(sorted(Counter(str(value) for value in values if value is not None).items()))

@@ -13,7 +13,7 @@ ALL = "all"
 
 
 def chosen_lights(text: str) -> list[str]:
-    """Light names from `DL5000,CL` or `all`, each once.
+    """Return the light names of `DL5000,CL` or `all`, each once.
 
     Raises:
         UnknownNameError: there is no such light; the message lists the valid names.
@@ -28,7 +28,7 @@ def chosen_lights(text: str) -> list[str]:
 def chosen_views(
     camera: str, light: str, renderer: str, robot: str | RobotSpec, wishes: CameraWishes
 ) -> list[View]:
-    """Every camera in `camera` under every light in `light`.
+    """Return every camera in `camera` under every light in `light`.
 
     Raises:
         UnknownNameError: no such camera, light, renderer or robot; the message lists valid names.

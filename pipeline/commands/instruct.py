@@ -117,7 +117,7 @@ def _show(episodes: list[Episode], job: InstructJob, count: int) -> None:
 
 
 def instruct_config(options: Collect | Instruct) -> InstructConfig:
-    """How `collect` and `instruct` are asked to write.
+    """Return the configuration of the instructions that `collect` and `instruct` were asked for.
 
     Raises:
         InputError: an unknown name or a bad number; the message lists the valid ones.

@@ -13,7 +13,7 @@ import numpy as np
 
 
 def digest(*parts: Any) -> str:
-    """SHA-256 hex of any nesting of dataclasses, mappings, sequences, paths and JSON values."""
+    """Return the SHA-256 hex of nested dataclasses, mappings, sequences, paths and JSON values."""
     text = json.dumps([_plain(p) for p in parts], sort_keys=True, allow_nan=True)
     return hashlib.sha256(text.encode()).hexdigest()
 

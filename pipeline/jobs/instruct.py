@@ -72,7 +72,7 @@ def read_sights(paths: Sequence[Path]) -> Visibility | None:
 
 
 def summary(result: InstructResult) -> dict[str, Any]:
-    """What the ledger and `--json` say of a file's instructions."""
+    """Return the facts of a file's instructions for the ledger and `--json`."""
     texts = [t for e in result.episodes for t in e.extra.get("instructions", [])]
     return {
         "episodes": len(result.episodes),

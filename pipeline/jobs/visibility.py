@@ -1,4 +1,4 @@
-"""What the robot's own camera sees along the paths, before anybody describes them.
+"""What the robot's own camera sees along the paths, for the instructions.
 
 Images are small and drawn every half metre: they name pixels, they are not looked at. The camera
 stands where the robot's does when it stands, and looks along the path.
@@ -110,7 +110,7 @@ def camera_of(robot: RobotSpec, body: RobotBody) -> SightCamera:
 
 
 def looks_along(path_m: NDArray[np.float64]) -> list[tuple[float, NDArray[np.float64], float]]:
-    """Distance [m], point (3,) [m] and heading [rad] of each look along a path (P, 3) [m]."""
+    """Return distance [m], point (3,) [m], heading [rad] of each look along a path (P, 3) [m]."""
     points = resample(path_m, 0.1)
     length = float(np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1).sum())
     at = np.linspace(0.0, length, max(2, round(length / SPACING_M) + 1))
@@ -143,7 +143,7 @@ class _Counter:
         position_m: NDArray[np.float64],
         rotation: NDArray[np.float64],
     ) -> list[Glimpse]:
-        """What one image shows, by object."""
+        """Return what one image shows, by object."""
         ids = self._by_box(frame, position_m, rotation) if self._boxed else frame.thing
         counts = np.bincount(ids[ids >= 0].ravel(), minlength=len(self._things))
         result = []
@@ -163,7 +163,7 @@ class _Counter:
         position_m: NDArray[np.float64],
         rotation: NDArray[np.float64],
     ) -> float:
-        """Fraction of the object's outline in the image that something nearer covers."""
+        """Return the fraction of the object's points in the image that something nearer covers."""
         points = self._outlines.get(thing)
         if points is None:
             return 0.0
@@ -209,7 +209,7 @@ class _Counter:
 
 
 def _outlines(mesh: VisualMesh, things: int) -> dict[int, NDArray[np.float64]]:
-    """Points (≤ 300, 3) [m] spread over each object's surface by area."""
+    """Sample points (≤ 300, 3) [m] on each object's surface, uniformly by area."""
     rng = np.random.default_rng(0)
     result = {}
     corners = mesh.vertices[mesh.faces].astype(np.float64)

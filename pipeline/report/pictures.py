@@ -1,4 +1,4 @@
-"""Which pictures a report shows."""
+"""The images of a report, and their inclusion in the page."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ STAGE = "pictures"
 
 @dataclass(frozen=True)
 class Pictures:
-    """Pictures that were made.
+    """Images and videos of a report.
 
     Attributes:
         maps: by `<scene>/<level>`; a JSON file beside each says where it lies.
@@ -33,7 +33,7 @@ JPEG_QUALITY = 86
 
 
 def data_uri(image: Path | NDArray[np.uint8], maximum_width_px: int = 1600) -> str:
-    """An image file or an (H, W, 3) uint8 array as a JPEG data URI, shrunk to fit."""
+    """Return an image file or an (H, W, 3) uint8 array as a JPEG data URI, shrunk to fit."""
     picture = Image.open(image) if isinstance(image, Path) else Image.fromarray(image)
     picture = picture.convert("RGB")
     if picture.width > maximum_width_px:

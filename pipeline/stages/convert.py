@@ -70,7 +70,7 @@ def _check_alike(rows: Mapping[str, Row]) -> None:
 
 
 def _tell_doubts(rows: Mapping[str, Row]) -> None:
-    """Warn of others' frame rates that are not believed."""
+    """Warn of frame rates that contradict the files' own timestamps."""
     doubted = [
         row
         for row in rows.values()

@@ -34,7 +34,7 @@ CODE = tuple(
 
 @dataclass(frozen=True)
 class Dataset:
-    """Where one robot × controller × view goes.
+    """Output folders of one robot × controller × view.
 
     Attributes:
         name: `<robot>-<controller>-<view>`.
@@ -52,14 +52,14 @@ class Dataset:
 
     @staticmethod
     def under(root: Path, robot: str, controller: str, view: str) -> Dataset:
-        """Paths under an output folder."""
+        """Return the folders below an output folder."""
         name = f"{robot}-{controller}-{view}"
         folders = (root / kind / name for kind in ("units", "lerobot", "mcap"))
         return Dataset(name, f"{robot}/{controller}/{view}/", *folders)
 
 
 def wanted(frames: Mapping[str, Row], only_success: bool) -> dict[str, Row]:
-    """The rows of the render stage that are to be exported, by item."""
+    """Return the rows of the render stage that are to be exported, by item."""
     if not only_success:
         return dict(frames)
     good = str(EndReason.SUCCESS)
@@ -102,7 +102,7 @@ def run(
 
 
 def check_depth_storage(name: str) -> None:
-    """Raise UnknownNameError unless depth can be kept so: `video` or `image`."""
+    """Raise UnknownNameError unless `name` is a depth storage: `video` or `image`."""
     if name not in DEPTH_STORAGES:
         raise UnknownNameError("depth storage", name, DEPTH_STORAGES)
 
@@ -110,7 +110,7 @@ def check_depth_storage(name: str) -> None:
 def unit_items(
     frames: Mapping[str, Row], root: Path, dataset: Dataset, depth_storage: str
 ) -> list[WorkItem]:
-    """One LeRobot unit per rendered episode; `frames` are rows of the render stage by item."""
+    """Return one item per LeRobot unit; `frames` are rows of the render stage by item."""
     reviewed = _review_digest(root)
     result = []
     for name, row in frames.items():
@@ -130,7 +130,7 @@ def _review_digest(root: Path) -> str:
 def mcap_items(
     frames: Mapping[str, Row], root: Path, scenes: Path, dataset: Dataset, depth_storage: str
 ) -> list[WorkItem]:
-    """One MCAP with images per rendered episode."""
+    """Return one item per MCAP file with images."""
     reviewed = _review_digest(root)
     held_out = tuple(sorted(held_out_scenes(_scene_names(scenes))))
     result = []

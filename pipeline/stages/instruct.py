@@ -1,4 +1,4 @@
-"""Stage `instruct`: every path gets its texts, from what is true of it."""
+"""Stage `instruct`: write the instructions of every path."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def item(name: str, job: InstructJob, *made_of: str) -> WorkItem:
 
 
 def record_failed(ledger: Ledger, done: StageSummary) -> None:
-    """Quarantine, path by path, what has no true instruction."""
+    """Quarantine every path that has no true instruction."""
     reasons = {
         name: reason
         for row in done.good().values()

@@ -36,7 +36,7 @@ def scan_item(seed: int, folder: Path) -> WorkItem:
 
 
 def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> list[WorkItem]:
-    """One item per scan; scene ids map to their files.
+    """Return one item per scan; `sources` are files by scene id.
 
     Raises:
         FileFormatError: a source does not exist or is no file.
@@ -58,7 +58,7 @@ def item(source: Path, out: Path, config: RepairConfig) -> WorkItem:
 
 
 def decisions(facts: Mapping[str, Any]) -> list[str]:
-    """One line for each thing that was decided, and for each doubt about it."""
+    """Return one line for each decision of a repair, and for each doubt about it."""
     heights = ", ".join(f"{round(z, 2) + 0.0:.2f}" for z in facts["floor_z_m"])
     left = ", ".join(f"{n} {cause}" for cause, n in sorted(facts["holes_left"].items()))
     lines = [
@@ -74,7 +74,7 @@ def decisions(facts: Mapping[str, Any]) -> list[str]:
 
 
 def check_items(repaired: Mapping[str, Row], scenes: Path, allow_unsound: bool) -> list[WorkItem]:
-    """One item per repaired scene, which is quarantined if that is not sound."""
+    """Return one item per repaired scene; items of unsound scenes are quarantined."""
     result = []
     for scene_id, row in repaired.items():
         job = SoundnessJob(scene_id, tuple(row.facts["problems"]), allow_unsound)
@@ -105,7 +105,7 @@ def demand(names: Iterable[str], scenes: Mapping[str, Row], folder: Path) -> Non
 
 
 def source_digest(source: Path) -> str:
-    """Digest of a scan and of the files beside it that it may refer to.
+    """Return the digest of a scan and of the files beside it that it may refer to.
 
     Raises:
         FileFormatError: missing, not a file, or among very many others.
@@ -128,7 +128,7 @@ def source_digest(source: Path) -> str:
 
 
 def _beside(source: Path) -> list[Path]:
-    """Files in and below the scan's folder that it may refer to, in order of their paths."""
+    """Return the files in and below the scan's folder that it may refer to, sorted by path."""
     found: list[Path] = []
     looked = 0
     for folder, folders, files in source.parent.walk():

@@ -25,7 +25,7 @@ PAGE = "index.html"
 
 
 def write(folder: RunFolder, context: Context, summaries: list[StageSummary]) -> Path:
-    """Bring the report up to date with the ledger; returns the page."""
+    """Write the report of the ledger's current state; return the page."""
     ledger = context.ledger
     made, summary = _pictures(folder, context, replay_rows(ledger))
     page = folder.report / PAGE
@@ -40,7 +40,7 @@ def write(folder: RunFolder, context: Context, summaries: list[StageSummary]) ->
 def _pictures(
     folder: RunFolder, context: Context, rows: Sequence[Row]
 ) -> tuple[Pictures, StageSummary]:
-    """Make what is missing of the pictures of the replay stage's `rows`."""
+    """Make the missing images and clips of the replay stage's `rows`."""
     kinds = (
         _map_items(folder, context.ledger),
         _strip_items(folder, context.ledger, rows),
@@ -73,7 +73,7 @@ def _map_items(folder: RunFolder, ledger: Ledger) -> dict[str, WorkItem]:
 
 
 def _strip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict[str, WorkItem]:
-    """One strip per robot, all of one episode where they can be: the one that most got through."""
+    """Return one strip per robot, of the episode that most robots completed where possible."""
     solved = Counter(row.facts["episode"] for row in rows if not row.failed)
     chosen: dict[str, Row] = {}
     known = list(CONTROLLERS)  # those that walk come first
@@ -95,7 +95,7 @@ def _strip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict
 
 
 def _clip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict[str, WorkItem]:
-    """One clip per failed episode."""
+    """Return one clip per failed episode."""
     result = {}
     for row in rows:
         if not row.failed:
@@ -109,7 +109,7 @@ def _clip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict[
 
 
 def _paths(folder: RunFolder, row: Row) -> tuple[Path, Path, str]:
-    """Scene, rollout and robot of a row of the replay stage."""
+    """Return scene, rollout and robot of a row of the replay stage."""
     robot = kept(str(row.facts["robot"]), folder.root)
     return folder.scenes / str(row.facts["scene"]), folder.root / row.outputs[0], robot
 
