@@ -138,7 +138,7 @@ class EpisodeReader:
 
 
 def _part(entry: EpisodeEntry, first: int, count: int | None) -> tuple[int, int]:
-    """Which frames are meant: all from `first` on, or `count` of them."""
+    """Return the range of frames: all from `first` on, or `count` of them."""
     if count is None:
         count = entry.length - first
     if first < 0 or count < 1 or first + count > entry.length:

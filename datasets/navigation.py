@@ -33,7 +33,7 @@ COMMON = (
 
 @dataclass(frozen=True)
 class NavigationConfig:
-    """What goes into an item.
+    """Contents of an item.
 
     Attributes:
         history: images of how many frames, the current one included.

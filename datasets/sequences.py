@@ -29,7 +29,7 @@ _ROWS = ("observation.state", "observation.progress")
 
 @dataclass(frozen=True)
 class SequenceConfig:
-    """What an episode becomes.
+    """Contents of a sequence.
 
     Attributes:
         size_px: side of the square images; None leaves them as they are.
@@ -89,7 +89,7 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
         tokens: Tokens,
         config: SequenceConfig = SequenceConfig(),
     ):
-        """Get ready; reads nothing yet.
+        """Set up the dataset without reading anything.
 
         Raises:
             InputError: the datasets' frame rates differ, or, with `every_frame`, they have no

@@ -75,7 +75,7 @@ class WaypointWindows(Dataset[dict[str, Any]]):
         tokens: Tokens,
         config: WindowConfig = WindowConfig(),
     ):
-        """Get ready; reads nothing yet.
+        """Set up the dataset without reading anything.
 
         Raises:
             InputError: the datasets' frame rates differ.

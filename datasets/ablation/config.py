@@ -96,7 +96,7 @@ class TrainConfig:
 
 
 def train_config(values: Mapping[str, Any]) -> TrainConfig:
-    """Settings from a recipe's `train`; `model` is a mapping in it.
+    """Return the settings of a recipe's `train`; `model` is a mapping in it.
 
     Raises:
         UnknownNameError: a key, an encoder or a device that is not valid.

@@ -1,4 +1,4 @@
-"""Which trajectories no training may see."""
+"""The trajectories that are held out of all trainings."""
 
 from __future__ import annotations
 

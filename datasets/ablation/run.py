@@ -1,4 +1,4 @@
-"""An ablation from recipe to scores; what is done already is not done again."""
+"""Run an ablation from recipe to scores; finished trainings are reused."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Ablation:
-    """Everything that the report tells.
+    """All results of an ablation.
 
     Attributes:
         recipe: what was asked.
@@ -77,7 +77,7 @@ class Ablation:
 
 @dataclass(frozen=True)
 class Job:
-    """One training, and where its parts lie."""
+    """One training and its files."""
 
     seed: int
     checkpoint: Path
@@ -217,7 +217,7 @@ def _some(source: CachedSequences, sources: int) -> CachedSequences:
 def training_job(
     plan: MixturePlan, held: Mapping[str, Selection], config: TrainConfig, seed: int, out: Path
 ) -> Job:
-    """Its files' names change with everything that its result depends on.
+    """Return a training whose file names hash everything that its result depends on.
 
     Frames are known by their statistics, episodes by their names, labels and instructions.
     """

@@ -1,4 +1,4 @@
-"""Recipes: which data a training takes, as YAML or as frozen records.
+"""Recipes: the data of trainings, as YAML or as frozen records.
 
     recipe: 1
     title: Does other robots' data help?
@@ -36,7 +36,7 @@ OWN_VIEW = "ego"
 
 @dataclass(frozen=True)
 class Source:
-    """A query for episodes. Empty tuples ask for nothing, and everything passes.
+    """A query for episodes. An empty tuple does not restrict.
 
     Attributes:
         data: dataset folders, or patterns of them, relative to the folder searched.
@@ -61,7 +61,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Mixture:
-    """What one training takes.
+    """The sources of one training and their shares.
 
     Attributes:
         weights: of each source by name.
@@ -148,7 +148,7 @@ def read_recipe(path: Path) -> Recipe:
 
 
 def recipe_of(value: Any) -> Recipe:
-    """A recipe from what its YAML says.
+    """Return a recipe from the values of its YAML.
 
     Raises:
         InputError: a key, name or value that is not valid.
@@ -249,7 +249,7 @@ FOLDER = Path(__file__).resolve().parents[1] / "recipes"
 
 
 def recipe_path(name: str) -> Path:
-    """The file of a recipe: the one that `name` leads to, else the shipped one of that name.
+    """Return the file of a recipe: the path `name`, or the built-in recipe of that name.
 
     Raises:
         InputError: neither.

@@ -107,7 +107,7 @@ class MixtureSampler:
         return list(zip(chosen[own].tolist(), items[own].tolist(), strict=True))
 
     def state_dict(self) -> dict[str, Any]:
-        """Where it is, with what the sequence depends on."""
+        """Return the position, and what the sequence depends on."""
         return {
             "version": _STATE_VERSION,
             "drawn": self.drawn,
@@ -115,7 +115,7 @@ class MixtureSampler:
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Go on where `state` was taken.
+        """Continue at the position of `state`.
 
         Raises:
             InputError: it was taken of another mixture.
@@ -140,7 +140,7 @@ class MixtureSampler:
         }
 
     def _counts_before(self, start: int) -> NDArray[np.int64]:
-        """How many of the first `start` draws went to each source; goes on from the last answer."""
+        """Return how many of the first `start` draws each source has; continues from the last call."""
         position, counts = self._counted if self._counted[0] <= start else (0, 0 * self._counted[1])
         for begin in range(position, start, _BLOCK * 64):
             chosen = self._sources(begin, min(start, begin + _BLOCK * 64))

@@ -59,7 +59,7 @@ _NAMES = {
 
 @dataclass(frozen=True)
 class Assumptions:
-    """What the layout does not tell.
+    """Facts that the layout does not store.
 
     Attributes:
         robot: whose data it is; None: as info.json or the scan's folder says.

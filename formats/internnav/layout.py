@@ -71,7 +71,7 @@ SCANS = ("r2r", "r2r_aliengo", "r2r_flash")
 
 
 def scan_name(robot: str, controller: str) -> str:
-    """The folder of a robot's data, one of `SCANS`: the loaders read no others.
+    """Return the folder of a robot's data, one of `SCANS`, the only ones that loaders read.
 
     Left to themselves they read `r2r` alone, and the others when they are asked for.
     """

@@ -61,7 +61,7 @@ class CameraFacts:
 
 @dataclass(frozen=True)
 class CardFacts:
-    """What a card tells beyond info.json.
+    """Facts of a card beyond info.json.
 
     Attributes:
         title: of the card.
@@ -189,7 +189,7 @@ def _spread(values: NDArray[np.floating]) -> tuple[float, float, float]:
 
 
 def _unsound(facts: CardFacts) -> str:
-    """Scenes that should not have been used, with what is wrong with them; mostly empty."""
+    """Return the section about unsound scenes and their faults; empty without any."""
     scenes: Mapping[str, Any] = facts.provenance.get("scenes") or {}
     lines = [
         f"- `{name}`: {problem}"

@@ -55,7 +55,7 @@ def row_arrays(rows: pa.Table) -> dict[str, np.ndarray]:
 
 
 def stores_images(features: Features) -> bool:
-    """Whether depth lies in the rows as images, not in a video."""
+    """Return whether depth is stored in the rows as images instead of in a video."""
     return features[DEPTH_KEY]["dtype"] == "image"
 
 

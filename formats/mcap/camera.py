@@ -1,4 +1,4 @@
-"""What the camera sees, in Foxglove's own schemas: pose, calibration, colour and depth."""
+"""The camera in Foxglove's own schemas: pose, calibration, colour and depth."""
 
 from __future__ import annotations
 

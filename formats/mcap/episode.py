@@ -45,7 +45,7 @@ FRAMES_ATTACHMENT = "frames.npz"
 
 @dataclass(frozen=True)
 class ExtractedEpisode:
-    """What `extract_episode` found.
+    """The result of `extract_episode`.
 
     Attributes:
         rollout: physics truth, exact.
@@ -246,7 +246,7 @@ def _pack(arrays: Mapping[str, NDArray[Any]]) -> bytes:
 
 
 def _check_frames(path: Path, view: FrameFolder, rollout: Rollout) -> None:
-    """The frames are of this rollout, and complete."""
+    """Raise FileFormatError unless the frames belong to this rollout and are complete."""
     samples = view.arrays["sample_index"]
     expected = rollout.frame_samples(view.frames_per_second)
     if not np.array_equal(samples, expected[: len(samples)]) or len(samples) == 0:

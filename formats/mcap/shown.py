@@ -1,4 +1,4 @@
-"""What an MCAP file shows around the recorded states: the scene's map, and the robot's body.
+"""Topics beside the recorded states: the scene's map, and the robot's body.
 
 Both are made from the scene and the robot, which formats do not know; so they come as encoded
 messages, and converters hand them on as they are.
