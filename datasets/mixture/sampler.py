@@ -140,7 +140,7 @@ class MixtureSampler:
         }
 
     def _counts_before(self, start: int) -> NDArray[np.int64]:
-        """Return how many of the first `start` draws each source has; continues from the last call."""
+        """Return each source's count in the first `start` draws; continues from the last call."""
         position, counts = self._counted if self._counted[0] <= start else (0, 0 * self._counted[1])
         for begin in range(position, start, _BLOCK * 64):
             chosen = self._sources(begin, min(start, begin + _BLOCK * 64))
