@@ -16,7 +16,7 @@ from ..core.errors import FileFormatError
 from ..core.rollout import Rollout
 from ..rendered.folder import FrameFolder
 from ..video.id_video import CODEC, IdVideoWriter
-from ..video.mp4 import iterate_bitstream
+from ..video.mux import iterate_bitstream
 from .camera_streams import topic_messages
 from .recording import Contents, Recording, nanoseconds, timestamp
 from .topics import CAMERA_FRAME, Write

@@ -42,7 +42,8 @@ from vlnpe.formats.mcap.rollout import read_rollout, write_rollout
 from vlnpe.formats.mcap.shown import map_topic
 from vlnpe.formats.video.depth_codes import MAX_CODE
 from vlnpe.formats.video.id_video import IdVideoWriter, read_id_video
-from vlnpe.formats.video.mp4 import iterate_bitstream, read_depth_video
+from vlnpe.formats.video.mp4 import read_depth_video
+from vlnpe.formats.video.mux import iterate_bitstream
 from vlnpe.pipeline import cli
 from vlnpe.pipeline.engine.ledger import Ledger
 
