@@ -17,8 +17,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.formats.test_mcap_episode import decode, small_links, small_map, write_frame_folder
-from tests.formats.test_mcap_rollout import assert_same
+from tests.formats.mcap.test_episode import decode, small_links, small_map, write_frame_folder
+from tests.formats.mcap.test_rollout import assert_same
 from tests.support.lerobot_data import write_unit, write_units
 from tests.support.rollouts import make_rollout
 from tests.support.work import InlineWorkers

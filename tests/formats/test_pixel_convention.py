@@ -15,7 +15,7 @@ import pytest
 import pyvista
 from numpy.typing import NDArray
 
-from tests.formats.test_mcap_episode import decode, rotation
+from tests.formats.mcap.test_episode import decode, rotation
 from tests.support.render_scenes import facing
 from tests.support.walks import glide
 from vlnpe.collectors.rendering.camera.rollout_views import render_rollout
