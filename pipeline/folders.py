@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ..formats.core.errors import InputError
 from ..formats.scene.bundle import INDEX_NAME
-from ..scene_repair.scan.kinds import SUFFIXES, USD_SUFFIXES
+from ..scene_repair.scan.files import SUFFIXES, USD_SUFFIXES
 from .engine.run_folder import safe_name
 
 

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
 from ...collectors.rendering.camera.extras import Extras
-from ...collectors.rendering.camera.views import CameraWishes
+from ...collectors.rendering.camera.views import CameraOverrides
 from ...collectors.robots import RobotSpec
 from ...formats.core.errors import InputError
 from ...formats.video.mp4 import check_rgb_codec
 from ...formats.vlnce.files import read_vlnce
 from ...scene_repair.config import RepairConfig
-from ...scene_repair.scan.kinds import SUFFIXES
+from ...scene_repair.scan.files import SUFFIXES
 from ...trajectory_sampler.config import SampleConfig
+from ..builtin import BuiltIn, parse_builtin
 from ..chain import Chain, Product
 from ..crews import action_timing, chosen_robots, crews, keep, kept
 from ..engine.context import open_context
@@ -30,8 +31,6 @@ from ..views import check_frame_rate, chosen_views
 from .instruct import instruct_config
 
 log = logging.getLogger(__name__)
-
-BUILTIN = "builtin"
 
 
 def run(options: Collect) -> int:
@@ -48,7 +47,7 @@ def run(options: Collect) -> int:
         options.frames_per_second, extras, options.only_success, options.rgb_codec, options.depth
     )
     looks = (options.camera, options.light, options.renderer)
-    views = {r.name: chosen_views(*looks, r, CameraWishes()) for r in robots}
+    views = {r.name: chosen_views(*looks, r, CameraOverrides()) for r in robots}
     check_frame_rate(options.frames_per_second)
     check_rgb_codec(options.rgb_codec)
     check_depth_storage(options.depth)
@@ -133,11 +132,11 @@ def _roomy(sampling: SampleConfig, robots: Sequence[RobotSpec], ledger: Ledger) 
     return replace(sampling, robot_radius_m=radius_m, end_clearance_m=ends_m)
 
 
-def _sources(options: Collect, episode_file: Path | None) -> dict[str, Path]:
-    """Return the scan of each scene id; empty for the built-in apartment."""
+def _sources(options: Collect, episode_file: Path | None) -> Mapping[str, Path | BuiltIn]:
+    """Return the scan, or the building to generate, of each scene id."""
     if options.scenes is None:
-        if options.scene == BUILTIN:
-            return {}
+        if built := parse_builtin(options.scene, options.seed):
+            return {building.name: building for building in built}
         source = Path(options.scene)
         repair.source_digest(source)  # fails early if the file does not exist
         return {safe_name(source.stem): source}
@@ -171,7 +170,9 @@ def _sampling(options: Collect, count: int) -> SampleConfig:
         raise InputError(str(error)) from error
 
 
-def _run_name(options: Collect, sources: dict[str, Path]) -> str:
+def _run_name(options: Collect, sources: Mapping[str, Path | BuiltIn]) -> str:
     if options.scenes is not None:
         return safe_name(options.scenes.resolve().name)
-    return next(iter(sources), f"apartment-{options.seed}")
+    first, *others = sources
+    # All of several built-in scenes are of one kind: villa-0-to-9.
+    return f"{first}-to-{others[-1].rsplit('-')[-1]}" if others else first

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ...collectors.controllers import CONTROLLERS, controller_for
-from ...collectors.rendering.camera.views import CameraWishes
+from ...collectors.rendering.camera.views import CameraOverrides
 from ...evaluation.episode import closed_loop
 from ...evaluation.policy import check_policy, policy_identity
 from ...evaluation.results import (
@@ -50,9 +50,7 @@ def run_evaluate(options: Evaluate) -> int:
         raise InputError(f"--robot {options.robot}: an evaluation has one robot")
     (robot,) = robots
     controller_for(robot, options.controller)
-    views = chosen_views(
-        options.camera, options.light, options.renderer, robot, CameraWishes(None, None, None)
-    )
+    views = chosen_views(options.camera, options.light, options.renderer, robot, CameraOverrides())
     if len(views) != 1 or views[0].kind != "ego":
         raise InputError(
             f"--camera {options.camera} --light {options.light}: a policy has one camera, the "

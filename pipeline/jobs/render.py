@@ -76,4 +76,4 @@ def scene_renderer(
 ) -> tuple[SceneBundle, Renderer]:
     """Return a repaired scene and its renderer; each worker keeps the last one, slow to load."""
     bundle = load_bundle(scene)
-    return bundle, make_renderer(bundle, name, light)
+    return bundle, make_renderer(bundle, name, light=light)

@@ -7,12 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ...formats.core.digest import file_digest
+from ...formats.core.atomic import file_digest
 from ...formats.core.errors import FileFormatError, InputError
 from ...formats.scene.bundle import INDEX_NAME
 from ...scene_repair.config import RepairConfig
-from ...scene_repair.scan.kinds import USD_SUFFIXES
-from ...scene_repair.scan.side_files import side_names
+from ...scene_repair.scan.files import USD_SUFFIXES, side_names
+from ..builtin import BuiltIn
 from ..engine.keys import digest
 from ..engine.ledger import Row
 from ..engine.work import WorkItem, work_item
@@ -30,9 +30,10 @@ MAX_BESIDE = 100_000
 SIDE_FILES = {".mtl", ".mdl", ".bin", *PICTURES, *USD_SUFFIXES}
 
 
-def scan_item(seed: int, folder: Path) -> WorkItem:
-    """Generate the built-in apartment of `seed` and scan it virtually into `folder`."""
-    return work_item(SCAN_STAGE, folder.name, ScanJob(seed, folder), (folder,), seed)
+def scan_item(building: BuiltIn, folder: Path) -> WorkItem:
+    """Generate a built-in scene and scan it virtually into `folder`."""
+    job = ScanJob(building.seed, folder, building.kind)
+    return work_item(SCAN_STAGE, building.name, job, (folder,), building.seed, building.kind)
 
 
 def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> list[WorkItem]:
