@@ -1,7 +1,7 @@
 """`make bench`: run the benchmarks and write benchmarks/README.md.
 
 The built-in scene is generated and collected afresh under runs/bench; real scans that lie beside
-the repository are collected in, too. Named sections only are measured anew by
+the repository are collected in, too. Only the named sections are measured again by
 `make bench ONLY="render write"`; the others stay as they were. Nothing else should run meanwhile.
 """
 

@@ -6,13 +6,14 @@ from ..collectors.rendering.camera.views import CameraOverrides, View, parse_vie
 from ..collectors.rendering.light.lights import LIGHTS
 from ..collectors.rendering.registry import chosen_renderer
 from ..collectors.robots import RobotSpec
-from ..formats.core.errors import UnknownNameError
+from ..formats.core.errors import InputError, UnknownNameError
+from ..formats.core.rollout import STATE_RATE_HZ
 
 ALL = "all"
 
 
 def chosen_lights(text: str) -> list[str]:
-    """Light names from `DL5000,CL` or `all`, each once.
+    """Return the light names of `DL5000,CL` or `all`, each once.
 
     Raises:
         UnknownNameError: there is no such light; the message lists the valid names.
@@ -27,7 +28,7 @@ def chosen_lights(text: str) -> list[str]:
 def chosen_views(
     camera: str, light: str, renderer: str, robot: str | RobotSpec, wishes: CameraOverrides
 ) -> list[View]:
-    """Every camera in `camera` under every light in `light`.
+    """Return every camera in `camera` under every light in `light`.
 
     Raises:
         UnknownNameError: no such camera, light, renderer or robot; the message lists valid names.
@@ -39,3 +40,9 @@ def chosen_views(
         for name in chosen_lights(light)
         for view in parse_views(camera, robot, wishes, light=name, renderer=drawn_by)
     ]
+
+
+def check_frame_rate(rate: int) -> None:
+    """Raise InputError if `rate` does not divide the state rate."""
+    if rate < 1 or STATE_RATE_HZ % rate:
+        raise InputError(f"--frames-per-second {rate}: valid: 4, 5, 10, 20, 25, 50")

@@ -59,6 +59,15 @@ def _threads_stay_ordinary(_make_threads_ordinary: Callable[[], None]) -> Iterat
     _make_threads_ordinary()
 
 
+@pytest.fixture(scope="module")
+def offline() -> Iterator[None]:
+    """Keep LeRobot from looking for a dataset on the Hub, and its encoders from using all cores."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HF_HUB_OFFLINE", "1")
+        patch.setenv("OMP_NUM_THREADS", "1")
+        yield
+
+
 @pytest.fixture(scope="session")
 def two_rooms(tmp_path_factory: pytest.TempPathFactory) -> SceneBundle:
     """A known two-room scene; see `tests.support.rooms`."""

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import tyro
-
-from ...collectors.controllers import CONTROLLERS, SpeedConfig, controller_for
+from ...collectors.controllers import CONTROLLERS, controller_for
 from ...collectors.rendering.camera.views import CameraOverrides
 from ...evaluation.episode import closed_loop
 from ...evaluation.policy import check_policy, policy_identity
@@ -26,78 +24,16 @@ from ...formats.core.atomic import write_json
 from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError, UnknownNameError
 from ...formats.vlnce.files import read_episodes
-from ..crews import action_timing, chosen_robots
+from ..crews import action_timing, chosen_robots, keep
+from ..engine.context import open_context
 from ..engine.keys import digest
-from ..engine.ledger import Row
 from ..engine.run_folder import safe_name
 from ..engine.runner import run_stage
-from ..kept_robots import keep
+from ..options.evaluate import Compare, Evaluate
 from ..stages import evaluate, repair, replay
 from ..views import chosen_views
-from .chain import scenes_in
-from .collect import opened
 
 DISCRETE = tuple(name for name, entry in CONTROLLERS.items() if entry.discrete)
-Json = Annotated[bool, tyro.conf.arg(name="json")]
-
-
-@dataclass(frozen=True)
-class Evaluate:
-    """Let a policy walk episodes in closed loop and score it: TL, NE, FR, StR, OS, SR, SPL, nDTW.
-
-    Example: vlnpe evaluate runs/apartment-0 --policy random --robot h1
-    """
-
-    episodes: tyro.conf.Positional[Path]
-    """Run folder of `collect`, or an episode file (.json.gz) together with --scenes."""
-    policy: str = "random"
-    """Policy: random (R2R's action proportions), forward, stop, oracle (the expert, which knows the
-    path), vlm (a vision-language model, see docs/evaluation.md), or the address of a policy server
-    (ws://HOST:PORT)."""
-    scenes: Path | None = None
-    """Folder of repaired scenes; defaults to the run's own."""
-    robot: str = "aliengo"
-    """Robot: a name (see `vlnpe robots`), or the folder of your own robot."""
-    controller: str = "speed"
-    """How actions are carried out: speed (physics), or flash (placed without physics)."""
-    split: str | None = None
-    """Evaluate only this split, for example val_unseen; all by default."""
-    limit: int | None = None
-    """Evaluate only the first so many episodes."""
-    camera: str = "ego"
-    """Camera of the policy, with an optional size and field of view (ego:224x224:79)."""
-    light: str = "baked"
-    """Lighting: baked, DL5000, DL300 or CL."""
-    renderer: str = "auto"
-    """Renderer: embree, gl, or auto."""
-    action_steps: int = SpeedConfig.steps_per_action
-    """Duration of a discrete action of the speed controller, in physics steps of 5 ms."""
-    closed_loop: bool = False
-    """Run each discrete action of the speed controller until its 0.25 m or 15° is reached."""
-    timeout_s: float = 30.0
-    """Longest time a policy server may take for one action [s]; physics stands still meanwhile."""
-    seed: int = 0
-    """Random seed."""
-    out: Path | None = None
-    """Output folder; defaults to <run>/evaluations/<policy>-<robot>-<controller>-<light>."""
-    workers: int = 0
-    """Number of worker processes; 0 uses one per core."""
-    max_failed: int = 0
-    """Maximum number of quarantined episodes; exit with code 1 above it."""
-    json: Json = False
-    """Print one JSON object with the results' summary as the last line."""
-
-
-@dataclass(frozen=True)
-class Compare:
-    """Compare two evaluations episode by episode: which flipped, and how metrics changed."""
-
-    first: tyro.conf.Positional[Path]
-    """Folder of `evaluate`, or its results.json."""
-    second: tyro.conf.Positional[Path]
-    """The same, of the other evaluation."""
-    json: Json = False
-    """Print one JSON object with the comparison as the last line."""
 
 
 def run_evaluate(options: Evaluate) -> int:
@@ -122,17 +58,12 @@ def run_evaluate(options: Evaluate) -> int:
         )
     (view,) = views
     episodes, scenes_folder = _asked(options)
-    scenes = {
-        name: Row(repair.STAGE, name, digest(path, (path / "scene.json").read_text()), "done")
-        for name, path in scenes_in(scenes_folder.resolve()).items()
-    }
-    missing = sorted({e.scene_id for e in episodes} - scenes.keys())
-    if missing:
-        raise InputError(f"{scenes_folder}: contains no repaired scene {', '.join(missing)}")
+    scenes = repair.rows_of(scenes_folder)
+    repair.demand({e.scene_id for e in episodes}, scenes, scenes_folder)
     identity = policy_identity(options.policy, options.timeout_s)
     out = options.out or _default_out(options, robot.name)
     actions = action_timing(options.action_steps, options.closed_loop)
-    with opened(out, options.workers) as context:
+    with open_context(out, options.workers) as context:
         root = context.ledger.root
         config = closed_loop(
             replay.config(keep(robot, root), options.controller, options.seed, actions)

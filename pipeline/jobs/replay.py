@@ -100,7 +100,7 @@ def store(rollout: Rollout, scene: str, config: ReplayConfig, out: Path) -> Item
 
 
 def actions(config: ReplayConfig) -> dict[str, Any]:
-    """How discrete actions were carried out; empty for controllers that know none."""
+    """Return how discrete actions were executed; empty for controllers without any."""
     if config.controller != "speed":
         return {}
     return {

@@ -16,7 +16,7 @@ class Plot:
 
 
 def histogram(values: Sequence[float], label: str, caption: str) -> Plot:
-    """A histogram of `values` as SVG text; an empty one says that there is no data.
+    """Return a histogram of `values` as SVG text; an empty one says that there is no data.
 
     Args:
         values: numbers to count.

@@ -9,11 +9,13 @@ from typing import Any
 
 from ...formats.core.errors import UnknownNameError
 from ...formats.core.rollout import EndReason
+from ...formats.core.source import code_digest
 from ...formats.lerobot.features import DEPTH_STORAGES
 from ...formats.lerobot.splits import held_out_scenes
 from ...formats.scene.bundle import INDEX_NAME
 from ...formats.vlnce.files import read_episodes
 from ...instruction_gen.review.decisions import DecisionFile
+from ..crews import kept
 from ..engine.keys import digest
 from ..engine.ledger import Row
 from ..engine.run_folder import safe_name
@@ -22,38 +24,45 @@ from ..engine.work import WorkItem, work_item
 from ..jobs.export import DatasetJob, UnitJob
 from ..jobs.mcap import McapJob
 from ..jobs.reviewed import REVIEW_NAME
-from ..kept_robots import kept
 
 STAGE = "export"
 MCAP_STAGE = "mcap"
 DATASET_STAGE = "dataset"
+# What makes episodes and writes their pixels.
+CODE = tuple(
+    f"pipeline.jobs.{job}"
+    for job in ("scan", "repair", "episodes", "visibility", "instruct", "replay", "render")
+)
 
 
 @dataclass(frozen=True)
 class Dataset:
-    """Where one robot × controller × view goes.
+    """Output folders of one robot × controller × view.
 
     Attributes:
         name: `<robot>-<controller>-<view>`.
+        scope: What the names of its items begin with, `<robot>/<controller>/<view>/`.
         units: folder of episode units.
         lerobot: the dataset's folder.
         mcap: folder of MCAP files.
     """
 
     name: str
+    scope: str
     units: Path
     lerobot: Path
     mcap: Path
 
     @staticmethod
     def under(root: Path, robot: str, controller: str, view: str) -> Dataset:
-        """Paths under an output folder."""
+        """Return the folders below an output folder."""
         name = f"{robot}-{controller}-{view}"
-        return Dataset(name, root / "units" / name, root / "lerobot" / name, root / "mcap" / name)
+        folders = (root / kind / name for kind in ("units", "lerobot", "mcap"))
+        return Dataset(name, f"{robot}/{controller}/{view}/", *folders)
 
 
 def wanted(frames: Mapping[str, Row], only_success: bool) -> dict[str, Row]:
-    """The rows of the render stage that are to be exported, by item."""
+    """Return the rows of the render stage that are to be exported, by item."""
     if not only_success:
         return dict(frames)
     good = str(EndReason.SUCCESS)
@@ -66,7 +75,6 @@ def run(
     root: Path,
     scenes: Path,
     dataset: Dataset,
-    scope: str,
     facts: Mapping[str, Any],
     depth_storage: str = "video",
 ) -> list[StageSummary]:
@@ -80,17 +88,16 @@ def run(
         root: folder of the render stage's ledger.
         scenes: folder of the repaired scenes.
         dataset: where it goes.
-        scope: what the items' names begin with.
         facts: configuration and seeds for the provenance.
         depth_storage: see `check_depth_storage`.
     """
     out = context.ledger.root
     items = unit_items(frames, root, dataset, depth_storage)
-    units = run_stage(context, STAGE, items, scope)
+    units = run_stage(context, STAGE, items, dataset.scope)
     items = mcap_items(frames, root, scenes, dataset, depth_storage)
-    summaries = [units, run_stage(context, MCAP_STAGE, items, scope)]
+    summaries = [units, run_stage(context, MCAP_STAGE, items, dataset.scope)]
     # The folder of MCAP files is handed on as it is.
-    context.ledger.discard(MCAP_STAGE, scope)
+    context.ledger.discard(MCAP_STAGE, dataset.scope)
     items = [dataset_item(units.good(), out, scenes, dataset, facts)] if units.good() else []
     summaries.append(run_stage(context, DATASET_STAGE, items, dataset.name))
     context.ledger.discard(DATASET_STAGE, dataset.name)
@@ -98,7 +105,7 @@ def run(
 
 
 def check_depth_storage(name: str) -> None:
-    """Raise UnknownNameError unless depth can be kept so: `video` or `image`."""
+    """Raise UnknownNameError unless `name` is a depth storage: `video` or `image`."""
     if name not in DEPTH_STORAGES:
         raise UnknownNameError("depth storage", name, DEPTH_STORAGES)
 
@@ -106,7 +113,7 @@ def check_depth_storage(name: str) -> None:
 def unit_items(
     frames: Mapping[str, Row], root: Path, dataset: Dataset, depth_storage: str
 ) -> list[WorkItem]:
-    """One LeRobot unit per rendered episode; `frames` are rows of the render stage by item."""
+    """Return one item per LeRobot unit; `frames` are rows of the render stage by item."""
     reviewed = review_digests(root)
     result = []
     for name, row in frames.items():
@@ -145,18 +152,20 @@ def review_digests(root: Path) -> Callable[[str], str]:
 def mcap_items(
     frames: Mapping[str, Row], root: Path, scenes: Path, dataset: Dataset, depth_storage: str
 ) -> list[WorkItem]:
-    """One MCAP with images per rendered episode."""
+    """Return one item per MCAP file with images."""
     reviewed = review_digests(root)
     held_out = tuple(sorted(held_out_scenes(_scene_names(scenes))))
     result = []
     for name, row in frames.items():
         out = dataset.mcap / f"{name.rsplit('/', 1)[1]}.mcap"
         scene, rollout = scenes / str(row.facts["scene"]), root / str(row.facts["rollout"])
-        told = (dataset.name, held_out, depth_storage)
+        labels = (dataset.name, held_out, depth_storage)
         robot = kept(name.split("/")[0], root)
         review = root / REVIEW_NAME
-        job = McapJob(rollout, root / row.outputs[0], scene, robot, *told, review, out)
-        result.append(work_item(MCAP_STAGE, name, job, (out,), row.key, told, reviewed(out.stem)))
+        job = McapJob(
+            rollout, root / row.outputs[0], scene, robot, *labels, review, code_digest(*CODE), out
+        )
+        result.append(work_item(MCAP_STAGE, name, job, (out,), row.key, labels, reviewed(out.stem)))
     return result
 
 
@@ -188,6 +197,7 @@ def dataset_item(
         tuple(row.facts["made"] for row in rows),
         rows[0].facts["encoding"],
         dict(facts),
+        code_digest(*CODE),
     )
     inputs = ([row.key for row in rows], all_scenes, dict(facts))
     return work_item(DATASET_STAGE, dataset.name, job, (dataset.lerobot,), *inputs)

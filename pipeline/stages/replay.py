@@ -23,7 +23,7 @@ STUCK_ACTIONS = 50
 
 
 def config(robot: str, controller: str, seed: int, actions: SpeedConfig) -> ReplayConfig:
-    """Settings of a replay; those of discrete actions matter to the controller `speed` alone."""
+    """Return the settings of a replay; `actions` matters to the controller `speed` alone."""
     plain = ReplayConfig(robot=robot, controller=controller, seed=seed)
     if controller != "speed":
         return plain
@@ -42,7 +42,7 @@ def items(
     models: Path,
     config: ReplayConfig,
 ) -> list[WorkItem]:
-    """One item per episode of one robot under one controller.
+    """Return one item per episode of one robot under one controller.
 
     Args:
         episodes: what to walk.

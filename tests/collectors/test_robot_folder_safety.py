@@ -12,7 +12,7 @@ import trimesh
 from tests.collectors.test_robot_folder import written_rover
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.errors import FileFormatError
-from vlnpe.pipeline.kept_robots import keep
+from vlnpe.pipeline.crews import keep
 
 SECRET = "the user's own"
 

@@ -308,7 +308,7 @@ def test_no_trajectory_is_on_both_sides(by: str, scenes: int) -> None:
     ("train", "told"),
     [
         ({"step": 3}, "'step'; valid: batch"),
-        ({"steps": 0}, "from 1 on"),
+        ({"steps": 0}, "1 or more"),
         ({"steps": "many"}, "valid: like"),
         ({"device": "tpu"}, "valid: auto, cpu, cuda"),
         ({"model": {"encoder": "vit"}}, "valid: compact, resnet18"),

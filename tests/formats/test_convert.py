@@ -7,7 +7,6 @@ import dataclasses
 import json
 import re
 import shutil
-from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +17,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.formats.test_mcap_episode import decode, small_links, small_map, write_frame_folder
-from tests.formats.test_mcap_rollout import assert_same
+from tests.formats.mcap.test_episode import decode, small_links, small_map, write_frame_folder
+from tests.formats.mcap.test_rollout import assert_same
 from tests.support.lerobot_data import write_unit, write_units
 from tests.support.rollouts import make_rollout
+from tests.support.work import InlineWorkers
 from vlnpe.formats.convert.dataset import DatasetFacts, open_dataset
 from vlnpe.formats.convert.episodes import (
     dataset_from_units,
@@ -39,12 +39,12 @@ from vlnpe.formats.mcap.episode import extract_episode, write_episode_mcap
 from vlnpe.formats.mcap.recording import open_recording, read_recording
 from vlnpe.formats.mcap.robot_links import robot_topics
 from vlnpe.formats.mcap.rollout import read_rollout, write_rollout
-from vlnpe.formats.mcap.scene_map import map_topic
+from vlnpe.formats.mcap.shown import map_topic
 from vlnpe.formats.video.depth_codes import MAX_CODE
 from vlnpe.formats.video.id_video import IdVideoWriter, read_id_video
-from vlnpe.formats.video.mp4 import iterate_bitstream, read_depth_video
+from vlnpe.formats.video.mp4 import read_depth_video
+from vlnpe.formats.video.mux import iterate_bitstream
 from vlnpe.pipeline import cli
-from vlnpe.pipeline.engine.executors import Workers
 from vlnpe.pipeline.engine.ledger import Ledger
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -58,21 +58,9 @@ ASSEMBLY: dict[str, Any] = {
 }
 
 
-class InlineWorkers(Workers):
-    """Runs items in this process, as they come."""
-
-    def submit(self, function: Any, *arguments: Any) -> Future[Any]:
-        future: Future[Any] = Future()
-        try:
-            future.set_result(function(*arguments))
-        except Exception as error:
-            future.set_exception(error)
-        return future
-
-
 @pytest.fixture
 def inline(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vlnpe.pipeline.commands.collect.Workers", InlineWorkers)
+    monkeypatch.setattr("vlnpe.pipeline.engine.context.Workers", InlineWorkers)
 
 
 def files(root: Path) -> dict[str, bytes]:

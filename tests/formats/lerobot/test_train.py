@@ -14,7 +14,7 @@ import pytest
 from tests.support.lerobot_data import write_units
 from vlnpe.formats.lerobot import assemble_dataset
 
-README = Path(__file__).resolve().parents[2] / "README.md"
+README = Path(__file__).resolve().parents[3] / "README.md"
 # What does not matter to whether it works, but to how long it takes.
 BRIEF = {
     "act": "dim_model=32 n_heads=2 dim_feedforward=32 n_encoder_layers=1 chunk_size=8 "

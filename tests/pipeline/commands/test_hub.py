@@ -213,7 +213,7 @@ def test_a_release_that_was_cut_off_is_told_and_completed(
 ) -> None:
     push(roots["first"], tag="first")
     hub.drops.append(("POST", part))
-    with pytest.raises(HubError, match=f"{REPO}: .*the same command goes on"):
+    with pytest.raises(HubError, match=f"{REPO}: .*run the same command again"):
         push(roots["second"], tag="second")
     assert "second" not in hub.repos[REPO].tags
     assert published(hub, "first") == files_of(roots["first"])

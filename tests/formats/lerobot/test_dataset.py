@@ -15,34 +15,28 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.support.lerobot_data import RANGE, write_reference, write_unit, write_units
+from tests.support.lerobot_data import (
+    DEPTH,
+    RANGE,
+    RGB,
+    load,
+    write_reference,
+    write_unit,
+    write_units,
+)
 from tests.support.rollouts import make_frames, make_images, make_rollout, with_body
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.lerobot import FileLimits, assemble_dataset, read_episode_unit
 from vlnpe.formats.lerobot.splits import held_out_scenes
 from vlnpe.formats.rendered.table import build_frame_table
 
+pytestmark = pytest.mark.usefixtures("offline")
 SECONDS = (3.0, 0.0, 4.5, 2.0)
-RGB, DEPTH = "observation.images.rgb", "observation.images.depth"
 ASSEMBLY: dict[str, Any] = {
     "provenance": {"config": "abc", "seed": 3},
     "licence": "apache-2.0",
     "title": "Two rooms",
 }
-
-
-def load(root: Path, **options: Any) -> Any:
-    from lerobot.datasets.lerobot_dataset import LeRobotDataset
-
-    return LeRobotDataset("vlnpe/test", root=root, **options)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def offline() -> Any:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HF_HUB_OFFLINE", "1")
-        patch.setenv("OMP_NUM_THREADS", "1")
-        yield
 
 
 @pytest.fixture(scope="module")

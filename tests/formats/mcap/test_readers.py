@@ -14,12 +14,12 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, DataEnd, Footer, Header
 from mcap.stream_reader import StreamReader
 
-from tests.formats.test_mcap_episode import small_map, write_frame_folder
+from tests.formats.mcap.test_episode import small_map, write_frame_folder
 from tests.support.rollouts import make_rollout
 from vlnpe.formats.mcap.episode import write_episode_mcap
-from vlnpe.formats.mcap.scene_map import map_topic
+from vlnpe.formats.mcap.shown import map_topic
 
-SCRIPT = Path(__file__).parents[1] / "support" / "read_mcap.js"
+SCRIPT = Path(__file__).parents[2] / "support" / "read_mcap.js"
 PACKAGES = ("@mcap/core", "fzstd")
 TOPICS = {
     "/map": 1,

@@ -12,27 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.support.lerobot_data import write_units
+from tests.support.lerobot_data import DEPTH, RGB, load, write_units
 from vlnpe.formats.lerobot import assemble_dataset
 
-RGB, DEPTH = "observation.images.rgb", "observation.images.depth"
+pytestmark = pytest.mark.usefixtures("offline")
 ASSEMBLY: dict[str, Any] = {"provenance": {}, "licence": "mit", "title": "Two rooms"}
 FIRST, SECOND = (3.0, 2.0), (1.5, 2.5, 1.0)
 ENVIRONMENT = {**os.environ, "HF_HUB_OFFLINE": "1", "OMP_NUM_THREADS": "1"}
-
-
-def load(root: Path, **options: Any) -> Any:
-    from lerobot.datasets.lerobot_dataset import LeRobotDataset
-
-    return LeRobotDataset("vlnpe/test", root=root, **options)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def offline() -> Any:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HF_HUB_OFFLINE", "1")
-        patch.setenv("OMP_NUM_THREADS", "1")
-        yield
 
 
 @pytest.fixture(scope="module", params=[("video", "h264"), ("image", "av1")], ids="-".join)

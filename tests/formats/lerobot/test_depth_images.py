@@ -13,33 +13,28 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.support.lerobot_data import RANGE, stored, write_reference, write_unit, write_units
+from tests.support.lerobot_data import (
+    DEPTH,
+    RANGE,
+    RGB,
+    load,
+    stored,
+    write_reference,
+    write_unit,
+    write_units,
+)
 from tests.support.rollouts import make_images, make_rollout
 from vlnpe.datasets.episode_index import read_index
 from vlnpe.datasets.episode_reader import EpisodeReader
 from vlnpe.formats.core.errors import FileFormatError, UnknownNameError
 from vlnpe.formats.lerobot import FileLimits, assemble_dataset, read_episode_unit
-from vlnpe.formats.video.depth_tiff import decode_depth_tiff, encode_depth_tiff
+from vlnpe.formats.video.depth_codes import decode_depth_tiff, encode_depth_tiff
 
+pytestmark = pytest.mark.usefixtures("offline")
 SECONDS = (3.0, 0.0, 1.5)
-RGB, DEPTH = "observation.images.rgb", "observation.images.depth"
 DATA = "data/chunk-000/file-000.parquet"
 EPISODES = "meta/episodes/chunk-000/file-000.parquet"
 ASSEMBLY: dict[str, Any] = {"provenance": {}, "licence": "mit", "title": "Two rooms"}
-
-
-def load(root: Path, **options: Any) -> Any:
-    from lerobot.datasets.lerobot_dataset import LeRobotDataset
-
-    return LeRobotDataset("vlnpe/test", root=root, **options)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def offline() -> Any:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HF_HUB_OFFLINE", "1")
-        patch.setenv("OMP_NUM_THREADS", "1")
-        yield
 
 
 @pytest.fixture(scope="module")

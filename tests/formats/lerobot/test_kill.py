@@ -44,7 +44,7 @@ def start(root: Path) -> subprocess.Popen[str]:
     """A process that is about to write."""
     child = subprocess.Popen(
         [sys.executable, "-c", EXPORT, str(root), str(EPISODES)],
-        cwd=Path(__file__).resolve().parents[2],
+        cwd=Path(__file__).resolve().parents[3],
         stdout=subprocess.PIPE,
         text=True,
     )

@@ -14,7 +14,7 @@ import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.reader import make_reader
 
-from tests.formats.test_mcap_rollout import assert_same
+from tests.formats.mcap.test_rollout import assert_same
 from tests.support.rollouts import make_frames, make_images, make_rollout, with_body
 from vlnpe.formats.core.camera import CameraModel, DepthRange
 from vlnpe.formats.core.errors import FileFormatError
@@ -23,14 +23,14 @@ from vlnpe.formats.core.rollout import Rollout
 from vlnpe.formats.mcap.episode import write_episode_mcap
 from vlnpe.formats.mcap.robot_links import LinkShape, RobotLinks, robot_topics
 from vlnpe.formats.mcap.rollout import read_rollout
-from vlnpe.formats.mcap.scene_map import BLOCKED, FREE, map_topic
+from vlnpe.formats.mcap.shown import BLOCKED, FREE, map_topic
 from vlnpe.formats.rendered.table import build_frame_table
 from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.formats.video.depth_codes import depth_to_codes
 from vlnpe.formats.video.mp4 import read_rgb_video, write_depth_video, write_rgb_video
 
-LAYOUT = Path(__file__).resolve().parents[2] / "docs" / "foxglove_layout.json"
+LAYOUT = Path(__file__).resolve().parents[3] / "docs" / "foxglove_layout.json"
 CAMERA = CameraModel("front", 96, 64, 90.0)
 RANGE = DepthRange(0.05, 20.0)
 OFFICIAL = {

@@ -191,7 +191,7 @@ if __name__ == "__main__":
 """
     script = tmp_path / "piped.py"
     script.write_text(code)
-    top = str(Path(__file__).parents[2])
+    top = str(Path(__file__).parents[3])
     done = subprocess.run(
         [sys.executable, str(script)],
         check=True,
