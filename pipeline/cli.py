@@ -21,58 +21,60 @@ class Verb:
     """One command, named without importing it: its module may need seconds for its libraries.
 
     Attributes:
-        name: what the user types.
-        module: the module in `pipeline.commands`.
-        record: its options class there.
-        function: the function there that takes the options and returns the exit code.
+        name: What the user types.
+        record: Options class, as `module.Class` of `pipeline.options`.
+        function: What takes the options and returns the exit code, as `module.function` of
+            `pipeline.commands`.
     """
 
     name: str
-    module: str
     record: str
     function: str
 
     def options(self) -> type:
-        """Import the command and return its options class."""
-        return getattr(self._import(), self.record)
+        """Return the options class; its module imports no numerical library."""
+        return _imported("options", self.record)
 
     def run(self) -> Callable[[Any], int]:
         """Import the command and return the function that runs it."""
-        return getattr(self._import(), self.function)
+        return _imported("commands", self.function)
 
     def summary(self) -> str:
         """Return the first paragraph of the options class's docstring, read from the source."""
-        path = Path(__file__).parent / "commands" / f"{self.module}.py"
+        module, record = self.record.split(".")
+        path = Path(__file__).parent / "options" / f"{module}.py"
         classes = [n for n in ast.parse(path.read_bytes()).body if isinstance(n, ast.ClassDef)]
-        docstring = next(ast.get_docstring(n) for n in classes if n.name == self.record)
+        docstring = next(ast.get_docstring(n) for n in classes if n.name == record)
         return " ".join((docstring or "").split("\n\n")[0].split())
 
-    def _import(self) -> Any:
-        return import_module(f".commands.{self.module}", __package__)
+
+def _imported(package: str, path: str) -> Any:
+    module, name = path.split(".")
+    return getattr(import_module(f".{package}.{module}", __package__), name)
 
 
 # In the chain's order.
 _TABLE = (
-    Verb("collect", "collect", "Collect", "run"),
-    Verb("scan", "chain", "Scan", "run_scan"),
-    Verb("repair", "chain", "Repair", "run_repair"),
-    Verb("align", "chain", "Align", "run_align"),
-    Verb("filter", "chain", "Filter", "run_filter"),
-    Verb("sample", "chain", "Sample", "run_sample"),
-    Verb("instruct", "instruct", "Instruct", "run"),
-    Verb("review", "review", "ReviewPage", "run"),
-    Verb("replay", "rollouts", "Replay", "run_replay"),
-    Verb("render", "rollouts", "Render", "run_render"),
-    Verb("export", "rollouts", "Export", "run_export"),
-    Verb("convert", "convert", "Convert", "run_convert"),
-    Verb("restore", "restore", "Restore", "run"),
-    Verb("robots", "robots", "Robots", "run_robots"),
-    Verb("mix", "mix", "Mix", "run"),
-    Verb("ablate", "ablate", "Ablate", "run"),
-    Verb("push", "push", "Push", "run_push"),
-    Verb("verify", "look", "Verify", "run_verify"),
-    Verb("report", "look", "Report", "run_report"),
-    Verb("doctor", "look", "Doctor", "run_doctor"),
+    Verb("collect", "collect.Collect", "collect.run"),
+    Verb("scan", "scenes.Scan", "scenes.run_scan"),
+    Verb("repair", "scenes.Repair", "scenes.run_repair"),
+    Verb("align", "episodes.Align", "episodes.run_align"),
+    Verb("filter", "episodes.Filter", "episodes.run_filter"),
+    Verb("sample", "episodes.Sample", "episodes.run_sample"),
+    Verb("instruct", "instructions.Instruct", "instruct.run"),
+    Verb("review", "instructions.Review", "review.run"),
+    Verb("replay", "rollouts.Replay", "rollouts.run_replay"),
+    Verb("render", "rollouts.Render", "rollouts.run_render"),
+    Verb("export", "rollouts.Export", "rollouts.run_export"),
+    Verb("convert", "convert.Convert", "convert.run_convert"),
+    Verb("restore", "convert.Restore", "convert.run_restore"),
+    Verb("robots", "robots.Robots", "robots.run_robots"),
+    Verb("mix", "training.Mix", "mix.run"),
+    Verb("ablate", "training.Ablate", "ablate.run"),
+    Verb("push", "results.Push", "push.run_push"),
+    Verb("verify", "results.Verify", "look.run_verify"),
+    Verb("report", "results.Report", "look.run_report"),
+    Verb("doctor", "results.Doctor", "look.run_doctor"),
 )
 VERBS = {verb.name: verb for verb in _TABLE}
 

@@ -7,8 +7,9 @@ import logging
 import shlex
 import sys
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 from .doctor import find_uv
 from .engine.ledger import Ledger
@@ -113,3 +114,10 @@ def looking_commands(folder: RunFolder, summaries: Sequence[StageSummary], page:
         lines.append(f"  Foxglove  foxglove-studio {file}   (or drop it on app.foxglove.dev)")
     lines.append(f"  report    python3 -m webbrowser {shlex.quote(page.as_uri())}")
     return "\n".join(lines)
+
+
+def tell(options: Any, facts: dict[str, Any], text: str) -> int:
+    """Print `text` or, with `--json`, one JSON object; return 0."""
+    value = {**{k: str(v) for k, v in asdict(options).items() if k == "out"}, **facts}
+    sys.stdout.write((json.dumps(value) if options.json else text) + "\n")
+    return 0

@@ -6,7 +6,8 @@ from ..collectors.rendering.camera.views import CameraWishes, View, parse_views
 from ..collectors.rendering.light.lights import LIGHTS
 from ..collectors.rendering.registry import chosen_renderer
 from ..collectors.robots import RobotSpec
-from ..formats.core.errors import UnknownNameError
+from ..formats.core.errors import InputError, UnknownNameError
+from ..formats.core.rollout import STATE_RATE_HZ
 
 ALL = "all"
 
@@ -39,3 +40,9 @@ def chosen_views(
         for name in chosen_lights(light)
         for view in parse_views(camera, robot, wishes, name, drawn_by)
     ]
+
+
+def check_frame_rate(rate: int) -> None:
+    """Raise InputError if `rate` does not divide the state rate."""
+    if rate < 1 or STATE_RATE_HZ % rate:
+        raise InputError(f"--frames-per-second {rate}: valid: 4, 5, 10, 20, 25, 50")

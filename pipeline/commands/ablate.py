@@ -6,44 +6,14 @@ import base64
 import json
 import os
 import sys
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Any
-
-import tyro
+from typing import Any
 
 from ...formats.core.atomic import sweep, write_bytes, write_json
 from ...formats.core.errors import InputError
 from ..engine.executors import available_cores
+from ..options.training import Ablate
 
 TABLE, RESULTS, PLOT, PAGE = "table.md", "results.json", "plot.png", "index.html"
-
-
-@dataclass(frozen=True)
-class Ablate:
-    """Train a compact agent on each mixture of a recipe and evaluate it on held-out episodes.
-
-    Writes table.md, results.json, plot.png and index.html. Run the same command again to resume
-    after an interruption.
-    """
-
-    recipe: tyro.conf.Positional[str]
-    """Recipe file (.yaml), or the name of a built-in recipe: cross_embodiment, controller,
-    lighting."""
-    data: Path = Path("runs")
-    """Folder of the runs that contain the datasets."""
-    out: Path = Path("runs/ablation")
-    """Output folder for results, checkpoints and decoded images."""
-    steps: int | None = None
-    """Training steps per mixture and seed; overrides the recipe."""
-    seeds: int | None = None
-    """Number of seeds per mixture; overrides the recipe."""
-    device: str | None = None
-    """Torch device: cpu, cuda or auto; overrides the recipe."""
-    threads: int = 0
-    """Number of torch threads; 0 uses one per core."""
-    json: Annotated[bool, tyro.conf.arg(name="json")] = False
-    """Print one JSON object with the results as the last line."""
 
 
 def run(options: Ablate) -> int:

@@ -3,142 +3,36 @@
 from __future__ import annotations
 
 import logging
-import shutil
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Annotated, Any
 
-import tyro
-
-from ...collectors.controllers import SpeedConfig
 from ...collectors.rendering.camera.extras import Extras
 from ...collectors.rendering.camera.views import CameraWishes
 from ...collectors.robots import RobotSpec
-from ...formats.core.atomic import sweep
 from ...formats.core.errors import InputError
-from ...formats.core.rollout import STATE_RATE_HZ
 from ...formats.video.mp4 import check_rgb_codec
 from ...formats.vlnce.files import read_vlnce
-from ...instruction_gen.llm.settings import settings_from
-from ...instruction_gen.records import (
-    LLM,
-    LOCAL,
-    MIXED,
-    InstructConfig,
-    parse_languages,
-    parse_styles,
-)
 from ...scene_repair.config import RepairConfig
 from ...scene_repair.scan.kinds import SUFFIXES
 from ...trajectory_sampler.config import SampleConfig
 from ..chain import Chain, Product
-from ..crews import AUTO, action_timing, chosen_robots, crews
-from ..engine.executors import Workers, available_cores
-from ..engine.ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger
-from ..engine.run_folder import RunFolder, open_run_folder, safe_name
-from ..engine.runner import Context
+from ..crews import action_timing, chosen_robots, crews
+from ..engine.context import open_context
+from ..engine.ledger import Ledger
+from ..engine.run_folder import RunFolder, safe_name
+from ..folders import find_scans
 from ..kept_robots import keep, kept
-from ..scan_files import find_scans
+from ..options.collect import Collect
 from ..stages import repair, report, visibility
 from ..stages.export import check_depth_storage
 from ..summary import show_summary
-from ..views import chosen_views
+from ..views import check_frame_rate, chosen_views
+from .instruct import instruct_config
 
 log = logging.getLogger(__name__)
 
 BUILTIN = "builtin"
-
-
-@dataclass(frozen=True)
-class Collect:
-    """Collect a dataset: repair, sample, instruct, replay, render, export, report.
-
-    All outputs go into one run folder. Finished work is reused, and changing an option redoes only
-    the work that depends on it.
-    """
-
-    robot: str = "aliengo"
-    """Robots to run: a name (see `vlnpe robots`), the folder of your own robot, a comma-separated
-    list (h1,g1), or `all` for every built-in robot with a body. All robots get the same episodes,
-    sampled with clearance for the widest one."""
-    controller: str = AUTO
-    """Controllers to run: path, speed or flash, a comma-separated list (path,speed), or `all`.
-    `auto` selects path, or flash for an agent without a body."""
-    action_steps: int = SpeedConfig.steps_per_action
-    """Duration of a discrete action of the speed controller, in physics steps of 5 ms."""
-    closed_loop: bool = False
-    """Run each discrete action of the speed controller until its 0.25 m or 15° is reached, instead
-    of for a fixed number of steps."""
-    scene: str = BUILTIN
-    """Scan to collect in (GLB, glTF, OBJ, PLY, STL, USD or a point cloud; see docs/scans.md), or
-    `builtin` for a generated apartment."""
-    scenes: Path | None = None
-    """Folder of scans. All of them are used, or only those named by the scene ids of the VLN-CE
-    file in --episodes."""
-    episodes: str = "6"
-    """Number of episodes to sample per scene, or a VLN-CE episode file (.json.gz)."""
-    min_length_m: float = SampleConfig.min_length_m
-    """Minimum geodesic distance from start to goal of sampled episodes [m]; lower it for a
-    single-room scan."""
-    min_crossings: int = SampleConfig.min_crossings
-    """Minimum number of room-to-room transitions per sampled path; use 0 for a single-room scan."""
-    camera: str = "ego"
-    """Cameras to render: ego, chase, top, or a comma-separated list (ego,chase), each with an
-    optional size and field of view (ego:640x480:79). Each camera becomes a separate dataset."""
-    light: str = "baked"
-    """Lighting: baked (as scanned), DL5000 (panel lights, day), DL300 (night), CL (a lamp on the
-    robot), a comma-separated list (DL5000,CL), or `all`. Each becomes a separate dataset."""
-    renderer: str = "auto"
-    """Renderer: embree (ray tracing on the CPU), gl (MuJoCo through EGL), or auto, which selects gl
-    if a GPU is available and embree otherwise."""
-    writer: str = InstructConfig.writer
-    """Writer of the instructions: composer (offline), llm (any OpenAI-compatible server, see
-    docs/instructions.md), or local (a GGUF model on disk)."""
-    style: str = MIXED
-    """Styles of the instructions: natural, terse, rich, a comma-separated list (terse,rich), or
-    mixed, which takes all in turn."""
-    count: int = InstructConfig.count
-    """Number of instructions per path and language."""
-    language: str = "en"
-    """Languages of the instructions: en, zh, hi, or a comma-separated list (en,zh). Languages other
-    than en need a language model."""
-    replace: bool = False
-    """Also rewrite instructions that a VLN-CE file already has."""
-    max_tokens: int = 0
-    """Stop querying the language model after this many tokens; 0 means no limit."""
-    max_cost: float = 0.0
-    """Stop querying after this cost, at the prices set in the environment; 0 means no limit."""
-    up: str = "auto"
-    """Up axis of the scans: x, y, z, -x, -y, -z, or auto to detect it."""
-    unit: str = "auto"
-    """Length unit of the scans: m, cm, mm, in, ft, or auto to detect it."""
-    allow_unsound: bool = False
-    """Also collect in scenes whose repair is not sound, instead of quarantining them. The report
-    and the dataset card list them."""
-    out: Path | None = None
-    """Run folder; defaults to `runs/<scene>`."""
-    seed: int = 0
-    """Random seed of the built-in apartment, the sampling and every other random choice."""
-    semantic: bool = False
-    """Also render semantic segmentation (semantic.mov, and in MCAP)."""
-    instance: bool = False
-    """Also render instance segmentation (instance.mov, and in MCAP)."""
-    frames_per_second: int = 4
-    """Rendered frames per second: 4, 5, 10, 20, 25 or 50."""
-    only_success: bool = False
-    """Export only successful episodes. By default all are exported, each with its end reason."""
-    rgb_codec: str = "h264"
-    """Codec of RGB videos: h264, or av1 (royalty-free)."""
-    depth: str = "video"
-    """Depth storage in LeRobot datasets: video (lossless, 12-bit codes) or image (16-bit, mm)."""
-    workers: int = 0
-    """Number of worker processes; 0 uses one per core."""
-    max_failed: int = 0
-    """Maximum number of quarantined items; exit with code 1 above it."""
-    json: Annotated[bool, tyro.conf.arg(name="json")] = False
-    """Print one JSON object with the summary as the last line."""
 
 
 def run(options: Collect) -> int:
@@ -164,7 +58,7 @@ def run(options: Collect) -> int:
     instructing = instruct_config(options)
     sources = _sources(options, episode_file)
     repairing = RepairConfig(up=options.up, unit=options.unit)
-    with opened(
+    with open_context(
         options.out or Path("runs") / _run_name(options, sources), options.workers
     ) as context:
         folder = RunFolder(context.ledger.root)
@@ -214,64 +108,6 @@ def _eye(ledger: Ledger) -> str | None:
     """
     rows = (row for row in ledger.rows(visibility.STAGE) if row.status == "done")
     return next((row.facts["robot"] for row in rows if "robot" in row.facts), None)
-
-
-def instruct_config(options: Any) -> InstructConfig:
-    """How `collect` and `instruct` are asked to write.
-
-    Raises:
-        InputError: an unknown name or a bad number; the message lists the valid ones.
-    """
-    asked = None
-    if options.writer in (LLM, LOCAL):
-        asked = settings_from(
-            local=options.writer == LOCAL,
-            max_tokens=options.max_tokens,
-            max_cost=options.max_cost,
-        )
-    return InstructConfig(
-        writer=options.writer,
-        styles=parse_styles(options.style),
-        count=options.count,
-        languages=parse_languages(options.language),
-        replace=options.replace,
-        llm=asked,
-    )
-
-
-def check_frame_rate(rate: int) -> None:
-    """Raise InputError if `rate` does not divide the state rate."""
-    if rate < 1 or STATE_RATE_HZ % rate:
-        raise InputError(f"--frames-per-second {rate}: valid: 4, 5, 10, 20, 25, 50")
-
-
-@contextmanager
-def opened(root: Path, workers: int) -> Iterator[Context]:
-    """Open an output folder with its ledger, and start worker processes.
-
-    Raises:
-        InputError: If the folder cannot be used, or `workers` is negative.
-    """
-    if workers < 0:
-        raise InputError(f"WORKERS={workers}: valid: 0 (one per core) and above")
-    new = not root.exists()
-    ours = any((root / name).is_file() for name in (MANIFEST_NAME, JOURNAL_NAME))
-    if root.is_dir() and any(root.iterdir()) and not ours:
-        raise InputError(
-            f"output folder {root}: not empty and not an earlier run; choose another OUT"
-        )
-    folder = open_run_folder(root)
-    sweep(folder.root)
-    ledger = Ledger(folder.root)
-    ledger.save()
-    try:
-        with Workers(workers or available_cores()) as pool:
-            yield Context(ledger, pool)
-    except InputError:
-        left = {p.name for p in folder.root.rglob("*") if p.is_file()}
-        if new and left <= {MANIFEST_NAME, QUARANTINE_NAME}:
-            shutil.rmtree(folder.root)
-        raise
 
 
 def _roomy(sampling: SampleConfig, robots: Sequence[RobotSpec], ledger: Ledger) -> SampleConfig:

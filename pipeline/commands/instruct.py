@@ -3,64 +3,23 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated
-
-import tyro
 
 from ...formats.vlnce.files import read_episodes, write_episodes
 from ...instruction_gen.instruct import instruct_episodes
-from ...instruction_gen.records import MIXED, InstructConfig
+from ...instruction_gen.llm.settings import settings_from
+from ...instruction_gen.records import (
+    LLM,
+    LOCAL,
+    InstructConfig,
+    parse_languages,
+    parse_styles,
+)
 from ...instruction_gen.show import show_path
 from ..jobs import instruct
 from ..jobs.visibility import looked
-from .chain import tell
-from .collect import instruct_config
-
-
-@dataclass(frozen=True)
-class Instruct:
-    """Write instructions for the episodes that have none."""
-
-    episodes: tyro.conf.Positional[Path]
-    """Episode file of `sample` or `align`."""
-    scenes: Path
-    """Folder of repaired scenes."""
-    out: Path = Path("told.json.gz")
-    """Episode file to write."""
-    writer: str = InstructConfig.writer
-    """Writer: composer (offline), llm (any OpenAI-compatible server, see
-    docs/instructions.md), or local (a GGUF model on disk)."""
-    style: str = MIXED
-    """Styles: natural, terse, rich, a comma-separated list (terse,rich), or mixed, which takes all
-    in turn."""
-    count: int = InstructConfig.count
-    """Number of texts per path and language."""
-    language: str = "en"
-    """Languages: en, zh, hi, or a comma-separated list (en,zh). Languages other than en need a
-    language model."""
-    replace: bool = False
-    """Also rewrite existing instructions."""
-    robot: str = "aliengo"
-    """Robot whose camera determines which landmarks are visible along the path, or `none` to use
-    the map alone, which is faster."""
-    max_tokens: int = 0
-    """Stop querying the language model after this many tokens; 0 means no limit."""
-    max_cost: float = 0.0
-    """Stop querying after this cost, at the prices set in the environment; 0 means no limit."""
-    cache: Path | None = None
-    """Cache folder for model responses; default `llm_cache` next to the output."""
-    facts: Path | None = None
-    """Also write the facts records behind the texts, as compressed JSON."""
-    show: int = 0
-    """Print a map and the texts for this many paths."""
-    seed: int = 0
-    """Random seed of the phrasing."""
-    max_failed: int = 0
-    """Exit with code 1 when more episodes than this have no true instruction."""
-    json: Annotated[bool, tyro.conf.arg(name="json")] = False
-    """Print one JSON object with the summary as the last line."""
+from ..options.collect import Collect
+from ..options.instructions import Instruct
+from ..summary import tell
 
 
 def run(options: Instruct) -> int:
@@ -89,3 +48,26 @@ def run(options: Instruct) -> int:
     facts = instruct.summary(told)
     tell(options, facts, f"{options.out}: {facts['episodes']} episodes, {facts['texts']} texts")
     return int(len(told.failed) > options.max_failed)
+
+
+def instruct_config(options: Collect | Instruct) -> InstructConfig:
+    """How `collect` and `instruct` are asked to write.
+
+    Raises:
+        InputError: an unknown name or a bad number; the message lists the valid ones.
+    """
+    asked = None
+    if options.writer in (LLM, LOCAL):
+        asked = settings_from(
+            local=options.writer == LOCAL,
+            max_tokens=options.max_tokens,
+            max_cost=options.max_cost,
+        )
+    return InstructConfig(
+        writer=options.writer,
+        styles=parse_styles(options.style),
+        count=options.count,
+        languages=parse_languages(options.language),
+        replace=options.replace,
+        llm=asked,
+    )

@@ -4,51 +4,16 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Annotated
-
-import tyro
+from dataclasses import asdict
 
 from ..doctor import examine, remedy
 from ..engine.executors import Workers
 from ..engine.ledger import Ledger
 from ..engine.run_folder import RunFolder
 from ..engine.runner import Context
+from ..options.results import Doctor, Report, Verify
 from ..stages import report
 from ..verify import verify_run
-
-Json = Annotated[bool, tyro.conf.arg(name="json")]
-
-
-@dataclass(frozen=True)
-class Verify:
-    """Verify a run's outputs: files open, counts and checksums match, floors have no leaks."""
-
-    run: tyro.conf.Positional[Path]
-    """Run folder, or the folder of a single repaired scene."""
-    json: Json = False
-    """Print one JSON object with the findings as the last line."""
-
-
-@dataclass(frozen=True)
-class Report:
-    """Regenerate the report page of a run."""
-
-    run: tyro.conf.Positional[Path]
-    """Run folder."""
-    json: Json = False
-    """Print one JSON object with the path of the page as the last line."""
-
-
-@dataclass(frozen=True)
-class Doctor:
-    """Check what this machine supports, and print the command that installs what is missing."""
-
-    out: Path = Path("runs")
-    """Folder that runs would be written to."""
-    json: Json = False
-    """Print one JSON object with the findings as the last line."""
 
 
 def run_verify(options: Verify) -> int:

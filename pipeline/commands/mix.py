@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Any
-
-import tyro
+from typing import Any
 
 from ...datasets.mixture.plan import Library, MixturePlan, plan_mixture
 from ...datasets.mixture.recipe import read_recipe
@@ -16,31 +12,7 @@ from ...datasets.mixture.shipped import recipe_path
 from ...datasets.mixture.table import plan_json, plan_text
 from ...formats.core.atomic import write_json
 from ...formats.core.errors import InputError, UnknownNameError
-
-
-@dataclass(frozen=True)
-class Mix:
-    """Show the training data of a recipe's mixtures: datasets, episodes, shares and exclusions.
-
-    Unless --dry-run is given, the selected episodes are also written to --out, by dataset and
-    episode index.
-    """
-
-    recipe: tyro.conf.Positional[str]
-    """Recipe file (.yaml), or the name of a built-in recipe: cross_embodiment, controller,
-    lighting."""
-    data: Path = Path("runs")
-    """Folder of the runs that contain the datasets."""
-    mixture: str | None = None
-    """Show only this mixture of the recipe."""
-    draws: str = "episodes"
-    """Unit that is sampled and that shares are computed from: episodes or frames."""
-    dry_run: bool = False
-    """Show the mixtures without writing anything."""
-    out: Path | None = None
-    """Output file for the selected episodes (.json)."""
-    json: Annotated[bool, tyro.conf.arg(name="json")] = False
-    """Print one JSON object with the plan as the last line."""
+from ..options.training import Mix
 
 
 def run(options: Mix) -> int:

@@ -4,39 +4,12 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Annotated
+from dataclasses import asdict
 
-import tyro
-
+from ..options.results import Push
 from ..publish import CARD, Hub, Release, demand_licence, plan_release, upload
 
 MEBIBYTE = 1024 * 1024
-
-
-@dataclass(frozen=True)
-class Push:
-    """Publish a LeRobot dataset on the Hugging Face Hub under an immutable tag.
-
-    Without --yes, show what would be uploaded; nothing is uploaded and the network is not used.
-    """
-
-    dataset: tyro.conf.Positional[Path]
-    """Dataset folder, e.g. runs/<name>/lerobot/<dataset>."""
-    repo: str
-    """Target repository on the Hub: user/name."""
-    tag: str | None = None
-    """Tag of the release; by default derived from the digest of the content."""
-    private: bool = False
-    """Make the repository private if it is new."""
-    licence_ok: bool = False
-    """Publish even if a scene's licence forbids it or is unknown; confirms that you have
-    permission."""
-    yes: bool = False
-    """Upload the dataset."""
-    json: Annotated[bool, tyro.conf.arg(name="json")] = False
-    """Print one JSON object with the release as the last line."""
 
 
 def run_push(options: Push, hub: Hub | None = None) -> int:

@@ -4,36 +4,16 @@ from __future__ import annotations
 
 import sys
 import webbrowser
-from dataclasses import dataclass
-from pathlib import Path
-
-import tyro
 
 from ...formats.core.errors import InputError
 from ...formats.scene.visibility import read_visibility
 from ...formats.vlnce.files import read_episodes
 from ...instruction_gen.review.server import Review, make_server
 from ..jobs.reviewed import REVIEW_NAME
+from ..options.instructions import Review as ReviewOptions
 
 
-@dataclass(frozen=True)
-class ReviewPage:
-    """Review the instructions of a run on a local page (127.0.0.1); decisions flow into export."""
-
-    run: tyro.conf.Positional[Path]
-    """A run folder, or an episode file of `instruct` (then say --scenes)."""
-    scenes: Path | None = None
-    """Folder of repaired scenes; by default the run's."""
-    decisions: Path | None = None
-    """Append-only file of decisions; by default review.jsonl in the run folder, or beside the
-    file."""
-    port: int = 0
-    """Port of the page; 0 takes a free one."""
-    open: bool = False
-    """Open the page in the default browser."""
-
-
-def run(options: ReviewPage) -> int:
+def run(options: ReviewOptions) -> int:
     """Serve the page until interrupted.
 
     Raises:
@@ -54,7 +34,7 @@ def run(options: ReviewPage) -> int:
     return 0
 
 
-def opened(options: ReviewPage) -> Review:
+def opened(options: ReviewOptions) -> Review:
     """The paths to review.
 
     Raises:

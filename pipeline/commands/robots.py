@@ -6,35 +6,11 @@ import json
 import sys
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Annotated
-
-import tyro
 
 from ...collectors.robots import ROBOTS, RobotSpec, get_robot
 from ...collectors.robots.folder.export import export_robot
 from ...formats.core.errors import FileFormatError, InputError
-
-
-@dataclass(frozen=True)
-class Robots:
-    """List the robots: mass, height, camera, command limits, controllers and gait evaluation.
-
-    Robots given by name are described in full. `--view h1` writes a turntable image and a walking
-    film strip; `--export aliengo` writes a robot as a folder, as a template for your own
-    (docs/robots.md).
-    """
-
-    names: tyro.conf.Positional[tuple[str, ...]] = ()
-    """Robots to describe: names, or folders of your own robots, which are also validated."""
-    view: str | None = None
-    """Write images of this robot to --out."""
-    export: str | None = None
-    """Write this robot as a folder to --out."""
-    out: Path | None = None
-    """Output folder of the images for --view (default: the current folder), or of the robot for
-    --export."""
-    json: Annotated[bool, tyro.conf.arg(name="json")] = False
-    """Print one JSON object as the last line."""
+from ..options.robots import Robots
 
 
 @dataclass

@@ -34,13 +34,20 @@ def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> li
     Raises:
         FileFormatError: a source does not exist or is no file.
     """
-    result = []
-    for scene_id, source in sources.items():
-        named = replace(config, scene_id=scene_id)
-        out = scenes / scene_id
-        job = RepairJob(source, out, named)
-        result.append(work_item(STAGE, scene_id, job, (out,), named, source_digest(source)))
-    return result
+    return [
+        item(source, scenes / scene_id, replace(config, scene_id=scene_id))
+        for scene_id, source in sources.items()
+    ]
+
+
+def item(source: Path, out: Path, config: RepairConfig) -> WorkItem:
+    """Repair one scan into the scene folder `out`.
+
+    Raises:
+        FileFormatError: If the source does not exist or is not a file.
+    """
+    job = RepairJob(source, out, config)
+    return work_item(STAGE, out.name, job, (out,), config, source_digest(source))
 
 
 def decisions(facts: Mapping[str, Any]) -> list[str]:

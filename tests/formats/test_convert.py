@@ -22,6 +22,7 @@ from tests.formats.test_mcap_episode import decode, small_links, small_map, writ
 from tests.formats.test_mcap_rollout import assert_same
 from tests.support.lerobot_data import write_unit, write_units
 from tests.support.rollouts import make_rollout
+from tests.support.work import InlineWorkers
 from vlnpe.formats.convert.dataset import DatasetFacts, open_dataset
 from vlnpe.formats.convert.episodes import (
     dataset_from_units,
@@ -58,21 +59,9 @@ ASSEMBLY: dict[str, Any] = {
 }
 
 
-class InlineWorkers(Workers):
-    """Runs items in this process, as they come."""
-
-    def submit(self, function: Any, *arguments: Any) -> Future[Any]:
-        future: Future[Any] = Future()
-        try:
-            future.set_result(function(*arguments))
-        except Exception as error:
-            future.set_exception(error)
-        return future
-
-
 @pytest.fixture
 def inline(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vlnpe.pipeline.commands.collect.Workers", InlineWorkers)
+    monkeypatch.setattr("vlnpe.pipeline.engine.context.Workers", InlineWorkers)
 
 
 def files(root: Path) -> dict[str, bytes]:

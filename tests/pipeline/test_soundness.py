@@ -15,7 +15,7 @@ from vlnpe.formats.lerobot import usage
 from vlnpe.formats.lerobot.card import CameraFacts, CardFacts, dataset_card
 from vlnpe.formats.lerobot.layout import DEPTH_KEY
 from vlnpe.formats.scene.bundle import UNSOUND, load_bundle
-from vlnpe.pipeline.commands.chain import Repair, run_repair
+from vlnpe.pipeline.commands.scenes import Repair, run_repair
 from vlnpe.pipeline.engine.executors import Workers
 from vlnpe.pipeline.engine.ledger import Ledger, Row
 from vlnpe.pipeline.engine.runner import Context, run_stage

@@ -1,16 +1,30 @@
-"""Work items for the runner's tests; at module level, because workers are spawned."""
+"""Jobs and workers for tests of the runner; at module level, because workers are spawned."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from vlnpe.formats.core.atomic import atomic_file
 from vlnpe.formats.core.errors import FileFormatError, SceneError
+from vlnpe.pipeline.engine.executors import Workers
 from vlnpe.pipeline.engine.work import ItemResult
+
+
+class InlineWorkers(Workers):
+    """Runs items in this process, as they come."""
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        try:
+            future.set_result(function(*arguments))
+        except Exception as error:
+            future.set_exception(error)
+        return future
 
 
 @dataclass(frozen=True)

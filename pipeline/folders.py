@@ -1,10 +1,11 @@
-"""Scans in a folder of scans."""
+"""Folders that a user names: of scans, of repaired scenes, and for results."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from ..formats.core.errors import InputError
+from ..formats.scene.bundle import INDEX_NAME
 from ..scene_repair.scan.kinds import SUFFIXES, USD_SUFFIXES
 from .engine.run_folder import safe_name
 
@@ -41,3 +42,34 @@ def _scans(folder: Path, top: bool) -> list[Path]:
         if sub.is_dir() and not sub.name.startswith("."):
             scans += _scans(sub, top=False)
     return scans
+
+
+def scenes_in(folder: Path) -> dict[str, Path]:
+    """Return the folder of every repaired scene in `folder`, by scene id.
+
+    Raises:
+        InputError: If `folder` contains no repaired scene.
+    """
+    indices = sorted(folder.glob(f"*/{INDEX_NAME}"))
+    found = {p.parent.name: p.parent for p in indices if not p.parent.name.startswith(".")}
+    if not found:
+        raise InputError(f"{folder}: contains no repaired scene; run `vlnpe repair` first")
+    return found
+
+
+def refuse_to_replace(folder: Path, own: frozenset[str]) -> None:
+    """Refuse an output folder that contains anything other than an earlier result.
+
+    Results replace the whole folder, so unrelated files in it would be lost.
+
+    Raises:
+        InputError: If `folder` is a file, or contains an entry whose name is not in `own`.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: is a file; --out must be a folder")
+    foreign = sorted({p.name for p in folder.iterdir()} - own) if folder.is_dir() else []
+    if foreign:
+        raise InputError(
+            f"{folder}: not empty and not an earlier result (it contains {foreign[0]}); "
+            "choose another --out"
+        )

@@ -1,0 +1,43 @@
+"""Commands that make scenes: `scan`, `repair`."""
+
+from __future__ import annotations
+
+from ...scene_repair.config import RepairConfig
+from ..engine.context import run_single
+from ..folders import refuse_to_replace
+from ..options.scenes import Repair, Scan
+from ..stages import repair, scans
+from ..summary import tell
+
+SCAN_NAMES = frozenset({"scan.glb", "scan.labels.json", "truth.npz", "LICENSE.scan"})
+SCENE_NAMES = frozenset(
+    {"scene.json", "scene.usdc", "visual.npz", "textures", "levels"}
+    | {"repair.json", "before.png", "after.png"}
+)
+
+
+def run_scan(options: Scan) -> int:
+    """Generate one scan."""
+    refuse_to_replace(options.out, SCAN_NAMES)
+    out = options.out.resolve()
+    facts = run_single(out, scans.STAGE, scans.item(options.seed, out)).facts
+    return tell(options, facts, f"{options.out / 'scan.glb'}: apartment {options.seed}")
+
+
+def run_repair(options: Repair) -> int:
+    """Repair one scan and print the decisions made; return 1 if the scene is not sound.
+
+    Raises:
+        InputError: If the scan cannot be used, or `out` contains unrelated files.
+    """
+    out = options.out.resolve()
+    item = repair.item(options.scan, out, RepairConfig(up=options.up, unit=options.unit))
+    refuse_to_replace(options.out, SCENE_NAMES)
+    facts = run_single(out, repair.STAGE, item).facts
+    end = "repaired" if facts["sound"] else "repaired, but NOT SOUND (collect refuses it)"
+    lines = [
+        *repair.decisions(facts),
+        f"{options.out}: {end}; see repair.json, before.png, after.png",
+    ]
+    tell(options, facts, "\n".join(lines))
+    return int(not facts["sound"] and not options.allow_unsound)

@@ -1,0 +1,99 @@
+"""Options of `vlnpe collect`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...trajectory_sampler.config import SampleConfig
+from . import Json
+
+
+@dataclass(frozen=True)
+class Collect:
+    """Collect a dataset: repair, sample, instruct, replay, render, export, report.
+
+    All outputs go into one run folder. Finished work is reused, and changing an option redoes only
+    the work that depends on it.
+    """
+
+    robot: str = "aliengo"
+    """Robots to run: a name (see `vlnpe robots`), the folder of your own robot, a comma-separated
+    list (h1,g1), or `all` for every built-in robot with a body. All robots get the same episodes,
+    sampled with clearance for the widest one."""
+    controller: str = "auto"
+    """Controllers to run: path, speed or flash, a comma-separated list (path,speed), or `all`.
+    `auto` selects path, or flash for an agent without a body."""
+    action_steps: int = 50
+    """Duration of a discrete action of the speed controller, in physics steps of 5 ms."""
+    closed_loop: bool = False
+    """Run each discrete action of the speed controller until its 0.25 m or 15° is reached, instead
+    of for a fixed number of steps."""
+    scene: str = "builtin"
+    """Scan to collect in (GLB, glTF, OBJ, PLY, STL, USD or a point cloud; see docs/scans.md), or
+    `builtin` for a generated apartment."""
+    scenes: Path | None = None
+    """Folder of scans. All of them are used, or only those named by the scene ids of the VLN-CE
+    file in --episodes."""
+    episodes: str = "6"
+    """Number of episodes to sample per scene, or a VLN-CE episode file (.json.gz)."""
+    min_length_m: float = SampleConfig.min_length_m
+    """Minimum geodesic distance from start to goal of sampled episodes [m]; lower it for a
+    single-room scan."""
+    min_crossings: int = SampleConfig.min_crossings
+    """Minimum number of room-to-room transitions per sampled path; use 0 for a single-room scan."""
+    camera: str = "ego"
+    """Cameras to render: ego, chase, top, or a comma-separated list (ego,chase), each with an
+    optional size and field of view (ego:640x480:79). Each camera becomes a separate dataset."""
+    light: str = "baked"
+    """Lighting: baked (as scanned), DL5000 (panel lights, day), DL300 (night), CL (a lamp on the
+    robot), a comma-separated list (DL5000,CL), or `all`. Each becomes a separate dataset."""
+    renderer: str = "auto"
+    """Renderer: embree (ray tracing on the CPU), gl (MuJoCo through EGL), or auto, which selects gl
+    if a GPU is available and embree otherwise."""
+    writer: str = "composer"
+    """Writer of the instructions: composer (offline), llm (any OpenAI-compatible server, see
+    docs/instructions.md), or local (a GGUF model on disk)."""
+    style: str = "mixed"
+    """Styles of the instructions: natural, terse, rich, a comma-separated list (terse,rich), or
+    mixed, which takes all in turn."""
+    count: int = 3
+    """Number of instructions per path and language."""
+    language: str = "en"
+    """Languages of the instructions: en, zh, hi, or a comma-separated list (en,zh). Languages other
+    than en need a language model."""
+    replace: bool = False
+    """Also rewrite instructions that a VLN-CE file already has."""
+    max_tokens: int = 0
+    """Stop querying the language model after this many tokens; 0 means no limit."""
+    max_cost: float = 0.0
+    """Stop querying after this cost, at the prices set in the environment; 0 means no limit."""
+    up: str = "auto"
+    """Up axis of the scans: x, y, z, -x, -y, -z, or auto to detect it."""
+    unit: str = "auto"
+    """Length unit of the scans: m, cm, mm, in, ft, or auto to detect it."""
+    allow_unsound: bool = False
+    """Also collect in scenes whose repair is not sound, instead of quarantining them. The report
+    and the dataset card list them."""
+    out: Path | None = None
+    """Run folder; defaults to `runs/<scene>`."""
+    seed: int = 0
+    """Random seed of the built-in apartment, the sampling and every other random choice."""
+    semantic: bool = False
+    """Also render semantic segmentation (semantic.mov, and in MCAP)."""
+    instance: bool = False
+    """Also render instance segmentation (instance.mov, and in MCAP)."""
+    frames_per_second: int = 4
+    """Rendered frames per second: 4, 5, 10, 20, 25 or 50."""
+    only_success: bool = False
+    """Export only successful episodes. By default all are exported, each with its end reason."""
+    rgb_codec: str = "h264"
+    """Codec of RGB videos: h264, or av1 (royalty-free)."""
+    depth: str = "video"
+    """Depth storage in LeRobot datasets: video (lossless, 12-bit codes) or image (16-bit, mm)."""
+    workers: int = 0
+    """Number of worker processes; 0 uses one per core."""
+    max_failed: int = 0
+    """Maximum number of quarantined items; exit with code 1 above it."""
+    json: Json = False
+    """Print one JSON object with the summary as the last line."""

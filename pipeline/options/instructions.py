@@ -1,0 +1,71 @@
+"""Options of the commands for instructions: `instruct`, `review`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from . import Json
+
+
+@dataclass(frozen=True)
+class Instruct:
+    """Write instructions for the episodes that have none."""
+
+    episodes: tyro.conf.Positional[Path]
+    """Episode file of `sample` or `align`."""
+    scenes: Path
+    """Folder of repaired scenes."""
+    out: Path = Path("told.json.gz")
+    """Episode file to write."""
+    writer: str = "composer"
+    """Writer: composer (offline), llm (any OpenAI-compatible server, see
+    docs/instructions.md), or local (a GGUF model on disk)."""
+    style: str = "mixed"
+    """Styles: natural, terse, rich, a comma-separated list (terse,rich), or mixed, which takes all
+    in turn."""
+    count: int = 3
+    """Number of texts per path and language."""
+    language: str = "en"
+    """Languages: en, zh, hi, or a comma-separated list (en,zh). Languages other than en need a
+    language model."""
+    replace: bool = False
+    """Also rewrite existing instructions."""
+    robot: str = "aliengo"
+    """Robot whose camera determines which landmarks are visible along the path, or `none` to use
+    the map alone, which is faster."""
+    max_tokens: int = 0
+    """Stop querying the language model after this many tokens; 0 means no limit."""
+    max_cost: float = 0.0
+    """Stop querying after this cost, at the prices set in the environment; 0 means no limit."""
+    cache: Path | None = None
+    """Cache folder for model responses; default `llm_cache` next to the output."""
+    facts: Path | None = None
+    """Also write the facts records behind the texts, as compressed JSON."""
+    show: int = 0
+    """Print a map and the texts for this many paths."""
+    seed: int = 0
+    """Random seed of the phrasing."""
+    max_failed: int = 0
+    """Exit with code 1 when more episodes than this have no true instruction."""
+    json: Json = False
+    """Print one JSON object with the summary as the last line."""
+
+
+@dataclass(frozen=True)
+class Review:
+    """Review the instructions of a run on a local page (127.0.0.1); decisions flow into export."""
+
+    run: tyro.conf.Positional[Path]
+    """A run folder, or an episode file of `instruct` (then say --scenes)."""
+    scenes: Path | None = None
+    """Folder of repaired scenes; by default the run's."""
+    decisions: Path | None = None
+    """Append-only file of decisions; by default review.jsonl in the run folder, or beside the
+    file."""
+    port: int = 0
+    """Port of the page; 0 takes a free one."""
+    open: bool = False
+    """Open the page in the default browser."""

@@ -1,0 +1,64 @@
+"""Options of the commands for results: `verify`, `report`, `push`, `doctor`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from . import Json
+
+
+@dataclass(frozen=True)
+class Verify:
+    """Verify a run's outputs: files open, counts and checksums match, floors have no leaks."""
+
+    run: tyro.conf.Positional[Path]
+    """Run folder, or the folder of a single repaired scene."""
+    json: Json = False
+    """Print one JSON object with the findings as the last line."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """Regenerate the report page of a run."""
+
+    run: tyro.conf.Positional[Path]
+    """Run folder."""
+    json: Json = False
+    """Print one JSON object with the path of the page as the last line."""
+
+
+@dataclass(frozen=True)
+class Doctor:
+    """Check what this machine supports, and print the command that installs what is missing."""
+
+    out: Path = Path("runs")
+    """Folder that runs would be written to."""
+    json: Json = False
+    """Print one JSON object with the findings as the last line."""
+
+
+@dataclass(frozen=True)
+class Push:
+    """Publish a LeRobot dataset on the Hugging Face Hub under an immutable tag.
+
+    Without --yes, show what would be uploaded; nothing is uploaded and the network is not used.
+    """
+
+    dataset: tyro.conf.Positional[Path]
+    """Dataset folder, e.g. runs/<name>/lerobot/<dataset>."""
+    repo: str
+    """Target repository on the Hub: user/name."""
+    tag: str | None = None
+    """Tag of the release; by default derived from the digest of the content."""
+    private: bool = False
+    """Make the repository private if it is new."""
+    licence_ok: bool = False
+    """Publish even if a scene's licence forbids it or is unknown; confirms that you have
+    permission."""
+    yes: bool = False
+    """Upload the dataset."""
+    json: Json = False
+    """Print one JSON object with the release as the last line."""

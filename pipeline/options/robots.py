@@ -1,0 +1,32 @@
+"""Options of `vlnpe robots`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from . import Json
+
+
+@dataclass(frozen=True)
+class Robots:
+    """List the robots: mass, height, camera, command limits, controllers and gait evaluation.
+
+    Robots given by name are described in full. `--view h1` writes a turntable image and a walking
+    film strip; `--export aliengo` writes a robot as a folder, as a template for your own
+    (docs/robots.md).
+    """
+
+    names: tyro.conf.Positional[tuple[str, ...]] = ()
+    """Robots to describe: names, or folders of your own robots, which are also validated."""
+    view: str | None = None
+    """Write images of this robot to --out."""
+    export: str | None = None
+    """Write this robot as a folder to --out."""
+    out: Path | None = None
+    """Output folder of the images for --view (default: the current folder), or of the robot for
+    --export."""
+    json: Json = False
+    """Print one JSON object as the last line."""

@@ -1,0 +1,41 @@
+"""Options of the commands that make scenes: `scan`, `repair`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from . import Json
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Generate a furnished apartment and a virtual scan of it."""
+
+    seed: tyro.conf.Positional[int] = 0
+    """Random seed of the apartment; the same seed gives the same apartment."""
+    out: Path = Path("scan")
+    """Output folder for scan.glb, its labels and the ground-truth floor."""
+    json: Json = False
+    """Print one JSON object with the summary as the last line."""
+
+
+@dataclass(frozen=True)
+class Repair:
+    """Turn a scan into a simulation-ready scene: fill floor holes and build collision geometry."""
+
+    scan: tyro.conf.Positional[Path]
+    """Scan to repair: GLB, glTF, OBJ, PLY, STL, USD, or a point cloud (PLY, PCD). See docs/scans.md
+    for details and for label files."""
+    out: Path = Path("scene")
+    """Output folder for the scene."""
+    up: str = "auto"
+    """Up axis of the scan: x, y, z, -x, -y, -z, or auto to detect it."""
+    unit: str = "auto"
+    """Length unit of the scan: m, cm, mm, in, ft, or auto to detect it."""
+    allow_unsound: bool = False
+    """Exit with code 0 even if the repaired scene fails its soundness checks."""
+    json: Json = False
+    """Print one JSON object with the summary as the last line."""
