@@ -34,11 +34,19 @@ def ceiling_lamps(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[
     count = max(round(float(size[long]) / 3.8), 1)
     pieces = []
     for k in range(count):
-        at = space.bounds.mean(0)
+        at = _lit_bounds(space).mean(0)
         at[long] = space.bounds[0, long] + size[long] * (k + 0.5) / count
         lamp = decor.pendant(kit, rng, space.plan.ceiling_m)
         pieces.append(lamp.moved(0.0, float(at[0]), float(at[1])))
     return pieces
+
+
+def _lit_bounds(space: RoomSpace) -> np.ndarray:
+    """(2, 2) the part of a room that its lamps hang over: beside the stairs, not in them."""
+    bounds = space.bounds.copy()
+    for block in space.plan.blocks_of(space.index, "stairs", "void"):
+        bounds[0, 1 - block.front[0]] = block.upper_m[1 - block.front[0]]
+    return bounds
 
 
 def windows(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:

@@ -178,11 +178,11 @@ class Stylist:
                     320.0,
                 )
             return self._floor_tiles(0.4, checker=draw < 0.55)
-        if kind in ("living room", "hallway", "dining room"):
+        if kind in ("living room", "hallway", "dining room", "stairwell"):
             return self._wood(0 if kind != "dining room" else 1)
         self.bedrooms += 1
         if self.rng.random() < 0.4:
-            name = self.wall_names[-1 - self.bedrooms]
+            name = self.wall_names[-1 - self.bedrooms % len(self.wall_names)]
             base = tuple(int(0.72 * c) for c in WALL_COLORS[name])
             return self.palette.get(
                 f"carpet {name}", lambda r, s: floors.carpet(r, s, base), (2.0, 2.0), 320.0

@@ -38,11 +38,12 @@ class Lights:
     def of(rng: np.random.Generator, scene: TrueScene) -> Lights:
         """The windows and lamps of `scene`, and a sun that stands before one of its windows."""
         boxes, normals = [], []
-        for o in (o for o in scene.plan.openings if o.kind == "window"):
+        holes = [(p, o) for p in scene.storeys for o in p.openings if o.kind == "window"]
+        for plan, o in holes:
             box = np.empty((2, 3))
-            box[:, o.axis] = scene.plan.rooms[o.room].wall_at(o.axis, o.sign) + o.sign * 0.13
+            box[:, o.axis] = plan.rooms[o.room].wall_at(o.axis, o.sign) + o.sign * 0.13
             box[:, 1 - o.axis] = o.start_m, o.end_m
-            box[:, 2] = o.bottom_m, o.top_m
+            box[:, 2] = o.bottom_m + plan.floor_z_m, o.top_m + plan.floor_z_m
             normal = np.zeros(3)
             normal[o.axis] = -o.sign
             boxes.append(box)

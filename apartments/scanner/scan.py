@@ -29,15 +29,12 @@ def fuse(
     rng: np.random.Generator, scene: TrueScene, tracer: Tracer, config: ScanConfig
 ) -> DistanceVolume:
     """Take all depth views of `scene` and fuse them."""
-    lower, upper = scene.plan.bounds()
-    volume = DistanceVolume.empty(
-        np.array([*(lower - _MARGIN_M), -0.15]),
-        np.array([*(upper + _MARGIN_M), scene.plan.ceiling_m + 0.15]),
-        config.voxel_m,
-    )
+    lower, upper = scene.bounds()
+    margin = np.array([_MARGIN_M, _MARGIN_M, 0.15])
+    volume = DistanceVolume.empty(lower - margin, upper + margin, config.voxel_m)
     camera = DepthCamera.of(config)
     normals = unit_normals(scene.shape.corners)
-    todo = views(rng, scene.plan, tracer, config)
+    todo = [v for plan in scene.storeys for v in views(rng, plan, tracer, config)]
     # Every view has its own stream, so that the order in which threads finish does not matter.
     streams = rng.spawn(len(todo))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from ...formats.vlnce.files import read_vlnce
 from ...scene_repair.config import RepairConfig
 from ...scene_repair.scan.kinds import SUFFIXES
 from ...trajectory_sampler.config import SampleConfig
+from ..builtin import BuiltIn, parse_builtin
 from ..chain import Chain, Product
 from ..crews import action_timing, chosen_robots, crews
 from ..engine.context import open_context
@@ -31,8 +32,6 @@ from ..views import check_frame_rate, chosen_views
 from .instruct import instruct_config
 
 log = logging.getLogger(__name__)
-
-BUILTIN = "builtin"
 
 
 def run(options: Collect) -> int:
@@ -134,11 +133,11 @@ def _roomy(sampling: SampleConfig, robots: Sequence[RobotSpec], ledger: Ledger) 
     return replace(sampling, robot_radius_m=radius_m, end_clearance_m=ends_m)
 
 
-def _sources(options: Collect, episode_file: Path | None) -> dict[str, Path]:
-    """Return the scan of each scene id; empty for the built-in apartment."""
+def _sources(options: Collect, episode_file: Path | None) -> Mapping[str, Path | BuiltIn]:
+    """Return the scan, or the building to generate, of each scene id."""
     if options.scenes is None:
-        if options.scene == BUILTIN:
-            return {}
+        if built := parse_builtin(options.scene, options.seed):
+            return {building.name: building for building in built}
         source = Path(options.scene)
         repair.source_digest(source)  # fails early if the file does not exist
         return {safe_name(source.stem): source}
@@ -172,7 +171,9 @@ def _sampling(options: Collect, count: int) -> SampleConfig:
         raise InputError(str(error)) from error
 
 
-def _run_name(options: Collect, sources: dict[str, Path]) -> str:
+def _run_name(options: Collect, sources: Mapping[str, Path | BuiltIn]) -> str:
     if options.scenes is not None:
         return safe_name(options.scenes.resolve().name)
-    return next(iter(sources), f"apartment-{options.seed}")
+    first, *others = sources
+    # All of several built-in scenes are of one kind: villa-0-to-9.
+    return f"{first}-to-{others[-1].rsplit('-')[-1]}" if others else first

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ...scene_repair.config import RepairConfig
+from ..builtin import BuiltIn, check_kind
 from ..engine.context import run_single
 from ..folders import refuse_to_replace
 from ..options.scenes import Repair, Scan
@@ -17,11 +18,16 @@ SCENE_NAMES = frozenset(
 
 
 def run_scan(options: Scan) -> int:
-    """Generate one scan."""
+    """Generate one scan.
+
+    Raises:
+        InputError: If there is no such kind of building, or `out` contains unrelated files.
+    """
+    check_kind(options.kind)
     refuse_to_replace(options.out, SCAN_NAMES)
     out = options.out.resolve()
-    facts = run_single(out, scans.STAGE, scans.item(options.seed, out)).facts
-    return tell(options, facts, f"{options.out / 'scan.glb'}: apartment {options.seed}")
+    facts = run_single(out, scans.STAGE, scans.item(BuiltIn(options.kind, options.seed), out)).facts
+    return tell(options, facts, f"{options.out / 'scan.glb'}: {options.kind} {options.seed}")
 
 
 def run_repair(options: Repair) -> int:

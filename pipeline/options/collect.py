@@ -31,7 +31,8 @@ class Collect:
     of for a fixed number of steps."""
     scene: str = "builtin"
     """Scan to collect in (GLB, glTF, OBJ, PLY, STL, USD or a point cloud; see docs/scans.md), or
-    `builtin` for a generated apartment."""
+    `builtin` for a generated apartment; builtin:villa, builtin:house and builtin:office are larger
+    buildings, and builtin:villa*10 is ten of them, of consecutive seeds."""
     scenes: Path | None = None
     """Folder of scans. All of them are used, or only those named by the scene ids of the VLN-CE
     file in --episodes."""
@@ -78,7 +79,8 @@ class Collect:
     out: Path | None = None
     """Run folder; defaults to `runs/<scene>`."""
     seed: int = 0
-    """Random seed of the built-in apartment, the sampling and every other random choice."""
+    """Random seed of the built-in scene (the first of several), the sampling and every other random
+    choice."""
     semantic: bool = False
     """Also render semantic segmentation (semantic.mov, and in MCAP)."""
     instance: bool = False

@@ -12,10 +12,12 @@ from . import Json
 
 @dataclass(frozen=True)
 class Scan:
-    """Generate a furnished apartment and a virtual scan of it."""
+    """Generate a furnished building and a virtual scan of it."""
 
     seed: tyro.conf.Positional[int] = 0
-    """Random seed of the apartment; the same seed gives the same apartment."""
+    """Random seed of the building; the same seed gives the same building."""
+    kind: str = "apartment"
+    """Kind of building: apartment, villa, house (two storeys) or office."""
     out: Path = Path("scan")
     """Output folder for scan.glb, its labels and the ground-truth floor."""
     json: Json = False
