@@ -13,9 +13,9 @@ from ..formats.core.frames import wrap_angle
 from ..wayfinding.crossings import Crossing, crossings
 from ..wayfinding.distance import AGENT_RADIUS_M, DistanceField, distance_field
 from ..wayfinding.planning import PlanConfig, path_length, plan_path, segments_free, simplify_path
-from .config import SampleConfig
+from .config import FRECHET, SampleConfig
 from .level import Level
-from .similarity import FRECHET, PathIndex, stations
+from .similarity import PathIndex, stations
 
 Array = NDArray[np.float64]
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..formats.core.errors import InputError, UnknownNameError
-from .similarity import FRECHET, check_measure
 
+FRECHET, DTW = "frechet", "dtw"
+MEASURES = (FRECHET, DTW)
 ALONG_PATH, RANDOM = "path", "random"
 HEADINGS = (ALONG_PATH, RANDOM)
 
@@ -70,7 +71,8 @@ class SampleConfig:
     patience: int = 30
 
     def __post_init__(self):
-        check_measure(self.similarity)
+        if self.similarity not in MEASURES:
+            raise UnknownNameError("similarity measure", self.similarity, MEASURES)
         if self.heading not in HEADINGS:
             raise UnknownNameError("start heading", self.heading, HEADINGS)
         if self.count < 1:

@@ -122,9 +122,7 @@ def _holds_a_way(
     return _sweep(freemap, cells, radius_m, length_m) >= length_m
 
 
-def _sweep(
-    freemap: Freemap, cells: NDArray[np.bool_], radius_m: float, enough_m: float
-) -> float:
+def _sweep(freemap: Freemap, cells: NDArray[np.bool_], radius_m: float, enough_m: float) -> float:
     """About the longest way between two of `cells` [m]; stops at one of `enough_m`."""
     places = np.argwhere(cells)
     longest = 0.0

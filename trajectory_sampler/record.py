@@ -83,9 +83,7 @@ def episode_of(
     )
 
 
-def similarity_groups(
-    paths: Sequence[tuple[int, Array]], config: SampleConfig
-) -> list[int]:
+def similarity_groups(paths: Sequence[tuple[int, Array]], config: SampleConfig) -> list[int]:
     """Number of each path's family: paths (level, (P, 3) [m]) linked by `family_gap_m`.
 
     Two paths belong together when they are nearer than that, forward or backward, and so do those

@@ -9,13 +9,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..formats.core.errors import UnknownNameError
 from ..formats.core.kernel import kernel
+from .config import DTW, FRECHET
 
 Array = NDArray[np.float64]
 
-FRECHET, DTW = "frechet", "dtw"
-MEASURES = (FRECHET, DTW)
 STATION_M = 0.25
 
 
@@ -38,12 +36,6 @@ def path_gap(path_m: ArrayLike, other_m: ArrayLike, measure: str = FRECHET) -> f
     return _gap(stations(path_m), stations(other_m), measure)
 
 
-def check_measure(measure: str) -> None:
-    """Raise UnknownNameError unless `measure` is one of `MEASURES`."""
-    if measure not in MEASURES:
-        raise UnknownNameError("similarity measure", measure, MEASURES)
-
-
 class PathIndex:
     """Paths by where they start and end, so that looking up takes as long with many as with few.
 
@@ -54,7 +46,6 @@ class PathIndex:
 
     def __init__(self, reach_m: float, measure: str = FRECHET):
         """Prepare for look-ups of paths nearer than `reach_m`."""
-        check_measure(measure)
         self.reach_m, self.measure = reach_m, measure
         self.paths: list[Array] = []
         self._bins: dict[tuple[int, ...], list[int]] = defaultdict(list)
@@ -118,7 +109,6 @@ def _close(a: Array, b: Array, within_m: float) -> bool:
 
 
 def _gap(a: Array, b: Array, measure: str) -> float:
-    check_measure(measure)
     if measure == FRECHET:
         return float(_frechet(a, b))
     return float(_warped(a, b)) / max(len(a), len(b))

@@ -43,9 +43,7 @@ FORMAT_VERSION = 1
 _TOKENS = 200  # VLN-CE pads or cuts every instruction to this many tokens
 
 
-def read_vlnce(
-    path: Path | str, *, strict: bool = False, limits: FileLimits = LIMITS
-) -> VlnceFile:
+def read_vlnce(path: Path | str, *, strict: bool = False, limits: FileLimits = LIMITS) -> VlnceFile:
     """Read a VLN-CE episode file (R2R or RxR), gzip or plain JSON.
 
     An episode that lacks a key, has one of the wrong kind, a number that is not finite, or an id

@@ -52,8 +52,14 @@ def per_instruction(episode: Episode) -> list[Episode]:
     Joined episodes are told apart again; of one that has several texts, the second gets the id
     `<id>-2`, and so on.
     """
+    texts = episode.extra.get(TEXTS, [])
+    originals = ungroup(episode)
+    told = [t for one in originals for t in one.extra.get(TEXTS) or [one.instruction] if t]
+    if texts and told != texts:  # people edited or rejected some in review
+        extra = {key: value for key, value in episode.extra.items() if key != MEMBERS}
+        originals = [replace(episode, extra=extra)]
     result = []
-    for one in ungroup(episode):
+    for one in originals:
         texts = one.extra.get(TEXTS) or [one.instruction]
         made = one.extra.get("instruction", {})
         for number, text in enumerate(texts):

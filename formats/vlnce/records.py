@@ -127,10 +127,15 @@ class VlnceFile:
 
         RxR's `val_unseen_guide.json.gz` is of `val_unseen`, too.
         """
-        name = self.path.name.split(".")[0]
-        for role in ("_guide", "_follower"):
-            name = name.removesuffix(role)
-        return name
+        return split_name(self.path)
+
+
+def split_name(path: Path) -> str:
+    """The split that a file is named for; see `VlnceFile.split`."""
+    name = path.name.split(".")[0]
+    for role in ("_guide", "_follower"):
+        name = name.removesuffix(role)
+    return name
 
 
 def scene_stem(scene_id: str) -> str:

@@ -17,6 +17,7 @@ from ...formats.core.errors import DivergedError
 from ...formats.core.rollout import EndReason
 from ...formats.mcap.rollout import write_rollout
 from ...formats.scene.bundle import load_bundle
+from ...formats.vlnce.groups import instruction_count
 from ..engine.work import ItemResult
 
 TOUCHING = ("contact", "collision_target", "collision_start")  # events with an obstacle
@@ -71,6 +72,8 @@ class ReplayJob:
         facts = {
             "episode": episode.episode_id,
             "scene": self.scene.name,
+            "split": episode.split,
+            "instructions": instruction_count([episode]),
             "robot": rollout.robot,
             "controller": rollout.controller,
             "seed": config.seed,

@@ -66,6 +66,7 @@ def run(
     scope: str,
     facts: Mapping[str, Any],
     depth_storage: str = "video",
+    per_instruction: bool = False,
 ) -> list[StageSummary]:
     """Export one robot's rendered episodes: units, MCAP files, and the dataset of the units.
 
@@ -80,9 +81,10 @@ def run(
         scope: what the items' names begin with.
         facts: configuration and seeds for the provenance.
         depth_storage: see `check_depth_storage`.
+        per_instruction: make one LeRobot episode of each instruction, with the same frames.
     """
     out = context.ledger.root
-    items = unit_items(frames, root, dataset, depth_storage)
+    items = unit_items(frames, root, dataset, depth_storage, per_instruction)
     units = run_stage(context, STAGE, items, scope)
     items = mcap_items(frames, root, scenes, dataset, depth_storage)
     summaries = [units, run_stage(context, MCAP_STAGE, items, scope)]
@@ -101,17 +103,25 @@ def check_depth_storage(name: str) -> None:
 
 
 def unit_items(
-    frames: Mapping[str, Row], root: Path, dataset: Dataset, depth_storage: str
+    frames: Mapping[str, Row],
+    root: Path,
+    dataset: Dataset,
+    depth_storage: str,
+    per_instruction: bool = False,
 ) -> list[WorkItem]:
-    """One LeRobot unit per rendered episode; `frames` are rows of the render stage by item."""
+    """One LeRobot unit per rendered episode, or per instruction; `frames` are rows by item."""
     reviewed = _review_digest(root)
+    review = root / REVIEW_NAME
     result = []
     for name, row in frames.items():
-        out = dataset.units / name.rsplit("/", 1)[1]
         rollout = root / str(row.facts["rollout"])
-        job = UnitJob(rollout, root / row.outputs[0], out, depth_storage, root / REVIEW_NAME)
-        inputs = (row.key, depth_storage, reviewed)
-        result.append(work_item(STAGE, name, job, (out,), *inputs))
+        texts = range(row.facts["texts"]) if per_instruction else (None,)
+        for number in texts:
+            item = f"{name}.{number + 1}" if number else name
+            out = dataset.units / item.rsplit("/", 1)[1]
+            job = UnitJob(rollout, root / row.outputs[0], out, depth_storage, review, number)
+            inputs = (row.key, depth_storage, reviewed, number)
+            result.append(work_item(STAGE, item, job, (out,), *inputs))
     return result
 
 

@@ -7,7 +7,6 @@ import dataclasses
 import json
 import re
 import shutil
-from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +44,6 @@ from vlnpe.formats.video.depth_codes import MAX_CODE
 from vlnpe.formats.video.id_video import IdVideoWriter, read_id_video
 from vlnpe.formats.video.mp4 import iterate_bitstream, read_depth_video
 from vlnpe.pipeline import cli
-from vlnpe.pipeline.engine.executors import Workers
 from vlnpe.pipeline.engine.ledger import Ledger
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"

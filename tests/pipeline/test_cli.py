@@ -12,8 +12,8 @@ import pytest
 from vlnpe.collectors.controllers import SpeedConfig
 from vlnpe.formats.internnav.foreign import Assumptions
 from vlnpe.instruction_gen.records import MIXED, InstructConfig
+from vlnpe.pipeline.builtin import BUILTIN
 from vlnpe.pipeline.cli import VERBS, main
-from vlnpe.pipeline.commands.collect import BUILTIN
 from vlnpe.pipeline.crews import AUTO
 from vlnpe.pipeline.options.collect import Collect
 from vlnpe.pipeline.options.convert import Convert

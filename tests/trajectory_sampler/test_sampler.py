@@ -19,9 +19,9 @@ from vlnpe.formats.core.frames import wrap_angle
 from vlnpe.formats.scene.bundle import LabeledObject, load_bundle
 from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
-from vlnpe.trajectory_sampler.config import SampleConfig
+from vlnpe.trajectory_sampler.config import MEASURES, SampleConfig
 from vlnpe.trajectory_sampler.sampling import LEAST_GAP_M, sample_episodes
-from vlnpe.trajectory_sampler.similarity import MEASURES, PathIndex, path_gap, stations
+from vlnpe.trajectory_sampler.similarity import PathIndex, path_gap, stations
 from vlnpe.wayfinding.crossings import crossings
 from vlnpe.wayfinding.distance import AGENT_RADIUS_M, distance_field
 from vlnpe.wayfinding.planning import path_clearance, path_length, resample, segments_free
@@ -282,9 +282,7 @@ def test_quotas_are_filled_and_splits_share_no_family(divided):
 
 
 def test_what_a_scene_cannot_hold_is_missing_and_the_advice_is_true(two_rooms):
-    config = replace(
-        CONFIG, count=40, min_length_m=4.0, min_gap_m=2.0, relax=False, patience=10
-    )
+    config = replace(CONFIG, count=40, min_length_m=4.0, min_gap_m=2.0, relax=False, patience=10)
     result = sample_episodes(two_rooms, config, np.random.default_rng(0))
     assert result.missing["train"] == 40 - len(result.episodes) > 0
     for a, b in combinations(result.episodes, 2):
