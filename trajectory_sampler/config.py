@@ -38,7 +38,7 @@ class SampleConfig:
         min_gap_m: two paths nearer than this are too similar [m].
         family_gap_m: paths of different splits are farther apart than this, forward and backward;
             paths of one split nearer than this form a similarity group [m].
-        relax: take paths nearer than `min_gap_m`, down to 0.4 m, where a scene does not hold enough.
+        relax: where a scene does not hold enough, take nearer paths, too, down to 0.4 m.
         waypoint_spacing_m: greatest distance of reference points [m].
         heading: starts look along the `path` or in a `random` direction.
         heading_noise_rad: starts that look along the path are turned by ± at most this [rad].

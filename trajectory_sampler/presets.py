@@ -27,8 +27,8 @@ class Preset:
     seen: int
 
 
-# VLN-PE publishes instruction episodes: 441 / 111 / 1,287 over ten scenes, three of them trained in.
-# All three divide by three, so they are read as paths times three instructions (an inference).
+# VLN-PE publishes instruction episodes: 441 / 111 / 1,287 over ten scenes, three trained in. All
+# three divide by three, so they are read as paths times three instructions (an inference).
 # 3DGS-Lab-VLN has 160 / 640 in one scene, which do not; they are read as paths times four.
 PRESETS: dict[str, Preset] = {
     "gru_vln10": Preset({TRAIN: 147, "val_seen": 37, "val_unseen": 429}, 3, 10, 3),

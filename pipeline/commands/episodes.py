@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ...formats.core.errors import InputError
 from ...formats.scene.bundle import INDEX_NAME
-from ...formats.vlnce.files import read_vlnce
+from ...formats.vlnce.files import read_vlnce, write_episodes
 from ...formats.vlnce.groups import instruction_count
 from ...trajectory_sampler.alignment import AlignConfig
 from ...trajectory_sampler.stairs import StairRules
@@ -54,6 +54,8 @@ def run_align(options: Align) -> int:
         align.record_rejected(context.ledger, none, summary, files, scenes)
         made = [parts[name] for name in summary.good() if name in parts]
         paths, written = episodes.merge(made, _file_of(out, len(files) > 1))
+    if not paths and len(files) == 1:
+        write_episodes(out, [])
     bad = [[name, why] for f in files for _, name, why in _bad(f)]
     rejected = [
         [row.item.removeprefix("episode "), row.error["reason"]]

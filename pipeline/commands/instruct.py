@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 
 from ...formats.vlnce.files import read_episodes, write_episodes
+from ...formats.vlnce.groups import group_by_path, per_instruction
 from ...instruction_gen.instruct import instruct_episodes
 from ...instruction_gen.llm.settings import settings_from
 from ...instruction_gen.records import (
@@ -35,7 +36,10 @@ def run(options: Instruct) -> int:
         sight = looked(asked, options.scenes, options.robot, config.replace)
     cache = options.cache or options.out.parent / instruct.CACHE
     told = instruct_episodes(asked, options.scenes, config, options.seed, sight, cache=cache)
-    write_episodes(options.out, told.episodes)
+    made = told.episodes
+    if options.per_instruction:
+        made = [one for path in group_by_path(made) for one in per_instruction(path)]
+    write_episodes(options.out, made)
     if options.facts is not None:
         instruct.write_facts(options.facts, told.facts)
     if not options.json:

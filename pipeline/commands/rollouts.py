@@ -13,6 +13,7 @@ from ...collectors.rendering.registry import chosen_renderer
 from ...formats.core.errors import FileFormatError, InputError
 from ...formats.video.mp4 import check_rgb_codec
 from ...formats.vlnce.files import read_episodes
+from ...formats.vlnce.groups import group_by_path
 from ..crews import action_timing, chosen_robots, crews
 from ..engine.context import open_context
 from ..engine.keys import digest
@@ -38,7 +39,7 @@ def run_replay(options: Replay) -> int:
     robots = chosen_robots(options.robot)
     pairs = crews(robots, options.controller)
     actions = action_timing(options.action_steps, options.closed_loop)
-    asked = read_episodes(options.episodes)
+    asked = group_by_path(read_episodes(options.episodes))
     scenes = _scene_rows(options.scenes)
     _demand_scenes({e.scene_id for e in asked}, scenes, options.scenes)
     summaries = []
@@ -124,7 +125,8 @@ def run_export(options: Export) -> int:
         for (robot, controller, view), rows in groups.items():
             dataset = export.Dataset.under(context.ledger.root, robot, controller, view)
             scope = f"{robot}/{controller}/{view}/"
-            summaries += export.run(context, rows, root, folder, dataset, scope, {}, options.depth)
+            how = (options.depth, options.per_instruction)
+            summaries += export.run(context, rows, root, folder, dataset, scope, {}, *how)
     return _tell(options, summaries)
 
 

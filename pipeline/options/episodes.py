@@ -28,7 +28,7 @@ class Sampling:
     min_gap_m: float = SampleConfig.min_gap_m
     """Sampled paths nearer to each other than this are too similar [m]."""
     family_gap_m: float = SampleConfig.family_gap_m
-    """Paths of different splits in one scene are farther apart than this, in both directions [m]."""
+    """Paths of different splits in one scene are farther apart than this, both ways [m]."""
     max_detour: float = SampleConfig.max_detour
     """Maximum length of a sampled path relative to the shortest one."""
     max_turning_deg: float | None = SampleConfig.max_turning_deg
@@ -94,7 +94,7 @@ class Filter:
     combine: str = "any"
     """Drop an episode if any of the rules drops it, or only if all do."""
     max_step_m: float = 0.3
-    """Maximum height difference between consecutive reference path points, for the rule step [m]."""
+    """Maximum height difference between consecutive reference points, for the rule step [m]."""
     scenes: Path | None = None
     """Folder of repaired scenes, for the rule geometric."""
     workers: int = 0

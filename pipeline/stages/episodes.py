@@ -58,9 +58,8 @@ def check_complete(rows: Iterable[Row], planned: Mapping[str, Mapping[str, int]]
             problems.append(_shortage(row, quotas))
     if problems:
         raise InputError(
-            "; ".join(problems)
-            + ". Also: --quota SCENE=N gives a scene fewer and the others more, "
-            "--min-length-m and --min-crossings allow more paths, larger scenes hold more"
+            "; ".join(problems) + ". Also: --quota SCENE=N gives a scene fewer and the others "
+            "more, --min-length-m and --min-crossings allow more paths, larger scenes hold more"
         )
 
 
