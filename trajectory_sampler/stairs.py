@@ -1,8 +1,8 @@
 """The stair filter: episodes whose reference path climbs steps that no robot of ours takes.
 
 Three rules can be combined. `step` is VLN-PE's public one. `geometric` asks the repaired scene
-whether the way leaves its level. `text` reads the instruction; it is never on by default, because many
-instructions mention stairs that nobody climbs.
+whether the way leaves its level. `text` reads the instruction; it is never on by default, because
+many instructions mention stairs that nobody climbs.
 """
 
 from __future__ import annotations

@@ -63,6 +63,7 @@ class UnitJob:
         facts = {
             "frames": seen.facts["frames"],
             "scene": seen.facts["scene_id"],
+            "split": recorded.episode.split,
             "made": episode_facts(recorded),
             "encoding": encoding_facts(seen.facts, self.depth_storage),
         }

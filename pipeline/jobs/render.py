@@ -65,6 +65,7 @@ class RenderJob:
             "frames": count,
             "rollout": self.relative,
             "scene": self.scene.name,
+            "split": recorded.episode.split,
             "texts": len(per_instruction(recorded.episode)),
             "end_reason": str(recorded.end_reason),
             "frames_per_second": self.frames_per_second,

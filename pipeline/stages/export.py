@@ -11,7 +11,7 @@ from ...formats.core.digest import file_digest
 from ...formats.core.errors import UnknownNameError
 from ...formats.core.rollout import EndReason
 from ...formats.lerobot.features import DEPTH_STORAGES
-from ...formats.lerobot.splits import held_out_scenes
+from ...formats.lerobot.splits import held_out_scenes, is_published_holdout
 from ...formats.scene.bundle import INDEX_NAME
 from ..engine.ledger import Row
 from ..engine.runner import Context, StageSummary, run_stage
@@ -135,7 +135,7 @@ def mcap_items(
 ) -> list[WorkItem]:
     """One MCAP with images per rendered episode."""
     reviewed = _review_digest(root)
-    held_out = tuple(sorted(held_out_scenes(_scene_names(scenes))))
+    held_out = tuple(sorted(held_out_scenes(_divided(frames, scenes))))
     result = []
     for name, row in frames.items():
         out = dataset.mcap / f"{name.rsplit('/', 1)[1]}.mcap"
@@ -166,7 +166,7 @@ def dataset_item(
         facts: configuration and seeds for the provenance.
     """
     rows = list(units.values())
-    all_scenes = _scene_names(scenes)
+    all_scenes = _divided(units, scenes)
     used = tuple(scenes / name for name in sorted({str(row.facts["scene"]) for row in rows}))
     job = DatasetJob(
         tuple(root / row.outputs[0] for row in rows),
@@ -179,6 +179,12 @@ def dataset_item(
     )
     inputs = ([row.key for row in rows], all_scenes, dict(facts))
     return work_item(DATASET_STAGE, dataset.name, job, (dataset.lerobot,), *inputs)
+
+
+def _divided(rows: Mapping[str, Row], scenes: Path) -> tuple[str, ...]:
+    """The scenes of which some are to validate: none where the episodes' source says what does."""
+    own = any(is_published_holdout(str(row.facts.get("split", ""))) for row in rows.values())
+    return () if own else _scene_names(scenes)
 
 
 def _scene_names(scenes: Path) -> tuple[str, ...]:
