@@ -16,11 +16,10 @@ from .config import ApartmentConfig
 from .glb import GlbNode, write_glb
 from .home.building import build_scene
 from .home.true_scene import TrueScene
+from .scanner.atlas import Charts, Packing, cut, pack
 from .scanner.bake import Baker, ChartVertices, chart_vertices, page_corners
-from .scanner.charts import Charts, cut
-from .scanner.labelling import label_faces
-from .scanner.packing import Packing, pack
-from .scanner.scan import fuse
+from .scanner.fusion import fuse
+from .scanner.lookup import label_faces
 from .scanner.surface import ScanMesh, extract
 from .scanner.tracing import Tracer
 from .truth import write_truth
@@ -131,11 +130,11 @@ def _nodes(
     starts = np.searchsorted(label[order], np.arange(len(scene.objects) + 1))
     nodes = []
     for k, thing in enumerate(scene.objects):
-        mine = order[starts[k] : starts[k + 1]]
-        if not len(mine):
+        triangles = order[starts[k] : starts[k + 1]]
+        if not len(triangles):
             continue
-        used, faces = np.unique(split.face[mine], return_inverse=True)
-        page = int(packing.page[charts.chart[mine[0]]])
+        used, faces = np.unique(split.face[triangles], return_inverse=True)
+        page = int(packing.page[charts.chart[triangles[0]]])
         nodes.append(
             GlbNode(
                 thing.name,

@@ -1,12 +1,13 @@
-"""The perfect floor, kept beside the scan so that a repair can be measured."""
+"""The true floor, kept beside the scan so that a repair can be measured."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..formats.scene.grid import GridSpec
 from .home.plan import FloorPlan
@@ -42,12 +43,12 @@ def covered_cells(grid: GridSpec, triangles_m: NDArray[np.float64]) -> NDArray[n
     # So many samples along an edge that no covered cell is missed.
     order = np.ceil(np.maximum(longest, 1e-6) / (0.6 * grid.cell_m)).astype(int)
     for n in np.unique(order):
-        mine = flat[order == n]
+        group = flat[order == n]
         i, j = np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij")
         inside = i + j <= n
         b, c = i[inside] / n, j[inside] / n
         weights = np.stack([1 - b - c, b, c], -1)
-        xy = np.einsum("sk,fki->fsi", weights, mine).reshape(-1, 2)
+        xy = np.einsum("sk,fki->fsi", weights, group).reshape(-1, 2)
         cells = grid.cell_of(xy)
         cells = cells[grid.inside(cells)]
         covered[cells[:, 0], cells[:, 1]] = True
@@ -72,7 +73,7 @@ def write_truth(
     `world_to_scan`, identity unless the scanner was tilted or moved. The names of these arrays for
     a higher storey k end in `_k`.
     """
-    arrays: dict[str, ArrayLike] = {}
+    arrays: dict[str, Any] = {}
     for k, plan in enumerate(storeys):
         grid, floor = true_floor(plan)
         end = f"_{k}" if k else ""

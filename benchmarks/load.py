@@ -95,7 +95,7 @@ def _row(
     ours(rounds[0][:2])
     rates = [(_rates(theirs, numbers), _rates(ours, numbers)) for numbers in rounds]
     a, b = (median(pair[k][0] for pair in rates) for k in (0, 1))
-    wall, cpu = (median(mine[k] / other[k] for other, mine in rates) for k in (0, 1))
+    wall, cpu = (median(ours[k] / other[k] for other, ours in rates) for k in (0, 1))
     return f"| {name} | {a:,.0f} | {b:,.0f} | {wall:.1f} | {cpu:.1f} |"
 
 

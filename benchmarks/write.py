@@ -158,17 +158,15 @@ def _unit(source: Path, unit: Path) -> None:
     rate = seen.frames_per_second
     write_rgb_video(videos / "rgb.mp4", rgb, rate, counts=rgb_counts)
     write_depth_video(videos / "depth.mp4", depth, rate, seen.depth_range, counts=depth_counts)
-    write_episode_unit(
-        unit,
-        rollout,
-        {**seen.arrays, "rgb_counts": rgb_counts, "depth_counts": depth_counts},
-        rate,
+    arrays = {**seen.arrays, "rgb_counts": rgb_counts, "depth_counts": depth_counts}
+    encoded = replace(
+        seen,
+        arrays=arrays,
         rgb_video=videos / "rgb.mp4",
         depth_video=videos / "depth.mp4",
-        camera=seen.camera,
-        depth_range=seen.depth_range,
-        light=seen.light,
+        rgb_codec="h264",
     )
+    write_episode_unit(unit, rollout, encoded)
 
 
 def _assemble(units: Sequence[Path], out: Path) -> None:

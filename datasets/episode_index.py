@@ -1,4 +1,4 @@
-"""What a collected LeRobot dataset holds, episode by episode, without torch or lerobot."""
+"""The episodes of a collected LeRobot dataset, without torch or lerobot."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _OURS = {RGB_KEY, "observation.state", "observation.camera_pose", "action", "act
 
 @dataclass(frozen=True)
 class VideoPlace:
-    """Where an episode's frames lie: a file, and the time of the first frame in it [s]."""
+    """Position of an episode's frames: a file, and the time of the first frame in it [s]."""
 
     path: Path
     from_s: float
@@ -91,7 +91,7 @@ class EpisodeEntry:
 
 @dataclass(frozen=True)
 class DatasetIndex:
-    """A dataset's `meta/`, as far as loaders need it.
+    """The part of a dataset's `meta/` that loaders need.
 
     Attributes:
         root: the dataset's folder.
@@ -203,7 +203,7 @@ def _read(file: Path, columns: list[str], info: dict[str, Any]) -> pa.Table:
 
 
 def _with_what_is_left(table: pa.Table, info: dict[str, Any]) -> pa.Table:
-    """Labels as far as LeRobot's own columns tell them, when its tools dropped ours."""
+    """Fill labels from LeRobot's own columns if its tools dropped vlnpe's."""
     names = [f"unknown/unknown/{number}" for number in table["episode_index"].to_pylist()]
     height, width = info["features"][RGB_KEY]["shape"][:2]
     left: dict[str, Any] = {

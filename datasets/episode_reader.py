@@ -18,8 +18,12 @@ from numpy.typing import NDArray
 from ..formats.core.camera import DepthRange
 from ..formats.core.errors import FileFormatError
 from ..formats.lerobot.layout import DEPTH_KEY, RGB_KEY
-from ..formats.video.depth_codes import DEPTH_PIXEL_FORMAT, SHIFT_M, codes_to_depth
-from ..formats.video.depth_tiff import decode_depth_tiff
+from ..formats.video.depth_codes import (
+    DEPTH_PIXEL_FORMAT,
+    SHIFT_M,
+    codes_to_depth,
+    decode_depth_tiff,
+)
 from .episode_index import DatasetIndex, EpisodeEntry
 from .video_cursor import OpenVideos
 
@@ -134,7 +138,7 @@ class EpisodeReader:
 
 
 def _part(entry: EpisodeEntry, first: int, count: int | None) -> tuple[int, int]:
-    """Which frames are meant: all from `first` on, or `count` of them."""
+    """Return the range of frames: all from `first` on, or `count` of them."""
     if count is None:
         count = entry.length - first
     if first < 0 or count < 1 or first + count > entry.length:

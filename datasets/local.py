@@ -40,7 +40,7 @@ def open_dataset(root: Path, **options: Any) -> LeRobotDataset:
 
 
 def _video_backend() -> str:
-    """LeRobot's own choice, without the long warning of its fallback.
+    """Return LeRobot's own choice of a video backend without its warning.
 
     torchcodec comes with LeRobot but needs FFmpeg's libraries of the system; PyAV brings its own.
     """

@@ -34,7 +34,7 @@ COMMON = (
 
 @dataclass(frozen=True)
 class NavigationConfig:
-    """What goes into an item.
+    """Contents of an item.
 
     Attributes:
         history: images of how many frames, the current one included.
@@ -52,7 +52,7 @@ class NavigationConfig:
 
     def __post_init__(self) -> None:
         if min(self.history, self.future) < 1:
-            raise InputError(f"history {self.history}, future {self.future}; valid: from 1 on")
+            raise InputError(f"history {self.history}, future {self.future}; valid: 1 or more")
 
 
 class NavigationDataset(Dataset[dict[str, Any]]):

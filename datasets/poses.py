@@ -1,4 +1,4 @@
-"""Planar poses, and how they lie to each other."""
+"""Planar poses relative to each other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Chosen episodes of one or several datasets, as loaders take them."""
+"""Selected episodes of one or several datasets, for loaders."""
 
 from __future__ import annotations
 
@@ -95,13 +95,13 @@ class Selection:
 
     @cached_property
     def digest(self) -> str:
-        """Of which episodes these are, in order: names, labels, lengths, instructions."""
+        """Digest of the episodes in order: names, labels, lengths, instructions."""
         columns = [self.labels(name).tolist() for name in _IDENTITY]
         facts = json.dumps([*columns, self.lengths.tolist()])
         return hashlib.blake2b(facts.encode(), digest_size=12).hexdigest()
 
     def take(self, mask: NDArray[np.bool_]) -> Selection:
-        """Those that `mask` (N,) names."""
+        """Return the episodes of `mask` (N,)."""
         return Selection(self.datasets, self.dataset[mask], self.row[mask])
 
 

@@ -30,7 +30,7 @@ _ROWS = ("observation.state", "observation.progress")
 
 @dataclass(frozen=True)
 class SequenceConfig:
-    """What an episode becomes.
+    """Contents of a sequence.
 
     Attributes:
         size_px: side of the square images; None leaves them as they are.
@@ -52,7 +52,7 @@ class SequenceConfig:
     def __post_init__(self) -> None:
         if self.max_steps < 1 or (self.size_px is not None and self.size_px < 8):
             raise InputError(
-                f"max_steps {self.max_steps}, size_px {self.size_px}; valid: from 1 and from 8 on"
+                f"max_steps {self.max_steps}, size_px {self.size_px}; valid: 1 or more, 8 or more"
             )
 
 
@@ -91,7 +91,7 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
         config: SequenceConfig = SequenceConfig(),
         telling: Telling = OWN_TEXT,
     ):
-        """Get ready; reads nothing yet.
+        """Set up the dataset without reading anything.
 
         Raises:
             InputError: the datasets' frame rates differ, or, with `every_frame`, they have no

@@ -24,7 +24,7 @@ LONG, SHORT = 200, 80  # what VLN-CE pads to, and what R2R's agents without a si
 
 @dataclass(frozen=True)
 class Tokens:
-    """How instructions become numbers.
+    """Vocabulary and length of tokenised instructions.
 
     Attributes:
         vocabulary: known words.

@@ -44,7 +44,7 @@ class WindowConfig:
         if min(self.future, self.history) < 1 or self.past < 0:
             raise InputError(
                 f"future {self.future}, history {self.history}, past {self.past}; "
-                "valid: from 1, 1 and 0 on"
+                "valid: at least 1, 1 and 0"
             )
 
 
@@ -77,7 +77,7 @@ class WaypointWindows(Dataset[dict[str, Any]]):
         config: WindowConfig = WindowConfig(),
         telling: Telling = OWN_TEXT,
     ):
-        """Get ready; reads nothing yet.
+        """Set up the dataset without reading anything.
 
         Raises:
             InputError: the datasets' frame rates differ.

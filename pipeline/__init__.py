@@ -1,1 +1,1 @@
-"""Command line, configuration, stage runner, manifests and the report (floor 3)."""
+"""Command line, stages, jobs, stage runner and report (layer 4)."""

@@ -43,7 +43,7 @@ def say(message):
 
 
 def output_of(command):
-    """Standard output of a command, or None when it cannot run or fails."""
+    """Return the standard output of a command, or None if it cannot run or fails."""
     try:
         with open(os.devnull, "w") as null:
             return subprocess.check_output(command, stderr=null).decode("utf-8", "replace").strip()
@@ -137,7 +137,7 @@ def find_uv():
 
 
 def find_python():
-    """A Python 3.12 or 3.13, also one that is not on PATH; None lets uv fetch one."""
+    """Return a Python 3.12 or 3.13, even if it is not on PATH, or None to let uv fetch one."""
     if os.environ.get("UV_PYTHON"):
         return os.environ["UV_PYTHON"]
     candidates = ["python%d.%d" % version for version in PYTHONS] + ["python3", "python"]
@@ -155,7 +155,7 @@ def find_python():
 
 
 def digest():
-    """What the environment depends on: the lock, the package list and this script."""
+    """Return the digest of what the environment depends on: lock, package list and this script."""
     state = hashlib.sha256()
     for name in ("uv.lock", "pyproject.toml", os.path.join("pipeline", "bootstrap.py")):
         with open(os.path.join(ROOT, name), "rb") as stream:

@@ -19,17 +19,17 @@ from ..trajectory_sampler.alignment import AlignConfig
 from ..trajectory_sampler.config import SampleConfig
 from ..trajectory_sampler.stairs import StairRules
 from .builtin import BuiltIn
-from .crews import action_timing
+from .crews import action_timing, kept
 from .engine.ledger import Row
 from .engine.run_folder import RunFolder
 from .engine.runner import Context, StageSummary, WorkItem, run_stage
-from .kept_robots import kept
-from .stages import align, episodes, export, instruct, render, repair, replay, scans, visibility
+from .jobs.instruct import CACHE, InstructJob
+from .stages import align, episodes, export, instruct, render, repair, replay, visibility
 
 
 @dataclass(frozen=True)
 class Product:
-    """What is made of rollouts.
+    """What is rendered and exported from rollouts.
 
     Attributes:
         frames_per_second: rendered.
@@ -63,7 +63,7 @@ class Chain:
         eye: str,
         per_instruction: bool = False,
     ):
-        """Get ready.
+        """Set up the chain.
 
         Args:
             folder: of the run.
@@ -93,8 +93,8 @@ class Chain:
         files = {name: source for name, source in sources.items() if isinstance(source, Path)}
         built = [source for source in sources.values() if isinstance(source, BuiltIn)]
         if built:
-            items = [scans.item(b, self.folder.scan(b.name)) for b in built]
-            made = self._stage(scans.STAGE, items, required=True).good()
+            items = [repair.scan_item(b, self.folder.scan(b.name)) for b in built]
+            made = self._stage(repair.SCAN_STAGE, items, required=True).good()
             files |= {name: self.folder.scan(name) / "scan.glb" for name in made}
         items = repair.items(files, config, self.folder.scenes)
         repaired = self._stage(repair.STAGE, items, required=True).good()
@@ -167,7 +167,7 @@ class Chain:
     def keep(
         self, asked: Sequence[Episode], scenes: Mapping[str, Row], pairs: Sequence[tuple[str, str]]
     ) -> None:
-        """What other robots or controllers than `pairs` did counts only on these very episodes."""
+        """Drop the rows of robots other than `pairs` unless they walked these episodes."""
         ledger = self.context.ledger
         done = {tuple(row.item.split("/")[:2]) for row in ledger.rows(replay.STAGE)}
         for robot, controller in sorted(done - set(pairs)):
@@ -199,29 +199,25 @@ class Chain:
         scope = f"{robot}/{controller}/"
         items = self._walks(asked, scenes, robot, controller, self.seed, self.actions)
         rollouts = self._stage(replay.STAGE, items, scope).good()
+        recorded = render.Recorded(rollouts, folder.root, scenes, folder.scenes)
         for view in views:
             items = render.items(
-                rollouts,
-                scenes,
-                folder.root,
-                folder.scenes,
-                folder.frames,
-                folder.root,
+                recorded,
                 view,
                 product.frames_per_second,
+                folder.frames,
+                folder.root,
                 product.rgb_codec,
                 product.extras,
             )
-            seen = f"{scope}{view.name}/"
-            frames = self._stage(render.STAGE, items, seen).good()
             dataset = export.Dataset.under(folder.root, robot, controller, view.name)
+            frames = self._stage(render.STAGE, items, dataset.scope).good()
             self.summaries += export.run(
                 self.context,
                 export.wanted(frames, product.only_success),
                 folder.root,
                 folder.scenes,
                 dataset,
-                seen,
                 {"options": dict(facts), "language_model": self._model_usage()},
                 product.depth_storage,
                 self.per_instruction,
@@ -238,11 +234,22 @@ class Chain:
         told = {s: folder.episodes(f"told/{s}") for s in seen}
         items = [
             instruct.item(
-                rows[s], seen[s], folder.scenes, parts[s], folder.seen(s), told[s],
-                folder.facts(s), config, self.seed,
+                s,
+                InstructJob(
+                    scenes=folder.scenes,
+                    episodes=parts[s],
+                    seen=(folder.seen(s),),
+                    out=told[s],
+                    facts=folder.facts(s),
+                    cache=folder.root / CACHE,
+                    config=config,
+                    seed=self.seed,
+                ),
+                rows[s].key,
+                seen[s].key,
             )
             for s in seen
-        ]  # fmt: skip
+        ]
         done = self._stage(instruct.STAGE, items)
         instruct.record_failed(self.context.ledger, done)
         paths, _ = episodes.merge(
@@ -251,17 +258,17 @@ class Chain:
         return paths
 
     def _model_usage(self) -> dict[str, Any]:
-        """Requests, tokens and cost of the language model that wrote; empty without one."""
+        """Return requests, tokens and cost of the language model; empty without one."""
         used = [r.facts.get("language_model") or {} for r in self.context.ledger.rows("instruct")]
         return max(used, key=lambda one: one.get("requests", 0), default={})
 
     def _unselect(self, *stages: str) -> None:
-        """Rows of a way to get episodes that this run does not take are not current."""
+        """Mark the rows of stages that this run does not use as not current."""
         for stage in stages:
             self.context.ledger.select(stage, "", ())
 
     def _driven(self, robot: str, controller: str) -> tuple[int, SpeedConfig]:
-        """Seed and timing with which a robot was driven when it last joined this run."""
+        """Return seed and action timing with which a robot was last driven in this run."""
         for row in self.context.ledger.rows(replay.STAGE):
             if row.item.startswith(f"{robot}/{controller}/") and "seed" in row.facts:
                 actions = row.facts["actions"]
@@ -283,7 +290,7 @@ class Chain:
         return replay.items(asked, scenes, folder.scenes, folder.rollouts, folder.models, config)
 
     def _is_current(self, item: WorkItem) -> bool:
-        """Whether an earlier run did this very item, or broke on it."""
+        """Return whether an earlier run did, or failed at, exactly this item."""
         ledger = self.context.ledger
         row = ledger.row(replay.STAGE, item.name)
         broken = row is not None and row.status == "quarantined" and row.key == item.key

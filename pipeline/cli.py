@@ -71,6 +71,8 @@ _TABLE = (
     Verb("robots", "robots.Robots", "robots.run_robots"),
     Verb("mix", "training.Mix", "mix.run"),
     Verb("ablate", "training.Ablate", "ablate.run"),
+    Verb("evaluate", "evaluate.Evaluate", "evaluate.run_evaluate"),
+    Verb("compare", "evaluate.Compare", "evaluate.run_compare"),
     Verb("push", "results.Push", "push.run_push"),
     Verb("verify", "results.Verify", "look.run_verify"),
     Verb("report", "results.Report", "look.run_report"),

@@ -1,12 +1,17 @@
-"""Which robots a run sends out, and which controllers drive each of them."""
+"""The robots of a run: which ones take part under which controllers, and copies of a user's own."""
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterable
+from pathlib import Path
 
 from ..collectors.controllers import CONTROLLERS, SpeedConfig, get_controller, valid_controllers
 from ..collectors.controllers.speed import SpeedController
 from ..collectors.robots import ROBOTS, TIMESTEP_S, RobotSpec, get_robot
+from ..collectors.robots.folder.load import folder_digest
+from ..collectors.robots.folder.safety import folder_files
+from ..formats.core.atomic import atomic_folder
 from ..formats.core.errors import InputError
 from ..formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD
 
@@ -15,7 +20,7 @@ USUAL = "path"  # what `auto` means for whatever has a body
 
 
 def chosen_robots(text: str) -> list[RobotSpec]:
-    """The robots that `ROBOT=<text>` means: a name, a user's robot's folder, several, or `all`.
+    """Return the robots of `ROBOT=<text>`: a name, a folder of a user's robot, several, or `all`.
 
     A bodyless agent is no robot: it takes part only when it is named, also beside `all`.
 
@@ -37,7 +42,7 @@ def chosen_robots(text: str) -> list[RobotSpec]:
 
 
 def crews(robots: Iterable[RobotSpec], text: str) -> list[tuple[str, str]]:
-    """Every robot with each controller of `CONTROLLER=<text>` that can drive it, by name.
+    """Return each robot with each controller of `CONTROLLER=<text>` that can drive it, by name.
 
     `text` is a name, names with commas, `all`, or `auto`: path, and flash for what has no joints
     and therefore cannot be driven, only placed.
@@ -62,7 +67,7 @@ def crews(robots: Iterable[RobotSpec], text: str) -> list[tuple[str, str]]:
 
 
 def action_timing(steps: int, closed_loop: bool) -> SpeedConfig:
-    """How discrete actions are carried out: `steps` physics steps each, or until they are done.
+    """Return how discrete actions are executed: for `steps` physics steps, or until done.
 
     The speed asked for is what 0.25 m or 15° in so many steps need, within the robot's limits.
 
@@ -82,9 +87,35 @@ def action_timing(steps: int, closed_loop: bool) -> SpeedConfig:
 
 
 def _names(variable: str, text: str, everything: Iterable[str]) -> list[str]:
-    """The comma-separated names in `text`, each once, `all` spelled out."""
+    """Return the comma-separated names in `text`, each once, with `all` expanded."""
     given = [part.strip() for part in text.split(",")]
     if not all(given):
         raise InputError(f"{variable}={text}: an empty name; valid: a name, or a,b,c, or {ALL}")
     spelled = [name for part in given for name in (everything if part == ALL else (part,))]
     return list(dict.fromkeys(spelled))
+
+
+FOLDER = "robots"
+
+
+def keep(robot: RobotSpec, root: Path) -> str:
+    """Copy a robot that came from a folder to `<root>/robots/<name>`; built-in ones need no copy.
+
+    Returns:
+        What to pass to `get_robot` from now on.
+    """
+    if robot.folder is not None:
+        copy = root / FOLDER / robot.name
+        if not copy.is_dir() or folder_digest(copy) != robot.content_sha256:
+            with atomic_folder(copy) as temporary:
+                for path in folder_files(robot.folder):
+                    target = temporary / path.relative_to(robot.folder)
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copyfile(path, target)
+    return kept(robot.name, root)
+
+
+def kept(name: str, root: Path) -> str:
+    """Return what to pass to `get_robot` for a run's robot `name`: its copy, or its name."""
+    copy = root / FOLDER / name
+    return str(copy) if copy.is_dir() else name

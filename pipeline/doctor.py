@@ -23,7 +23,7 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of the doctor.
+    """One finding about this machine.
 
     Attributes:
         subject: what was looked at.
@@ -39,7 +39,7 @@ class Finding:
 
 
 def examine(out: Path) -> list[Finding]:
-    """Look at this machine; `out` is where runs would be written. Nothing is changed."""
+    """Examine this machine without changing anything; `out` is where runs would be written."""
     uv = find_uv()
     return [
         Finding("python", True, f"{platform.python_version()} at {sys.executable}"),
@@ -56,7 +56,7 @@ def examine(out: Path) -> list[Finding]:
 
 
 def remedy(findings: Sequence[Finding]) -> str:
-    """One shell command that adds all that is missing; empty when nothing can be added."""
+    """Return a shell command that installs what is missing; empty if nothing can be installed."""
     extras = [f.missing_extra for f in findings if f.missing_extra]
     uv = find_uv()
     if not (REPOSITORY / "uv.lock").is_file():
@@ -147,7 +147,7 @@ def _memory() -> str:
 
 
 def find_uv(tool: str = "uv") -> str | None:
-    """Path of uv (or `uvx`): the user's, or the copy that the set-up keeps in .tools."""
+    """Return the path of uv (or `uvx`): the user's, or the copy in .tools."""
     own = REPOSITORY / ".tools" / "bin" / tool
     return shutil.which(tool) or (str(own) if own.is_file() else None)
 

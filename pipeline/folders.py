@@ -6,12 +6,12 @@ from pathlib import Path
 
 from ..formats.core.errors import InputError
 from ..formats.scene.bundle import INDEX_NAME
-from ..scene_repair.scan.kinds import SUFFIXES, USD_SUFFIXES
+from ..scene_repair.scan.files import SUFFIXES, USD_SUFFIXES
 from .engine.run_folder import safe_name
 
 
 def find_scans(folder: Path) -> dict[str, Path]:
-    """Every scan in `folder` and below, by scene id.
+    """Return every scan in `folder` and below, by scene id.
 
     A sub-folder that holds a file of its own name, as Matterport3D's `<id>/<id>.glb`, is one scan:
     what else lies there are its parts. Elsewhere each mesh is a scan, and each USD stage at the

@@ -1,4 +1,4 @@
-"""What a dataset says of where it comes from: meta/provenance.json."""
+"""How a dataset was made: the values of meta/provenance.json."""
 
 from __future__ import annotations
 
@@ -9,22 +9,14 @@ from dataclasses import asdict
 from importlib.metadata import version
 from typing import Any
 
-from ..formats.core.digest import file_digest
+from ..formats.core.atomic import file_digest
 from ..formats.core.rollout import Rollout
+from ..formats.core.source import ROOT
 from ..formats.lerobot.splits import held_out_scenes
 from ..formats.scene.bundle import SceneBundle
 from ..formats.video.mp4 import DEPTH_CODEC, RGB_CODECS
-from .engine.keys import PACKAGE_ROOT, code_version, digest
+from .engine.keys import digest
 
-PACKAGES = (
-    "apartments",
-    "collectors",
-    "formats",
-    "instruction_gen",
-    "scene_repair",
-    "trajectory_sampler",
-    "wayfinding",
-)
 # Facts of a rollout that tell how it was made, not what happened in it.
 MAKING = (
     "seed",
@@ -39,7 +31,7 @@ WRITING = ("composer", "model", "prompt_sha256", "temperature")
 
 
 def episode_facts(rollout: Rollout) -> dict[str, Any]:
-    """How one episode was made, for `provenance`: JSON values."""
+    """Return how one episode was made, for `provenance`: JSON values."""
     written = rollout.episode.extra.get("instruction") or {}
     return {
         "rollout": {key: rollout.facts.get(key) for key in MAKING}
@@ -55,8 +47,9 @@ def provenance(
     scenes: Iterable[str],
     encoding: Mapping[str, Any],
     facts: Mapping[str, Any],
+    code_sha256: str,
 ) -> dict[str, Any]:
-    """Return JSON values that depend on nothing but the arguments and the code.
+    """Return JSON values that depend on nothing but the arguments.
 
     Args:
         episodes: `episode_facts` of each episode.
@@ -64,8 +57,9 @@ def provenance(
         scenes: names of all scenes of the run, of which some are held out for validation.
         encoding: frame rate, light, codecs, … of the pixels.
         facts: `options`, as the user chose them.
+        code_sha256: digest of the code that made the episodes and their pixels.
     """
-    lock = PACKAGE_ROOT / "uv.lock"
+    lock = ROOT / "uv.lock"
     rollouts = [episode["rollout"] for episode in episodes]
     written = [episode["instruction"] for episode in episodes]
     made = {
@@ -75,7 +69,7 @@ def provenance(
     options = dict(facts.get("options") or {})
     return {
         "vlnpe": version("vlnpe"),
-        "code_sha256": code_version(*PACKAGES),
+        "code_sha256": code_sha256,
         "lock_sha256": file_digest(lock) if lock.is_file() else None,
         "config_sha256": digest(options, made, dict(encoding)),
         "scenes": {bundle.scene_id: bundle.source for bundle in bundles},
@@ -90,9 +84,9 @@ def provenance(
 
 
 def scene_provenance(
-    bundle: SceneBundle, held_out: Sequence[str], encoding: Mapping[str, Any]
+    bundle: SceneBundle, held_out: Sequence[str], encoding: Mapping[str, Any], code_sha256: str
 ) -> dict[str, Any]:
-    """What an episode's own file says of where it comes from, beside its rollout's facts.
+    """Return how an episode's own file was made, beside its rollout's facts.
 
     The same for all episodes of a scene and a view, so that files of one dataset can be joined.
 
@@ -100,11 +94,12 @@ def scene_provenance(
         bundle: the scene.
         held_out: scenes of the run that validate.
         encoding: frame rate, light, codecs, … of the pixels.
+        code_sha256: digest of the code that made the episode and its pixels.
     """
-    lock = PACKAGE_ROOT / "uv.lock"
+    lock = ROOT / "uv.lock"
     return {
         "vlnpe": version("vlnpe"),
-        "code_sha256": code_version(*PACKAGES),
+        "code_sha256": code_sha256,
         "lock_sha256": file_digest(lock) if lock.is_file() else None,
         "scenes": {bundle.scene_id: bundle.source},
         "held_out_scenes": list(held_out),
@@ -113,7 +108,7 @@ def scene_provenance(
 
 
 def encoding_facts(meta: Mapping[str, Any], depth_storage: str) -> dict[str, Any]:
-    """How the pixels of a rendered view are kept; `meta` is its meta.json."""
+    """Return how the pixels of a rendered view are encoded; `meta` is its meta.json."""
     depth = {key: meta["depth"][key] for key in ("near_m", "far_m")}
     stored = asdict(DEPTH_CODEC) if depth_storage == "video" else {"image": "tiff, uint16 mm"}
     return {
@@ -125,11 +120,11 @@ def encoding_facts(meta: Mapping[str, Any], depth_storage: str) -> dict[str, Any
 
 
 def _distinct(values: Iterable[Any]) -> list[Any]:
-    """Different values but None, sorted by their JSON."""
+    """Return the distinct values other than None, sorted by their JSON."""
     texts = {json.dumps(value, sort_keys=True) for value in values if value is not None}
     return [json.loads(text) for text in sorted(texts)]
 
 
 def _counted(values: Iterable[Any]) -> dict[str, int]:
-    """How many episodes have each value but None."""
+    """Return how many episodes have each value other than None."""
     return dict(sorted(Counter(str(value) for value in values if value is not None).items()))

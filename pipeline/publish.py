@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ..formats.convert.dataset import ROLLOUTS_PATH
-from ..formats.core.atomic import TEMPORARY_PREFIX
-from ..formats.core.digest import file_digest
+from ..formats.core.atomic import TEMPORARY_PREFIX, file_digest
 from ..formats.core.errors import FileFormatError, InputError, VlnpeError
 from ..formats.core.licences import UNKNOWN, licence_id, may_pass_on, why_not
 from ..formats.lerobot.episode_columns import EDITED_ADVICE
@@ -33,10 +32,10 @@ class HubError(VlnpeError):
 
 
 class Hub(Protocol):
-    """What is needed of `huggingface_hub.HfApi`."""
+    """The part of `huggingface_hub.HfApi` that is used."""
 
     def repo_exists(self, repo_id: str, *, repo_type: str) -> bool:
-        """Whether there is such a repository."""
+        """Return whether the repository exists."""
         ...
 
     def list_repo_refs(self, repo_id: str, *, repo_type: str) -> Any:
@@ -93,31 +92,31 @@ class Release:
 
     @property
     def url(self) -> str:
-        """Where the release will be."""
+        """Return the address of the release."""
         endpoint = os.environ.get("HF_ENDPOINT", "https://huggingface.co").rstrip("/")
         return f"{endpoint}/datasets/{self.repo}/tree/{self.tag}"
 
     @property
     def named_by_content(self) -> bool:
-        """Whether the tag is made of the content's digest, so that equal tags are equal content."""
+        """Return whether the tag derives from the content's digest."""
         return self.tag == content_tag(self.content_sha256)
 
 
 @dataclass(frozen=True)
 class Upload:
-    """Where a release is: its commit, and whether it was uploaded just now."""
+    """An uploaded release: its commit, and whether this call uploaded it."""
 
     commit: str
     new: bool
 
 
 def content_tag(content_sha256: str) -> str:
-    """Name of a release of this content."""
+    """Return the name of a release of this content."""
     return f"data-{content_sha256[:12]}"
 
 
 def plan_release(root: Path, repo: str, tag: str | None = None, private: bool = False) -> Release:
-    """See what publishing a dataset means; nothing leaves this machine.
+    """Plan the release of a dataset without using the network.
 
     Args:
         root: the dataset's folder.
@@ -206,25 +205,25 @@ def upload(release: Release, hub: Hub | None = None) -> Upload:
 
 
 def _tags(hub: Hub, repo: str) -> dict[str, str]:
-    """Commit of each tag."""
+    """Return the commit of each tag."""
     refs = hub.list_repo_refs(repo, repo_type="dataset").tags
     return {ref.name: str(ref.target_commit) for ref in refs}
 
 
 def _reason(error: Exception) -> str:
-    """What went wrong, in one line, and what to do."""
+    """Return what went wrong and what to do, in one line."""
     status = getattr(getattr(error, "response", None), "status_code", None)
     if status == 401:
         return "the hub wants a token (401): set HF_TOKEN, or run `hf auth login`"
     if status == 403:
         return "the token may not write there (403): take one with the right to write"
-    told = " ".join(str(error).split())
+    reason = " ".join(str(error).split())
     cause = error.__cause__
-    if cause is not None and str(cause) not in told:
-        told += f" ({type(cause).__name__}: {' '.join(str(cause).split())})"
+    if cause is not None and str(cause) not in reason:
+        reason += f" ({type(cause).__name__}: {' '.join(str(cause).split())})"
     return (
-        f"{type(error).__name__}: {told}. The release is not complete; the same command goes on "
-        "where it stopped"
+        f"{type(error).__name__}: {reason}. The release is not complete; run the same command "
+        "again to continue where it stopped"
     )
 
 
@@ -241,7 +240,7 @@ def _hub() -> Hub:
 
 
 def _files(root: Path) -> list[Path]:
-    """The dataset's files; what writers have not finished, and hidden files, are none of it."""
+    """Return the dataset's files, without hidden and unfinished ones."""
     hidden = {TEMPORARY_PREFIX[0]}
     return [
         path

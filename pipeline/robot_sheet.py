@@ -1,4 +1,4 @@
-"""What `vlnpe robots` tells of a robot, gathered from its facts and its policy's card."""
+"""What `vlnpe robots` shows of a robot: its facts and its policy's card."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..collectors.controllers import valid_controllers
 from ..collectors.gait_training.gates import GateResult, gate_results
 from ..collectors.locomotion.card import PolicyCard
 from ..collectors.locomotion.policy import GaitPolicy
-from ..collectors.rendering.people.studio import Sitter
+from ..collectors.rendering.people.portraits import StandingRobot
 from ..collectors.robots import RobotSpec
 from ..formats.core.errors import FileFormatError
 
@@ -55,7 +55,7 @@ class RobotSheet:
 
     @property
     def gate_summary(self) -> str:
-        """How many gates are passed, in a few words."""
+        """Return how many gates are passed, in words."""
         if self.mover == "wheels":
             return "no policy needed"
         if self.mover == "none":
@@ -72,8 +72,8 @@ class RobotSheet:
 
 
 def sheet_of(robot: RobotSpec) -> RobotSheet:
-    """Gather all there is to tell of `robot`; a policy that cannot be read is a problem, told."""
-    sitter, camera, limits = Sitter.of(robot), robot.camera, robot.command_limits
+    """Collect the facts of `robot`; a policy that cannot be read is listed as a problem."""
+    standing, camera, limits = StandingRobot.of(robot), robot.camera, robot.command_limits
     mover = "wheels" if robot.drive is not None else "policy" if robot.joints else "none"
     card, problem = _card(robot) if mover == "policy" else (None, "")
     training = {} if card is None else card.training
@@ -82,8 +82,8 @@ def sheet_of(robot: RobotSpec) -> RobotSheet:
         title=robot.title,
         mover=mover,
         mass_kg=round(robot.mass_kg, 3),
-        height_m=round(sitter.height_m, 6),
-        camera_height_m=round(sitter.camera_height_m, 6),
+        height_m=round(standing.height_m, 6),
+        camera_height_m=round(standing.camera_height_m, 6),
         camera_pitch_down_deg=camera.pitch_down_deg,
         camera_px=(camera.model.width_px, camera.model.height_px),
         camera_hfov_deg=camera.model.hfov_deg,
@@ -108,7 +108,7 @@ def _card(robot: RobotSpec) -> tuple[PolicyCard | None, str]:
 
 
 def _gate(result: GateResult) -> dict[str, object]:
-    """A gate as JSON values; what is no number was not measured."""
+    """Return a gate as JSON values; NaN was not measured."""
     measured, line = result.measured, str(result)
     return {
         "name": result.name,
@@ -122,7 +122,7 @@ def _gate(result: GateResult) -> dict[str, object]:
 
 
 def table(sheets: Sequence[RobotSheet]) -> str:
-    """One line per robot."""
+    """Return one line per robot."""
     rows = [("robot", "mass", "height", "camera", "vx m/s", "vy m/s", "turn °/s", "radius",
              "controllers", "gates")]  # fmt: skip
     for s in sheets:
@@ -147,7 +147,7 @@ def table(sheets: Sequence[RobotSheet]) -> str:
 
 
 def details(sheet: RobotSheet) -> str:
-    """Everything else about one robot, in a few lines: policy, gates, sources."""
+    """Return policy, gates and sources of one robot as text."""
     lines = [f"{sheet.title} ({sheet.name})"]
     if sheet.problem:
         lines.append(f"  {sheet.problem}")

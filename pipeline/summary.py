@@ -1,4 +1,4 @@
-"""What the terminal shows when a chain has ended."""
+"""What commands print when they have finished."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def show_summary(
     as_json: bool,
     stream: TextIO = sys.stdout,
 ) -> int:
-    """Write the closing table, or one JSON object, to `stream`; returns the exit code.
+    """Write the closing table, or one JSON object, to `stream`; return the exit code.
 
     0: done; 1: more items are quarantined than `max_failed` allows.
     """
@@ -56,7 +56,7 @@ def show_summary(
 
 
 def joined(summaries: Sequence[StageSummary]) -> list[StageSummary]:
-    """One summary per stage, those of all robots together, in the order they ran."""
+    """Return one summary per stage, over all robots, in the order they ran."""
     stages: dict[str, StageSummary] = {}
     for summary in summaries:
         known = stages.get(summary.stage)
@@ -65,7 +65,7 @@ def joined(summaries: Sequence[StageSummary]) -> list[StageSummary]:
 
 
 def stage_table(summaries: Sequence[StageSummary]) -> str:
-    """One line per stage with its counts, those of all robots together."""
+    """Return one line per stage with its counts over all robots."""
     lines = [f"{'stage':<10}{'done':>7}{'reused':>8}{'failed':>8}{'quarantined':>13}{'seconds':>9}"]
     lines += [
         f"{s.stage:<10}{s.done:>7}{s.reused:>8}{s.failed:>8}{s.quarantined:>13}{s.seconds:>9.1f}"
@@ -75,7 +75,7 @@ def stage_table(summaries: Sequence[StageSummary]) -> str:
 
 
 def robot_table(rows: Sequence[RobotRow]) -> str:
-    """One line per robot and controller: navigation metrics, then how many episodes went wrong."""
+    """Return one line per robot and controller: navigation metrics, then counts of failures."""
     width = 1 + max([8, *(len(r.robot) for r in rows)])
     wide = 1 + max([10, *(len(r.driven) for r in rows)])
     header = f"{'robot':<{width}}{'controller':<{wide}}{'paths':>8}{'texts':>7}"
@@ -99,7 +99,7 @@ def _number(value: float | None, width: int, digits: int) -> str:
 
 
 def looking_commands(folder: RunFolder, summaries: Sequence[StageSummary], page: Path) -> str:
-    """The three commands that show the result: LeRobot's viewer, Foxglove, the report."""
+    """Return the commands that show the result: LeRobot's viewer, Foxglove, the report."""
     made = [row for summary in summaries for row in summary.good().values()]
     datasets = [folder.root / row.outputs[0] for row in made if row.stage == "dataset"]
     episodes = [folder.root / row.outputs[0] for row in made if row.stage == "mcap"]

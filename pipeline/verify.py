@@ -1,4 +1,4 @@
-"""`vlnpe verify`: open every output of a run with a reader, and say what does not hold."""
+"""`vlnpe verify`: open every output of a run with a reader, and report what is wrong."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ..formats.scene.bundle import INDEX_NAME, load_bundle
 from ..formats.scene.visibility import read_visibility
 from ..formats.video.stream import probe_video
 from ..formats.vlnce.files import read_episodes
-from ..scene_repair.verify.carrying import verify_scene
+from ..scene_repair.verify.scene import verify_scene
 from .engine.ledger import Ledger, Row
 
 
@@ -99,7 +99,7 @@ def _instructed(path: Path) -> None:
 
 
 def _dataset(path: Path) -> None:
-    """Frames in the tables, in the episode index and in each video must agree."""
+    """Raise ValueError unless tables, episode index and videos agree on the number of frames."""
     frames = sum(pq.read_metadata(p).num_rows for p in path.glob("data/*/*.parquet"))
     lengths = [
         n

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..collectors.rendering.camera.views import CameraWishes, View, parse_views
+from ..collectors.rendering.camera.views import CameraOverrides, View, parse_views
 from ..collectors.rendering.light.lights import LIGHTS
 from ..collectors.rendering.registry import chosen_renderer
 from ..collectors.robots import RobotSpec
@@ -13,7 +13,7 @@ ALL = "all"
 
 
 def chosen_lights(text: str) -> list[str]:
-    """Light names from `DL5000,CL` or `all`, each once.
+    """Return the light names of `DL5000,CL` or `all`, each once.
 
     Raises:
         UnknownNameError: there is no such light; the message lists the valid names.
@@ -26,9 +26,9 @@ def chosen_lights(text: str) -> list[str]:
 
 
 def chosen_views(
-    camera: str, light: str, renderer: str, robot: str | RobotSpec, wishes: CameraWishes
+    camera: str, light: str, renderer: str, robot: str | RobotSpec, wishes: CameraOverrides
 ) -> list[View]:
-    """Every camera in `camera` under every light in `light`.
+    """Return every camera in `camera` under every light in `light`.
 
     Raises:
         UnknownNameError: no such camera, light, renderer or robot; the message lists valid names.
@@ -38,7 +38,7 @@ def chosen_views(
     return [
         view
         for name in chosen_lights(light)
-        for view in parse_views(camera, robot, wishes, name, drawn_by)
+        for view in parse_views(camera, robot, wishes, light=name, renderer=drawn_by)
     ]
 
 

@@ -17,7 +17,8 @@ SHARED_SCENES = Path(__file__).resolve().parents[2] / "shared" / "scenes"
 # What the core environment lacks: libraries of the extras and of the group `dev`.
 NOT_CORE = re.compile(
     r"^\s*(?:import|from) (?:torch|lerobot|lerobot_doctor|datasets|accelerate|onnx|onnxruntime"
-    r"|rsl_rl|huggingface_hub|open3d|pyvista|setuptools"
+    r"|rsl_rl|huggingface_hub|open3d|pyvista|setuptools|gymnasium"
+    r"|vlnpe\.evaluation\.(?:env|remote|server)"
     r"|vlnpe\.collectors\.gait_training\.(?:env|export|mirror|train))\b"
     r"|vlnpe\.datasets\.ablation",
     re.MULTILINE,
@@ -56,6 +57,15 @@ def _threads_stay_ordinary(_make_threads_ordinary: Callable[[], None]) -> Iterat
     _make_threads_ordinary()
     yield
     _make_threads_ordinary()
+
+
+@pytest.fixture(scope="module")
+def offline() -> Iterator[None]:
+    """Keep LeRobot from looking for a dataset on the Hub, and its encoders from using all cores."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HF_HUB_OFFLINE", "1")
+        patch.setenv("OMP_NUM_THREADS", "1")
+        yield
 
 
 @pytest.fixture(scope="session")

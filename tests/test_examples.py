@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from PIL import Image
 
+from tests.support.episodes import episode_along
 from tests.support.rollouts import make_rollout
-from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.lerobot import assemble_dataset
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.vlnce.files import write_episodes
@@ -50,19 +50,7 @@ def test_own_robot(tmp_path: Path) -> None:
 def test_own_policy_reaches_a_goal_in_the_same_room(two_rooms: SceneBundle, tmp_path: Path) -> None:
     path = plan_path(two_rooms.freemap(0), (1.0, 1.0), (3.0, 2.0), 0.3)
     assert path is not None
-    points = np.column_stack([path, np.zeros(len(path))])
-    episode = Episode(
-        episode_id="e0",
-        trajectory_id="t0",
-        scene_id="two_rooms",
-        split="train",
-        level=0,
-        start_position_world_m=points[0],
-        start_yaw_rad=0.0,
-        goal_position_world_m=points[-1],
-        reference_path_world_m=points,
-        geodesic_distance_m=float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()),
-    )
+    episode = replace(episode_along(path), start_yaw_rad=0.0)
     write_episodes(tmp_path / "episodes.json.gz", [episode])
     text = run("own_policy.py", two_rooms.root, tmp_path / "episodes.json.gz")
     assert text.startswith("e0: success"), text

@@ -15,11 +15,12 @@ from skimage.measure import label
 from ..formats.core.episode import Episode
 from ..formats.core.errors import InputError
 from ..formats.core.frames import HABITAT_TO_WORLD, habitat_to_world_yaw, transform_points
+from ..formats.core.geometry import path_length
 from ..formats.scene.bundle import SceneBundle
 from ..formats.scene.freemap import Freemap
 from ..formats.vlnce.files import VlnceEpisode, VlnceFile
 from ..wayfinding.distance import AGENT_RADIUS_M, distance_field, nearest_cell
-from ..wayfinding.planning import floor_z, path_length, plan_path, segments_free, simplify_path
+from ..wayfinding.planning import floor_z, plan_path, segments_free, simplify_path
 from .levels import level_gaps
 
 Array = NDArray[np.float64]
@@ -358,7 +359,13 @@ def _passable(
                 f"there is no way from waypoint {_place(a)} to {_place(b)} for a robot of "
                 f"radius {config.robot_radius_m:g} m"
             )
-        thin = simplify_path(freemap, way, config.robot_radius_m, config.waypoint_spacing_m, 0.03)
+        thin = simplify_path(
+            freemap,
+            way,
+            radius_m=config.robot_radius_m,
+            spacing_m=config.waypoint_spacing_m,
+            tolerance_m=0.03,
+        )
         pieces.append(thin[1:, :2])
         detours += 1
     xy = np.concatenate(pieces)

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..formats.core.frames import wrap_angle
+from ..formats.core.geometry import path_length
 from ..wayfinding.crossings import Crossing, crossings
 from ..wayfinding.distance import AGENT_RADIUS_M, DistanceField, distance_field
-from ..wayfinding.planning import PlanConfig, path_length, plan_path, segments_free, simplify_path
+from ..wayfinding.planning import PlanConfig, plan_path, segments_free, simplify_path
 from .config import FRECHET, SampleConfig
 from .level import Level
 from .similarity import PathIndex, stations
@@ -202,7 +203,11 @@ def _judge(
     if path is None:
         return "unreachable"
     reference = simplify_path(
-        level.freemap, path, level.radius_m, config.waypoint_spacing_m, tolerance_m=0.03
+        level.freemap,
+        path,
+        radius_m=level.radius_m,
+        spacing_m=config.waypoint_spacing_m,
+        tolerance_m=0.03,
     )
     length = path_length(reference)
     if length < config.min_length_m:

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from ..formats.core.geometry import path_length, point_along
 from ..formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
-from ..wayfinding.planning import path_length, point_along
 
 _SPACING_M = 0.05
 _AHEAD = 10  # points: it aims half a metre ahead

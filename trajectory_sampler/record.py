@@ -10,10 +10,10 @@ from scipy.ndimage import map_coordinates
 
 from ..formats.core.episode import Episode
 from ..formats.core.frames import wrap_angle
+from ..formats.core.geometry import path_length, point_along
 from ..formats.scene.bundle import SceneBundle
 from ..formats.scene.freemap import Freemap
 from ..wayfinding.crossings import DOORWAY_M
-from ..wayfinding.planning import path_length, point_along
 from .candidates import Candidate
 from .config import ALONG_PATH, SampleConfig
 from .ideal import ideal_actions

@@ -9,6 +9,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..formats.core.geometry import path_length, point_along
 from ..formats.core.kernel import kernel
 from .config import DTW, FRECHET
 
@@ -20,9 +21,9 @@ STATION_M = 0.25
 def stations(path_m: ArrayLike) -> Array:
     """A path (P, 2 or 3) [m] as points (S, 2) at equal steps of at most `STATION_M`."""
     path = np.asarray(path_m, dtype=np.float64)[:, :2]
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-    at = np.linspace(0.0, along[-1], max(2, int(np.ceil(along[-1] / STATION_M)) + 1))
-    return np.stack([np.interp(at, along, path[:, k]) for k in (0, 1)], axis=1)
+    length = path_length(path)
+    count = max(2, int(np.ceil(length / STATION_M)) + 1)
+    return point_along(path, np.linspace(0.0, length, count))
 
 
 def path_gap(path_m: ArrayLike, other_m: ArrayLike, measure: str = FRECHET) -> float:

@@ -12,6 +12,8 @@ from .furniture import bath, beds, decor, kitchen, seating, storage, tables
 from .furniture.piece import Arrangement, Piece, alone
 from .space import RoomSpace, put_at_walls, try_middle, try_wall
 
+_LARGE_LIVING_ROOM_M2 = 44.0
+
 Furnisher = Callable[[RoomSpace, Kit, np.random.Generator], list[Piece]]
 
 
@@ -81,8 +83,26 @@ def living_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Pi
         items.append(alone(seating.armchair(kit, rng), 0.4, on_window=True))
     if rng.random() < 0.6:
         items.append(alone(storage.sideboard(kit, rng), 0.4))
+    if space.room.area_m2 > _LARGE_LIVING_ROOM_M2:
+        items += _second_lounge(kit, rng)
     pieces += put_at_walls(space, rng, items)
     return pieces + _corner_things(space, kit, rng)
+
+
+def _second_lounge(kit: Kit, rng: np.random.Generator) -> list[Arrangement]:
+    """What fills a living room that is larger than any apartment's."""
+    couch = seating.sofa(kit, rng, 2)
+    depth = float(couch.shape.bounds()[1, 1])
+    table = tables.coffee_table(kit, rng).moved(0.0, 0.0, depth + 0.7)
+    carpet = decor.rug(kit, rng, 2.3, 1.5).moved(0.0, 0.0, depth + 0.55)
+    return [
+        Arrangement((couch, table, carpet), 0.4, on_window=True),
+        alone(storage.bookshelf(kit, rng), 0.4),
+        alone(storage.bookshelf(kit, rng), 0.4),
+        alone(seating.armchair(kit, rng), 0.4, on_window=True),
+        alone(storage.dresser(kit, rng), 0.4, on_window=True),
+        alone(decor.plant(kit, rng), 0.1, on_window=True),
+    ]
 
 
 def kitchen_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:

@@ -31,10 +31,10 @@ def _column(
 
 def spine(rng: np.random.Generator) -> list[Cell]:
     """A long corridor with rooms on both sides, living room and kitchen at one end."""
-    width, end = rng.uniform(18.0, 21.5), rng.uniform(5.4, 6.8)
-    low = rng.uniform(4.0, 4.8)
+    width, end = rng.uniform(19.0, 24.0), rng.uniform(5.4, 7.0)
+    low = rng.uniform(4.0, 5.2)
     high = low + rng.uniform(1.6, 2.0)
-    depth = high + rng.uniform(4.0, 4.8)
+    depth = high + rng.uniform(4.0, 5.2)
     split = rng.uniform(0.52, 0.6) * depth
     split = float(np.clip(split, high + 0.2, depth - 3.2))
     cells: list[Cell] = [
@@ -52,13 +52,13 @@ def spine(rng: np.random.Generator) -> list[Cell]:
 
 def wings(rng: np.random.Generator) -> list[Cell]:
     """Two wings at a right angle, each with a corridor."""
-    width, depth = rng.uniform(15.5, 18.0), rng.uniform(15.0, 17.5)
-    low = rng.uniform(4.0, 4.8)
+    width, depth = rng.uniform(16.0, 19.5), rng.uniform(15.5, 19.0)
+    low = rng.uniform(4.0, 5.0)
     high = low + rng.uniform(1.6, 1.9)
-    inner = high + rng.uniform(3.8, 4.4)
-    right = width - rng.uniform(3.8, 4.4)
+    inner = high + rng.uniform(3.9, 4.8)
+    right = width - rng.uniform(3.9, 4.8)
     left = right - rng.uniform(1.6, 1.9)
-    outer = left - rng.uniform(3.8, 4.4)
+    outer = left - rng.uniform(3.9, 4.8)
     end = rng.uniform(5.2, 6.2)
     cells: list[Cell] = [
         ("hall", end, low, width, high),
@@ -74,11 +74,11 @@ def wings(rng: np.random.Generator) -> list[Cell]:
 
 def middle(rng: np.random.Generator) -> list[Cell]:
     """Living room and kitchen in the middle, a corridor with rooms on both sides of each."""
-    first, last = rng.uniform(6.4, 7.4), rng.uniform(6.4, 7.4)
-    center = rng.uniform(5.2, 6.4)
-    low = rng.uniform(3.9, 4.6)
+    first, last = rng.uniform(6.6, 8.4), rng.uniform(6.6, 8.4)
+    center = rng.uniform(5.4, 7.0)
+    low = rng.uniform(4.0, 5.2)
     high = low + rng.uniform(1.6, 1.9)
-    depth = high + rng.uniform(3.9, 4.6)
+    depth = high + rng.uniform(4.0, 5.2)
     split = float(np.clip(rng.uniform(0.56, 0.64) * depth, high + 0.2, depth - 3.2))
     a, b, width = first, first + center, first + center + last
     cells: list[Cell] = [

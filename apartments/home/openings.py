@@ -37,11 +37,11 @@ def contact(a: Cell, b: Cell) -> tuple[int, int, float, float] | None:
     low = np.array([a[1:3], b[1:3]])
     high = np.array([a[3:5], b[3:5]])
     for axis, sign in SIDES:
-        ours = high[0, axis] if sign > 0 else low[0, axis]
-        theirs = low[1, axis] if sign > 0 else high[1, axis]
+        side_a = high[0, axis] if sign > 0 else low[0, axis]
+        side_b = low[1, axis] if sign > 0 else high[1, axis]
         start = max(low[0, 1 - axis], low[1, 1 - axis])
         end = min(high[0, 1 - axis], high[1, 1 - axis])
-        if abs(ours - theirs) < 1e-6 and end - start > 1e-6:
+        if abs(side_a - side_b) < 1e-6 and end - start > 1e-6:
             return axis, sign, float(start), float(end)
     return None
 

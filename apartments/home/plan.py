@@ -1,4 +1,4 @@
-"""The floor plan: rooms, doorways, windows."""
+"""Floor plans: rooms, doorways, windows, stairs and columns."""
 
 from __future__ import annotations
 

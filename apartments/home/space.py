@@ -1,4 +1,4 @@
-"""Room for furniture: what is taken, what must stay free, where a robot can still go."""
+"""Placement of furniture in a room, so that doors stay clear and robots can pass."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from .shapes import Triangles, join
 
 @dataclass(frozen=True)
 class TrueObject:
-    """A named thing.
+    """A labelled object.
 
     Attributes:
         name: unique, e.g. `Sofa_1`.
@@ -31,14 +31,14 @@ class TrueObject:
 
 @dataclass(frozen=True)
 class TrueScene:
-    """Everything there is, exactly.
+    """The exact geometry of a building, and the names of its parts.
 
     Attributes:
         storeys: rooms and openings of each storey, lowest first.
         shape: all triangles, world z up [m].
         face_object: (F,) int32 index into `objects`.
-        objects: the things.
-        materials: looks that `shape.material` refers to.
+        objects: everything that has a name.
+        materials: what `shape.material` refers to.
         lamps_m: (L, 3) centres of the ceiling lamps.
     """
 

@@ -1,4 +1,4 @@
-"""Which floor and walls a room gets, so that rooms of one home are told apart at a glance."""
+"""Floors and walls of rooms, chosen so that the rooms of a building differ at a glance."""
 
 from __future__ import annotations
 
@@ -219,7 +219,7 @@ class Stylist:
         count = 6
         return self.palette.get(
             f"floor tiles {color} {other} {side_m}",
-            lambda r, s: floors.tiles(r, s, (count, count), color, other, veins=veins),
+            lambda r, s: floors.tiles(r, s, (count, count), color, other=other, veins=veins),
             (count * side_m, count * side_m),
             min(320.0, 768 / (count * side_m)),
         )

@@ -1,4 +1,4 @@
-"""Where the scanner stands and looks: through all rooms, at eye height."""
+"""Plan the scanner's views: through all rooms, at eye height."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class View:
 
 
 def look(position_m: NDArray[np.float64], yaw_rad: float, pitch_rad: float) -> View:
-    """A level camera at `position_m` that looks along yaw and pitch (up positive)."""
+    """Return a level camera at `position_m` that looks along yaw and pitch (up positive)."""
     forward = np.array(
         [
             np.cos(yaw_rad) * np.cos(pitch_rad),
@@ -47,7 +47,7 @@ def look(position_m: NDArray[np.float64], yaw_rad: float, pitch_rad: float) -> V
 
 
 def _standing(tracer: Tracer, points: NDArray[np.float64], floor_z_m: float) -> NDArray[np.bool_]:
-    """Whether a person fits at camera positions (N, 3): bare floor below, nothing too near."""
+    """Return whether camera positions (N, 3) are free: bare floor below, nothing too near."""
     down = np.tile(np.array([0.0, 0.0, -1.0], dtype=np.float32), (len(points), 1))
     depth = tracer.distance(points.astype(np.float32), down, 4.0)
     height = points[:, 2] - floor_z_m
@@ -64,7 +64,7 @@ def _standing(tracer: Tracer, points: NDArray[np.float64], floor_z_m: float) -> 
 def stations(
     rng: np.random.Generator, plan: FloorPlan, tracer: Tracer, spacing_m: float
 ) -> NDArray[np.float64]:
-    """(N, 3) camera positions [m]: spread over the free floor of every room, and in doorways."""
+    """Return camera positions (N, 3) [m] over the free floor of every room, and in doorways."""
     found: list[NDArray[np.float64]] = []
     for room in plan.rooms:
         count = np.maximum(np.ceil(room.size_m / _LATTICE_M), 2).astype(int)
@@ -86,7 +86,7 @@ def stations(
 
 
 def _spread(points: NDArray[np.float64], spacing_m: float) -> list[NDArray[np.float64]]:
-    """Farthest-point choice among points (N, 3) until all lie within `spacing_m` of a choice."""
+    """Sample points (N, 3) farthest-first until all lie within `spacing_m` of a sample."""
     chosen: list[NDArray[np.float64]] = []
     if not len(points):
         return chosen
@@ -103,7 +103,7 @@ def _spread(points: NDArray[np.float64], spacing_m: float) -> list[NDArray[np.fl
 def views(
     rng: np.random.Generator, plan: FloorPlan, tracer: Tracer, config: ScanConfig
 ) -> list[View]:
-    """All depth views: at each station several headings, looking down and up."""
+    """Return all depth views: at each station several headings, looking down and up."""
     result = []
     for position in stations(rng, plan, tracer, config.station_spacing_m):
         start = rng.uniform(0, 2 * np.pi)

@@ -66,12 +66,12 @@ class Agent(nn.Module):
             self.dropout(self.embedding(tokens)), lengths.cpu(), True, enforce_sorted=False
         )
         words, _ = pad_packed_sequence(self.reader(packed)[0], batch_first=True)
-        told = _attend(self.ask_words(state), words, tokens == 0)
+        attended = _attend(self.ask_words(state), words, tokens == 0)
         looked = [
-            _look(self.ask_rgb(told), rgb),
-            _look(self.ask_depth(told), far),
+            _look(self.ask_rgb(attended), rgb),
+            _look(self.ask_depth(attended), far),
         ]
-        joined = torch.cat([state, told, *looked, seen, done], -1)
+        joined = torch.cat([state, attended, *looked, seen, done], -1)
         state, _ = self.second(self.dropout(joined))
         state = self.dropout(state)
         end = self.end(state)

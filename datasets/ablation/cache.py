@@ -24,7 +24,7 @@ class CachedSequences(Dataset[dict[str, Any]]):
     """
 
     def __init__(self, sequences: EpisodeSequences, folder: Path):
-        """Keep the images of `sequences` in `folder`, made where it is missing."""
+        """Keep the images of `sequences` in `folder`, which is created if missing."""
         self.sequences, self.folder = sequences, folder
         self._rows = EpisodeSequences(
             sequences.selection,
@@ -56,7 +56,7 @@ class CachedSequences(Dataset[dict[str, Any]]):
         return path
 
     def _key(self, number: int) -> str:
-        """Changes when the episode's place or files do, or the images' size."""
+        """Return a key of the episode's place, its files and the images' size."""
         entry = self.sequences.selection.entry(number)
         config = self.sequences.config
         parts: list[Any] = [entry.uid, entry.length, config.size_px, config.max_steps]

@@ -76,15 +76,15 @@ class TrainConfig:
         whole = ("seeds", "steps", "batch", "max_steps", "tokens", "checkpoint_every")
         for name in whole:
             if getattr(self, name) < 1:
-                raise InputError(f"train: {name} {getattr(self, name)}; valid: from 1 on")
+                raise InputError(f"train: {name} {getattr(self, name)}; valid: 1 or more")
         stages = len(self.model.channels)
         if self.size_px < 2**stages:
             raise InputError(
-                f"train: size_px {self.size_px}; valid: from {2**stages} on for {stages} channels"
+                f"train: size_px {self.size_px}; valid: at least {2**stages} for {stages} channels"
             )
         for name in ("unknown",):
             if not 0.0 <= getattr(self, name) < 1.0:
-                raise InputError(f"train: {name} {getattr(self, name)}; valid: 0 up to below 1")
+                raise InputError(f"train: {name} {getattr(self, name)}; valid: at least 0, below 1")
         if self.model.encoder not in ENCODERS:
             raise UnknownNameError("encoder", self.model.encoder, ENCODERS)
         if self.device not in ("auto", "cpu", "cuda"):
@@ -96,7 +96,7 @@ class TrainConfig:
 
 
 def train_config(values: Mapping[str, Any]) -> TrainConfig:
-    """Settings from a recipe's `train`; `model` is a mapping in it.
+    """Return the settings of a recipe's `train`; `model` is a mapping in it.
 
     Raises:
         UnknownNameError: a key, an encoder or a device that is not valid.

@@ -1,4 +1,4 @@
-"""Image encoders: small ones of our own, or torchvision's with weights from a file."""
+"""Image encoders: small convolutional ones, or torchvision's with weights from a file."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class TorchvisionEncoder(nn.Module):
         self.stages.requires_grad_(config.train_encoder)
 
     def train(self, mode: bool = True) -> Self:
-        """Frozen stages stay as in prediction, else batch normalisation would go on learning."""
+        """Keep frozen stages in evaluation mode, or their batch normalisation would be updated."""
         super().train(mode)
         if self._frozen:
             self.stages.eval()

@@ -1,4 +1,4 @@
-"""Predict held-out episodes, and what needs no training to predict them."""
+"""Scores on held-out episodes, of agents and of baselines without training."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _BATCH = 8
 
 @dataclass(frozen=True)
 class EpisodeScore:
-    """Counts over one episode's steps, so that any set of episodes can be summed up.
+    """Counts over one episode's steps, which can be summed over any set of episodes.
 
     Attributes:
         trajectory: `scene/trajectory`.
@@ -54,7 +54,8 @@ class Summary:
     Attributes:
         action: part of the steps whose action was predicted.
         waypoint_m: mean distance of the waypoints of the next 8 steps.
-        stop: mean of the parts of near and of other steps that were told to be so; 0.5 is chance.
+        stop: mean of the parts of near and of other steps that were classified correctly; 0.5 is
+            chance.
     """
 
     action: float
@@ -97,7 +98,7 @@ def score_agent(agent: Agent, episodes: CachedSequences) -> list[EpisodeScore]:
 
 
 def score_constant(episodes: CachedSequences) -> list[EpisodeScore]:
-    """The best constants, known from these very episodes: commonest action, mean waypoints.
+    """Return the score of the best constants of these episodes: commonest action, mean waypoints.
 
     "Always near the end" and "never" both have a stop accuracy of 0.5.
     """
@@ -120,7 +121,7 @@ def score_constant(episodes: CachedSequences) -> list[EpisodeScore]:
 
 
 def score_repeat(episodes: CachedSequences) -> list[EpisodeScore]:
-    """Doing again what was just done: the action before, and the motion before, eight times."""
+    """Return the score of repeating the previous action, and the previous motion eight times."""
 
     def predict(batch: Any, n: int) -> tuple[NDArray, NDArray]:
         # The first step repeats nothing; walking on is the best guess there.
@@ -134,7 +135,7 @@ def score_repeat(episodes: CachedSequences) -> list[EpisodeScore]:
 
 
 def _repeated(motion: NDArray[np.float32], future: int) -> NDArray[np.float64]:
-    """Waypoints (T, F, 3) that each motion (T, 3) leads to, made again and again."""
+    """Return the waypoints (T, F, 3) reached by repeating each motion (T, 3)."""
     pose = np.zeros((len(motion), 3))
     waypoints = []
     for _ in range(future):

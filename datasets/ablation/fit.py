@@ -27,7 +27,7 @@ class Fit:
 
     @property
     def fits(self) -> bool:
-        """At most half of the errors of the commonest action are left."""
+        """Whether at most half of the errors of the commonest action are left."""
         return 1 - self.action.mean <= REST * (1 - self.constant)
 
 

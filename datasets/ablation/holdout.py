@@ -1,4 +1,4 @@
-"""Which trajectories no training may see."""
+"""The trajectories that are held out of all trainings."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def hold_out(
         by = "scene" if len(scenes) > 1 else "trajectory"
     names = scenes if by == "scene" else everything
     if len(names) < 2:
-        raise InputError(f"holdout by {by}: only {len(names)} there; valid: from 2 on")
+        raise InputError(f"holdout by {by}: only {len(names)} there; valid: 2 or more")
     count = min(max(round(recipe.holdout_fraction * len(names)), 1), len(names) - 1)
     chosen = set(sorted(names, key=lambda name: _order(recipe.seed, name))[:count])
     if by == "trajectory":

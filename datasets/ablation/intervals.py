@@ -1,4 +1,4 @@
-"""How sure a number is."""
+"""Confidence intervals of means and of differences."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _RESAMPLES = 2000
 
 @dataclass(frozen=True)
 class Estimate:
-    """A mean, and half the width of its interval; NaN where one value tells nothing of it."""
+    """A mean, and half the width of its interval, which is NaN for a single value."""
 
     mean: float
     half: float
@@ -26,7 +26,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Difference:
-    """A difference of means with its interval; NaN ends where nothing tells of it."""
+    """A difference of means with its interval, whose ends are NaN if they cannot be estimated."""
 
     mean: float
     low: float

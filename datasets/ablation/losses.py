@@ -1,4 +1,4 @@
-"""What training minimises."""
+"""The training loss."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def near_end(batch: Mapping[str, Tensor]) -> Tensor:
 def loss_of(
     predicted: Mapping[str, Tensor], batch: Mapping[str, Tensor], config: TrainConfig
 ) -> Tensor:
-    """One number: imitation by inflection weight, waypoints, end and progress, over real steps."""
+    """Return the loss over real steps: inflection-weighted imitation, waypoints, end, progress."""
     mask = batch["mask"].float()
     count = mask.sum()
     weight = batch["weight"] * mask

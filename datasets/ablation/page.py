@@ -2,54 +2,86 @@
 
 from __future__ import annotations
 
-import html
+import io
+import math
+from collections.abc import Mapping
+
+from markdown_it import MarkdownIt
+
+from .intervals import Estimate
+from .report import CONSTANT, REPEAT
+
+# Columns of numbers are aligned to the right and never wrap; the others may.
+STYLE = (
+    "body{font:16px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem}"
+    ".wide{overflow-x:auto}table{border-collapse:collapse}"
+    "td,th{padding:.3rem .7rem;border-bottom:1px solid #ddd;text-align:left;"
+    "overflow-wrap:anywhere;min-width:5rem}"
+    "[style*=right]{white-space:nowrap;min-width:0}"
+    "img{max-width:100%}"
+)
 
 
-def report_html(markdown: str, picture_base64: str) -> str:
-    """The same as one page that needs nothing else."""
-    body = []
-    for block in markdown.split("\n\n"):
-        if block.startswith("#"):
-            level = len(block) - len(block.lstrip("#"))
-            body.append(f"<h{level}>{_inline(block.lstrip('# '))}</h{level}>")
-        elif block.startswith("!["):
-            body.append(f'<img alt="" src="data:image/png;base64,{picture_base64}">')
-        elif block.startswith("|"):
-            body.append(_html_table(block.splitlines()))
-        elif block.startswith("- "):
-            items = "".join(f"<li>{_inline(line[2:])}</li>" for line in block.splitlines())
-            body.append(f"<ul>{items}</ul>")
-        elif block.strip():
-            body.append(f"<p>{_inline(block)}</p>")
-    style = (
-        "body{font:16px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem}"
-        ".wide{overflow-x:auto}table{border-collapse:collapse}"
-        "td,th{padding:.3rem .7rem;border-bottom:1px solid #ddd;text-align:right;"
-        "white-space:nowrap}"
-        ".text{text-align:left;white-space:normal;overflow-wrap:anywhere;min-width:5rem}"
-        "img{max-width:100%}"
+def report_html(markdown: str, picture_name: str, picture_base64: str) -> str:
+    """Return the report as a page that needs no other file.
+
+    Args:
+        markdown: The report.
+        picture_name: File name of the picture in it.
+        picture_base64: Content of the picture, a PNG file in base64.
+    """
+    body = MarkdownIt("commonmark", {"html": False}).enable("table").render(markdown)
+    body = body.replace(f'src="{picture_name}"', f'src="data:image/png;base64,{picture_base64}"')
+    body = body.replace("<table>", '<div class="wide"><table>').replace(
+        "</table>", "</table></div>"
     )
     return (
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>Ablation</title>'
-        f"<style>{style}</style>{''.join(body)}</html>\n"
+        f"<style>{STYLE}</style>{body}</html>\n"
     )
 
 
-def _inline(text: str) -> str:
-    parts = html.escape(text).split("**")
-    return "".join(f"<b>{p}</b>" if n % 2 else p for n, p in enumerate(parts))
+_COLOURS = ("#2b5fb8", "#c8611a", "#2e8b57", "#7b4aa8", "#a83250", "#5c6770")
 
 
-def _html_table(lines: list[str]) -> str:
-    """Columns of numbers are those whose rule ends in a colon; only the others may wrap."""
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
-    text = [not rule.endswith(":") for rule in rows[1]]
+def plot_png(rows: Mapping[str, Mapping[str, Mapping[str, Estimate]]], title: str) -> bytes:
+    """Dots with intervals by row and evaluated source, and the baselines as lines; PNG bytes."""
+    import matplotlib
 
-    def line(kind: str, cells: list[str]) -> str:
-        return "".join(
-            f"<{kind}{' class=text' * words}>{_inline(cell)}</{kind}>"
-            for cell, words in zip(cells, text, strict=True)
-        )
+    matplotlib.use("agg")
+    from matplotlib.figure import Figure
 
-    body = "".join(f"<tr>{line('td', row)}</tr>" for row in rows[2:])
-    return f'<div class="wide"><table><tr>{line("th", rows[0])}</tr>{body}</table></div>'
+    trained = [name for name in rows if name not in (CONSTANT, REPEAT)]
+    places = list(rows[CONSTANT])
+    columns = min(len(places), 3)  # more would be too small to read on a page
+    rows_of = math.ceil(len(places) / columns)
+    figure = Figure(
+        figsize=(3.4 * columns + 2.2, (0.42 * len(trained) + 1.3) * rows_of + 0.4),
+        layout="constrained",
+    )
+    axes = figure.subplots(rows_of, columns, sharey=True, squeeze=False).ravel()
+    for unused in axes[len(places) :]:
+        unused.remove()
+    for place, axis, colour in zip(places, axes, _COLOURS * len(places), strict=False):
+        for name, style in ((CONSTANT, "--"), (REPEAT, ":")):
+            value = 100 * rows[name][place]["action"].mean
+            axis.axvline(value, color="#888", linestyle=style, linewidth=1.2, label=name)
+        for height, name in enumerate(trained):
+            value = rows[name][place]["action"]
+            half = 0.0 if math.isnan(value.half) else 100 * value.half
+            axis.errorbar(
+                100 * value.mean, height, xerr=half, fmt="o", color=colour, capsize=3, markersize=6
+            )
+        axis.set_title(place, fontsize=11)
+        axis.set_xlabel("held-out actions right [%]")
+        axis.grid(axis="x", color="#eee")
+        axis.set_axisbelow(True)
+        axis.spines[["top", "right"]].set_visible(False)
+    axes[0].set_yticks(range(len(trained)), trained)
+    axes[0].set_ylim(len(trained) - 0.5, -0.5)
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles[:2], labels[:2], loc="outside lower center", ncols=2, frameon=False)
+    figure.suptitle(title, fontsize=12)
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=130)
+    return stream.getvalue()

@@ -31,7 +31,7 @@ def estimates(ablation: Ablation) -> dict[str, dict[str, dict[str, Estimate]]]:
 
 
 def differences(ablation: Ablation) -> list[dict[str, Any]]:
-    """What the recipe asks to compare, by evaluated source."""
+    """Return the comparisons of the recipe, by evaluated source."""
     result = []
     for ours, theirs in ablation.recipe.compare:
         for where in ablation.held:
@@ -44,7 +44,7 @@ def differences(ablation: Ablation) -> list[dict[str, Any]]:
 
 
 def report_json(ablation: Ablation) -> dict[str, Any]:
-    """Everything as JSON values; NaN is null."""
+    """Return the whole ablation as JSON values; NaN is null."""
 
     def estimate(value: Estimate) -> dict[str, float | None]:
         return {"mean": value.mean, "half": _or_none(value.half)}
@@ -89,7 +89,7 @@ def report_json(ablation: Ablation) -> dict[str, Any]:
 
 
 def report_markdown(ablation: Ablation, plot: str) -> str:
-    """The report; `plot` is the picture's file name."""
+    """Return the report; `plot` is the file name of the plot."""
     lines = [f"# {ablation.recipe.title or 'Ablation'}", "", *_setting(ablation), ""]
     lines += [f"![Held-out action accuracy by training data]({plot})", ""]
     found = estimates(ablation)
@@ -156,7 +156,7 @@ def _table(ablation: Ablation, found: Mapping[str, Any], where: str) -> list[str
 
 
 def _verdict(ablation: Ablation, found: Mapping[str, Any], where: str) -> str:
-    """Which rows beat the commonest action by enough, and if not, what to do."""
+    """Return which rows beat the commonest action by enough, and if none does, what to do."""
     constant = found[CONSTANT][where]["action"].mean
     gains = {name: found[name][where]["action"].mean - constant for name in ablation.rows}
     best = max(gains, key=lambda name: gains[name])

@@ -1,4 +1,4 @@
-"""An ablation from recipe to scores; what is done already is not done again."""
+"""Run an ablation from recipe to scores; finished trainings are reused."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from ...formats.core.atomic import write_json
-from ...formats.core.digest import file_digest
+from ...formats.core.atomic import file_digest, write_json
 from ...formats.core.errors import InputError
 from ...formats.core.progress import progress_bar
 from ...formats.core.source import code_digest
@@ -56,7 +55,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Ablation:
-    """Everything that the report tells.
+    """All results of an ablation.
 
     Attributes:
         recipe: what was asked.
@@ -78,7 +77,7 @@ class Ablation:
 
 @dataclass(frozen=True)
 class Job:
-    """One training, and where its parts lie."""
+    """One training and its files."""
 
     seed: int
     checkpoint: Path
@@ -200,8 +199,8 @@ def _row(
             )
             value = {name: score_agent(agent, test) for name, test in tests.items()}
             seen = [score for episodes in some for score in score_agent(agent, episodes)]
-            told = {name: [s.to_json() for s in run] for name, run in value.items()}
-            write_json(job.result, {"scores": told, "training": [s.to_json() for s in seen]})
+            scores = {name: [s.to_json() for s in run] for name, run in value.items()}
+            write_json(job.result, {"scores": scores, "training": [s.to_json() for s in seen]})
             job.checkpoint.unlink()
         bar.update(before + config.steps - bar.n)
         value = json.loads(job.result.read_text())
@@ -229,7 +228,7 @@ def _some(source: CachedSequences, sources: int) -> CachedSequences:
 def training_job(
     plan: MixturePlan, held: Mapping[str, Selection], config: TrainConfig, seed: int, out: Path
 ) -> Job:
-    """Its files' names change with everything that its result depends on.
+    """Return a training whose file names hash everything that its result depends on.
 
     Frames are known by their statistics, episodes by their names, labels and instructions.
     """

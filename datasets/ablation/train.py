@@ -27,7 +27,7 @@ _MAX_GRADIENT = 5.0
 
 
 def chosen_device(config: TrainConfig) -> torch.device:
-    """The device that the configuration means."""
+    """Return the device of the configuration."""
     if config.device == "auto":
         return torch.device("cuda" if torch.cuda.is_available() else "cpu")
     return torch.device(config.device)
@@ -51,7 +51,7 @@ def train_agent(
         config: how.
         seed: of weights, dropout and the order of the draws.
         checkpoint: file to go on from, and to write to.
-        progress: told the number of steps done after each.
+        progress: called with the number of steps done, after each step.
     """
     device = chosen_device(config)
     sampler = MixtureSampler(
@@ -89,7 +89,7 @@ def train_agent(
 
 
 def learning_rate_factor(step: int, steps: int) -> float:
-    """Part of the highest learning rate at `step` of `steps`: up in a tenth, down along a cosine.
+    """Return the factor of the learning rate at `step`: linear warm-up over a tenth, cosine decay.
 
     Above 0 at every step 0 … steps − 1.
     """

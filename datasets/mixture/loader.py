@@ -29,7 +29,7 @@ class JoinedSources(Dataset[Any]):
 
 
 class MixtureLoader:
-    """Iterates over batches; one pass is one epoch, and the next goes on in the sequence.
+    """Iterate over batches; each pass is one epoch and continues the sequence of draws.
 
     `state_dict` tells how many batches the caller has had, whatever workers have fetched ahead;
     with `load_state_dict` a new loader yields the very next one.
@@ -50,7 +50,7 @@ class MixtureLoader:
         workers: int = 0,
         collate: Collate = default_collate,
     ):
-        """Get ready.
+        """Set up the loader.
 
         Raises:
             InputError: sizes that do not belong together, or a batch without items.
@@ -60,7 +60,7 @@ class MixtureLoader:
             raise InputError(f"loaders of {sizes} items, a sampler for {sampler.sizes}")
         if batch_size < 1 or workers < 0:
             raise InputError(
-                f"batch size {batch_size}, workers {workers}; valid: from 1, from 0 on"
+                f"batch size {batch_size}, workers {workers}; valid: 1 or more, 0 or more"
             )
         self._data = JoinedSources(sources)
         self._sampler, self._batch_size = sampler, batch_size
@@ -73,7 +73,7 @@ class MixtureLoader:
         return -(-left // self._batch_size)
 
     def __iter__(self) -> Iterator[Any]:
-        """The rest of the epoch."""
+        """Iterate over the rest of the epoch."""
         self._sampler.drawn = self._given
         stop = (self._given // self._sampler.length + 1) * self._sampler.length
         options: dict[str, Any] = {}
@@ -93,11 +93,11 @@ class MixtureLoader:
             yield batch
 
     def state_dict(self) -> dict[str, Any]:
-        """Where the caller is; JSON values."""
+        """Return the caller's position as JSON values."""
         return {**self._sampler.state_dict(), "drawn": self._given}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Go on behind the batch after which `state` was taken.
+        """Continue after the batch at which `state` was taken.
 
         Raises:
             InputError: it was taken of another mixture.

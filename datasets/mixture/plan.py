@@ -1,4 +1,4 @@
-"""What a mixture trains on: datasets found, episodes kept, and why others were not."""
+"""The plan of a mixture: datasets found, episodes selected, and why others are excluded."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ DUPLICATE, HELD_OUT, FRACTION = "duplicate", "held out", "fraction"
 
 @dataclass(frozen=True)
 class DatasetRow:
-    """What a source takes of one dataset.
+    """The episodes that a source selects from one dataset.
 
     Attributes:
         root: its folder.
@@ -61,7 +61,7 @@ class DatasetRow:
 
 @dataclass(frozen=True)
 class SourcePlan:
-    """What a source gives to a mixture.
+    """The episodes that a source contributes to a mixture.
 
     Attributes:
         name: of the source.
@@ -80,7 +80,7 @@ class SourcePlan:
 
 @dataclass(frozen=True)
 class MixturePlan:
-    """A mixture made concrete.
+    """The episodes and shares of a mixture.
 
     Attributes:
         name: of the mixture.
@@ -99,7 +99,7 @@ class MixturePlan:
 
     @property
     def digest(self) -> str:
-        """What the episodes of all sources are; changes when any of them does."""
+        """Digest of the episodes of all sources."""
         return joined_digest(source.selection for source in self.sources)
 
     @property
@@ -188,7 +188,7 @@ def choose(
     *,
     training: bool = False,
 ) -> tuple[Selection, tuple[DatasetRow, ...]]:
-    """Episodes of one source, and what was left out of each dataset.
+    """Return the episodes of one source, and what is excluded from each dataset.
 
     A recording that lies in several datasets (a conversion, or a run that was copied) is taken
     from the first alone. For training, splits that their publisher holds out are left out unless
@@ -233,7 +233,7 @@ def _filter(
     seen: set[tuple[Any, ...]],
     training: bool,
 ) -> tuple[NDArray[np.bool_], dict[str, int]]:
-    """Which episodes to take, and why not the others; `seen` grows by those that fit."""
+    """Return which episodes to select, and why not the others; adds the selected to `seen`."""
     mask = np.ones(len(whole), bool)
     reasons: dict[str, int] = {}
 
@@ -264,13 +264,13 @@ def _filter(
     out = np.array([t in held_out for t in trajectories], bool)
     keep(~out, np.full(len(whole), HELD_OUT, object))
     if source.fraction < 1.0:
-        lucky = np.array([_uniform(t) < source.fraction for t in trajectories], bool)
-        keep(lucky, np.full(len(whole), FRACTION, object))
+        drawn = np.array([_uniform(t) < source.fraction for t in trajectories], bool)
+        keep(drawn, np.full(len(whole), FRACTION, object))
     return mask, reasons
 
 
 def _uniform(trajectory: str) -> float:
-    """A number in [0, 1) that depends on the name alone: what is kept stays when data is added."""
+    """Return a number in [0, 1) that depends on the name alone, not on other data."""
     digest = hashlib.blake2b(trajectory.encode(), digest_size=8).digest()
     return int.from_bytes(digest) / 2.0**64
 
@@ -291,8 +291,8 @@ def _size(selection: Selection, unit: str) -> int:
 def _nothing_left(
     name: str, indices: Sequence[DatasetIndex], dropped: Mapping[str, int], root: Path
 ) -> str:
-    told = "; ".join(f"{count} × {reason}" for reason, count in sorted(dropped.items()))
+    reasons = "; ".join(f"{count} × {reason}" for reason, count in sorted(dropped.items()))
     return (
-        f"source {name!r}: no episode is left of {len(indices)} datasets in {root} ({told}); "
+        f"source {name!r}: no episode is left of {len(indices)} datasets in {root} ({reasons}); "
         "collect what is missing, or change the recipe"
     )

@@ -1,4 +1,4 @@
-"""Recipes: which data a training takes, as YAML or as frozen records.
+"""Recipes: the data of trainings, as YAML or as frozen records.
 
     recipe: 1
     title: Does other robots' data help?
@@ -36,7 +36,7 @@ OWN_VIEW = "ego"
 
 @dataclass(frozen=True)
 class Source:
-    """A query for episodes. Empty tuples ask for nothing, and everything passes.
+    """A query for episodes. An empty tuple does not restrict.
 
     Attributes:
         data: dataset folders, or patterns of them, relative to the folder searched.
@@ -62,7 +62,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Mixture:
-    """What one training takes.
+    """The sources of one training and their shares.
 
     Attributes:
         weights: of each source by name.
@@ -150,7 +150,7 @@ def read_recipe(path: Path) -> Recipe:
 
 
 def recipe_of(value: Any) -> Recipe:
-    """A recipe from what its YAML says.
+    """Return a recipe from the values of its YAML.
 
     Raises:
         InputError: a key, name or value that is not valid.
@@ -212,7 +212,7 @@ def _record[T](kind: type[T], what: str, value: Any) -> T:
             given[key] = _number(where, entry)
         elif isinstance(default, int):
             if not isinstance(entry, int) or isinstance(entry, bool) or entry < 0:
-                raise InputError(f"{where}: {entry!r}; valid: a whole number from 0 on")
+                raise InputError(f"{where}: {entry!r}; valid: a whole number of at least 0")
         elif (isinstance(default, str) or key == "title") and not isinstance(entry, str):
             raise InputError(f"{where}: {entry!r}; valid: text")
     missing = [n for n, f in known.items() if f.default is MISSING and n not in given]
@@ -245,3 +245,21 @@ def _known(kind: str, names: Any, valid: Any) -> None:
     for name in names:
         if name not in valid:
             raise UnknownNameError(kind, name, valid)
+
+
+FOLDER = Path(__file__).resolve().parents[1] / "recipes"
+
+
+def recipe_path(name: str) -> Path:
+    """Return the file of a recipe: the path `name`, or the built-in recipe of that name.
+
+    Raises:
+        InputError: neither.
+    """
+    path = Path(name)
+    if path.is_file():
+        return path
+    shipped = {p.stem: p for p in sorted(FOLDER.glob("*.yaml"))}
+    if name in shipped:
+        return shipped[name]
+    raise InputError(f"recipe {name}: no such file; shipped recipes: {', '.join(shipped)}")

@@ -69,7 +69,7 @@ class MixtureSampler:
         self.seed, self.rank, self.world, self.content = seed, rank, world, content
         self.length = max(sum(self.sizes) // world, 1) if length is None else length
         if self.length < 1:
-            raise InputError(f"length {self.length}; valid: from 1 on")
+            raise InputError(f"length {self.length}; valid: 1 or more")
         self._counted = (0, np.zeros(len(sizes), np.int64))
         self.drawn = 0  # by this process, through all epochs
         rng = np.random.default_rng([seed, len(sizes)])
@@ -103,11 +103,11 @@ class MixtureSampler:
             here = np.flatnonzero(chosen == source)
             positions = before[source] + np.arange(len(here))
             items[here] = _shuffled(positions, size, self._keys[source])
-        mine = slice(self.rank, None, self.world)
-        return list(zip(chosen[mine].tolist(), items[mine].tolist(), strict=True))
+        own = slice(self.rank, None, self.world)
+        return list(zip(chosen[own].tolist(), items[own].tolist(), strict=True))
 
     def state_dict(self) -> dict[str, Any]:
-        """Where it is, with what the sequence depends on."""
+        """Return the position, and what the sequence depends on."""
         return {
             "version": _STATE_VERSION,
             "drawn": self.drawn,
@@ -115,7 +115,7 @@ class MixtureSampler:
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Go on where `state` was taken.
+        """Continue at the position of `state`.
 
         Raises:
             InputError: it was taken of another mixture.
@@ -140,7 +140,7 @@ class MixtureSampler:
         }
 
     def _counts_before(self, start: int) -> NDArray[np.int64]:
-        """How many of the first `start` draws went to each source; goes on from the last answer."""
+        """Return each source's count in the first `start` draws; continues from the last call."""
         position, counts = self._counted if self._counted[0] <= start else (0, 0 * self._counted[1])
         for begin in range(position, start, _BLOCK * 64):
             chosen = self._sources(begin, min(start, begin + _BLOCK * 64))

@@ -1,4 +1,4 @@
-"""What a mixture trains on, for people and for programs."""
+"""The plan of a mixture as text and as JSON."""
 
 from __future__ import annotations
 

@@ -198,7 +198,7 @@ def read_info(root: Path) -> dict[str, Any]:
     except FileNotFoundError as error:
         raise FileFormatError(path, "missing; not a LeRobot dataset") from error
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise FileFormatError(path, f"no LeRobot dataset: {error!r}") from error
+        raise FileFormatError(path, f"not a LeRobot dataset: {error!r}") from error
 
 
 def episode_files(root: Path) -> list[Path]:

@@ -64,21 +64,9 @@ def unit_from_mcap(path: Path, folder: Path) -> None:
     elif METADATA_NAME in contents.metadata and VIEW_METADATA in contents.metadata:
         with tempfile.TemporaryDirectory(dir=_parent(folder), prefix=".vlnpe-tmp-") as temporary:
             seen = extract_contents(contents, path, Path(temporary) / "frames")
-            frames = seen.frames
-            write_episode_unit(
-                folder,
-                seen.rollout,
-                frames.arrays,
-                frames.frames_per_second,
-                rgb_video=frames.rgb_video,
-                depth_video=frames.depth_video,
-                camera=frames.camera,
-                depth_range=frames.depth_range,
-                light=frames.light,
-                rgb_codec=frames.rgb_codec,
-                depth_storage=(facts or {}).get("depth_storage", "video"),
-            )
-            write_blind_mcap(folder / ROLLOUT_NAME, seen.rollout, frames, seen.shown)
+            storage = (facts or {}).get("depth_storage", "video")
+            write_episode_unit(folder, seen.rollout, seen.frames, depth_storage=storage)
+            write_blind_mcap(folder / ROLLOUT_NAME, seen.rollout, seen.frames, seen.shown)
     else:
         what = "a rollout without pictures" if METADATA_NAME in contents.metadata else "no episode"
         raise FileFormatError(path, f"holds {what}; valid: files of `vlnpe export` or `convert`")

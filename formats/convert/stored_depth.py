@@ -16,8 +16,7 @@ from ..lerobot.layout import DEPTH_KEY
 from ..lerobot.unit import EpisodeUnit
 from ..lerobot.unit_rows import stores_images
 from ..mcap.depth_images import ANY_NEAR_M, MILLIMETRES, decode_depth
-from ..video.depth_codes import codes_to_depth
-from ..video.depth_tiff import decode_depth_tiff
+from ..video.depth_codes import codes_to_depth, decode_depth_tiff
 from ..video.mp4 import write_depth_video
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import FileFormatError
 from . import layout
-from .json_files import read_lines
+from .layout import read_lines
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,8 @@ def read_tasks(folder: Path, number: int, row_tasks: NDArray[Any] | None) -> Epi
         first, last = span
         own = [t for t in lines if first <= _whole(path, t.get("task_index")) <= last]
     else:
-        told = _told_texts(folder, number)
-        own = [t for t in lines if _text(t) in told]
+        listed = _listed_texts(folder, number)
+        own = [t for t in lines if _text(t) in listed]
     texts = list(dict.fromkeys(text for text in map(_text, own) if text))
     if not texts:
         raise FileFormatError(path, f"no instruction for episode {number}")
@@ -92,12 +92,12 @@ def _span_of_rows(folder: Path, number: int, tasks: NDArray[Any] | None) -> tupl
     return int(np.min(tasks)), int(np.max(tasks))
 
 
-def _told_texts(folder: Path, number: int) -> list[str]:
+def _listed_texts(folder: Path, number: int) -> list[str]:
     path = folder / layout.EPISODES_PATH
     for line in read_lines(path) if path.is_file() else []:
         if line.get("episode_index") == number:
-            told = line.get("tasks")
-            return [str(text).strip() for text in told] if isinstance(told, list) else []
+            listed = line.get("tasks")
+            return [str(text).strip() for text in listed] if isinstance(listed, list) else []
     return []
 
 

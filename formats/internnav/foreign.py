@@ -24,6 +24,7 @@ from ..core.frames import (
     quat_to_matrix,
     quat_to_yaw,
 )
+from ..core.geometry import path_length
 from ..core.rollout import DISCRETE_RATE_HZ, EndReason
 from ..lerobot.features import dataset_features
 from ..lerobot.layout import EPISODE_ROWS
@@ -59,7 +60,7 @@ _NAMES = {
 
 @dataclass(frozen=True)
 class Assumptions:
-    """What the layout does not tell.
+    """Facts that the layout does not store.
 
     Attributes:
         robot: whose data it is; None: as info.json or the scan's folder says.
@@ -86,7 +87,7 @@ class Assumptions:
                 "start frame: the first pose, with the floor base_height_m below it",
                 "metrics: from poses and finish status; unknown numbers are NaN",
                 "metrics/oracle_success: that of metrics/success; a failed episode may have passed "
-                "its goal, which nobody tells",
+                "its goal, which the layout does not tell",
             ],
             "missing": ["goal", "reference path", "joints", "IMU", "contacts", "commands"],
         }
@@ -101,7 +102,7 @@ def robot_of(scene: SceneFolder, info: dict[str, Any], assumptions: Assumptions)
     named = assumptions.robot or str(info.get("robot_type") or "")
     robot = ROBOT_OF_SCAN.get(scene.scan, "") if named in UNKNOWN_ROBOTS else named
     if not robot:
-        raise InputError(f"{scene.folder}: which robot? Pass --robot h1, aliengo, …")
+        raise InputError(f"{scene.folder}: does not name its robot; pass --robot h1, aliengo, …")
     return robot
 
 
@@ -121,7 +122,9 @@ def foreign_parts(
     robot = robot_of(scene, episode.info, assumptions)
     height = assumptions.base_height_m or BASE_HEIGHT_M.get(robot)
     if height is None:
-        raise InputError(f"{scene.folder}: how high is {robot}'s base? Pass --base-height-m")
+        raise InputError(
+            f"{scene.folder}: the height of {robot}'s base is unknown; pass --base-height-m"
+        )
     table, start = frame_table(episode, height, assumptions.frames_per_second)
     features = dataset_features(
         table,
@@ -235,9 +238,7 @@ def _columns(
         "camera_intrinsics": camera.intrinsics.ravel().tolist(),
         "depth_near_m": DEPTH_RANGE.near_m,
         "depth_far_m": DEPTH_RANGE.far_m,
-        "metrics/trajectory_length_m": float(
-            np.linalg.norm(np.diff(position[:, :2], axis=0), axis=1).sum()
-        ),
+        "metrics/trajectory_length_m": path_length(position[:, :2]),
         "metrics/navigation_error_m": unknown,
         "metrics/navigation_error_euclidean_m": unknown,
         "metrics/success": success,

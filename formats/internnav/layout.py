@@ -14,9 +14,12 @@ world, z up, quaternions wxyz; the camera's frame looks along its x axis, z up.
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
+
+from ..core.errors import FileFormatError
 
 VERSION = "v2.1"
 EPISODES_PER_CHUNK = 1000
@@ -68,7 +71,7 @@ SCANS = ("r2r", "r2r_aliengo", "r2r_flash")
 
 
 def scan_name(robot: str, controller: str) -> str:
-    """The folder of a robot's data, one of `SCANS`: the loaders read no others.
+    """Return the folder of a robot's data, one of `SCANS`, the only ones that loaders read.
 
     Left to themselves they read `r2r` alone, and the others when they are asked for.
     """
@@ -96,3 +99,39 @@ def table_schema(columns: dict[str, tuple[str, int]]) -> pa.Schema:
         value: dict[str, Any] = {"dtype": dtype, "_type": "Value"}
         hub[name] = value if size == 1 else {"feature": value, "length": size, "_type": "Sequence"}
     return pa.schema(fields, {"huggingface": json.dumps({"info": {"features": hub}})})
+
+
+def place(template: str, number: int, **names: str) -> str:
+    """Return the path of an episode's file, one of the templates above filled in."""
+    chunk = number // EPISODES_PER_CHUNK
+    return template.format(episode_chunk=chunk, episode_index=number, **names)
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """One object.
+
+    Raises:
+        FileFormatError: missing, no JSON, or no object.
+    """
+    try:
+        value = json.loads(path.read_text())
+    except (OSError, ValueError, RecursionError) as error:
+        raise FileFormatError(path, f"not readable ({error})") from error
+    if not isinstance(value, dict):
+        raise FileFormatError(path, "not a JSON object")
+    return value
+
+
+def read_lines(path: Path) -> list[dict[str, Any]]:
+    """One object per line.
+
+    Raises:
+        FileFormatError: missing, or a line is not a JSON object.
+    """
+    try:
+        values = [json.loads(line) for line in path.read_text().splitlines() if line.strip()]
+    except (OSError, ValueError, RecursionError) as error:
+        raise FileFormatError(path, f"not readable ({error})") from error
+    if not all(isinstance(value, dict) for value in values):
+        raise FileFormatError(path, "a line is not a JSON object")
+    return values

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from ..core.errors import FileFormatError
 from . import layout
 from .episode_tasks import read_tasks
-from .json_files import read_json, read_lines
-from .layout import COLUMNS
+from .layout import COLUMNS, read_json, read_lines
 
 MAX_DEPTH = 3  # folders between a root and its scenes' trajectories
 MAX_NUMBER = 1e6  # of metres, radians or rows: more is damage
@@ -53,7 +52,7 @@ class LayoutEpisode:
         tasks: instructions without repetitions.
         finish_status, fail_reason: as written; "" where unknown.
         info: meta/info.json.
-        timestamp_step_s: seconds between rows by their timestamps; None where not told.
+        timestamp_step_s: seconds between rows by their timestamps; None if unknown.
         unit: index of the unit that our own writer had, or None.
     """
 
@@ -201,9 +200,9 @@ def _read_columns(path: Path) -> dict[str, NDArray[Any]]:
             worst = float(norm[np.argmax(np.abs(norm - 1.0))])
             raise FileFormatError(path, f"column {name}: a quaternion of length {worst:.3g}")
     actions = columns["observation.action"]
-    strange = (actions < 0) | (actions > 3)
-    if np.any(strange):
-        raise FileFormatError(path, f"action {actions[strange][0]}; valid: 0 to 3")
+    invalid = (actions < 0) | (actions > 3)
+    if np.any(invalid):
+        raise FileFormatError(path, f"action {actions[invalid][0]}; valid: 0 to 3")
     return columns
 
 

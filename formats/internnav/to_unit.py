@@ -30,13 +30,13 @@ from .reader import LayoutEpisode, SceneFolder, read_layout_episode
 
 @dataclass(frozen=True)
 class LayoutFacts:
-    """What is worth knowing of a converted episode.
+    """Facts of a converted episode.
 
     Attributes:
         ours: vlnpe wrote it, so that nothing had to be assumed.
         finish_status, fail_reason: as written.
         fps: of info.json.
-        timestamp_step_s: seconds between rows by their timestamps; None where not told.
+        timestamp_step_s: seconds between rows by their timestamps; None if unknown.
     """
 
     ours: bool
@@ -92,7 +92,7 @@ def unit_from_layout(
 
 
 def _metres(episode: LayoutEpisode) -> Iterator[NDArray[np.float32]]:
-    """Depth images [m]; 0 where the layout says nothing, or as far as it can say."""
+    """Return depth images [m]; 0 where the layout stores nothing, or its largest depth."""
     for image in episode.depth:
         stored = np.asarray(image, np.float32)
         with np.errstate(invalid="ignore"):

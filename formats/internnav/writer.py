@@ -3,38 +3,29 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from numpy.lib.format import open_memmap
 from numpy.typing import NDArray
 
-from ..convert.frame_rollout import frame_rollout, frame_view
-from ..convert.stored_depth import depth_range_of, depth_video
+from ..convert.stored_depth import depth_video
 from ..convert.units import UnitParts
 from ..core.atomic import atomic_folder
 from ..core.errors import FileFormatError
-from ..core.frames import OPTICAL_IN_BODY, matrix_to_quat, quat_multiply, quat_to_yaw
 from ..core.rollout import EndReason
 from ..lerobot import layout as v3
 from ..lerobot.episode_columns import camera_of
-from ..lerobot.statistics import column_statistics
 from ..lerobot.unit import EpisodeUnit, read_episode_unit
-from ..lerobot.unit_rows import row_arrays
-from ..rendered.discrete_steps import discrete_steps, planar_poses
-from ..rendered.table import planar_motion
-from ..video.mp4 import iterate_depth_video, iterate_rgb_video
 from ..vlnce.vocabulary import Vocabulary
 from . import layout
+from .images import write_frames
 from .layout import AUTOMATIC_COLUMNS, COLUMNS
-
-# Body axes (x forward, z up) in the optical frame.
-_BODY_IN_OPTICAL = matrix_to_quat(OPTICAL_IN_BODY.T)
+from .rows import chosen_rows, row_columns
 
 
 @dataclass(frozen=True)
@@ -43,7 +34,7 @@ class SceneEpisode:
 
     Attributes:
         folder: the unit's.
-        tasks: at least one; the first is what the robot was told.
+        tasks: at least one; the first is the one that the robot followed.
     """
 
     folder: Path
@@ -51,18 +42,18 @@ class SceneEpisode:
 
 
 def share_instructions(units: Sequence[EpisodeUnit]) -> list[tuple[str, ...]]:
-    """Instructions of each unit: its own, and those of its path that no other unit was told.
+    """Instructions of each unit: its own, and those of its path that no other unit has.
 
     So every paraphrase is trained once, and none can be taken for another episode's.
     """
-    told = {(unit.columns["scene_id"], unit.columns["trajectory_id"], unit.task) for unit in units}
+    taken = {(unit.columns["scene_id"], unit.columns["trajectory_id"], unit.task) for unit in units}
     result = []
     for unit in units:
         path = (unit.columns["scene_id"], unit.columns["trajectory_id"])
         tasks = [unit.task]
         for text in unit.columns["instructions"]:
-            if (*path, text) not in told:
-                told.add((*path, text))
+            if (*path, text) not in taken:
+                taken.add((*path, text))
                 tasks.append(text)
         result.append(tuple(tasks))
     return result
@@ -105,10 +96,10 @@ def write_scene(
                     unit.folder, f"robot or features differ from those of {first.folder.name}"
                 )
             with depth_video(unit) as depth:
-                shown, unit, rows = _chosen_rows(unit, every_frame)
-                columns = _columns(unit, rows, number, frames, task_index, depth)
+                shown, unit, rows = chosen_rows(unit, every_frame)
+                columns = row_columns(unit, rows, number, frames, task_index, depth)
                 _write_table(temporary, number, columns)
-                _write_frames(temporary, number, unit, depth, shown)
+                write_frames(temporary, number, unit, depth, shown)
             own = [_task(unit, task_index + k, t, vocabulary) for k, t in enumerate(episode.tasks)]
             tasks += own
             lines.append(
@@ -144,70 +135,6 @@ def finish_status(end_reason: str) -> tuple[str, str]:
     return "fail", end_reason
 
 
-def _chosen_rows(
-    unit: EpisodeUnit, every_frame: bool
-) -> tuple[NDArray[np.int64], EpisodeUnit, dict[str, NDArray[Any]]]:
-    """Which frames the rows show, the unit as if it had these alone, and its columns then."""
-    rows = row_arrays(unit.rows())
-    if every_frame:
-        if "action.discrete" not in rows:
-            raise FileFormatError(
-                unit.folder,
-                f"no action.discrete at {unit.frames_per_second} frames/s; valid: 4 frames/s",
-            )
-        return np.arange(unit.length), unit, rows
-    steps = discrete_steps(planar_poses(rows["observation.state"]))
-    count = len(steps.frame)
-    rows = {key: values[steps.frame] for key, values in rows.items()}
-    state = rows["observation.state"].astype(np.float64)
-    index = np.arange(count)
-    changed: dict[str, NDArray[Any]] = {
-        "action": planar_motion(state[:, :3], state[:, 3:7]),
-        "action.discrete": steps.action[:, None],
-        "timestamp": index / unit.frames_per_second,
-        "frame_index": index,
-    }
-    rows |= {
-        k: v.astype(rows[k].dtype).reshape(rows[k].shape) for k, v in changed.items() if k in rows
-    }
-    known = {k: column_statistics(v) for k, v in rows.items() if k in unit.statistics}
-    stepped = replace(unit, length=count, statistics=unit.statistics | known)
-    return steps.frame, stepped, rows | {"action.discrete": changed["action.discrete"]}
-
-
-def _columns(
-    unit: EpisodeUnit,
-    rows: Mapping[str, NDArray[Any]],
-    number: int,
-    frames: int,
-    task: int,
-    depth: Path,
-) -> dict[str, NDArray[Any]]:
-    """The loaders' columns, LeRobot's, and the unit's own."""
-    rollout, view = frame_rollout(unit, rows), frame_view(unit, rows, depth)
-    camera = quat_multiply(view.arrays["camera_quat_wxyz"], _BODY_IN_OPTICAL)
-    count = unit.length
-    index = np.arange(count)
-    columns: dict[str, NDArray[Any]] = {
-        "observation.camera_position": view.arrays["camera_position_world_m"],
-        "observation.camera_orientation": camera,
-        "observation.camera_yaw": quat_to_yaw(camera),
-        "observation.robot_position": rollout.position_world_m,
-        "observation.robot_orientation": rollout.quat_wxyz,
-        "observation.robot_yaw": quat_to_yaw(rollout.quat_wxyz),
-        "observation.progress": np.ravel(rows["observation.progress"]),
-        "observation.step": index,
-        "observation.action": np.ravel(rows["action.discrete"]),
-        "timestamp": index / unit.frames_per_second,
-        "frame_index": index,
-        "episode_index": np.full(count, number),
-        "index": index + frames,
-        "task_index": np.full(count, task),
-    }
-    # Names that both layouts use hold the same numbers in both.
-    return columns | {key: values for key, values in rows.items() if key not in columns}
-
-
 def _write_table(root: Path, number: int, columns: Mapping[str, NDArray[Any]]) -> None:
     known = COLUMNS | AUTOMATIC_COLUMNS
     kinds = {
@@ -223,50 +150,9 @@ def _write_table(root: Path, number: int, columns: Mapping[str, NDArray[Any]]) -
         arrays.append(
             flat if size == 1 else pa.FixedSizeListArray.from_arrays(flat, type=field.type)
         )
-    path = root / _place(layout.DATA_PATH, number)
+    path = root / layout.place(layout.DATA_PATH, number)
     path.parent.mkdir(parents=True, exist_ok=True)
     pq.write_table(pa.Table.from_arrays(arrays, schema=schema), path)
-
-
-def _write_frames(
-    root: Path, number: int, unit: EpisodeUnit, depth: Path, shown: NDArray[np.int64]
-) -> None:
-    """Write the frames of the ascending numbers `shown`, some of which may repeat."""
-    repeats = np.bincount(shown).tolist()
-    colours = iterate_rgb_video(unit.video(v3.RGB_KEY))
-    _write_images(root, number, layout.RGB_KEY, unit.length, _repeated(colours, repeats))
-    depths = (stored_depth(image) for image in iterate_depth_video(depth, depth_range_of(unit)))
-    _write_images(root, number, layout.DEPTH_KEY, unit.length, _repeated(depths, repeats))
-
-
-def _repeated(images: Iterable[NDArray[Any]], repeats: Sequence[int]) -> Iterator[NDArray[Any]]:
-    """Yield each image as many times as told; those behind the last number not at all."""
-    for image, times in zip(images, repeats, strict=False):
-        for _ in range(times):
-            yield image
-
-
-def stored_depth(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Depth [m], 0 = nothing there, as the layout stores it."""
-    scaled = np.where(depth_m > 0, depth_m / np.float32(layout.DEPTH_UNIT_M), np.float32(1))
-    return np.minimum(scaled, np.float32(1)).astype(np.float32)
-
-
-def _write_images(
-    root: Path, number: int, key: str, count: int, images: Iterable[NDArray[Any]]
-) -> None:
-    path = root / _place(layout.VIDEO_PATH, number, video_key=key)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    out: Any = None
-    done = 0
-    for image in images:
-        if out is None:
-            out = open_memmap(path, "w+", image.dtype, (count, *image.shape))
-        out[done] = image
-        done += 1
-    if done != count:
-        raise FileFormatError(path, f"{done} images, the unit has {count} frames")
-    out.flush()
 
 
 def _task(unit: EpisodeUnit, index: int, text: str, vocabulary: Vocabulary) -> dict[str, Any]:
@@ -307,7 +193,7 @@ def _info(unit: EpisodeUnit, episodes: int, frames: int, tasks: int) -> dict[str
         "data_path": layout.DATA_PATH,
         "video_path": layout.VIDEO_PATH,
         "features": features,
-        # Ours: without it nobody can unproject the depth.
+        # An addition of vlnpe, without which the depth cannot be unprojected.
         "camera": camera_of(unit.columns).to_json(),
     }
 
@@ -321,11 +207,6 @@ def _statistics(values: NDArray[Any]) -> dict[str, Any]:
         "std": flat.std(axis=0).tolist(),
         "count": [len(flat)],
     }
-
-
-def _place(template: str, number: int, **names: str) -> str:
-    chunk = number // layout.EPISODES_PER_CHUNK
-    return template.format(episode_chunk=chunk, episode_index=number, **names)
 
 
 def _write_lines(path: Path, values: Sequence[Mapping[str, Any]]) -> None:

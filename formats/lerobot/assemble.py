@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 
 from ..core.atomic import atomic_folder
 from ..core.errors import FileFormatError
-from ..video.mp4 import concatenate_videos
+from ..video.mux import concatenate_videos
 from .card import FILM_STRIP, CameraFacts, CardFacts, dataset_card
 from .episode_columns import camera_of
 from .film_strip import film_strip, shown_units

@@ -61,7 +61,7 @@ class CameraFacts:
 
 @dataclass(frozen=True)
 class CardFacts:
-    """What a card tells beyond info.json.
+    """Facts of a card beyond info.json.
 
     Attributes:
         title: of the card.
@@ -189,7 +189,7 @@ def _spread(values: NDArray[np.floating]) -> tuple[float, float, float]:
 
 
 def _unsound(facts: CardFacts) -> str:
-    """Scenes that should not have been used, with what is wrong with them; mostly empty."""
+    """Return the section about unsound scenes and their faults; empty without any."""
     scenes: Mapping[str, Any] = facts.provenance.get("scenes") or {}
     lines = [
         f"- `{name}`: {problem}"
@@ -199,8 +199,8 @@ def _unsound(facts: CardFacts) -> str:
     ]
     if not lines:
         return ""
-    told = "Collected with `--allow-unsound` in scenes whose repaired floor has faults:"
-    return "\n".join(["## Unsound scenes", "", told, "", *lines, "", ""])
+    statement = "Collected with `--allow-unsound` in scenes whose repaired floor has faults:"
+    return "\n".join(["## Unsound scenes", "", statement, "", *lines, "", ""])
 
 
 def _splits(facts: CardFacts) -> str:
@@ -211,18 +211,20 @@ def _splits(facts: CardFacts) -> str:
     scenes = set().union(*facts.split_scenes.values())
     total = sum(map(len, facts.split_scenes.values()))
     if len(scenes) == 1:
-        told = "All episodes lie in one scene, so none is held out to validate on unseen scenes."
+        statement = (
+            "All episodes lie in one scene, so none is held out to validate on unseen scenes."
+        )
     elif total == len(scenes):
-        told = "No scene is in two splits."
+        statement = "No scene is in two splits."
     else:
-        told = "Some scenes are in two splits, as the episodes' source has it."
+        statement = "Some scenes are in two splits, as the episodes' source has it."
     return "\n".join(
         [
             "| split | episodes | scenes |",
             "|---|---|---|",
             *rows,
             "",
-            f"`meta/splits.json` lists each split's episodes. {told}",
+            f"`meta/splits.json` lists each split's episodes. {statement}",
         ]
     )
 

@@ -1,4 +1,4 @@
-"""What meta/episodes tells of each episode beyond LeRobot's own columns."""
+"""The columns of meta/episodes beyond LeRobot's own."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def episode_columns(
 
 
 def camera_of(columns: Mapping[str, Any]) -> CameraModel:
-    """The camera that a unit's columns tell of."""
+    """Return the camera of a unit's columns."""
     return CameraModel(
         columns["camera_name"],
         columns["camera_width_px"],

@@ -1,4 +1,4 @@
-"""A picture of a dataset for its card: frames of some episodes, depth beneath colour."""
+"""An image of a dataset for its card: frames of some episodes, depth below colour."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HALF_BRIGHT_M = 2.5  # depth that is shown half as bright as the nearest
 
 
 def shown_units(count: int) -> list[int]:
-    """Which of `count` episodes are worth showing: a few, spread evenly."""
+    """Return which of `count` episodes to show: a few, evenly spaced."""
     return _spread(count, EPISODES)
 
 
@@ -54,7 +54,7 @@ def _colours(unit: EpisodeUnit) -> NDArray[np.uint8]:
 
 
 def _depths(unit: EpisodeUnit) -> NDArray[np.uint8]:
-    """Near is bright, far is dark, nothing is black."""
+    """Return depth as grey levels: near is bright, far is dark, invalid is black."""
     numbers = _spread(unit.length, FRAMES)
     images = []
     for depth_m in unit.depth_m(numbers):

@@ -35,7 +35,7 @@ IMAGE_TYPE = pa.struct([("bytes", pa.binary()), ("path", pa.string())])
 
 @dataclass(frozen=True)
 class FileLimits:
-    """When a new file is begun; the defaults are LeRobot's."""
+    """Sizes at which a new file begins; the defaults are LeRobot's."""
 
     files_per_chunk: int = 1000
     data_mb: float = 100

@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -27,10 +27,10 @@ from ..core.atomic import atomic_folder
 from ..core.camera import CameraModel, DepthRange
 from ..core.errors import FileFormatError, UnknownNameError
 from ..core.rollout import Rollout
+from ..rendered.folder import FrameFolder
 from ..rendered.image_counts import add_depth_codes, add_rgb, new_depth_counts, new_rgb_counts
 from ..rendered.table import FrameTable, build_frame_table
-from ..video.depth_codes import DEPTH_PIXEL_FORMAT, codes_to_depth
-from ..video.depth_tiff import decode_depth_tiff
+from ..video.depth_codes import DEPTH_PIXEL_FORMAT, codes_to_depth, decode_depth_tiff
 from ..video.mp4 import VideoFacts, iterate_depth_codes, iterate_rgb_video, probe_video
 from ..video.stream import pick_frames
 from .episode_columns import EPISODE_COLUMNS, LATER_COLUMNS, episode_columns
@@ -118,69 +118,59 @@ class EpisodeUnit:
 def write_episode_unit(
     folder: Path,
     rollout: Rollout,
-    frames: Mapping[str, NDArray[Any]],
-    frames_per_second: int,
+    frames: FrameFolder,
     *,
-    rgb_video: Path,
-    depth_video: Path,
-    camera: CameraModel,
-    depth_range: DepthRange,
-    light: str,
-    rgb_codec: str = "h264",
     instructions: Sequence[str] | None = None,
     depth_storage: str = "video",
 ) -> None:
     """Write one episode, whatever its outcome.
 
     Args:
-        folder: the unit's folder; replaced as a whole.
-        rollout: physics truth.
-        frames: the render stage's arrays, see `build_frame_table`; `rgb_counts` (3, 256) and
-            `depth_counts` (4096,), if there, save decoding the videos for their statistics.
-        frames_per_second: frame rate, as the videos'.
-        rgb_video: as `write_rgb_video` wrote it; it is linked, or copied where that is impossible.
-        depth_video: as `write_depth_video` wrote it; likewise.
-        camera: the view.
-        depth_range: of the depth video.
-        light: lighting name.
-        rgb_codec: the codec `rgb_video` was written with.
-        instructions: all instructions of the path; by default the episode's own.
-        depth_storage: one of `DEPTH_STORAGES`; `image` keeps whole millimetres in the rows.
+        folder: Folder of the unit; replaced as a whole.
+        rollout: What the robot did.
+        frames: The rendered view. Its videos are linked, or copied where that is impossible. If
+            its arrays have `rgb_counts` (3, 256) and `depth_counts` (4096,), the videos need not be
+            decoded for their statistics.
+        instructions: All instructions of the path; by default the episode's own.
+        depth_storage: One of `DEPTH_STORAGES`; `image` keeps whole millimetres in the rows.
 
     Raises:
-        UnknownNameError: `depth_storage` is none of them.
-        ValueError: the frames do not belong to the rollout.
-        FileFormatError: a video is damaged, or has another length, rate or size.
+        UnknownNameError: If `depth_storage` is not one of them.
+        ValueError: If the frames do not belong to the rollout.
+        FileFormatError: If a video is damaged, or has another length, rate or size.
     """
     if depth_storage not in DEPTH_STORAGES:
         raise UnknownNameError("depth storage", depth_storage, DEPTH_STORAGES)
-    table = build_frame_table(rollout, frames, frames_per_second)
-    rgb = _checked_video(rgb_video, table, camera)
-    depth = _checked_video(depth_video, table, camera)
-    features = dataset_features(table, rgb, depth, rgb_codec, depth_range, depth_storage)
+    depth_range, rate = frames.depth_range, frames.frames_per_second
+    table = build_frame_table(rollout, frames.arrays, rate)
+    rgb = _checked_video(frames.rgb_video, table, frames.camera)
+    depth = _checked_video(frames.depth_video, table, frames.camera)
+    features = dataset_features(table, rgb, depth, frames.rgb_codec, depth_range, depth_storage)
     index = np.arange(len(table))
-    columns = table.columns | {"timestamp": index / frames_per_second, "frame_index": index}
+    columns = table.columns | {"timestamp": index / rate, "frame_index": index}
     statistics = {key: column_statistics(values) for key, values in columns.items()}
-    counts = _counts(frames, rgb_video, depth_video)
+    counts = _counts(frames)
     statistics |= picture_statistics(*counts, depth_range, len(table), stores_images(features))
     own = instructions or rollout.episode.extra.get("instructions") or [rollout.episode.instruction]
     with atomic_folder(folder) as temporary:
         rows = unit_rows(columns, features)
         if stores_images(features):
-            rows = with_depth_images(rows, features, depth_video, depth_range)
+            rows = with_depth_images(rows, features, frames.depth_video, depth_range)
         else:
-            _link(depth_video, temporary / f"{DEPTH_KEY}.mp4")
+            _link(frames.depth_video, temporary / f"{DEPTH_KEY}.mp4")
         pq.write_table(rows, temporary / ROWS)
-        _link(rgb_video, temporary / f"{RGB_KEY}.mp4")
+        _link(frames.rgb_video, temporary / f"{RGB_KEY}.mp4")
         unit = {
             "unit_version": UNIT_VERSION,
-            "frames_per_second": frames_per_second,
+            "frames_per_second": rate,
             "robot": rollout.robot,
             "features": features,
             "task": rollout.episode.instruction,
             "length": len(table),
             "statistics": {k: statistics_to_json(v) for k, v in statistics.items()},
-            "columns": episode_columns(rollout, table, camera, depth_range, light, own),
+            "columns": episode_columns(
+                rollout, table, frames.camera, depth_range, frames.light, own
+            ),
         }
         (temporary / UNIT_INDEX).write_text(json.dumps(unit))
 
@@ -227,16 +217,14 @@ def _checked_video(path: Path, table: FrameTable, camera: CameraModel) -> VideoF
     return facts
 
 
-def _counts(
-    frames: Mapping[str, NDArray[Any]], rgb_video: Path, depth_video: Path
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """How often each colour value and each depth code occurs."""
-    if "rgb_counts" in frames and "depth_counts" in frames:
-        return frames["rgb_counts"], frames["depth_counts"]
+def _counts(frames: FrameFolder) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return how often each colour value and each depth code occurs: (3, 256) and (4096,)."""
+    if "rgb_counts" in frames.arrays and "depth_counts" in frames.arrays:
+        return frames.arrays["rgb_counts"], frames.arrays["depth_counts"]
     rgb_counts, depth_counts = new_rgb_counts(), new_depth_counts()
-    for image in iterate_rgb_video(rgb_video):
+    for image in iterate_rgb_video(frames.rgb_video):
         add_rgb(rgb_counts, image)
-    for codes in iterate_depth_codes(depth_video):
+    for codes in iterate_depth_codes(frames.depth_video):
         add_depth_codes(depth_counts, codes)
     return rgb_counts, depth_counts
 

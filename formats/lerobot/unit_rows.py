@@ -9,8 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from ..core.camera import DepthRange
-from ..video.depth_codes import codes_to_millimetres
-from ..video.depth_tiff import encode_depth_tiff
+from ..video.depth_codes import codes_to_millimetres, encode_depth_tiff
 from ..video.mp4 import iterate_depth_codes
 from .layout import DATASET_ROWS, DEPTH_KEY, IMAGE_TYPE, Features, row_schema
 
@@ -56,7 +55,7 @@ def row_arrays(rows: pa.Table) -> dict[str, np.ndarray]:
 
 
 def stores_images(features: Features) -> bool:
-    """Whether depth lies in the rows as images, not in a video."""
+    """Return whether depth is stored in the rows as images instead of in a video."""
     return features[DEPTH_KEY]["dtype"] == "image"
 
 

@@ -1,4 +1,4 @@
-"""What the camera sees, in Foxglove's own schemas: pose, calibration, colour and depth."""
+"""The camera in Foxglove's own schemas: pose, calibration, colour and depth."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from ..core.frames import matrix_to_quat, quat_to_matrix
 from ..core.rollout import Rollout
 from ..rendered.folder import FrameFolder
-from ..video.mp4 import RGB_CODECS, iterate_bitstream, iterate_depth_codes
+from ..video.mp4 import RGB_CODECS, iterate_depth_codes
+from ..video.mux import iterate_bitstream
 from .depth_images import depth_encoding, encode_depth
 from .recording import Recording, nanoseconds, timestamp
 from .topics import BASE_FRAME, CAMERA_FRAME, Write, quaternion, vector

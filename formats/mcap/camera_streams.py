@@ -1,4 +1,4 @@
-"""The camera's pictures in an MCAP file as videos again."""
+"""Restore videos from the camera's images in an MCAP file."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ def decode_depth(data: bytes, encoding: str, depth_range: DepthRange) -> NDArray
     else:
         raise ValueError(f"depth encoding {encoding!r}; valid: {', '.join(_BYTES)}")
     if np.any(codes == NO_CODE):
-        raise ValueError(f"depths that are none of a video of 0 to {depth_range.far_m} m")
+        raise ValueError(f"depths that a video of 0 to {depth_range.far_m} m cannot hold")
     return codes.astype(np.uint16)
 
 

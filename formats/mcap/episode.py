@@ -45,7 +45,7 @@ FRAMES_ATTACHMENT = "frames.npz"
 
 @dataclass(frozen=True)
 class ExtractedEpisode:
-    """What `extract_episode` found.
+    """The result of `extract_episode`.
 
     Attributes:
         rollout: physics truth, exact.
@@ -246,11 +246,11 @@ def _pack(arrays: Mapping[str, NDArray[Any]]) -> bytes:
 
 
 def _check_frames(path: Path, view: FrameFolder, rollout: Rollout) -> None:
-    """The frames are of this rollout, and complete."""
+    """Raise FileFormatError unless the frames belong to this rollout and are complete."""
     samples = view.arrays["sample_index"]
     expected = rollout.frame_samples(view.frames_per_second)
     if not np.array_equal(samples, expected[: len(samples)]) or len(samples) == 0:
-        raise FileFormatError(path, f"{len(samples)} frames that are not of this rollout")
+        raise FileFormatError(path, f"{len(samples)} frames that do not belong to this rollout")
     others = [view.rgb_video.parent / file for file in id_videos(view.facts).values()]
     for video in (view.rgb_video, view.depth_video, *others):
         if (count := probe_video(video).frames) != len(samples):

@@ -16,7 +16,7 @@ from ..core.errors import FileFormatError
 from ..core.rollout import Rollout
 from ..rendered.folder import FrameFolder
 from ..video.id_video import CODEC, IdVideoWriter
-from ..video.mp4 import iterate_bitstream
+from ..video.mux import iterate_bitstream
 from .camera_streams import topic_messages
 from .recording import Contents, Recording, nanoseconds, timestamp
 from .topics import CAMERA_FRAME, Write
@@ -77,5 +77,5 @@ def _messages(
 def _decode(data: bytes, path: Path, name: str) -> NDArray[np.uint16]:
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
     if image is None or image.dtype != np.uint16 or image.ndim != 2:
-        raise FileFormatError(path, f"topic {ID_TOPIC.format(name=name)}: no 16-bit PNG")
+        raise FileFormatError(path, f"topic {ID_TOPIC.format(name=name)}: not a 16-bit PNG")
     return np.asarray(image, np.uint16)

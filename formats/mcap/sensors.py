@@ -1,4 +1,4 @@
-"""What the robot feels and is told, as JSON messages: commands, actions, IMU and feet."""
+"""Commands, actions, IMU and foot contacts as JSON messages."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def command_messages(recording: Recording, rollout: Rollout, every: int) -> Iter
 
 
 def imu_messages(recording: Recording, rollout: Rollout, every: int) -> Iterator[Write]:
-    """What the inertial sensor in the base feels."""
+    """Yield the measurements of the base's inertial sensor."""
     names = [f"specific_force_{c}_base_m_s2" for c in "xyz"]
     names += [f"angular_rate_{c}_base_rad_s" for c in "xyz"]
     channel = _json_channel(recording, IMU_TOPIC, "vlnpe.Imu", dict.fromkeys(names, "number"))
@@ -41,7 +41,7 @@ def imu_messages(recording: Recording, rollout: Rollout, every: int) -> Iterator
 
 
 def foot_messages(recording: Recording, rollout: Rollout, every: int) -> Iterator[Write]:
-    """Which feet touch, by name."""
+    """Yield which feet touch the floor, by name."""
     names = rollout.foot_names
     if not names:
         return
@@ -65,12 +65,12 @@ def action_messages(
     """
     last = len(rollout.time_s) - 1
     spans = [(rollout.time_s[min(s.start_sample, last)], s.action, False) for s in rollout.actions]
-    told = spans or [(time_s, Action(label), True) for time_s, label in (labels or {}).items()]
-    if not told:
+    labelled = spans or [(time_s, Action(label), True) for time_s, label in (labels or {}).items()]
+    if not labelled:
         return
     fields = {"id": "integer", "name": "string", "derived": "boolean"}
     channel = _json_channel(recording, ACTION_TOPIC, "vlnpe.Action", fields)
-    for time_s, action, derived in told:
+    for time_s, action, derived in labelled:
         at = nanoseconds(time_s)
         message = {"id": int(action), "name": action.name, "derived": derived}
         yield at, lambda message=message, at=at: channel.log(message, log_time=at)

@@ -1,4 +1,4 @@
-"""What every MCAP file shows of a robot, in Foxglove's own schemas."""
+"""The topics of a robot that every MCAP file has, in Foxglove's own schemas."""
 
 from __future__ import annotations
 

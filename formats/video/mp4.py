@@ -1,4 +1,4 @@
-"""RGB and depth videos in MP4: encode, decode, and concatenate without encoding again.
+"""RGB and depth videos in MP4: encode and decode.
 
 Both are written as LeRobot 0.6.1 reads them: short groups of pictures, so that any frame is at
 most one decode away from a key frame, and no B-frames, so that decode order is display order and
@@ -16,8 +16,6 @@ from typing import Any, cast
 
 import av
 import numpy as np
-from av.bitstream import BitStreamFilterContext
-from av.error import FFmpegError
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
@@ -39,11 +37,7 @@ from .scheduling import ordinary_threads
 from .stream import (
     VideoFacts,
     decode_frames,
-    demux_packets,
-    open_video,
     probe_video,
-    stream_settings,
-    ticks_per_frame,
 )
 
 __all__ = [
@@ -55,8 +49,6 @@ __all__ = [
     "VideoCodec",
     "VideoFacts",
     "check_rgb_codec",
-    "concatenate_videos",
-    "iterate_bitstream",
     "iterate_depth_codes",
     "iterate_depth_video",
     "iterate_rgb_video",
@@ -195,76 +187,6 @@ def read_rgb_video(path: Path) -> NDArray[np.uint8]:
 def read_depth_video(path: Path, depth_range: DepthRange) -> NDArray[np.float32]:
     """Decode a whole depth video, (T, H, W) float32 [m]; raises as `iterate_depth_video`."""
     return np.stack(list(iterate_depth_video(path, depth_range)))
-
-
-def iterate_bitstream(path: Path) -> Iterator[bytes]:
-    """Yield each frame's bytes as streams carry them, without decoding.
-
-    H.264 comes in Annex B form with parameter sets before each key frame, AV1 as low-overhead
-    units: what Foxglove's CompressedVideo wants.
-
-    Raises:
-        FileFormatError: missing, truncated or corrupt.
-    """
-    with open_video(path) as container:
-        stream = container.streams.video[0]
-        packets = demux_packets(path, container, stream)
-        try:
-            if stream.codec.canonical_name == "h264":
-                annex_b = BitStreamFilterContext("h264_mp4toannexb", stream)
-                packets = (out for packet in packets for out in annex_b.filter(packet))
-            for packet in packets:
-                yield bytes(packet)
-        except FFmpegError as error:
-            raise FileFormatError(path, f"packets are corrupt ({error.strerror})") from error
-
-
-def concatenate_videos(paths: list[Path], out: Path) -> list[int]:
-    """Join videos by copying their packets; return each part's number of frames.
-
-    Frame i of the result has the timestamp i / frames per second, exactly. All parts must come
-    from the same encoder settings. Nothing is decoded, and memory stays flat.
-
-    Raises:
-        ValueError: no part.
-        FileFormatError: a part is corrupt or not compatible with the first.
-    """
-    if not paths:
-        raise ValueError("no video to concatenate")
-    counts: list[int] = []
-    with (
-        atomic_file(out) as temporary,
-        av.open(str(temporary), "w", options={"movflags": "faststart"}) as container,
-        open_video(paths[0]) as first,
-    ):
-        template = first.streams.video[0]
-        output = container.add_stream_from_template(template, opaque=True)
-        output.time_base = template.time_base
-        settings = stream_settings(template)
-        extradata = template.codec_context.extradata
-        ticks = ticks_per_frame(paths[0], template)
-        total = 0
-        for path in paths:
-            with open_video(path) as part:
-                stream = part.streams.video[0]
-                if stream_settings(stream) != settings:
-                    raise FileFormatError(
-                        path, f"settings {stream_settings(stream)} differ from {settings}"
-                    )
-                if stream.codec_context.extradata != extradata:
-                    raise FileFormatError(path, "encoder parameter sets differ from the first part")
-                count = 0
-                for packet in demux_packets(path, part, stream):
-                    if packet.pts != count * ticks or packet.dts != packet.pts:
-                        raise FileFormatError(path, f"frame {count} is not at its regular time")
-                    packet.pts = packet.dts = (total + count) * ticks
-                    packet.duration = ticks
-                    packet.stream = output
-                    container.mux(packet)
-                    count += 1
-                counts.append(count)
-                total += count
-    return counts
 
 
 def _encode(

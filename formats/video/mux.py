@@ -1,9 +1,9 @@
-"""Copy encoded packets between videos and bare streams; nothing is decoded."""
+"""Copy encoded packets: join videos, and convert between videos and bare streams."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import cast
@@ -15,7 +15,7 @@ from av.error import FFmpegError
 
 from ..core.atomic import atomic_file
 from ..core.errors import FileFormatError, UnknownNameError
-from .stream import open_video, ticks_per_frame
+from .stream import demux_packets, open_video, stream_settings, ticks_per_frame
 
 # Codec → FFmpeg's reader of its bare stream, and what must stand before each packet for it.
 _RAW_FORMATS = {"h264": ("h264", b""), "av1": ("obu", b"\x12\x00")}
@@ -98,7 +98,7 @@ def _copy_frames(path: Path, out: Path, first: int, count: int) -> None:
             if packet.pts != (first + done) * ticks or packet.dts != packet.pts:
                 raise FileFormatError(path, f"frame {first + done} is not at its regular time")
             if done == 0 and not packet.is_keyframe:
-                raise FileFormatError(path, f"frame {first} begins an episode and is no key frame")
+                raise FileFormatError(path, f"first frame of an episode, {first}, is no key frame")
             packet.pts = packet.dts = done * ticks
             packet.duration, packet.stream = ticks, output
             container.mux(packet)
@@ -107,3 +107,73 @@ def _copy_frames(path: Path, out: Path, first: int, count: int) -> None:
                 break
         if done != count:
             raise FileFormatError(path, f"frames end at {first + done}; {first + count} needed")
+
+
+def iterate_bitstream(path: Path) -> Iterator[bytes]:
+    """Yield each frame's bytes as streams carry them, without decoding.
+
+    H.264 comes in Annex B form with parameter sets before each key frame, AV1 as low-overhead
+    units: what Foxglove's CompressedVideo wants.
+
+    Raises:
+        FileFormatError: missing, truncated or corrupt.
+    """
+    with open_video(path) as container:
+        stream = container.streams.video[0]
+        packets = demux_packets(path, container, stream)
+        try:
+            if stream.codec.canonical_name == "h264":
+                annex_b = BitStreamFilterContext("h264_mp4toannexb", stream)
+                packets = (out for packet in packets for out in annex_b.filter(packet))
+            for packet in packets:
+                yield bytes(packet)
+        except FFmpegError as error:
+            raise FileFormatError(path, f"packets are corrupt ({error.strerror})") from error
+
+
+def concatenate_videos(paths: list[Path], out: Path) -> list[int]:
+    """Join videos by copying their packets; return each part's number of frames.
+
+    Frame i of the result has the timestamp i / frames per second, exactly. All parts must come
+    from the same encoder settings. Nothing is decoded, and memory stays flat.
+
+    Raises:
+        ValueError: no part.
+        FileFormatError: a part is corrupt or not compatible with the first.
+    """
+    if not paths:
+        raise ValueError("no video to concatenate")
+    counts: list[int] = []
+    with (
+        atomic_file(out) as temporary,
+        av.open(str(temporary), "w", options={"movflags": "faststart"}) as container,
+        open_video(paths[0]) as first,
+    ):
+        template = first.streams.video[0]
+        output = container.add_stream_from_template(template, opaque=True)
+        output.time_base = template.time_base
+        settings = stream_settings(template)
+        extradata = template.codec_context.extradata
+        ticks = ticks_per_frame(paths[0], template)
+        total = 0
+        for path in paths:
+            with open_video(path) as part:
+                stream = part.streams.video[0]
+                if stream_settings(stream) != settings:
+                    raise FileFormatError(
+                        path, f"settings {stream_settings(stream)} differ from {settings}"
+                    )
+                if stream.codec_context.extradata != extradata:
+                    raise FileFormatError(path, "encoder parameter sets differ from the first part")
+                count = 0
+                for packet in demux_packets(path, part, stream):
+                    if packet.pts != count * ticks or packet.dts != packet.pts:
+                        raise FileFormatError(path, f"frame {count} is not at its regular time")
+                    packet.pts = packet.dts = (total + count) * ticks
+                    packet.duration = ticks
+                    packet.stream = output
+                    container.mux(packet)
+                    count += 1
+                counts.append(count)
+                total += count
+    return counts

@@ -1,4 +1,4 @@
-"""Keeps threads ordinary that an encoder makes real-time.
+"""Undo the real-time scheduling that an encoder gives to threads.
 
 SVT-AV1 tries on the calling thread whether it may have real-time priority, and leaves it there:
 run by root, as in containers, that thread and every process it starts afterwards push all others
@@ -17,7 +17,7 @@ _TASKS = Path("/proc/self/task")
 
 @contextlib.contextmanager
 def ordinary_threads() -> Iterator[Callable[[], None]]:
-    """What becomes real-time inside the block is ordinary again after it.
+    """Give threads that become real-time inside the block ordinary scheduling after it.
 
     Yields:
         A function that does the same at once, for blocks that go on after the encoder has started.

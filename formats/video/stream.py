@@ -18,7 +18,7 @@ from ..core.errors import FileFormatError
 
 @dataclass(frozen=True)
 class VideoFacts:
-    """What a video says of itself. `frames` is the number of packets."""
+    """Properties of a video. `frames` is the number of packets."""
 
     width_px: int
     height_px: int
@@ -58,7 +58,7 @@ def open_video(path: Path) -> Iterator[InputContainer]:
     except (FFmpegError, OSError) as error:
         raise FileFormatError(path, f"not a readable video ({error.strerror})") from error
     except UnicodeDecodeError as error:
-        raise FileFormatError(path, "not a readable video (its tags are no text)") from error
+        raise FileFormatError(path, "not a readable video (its tags are not text)") from error
     with contextlib.closing(container):
         if not container.streams.video:
             raise FileFormatError(path, "no video stream")
@@ -137,7 +137,7 @@ def ticks_per_frame(path: Path, stream: VideoStream) -> int:
 
 
 def stream_settings(stream: VideoStream) -> tuple[str, int, int, str, str, str]:
-    """What must agree between videos that are joined by copying packets."""
+    """Return the settings that must agree between videos joined by copying packets."""
     return (
         stream.codec.canonical_name,
         stream.width,

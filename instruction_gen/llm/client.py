@@ -103,8 +103,7 @@ class Client:
             self.budget.check()
             try:
                 reply = self._backend(messages)
-                self.budget.add(reply.usage)
-                answer = read_answer(reply.content)
+                answer = self._kept(path, reply)
             except RetryableError as error:
                 reason = str(error)
                 self._wait(attempt, error.wait_s)
@@ -113,13 +112,25 @@ class Client:
             else:
                 with self._lock:
                     self._failed = 0
-                record = {"content": reply.content, "usage": asdict(reply.usage)}
-                write_bytes(path, json.dumps(record).encode())
                 return answer
         with self._lock:
             self._failed += 1
         self._check_up(reason)
         raise ModelError(f"no usable answer in {self.settings.attempts} tries; the last: {reason}")
+
+    def _kept(self, path: Path, reply: Reply) -> Answer:
+        """The answer in a reply, cached before it is counted: a kill in between pays nothing twice.
+
+        Raises:
+            AnswerError: there is none; the reply is counted all the same.
+        """
+        try:
+            answer = read_answer(reply.content)
+            record = {"content": reply.content, "usage": asdict(reply.usage)}
+            write_bytes(path, json.dumps(record).encode())
+        finally:
+            self.budget.add(reply.usage)
+        return answer
 
     def key(self, messages: Messages) -> str:
         """What an answer is cached under."""

@@ -27,15 +27,13 @@ def run(options: Ablate) -> int:
     threads = options.threads or available_cores()
     # Set before importing torch, which reads it only once.
     os.environ.setdefault("OMP_NUM_THREADS", str(threads))
-    from ...datasets.mixture.recipe import read_recipe
-    from ...datasets.mixture.shipped import recipe_path
+    from ...datasets.mixture.recipe import read_recipe, recipe_path
 
     try:
         import torch
     except ImportError as error:
         raise InputError("torch is not installed; run: uv sync --inexact --extra train") from error
-    from ...datasets.ablation.page import report_html
-    from ...datasets.ablation.plot import plot_png
+    from ...datasets.ablation.page import plot_png, report_html
     from ...datasets.ablation.report import estimates, report_json, report_markdown
     from ...datasets.ablation.run import run_ablation
 
@@ -56,7 +54,7 @@ def run(options: Ablate) -> int:
     write_bytes(out / PLOT, picture)
     write_bytes(out / TABLE, markdown.encode())
     write_json(out / RESULTS, value)
-    page = report_html(markdown, base64.b64encode(picture).decode())
+    page = report_html(markdown, PLOT, base64.b64encode(picture).decode())
     write_bytes(out / PAGE, page.encode())
     sys.stdout.write(f"{markdown}\n{out / PAGE}\n")
     if options.json:

@@ -8,25 +8,24 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from ...collectors.rendering.camera.extras import Extras
-from ...collectors.rendering.camera.views import CameraWishes
+from ...collectors.rendering.camera.views import CameraOverrides
 from ...collectors.robots import RobotSpec
 from ...formats.core.errors import InputError
 from ...formats.video.mp4 import check_rgb_codec
 from ...formats.vlnce.files import read_vlnce
 from ...scene_repair.config import RepairConfig
-from ...scene_repair.scan.kinds import SUFFIXES
+from ...scene_repair.scan.files import SUFFIXES
 from ...trajectory_sampler.alignment import AlignConfig
 from ...trajectory_sampler.config import SampleConfig
 from ...trajectory_sampler.presets import PRESETS
 from ...trajectory_sampler.stairs import StairRules
 from ..builtin import BuiltIn, parse_builtin
 from ..chain import Chain, Product
-from ..crews import action_timing, chosen_robots, crews
+from ..crews import action_timing, chosen_robots, crews, keep, kept
 from ..engine.context import open_context
 from ..engine.ledger import Ledger
 from ..engine.run_folder import RunFolder, safe_name
 from ..folders import find_scans
-from ..kept_robots import keep, kept
 from ..options.collect import Collect
 from ..sampling_plan import SamplingPlan, sample_config
 from ..stages import align, repair, report, visibility
@@ -52,7 +51,7 @@ def run(options: Collect) -> int:
         options.frames_per_second, extras, options.only_success, options.rgb_codec, options.depth
     )
     looks = (options.camera, options.light, options.renderer)
-    views = {r.name: chosen_views(*looks, r, CameraWishes()) for r in robots}
+    views = {r.name: chosen_views(*looks, r, CameraOverrides()) for r in robots}
     check_frame_rate(options.frames_per_second)
     check_rgb_codec(options.rgb_codec)
     check_depth_storage(options.depth)

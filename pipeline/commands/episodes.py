@@ -40,7 +40,7 @@ def run_align(options: Align) -> int:
         max_bypassed_share=options.max_bypassed_share,
         max_floor_gap_m=options.max_floor_gap_m,
     )
-    scenes = scene_rows(list(scenes_in(options.scenes).values()))
+    scenes = repair.rows_of(options.scenes)
     files = {read_vlnce(path).path: "" for path in options.episodes}
     files = {path: digest(path, path.stat().st_size, path.stat().st_mtime_ns) for path in files}
     with open_single(out, options.workers) as context:
@@ -102,7 +102,7 @@ def run_filter(options: Filter) -> int:
     rules = StairRules(names, options.combine, options.max_step_m)
     scenes: dict[str, Row] = {}
     if options.scenes is not None:
-        scenes = scene_rows(list(scenes_in(options.scenes).values()))
+        scenes = repair.rows_of(options.scenes)
     with open_single(out, options.workers) as context:
         items = []
         for path in options.episodes:

@@ -3,59 +3,123 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
+from pathlib import Path
 
-from ...formats.vlnce.files import read_episodes, write_episodes
-from ...formats.vlnce.groups import group_by_path, per_instruction
-from ...instruction_gen.instruct import instruct_episodes
+from ...formats.core.atomic import write_bytes
+from ...formats.core.episode import Episode
+from ...formats.vlnce.files import read_episodes, scene_stem, write_episodes
+from ...instruction_gen.facts import path_facts
+from ...instruction_gen.instruct import Levels
 from ...instruction_gen.llm.settings import settings_from
-from ...instruction_gen.records import (
-    LLM,
-    LOCAL,
-    InstructConfig,
-    parse_languages,
-    parse_styles,
-)
+from ...instruction_gen.records import LLM, LOCAL, InstructConfig, parse_languages, parse_styles
 from ...instruction_gen.show import show_path
-from ..jobs import instruct
-from ..jobs.visibility import looked
+from ..engine.context import open_single, run_output
+from ..engine.keys import digest
+from ..engine.ledger import Row
+from ..engine.runner import Context, StageSummary, run_stage
+from ..jobs.instruct import CACHE, InstructJob, read_facts, read_sights
 from ..options.collect import Collect
 from ..options.instructions import Instruct
+from ..stages import instruct, repair, visibility
 from ..summary import tell
+
+# In the ledger's folder.
+EPISODES, FACTS = "episodes.json.gz", "facts.json.gz"
 
 
 def run(options: Instruct) -> int:
-    """Instruct one file's episodes; exit code 1 when too many have no true text.
+    """Instruct one file's episodes; return 1 if too many have no true text.
 
     Raises:
-        InputError: an option or a file is unusable.
+        InputError: If an option is invalid, or a file or folder cannot be used.
     """
     config = instruct_config(options)
     asked = read_episodes(options.episodes)
-    sight = None
-    if options.robot != "none":
-        sight = looked(asked, options.scenes, options.robot, config.replace)
-    cache = options.cache or options.out.parent / instruct.CACHE
-    told = instruct_episodes(asked, options.scenes, config, options.seed, sight, cache=cache)
-    made = told.episodes
-    if options.per_instruction:
-        made = [one for path in group_by_path(made) for one in per_instruction(path)]
-    write_episodes(options.out, made)
+    rows = repair.rows_of(options.scenes)
+    by_scene: dict[str, list[Episode]] = {}
+    for episode in asked:
+        by_scene.setdefault(scene_stem(episode.scene_id), []).append(episode)
+    repair.demand(by_scene, rows, options.scenes)
+    out, scenes = options.out.resolve(), options.scenes.resolve()
+    with open_single(out, options.workers) as context:
+        root = context.ledger.root
+        keys = [digest(asked), *(rows[scene].key for scene in sorted(by_scene))]
+        seen: tuple[Path, ...] = ()
+        lost: dict[str, str] = {}
+        if options.robot != "none" and by_scene:
+            looked = _look(context, by_scene, rows, scenes, options.robot, config.replace)
+            good = looked.good()
+            keys += [row.key for row in good.values()]
+            seen = tuple(_seen(root, scene) for scene in good)
+            lost = {
+                episode.episode_id: row.error["reason"]
+                for row in looked.rows
+                if row.status == "quarantined"
+                for episode in by_scene[row.item]
+            }
+        write_episodes(root / EPISODES, [e for e in asked if e.episode_id not in lost])
+        job = InstructJob(
+            scenes=scenes,
+            episodes=root / EPISODES,
+            seen=seen,
+            out=out,
+            facts=root / FACTS,
+            cache=(options.cache or out.parent / CACHE).resolve(),
+            config=config,
+            seed=options.seed,
+            per_instruction=options.per_instruction,
+        )
+        keys.append(str(options.per_instruction))
+        made = run_output(context, out, instruct.STAGE, instruct.item(out.name, job, *keys)).facts
+    failed = lost | made["quarantined"]
     if options.facts is not None:
-        instruct.write_facts(options.facts, told.facts)
+        write_bytes(options.facts, job.facts.read_bytes())
     if not options.json:
-        shown = [e for e in told.episodes if e.trajectory_id in told.facts][: options.show]
-        for episode in shown:
-            sys.stdout.write(show_path(episode, told.facts[episode.trajectory_id]) + "\n\n")
-        sys.stdout.writelines(f"no true text for {k}: {v}\n" for k, v in told.failed.items())
-        for label, count in told.unnamed.items():
+        _show(read_episodes(out), job, options.show)
+        sys.stdout.writelines(f"no true text for {k}: {v}\n" for k, v in failed.items())
+        for label, count in made["unnamed_labels"].items():
             sys.stdout.write(f"no noun is known for the label {label!r} ({count} objects)\n")
-    facts = instruct.summary(told)
-    tell(options, facts, f"{options.out}: {facts['episodes']} episodes, {facts['texts']} texts")
-    return int(len(told.failed) > options.max_failed)
+    text = f"{options.out}: {made['episodes']} episodes, {made['texts']} texts"
+    tell(options, made | {"quarantined": failed}, text)
+    return int(len(failed) > options.max_failed)
+
+
+def _look(
+    context: Context,
+    by_scene: Mapping[str, list[Episode]],
+    rows: Mapping[str, Row],
+    scenes: Path,
+    robot: str,
+    every: bool,
+) -> StageSummary:
+    """Look along the paths of each scene with the camera of `robot`; one item per scene."""
+    root, items = context.ledger.root, []
+    for scene, episodes in by_scene.items():
+        part = root / f"{scene}.json.gz"
+        write_episodes(part, episodes)
+        source = Row("episodes", scene, digest(rows[scene].key, episodes), "done")
+        items.append(visibility.item(source, scenes, part, _seen(root, scene), robot, every))
+    return run_stage(context, visibility.STAGE, items, required=True)
+
+
+def _seen(root: Path, scene: str) -> Path:
+    return root / f"{scene}.seen.json"
+
+
+def _show(episodes: list[Episode], job: InstructJob, count: int) -> None:
+    """Print the map and the texts of the first `count` paths that got texts."""
+    if count < 1:
+        return
+    instructed = read_facts(job.facts)
+    levels, sight = Levels(job.scenes), read_sights(job.seen)
+    for episode in [e for e in episodes if e.trajectory_id in instructed][:count]:
+        facts = path_facts(episode, levels.of(episode), sight)
+        sys.stdout.write(show_path(episode, facts) + "\n\n")
 
 
 def instruct_config(options: Collect | Instruct) -> InstructConfig:
-    """How `collect` and `instruct` are asked to write.
+    """Return the configuration of the instructions that `collect` and `instruct` were asked for.
 
     Raises:
         InputError: an unknown name or a bad number; the message lists the valid ones.

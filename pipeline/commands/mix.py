@@ -7,8 +7,7 @@ import sys
 from typing import Any
 
 from ...datasets.mixture.plan import Library, MixturePlan, plan_mixture
-from ...datasets.mixture.recipe import read_recipe
-from ...datasets.mixture.shipped import recipe_path
+from ...datasets.mixture.recipe import read_recipe, recipe_path
 from ...datasets.mixture.table import plan_json, plan_text
 from ...formats.core.atomic import write_json
 from ...formats.core.errors import InputError, UnknownNameError

@@ -35,7 +35,7 @@ def run(options: ReviewOptions) -> int:
 
 
 def opened(options: ReviewOptions) -> Review:
-    """The paths to review.
+    """Return the paths to review.
 
     Raises:
         InputError: there is nothing to review there.

@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
 from ...collectors.rendering.camera.extras import Extras
-from ...collectors.rendering.camera.views import CameraWishes
+from ...collectors.rendering.camera.views import CameraOverrides
 from ...collectors.rendering.registry import chosen_renderer
-from ...formats.core.errors import FileFormatError, InputError
+from ...formats.core.errors import FileFormatError
 from ...formats.video.mp4 import check_rgb_codec
 from ...formats.vlnce.files import read_episodes
 from ...formats.vlnce.groups import group_by_path
-from ..crews import action_timing, chosen_robots, crews
+from ..crews import action_timing, chosen_robots, crews, keep, kept
 from ..engine.context import open_context
-from ..engine.keys import digest
 from ..engine.ledger import Ledger, Row
 from ..engine.runner import StageSummary, run_stage
-from ..folders import scenes_in
-from ..kept_robots import keep, kept
 from ..options.rollouts import Export, Render, Replay
 from ..report.gather import robot_rows
 from ..stages import export, render, repair, replay
@@ -40,8 +36,8 @@ def run_replay(options: Replay) -> int:
     pairs = crews(robots, options.controller)
     actions = action_timing(options.action_steps, options.closed_loop)
     asked = group_by_path(read_episodes(options.episodes))
-    scenes = _scene_rows(options.scenes)
-    _demand_scenes({e.scene_id for e in asked}, scenes, options.scenes)
+    scenes = repair.rows_of(options.scenes)
+    repair.demand({e.scene_id for e in asked}, scenes, options.scenes)
     summaries = []
     with open_context(options.out, options.workers) as context:
         root = context.ledger.root
@@ -67,13 +63,15 @@ def run_render(options: Render) -> int:
     check_rgb_codec(options.rgb_codec)
     chosen_renderer(options.renderer)
     source = Ledger.existing(options.rollouts)
-    scenes = _scene_rows(options.scenes)
+    scenes = repair.rows_of(options.scenes)
     groups: dict[tuple[str, str], dict[str, Row]] = {}
     for row in source.rows(replay.STAGE):
         if row.status == "done":
             robot, controller, _ = row.item.split("/", 2)
             groups.setdefault((robot, controller), {})[row.item] = row
-    wishes = CameraWishes(options.width_px, options.height_px, options.hfov_deg)
+    wishes = CameraOverrides(
+        width_px=options.width_px, height_px=options.height_px, hfov_deg=options.hfov_deg
+    )
     views = {
         robot: chosen_views(
             options.camera, options.light, options.renderer, kept(robot, source.root), wishes
@@ -83,21 +81,21 @@ def run_render(options: Render) -> int:
     if not groups:
         raise FileFormatError(options.rollouts, "contains no rollout")
     walked = {str(row.facts["scene"]) for rows in groups.values() for row in rows.values()}
-    _demand_scenes(walked, scenes, options.scenes)
+    repair.demand(walked, scenes, options.scenes)
     extras = Extras(options.semantic, options.instance, options.depth_mm)
     root, folder = source.root.resolve(), options.scenes.resolve()
     summaries = []
     with open_context(options.out, options.workers) as context:
         out = context.ledger.root
         for (robot, controller), rows in groups.items():
+            recorded = render.Recorded(rows, root, scenes, folder)
             for view in views[robot]:
                 scope = f"{robot}/{controller}/{view.name}/"
                 if options.video:
-                    items = render.video_items(rows, scenes, root, folder, out, view, rate)
+                    items = render.video_items(recorded, view, rate, out)
                     summaries.append(run_stage(context, render.VIDEO_STAGE, items, scope))
                     continue
-                how = (view, rate, options.rgb_codec, extras)
-                items = render.items(rows, scenes, root, folder, out, out, *how)
+                items = render.items(recorded, view, rate, out, out, options.rgb_codec, extras)
                 summaries.append(run_stage(context, render.STAGE, items, scope))
     return _tell(options, summaries)
 
@@ -124,27 +122,9 @@ def run_export(options: Export) -> int:
     with open_context(options.out, options.workers) as context:
         for (robot, controller, view), rows in groups.items():
             dataset = export.Dataset.under(context.ledger.root, robot, controller, view)
-            scope = f"{robot}/{controller}/{view}/"
             how = (options.depth, options.per_instruction)
-            summaries += export.run(context, rows, root, folder, dataset, scope, {}, *how)
+            summaries += export.run(context, rows, root, folder, dataset, {}, *how)
     return _tell(options, summaries)
-
-
-def _demand_scenes(names: Iterable[str], scenes: Mapping[str, Row], folder: Path) -> None:
-    missing = sorted(set(names) - scenes.keys())
-    if missing:
-        raise InputError(f"{folder}: contains no repaired scene {', '.join(missing)}")
-
-
-def _scene_rows(folder: Path) -> dict[str, Row]:
-    """Return a ledger row for every scene in a folder, as if the repair stage had written it.
-
-    The key hashes the scene's index file, which the repair writes last and never modifies.
-    """
-    return {
-        name: Row(repair.STAGE, name, digest(path, (path / "scene.json").read_text()), "done")
-        for name, path in scenes_in(folder.resolve()).items()
-    }
 
 
 def _tell(options: Replay | Render | Export, summaries: Sequence[StageSummary]) -> int:

@@ -7,7 +7,7 @@ from ..builtin import BuiltIn, check_kind
 from ..engine.context import run_single
 from ..folders import refuse_to_replace
 from ..options.scenes import Repair, Scan
-from ..stages import repair, scans
+from ..stages import repair
 from ..summary import tell
 
 SCAN_NAMES = frozenset({"scan.glb", "scan.labels.json", "truth.npz", "LICENSE.scan"})
@@ -26,7 +26,9 @@ def run_scan(options: Scan) -> int:
     check_kind(options.kind)
     refuse_to_replace(options.out, SCAN_NAMES)
     out = options.out.resolve()
-    facts = run_single(out, scans.STAGE, scans.item(BuiltIn(options.kind, options.seed), out)).facts
+    facts = run_single(
+        out, repair.SCAN_STAGE, repair.scan_item(BuiltIn(options.kind, options.seed), out)
+    ).facts
     return tell(options, facts, f"{options.out / 'scan.glb'}: {options.kind} {options.seed}")
 
 

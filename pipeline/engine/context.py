@@ -92,9 +92,16 @@ def open_single(out: Path, workers: int = 1) -> Iterator[Context]:
 
 
 def run_single(out: Path, stage: str, item: WorkItem) -> Row:
+    """Open the ledger of `out` and run the one item that writes it; see `run_output`."""
+    with open_single(out) as context:
+        return run_output(context, out, stage, item)
+
+
+def run_output(context: Context, out: Path, stage: str, item: WorkItem) -> Row:
     """Run one item that writes `out`, unless it did so before and nothing has changed since.
 
     Args:
+        context: As opened by `open_single(out)`.
         out: File or folder that the item writes.
         stage: Name of the stage.
         item: What to do.
@@ -103,17 +110,16 @@ def run_single(out: Path, stage: str, item: WorkItem) -> Row:
         The item's row; its facts are those of this run or of the earlier one.
 
     Raises:
-        InputError: If the input is at fault, or nothing can be written beside `out`.
+        InputError: If the input is at fault.
         StageFailedError: If the item failed for another reason.
     """
-    with open_single(out) as context:
-        record = context.ledger.root / OUTPUT_NAME
-        if not record.is_file() or record.read_text() != _state(item.key, out):
-            context.ledger.forget(stage, [item.name])
-        record.unlink(missing_ok=True)
-        summary = run_stage(context, stage, [item], required=True)
-        write_bytes(record, _state(item.key, out).encode())
-        return summary.good()[item.name]
+    record = context.ledger.root / OUTPUT_NAME
+    if not record.is_file() or record.read_text() != _state(item.key, out):
+        context.ledger.forget(stage, [item.name])
+    record.unlink(missing_ok=True)
+    row = run_stage(context, stage, [item], required=True).good()[item.name]
+    write_bytes(record, _state(item.key, out).encode())
+    return row
 
 
 def _state(key: str, out: Path) -> str:

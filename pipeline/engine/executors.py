@@ -10,7 +10,7 @@ from typing import Any
 
 
 def available_cores() -> int:
-    """Cores this process may use (respects the affinity mask)."""
+    """Return the number of cores this process may use (respects the affinity mask)."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -21,7 +21,7 @@ class Workers:
     """
 
     def __init__(self, count: int):
-        """Args: count: number of processes, ≥ 1."""
+        """Set the number of processes, at least 1; none is started yet."""
         self.count = count
         self._pool: ProcessPoolExecutor | None = None
 

@@ -83,7 +83,7 @@ class Ledger:
 
     @staticmethod
     def existing(root: Path) -> Ledger:
-        """Open a ledger that must be there: in `root`, or in the run folder that `root` is part of.
+        """Open an existing ledger: in `root`, or in the run folder that contains `root`.
 
         Raises:
             FileFormatError: `root` holds no run, and is no part of one.
@@ -94,7 +94,7 @@ class Ledger:
         raise FileFormatError(root, f"no run here ({MANIFEST_NAME} is missing)")
 
     def rows(self, stage: str | None = None) -> list[Row]:
-        """Current rows, of all stages or of one, in item order."""
+        """Return the current rows of all stages or of one, in item order."""
         found = [self._rows[k] for k in sorted(self._rows) if stage in (None, k[0])]
         return [row for row in found if row.current]
 
@@ -105,11 +105,11 @@ class Ledger:
                 self._rows[(row_stage, item)] = replace(row, current=item in names)
 
     def row(self, stage: str, item: str) -> Row | None:
-        """The row of one item, or None."""
+        """Return the row of one item, or None."""
         return self._rows.get((stage, item))
 
     def is_done(self, stage: str, item: str, key: str) -> bool:
-        """Whether the item was done with this key and its outputs are still there."""
+        """Return whether the item was done under this key and its outputs still exist."""
         row = self.row(stage, item)
         return (
             row is not None
@@ -136,7 +136,7 @@ class Ledger:
             self._append([{"forget": [stage, item]} for item in known])
 
     def discard(self, stage: str, scope: str) -> None:
-        """Drop what is not current of a stage, rows and files, among items starting with `scope`.
+        """Delete rows and files of a stage's items that are not current and start with `scope`.
 
         For folders that are handed on as they are: nothing may lie in them that was not asked for.
         """

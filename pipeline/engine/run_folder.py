@@ -15,13 +15,13 @@ MINIMUM_FREE_BYTES = 256 * 1024**2
 
 
 def safe_name(text: str) -> str:
-    """A file name that says `text`: anything but letters, digits, `.`, `_`, `-` becomes `-`."""
+    """Return `text` as a file name: anything but letters, digits, `.`, `_`, `-` becomes `-`."""
     return re.sub(r"[^A-Za-z0-9._-]+", "-", text).strip("-.") or "unnamed"
 
 
 @dataclass(frozen=True)
 class RunFolder:
-    """Paths of one run; see DESIGN's data flow."""
+    """Paths in the folder of one run; see docs/architecture.md."""
 
     root: Path
 
@@ -78,7 +78,7 @@ class RunFolder:
 
 
 def open_run_folder(root: Path) -> RunFolder:
-    """Create the run folder, or say in one line why nothing can be written there.
+    """Create the run folder.
 
     Raises:
         InputError: not a folder, not writable, or too little space on its disk.

@@ -1,4 +1,4 @@
-"""Runs a stage's items: skips what is done, runs the rest in parallel, quarantines what breaks."""
+"""Run a stage's items: skip what is done, run the rest in parallel, quarantine what fails."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class StageSummary:
     rows: list[Row] = field(default_factory=list)
 
     def counts(self) -> dict[str, int | float]:
-        """Plain numbers for tables and `--json`."""
+        """Return plain numbers for tables and `--json`."""
         return {
             "done": self.done,
             "reused": self.reused,
@@ -56,7 +56,7 @@ class StageSummary:
         }
 
     def joined(self, other: StageSummary) -> StageSummary:
-        """Both runs of one stage (for two robots, …) as one."""
+        """Return both runs of one stage (for two robots, …) as one."""
         return StageSummary(
             self.stage,
             self.done + other.done,
@@ -68,7 +68,7 @@ class StageSummary:
         )
 
     def good(self) -> dict[str, Row]:
-        """Rows of items that are done, by item name."""
+        """Return the rows of items that are done, by item name."""
         return {r.item: r for r in self.rows if r.status == "done"}
 
 
@@ -166,7 +166,7 @@ def run_stage(
 
 
 class StageFailedError(VlnpeError):
-    """Every item of a stage broke, and not for a reason that lies in the input."""
+    """Every item of a required stage failed, and the input is not the reason."""
 
 
 def _note(summary: StageSummary) -> str:
@@ -203,7 +203,7 @@ def _outcomes(
 ) -> Iterable[tuple[WorkItem, ItemResult | BaseException, float]]:
     """Results as they come.
 
-    A dying worker breaks the whole pool, and nobody knows which item killed it. So all items that
+    A dying worker breaks the whole pool, and it is unknown which item killed it. So all items that
     were lost are tried together once more; those lost again are tried alone, which finds the one.
     """
     orphans = yield from _attempt(workers, items)
@@ -220,7 +220,7 @@ def _outcomes(
 def _attempt(
     workers: Workers, items: Sequence[WorkItem]
 ) -> Generator[tuple[WorkItem, ItemResult | BaseException, float], None, list[WorkItem]]:
-    """Run items in the pool; returns those that were lost because the pool broke."""
+    """Run items in the pool; return those that were lost because the pool broke."""
     lost: list[WorkItem] = []
     futures: dict[Future[tuple[ItemResult, float]], WorkItem] = {}
     # A lone item (a big scene) may use all the cores that its idle neighbours leave.
@@ -257,7 +257,7 @@ def _timed(job: Job, threads: int) -> tuple[ItemResult, float]:
 
 
 def _portable(error: Exception) -> Exception:
-    """An error that can be pickled; others would break the whole worker pool on their way."""
+    """Return an error that can be pickled; any other would break the worker pool."""
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:

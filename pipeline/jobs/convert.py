@@ -28,7 +28,7 @@ from ..engine.work import ItemResult
 
 
 class Kind(StrEnum):
-    """Formats that episodes are handed on in."""
+    """Formats of recorded episodes."""
 
     MCAP = "mcap"
     LEROBOT = "lerobot"
@@ -197,5 +197,5 @@ def _unit_facts(folder: Path, source: Path) -> dict[str, Any]:
 
 
 def source_note(kind: Kind) -> dict[str, Any]:
-    """Where units came from, for a provenance of our own."""
+    """Return where units came from, for the provenance."""
     return {"from": str(kind), "vlnpe": version("vlnpe")}

@@ -55,7 +55,7 @@ class SampleJob:
 
 @dataclass(frozen=True)
 class FilterJob:
-    """Take the stair episodes out of a VLN-CE file.
+    """Remove the episodes that climb stairs from a VLN-CE file.
 
     Attributes:
         source: VLN-CE file.
@@ -91,7 +91,7 @@ class FilterJob:
 
 @dataclass(frozen=True)
 class AlignJob:
-    """Lay VLN-CE episodes onto the floors of repaired scenes.
+    """Align VLN-CE episodes to repaired scenes.
 
     Attributes:
         source: VLN-CE file.

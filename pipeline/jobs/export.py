@@ -47,19 +47,7 @@ class UnitJob:
             if self.number >= len(told):
                 raise VlnpeError(f"instruction {self.number + 1} was rejected in review")
             recorded = replace(recorded, episode=told[self.number])
-        write_episode_unit(
-            self.out,
-            recorded,
-            seen.arrays,
-            seen.frames_per_second,
-            rgb_video=seen.rgb_video,
-            depth_video=seen.depth_video,
-            camera=seen.camera,
-            depth_range=seen.depth_range,
-            light=seen.light,
-            rgb_codec=seen.rgb_codec,
-            depth_storage=self.depth_storage,
-        )
+        write_episode_unit(self.out, recorded, seen, depth_storage=self.depth_storage)
         facts = {
             "frames": seen.facts["frames"],
             "scene": seen.facts["scene_id"],
@@ -82,6 +70,7 @@ class DatasetJob:
         made: facts of each unit's episode, for the provenance.
         encoding: facts of the videos.
         facts: configuration and seeds.
+        code_sha256: digest of the code that made the episodes and their pixels.
     """
 
     units: tuple[Path, ...]
@@ -91,6 +80,7 @@ class DatasetJob:
     made: tuple[Mapping[str, Any], ...]
     encoding: Mapping[str, Any]
     facts: Mapping[str, Any]
+    code_sha256: str
 
     def run(self) -> ItemResult:
         """Assemble one dataset."""
@@ -99,7 +89,9 @@ class DatasetJob:
         summary = assemble_dataset(
             self.units,
             self.out,
-            provenance=provenance(self.made, bundles, self.all_scenes, self.encoding, self.facts),
+            provenance=provenance(
+                self.made, bundles, self.all_scenes, self.encoding, self.facts, self.code_sha256
+            ),
             licence="-and-".join(licences),
             title=self.out.name,
         )

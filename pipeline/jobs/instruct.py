@@ -5,19 +5,20 @@ from __future__ import annotations
 import gzip
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from ...formats.core.atomic import write_bytes
-from ...formats.scene.visibility import read_visibility
+from ...formats.scene.visibility import Visibility, read_visibility
 from ...formats.vlnce.files import read_episodes, write_episodes
+from ...formats.vlnce.groups import group_by_path, per_instruction
 from ...instruction_gen.instruct import InstructResult, instruct_episodes
 from ...instruction_gen.records import InstructConfig
 from ..engine.work import ItemResult
 
-CACHE = "llm_cache"  # in the run folder: answers that were paid for
+CACHE = "llm_cache"  # name of the folder of a language model's answers, which were paid for
 
 
 @dataclass(frozen=True)
@@ -25,45 +26,67 @@ class InstructJob:
     """Write instructions for the episodes of one file that have none.
 
     Attributes:
-        scenes: folder of the repaired scenes.
-        episodes: episode file.
-        seen: what the camera sees along the paths.
-        out: episode file to write.
-        facts: facts records to write.
-        config: how.
-        seed: of the phrasing.
+        scenes: Folder of the repaired scenes.
+        episodes: Episode file.
+        seen: What the camera sees along the paths, one record per scene; without any, the facts
+            come from the map alone.
+        out: Episode file to write.
+        facts: Facts records to write.
+        cache: Folder of a language model's answers.
+        config: How to write.
+        seed: Random seed of the phrasing.
+        per_instruction: Write one episode per instruction; a path then has several.
     """
 
     scenes: Path
     episodes: Path
-    seen: Path
+    seen: tuple[Path, ...]
     out: Path
     facts: Path
+    cache: Path
     config: InstructConfig
     seed: int
+    per_instruction: bool = False
 
     def run(self) -> ItemResult:
         """Instruct one file's episodes."""
         started = time.process_time()
         asked = read_episodes(self.episodes)
-        sight = read_visibility(self.seen)
-        cache = self.out.parents[2] / CACHE
-        result = instruct_episodes(asked, self.scenes, self.config, self.seed, sight, cache=cache)
-        write_episodes(self.out, result.episodes)
+        sight = read_sights(self.seen)
+        result = instruct_episodes(
+            asked, self.scenes, self.config, self.seed, sight, cache=self.cache
+        )
+        made = result.episodes
+        if self.per_instruction:
+            made = [one for path in group_by_path(made) for one in per_instruction(path)]
+        write_episodes(self.out, made)
         write_facts(self.facts, result.facts)
         return ItemResult({**summary(result), "cpu_s": round(time.process_time() - started, 2)})
 
 
-def summary(told: InstructResult) -> dict[str, Any]:
-    """What the ledger and `--json` say of a file's instructions."""
-    texts = [t for e in told.episodes for t in e.extra.get("instructions", [])]
+def read_sights(paths: Sequence[Path]) -> Visibility | None:
+    """Read what is seen along the paths of several scenes; None without any record.
+
+    Raises:
+        FileFormatError: If a record cannot be read.
+    """
+    parts = [read_visibility(path) for path in paths]
+    if not parts:
+        return None
+    sights = {name: sight for part in parts for name, sight in part.paths.items()}
+    return Visibility(parts[0].camera, sights, sum(part.seconds for part in parts))
+
+
+def summary(result: InstructResult) -> dict[str, Any]:
+    """Return the facts of a file's instructions for the ledger and `--json`."""
+    texts = [t for e in result.episodes for t in e.extra.get("instructions", [])]
     return {
-        "episodes": len(told.episodes),
+        "episodes": len(result.episodes),
         "texts": len(texts),
-        "skeletons": len(told.skeletons),
-        "quarantined": dict(told.failed),
-        "unnamed_labels": told.unnamed,
-        "language_model": told.usage(),
+        "skeletons": len(result.skeletons),
+        "quarantined": dict(result.failed),
+        "unnamed_labels": result.unnamed,
+        "language_model": result.usage(),
     }
 
 
@@ -72,3 +95,8 @@ def write_facts(path: Path, facts: Mapping[str, Any]) -> None:
     document = {name: asdict(one) for name, one in sorted(facts.items())}
     data = json.dumps(document, separators=(",", ":")).encode()
     write_bytes(path, gzip.compress(data, compresslevel=6, mtime=0))
+
+
+def read_facts(path: Path) -> dict[str, Any]:
+    """Read what `write_facts` wrote: plain records by trajectory id."""
+    return json.loads(gzip.decompress(path.read_bytes()))

@@ -12,7 +12,7 @@ from ...formats.core.licences import licence_id
 from ...formats.mcap.episode import write_episode_mcap
 from ...formats.mcap.robot_links import robot_topics
 from ...formats.mcap.rollout import SHOW_EVERY
-from ...formats.mcap.scene_map import map_topic
+from ...formats.mcap.shown import map_topic
 from ...formats.rendered.folder import read_frame_folder
 from ...formats.scene.bundle import load_bundle
 from ..engine.work import ItemResult
@@ -33,6 +33,7 @@ class McapJob:
         held_out: scenes that are held out for validation.
         depth_storage: see `DEPTH_STORAGES`.
         review: what people decided about the instructions, if there is such a file.
+        code_sha256: digest of the code that made the episode and its pixels.
         out: MCAP file.
     """
 
@@ -44,6 +45,7 @@ class McapJob:
     held_out: tuple[str, ...]
     depth_storage: str
     review: Path
+    code_sha256: str
     out: Path
 
     def run(self) -> ItemResult:
@@ -53,7 +55,7 @@ class McapJob:
         facts = DatasetFacts(
             self.name,
             licence_id(str(bundle.source.get("licence") or "")),
-            scene_provenance(bundle, self.held_out, encoding),
+            scene_provenance(bundle, self.held_out, encoding, self.code_sha256),
             depth_storage=self.depth_storage,
         )
         recorded = reviewed_rollout(self.rollout, self.review)

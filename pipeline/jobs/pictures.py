@@ -1,4 +1,4 @@
-"""Pictures and films for people."""
+"""Images and videos for the report, and preview videos."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .render import scene_renderer
 
 @dataclass(frozen=True)
 class MapJob:
-    """Draw one level from above, and write where the picture lies beside it.
+    """Draw one level from above, and write the image's position in the world beside it.
 
     Attributes:
         scene: folder of the repaired scene.
@@ -53,7 +53,7 @@ class MapJob:
 
 @dataclass(frozen=True)
 class StripJob:
-    """Show one episode as a strip of pictures.
+    """Show one episode as a strip of images.
 
     Attributes:
         scene: folder of the repaired scene.
@@ -81,7 +81,7 @@ class StripJob:
 
 @dataclass(frozen=True)
 class ClipJob:
-    """Show the last seconds of one episode, and its last frame as a picture.
+    """Show the last seconds of one episode as a video, and its last frame as an image.
 
     Attributes:
         scene: folder of the repaired scene.
@@ -109,7 +109,7 @@ class ClipJob:
 
 @dataclass(frozen=True)
 class FilmJob:
-    """Render one rollout as a video to look at.
+    """Render one rollout as a preview video.
 
     Attributes:
         scene: folder of the repaired scene.

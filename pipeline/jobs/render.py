@@ -77,6 +77,6 @@ class RenderJob:
 def scene_renderer(
     scene: Path, name: str = "embree", light: str = "baked"
 ) -> tuple[SceneBundle, Renderer]:
-    """A repaired scene with its renderer; a worker keeps the last, which takes seconds to load."""
+    """Return a repaired scene and its renderer; each worker keeps the last one, slow to load."""
     bundle = load_bundle(scene)
-    return bundle, make_renderer(bundle, name, light)
+    return bundle, make_renderer(bundle, name, light=light)

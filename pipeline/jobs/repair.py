@@ -42,7 +42,7 @@ class RepairJob:
 
 @dataclass(frozen=True)
 class SoundnessJob:
-    """Let a repaired scene pass, or refuse it.
+    """Accept or refuse a repaired scene.
 
     Attributes:
         scene_id: its name.
@@ -55,7 +55,7 @@ class SoundnessJob:
     allow_unsound: bool
 
     def run(self) -> ItemResult:
-        """Judge one scene.
+        """Check one scene.
 
         Raises:
             SceneError: it is not sound, and may not be.
@@ -69,7 +69,7 @@ class SoundnessJob:
 
 
 def facts_of(log: Mapping[str, Any]) -> dict[str, Any]:
-    """What the ledger, the terminal and the report tell of a repair; `log` is its repair.json."""
+    """Return the facts of a repair for ledger, terminal and report; `log` is its repair.json."""
     levels = log["levels"]
     holes = [hole for level in levels for hole in level["holes"]]
     filled = [hole for hole in holes if hole["action"] == "filled"]

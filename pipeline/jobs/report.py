@@ -17,7 +17,7 @@ class ReportJob:
 
     Attributes:
         root: the run folder.
-        pictures: pictures that were made for it.
+        pictures: images made for it.
         out: the page.
     """
 

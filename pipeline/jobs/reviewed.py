@@ -1,4 +1,4 @@
-"""What people decided about instructions, applied to a rollout before it is exported."""
+"""Apply the decisions of `vlnpe review` to a rollout before it is exported."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ REVIEW_NAME = "review.jsonl"  # in the run folder
 
 
 def reviewed_rollout(rollout: Path, review: Path) -> Rollout:
-    """Return a rollout whose episode has the texts that people left of its instructions.
+    """Return a rollout whose episode has the instructions that reviewers accepted or edited.
 
     Raises:
         VlnpeError: they rejected all of them.

@@ -1,4 +1,4 @@
-"""What the robot's own camera sees along the paths, before anybody describes them.
+"""What the robot's own camera sees along the paths, for the instructions.
 
 Images are small and drawn every half metre: they name pixels, they are not looked at. The camera
 stands where the robot's does when it stands, and looks along the path.
@@ -13,13 +13,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...collectors.rendering.interface import Frame
+from ...collectors.rendering.frame import Frame
 from ...collectors.rendering.registry import make_renderer
 from ...collectors.rendering.scene.robot_body import RobotBody
 from ...collectors.robots import RobotSpec, get_robot
 from ...formats.core.camera import CameraModel
 from ...formats.core.episode import Episode
 from ...formats.core.frames import quat_to_matrix, yaw_to_quat
+from ...formats.core.geometry import path_length, point_along, resample, triangle_areas
 from ...formats.scene.bundle import SceneBundle, VisualMesh, load_bundle
 from ...formats.scene.visibility import (
     Glimpse,
@@ -28,8 +29,7 @@ from ...formats.scene.visibility import (
     Visibility,
     write_visibility,
 )
-from ...formats.vlnce.files import read_episodes, scene_stem
-from ...wayfinding.planning import point_along, resample
+from ...formats.vlnce.files import read_episodes
 from ..engine.work import ItemResult
 
 WIDTH_PX, HEIGHT_PX = 128, 96
@@ -72,18 +72,6 @@ class LookJob:
         return ItemResult(facts)
 
 
-def looked(episodes: list[Episode], scenes: Path, robot: str, every: bool) -> Visibility:
-    """Look along the paths of episodes of any scenes, without writing anything."""
-    by_scene: dict[str, list[Episode]] = {}
-    for episode in episodes:
-        if every or not episode.instruction:
-            by_scene.setdefault(scene_stem(episode.scene_id), []).append(episode)
-    spec = get_robot(robot)
-    parts = [look(load_bundle(scenes / s), some, spec) for s, some in by_scene.items()]
-    paths = {name: one for part in parts for name, one in part.paths.items()}
-    return Visibility(camera_of(spec), paths, sum(part.seconds for part in parts))
-
-
 def look(bundle: SceneBundle, episodes: list[Episode], robot: RobotSpec) -> Visibility:
     """Render ids along the reference paths; episodes of one trajectory share a path."""
     started = time.process_time()
@@ -106,13 +94,12 @@ def look(bundle: SceneBundle, episodes: list[Episode], robot: RobotSpec) -> Visi
             frame = renderer.render_labelled(camera, position, quat)
             glimpses += counter.glimpses(frame, along, position, quat_to_matrix(quat))
         paths[episode.trajectory_id] = PathSight(tuple(a for a, _, _ in looks), tuple(glimpses))
-    return Visibility(camera_of(robot), paths, time.process_time() - started)
+    return Visibility(camera_of(robot, body), paths, time.process_time() - started)
 
 
-def camera_of(robot: RobotSpec) -> SightCamera:
-    """The camera that looks: the robot's own, where it is when the robot stands."""
+def camera_of(robot: RobotSpec, body: RobotBody) -> SightCamera:
+    """Return the robot's own camera, where it is when the robot stands."""
     mount = robot.camera
-    body = RobotBody(robot.build(robot).compile(), [joint.name for joint in robot.joints])
     base = (0.0, 0.0, robot.base_height_m)
     defaults = [joint.default_rad for joint in robot.joints]
     lens, _ = body.camera_pose(mount.name, base, yaw_to_quat(0.0), defaults)
@@ -123,9 +110,9 @@ def camera_of(robot: RobotSpec) -> SightCamera:
 
 
 def looks_along(path_m: NDArray[np.float64]) -> list[tuple[float, NDArray[np.float64], float]]:
-    """Distance [m], point (3,) [m] and heading [rad] of each look along a path (P, 3) [m]."""
+    """Return distance [m], point (3,) [m], heading [rad] of each look along a path (P, 3) [m]."""
     points = resample(path_m, 0.1)
-    length = float(np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1).sum())
+    length = path_length(points[:, :2])
     at = np.linspace(0.0, length, max(2, round(length / SPACING_M) + 1))
     here = point_along(points, at)
     ahead = point_along(points, np.minimum(at + _AHEAD_M, length))
@@ -156,7 +143,7 @@ class _Counter:
         position_m: NDArray[np.float64],
         rotation: NDArray[np.float64],
     ) -> list[Glimpse]:
-        """What one image shows, by object."""
+        """Return what one image shows, by object."""
         ids = self._by_box(frame, position_m, rotation) if self._boxed else frame.thing
         counts = np.bincount(ids[ids >= 0].ravel(), minlength=len(self._things))
         result = []
@@ -176,7 +163,7 @@ class _Counter:
         position_m: NDArray[np.float64],
         rotation: NDArray[np.float64],
     ) -> float:
-        """Fraction of the object's outline in the image that something nearer covers."""
+        """Return the fraction of the object's points in the image that something nearer covers."""
         points = self._outlines.get(thing)
         if points is None:
             return 0.0
@@ -222,12 +209,11 @@ class _Counter:
 
 
 def _outlines(mesh: VisualMesh, things: int) -> dict[int, NDArray[np.float64]]:
-    """Points (≤ 300, 3) [m] spread over each object's surface by area."""
+    """Sample points (≤ 300, 3) [m] on each object's surface, uniformly by area."""
     rng = np.random.default_rng(0)
     result = {}
     corners = mesh.vertices[mesh.faces].astype(np.float64)
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.linalg.norm(cross, axis=1)
+    area = triangle_areas(corners)
     for k in range(things):
         faces = np.flatnonzero(mesh.face_object == k)
         if not len(faces) or area[faces].sum() <= 0:

@@ -50,6 +50,8 @@ class Instruct:
     """Print a map and the texts for this many paths."""
     seed: int = 0
     """Random seed of the phrasing."""
+    workers: int = 0
+    """Number of worker processes; 0 uses one per core."""
     max_failed: int = 0
     """Exit with code 1 when more episodes than this have no true instruction."""
     json: Json = False

@@ -1,4 +1,4 @@
-"""Puts the report page together from a run folder."""
+"""Build the report page of a run folder."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ from ..engine.ledger import Ledger, Row
 from .dataset import dataset_plots, dataset_rows, texts_of
 from .failures import failure_figures
 from .gather import RobotRow, diverged_rows, replay_rows, robot_rows
-from .images import data_uri
 from .maps import ScenePaths, map_figure, path_name
 from .pictures import STAGE as PICTURES_STAGE
-from .pictures import Pictures
+from .pictures import Pictures, data_uri
 
 
 def build_page(root: Path, pictures: Pictures) -> str:
-    """The report's HTML, of the run in `root` with its pictures."""
+    """Return the report of the run in `root` as HTML."""
     ledger = Ledger(root)
     rows = replay_rows(ledger)
     paths = ScenePaths.load(root, rows)
@@ -124,7 +123,7 @@ def filter_notes(facts: Mapping[str, Any]) -> list[str]:
 
 
 def _episodes(rows: Sequence[Row], paths: ScenePaths) -> list[dict[str, Any]]:
-    """Every episode with what each robot made of it."""
+    """Return every episode with each robot's outcome."""
     walks: dict[str, list[dict[str, Any]]] = {}
     for row in rows:
         walks.setdefault(path_name(row), []).append(_walk(row))

@@ -18,7 +18,48 @@ from .svg import Plot, bars, step_histogram, word_cloud
 R2R_MEAN_M = 10.0
 # Words that say nothing of a place or a motion.
 _FILLING = frozenset(
-    ["a", "an", "and", "are", "as", "at", "be", "by", "for", "from", "have", "in", "into", "is", "it", "its", "of", "off", "on", "once", "one", "or", "out", "so", "that", "the", "their", "then", "there", "this", "to", "until", "up", "when", "where", "which", "will", "with", "you", "your"]
+    [
+        "a",
+        "an",
+        "and",
+        "are",
+        "as",
+        "at",
+        "be",
+        "by",
+        "for",
+        "from",
+        "have",
+        "in",
+        "into",
+        "is",
+        "it",
+        "its",
+        "of",
+        "off",
+        "on",
+        "once",
+        "one",
+        "or",
+        "out",
+        "so",
+        "that",
+        "the",
+        "their",
+        "then",
+        "there",
+        "this",
+        "to",
+        "until",
+        "up",
+        "when",
+        "where",
+        "which",
+        "will",
+        "with",
+        "you",
+        "your",
+    ]
 )
 
 

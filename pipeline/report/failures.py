@@ -28,7 +28,7 @@ def failure_figures(
     clips: Mapping[str, Path],
     budget_bytes: int = CLIPS_BYTES,
 ) -> list[dict[str, Any]]:
-    """Template values of every failed episode.
+    """Return template values of every failed episode.
 
     Clips are embedded as long as they fit into the budget, robot after robot in turn, so that none
     of them eats it up; of the others the file's place is named.

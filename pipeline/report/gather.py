@@ -1,4 +1,4 @@
-"""Numbers of a run, read from its ledger."""
+"""Metrics of a run, read from its ledger."""
 
 from __future__ import annotations
 
@@ -65,17 +65,17 @@ class RobotRow:
 
 
 def replay_rows(ledger: Ledger) -> list[Row]:
-    """Rows of rollouts that exist."""
+    """Return the rows of existing rollouts."""
     return [row for row in ledger.rows("replay") if row.status == "done"]
 
 
 def diverged_rows(ledger: Ledger) -> list[Row]:
-    """Rows of episodes whose physics exploded; there is no rollout of them."""
+    """Return the rows of episodes whose physics diverged, which have no rollout."""
     return [row for row in ledger.rows("replay") if row.error.get("type") == DivergedError.__name__]
 
 
 def robot_rows(ledger: Ledger) -> list[RobotRow]:
-    """One row per robot and controller, in name order."""
+    """Return one row per robot and controller, in name order."""
     groups: dict[tuple[str, str], list[dict[str, Any]]] = defaultdict(list)
     for row in replay_rows(ledger):
         groups[(row.facts["robot"], row.facts["controller"])].append(row.facts)
@@ -133,7 +133,7 @@ def _robot_row(robot: str, controller: str, facts: list[dict[str, Any]], diverge
 
 
 def driven(controller: str, facts: Sequence[Mapping[str, Any]]) -> str:
-    """The controller in words, e.g. `speed, 50 steps` or `speed, closed loop`."""
+    """Return the controller in words, e.g. `speed, 50 steps` or `speed, closed loop`."""
     ways = {
         "closed loop" if f["actions"]["closed_loop"] else f"{f['actions']['steps']} steps"
         for f in facts

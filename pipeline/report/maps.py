@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...formats.core.episode import Episode
 from ...formats.mcap.rollout import read_rollout
 from ..engine.ledger import Row
-from .images import data_uri
+from .pictures import data_uri
 
 REFERENCE, START, GOAL = "#ffffff", "#1a9850", "#2b5fb8"
 BAD = "#d1332b"
@@ -44,7 +44,7 @@ class ScenePaths:
 
     @property
     def colors(self) -> dict[str, str]:
-        """Line colour of each robot."""
+        """Return the line colour of each robot."""
         robots = sorted({track.robot for track in self.tracks})
         return dict(zip(robots, itertools.cycle(ROBOT_COLORS), strict=False))
 
@@ -67,7 +67,7 @@ def path_name(row: Row) -> str:
 
 
 def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
-    """Template values of one map.
+    """Return template values of one map.
 
     Args:
         name: `<scene>/<level>`.

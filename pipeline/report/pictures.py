@@ -1,16 +1,22 @@
-"""Which pictures a report shows."""
+"""The images of a report, and their inclusion in the page."""
 
 from __future__ import annotations
 
+import base64
+import io
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
 
 STAGE = "pictures"
 
 
 @dataclass(frozen=True)
 class Pictures:
-    """Pictures that were made.
+    """Images and videos of a report.
 
     Attributes:
         maps: by `<scene>/<level>`; a JSON file beside each says where it lies.
@@ -21,3 +27,18 @@ class Pictures:
     maps: dict[str, Path]
     strips: dict[str, Path]
     clips: dict[str, Path]
+
+
+JPEG_QUALITY = 86
+
+
+def data_uri(image: Path | NDArray[np.uint8], maximum_width_px: int = 1600) -> str:
+    """Return an image file or an (H, W, 3) uint8 array as a JPEG data URI, shrunk to fit."""
+    picture = Image.open(image) if isinstance(image, Path) else Image.fromarray(image)
+    picture = picture.convert("RGB")
+    if picture.width > maximum_width_px:
+        height = round(picture.height * maximum_width_px / picture.width)
+        picture = picture.resize((maximum_width_px, height), Image.Resampling.LANCZOS)
+    stream = io.BytesIO()
+    picture.save(stream, format="JPEG", quality=JPEG_QUALITY)
+    return "data:image/jpeg;base64," + base64.b64encode(stream.getvalue()).decode()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from ...formats.core.digest import file_digest
+from ...formats.core.atomic import file_digest
 from ...formats.vlnce.files import read_vlnce
 from ...trajectory_sampler.alignment import AlignConfig
 from ...trajectory_sampler.stairs import GEOMETRIC, StairRules

@@ -63,14 +63,14 @@ def _check_alike(rows: Mapping[str, Row]) -> None:
         if row.facts["alike"] != first.facts["alike"]:
             what = "robot" if row.facts["robot"] != first.facts["robot"] else "view or frame rate"
             raise InputError(
-                f"{row.facts['source']}: {row.facts['robot']}, another {what} than "
-                f"{first.facts['source']} ({first.facts['robot']}); one dataset holds one: "
-                "convert them from folders of their own"
+                f"{row.facts['source']} ({row.facts['robot']}) has another {what} than "
+                f"{first.facts['source']} ({first.facts['robot']}); a dataset holds one only: "
+                "convert them from separate folders"
             )
 
 
 def _tell_doubts(rows: Mapping[str, Row]) -> None:
-    """Warn of others' frame rates that are not believed."""
+    """Warn of frame rates that contradict the files' own timestamps."""
     doubted = [
         row
         for row in rows.values()

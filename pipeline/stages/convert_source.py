@@ -34,7 +34,7 @@ class Source:
 
 
 def detect(path: Path) -> Source:
-    """Tell what lies at `path`.
+    """Return what kind of data `path` contains.
 
     Raises:
         FileFormatError: nothing that can be converted.
@@ -43,7 +43,7 @@ def detect(path: Path) -> Source:
     if path.is_file() and path.suffix == ".mcap":
         return Source(path, Kind.MCAP, name)
     if not path.is_dir():
-        raise FileFormatError(path, "no such folder, and no .mcap file")
+        raise FileFormatError(path, "not a folder and not an .mcap file")
     if (path / "meta" / "episodes").is_dir():
         return Source(path, Kind.LEROBOT, name)
     if any(path.glob("*.mcap")):
@@ -119,7 +119,7 @@ def _layout_files(folder: Path, number: int) -> list[Path]:
 
 
 def _seen(files: Iterable[Path]) -> list[Any]:
-    """What tells that files are the same as before, without reading gigabytes."""
+    """Return what identifies files without reading gigabytes: their sizes and times."""
     found: list[Any] = []
     for path in files:
         status = path.stat() if path.is_file() else None

@@ -2,55 +2,67 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ...formats.core.digest import file_digest
 from ...formats.core.errors import UnknownNameError
 from ...formats.core.rollout import EndReason
+from ...formats.core.source import code_digest
 from ...formats.lerobot.features import DEPTH_STORAGES
 from ...formats.lerobot.splits import held_out_scenes, is_published_holdout
 from ...formats.scene.bundle import INDEX_NAME
+from ...formats.vlnce.files import read_episodes
+from ...instruction_gen.review.decisions import DecisionFile
+from ..crews import kept
+from ..engine.keys import digest
 from ..engine.ledger import Row
+from ..engine.run_folder import safe_name
 from ..engine.runner import Context, StageSummary, run_stage
 from ..engine.work import WorkItem, work_item
 from ..jobs.export import DatasetJob, UnitJob
 from ..jobs.mcap import McapJob
 from ..jobs.reviewed import REVIEW_NAME
-from ..kept_robots import kept
 
 STAGE = "export"
 MCAP_STAGE = "mcap"
 DATASET_STAGE = "dataset"
+# What makes episodes and writes their pixels.
+CODE = tuple(
+    f"pipeline.jobs.{job}"
+    for job in ("scan", "repair", "episodes", "visibility", "instruct", "replay", "render")
+)
 
 
 @dataclass(frozen=True)
 class Dataset:
-    """Where one robot × controller × view goes.
+    """Output folders of one robot × controller × view.
 
     Attributes:
         name: `<robot>-<controller>-<view>`.
+        scope: What the names of its items begin with, `<robot>/<controller>/<view>/`.
         units: folder of episode units.
         lerobot: the dataset's folder.
         mcap: folder of MCAP files.
     """
 
     name: str
+    scope: str
     units: Path
     lerobot: Path
     mcap: Path
 
     @staticmethod
     def under(root: Path, robot: str, controller: str, view: str) -> Dataset:
-        """Paths under an output folder."""
+        """Return the folders below an output folder."""
         name = f"{robot}-{controller}-{view}"
-        return Dataset(name, root / "units" / name, root / "lerobot" / name, root / "mcap" / name)
+        folders = (root / kind / name for kind in ("units", "lerobot", "mcap"))
+        return Dataset(name, f"{robot}/{controller}/{view}/", *folders)
 
 
 def wanted(frames: Mapping[str, Row], only_success: bool) -> dict[str, Row]:
-    """The rows of the render stage that are to be exported, by item."""
+    """Return the rows of the render stage that are to be exported, by item."""
     if not only_success:
         return dict(frames)
     good = str(EndReason.SUCCESS)
@@ -63,7 +75,6 @@ def run(
     root: Path,
     scenes: Path,
     dataset: Dataset,
-    scope: str,
     facts: Mapping[str, Any],
     depth_storage: str = "video",
     per_instruction: bool = False,
@@ -78,18 +89,17 @@ def run(
         root: folder of the render stage's ledger.
         scenes: folder of the repaired scenes.
         dataset: where it goes.
-        scope: what the items' names begin with.
         facts: configuration and seeds for the provenance.
         depth_storage: see `check_depth_storage`.
         per_instruction: make one LeRobot episode of each instruction, with the same frames.
     """
     out = context.ledger.root
     items = unit_items(frames, root, dataset, depth_storage, per_instruction)
-    units = run_stage(context, STAGE, items, scope)
+    units = run_stage(context, STAGE, items, dataset.scope)
     items = mcap_items(frames, root, scenes, dataset, depth_storage)
-    summaries = [units, run_stage(context, MCAP_STAGE, items, scope)]
+    summaries = [units, run_stage(context, MCAP_STAGE, items, dataset.scope)]
     # The folder of MCAP files is handed on as it is.
-    context.ledger.discard(MCAP_STAGE, scope)
+    context.ledger.discard(MCAP_STAGE, dataset.scope)
     items = [dataset_item(units.good(), out, scenes, dataset, facts)] if units.good() else []
     summaries.append(run_stage(context, DATASET_STAGE, items, dataset.name))
     context.ledger.discard(DATASET_STAGE, dataset.name)
@@ -97,7 +107,7 @@ def run(
 
 
 def check_depth_storage(name: str) -> None:
-    """Raise UnknownNameError unless depth can be kept so: `video` or `image`."""
+    """Raise UnknownNameError unless `name` is a depth storage: `video` or `image`."""
     if name not in DEPTH_STORAGES:
         raise UnknownNameError("depth storage", name, DEPTH_STORAGES)
 
@@ -109,42 +119,70 @@ def unit_items(
     depth_storage: str,
     per_instruction: bool = False,
 ) -> list[WorkItem]:
-    """One LeRobot unit per rendered episode, or per instruction; `frames` are rows by item."""
-    reviewed = _review_digest(root)
+    """Return one item per LeRobot unit: of an episode, or of each of its instructions.
+
+    Args:
+        frames: rows of the render stage by item.
+        root: folder of the render stage's ledger.
+        dataset: where the units go.
+        depth_storage: see `check_depth_storage`.
+        per_instruction: make one unit of each instruction.
+    """
+    reviewed = review_digests(root)
     review = root / REVIEW_NAME
     result = []
     for name, row in frames.items():
         rollout = root / str(row.facts["rollout"])
-        texts = range(row.facts["texts"]) if per_instruction else (None,)
-        for number in texts:
+        for number in range(row.facts["texts"]) if per_instruction else (None,):
             item = f"{name}.{number + 1}" if number else name
             out = dataset.units / item.rsplit("/", 1)[1]
             job = UnitJob(rollout, root / row.outputs[0], out, depth_storage, review, number)
-            inputs = (row.key, depth_storage, reviewed, number)
+            inputs = (row.key, depth_storage, reviewed(name.rsplit("/", 1)[1]), number)
             result.append(work_item(STAGE, item, job, (out,), *inputs))
     return result
 
 
-def _review_digest(root: Path) -> str:
-    path = root / REVIEW_NAME
-    return file_digest(path) if path.is_file() else ""
+def review_digests(root: Path) -> Callable[[str], str]:
+    """Return what people's decisions change about an episode, by the file name of its episode.
+
+    A decision is about a path, so it exports the episodes of that path again and no others. Where
+    an episode's path is not known, any decision does.
+    """
+    decisions = DecisionFile(root / REVIEW_NAME)
+    by_path: dict[str, list[dict[str, Any]]] = {}
+    for (path, _), decided in sorted(decisions.current().items()):
+        by_path.setdefault(path, []).extend(asdict(one) for _, one in sorted(decided.items()))
+    files = sorted((root / "episodes").glob("*.json.gz")) if by_path else []
+    paths = {safe_name(e.episode_id): e.trajectory_id for f in files for e in read_episodes(f)}
+
+    def of(episode: str) -> str:
+        if not by_path:
+            return ""
+        if episode not in paths:
+            return digest(by_path)
+        decided = by_path.get(paths[episode], [])
+        return digest(decided) if decided else ""
+
+    return of
 
 
 def mcap_items(
     frames: Mapping[str, Row], root: Path, scenes: Path, dataset: Dataset, depth_storage: str
 ) -> list[WorkItem]:
-    """One MCAP with images per rendered episode."""
-    reviewed = _review_digest(root)
+    """Return one item per MCAP file with images."""
+    reviewed = review_digests(root)
     held_out = tuple(sorted(held_out_scenes(_divided(frames, scenes))))
     result = []
     for name, row in frames.items():
         out = dataset.mcap / f"{name.rsplit('/', 1)[1]}.mcap"
         scene, rollout = scenes / str(row.facts["scene"]), root / str(row.facts["rollout"])
-        told = (dataset.name, held_out, depth_storage)
+        labels = (dataset.name, held_out, depth_storage)
         robot = kept(name.split("/")[0], root)
         review = root / REVIEW_NAME
-        job = McapJob(rollout, root / row.outputs[0], scene, robot, *told, review, out)
-        result.append(work_item(MCAP_STAGE, name, job, (out,), row.key, told, reviewed))
+        job = McapJob(
+            rollout, root / row.outputs[0], scene, robot, *labels, review, code_digest(*CODE), out
+        )
+        result.append(work_item(MCAP_STAGE, name, job, (out,), row.key, labels, reviewed(out.stem)))
     return result
 
 
@@ -176,6 +214,7 @@ def dataset_item(
         tuple(row.facts["made"] for row in rows),
         rows[0].facts["encoding"],
         dict(facts),
+        code_digest(*CODE),
     )
     inputs = ([row.key for row in rows], all_scenes, dict(facts))
     return work_item(DATASET_STAGE, dataset.name, job, (dataset.lerobot,), *inputs)

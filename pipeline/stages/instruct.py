@@ -1,11 +1,8 @@
-"""Stage `instruct`: every path gets its texts, from what is true of it."""
+"""Stage `instruct`: write the instructions of every path."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from ...instruction_gen.llm.brief import prompts_sha256
-from ...instruction_gen.records import InstructConfig
 from ..engine.ledger import Ledger, Row
 from ..engine.runner import StageSummary
 from ..engine.work import WorkItem, work_item
@@ -14,38 +11,21 @@ from ..jobs.instruct import InstructJob
 STAGE = "instruct"
 
 
-def item(
-    source: Row,
-    sight: Row,
-    scenes: Path,
-    episodes: Path,
-    seen: Path,
-    out: Path,
-    facts: Path,
-    config: InstructConfig,
-    seed: int,
-) -> WorkItem:
-    """Write instructions for the episodes that have none, from `episodes` into `out`.
+def item(name: str, job: InstructJob, *made_of: str) -> WorkItem:
+    """Write instructions for the episodes of one file.
 
     Args:
-        source: row of the stage that made `episodes`.
-        sight: row of the stage that made `seen`.
-        scenes: folder of the repaired scenes.
-        episodes: episode file.
-        seen: what the camera sees along its paths, see `stages.visibility`.
-        out: episode file to write.
-        facts: facts records to write.
-        config: how.
-        seed: of the phrasing.
+        name: Unique within the stage.
+        job: What to write, and how.
+        made_of: Keys of the items that made the episodes and the records of what is seen.
     """
-    prompts = prompts_sha256() if config.llm else ""
-    job = InstructJob(scenes, episodes, seen, out, facts, config, seed)
-    inputs = (source.key, sight.key, config, prompts, seed)
-    return work_item(STAGE, source.item, job, (out, facts), *inputs)
+    prompts = prompts_sha256() if job.config.llm else ""
+    inputs = (*made_of, job.config, prompts, job.seed)
+    return work_item(STAGE, name, job, (job.out, job.facts), *inputs)
 
 
 def record_failed(ledger: Ledger, done: StageSummary) -> None:
-    """Quarantine, path by path, what has no true instruction."""
+    """Quarantine every path that has no true instruction."""
     reasons = {
         name: reason
         for row in done.good().values()

@@ -3,104 +3,120 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from ...collectors.rendering.camera.extras import Extras
 from ...collectors.rendering.camera.views import View
+from ..crews import kept
 from ..engine.ledger import Row
 from ..engine.work import WorkItem, work_item
 from ..jobs.pictures import FilmJob
 from ..jobs.render import RenderJob
-from ..kept_robots import kept
 
 STAGE = "render"
 VIDEO_STAGE = "video"
 
 
+@dataclass(frozen=True)
+class Recorded:
+    """Rollouts and the scenes that they were recorded in.
+
+    Attributes:
+        rows: Rows of the replay stage by item; their outputs are relative to `root`.
+        root: Folder of the ledger that holds these rows.
+        scenes: Rows of the repair stage by scene id.
+        scenes_folder: Folder of the repaired scenes.
+    """
+
+    rows: Mapping[str, Row]
+    root: Path
+    scenes: Mapping[str, Row]
+    scenes_folder: Path
+
+
+@dataclass(frozen=True)
+class _Take:
+    """One rollout under one view: the item's name, what is read, and what that was made of."""
+
+    name: str
+    scene: Path
+    rollout: Path
+    robot: str
+    made_of: tuple[str, str]
+
+
 def items(
-    rollouts: Mapping[str, Row],
-    scenes: Mapping[str, Row],
-    root: Path,
-    scenes_folder: Path,
-    frames: Path,
-    base: Path,
+    recorded: Recorded,
     view: View,
     frames_per_second: int,
+    frames: Path,
+    base: Path,
     rgb_codec: str = "h264",
     extras: Extras | None = None,
 ) -> list[WorkItem]:
-    """One item per rollout.
+    """Return one item per rollout: a frame folder `<robot>/<controller>/<view>/<episode>`.
 
     Args:
-        rollouts: rows of the replay stage by item; their outputs are relative to `root`.
-        scenes: rows of the repair stage by scene id.
-        root: the ledger's folder.
-        scenes_folder: of the repaired scenes.
-        frames: output folder, in the folder of the ledger `base`.
-        base: folder of the ledger that will hold these items.
-        view: what to see.
-        frames_per_second: of the videos.
-        rgb_codec: key of `formats.video.RGB_CODECS`.
-        extras: further videos, default none.
+        recorded: What to render.
+        view: Camera, light and renderer.
+        frames_per_second: Frame rate of the videos [1/s].
+        frames: Output folder.
+        base: Folder of the ledger that will hold these items.
+        rgb_codec: Key of `formats.video.RGB_CODECS`.
+        extras: Further videos; none by default.
     """
     extras = extras or Extras()
     result = []
-    for name, row in rollouts.items():
-        scene = str(row.facts["scene"])
-        made_of = (row.key, scenes[scene].key, view, frames_per_second, rgb_codec, extras)
-        folder, episode = name.rsplit("/", 1)
-        out = frames / folder / view.name / episode
-        rollout = root / row.outputs[0]
+    for take in _takes(recorded, view):
+        out = frames / take.name
         # Relative, so that a run folder may be moved between rendering and exporting.
-        relative = os.path.relpath(rollout, base)
-        robot = kept(name.split("/")[0], root)
+        relative = os.path.relpath(take.rollout, base)
         job = RenderJob(
-            scenes_folder / scene,
-            rollout,
+            take.scene,
+            take.rollout,
             relative,
-            robot,
+            take.robot,
             view,
             frames_per_second,
             rgb_codec,
             extras,
             out,
         )
-        item = f"{folder}/{view.name}/{episode}"
-        result.append(work_item(STAGE, item, job, (out,), *made_of))
+        inputs = (*take.made_of, view, frames_per_second, rgb_codec, extras)
+        result.append(work_item(STAGE, take.name, job, (out,), *inputs))
     return result
 
 
 def video_items(
-    rollouts: Mapping[str, Row],
-    scenes: Mapping[str, Row],
-    root: Path,
-    scenes_folder: Path,
-    videos: Path,
-    view: View,
-    frames_per_second: int,
+    recorded: Recorded, view: View, frames_per_second: int, videos: Path
 ) -> list[WorkItem]:
-    """One item per rollout: a video to look at, `<robot>/<controller>/<view>/<episode>.mp4`.
+    """Return one item per rollout: a preview `<robot>/<controller>/<view>/<episode>.mp4`.
 
     Args:
-        rollouts: rows of the replay stage by item; their outputs are relative to `root`.
-        scenes: rows of the repair stage by scene id.
-        root: the ledger's folder.
-        scenes_folder: of the repaired scenes.
-        videos: output folder.
-        view: what to see.
-        frames_per_second: of the videos.
+        recorded: What to render.
+        view: Camera, light and renderer.
+        frames_per_second: Frame rate of the videos [1/s].
+        videos: Output folder.
     """
     result = []
-    for name, row in rollouts.items():
+    for take in _takes(recorded, view):
+        out = videos / f"{take.name}.mp4"
+        job = FilmJob(take.scene, take.rollout, take.robot, view, frames_per_second, out)
+        inputs = (*take.made_of, view, frames_per_second)
+        result.append(work_item(VIDEO_STAGE, take.name, job, (out,), *inputs))
+    return result
+
+
+def _takes(recorded: Recorded, view: View) -> Iterator[_Take]:
+    for name, row in recorded.rows.items():
         scene = str(row.facts["scene"])
         folder, episode = name.rsplit("/", 1)
-        out = videos / folder / view.name / f"{episode}.mp4"
-        robot = kept(name.split("/")[0], root)
-        job = FilmJob(
-            scenes_folder / scene, root / row.outputs[0], robot, view, frames_per_second, out
+        yield _Take(
+            f"{folder}/{view.name}/{episode}",
+            recorded.scenes_folder / scene,
+            recorded.root / row.outputs[0],
+            kept(name.split("/")[0], recorded.root),
+            (row.key, recorded.scenes[scene].key),
         )
-        item = f"{folder}/{view.name}/{episode}"
-        made_of = (row.key, scenes[scene].key, view, frames_per_second)
-        result.append(work_item(VIDEO_STAGE, item, job, (out,), *made_of))
-    return result

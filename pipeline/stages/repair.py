@@ -1,23 +1,28 @@
-"""Stage `repair`: a scan in, a simulation-ready scene out."""
+"""Stages `scan`, `repair` and `soundness`: from a seed or a scan to a simulation-ready scene."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ...formats.core.digest import file_digest
-from ...formats.core.errors import FileFormatError
+from ...formats.core.atomic import file_digest
+from ...formats.core.errors import FileFormatError, InputError
+from ...formats.scene.bundle import INDEX_NAME
 from ...scene_repair.config import RepairConfig
-from ...scene_repair.scan.kinds import USD_SUFFIXES
-from ...scene_repair.scan.side_files import side_names
+from ...scene_repair.scan.files import USD_SUFFIXES, side_names
+from ..builtin import BuiltIn
 from ..engine.keys import digest
 from ..engine.ledger import Row
 from ..engine.work import WorkItem, work_item
+from ..folders import scenes_in
 from ..jobs.repair import RepairJob, SoundnessJob
+from ..jobs.scan import ScanJob
 
+SCAN_STAGE = "scan"
 STAGE = "repair"
+CHECK_STAGE = "soundness"
 # Formats that keep textures or geometry in further files beside them.
 MULTI_FILE = {".gltf", ".obj", ".ply", ".glb", ".usd", ".usda", ".usdc"}
 PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
@@ -25,11 +30,14 @@ MAX_BESIDE = 100_000
 SIDE_FILES = {".mtl", ".mdl", ".bin", *PICTURES, *USD_SUFFIXES}
 
 
-CHECK_STAGE = "soundness"
+def scan_item(building: BuiltIn, folder: Path) -> WorkItem:
+    """Generate a built-in scene and scan it virtually into `folder`."""
+    job = ScanJob(building.seed, folder, building.kind)
+    return work_item(SCAN_STAGE, building.name, job, (folder,), building.seed, building.kind)
 
 
 def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> list[WorkItem]:
-    """One item per scan; scene ids map to their files.
+    """Return one item per scan; `sources` are files by scene id.
 
     Raises:
         FileFormatError: a source does not exist or is no file.
@@ -51,7 +59,7 @@ def item(source: Path, out: Path, config: RepairConfig) -> WorkItem:
 
 
 def decisions(facts: Mapping[str, Any]) -> list[str]:
-    """One line for each thing that was decided, and for each doubt about it."""
+    """Return one line for each decision of a repair, and for each doubt about it."""
     heights = ", ".join(f"{round(z, 2) + 0.0:.2f}" for z in facts["floor_z_m"])
     left = ", ".join(f"{n} {cause}" for cause, n in sorted(facts["holes_left"].items()))
     lines = [
@@ -67,7 +75,7 @@ def decisions(facts: Mapping[str, Any]) -> list[str]:
 
 
 def check_items(repaired: Mapping[str, Row], scenes: Path, allow_unsound: bool) -> list[WorkItem]:
-    """One item per repaired scene, which is quarantined if that is not sound."""
+    """Return one item per repaired scene; items of unsound scenes are quarantined."""
     result = []
     for scene_id, row in repaired.items():
         job = SoundnessJob(scene_id, tuple(row.facts["problems"]), allow_unsound)
@@ -76,8 +84,29 @@ def check_items(repaired: Mapping[str, Row], scenes: Path, allow_unsound: bool) 
     return result
 
 
+def rows_of(folder: Path) -> dict[str, Row]:
+    """Return a ledger row for every scene in a folder, as if this stage had written it.
+
+    The key hashes the scene's index file, which the repair writes last and never modifies.
+
+    Raises:
+        InputError: If `folder` contains no repaired scene.
+    """
+    return {
+        name: Row(STAGE, name, digest(path, (path / INDEX_NAME).read_text()), "done")
+        for name, path in scenes_in(folder.resolve()).items()
+    }
+
+
+def demand(names: Iterable[str], scenes: Mapping[str, Row], folder: Path) -> None:
+    """Raise InputError unless every scene of `names` is among those found in `folder`."""
+    missing = sorted(set(names) - scenes.keys())
+    if missing:
+        raise InputError(f"{folder}: contains no repaired scene {', '.join(missing)}")
+
+
 def source_digest(source: Path) -> str:
-    """Digest of a scan and of the files beside it that it may refer to.
+    """Return the digest of a scan and of the files beside it that it may refer to.
 
     Raises:
         FileFormatError: missing, not a file, or among very many others.
@@ -100,7 +129,7 @@ def source_digest(source: Path) -> str:
 
 
 def _beside(source: Path) -> list[Path]:
-    """Files in and below the scan's folder that it may refer to, in order of their paths."""
+    """Return the files in and below the scan's folder that it may refer to, sorted by path."""
     found: list[Path] = []
     looked = 0
     for folder, folders, files in source.parent.walk():

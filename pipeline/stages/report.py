@@ -1,25 +1,33 @@
-"""Stage `report`: the page that shows a run."""
+"""Stages `pictures` and `report`: the page that shows a run."""
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from ...collectors.controllers import CONTROLLERS
+from ..crews import kept
+from ..engine.ledger import Ledger, Row
 from ..engine.run_folder import RunFolder
 from ..engine.runner import Context, StageSummary, run_stage
-from ..engine.work import work_item
+from ..engine.work import WorkItem, work_item
+from ..jobs.pictures import ClipJob, MapJob, StripJob
 from ..jobs.report import ReportJob
 from ..report.gather import replay_rows
-from . import pictures
+from ..report.pictures import STAGE as PICTURES_STAGE
+from ..report.pictures import Pictures
 
 STAGE = "report"
+CLIP_S = 5.0  # how much of a failure's end is shown
 PAGE = "index.html"
 
 
 def write(folder: RunFolder, context: Context, summaries: list[StageSummary]) -> Path:
-    """Bring the report up to date with the ledger; returns the page."""
+    """Write the report of the ledger's current state; return the page."""
     ledger = context.ledger
-    made, summary = pictures.make(folder, context, replay_rows(ledger))
+    made, summary = _pictures(folder, context, replay_rows(ledger))
     page = folder.report / PAGE
     shown = [row for row in ledger.rows() if row.stage != STAGE]
     # The page shows outcomes, not only what was done: a mended item keeps its key.
@@ -27,3 +35,85 @@ def write(folder: RunFolder, context: Context, summaries: list[StageSummary]) ->
     item = work_item(STAGE, PAGE, ReportJob(folder.root, made, page), (page,), content)
     summaries += [summary, run_stage(context, STAGE, [item])]
     return page
+
+
+def _pictures(
+    folder: RunFolder, context: Context, rows: Sequence[Row]
+) -> tuple[Pictures, StageSummary]:
+    """Make the missing images and clips of the replay stage's `rows`."""
+    kinds = (
+        _map_items(folder, context.ledger),
+        _strip_items(folder, context.ledger, rows),
+        _clip_items(folder, context.ledger, rows),
+    )
+    summary = run_stage(
+        context, PICTURES_STAGE, [item for items in kinds for item in items.values()]
+    )
+    context.ledger.discard(PICTURES_STAGE, "clip ")
+    good = summary.good()
+    made = (
+        {name: item.outputs[0] for name, item in items.items() if item.name in good}
+        for items in kinds
+    )
+    return Pictures(*made), summary
+
+
+def _map_items(folder: RunFolder, ledger: Ledger) -> dict[str, WorkItem]:
+    result = {}
+    for row in ledger.rows("repair"):
+        if row.status != "done":
+            continue
+        for level in range(int(row.facts["levels"])):
+            name = f"{row.item}/{level}"
+            out = folder.report / "maps" / f"{row.item}-{level}.png"
+            job = MapJob(folder.scenes / row.item, level, out)
+            outputs = (out, out.with_suffix(".json"))
+            result[name] = work_item(PICTURES_STAGE, f"map {name}", job, outputs, row.key, level)
+    return result
+
+
+def _strip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict[str, WorkItem]:
+    """Return one strip per robot, of the episode that most robots completed where possible."""
+    solved = Counter(row.facts["episode"] for row in rows if not row.failed)
+    chosen: dict[str, Row] = {}
+    known = list(CONTROLLERS)  # those that walk come first
+
+    def rank(row: Row) -> tuple[bool, int, int, str]:
+        facts = row.facts
+        order = known.index(facts["controller"])
+        return row.failed, order, -solved[facts["episode"]], row.item
+
+    for row in sorted(rows, key=rank):
+        chosen.setdefault(str(row.facts["robot"]), row)
+    result = {}
+    for robot, row in chosen.items():
+        out = folder.report / "strips" / f"{robot}.jpg"
+        job = StripJob(*_paths(folder, row), out)
+        inputs = (row.key, _scene_key(ledger, row))
+        result[robot] = work_item(PICTURES_STAGE, f"strip {robot}", job, (out,), *inputs)
+    return result
+
+
+def _clip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict[str, WorkItem]:
+    """Return one clip per failed episode."""
+    result = {}
+    for row in rows:
+        if not row.failed:
+            continue
+        out = folder.report / "clips" / f"{row.item.replace('/', '-')}.mp4"
+        job = ClipJob(*_paths(folder, row), CLIP_S, out)
+        outputs = (out, out.with_suffix(".jpg"))
+        inputs = (row.key, _scene_key(ledger, row), CLIP_S)
+        result[row.item] = work_item(PICTURES_STAGE, f"clip {row.item}", job, outputs, *inputs)
+    return result
+
+
+def _paths(folder: RunFolder, row: Row) -> tuple[Path, Path, str]:
+    """Return scene, rollout and robot of a row of the replay stage."""
+    robot = kept(str(row.facts["robot"]), folder.root)
+    return folder.scenes / str(row.facts["scene"]), folder.root / row.outputs[0], robot
+
+
+def _scene_key(ledger: Ledger, row: Row) -> str:
+    scene = ledger.row("repair", str(row.facts["scene"]))
+    return scene.key if scene else ""

@@ -1,4 +1,4 @@
-"""Stage `look`: what the robot's own camera sees along the paths, before anybody describes them."""
+"""Stage `look`: what the robot's own camera sees along the paths, for the instructions."""
 
 from __future__ import annotations
 

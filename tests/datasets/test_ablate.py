@@ -320,7 +320,7 @@ def test_published_splits_are_what_is_held_out() -> None:
     ("train", "told"),
     [
         ({"step": 3}, "'step'; valid: batch"),
-        ({"steps": 0}, "from 1 on"),
+        ({"steps": 0}, "1 or more"),
         ({"steps": "many"}, "valid: like"),
         ({"device": "tpu"}, "valid: auto, cpu, cuda"),
         ({"model": {"encoder": "vit"}}, "valid: compact, resnet18"),

@@ -16,8 +16,7 @@ import pytest
 from vlnpe.datasets.ablation.config import train_config
 from vlnpe.datasets.ablation.evaluate import EpisodeScore
 from vlnpe.datasets.ablation.holdout import Holdout
-from vlnpe.datasets.ablation.page import report_html
-from vlnpe.datasets.ablation.plot import plot_png
+from vlnpe.datasets.ablation.page import plot_png, report_html
 from vlnpe.datasets.ablation.report import differences, estimates, report_markdown
 from vlnpe.datasets.ablation.run import Ablation, Row
 from vlnpe.datasets.mixture.recipe import recipe_of
@@ -141,6 +140,15 @@ def test_few_trajectories_have_an_interval_and_a_caution(trajectories: int) -> N
     assert (caution in told) == (trajectories < 6)
 
 
+def test_the_page_shows_the_picture_and_the_tables_and_escapes_names() -> None:
+    markdown = "# a <b>\n\n![Plot](plot.png)\n\n| row | x |\n| --- | ---: |\n| <i> | **+1** |\n"
+    page = report_html(markdown, "plot.png", "QUJD")
+    assert "<h1>a &lt;b&gt;</h1>" in page
+    assert '<img src="data:image/png;base64,QUJD" alt="Plot" />' in page
+    assert "<td>&lt;i&gt;</td>" in page
+    assert '<td style="text-align:right"><strong>+1</strong></td>' in page
+
+
 @pytest.fixture
 def chromium() -> str:
     found = shutil.which("chromium") or shutil.which("google-chrome")
@@ -153,7 +161,7 @@ def chromium() -> str:
 def test_nothing_is_cut_off_at_1200_px(trajectories: int, chromium: str, tmp_path: Path) -> None:
     found = ablation(trajectories=trajectories)
     picture = base64.b64encode(plot_png(estimates(found), found.recipe.title)).decode()
-    page = report_html(report_markdown(found, "plot.png"), picture)
+    page = report_html(report_markdown(found, "plot.png"), "plot.png", picture)
     measure = (
         "<script>onload=()=>{document.title=[document.documentElement,"
         "...document.querySelectorAll('.wide')].map(e=>e.scrollWidth-e.clientWidth).join()}"

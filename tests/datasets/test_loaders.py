@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -15,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch.nn.utils.rnn import pad_packed_sequence
 
-from tests.support.lerobot_data import write_unit, write_units
+from tests.support.lerobot_data import DEPTH, RGB, write_unit, write_units
 from tests.support.rollouts import make_frames
 from tests.support.training_data import WORDS, make_walk, write_dataset
 from vlnpe.datasets.episode_index import read_index
@@ -34,17 +33,9 @@ from vlnpe.formats.rendered.table import build_frame_table, integrate_motion
 from vlnpe.formats.vlnce.files import write_episodes
 from vlnpe.formats.vlnce.groups import group_by_path
 
-RGB, DEPTH = "observation.images.rgb", "observation.images.depth"
+pytestmark = pytest.mark.usefixtures("offline")
 SECONDS = (3.0, 0.0, 4.5, 2.0)
 STARTS = np.concatenate([[0], np.cumsum([13, 1, 19, 9])])
-
-
-@pytest.fixture(scope="module", autouse=True)
-def offline() -> Any:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HF_HUB_OFFLINE", "1")
-        patch.setenv("OMP_NUM_THREADS", "1")
-        yield
 
 
 @pytest.fixture(scope="module")

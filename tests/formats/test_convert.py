@@ -17,8 +17,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.formats.test_mcap_episode import decode, small_links, small_map, write_frame_folder
-from tests.formats.test_mcap_rollout import assert_same
+from tests.formats.mcap.test_episode import decode, small_links, small_map, write_frame_folder
+from tests.formats.mcap.test_rollout import assert_same
 from tests.support.lerobot_data import write_unit, write_units
 from tests.support.rollouts import make_rollout
 from tests.support.work import InlineWorkers
@@ -39,10 +39,11 @@ from vlnpe.formats.mcap.episode import extract_episode, write_episode_mcap
 from vlnpe.formats.mcap.recording import open_recording, read_recording
 from vlnpe.formats.mcap.robot_links import robot_topics
 from vlnpe.formats.mcap.rollout import read_rollout, write_rollout
-from vlnpe.formats.mcap.scene_map import map_topic
+from vlnpe.formats.mcap.shown import map_topic
 from vlnpe.formats.video.depth_codes import MAX_CODE
 from vlnpe.formats.video.id_video import IdVideoWriter, read_id_video
-from vlnpe.formats.video.mp4 import iterate_bitstream, read_depth_video
+from vlnpe.formats.video.mp4 import read_depth_video
+from vlnpe.formats.video.mux import iterate_bitstream
 from vlnpe.pipeline import cli
 from vlnpe.pipeline.engine.ledger import Ledger
 

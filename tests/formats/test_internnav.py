@@ -17,8 +17,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from tests.formats.mcap.test_episode import decode
 from tests.formats.test_convert import inline  # noqa: F401 (a fixture)
-from tests.formats.test_mcap_episode import decode
 from tests.support.lerobot_data import write_unit
 from tests.support.rollouts import make_frames, make_images, make_rollout
 from vlnpe.formats.convert.dataset import open_dataset
@@ -297,9 +297,9 @@ def test_the_robot_is_told_by_somebody(layout: Path, tmp_path: Path, scan: str) 
     (scene,) = find_scenes(make_foreign(layout, scan))
     assert scene.scan == scan
     if scan == "mine":
-        with pytest.raises(InputError, match="which robot"):
+        with pytest.raises(InputError, match="does not name its robot"):
             unit_from_layout(scene, 0, tmp_path / "u", Assumptions())
-        with pytest.raises(InputError, match="how high"):
+        with pytest.raises(InputError, match="base is unknown"):
             unit_from_layout(scene, 0, tmp_path / "u", Assumptions(robot="jetbot"))
         unit_from_layout(scene, 0, tmp_path / "u", Assumptions("jetbot", base_height_m=0.15))
     else:

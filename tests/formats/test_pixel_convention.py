@@ -15,7 +15,7 @@ import pytest
 import pyvista
 from numpy.typing import NDArray
 
-from tests.formats.test_mcap_episode import decode, rotation
+from tests.formats.mcap.test_episode import decode, rotation
 from tests.support.render_scenes import facing
 from tests.support.walks import glide
 from vlnpe.collectors.rendering.camera.rollout_views import render_rollout
@@ -73,18 +73,7 @@ def frames(
 @pytest.fixture(scope="module")
 def unit(frames: Path, rollout: Rollout, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("pixels") / "unit"
-    view = read_frame_folder(frames)
-    write_episode_unit(
-        folder,
-        rollout,
-        view.arrays,
-        4,
-        rgb_video=view.rgb_video,
-        depth_video=view.depth_video,
-        camera=view.camera,
-        depth_range=view.depth_range,
-        light=view.light,
-    )
+    write_episode_unit(folder, rollout, read_frame_folder(frames))
     return folder
 
 

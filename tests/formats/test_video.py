@@ -19,13 +19,13 @@ from vlnpe.formats.core.errors import FileFormatError, UnknownNameError
 from vlnpe.formats.video.depth_codes import codes_to_depth, depth_to_codes
 from vlnpe.formats.video.id_video import IdVideoWriter, read_id_video
 from vlnpe.formats.video.mp4 import (
-    concatenate_videos,
     probe_video,
     read_depth_video,
     read_rgb_video,
     write_depth_video,
     write_rgb_video,
 )
+from vlnpe.formats.video.mux import concatenate_videos
 
 RANGE = DepthRange(0.05, 20.0)
 

@@ -12,11 +12,13 @@ from tests.support.rollouts import make_frames, make_images, make_rollout
 from vlnpe.formats.core.camera import CameraModel, DepthRange
 from vlnpe.formats.core.rollout import Rollout
 from vlnpe.formats.lerobot import write_episode_unit
+from vlnpe.formats.rendered.folder import FrameFolder
 from vlnpe.formats.rendered.image_counts import new_depth_counts, new_rgb_counts
 from vlnpe.formats.rendered.table import build_frame_table
 from vlnpe.formats.video.depth_codes import codes_to_millimetres, depth_to_codes
 from vlnpe.formats.video.mp4 import DEPTH_CODEC, RGB_CODECS, write_depth_video, write_rgb_video
 
+RGB, DEPTH = "observation.images.rgb", "observation.images.depth"
 RANGE = DepthRange(0.05, 20.0)
 CAMERA = CameraModel("front", 96, 64, 90.0)
 
@@ -26,6 +28,7 @@ def write_unit(
     rollout: Rollout,
     number: int = 0,
     frames_per_second: int = 4,
+    *,
     counted: bool = True,
     images: tuple[np.ndarray, np.ndarray] | None = None,
     depth_storage: str = "video",
@@ -43,20 +46,26 @@ def write_unit(
         frames |= {"rgb_counts": rgb_counts, "depth_counts": depth_counts}
     camera = CameraModel(camera_name, rgb.shape[2], rgb.shape[1], 90.0)
     folder = root / f"unit-{number}"
-    write_episode_unit(
-        folder,
-        rollout,
-        frames,
-        frames_per_second,
+    seen = FrameFolder(
         rgb_video=rgb_path,
         depth_video=depth_path,
+        arrays=frames,
         camera=camera,
         depth_range=RANGE,
+        frames_per_second=frames_per_second,
         light="baked",
         rgb_codec=rgb_codec,
-        depth_storage=depth_storage,
+        facts={},
     )
+    write_episode_unit(folder, rollout, seen, depth_storage=depth_storage)
     return folder
+
+
+def load(root: Path, **options: Any) -> Any:
+    """Open a dataset with LeRobot."""
+    from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+    return LeRobotDataset("vlnpe/test", root=root, **options)
 
 
 def write_units(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tests.support.episodes import episode_along
 from vlnpe.collectors.robots import get_robot
-from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.frames import yaw_to_quat
 from vlnpe.formats.core.rollout import STATE_RATE_HZ, EndReason, Metrics, Rollout
 
@@ -24,22 +24,9 @@ def glide(points_xy_m: ArrayLike, robot: str = "aliengo", speed_m_s: float = 0.8
     heading = np.arctan2(*np.diff(points, axis=0)[piece].T[::-1])
     joints = np.tile(spec.default_joint_rad, (count, 1))
     feet = spec.foot_names
-    path = np.column_stack([points, np.zeros(len(points))])
-    episode = Episode(
-        episode_id="glide",
-        trajectory_id="glide",
-        scene_id="two_rooms",
-        split="train",
-        level=0,
-        start_position_world_m=path[0],
-        start_yaw_rad=float(heading[0]),
-        goal_position_world_m=path[-1],
-        reference_path_world_m=path,
-        geodesic_distance_m=float(length[-1]),
-    )
     still = np.zeros((count, 3))
     return Rollout(
-        episode=episode,
+        episode=episode_along(points, "glide"),
         robot=robot,
         controller="path",
         time_s=time,

@@ -1,0 +1,68 @@
+"""Options of the commands for closed loop: `evaluate`, `compare`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from . import Json
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Let a policy walk episodes in closed loop and score it: TL, NE, FR, StR, OS, SR, SPL, nDTW.
+
+    Example: vlnpe evaluate runs/apartment-0 --policy random --robot h1
+    """
+
+    episodes: tyro.conf.Positional[Path]
+    """Run folder of `collect`, or an episode file (.json.gz) together with --scenes."""
+    policy: str = "random"
+    """Policy: random (R2R's action proportions), forward, stop, oracle (the expert, which knows the
+    path), or the address of a policy server (ws://HOST:PORT, see docs/evaluation.md)."""
+    scenes: Path | None = None
+    """Folder of repaired scenes; defaults to the run's own."""
+    robot: str = "aliengo"
+    """Robot: a name (see `vlnpe robots`), or the folder of your own robot."""
+    controller: str = "speed"
+    """How actions are carried out: speed (physics), or flash (placed without physics)."""
+    split: str | None = None
+    """Evaluate only this split, for example val_unseen; all by default."""
+    limit: int | None = None
+    """Evaluate only the first so many episodes."""
+    camera: str = "ego"
+    """Camera of the policy, with an optional size and field of view (ego:224x224:79)."""
+    light: str = "baked"
+    """Lighting: baked, DL5000, DL300 or CL."""
+    renderer: str = "auto"
+    """Renderer: embree, gl, or auto."""
+    action_steps: int = 50
+    """Duration of a discrete action of the speed controller, in physics steps of 5 ms."""
+    closed_loop: bool = False
+    """Run each discrete action of the speed controller until its 0.25 m or 15° is reached."""
+    timeout_s: float = 30.0
+    """Longest time a policy server may take for one action [s]; physics stands still meanwhile."""
+    seed: int = 0
+    """Random seed."""
+    out: Path | None = None
+    """Output folder; defaults to <run>/evaluations/<policy>-<robot>-<controller>-<light>."""
+    workers: int = 0
+    """Number of worker processes; 0 uses one per core."""
+    max_failed: int = 0
+    """Maximum number of quarantined episodes; exit with code 1 above it."""
+    json: Json = False
+    """Print one JSON object with the results' summary as the last line."""
+
+
+@dataclass(frozen=True)
+class Compare:
+    """Compare two evaluations episode by episode: which flipped, and how metrics changed."""
+
+    first: tyro.conf.Positional[Path]
+    """Folder of `evaluate`, or its results.json."""
+    second: tyro.conf.Positional[Path]
+    """The same, of the other evaluation."""
+    json: Json = False
+    """Print one JSON object with the comparison as the last line."""

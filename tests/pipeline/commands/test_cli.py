@@ -1,0 +1,103 @@
+"""The command line: a table of commands that is true, and help that imports nothing heavy."""
+
+from __future__ import annotations
+
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from vlnpe.collectors.controllers import SpeedConfig
+from vlnpe.formats.internnav.foreign import Assumptions
+from vlnpe.instruction_gen.records import MIXED, InstructConfig
+from vlnpe.pipeline.builtin import BUILTIN
+from vlnpe.pipeline.cli import VERBS, main
+from vlnpe.pipeline.crews import AUTO
+from vlnpe.pipeline.options.collect import Collect
+from vlnpe.pipeline.options.convert import Convert
+from vlnpe.pipeline.options.evaluate import Evaluate
+from vlnpe.pipeline.options.instructions import Instruct
+from vlnpe.pipeline.options.rollouts import Replay
+
+# Each of these takes a tenth of a second or more to import.
+HEAVY = {
+    "av", "cv2", "embreex", "huggingface_hub", "jinja2", "lerobot", "matplotlib", "mcap", "mujoco",
+    "numba", "numpy", "onnxruntime", "open3d", "openai", "PIL", "pxr", "pyarrow", "pydantic",
+    "scipy", "skimage", "torch", "trimesh",
+}  # fmt: skip
+SHOW_MODULES = """
+import sys
+from vlnpe.pipeline.cli import main
+try:
+    main(sys.argv[1:])
+finally:
+    print(*sorted(sys.modules))
+"""
+
+
+def help_and_modules(verb: str) -> list[str]:
+    """Lines of a command's help; the last one lists the modules that were imported for it."""
+    words = [verb] if verb else []
+    command = [sys.executable, "-c", SHOW_MODULES, *words, "--help"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+@pytest.mark.parametrize("name", VERBS)
+def test_table_agrees_with_the_commands(name: str) -> None:
+    verb = VERBS[name]
+    first = inspect.cleandoc(verb.options().__doc__ or "").split("\n\n")[0]
+    assert verb.summary() == " ".join(first.split())
+    first_parameter, *_ = inspect.signature(verb.run(), eval_str=True).parameters.values()
+    assert first_parameter.annotation is verb.options()
+
+
+@pytest.mark.parametrize("name", ["", *VERBS])
+def test_help_imports_nothing_heavy(name: str) -> None:
+    *text, loaded = help_and_modules(name)
+    assert any(f"usage: vlnpe {name}".strip() in line for line in text)
+    assert {module.split(".")[0] for module in loaded.split()} & HEAVY == set()
+    assert [m for m in loaded.split() if m.startswith("vlnpe.pipeline.commands")] == []
+
+
+def test_help_lists_every_command() -> None:
+    *text, _ = help_and_modules("")
+    listed = [line.split()[0] for line in text if line.startswith("    ") and line[4] != " "]
+    assert [name for name in listed if name in VERBS] == list(VERBS)
+
+
+def test_a_command_imports_no_other_command() -> None:
+    modules = subprocess.run(
+        [sys.executable, "-c", SHOW_MODULES, "doctor", "--json"], capture_output=True, text=True
+    ).stdout.splitlines()[-1]
+    loaded = [m for m in modules.split() if m.startswith("vlnpe.pipeline.commands.")]
+    assert loaded == ["vlnpe.pipeline.commands.look"]
+
+
+def test_defaults_are_those_of_the_configurations() -> None:
+    """Options repeat them, because the modules of the configurations import too much for help."""
+    collect, instruct, convert = Collect(), Instruct(Path(), Path()), Convert(Path(), "mcap")
+    replay, evaluate = Replay(Path(), Path()), Evaluate(Path())
+    for options in (collect, replay):
+        assert options.controller == AUTO
+    for options in (collect, replay, evaluate):
+        assert options.action_steps == SpeedConfig.steps_per_action
+    for options in (collect, instruct):
+        assert (options.writer, options.style) == (InstructConfig.writer, MIXED)
+        assert options.count == InstructConfig.count
+    assert collect.scene == BUILTIN
+    for name in ("hfov_deg", "base_height_m", "frames_per_second", "split", "rgb_codec", "robot"):
+        assert getattr(convert, name) == getattr(Assumptions, name)
+
+
+@pytest.mark.parametrize("arguments", [["colect"], [], ["repair"], ["repair", "a", "--sed", "1"]])
+def test_bad_calls_exit_with_code_2(
+    arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as exit_:
+        main(arguments)
+    assert exit_.value.code == 2
+    assert "vlnpe" in "".join(capsys.readouterr())

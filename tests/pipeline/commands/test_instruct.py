@@ -1,0 +1,101 @@
+"""`vlnpe instruct`: through the stage runner, with the texts of a direct call."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from concurrent.futures import Future
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.support.episodes import episode_along
+from tests.support.work import InlineWorkers
+from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.formats.vlnce.files import read_episodes, write_episodes
+from vlnpe.instruction_gen.instruct import instruct_episodes
+from vlnpe.instruction_gen.records import InstructConfig
+from vlnpe.pipeline.cli import main
+from vlnpe.pipeline.engine import context
+
+EAST = np.array([[1.0, 1.0], [3.0, 1.0], [6.5, 1.2]])
+
+
+class CountedWorkers(InlineWorkers):
+    """Counts the items that run."""
+
+    count_submitted = 0
+
+    def submit(self, *arguments: Any) -> Future[Any]:
+        CountedWorkers.count_submitted += 1
+        return super().submit(*arguments)
+
+
+@pytest.fixture
+def scenes(two_rooms: SceneBundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(context, "Workers", CountedWorkers)
+    CountedWorkers.count_submitted = 0
+    folder = tmp_path / "scenes"
+    shutil.copytree(two_rooms.root, folder / "two_rooms")
+    return folder
+
+
+def instruct(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, dict[str, Any]]:
+    capsys.readouterr()
+    code = main(["instruct", *map(str, arguments), "--json"])
+    return code, json.loads(capsys.readouterr().out.splitlines()[-1])
+
+
+def test_texts_are_those_of_a_direct_call_and_are_not_written_again(
+    scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = [episode_along(EAST, "a"), replace(episode_along(EAST, "b"), instruction="Walk on.")]
+    write_episodes(tmp_path / "asked.json.gz", asked)
+    out, facts = tmp_path / "out.json.gz", tmp_path / "facts.json.gz"
+    given = (tmp_path / "asked.json.gz", "--scenes", scenes, "--out", out, "--robot", "none")
+    code, value = instruct(capsys, *given, "--facts", facts)
+    assert (code, value["episodes"], value["quarantined"]) == (0, 2, {})
+    direct = instruct_episodes(
+        read_episodes(tmp_path / "asked.json.gz"), scenes, InstructConfig(), 0
+    )
+    write_episodes(tmp_path / "direct.json.gz", direct.episodes)
+    assert out.read_bytes() == (tmp_path / "direct.json.gz").read_bytes()
+    assert facts.is_file()
+    assert CountedWorkers.count_submitted == 1
+    assert instruct(capsys, *given)[1]["texts"] == value["texts"]
+    assert CountedWorkers.count_submitted == 1
+    instruct(capsys, *given, "--seed", 1)
+    assert CountedWorkers.count_submitted == 2
+
+
+def test_a_scene_that_cannot_be_looked_at_loses_its_own_episodes_alone(
+    scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(scenes / "two_rooms", scenes / "broken")
+    (scenes / "broken" / "scene.json").write_text("{}")
+    write_episodes(
+        tmp_path / "asked.json.gz",
+        [episode_along(EAST, "a"), episode_along(EAST, "lost", scene="broken")],
+    )
+    out = tmp_path / "out.json.gz"
+    given = (tmp_path / "asked.json.gz", "--scenes", scenes, "--out", out, "--robot", "jetbot")
+    code, value = instruct(capsys, *given)
+    assert code == 1
+    assert list(value["quarantined"]) == ["lost"]
+    assert "scene.json" in value["quarantined"]["lost"]
+    assert [e.episode_id for e in read_episodes(out)] == ["a"]
+    assert instruct(capsys, *given, "--max-failed", 1)[0] == 0
+
+
+def test_missing_scenes_are_named(
+    scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_episodes(tmp_path / "asked.json.gz", [episode_along(EAST, "a", scene="elsewhere")])
+    out = tmp_path / "out.json.gz"
+    given = ("instruct", tmp_path / "asked.json.gz", "--scenes", scenes, "--out", out)
+    assert main([*map(str, given)]) == 2
+    assert "no repaired scene elsewhere" in capsys.readouterr().err
+    assert not out.exists()

@@ -1,0 +1,164 @@
+"""Keys cover the code that a job imports, no less and no more."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[3]
+JOBS = {
+    "scan": "scan",
+    "repair": "repair",
+    "sample": "episodes",
+    "instruct": "instruct",
+    "replay": "replay",
+    "render": "render",
+    "pictures": "pictures",
+    "export": "export",
+    "look": "visibility",
+    "mcap": "mcap",
+    "report": "report",
+}
+# Prints the digests of the untouched copy and after each edit alone, one JSON object a line.
+DIGESTS = """
+import json, sys
+from pathlib import Path
+from vlnpe.formats.core import source
+
+jobs, edits = json.load(sys.stdin)
+
+def show():
+    source._source.cache_clear(), source.imported_modules.cache_clear()
+    source.code_digest.cache_clear(), source.source_digest.cache_clear()
+    print(json.dumps({s: source.source_digest("pipeline.jobs." + job) for s, job in jobs.items()}))
+
+show()
+for name, old, new in edits:
+    path = Path(source.__file__).parents[2] / name
+    text = path.read_text()
+    assert old in text, (name, old)
+    path.write_text(text.replace(old, new, 1))
+    show()
+    path.write_text(text)
+"""
+# File, text in it, its replacement; the stages that must run again, and no others may.
+EDITS = {
+    "a bookshelf": (
+        "apartments/home/furniture/storage.py",
+        "from __future__ import annotations\n",
+        "from __future__ import annotations\nCOLOUR = 1\n",
+        {"scan"},
+    ),
+    "a shader": (
+        "collectors/rendering/kernels/surface_light.py",
+        "from __future__ import annotations\n",
+        "from __future__ import annotations\nBRIGHTER = 2\n",
+        {"render", "pictures", "look"},
+    ),
+    "how gaits run": (
+        "collectors/locomotion/observation.py",
+        "from __future__ import annotations\n",
+        "from __future__ import annotations\nSCALE = 2\n",
+        {"replay"},
+    ),
+    "the gait trainer": (
+        "collectors/gait_training/rewards.py",
+        "from __future__ import annotations\n",
+        "from __future__ import annotations\nMORE = 2\n",
+        set(),
+    ),
+    "the report's template": ("pipeline/report/page.html.j2", "<body>", "<body >", {"report"}),
+    "reading USD, by a name that only the child process imports": (
+        "scene_repair/usd/stage.py",
+        "from __future__ import annotations\n",
+        "from __future__ import annotations\nDEEPER = 2\n",
+        {"repair"},
+    ),
+    "the stage runner": (
+        "pipeline/engine/executors.py",
+        "from __future__ import annotations\n",
+        "from __future__ import annotations\nMORE = 2\n",
+        set(),
+    ),
+    "a docstring": ("collectors/replay.py", '"""Replay an episode', '"""Play an episode', set()),
+    "a comment": (
+        "formats/core/frames.py",
+        "from __future__ import annotations\n",
+        "from __future__ import annotations\n# Why.\n",
+        set(),
+    ),
+    "the frames that all share": (
+        "formats/core/atomic.py",
+        "from __future__ import annotations\n",
+        "from __future__ import annotations\nMORE = 2\n",
+        set(JOBS),
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory) -> Path:
+    """A copy of the package that may be edited."""
+    root = tmp_path_factory.mktemp("tree") / "vlnpe"
+    for folder in ("apartments", "collectors", "datasets", "formats", "instruction_gen"):
+        shutil.copytree(ROOT / folder, root / folder, ignore=shutil.ignore_patterns("*.pyc"))
+    for folder in ("pipeline", "scene_repair", "trajectory_sampler", "wayfinding"):
+        shutil.copytree(ROOT / folder, root / folder, ignore=shutil.ignore_patterns("*.pyc"))
+    return root
+
+
+def run_in(tree: Path, code: str, stdin: str = "") -> str:
+    """Return what Python code prints that finds the copy before the installed package."""
+    first = f"import sys; sys.path.insert(0, {str(tree.parent)!r}); sys.meta_path[:] = ["
+    first += "f for f in sys.meta_path if '__editable__' not in str(f)]\n"
+    command = [sys.executable, "-c", first + code]
+    return subprocess.run(
+        command, input=stdin, stdout=subprocess.PIPE, text=True, check=True
+    ).stdout
+
+
+def test_edits_repeat_the_stages_they_matter_to_and_no_others(tree):
+    edits = [edit[:3] for edit in EDITS.values()]
+    lines = run_in(tree, DIGESTS, json.dumps([JOBS, edits])).splitlines()
+    before, *after = map(json.loads, lines)
+    assert set(before) == set(JOBS) and len(after) == len(EDITS)
+    wrong = {}
+    for (what, (*_, stages)), digests in zip(EDITS.items(), after, strict=True):
+        again = {stage for stage in JOBS if digests[stage] != before[stage]}
+        if again != stages:
+            wrong[what] = {"again": sorted(again), "expected": sorted(stages)}
+    assert wrong == {}
+
+
+HELPER = """from numba import njit
+
+@njit(inline="never")
+def helper(x):
+    return x + 1
+"""
+CALLER = """from .core.kernel import kernel
+from .trial_helper import helper
+
+@kernel()
+def caller(x):
+    return helper(x)
+"""
+
+
+def test_a_kernel_is_compiled_anew_when_a_helper_of_another_module_changes(tree):
+    helper, caller = tree / "formats/trial_helper.py", tree / "formats/trial_caller.py"
+    caller.write_text(CALLER)
+    code = "from vlnpe.formats.trial_caller import caller\nprint(caller(1), end=' ')\n"
+    code += "print(sum(caller.stats.cache_hits.values()))"
+    results = []
+    for text in (HELPER, HELPER, HELPER.replace("x + 1", "x + 2")):
+        helper.write_text(text)
+        results.append(run_in(tree, code).split())
+    helper.unlink()
+    caller.unlink()
+    assert results == [["2", "0"], ["2", "1"], ["3", "0"]]

@@ -1,0 +1,211 @@
+"""The stage runner on real worker processes."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.support import work
+from vlnpe.formats.core.errors import InputError
+from vlnpe.pipeline.engine.executors import Workers
+from vlnpe.pipeline.engine.ledger import JOURNAL_NAME, MANIFEST_NAME, Ledger
+from vlnpe.pipeline.engine.runner import Context, StageFailedError, run_stage
+from vlnpe.pipeline.engine.work import WorkItem
+
+
+@pytest.fixture(scope="module")
+def workers():
+    with Workers(2) as pool:
+        yield pool
+
+
+def context(root: Path, workers: Workers) -> Context:
+    return Context(Ledger(root), workers, progress=False)
+
+
+def item(root: Path, name: str, text: str = "hello", key: str = "k") -> WorkItem:
+    path = root / f"{name}.txt"
+    return WorkItem(name, key, (path,), work.Call(work.write, (path, text)))
+
+
+def test_second_run_reuses_everything_and_a_changed_key_redoes_one(tmp_path, workers):
+    first = run_stage(context(tmp_path, workers), "s", [item(tmp_path, "a"), item(tmp_path, "b")])
+    assert (first.done, first.reused) == (2, 0)
+    stamp = (tmp_path / "a.txt").stat().st_mtime_ns
+    changed = [item(tmp_path, "a"), item(tmp_path, "b", "bye", key="other")]
+    second = run_stage(context(tmp_path, workers), "s", changed)
+    assert (second.done, second.reused) == (1, 1)
+    assert (tmp_path / "a.txt").stat().st_mtime_ns == stamp
+    assert (tmp_path / "b.txt").read_text() == "bye"
+
+
+def test_a_deleted_output_is_made_again(tmp_path, workers):
+    items = [item(tmp_path, "a")]
+    run_stage(context(tmp_path, workers), "s", items)
+    (tmp_path / "a.txt").unlink()
+    assert run_stage(context(tmp_path, workers), "s", items).done == 1
+    assert (tmp_path / "a.txt").exists()
+
+
+def test_bad_items_are_quarantined_with_their_reason_and_counted(tmp_path, workers):
+    bad = tmp_path / "bad.txt"
+    items = [
+        item(tmp_path, "good"),
+        item(tmp_path, "fell", "fell"),
+        WorkItem("no_floor", "k", (bad,), work.Call(work.refuse, (bad,))),
+        WorkItem("no_mesh", "k", (bad,), work.Call(work.misread, (bad,))),
+        WorkItem("bug", "k", (bad,), work.Call(work.crash, (bad,))),
+        WorkItem("stubborn", "k", (bad,), work.Call(work.refuse_stubbornly, (bad,))),
+        WorkItem("half", "k", (bad,), work.Call(work.write_half, (bad,))),
+    ]
+    summary = run_stage(context(tmp_path, workers), "s", items)
+    assert (summary.done, summary.failed, summary.quarantined) == (2, 1, 5)
+    listed = json.loads((tmp_path / "quarantine.json").read_text())
+    reasons = {i["item"]: i["reason"] for i in listed["items"]}
+    assert listed["count"] == 5
+    assert reasons["no_mesh"] == f"{bad}: no mesh"
+    assert "not portable" in reasons["stubborn"]
+    assert "has no floor" in reasons["no_floor"]
+    assert "ZeroDivisionError" in reasons["bug"]
+    files = {p.name for p in tmp_path.iterdir()}
+    assert files == {"good.txt", "fell.txt", MANIFEST_NAME, "quarantine.json"}
+
+
+def test_a_dying_worker_takes_only_its_own_item(tmp_path):
+    path = tmp_path / "dead.txt"
+    items = [item(tmp_path, n) for n in "abcd"]
+    items.insert(1, WorkItem("dead", "k", (path,), work.Call(work.die, (path,))))
+    with Workers(2) as pool:
+        summary = run_stage(context(tmp_path, pool), "s", items)
+    assert sorted(summary.good()) == ["a", "b", "c", "d"]
+    assert summary.quarantined == 1
+
+
+@pytest.mark.parametrize(
+    ("process", "error", "says"),
+    [
+        (work.refuse, InputError, "has no floor"),
+        (work.crash, StageFailedError, "a bug"),
+        (work.fill_disk, InputError, "No space left"),
+    ],
+)
+def test_nothing_left_to_work_on_ends_the_run(tmp_path, workers, process, error, says):
+    path = tmp_path / "x.txt"
+    items = [WorkItem("x", "k", (path,), work.Call(process, (path,)))]
+    with pytest.raises(error, match=says):
+        run_stage(context(tmp_path, workers), "s", items, required=True)
+    assert not path.exists()
+
+
+def test_a_full_disk_ends_the_run_although_others_are_done(tmp_path, workers):
+    path = tmp_path / "x.txt"
+    items = [item(tmp_path, "a"), WorkItem("x", "k", (path,), work.Call(work.fill_disk, (path,)))]
+    with pytest.raises(InputError, match="No space left"):
+        run_stage(context(tmp_path, workers), "s", items)
+
+
+def test_journal_of_a_killed_run_counts_and_a_cut_last_line_does_not(tmp_path, workers):
+    run_stage(context(tmp_path, workers), "s", [item(tmp_path, "a"), item(tmp_path, "b")])
+    rows = json.loads((tmp_path / MANIFEST_NAME).read_text())["rows"]
+    (tmp_path / MANIFEST_NAME).unlink()
+    lines = [json.dumps(row) for row in rows]
+    (tmp_path / JOURNAL_NAME).write_text(lines[0] + "\n" + lines[1][:40])
+    ledger = Ledger(tmp_path)
+    assert ledger.is_done("s", "a", "k")
+    assert not ledger.is_done("s", "b", "k")
+
+
+def test_items_of_earlier_options_are_kept_but_not_current(tmp_path, workers):
+    both = [item(tmp_path, "r/a"), item(tmp_path, "r/b")]
+    run_stage(context(tmp_path, workers), "s", both, "r/")
+    run_stage(context(tmp_path, workers), "s", [item(tmp_path, "q/a")], "q/")
+    fewer = run_stage(context(tmp_path, workers), "s", both[:1], "r/")
+    assert fewer.reused == 1
+    assert [r.item for r in Ledger(tmp_path).rows("s")] == ["q/a", "r/a"]
+    assert run_stage(context(tmp_path, workers), "s", both, "r/").reused == 2
+
+
+def test_a_stage_that_is_not_required_may_lose_all_its_items(tmp_path, workers):
+    path = tmp_path / "x.txt"
+    items = [WorkItem("x", "k", (path,), work.Call(work.crash, (path,)))]
+    assert run_stage(context(tmp_path, workers), "s", items).quarantined == 1
+
+
+def test_a_killed_change_of_options_never_passes_for_the_old_ones(tmp_path, workers):
+    """New output, no row yet: going back to the old key must make the old output again."""
+    run_stage(context(tmp_path, workers), "s", [item(tmp_path, "a", "old", key="4 fps")])
+    ledger = Ledger(tmp_path)
+    ledger.forget("s", ["a"])  # what the runner does before it starts the item, …
+    (tmp_path / "a.txt").write_text("new")  # … which then writes, and is killed
+    again = [item(tmp_path, "a", "old", key="4 fps")]
+    assert run_stage(context(tmp_path, workers), "s", again).done == 1
+    assert (tmp_path / "a.txt").read_text() == "old"
+
+
+def test_rows_after_a_cut_line_survive_the_next_kill(tmp_path, workers):
+    run_stage(context(tmp_path, workers), "s", [item(tmp_path, n) for n in "abc"])
+    rows = Ledger(tmp_path).rows("s")
+    (tmp_path / MANIFEST_NAME).unlink()
+    (tmp_path / JOURNAL_NAME).write_text('{"stage": "s", "item": "cut')
+    second = Ledger(tmp_path)
+    for row in rows:
+        second.add(row)  # and killed again before it could save
+    assert [r.item for r in Ledger(tmp_path).rows("s")] == ["a", "b", "c"]
+
+
+def test_a_ledger_that_cannot_be_written_does_not_hide_why(tmp_path, workers, monkeypatch):
+    path = tmp_path / "x.txt"
+    items = [WorkItem("x", "k", (path,), work.Call(work.fill_disk, (path,)))]
+    full = context(tmp_path, workers)
+
+    def refuse() -> None:
+        raise OSError(28, "No space left on device", "manifest.json")
+
+    monkeypatch.setattr(full.ledger, "save", refuse)
+    with pytest.raises(InputError, match=r"x\.txt: No space left"):
+        run_stage(full, "s", items)
+
+
+def test_a_piped_run_tells_each_stage_in_few_lines(tmp_path: Path) -> None:
+    code = f"""
+from pathlib import Path
+from tests.support import work
+from vlnpe.pipeline.engine.executors import Workers
+from vlnpe.pipeline.engine.ledger import Ledger
+from vlnpe.pipeline.engine.runner import Context, run_stage
+from vlnpe.pipeline.engine.work import WorkItem
+
+if __name__ == "__main__":
+    root = Path({str(tmp_path)!r})
+    paths = [root / f"{{n}}.txt" for n in range(200)]
+    calls = [work.Call(work.write, (p, "fell" if n < 9 else "hello")) for n, p in enumerate(paths)]
+    items = [WorkItem(p.stem, "k", (p,), c) for p, c in zip(paths, calls)]
+    with Workers(1) as pool:
+        for _ in range(2):
+            run_stage(Context(Ledger(root), pool), "write", items)
+"""
+    script = tmp_path / "piped.py"
+    script.write_text(code)
+    top = str(Path(__file__).parents[3])
+    done = subprocess.run(
+        [sys.executable, str(script)],
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        env={**os.environ, "PYTHONPATH": top},
+    )
+    lines = done.stderr.splitlines()
+    assert len(lines) == 12 and "\r" not in done.stderr, done.stderr
+    assert lines[10].endswith("done 200, reused 0, failed 9, quarantined 0")
+    assert "200/200" in lines[11] and "done 0, reused 200, failed 9" in lines[11]
+    # `verify` reads the same run with the same helper.
+    command = [sys.executable, "-m", "vlnpe.pipeline.cli", "verify", str(tmp_path)]
+    verified = subprocess.run(command, check=True, capture_output=True, text=True, timeout=300)
+    told = [line for line in verified.stderr.splitlines() if line.startswith("verify")]
+    assert len(told) == 11 and "200/200" in told[-1]
