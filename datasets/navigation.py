@@ -15,6 +15,7 @@ from ..formats.core.errors import InputError, UnknownNameError
 from ..formats.lerobot.layout import DEPTH_KEY, RGB_KEY
 from .episode_index import EpisodeEntry, read_index
 from .episode_reader import EpisodeReader
+from .instructions import OWN_TEXT, Telling
 from .local import open_dataset
 from .selection import Selection, common_columns, select_all
 from .video_cursor import OpenVideos
@@ -80,6 +81,7 @@ class NavigationDataset(Dataset[dict[str, Any]]):
         self,
         source: Selection | Path,
         config: NavigationConfig = NavigationConfig(),
+        telling: Telling = OWN_TEXT,
     ):
         """Open `source`, a selection or a dataset's folder.
 
@@ -94,7 +96,7 @@ class NavigationDataset(Dataset[dict[str, Any]]):
         for name in config.columns or ():
             if name not in rows:
                 raise UnknownNameError("column in all datasets", name, rows)
-        self.selection, self.config = selection, config
+        self.selection, self.config, self.telling = selection, config, telling
         chosen = config.columns or [key for key in COMMON if key in rows]
         self._now = [k for k in chosen if not k.startswith("action") or k == "action.velocity"]
         self._ahead = [key for key in chosen if key not in self._now]
@@ -111,7 +113,7 @@ class NavigationDataset(Dataset[dict[str, Any]]):
         entry = self.selection.entry(episode)
         dataset = int(self.selection.dataset[episode])
         item = self._columns(dataset, entry, frame) | self._images(dataset, entry, frame)
-        item["task"], item["robot"], item["uid"] = entry.instructions[0], entry.robot, entry.uid
+        item["task"], item["robot"], item["uid"] = self.telling.text(entry), entry.robot, entry.uid
         item["frame_index"] = torch.tensor(frame)
         item["episode_index"] = torch.tensor(entry.number)
         return item

@@ -12,9 +12,12 @@ from ..collectors.rendering.camera.extras import Extras
 from ..collectors.rendering.camera.views import View
 from ..formats.core.episode import Episode
 from ..formats.core.errors import InputError
+from ..formats.vlnce.records import split_name
 from ..instruction_gen.records import InstructConfig
 from ..scene_repair.config import RepairConfig
-from ..trajectory_sampler.sampling import SampleConfig
+from ..trajectory_sampler.alignment import AlignConfig
+from ..trajectory_sampler.config import SampleConfig
+from ..trajectory_sampler.stairs import StairRules
 from .builtin import BuiltIn
 from .crews import action_timing, kept
 from .engine.ledger import Row
@@ -58,6 +61,7 @@ class Chain:
         actions: SpeedConfig,
         instructing: InstructConfig,
         eye: str,
+        per_instruction: bool = False,
     ):
         """Set up the chain.
 
@@ -68,6 +72,7 @@ class Chain:
             actions: how the controller `speed` carries discrete actions out.
             instructing: how instructions are made.
             eye: the robot whose camera says what there is to see on the way.
+            per_instruction: make files and datasets with one episode per instruction.
         """
         self.folder = folder
         self.context = context
@@ -75,6 +80,7 @@ class Chain:
         self.actions = actions
         self.instructing = instructing
         self.eye = eye
+        self.per_instruction = per_instruction
         self.summaries: list[StageSummary] = []
 
     def scenes(
@@ -96,30 +102,67 @@ class Chain:
         sound = self._stage(repair.CHECK_STAGE, checks, required=True).good()
         return {scene: repaired[scene] for scene in sound}
 
-    def sampled(self, config: SampleConfig, scenes: Mapping[str, Row]) -> list[Episode]:
-        """Sample episodes in every scene and instruct them."""
-        parts = {s: self.folder.episodes(f"sampled/{s}") for s in scenes}
+    def sampled(
+        self,
+        config: SampleConfig,
+        scenes: Mapping[str, Row],
+        quotas: Mapping[str, Mapping[str, int]] | None = None,
+    ) -> list[Episode]:
+        """Sample paths in every scene and instruct them.
+
+        Args:
+            config: what to sample.
+            scenes: rows of the repair stage by scene id.
+            quotas: paths by split, by scene; they must be filled. Without them, every scene gives
+                the count of `config`.
+
+        Raises:
+            InputError: a scene cannot hold its share.
+        """
+        planned = {s: row for s, row in scenes.items() if quotas is None or s in quotas}
+        parts = {s: self.folder.episodes(f"sampled/{s}") for s in planned}
         items = [
-            episodes.sample_item(row, self.folder.scenes, parts[s], config, self.seed)
-            for s, row in scenes.items()
+            episodes.sample_item(
+                row, self.folder.scenes, parts[s], config, self.seed, (quotas or {}).get(s)
+            )
+            for s, row in planned.items()
         ]
         self._unselect(align.FILTER_STAGE, align.STAGE)
-        sampled = self._stage("sample", items, required=True)
-        return self._instructed(sampled, parts, config.split)
+        sampled = self._stage(episodes.STAGE, items, required=True)
+        if quotas is not None:
+            episodes.check_complete(sampled.rows, quotas)
+        return self._instructed(sampled, parts)
 
-    def aligned(self, source: Path, scenes: Mapping[str, Row]) -> list[Episode]:
-        """Filter and align a VLN-CE file's episodes; instruct those without an instruction."""
-        split = source.name.split(".")[0]
-        kept = self.folder.episodes(f"filtered/{split}")
-        self._unselect("sample")
-        item = align.filter_item(source, kept)
-        filtered = self._stage(align.FILTER_STAGE, [item], required=True)
-        parts = {s: self.folder.episodes(f"aligned/{s}") for s in scenes}
-        row = next(iter(filtered.good().values()))
-        items = align.items(kept, row, scenes, self.folder.scenes, parts)
+    def aligned(
+        self,
+        sources: Sequence[Path],
+        scenes: Mapping[str, Row],
+        rules: StairRules,
+        config: AlignConfig,
+    ) -> list[Episode]:
+        """Filter and align the episodes of VLN-CE files; instruct those that have no words.
+
+        Args:
+            sources: one file per split.
+            scenes: rows of the repair stage by scene id.
+            rules: what counts as a stair.
+            config: tolerances, and the footprint of the widest robot.
+        """
+        kept = {s: self.folder.episodes(f"filtered/{s.name.split('.')[0]}") for s in sources}
+        self._unselect(episodes.STAGE)
+        items = [align.filter_item(s, kept[s], rules, scenes, self.folder.scenes) for s in sources]
+        filtered = self._stage(align.FILTER_STAGE, items, required=True)
+        good = filtered.good()
+        files = {kept[s]: good[s.name].key for s in sources if s.name in good}
+        parts: dict[str, Path] = {}
+        for file in files:
+            for scene in scenes:
+                name = align.part_name(split_name(file), scene, len(files))
+                parts[name] = self.folder.episodes(f"aligned/{name}")
+        items = align.items(files, scenes, self.folder.scenes, parts, config)
         summary = self._stage(align.STAGE, items)
-        align.record_rejected(self.context.ledger, summary, kept, scenes)
-        return self._instructed(summary, parts, split)
+        align.record_rejected(self.context.ledger, filtered, summary, files, scenes)
+        return self._instructed(summary, parts)
 
     def keep(
         self, asked: Sequence[Episode], scenes: Mapping[str, Row], pairs: Sequence[tuple[str, str]]
@@ -177,11 +220,10 @@ class Chain:
                 dataset,
                 {"options": dict(facts), "language_model": self._model_usage()},
                 product.depth_storage,
+                self.per_instruction,
             )
 
-    def _instructed(
-        self, source: StageSummary, parts: Mapping[str, Path], split: str
-    ) -> list[Episode]:
+    def _instructed(self, source: StageSummary, parts: Mapping[str, Path]) -> list[Episode]:
         folder, config = self.folder, self.instructing
         rows = source.good()
         items = [
@@ -210,7 +252,10 @@ class Chain:
         ]
         done = self._stage(instruct.STAGE, items)
         instruct.record_failed(self.context.ledger, done)
-        return episodes.merge([told[s] for s in done.good()], folder.episodes(split))
+        paths, _ = episodes.merge(
+            [told[s] for s in done.good()], folder.episodes, self.per_instruction
+        )
+        return paths
 
     def _model_usage(self) -> dict[str, Any]:
         """Return requests, tokens and cost of the language model; empty without one."""

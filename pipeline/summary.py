@@ -78,12 +78,14 @@ def robot_table(rows: Sequence[RobotRow]) -> str:
     """Return one line per robot and controller: navigation metrics, then counts of failures."""
     width = 1 + max([8, *(len(r.robot) for r in rows)])
     wide = 1 + max([10, *(len(r.driven) for r in rows)])
-    header = f"{'robot':<{width}}{'controller':<{wide}}{'episodes':>8}{'collected':>11}"
+    header = f"{'robot':<{width}}{'controller':<{wide}}{'paths':>8}{'texts':>7}"
+    header += f"{'collected':>11}"
     header += "".join(f"{name:>7}" for name in ("SR %", "OS %", "SPL %", "nDTW %", "NE m", "TL m"))
     header += f"{'fell':>6}{'down':>6}{'stuck':>7}{'timeout':>9}{'collided':>10}{'diverged':>10}"
     lines = [header]
     for r in rows:
-        line = f"{r.robot:<{width}}{r.driven:<{wide}}{r.episodes:>8}{r.collected:>10.1f}%"
+        line = f"{r.robot:<{width}}{r.driven:<{wide}}{r.episodes:>8}{r.instructions:>7}"
+        line += f"{r.collected:>10.1f}%"
         line += "".join(f"{v:>7.1f}" for v in (r.sr, r.os, r.spl))
         line += _number(r.ndtw, 7, 1) + _number(r.ne, 7, 2) + _number(r.tl, 7, 2)
         line += f"{r.falls:>6}{r.down:>6}{r.stuck:>7}{r.timeouts:>9}"

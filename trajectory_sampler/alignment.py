@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from skimage.measure import label
 
 from ..formats.core.episode import Episode
+from ..formats.core.errors import InputError
 from ..formats.core.frames import HABITAT_TO_WORLD, habitat_to_world_yaw, transform_points
+from ..formats.core.geometry import path_length
 from ..formats.scene.bundle import SceneBundle
 from ..formats.scene.freemap import Freemap
 from ..formats.vlnce.files import VlnceEpisode, VlnceFile
 from ..wayfinding.distance import AGENT_RADIUS_M, distance_field, nearest_cell
 from ..wayfinding.planning import floor_z, plan_path, segments_free, simplify_path
+from .levels import level_gaps
 
 Array = NDArray[np.float64]
-
-_FLOOR_REACH_M = 0.5  # floor this far from a point still counts as the floor under it
 
 
 @dataclass(frozen=True)
@@ -29,17 +32,36 @@ class AlignConfig:
 
     Attributes:
         split: name written into the episodes; None takes it from the file's name.
-        robot_radius_m: clearance that starts, goals and paths need [m].
-        max_nudge_m: farthest that a start, goal or waypoint in collision may be moved [m].
+        robot_radius_m: clearance that starts, goals and paths need: the footprint of the widest
+            robot that will walk them [m].
+        max_start_nudge_m: farthest that a start in collision may be moved [m].
+        max_goal_nudge_m: farthest that a goal may be moved; no farther than a start [m].
+        max_waypoint_nudge_m: farthest that an inner waypoint may be moved; one that would need more
+            is bypassed [m].
+        max_bypassed_share: greatest share of the inner waypoints that may be bypassed.
         max_floor_gap_m: farthest that a point may float above or lie below its floor [m].
+        recorded_snap_m: changes of height above this are recorded point by point [m].
         waypoint_spacing_m: of points put in where the straight way is blocked [m].
     """
 
     split: str | None = None
     robot_radius_m: float = 0.30
-    max_nudge_m: float = 0.5
+    max_start_nudge_m: float = 0.5
+    max_goal_nudge_m: float = 0.5
+    max_waypoint_nudge_m: float = 0.5
+    max_bypassed_share: float = 0.5
     max_floor_gap_m: float = 1.0
+    recorded_snap_m: float = 0.03
     waypoint_spacing_m: float = 1.0
+
+    def __post_init__(self):
+        if not 0 <= self.max_goal_nudge_m <= self.max_start_nudge_m:
+            raise InputError(
+                f"goals may be moved by {self.max_goal_nudge_m:g} m and starts by "
+                f"{self.max_start_nudge_m:g} m; valid: 0 ≤ goals ≤ starts"
+            )
+        if not self.robot_radius_m > 0:
+            raise InputError(f"robot radius {self.robot_radius_m:g} m; valid: above 0")
 
 
 @dataclass(frozen=True)
@@ -50,11 +72,27 @@ class AlignResult:
         episodes: the aligned ones, in file order.
         rejected: (episode_id, reason) of the others.
         moved: (episode_id, distance [m]) of starts that stood in collision and were moved.
+        paths: how many paths the aligned episodes tell; those of one path share its geometry.
+        changed: how many paths had a `start moved`, a `goal moved`, `waypoints moved`, `waypoints
+            bypassed`, `heights snapped`.
     """
 
     episodes: list[Episode]
     rejected: list[tuple[int | str, str]] = field(default_factory=list)
     moved: list[tuple[int | str, float]] = field(default_factory=list)
+    paths: int = 0
+    changed: dict[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    """A path in its scene: what all episodes of one path share."""
+
+    level: int
+    path_m: Array
+    yaw_rad: float
+    geodesic_m: float
+    changes: dict[str, Any]
 
 
 class _RejectedError(Exception):
@@ -69,9 +107,10 @@ def align_episodes(
     Positions go through the scene's `habitat_to_world` (files of our own writer are in the
     repaired world already). The level is the one whose floor lies nearest in height under the
     whole path; heights are snapped to that floor. Points in collision move to the nearest place
-    that is free for the robot, by at most `max_nudge_m`; where the straight way between two
-    waypoints is blocked, planned points go in between. `extra` keeps the source's keys and, under
-    `alignment`, all that was changed. The geodesic distance is measured anew.
+    that is free for the robot and connected with the others; an inner waypoint that has none within
+    reach is bypassed. Where the straight way between two waypoints is blocked, planned points go in
+    between. `extra` keeps the source's keys and, under `alignment`, all that was changed. The
+    geodesic distance is measured anew. Episodes of one path are fitted once.
 
     Args:
         file: the episodes.
@@ -81,85 +120,146 @@ def align_episodes(
     config = config or AlignConfig()
     result = AlignResult([])
     freemaps: dict[str, list[Freemap]] = {}
-    split = config.split or file.path.name.split(".")[0]
+    split = config.split or file.split
+    fits: dict[tuple[Any, ...], _Fitted | _RejectedError] = {}
+    changed: Counter[str] = Counter()
     for raw in file.episodes:
-        scene = raw.scene_stem
-        try:
-            if scene not in bundles:
-                known = ", ".join(sorted(bundles)) or "none"
-                raise _RejectedError(f"scene {raw.scene_id!r} is not at hand; at hand: {known}")
-            if scene not in freemaps:
-                levels = range(len(bundles[scene].level_floor_z_m))
-                freemaps[scene] = [bundles[scene].freemap(k) for k in levels]
-            episode = _align(raw, bundles[scene], freemaps[scene], split, config)
-        except _RejectedError as error:
-            result.rejected.append((raw.episode_id, str(error)))
+        scene, key = raw.scene_stem, _path_key(raw)
+        if key not in fits:
+            try:
+                if scene not in bundles:
+                    known = ", ".join(sorted(bundles)) or "none"
+                    raise _RejectedError(f"scene {raw.scene_id!r} is not at hand; at hand: {known}")
+                if scene not in freemaps:
+                    levels = range(len(bundles[scene].level_floor_z_m))
+                    freemaps[scene] = [bundles[scene].freemap(k) for k in levels]
+                fits[key] = fitted = _fit(raw, bundles[scene], freemaps[scene], config)
+                changed.update(_kinds(fitted.changes))
+            except _RejectedError as error:
+                fits[key] = error
+        fitted = fits[key]
+        if isinstance(fitted, _RejectedError):
+            result.rejected.append((raw.episode_id, str(fitted)))
             continue
-        result.episodes.append(episode)
-        moved = episode.extra["alignment"]["start_moved_m"]
+        result.episodes.append(_episode(raw, fitted, split))
+        moved = fitted.changes["start_moved_m"]
         if moved > 0:
             result.moved.append((raw.episode_id, moved))
-    return result
+    result.changed.update(changed)
+    good = [fit for fit in fits.values() if isinstance(fit, _Fitted)]
+    return replace(result, paths=len(good))
 
 
-def _align(
-    raw: VlnceEpisode,
-    bundle: SceneBundle,
-    freemaps: list[Freemap],
-    split: str,
-    config: AlignConfig,
-) -> Episode:
+def _path_key(raw: VlnceEpisode) -> tuple[Any, ...]:
+    goals = tuple((g.position_habitat_m.tobytes(), g.radius_m) for g in raw.goals)
+    arrays = (raw.start_position_habitat_m, raw.start_rotation_xyzw, raw.reference_path_habitat_m)
+    return (raw.scene_id, raw.in_repaired_world, goals, *(a.tobytes() for a in arrays))
+
+
+def _kinds(changes: Mapping[str, Any]) -> list[str]:
+    """What was changed of a path, in words."""
+    inner = any(nudge["point"].startswith("waypoint") for nudge in changes["nudges"])
+    found = {
+        "start moved": changes["start_moved_m"] > 0,
+        "goal moved": changes["goal_moved_m"] > 0,
+        "waypoints moved": inner,
+        "waypoints bypassed": bool(changes["bypassed"]),
+        "heights snapped": bool(changes["height_snaps"]),
+    }
+    return [kind for kind, is_so in found.items() if is_so]
+
+
+def _episode(raw: VlnceEpisode, fitted: _Fitted, split: str) -> Episode:
+    return Episode(
+        episode_id=str(raw.episode_id),
+        trajectory_id=str(raw.trajectory_id),
+        scene_id=raw.scene_stem,  # the name by which every later stage finds the scene
+        split=split,
+        level=fitted.level,
+        start_position_world_m=fitted.path_m[0].copy(),
+        start_yaw_rad=fitted.yaw_rad,
+        goal_position_world_m=fitted.path_m[-1].copy(),
+        reference_path_world_m=fitted.path_m,
+        geodesic_distance_m=fitted.geodesic_m,
+        instruction=raw.instruction_text,
+        goal_radius_m=raw.goals[0].radius_m,
+        extra={
+            **_source_keys(raw),
+            "source_scene_id": raw.scene_id,
+            "alignment": fitted.changes,
+        },
+    )
+
+
+def _fit(
+    raw: VlnceEpisode, bundle: SceneBundle, freemaps: list[Freemap], config: AlignConfig
+) -> _Fitted:
     if not raw.goals or not len(raw.reference_path_habitat_m):
         raise _RejectedError("no goal or no reference path, as in a test split")
     to_world = HABITAT_TO_WORLD if raw.in_repaired_world else bundle.habitat_to_world
     start = transform_points(to_world, raw.start_position_habitat_m)
     goal = transform_points(to_world, raw.goals[0].position_habitat_m)
     path = transform_points(to_world, raw.reference_path_habitat_m)
-    level, gap = _level(freemaps, np.vstack([start, path, goal]), config)
+    level, gaps = _level(freemaps, np.vstack([start, path, goal]), config)
     freemap = freemaps[level]
-    free = freemap.free(config.robot_radius_m)
-    start_xy, start_moved = _nudged(freemap, free, start, "start", config)
-    goal_xy, goal_moved = _nudged(freemap, free, goal, "goal", config)
-    reach = distance_field(freemap, goal_xy, config.robot_radius_m)
-    if not np.isfinite(reach.at(start_xy)):
-        raise _RejectedError(
-            "start and goal are not connected for a robot of radius "
-            f"{config.robot_radius_m:g} m, {_place(start)} and {_place(goal)}"
-        )
-    inner = [_nudged(freemap, free, p, f"waypoint {k}", config) for k, p in enumerate(path)]
-    waypoints = [start_xy, *(xy for xy, _ in inner), goal_xy]
-    whole, detours = _passable(freemap, free, waypoints, config)
-    changes = {
-        "start_moved_m": start_moved,
-        "goal_moved_m": goal_moved,
-        "waypoints_moved_m": max(moved for _, moved in inner),
-        "floor_gap_m": gap,
-        "detours": detours,
+    free, start_xy, goal_xy = _connected_ends(freemap, start, goal, config)
+    names = ["start", *(f"waypoint {k}" for k in range(len(path))), "goal"]
+    moved = {
+        "start": float(np.linalg.norm(start_xy - start[:2])),
+        "goal": float(np.linalg.norm(goal_xy - goal[:2])),
     }
-    return Episode(
-        episode_id=str(raw.episode_id),
-        trajectory_id=str(raw.trajectory_id),
-        scene_id=raw.scene_stem,  # the name by which every later stage finds the scene
-        split=split,
-        level=level,
-        start_position_world_m=whole[0].copy(),
-        start_yaw_rad=_yaw(to_world, raw),
-        goal_position_world_m=whole[-1].copy(),
-        reference_path_world_m=whole,
-        geodesic_distance_m=float(distance_field(freemap, goal_xy, AGENT_RADIUS_M).at(start_xy)),
-        instruction=raw.instruction_text,
-        goal_radius_m=raw.goals[0].radius_m,
-        extra={**_source_keys(raw), "source_scene_id": raw.scene_id, "alignment": changes},
+    waypoints, bypassed = [start_xy], []
+    for k, point in enumerate(path):
+        place = _nearest(freemap, free, point, config.max_waypoint_nudge_m)
+        if place is None:
+            bypassed.append({"waypoint": k, "position_world_m": np.round(point, 3).tolist()})
+            continue
+        waypoints.append(place)
+        moved[f"waypoint {k}"] = float(np.linalg.norm(place - point[:2]))
+    allowed = config.max_bypassed_share * max(1, len(path) - 2)
+    if len(bypassed) > allowed:
+        where = ", ".join(str(one["waypoint"]) for one in bypassed)
+        raise _RejectedError(
+            f"waypoints {where} of {len(path)} stand in collision, farther than "
+            f"{config.max_waypoint_nudge_m:g} m from floor that a robot of radius "
+            f"{config.robot_radius_m:g} m reaches; at most {config.max_bypassed_share:g} of the "
+            "inner ones may be bypassed"
+        )
+    whole, detours = _passable(freemap, free, [*waypoints, goal_xy], config)
+    changes = {
+        "robot_radius_m": config.robot_radius_m,
+        "start_moved_m": moved["start"],
+        "goal_moved_m": moved["goal"],
+        "waypoints_moved_m": max(moved.values()),
+        "floor_gap_m": float(np.abs(gaps).max()),
+        "detours": detours,
+        "nudges": [
+            {"point": name, "moved_m": round(moved[name], 4)} for name in names if moved.get(name)
+        ],
+        "height_snaps": [
+            {"point": name, "moved_m": round(-float(gap), 4)}
+            for name, gap in zip(names, gaps, strict=True)
+            if abs(gap) > config.recorded_snap_m
+        ],
+        "bypassed": bypassed,
+        "length_m": [round(path_length(path), 3), round(path_length(whole), 3)],
+    }
+    return _Fitted(
+        level,
+        whole,
+        _yaw(to_world, raw),
+        float(distance_field(freemap, goal_xy, AGENT_RADIUS_M).at(start_xy)),
+        changes,
     )
 
 
-def _level(freemaps: list[Freemap], points: Array, config: AlignConfig) -> tuple[int, float]:
-    """The level under a path (P, 3) [m], and the greatest height gap to its floor [m]."""
-    gaps = np.array([_floor_gaps(freemap, points) for freemap in freemaps])
+def _level(freemaps: list[Freemap], points: Array, config: AlignConfig) -> tuple[int, Array]:
+    """The level under a path (P, 3) [m], and the heights above its floor (P,) [m]."""
+    gaps = level_gaps(freemaps, points)
     worst = np.abs(gaps).max(axis=1)
     level = int(np.argmin(worst))
     if worst[level] <= config.max_floor_gap_m:
-        return level, float(worst[level])
+        return level, gaps[level]
     # Say what is wrong by the level that most of the path lies on.
     level = int(np.argmin(np.median(np.abs(gaps), axis=1)))
     point = int(np.argmax(np.abs(gaps[level])))
@@ -173,31 +273,72 @@ def _level(freemaps: list[Freemap], points: Array, config: AlignConfig) -> tuple
     )
 
 
-def _floor_gaps(freemap: Freemap, points: Array) -> Array:
-    """Height of points (P, 3) [m] above the floor (P,); inf where there is none nearby."""
-    known = np.isfinite(freemap.floor_z_m)
-    if not known.any():
-        return np.full(len(points), np.inf)
-    gaps = points[:, 2] - floor_z(freemap, points[:, :2])
-    near = [nearest_cell(freemap.grid, known, p, _FLOOR_REACH_M) is not None for p in points[:, :2]]
-    return np.where(near, gaps, np.inf)
+def _connected_ends(
+    freemap: Freemap, start: Array, goal: Array, config: AlignConfig
+) -> tuple[NDArray[np.bool_], Array, Array]:
+    """The connected free floor (rows, columns) on which start and goal have to be moved least.
 
-
-def _nudged(
-    freemap: Freemap, free: NDArray[np.bool_], point: Array, what: str, config: AlignConfig
-) -> tuple[Array, float]:
-    """The nearest place (2,) [m] to `point` (3,) that is free, and how far that is [m]."""
-    xy = point[:2]
-    cell = nearest_cell(freemap.grid, free, xy, config.max_nudge_m)
-    if cell is None:
+    Returns that floor, and the places (2,) [m] of start and goal on it. A start half behind a chair
+    thus goes to the room's side of it, not into the pocket that nothing leads out of.
+    """
+    parts = np.asarray(label(freemap.free(config.robot_radius_m), connectivity=1))
+    options = []
+    for point, what, limit in (
+        (start, "start", config.max_start_nudge_m),
+        (goal, "goal", config.max_goal_nudge_m),
+    ):
+        found = {
+            part: place
+            for part in _parts_near(freemap, parts, point, limit)
+            if (place := _nearest(freemap, parts == part, point, limit)) is not None
+        }
+        if not found:
+            raise _RejectedError(
+                f"the {what} at {_place(point)} stands in collision, farther than "
+                f"{limit:g} m from floor free for radius {config.robot_radius_m:g} m"
+            )
+        options.append(found)
+    common = options[0].keys() & options[1].keys()
+    if not common:
         raise _RejectedError(
-            f"the {what} at {_place(point)} stands in collision, farther than "
-            f"{config.max_nudge_m:g} m from floor free for radius {config.robot_radius_m:g} m"
+            "start and goal are not connected for a robot of radius "
+            f"{config.robot_radius_m:g} m, {_place(start)} and {_place(goal)}"
         )
+    cost = {
+        part: sum(
+            float(np.linalg.norm(found[part] - point[:2]))
+            for found, point in zip(options, (start, goal), strict=True)
+        )
+        for part in sorted(common)
+    }
+    part = min(cost, key=lambda one: cost[one])
+    return parts == part, options[0][part], options[1][part]
+
+
+def _parts_near(
+    freemap: Freemap, parts: NDArray[np.int64], point: Array, within_m: float
+) -> list[int]:
+    """Labels of `parts` (rows, columns) that occur within `within_m` of a point."""
+    row, column = freemap.grid.cell_of(point[:2])
+    reach = int(np.ceil(within_m / freemap.grid.cell_m)) + 1
+    window = parts[
+        max(row - reach, 0) : max(row + reach + 1, 0),
+        max(column - reach, 0) : max(column + reach + 1, 0),
+    ]
+    return [int(part) for part in np.unique(window) if part]
+
+
+def _nearest(
+    freemap: Freemap, free: NDArray[np.bool_], point: Array, within_m: float
+) -> Array | None:
+    """The nearest place (2,) [m] to `point` (3,) in the cells of `free`; None beyond `within_m`."""
+    xy = point[:2]
+    cell = nearest_cell(freemap.grid, free, xy, within_m)
+    if cell is None:
+        return None
     if np.array_equal(freemap.grid.cell_of(xy), cell):
-        return xy.copy(), 0.0
-    moved = freemap.grid.center_of(cell)
-    return moved, float(np.linalg.norm(moved - xy))
+        return xy.copy()
+    return freemap.grid.center_of(cell)
 
 
 def _passable(
@@ -244,7 +385,7 @@ def _yaw(to_world: Array, raw: VlnceEpisode) -> float:
 def _source_keys(raw: VlnceEpisode) -> dict[str, Any]:
     """What the source says beyond the Episode's fields."""
     ours = raw.info.get("vlnpe", {}).get("extra", {}) if raw.in_repaired_world else {}
-    keys: dict[str, Any] = {**raw.extra, **ours}
+    keys: dict[str, Any] = {**raw.unknown_keys, **raw.extra, **ours}
     info = {k: v for k, v in raw.info.items() if k != "vlnpe"}
     if info:
         keys["source_info"] = info

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from skimage.measure import label
 
+from ..formats.core.frames import wrap_angle
 from ..formats.core.geometry import path_length
-from ..formats.scene.bundle import SceneBundle
-from ..formats.scene.freemap import Freemap
 from ..wayfinding.crossings import Crossing, crossings
-from ..wayfinding.distance import AGENT_RADIUS_M, distance_field
+from ..wayfinding.distance import AGENT_RADIUS_M, DistanceField, distance_field
 from ..wayfinding.planning import PlanConfig, plan_path, segments_free, simplify_path
-from ..wayfinding.regions import RegionMap, region_map
-from .config import SampleConfig
-from .similarity import path_gap
+from .config import FRECHET, SampleConfig
+from .level import Level
+from .similarity import PathIndex, stations
+
+Array = NDArray[np.float64]
+
+LENGTH_BIN_M = 2.0
 
 
 @dataclass(frozen=True)
@@ -27,127 +29,175 @@ class Candidate:
 
     Attributes:
         level: index of its level.
+        split: that it was drawn for.
         reference_m: (P, 3) waypoints; every straight segment between them is safe [m].
         geodesic_m: length of the shortest way of VLN-CE's agent [m].
+        turning_deg: sum of its turns [deg].
         crossed: its steps from room to room, in order.
         rooms: names of the rooms it visits, in order; "" if unknown.
         ends: room indices of its start and goal.
     """
 
     level: int
-    reference_m: NDArray[np.float64]
+    split: str
+    reference_m: Array
     geodesic_m: float
+    turning_deg: float
     crossed: tuple[Crossing, ...]
     rooms: tuple[str, ...]
     ends: tuple[int, int]
 
 
-@dataclass(frozen=True)
-class Level:
-    """One level with what sampling needs of it.
+@dataclass
+class Kept:
+    """The paths kept on one level, as drawing the next one needs them.
 
     Attributes:
-        index: of the level.
-        freemap: its planning map.
-        regions: its rooms.
-        cells: (N, 2) cells where an episode may start or end.
-        rooms: (N,) room index of each of them.
-        area_m2: size of the connected floor they lie on [m²].
-        radius_m: clearance that every point of a path has [m].
-        min_crossings: how many times a path must pass between rooms here.
+        index: their stations, by number.
+        splits: split of each number.
+        visits: how many go from one room to another, by (room, room).
+        lengths: how many have which length, by split and bin of `LENGTH_BIN_M`.
+        crossed: how many pass between rooms how often, by split and times.
     """
 
-    index: int
-    freemap: Freemap
-    regions: RegionMap
-    cells: NDArray[np.int64]
-    rooms: NDArray[np.int32]
-    area_m2: float
-    radius_m: float
-    min_crossings: int
+    index: PathIndex
+    splits: list[str] = field(default_factory=list)
+    visits: Counter[tuple[int, int]] = field(default_factory=Counter)
+    lengths: Counter[tuple[str, int]] = field(default_factory=Counter)
+    crossed: Counter[tuple[str, int]] = field(default_factory=Counter)
 
-
-def open_level(bundle: SceneBundle, index: int, radius_m: float, config: SampleConfig) -> Level:
-    """Prepare a level for paths with `radius_m` of clearance.
-
-    Only its largest connected free floor is used. On a level that is a single room no path can
-    pass between rooms, so none is asked to.
-    """
-    freemap = bundle.freemap(index)
-    regions = region_map(bundle, index)
-    parts = np.asarray(label(freemap.free(radius_m), connectivity=2))
-    cells = np.zeros((0, 2), dtype=np.int64)
-    area = 0.0
-    if parts.any():
-        sizes = np.bincount(parts.ravel())[1:]
-        largest = parts == 1 + int(np.argmax(sizes))
-        cells = np.argwhere(largest & freemap.free(config.end_clearance_m))
-        area = float(sizes.max()) * freemap.grid.cell_m**2
-    rooms = regions.at(freemap.grid.center_of(cells)).reshape(-1)
-    cells, rooms = cells[rooms >= 0], rooms[rooms >= 0]
-    wanted = config.min_crossings if len(np.unique(rooms)) > 1 else 0
-    return Level(index, freemap, regions, cells, rooms, area, radius_m, wanted)
+    def add(self, candidate: Candidate) -> None:
+        """Remember a kept path."""
+        self.index.add(stations(candidate.reference_m))
+        self.splits.append(candidate.split)
+        self.visits[candidate.ends] += 1
+        length = int(path_length(candidate.reference_m) / LENGTH_BIN_M)
+        self.lengths[(candidate.split, length)] += 1
+        self.crossed[(candidate.split, len(candidate.crossed))] += 1
 
 
 def from_one_start(
     level: Level,
-    visits: Counter[tuple[int, int]],
-    kept: Sequence[NDArray[np.float64]],
+    kept: Kept,
+    split: str,
+    gap_m: float,
     config: SampleConfig,
     rng: np.random.Generator,
 ) -> Iterator[Candidate | str]:
     """Draw one start and try goals from it: candidates, or the reason why one is dropped.
 
+    The start lies in a room that few kept paths start from. The goal's distance is the one that the
+    split lacks most, measured by the target of `config`; of the places that far away, those behind
+    as many doors as few kept paths have passed are taken, in a room that few go to from here.
+
     Args:
         level: where.
-        visits: how many kept episodes go from one room to another, by (room, room).
-        kept: reference paths (P, 3) of this level's kept episodes [m].
+        kept: this level's kept paths.
+        split: what the path is for.
+        gap_m: nearest that another path may be [m].
         config: what is wanted.
         rng: the source of randomness.
     """
-    grid = level.freemap.grid
-    left = Counter(from_room for from_room, _ in visits.elements())
+    left = Counter(from_room for from_room, _ in kept.visits.elements())
     room = _least(np.unique(level.rooms), left, rng)
-    start = grid.center_of(rng.choice(level.cells[level.rooms == room]))
-    field = distance_field(level.freemap, start, level.radius_m)
-    way = field.distance_m[level.cells[:, 0], level.cells[:, 1]]
-    fits = (way >= config.min_length_m) & (way <= config.max_length_m)
+    start = level.cells_m[rng.choice(np.flatnonzero(level.rooms == room))]
+    near = distance_field(level.freemap, start, level.radius_m)
+    way = near.distance_m[level.cells[:, 0], level.cells[:, 1]]
+    agent = distance_field(level.freemap, start, AGENT_RADIUS_M)
+    least = agent.distance_m[level.cells[:, 0], level.cells[:, 1]]
+    fits = (least >= config.min_length_m) & (way <= config.max_length_m)
     if level.min_crossings:
         fits &= level.rooms != room
+    if not fits.any():
+        yield "no_goal_in_range"
+        return
+    fits &= ~_taken(level, kept, split, start, gap_m, config)
+    tight = near
+    if config.robot_radius_m != level.radius_m and fits.any():
+        tight = distance_field(level.freemap, start, config.robot_radius_m)
     for _ in range(config.goals_per_start):
         if not fits.any():
-            yield "no_goal_in_range"
+            yield "too_similar"
             return
-        goal_rooms = np.unique(level.rooms[fits])
-        used = Counter({r: visits[room, r] + visits[r, room] for r in goal_rooms.tolist()})
+        pool = _of_missing_length(way, fits, kept, split, config)
+        hops = level.hops[room, level.rooms]
+        wanted = _least(
+            np.unique(hops[pool]), Counter({n: kept.crossed[(split, n)] for n in range(99)}), rng
+        )
+        pool &= hops == wanted
+        goal_rooms = np.unique(level.rooms[pool])
+        used = Counter(
+            {r: kept.visits[room, r] + kept.visits[r, room] for r in goal_rooms.tolist()}
+        )
         goal_room = _least(goal_rooms, used, rng)
-        choices = level.cells[fits & (level.rooms == goal_room)]
-        yield _judge(level, start, grid.center_of(rng.choice(choices)), kept, config)
+        pool &= level.rooms == goal_room
+        goal = level.cells_m[rng.choice(np.flatnonzero(pool))]
+        yield _judge(level, kept, split, goal, gap_m, (tight, agent), config)
+        # Another try goes elsewhere.
+        fits &= np.linalg.norm(level.cells_m - goal, axis=1) > 0.5 * gap_m
 
 
-def longest_way(level: Level) -> float:
-    """About how far apart two places of a level are at most [m]; a lower bound.
+def turning_deg(path_m: Array) -> float:
+    """Sum of the turns along a path (P, 2 or 3) [m], whatever their sense [deg]."""
+    steps = np.diff(np.asarray(path_m)[:, :2], axis=0)
+    steps = steps[np.linalg.norm(steps, axis=1) > 1e-9]
+    headings = np.arctan2(steps[:, 1], steps[:, 0])
+    return float(np.rad2deg(np.abs(wrap_angle(np.diff(headings))).sum()))
 
-    The place farthest from any place is one end of a long way (two sweeps).
+
+def _taken(
+    level: Level, kept: Kept, split: str, start: Array, gap_m: float, config: SampleConfig
+) -> NDArray[np.bool_]:
+    """Which cells (N,) make goals of paths that would be too near to a kept one.
+
+    By Fréchet no path is nearer than start and goal are, and between the same ends there mostly is
+    one way only: planning such a path would be wasted.
     """
-    if not len(level.cells):
-        return 0.0
-    end, longest = level.cells[0], 0.0
-    for _ in range(2):
-        field = distance_field(level.freemap, level.freemap.grid.center_of(end), level.radius_m)
-        way = field.distance_m[level.cells[:, 0], level.cells[:, 1]]
-        way = np.where(np.isfinite(way), way, 0.0)
-        end, longest = level.cells[int(np.argmax(way))], float(way.max())
-    return longest
+    taken = np.zeros(len(level.cells), dtype=bool)
+    if config.similarity != FRECHET:
+        return taken
+
+    def block(paths: Sequence[int], own_end: int, far_end: int) -> None:
+        nonlocal taken
+        for number in paths:
+            path = kept.index.paths[number]
+            same = kept.splits[number] == split
+            if same and own_end != 0:
+                continue  # the way back is another path of the same split
+            within = gap_m if same else max(gap_m, config.family_gap_m)
+            if np.linalg.norm(path[own_end] - start) < within:
+                taken |= np.linalg.norm(level.cells_m - path[far_end], axis=1) < within
+
+    block(kept.index.starting_near(start), 0, -1)
+    block(kept.index.ending_near(start), -1, 0)
+    return taken
+
+
+def _of_missing_length(
+    way: Array, fits: NDArray[np.bool_], kept: Kept, split: str, config: SampleConfig
+) -> NDArray[np.bool_]:
+    """Those of `fits` (N,) whose distance `way` (N,) [m] the split lacks most."""
+    bins = np.where(fits, way, 0.0) // LENGTH_BIN_M
+    there = np.unique(bins[fits]).astype(int)
+    middle = (there + 0.5) * LENGTH_BIN_M
+    target = np.exp(-0.5 * ((middle - config.typical_length_m) / config.length_spread_m) ** 2)
+    have = np.array([kept.lengths[(split, int(b))] for b in there])
+    missing = there[int(np.argmin((have + 1) / np.maximum(target, 1e-6)))]
+    return fits & (bins == missing)
 
 
 def _judge(
     level: Level,
-    start: NDArray[np.float64],
-    goal: NDArray[np.float64],
-    kept: Sequence[NDArray[np.float64]],
+    kept: Kept,
+    split: str,
+    goal: Array,
+    gap_m: float,
+    shortest: Sequence[DistanceField],
     config: SampleConfig,
 ) -> Candidate | str:
+    """A candidate from the start of the fields `shortest` (robot's, agent's), or why not."""
+    tight, agent = shortest
+    start = tight.goal_xy_m
     plan = PlanConfig(comfort_m=config.comfort_m, comfort_weight=config.clearance_preference)
     path = plan_path(level.freemap, start, goal, level.radius_m, plan)
     if path is None:
@@ -164,27 +214,34 @@ def _judge(
         return "too_short"
     if length > config.max_length_m:
         return "too_long"
+    # Compare with what the robot could have done, not with the roomier way.
+    if length > config.max_detour * float(tight.at(goal)):
+        return "detour"
+    geodesic = float(agent.at(goal))
+    if geodesic < config.min_length_m:
+        return "too_short"
+    turned = turning_deg(reference)
+    if config.max_turning_deg is not None and turned > config.max_turning_deg:
+        return "turning"
     crossed = tuple(crossings(level.regions, reference))
     if len(crossed) < level.min_crossings:
         return "same_room"
-    if path_gap(reference, kept) < config.min_gap_m:
+    own = stations(reference)
+    near = kept.index.near(own)
+    if any(gap < gap_m for gap in near.values()):
         return "too_similar"
+    family = [*near.items(), *kept.index.near(own[::-1].copy()).items()]
+    if any(gap < config.family_gap_m and kept.splits[k] != split for k, gap in family):
+        return "family_of_another_split"
     if not segments_free(level.freemap.grid, level.freemap.free(level.radius_m), reference).all():
         return "unsafe"
-    # Compare with what the robot could have done, not with the roomier way.
-    tight = distance_field(level.freemap, goal, config.robot_radius_m)
-    if length > config.max_detour * float(tight.at(start)):
-        return "detour"
-    geodesic = float(distance_field(level.freemap, goal, AGENT_RADIUS_M).at(start))
-    if geodesic < config.min_length_m:
-        return "too_short"
     ends = (int(level.regions.at(start)), int(level.regions.at(goal)))
     first = crossed[0].from_region if crossed else ends[0]
     names = tuple(level.regions.names[r] for r in (first, *(c.to_region for c in crossed)))
-    return Candidate(level.index, reference, geodesic, crossed, names, ends)
+    return Candidate(level.index, split, reference, geodesic, turned, crossed, names, ends)
 
 
-def _least(rooms: NDArray[np.int32], used: Counter[int], rng: np.random.Generator) -> int:
-    """One of the rooms used least so far, at random."""
+def _least(rooms: NDArray[np.int64], used: Counter[int], rng: np.random.Generator) -> int:
+    """One of the values used least so far, at random."""
     counts = np.array([used[int(r)] for r in rooms])
     return int(rng.choice(rooms[counts == counts.min()]))

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..formats.core.errors import InputError
+from ..formats.core.errors import InputError, UnknownNameError
+
+FRECHET, DTW = "frechet", "dtw"
+MEASURES = (FRECHET, DTW)
+ALONG_PATH, RANDOM = "path", "random"
+HEADINGS = (ALONG_PATH, RANDOM)
 
 
 @dataclass(frozen=True)
@@ -12,26 +17,33 @@ class SampleConfig:
     """What to sample.
 
     Attributes:
-        count: how many episodes.
-        split: name written into the episodes.
+        count: how many paths, where no quotas are given.
+        split: name written into the episodes, likewise.
         robot_radius_m: clearance that every point of a path has [m].
         roomy_radius_m: clearance asked for at first; only when the scene does not hold enough
-            such episodes, tighter ones down to `robot_radius_m` are taken [m].
+            such paths, tighter ones down to `robot_radius_m` are taken [m].
         end_clearance_m: clearance of starts and goals, room to turn on the spot [m].
         clearance_preference: how many times longer a metre feels when it grazes an obstacle.
         comfort_m: clearance beyond the radius from which on more is no better [m].
         min_length_m: least geodesic distance from start to goal, as in `info` of the episodes; the
             reference path, which keeps clear of obstacles, is no shorter [m].
         max_length_m: greatest length of the reference path; the geodesic distance is no longer [m].
-        max_detour: longest reference path relative to the geodesic distance.
+        typical_length_m: lengths are spread about this one [m] …
+        length_spread_m: … with this standard deviation, as far as the scene has such paths [m].
+        max_detour: longest reference path relative to the shortest way of the same robot.
+        max_turning_deg: greatest sum of a path's turns [deg]; None sets no limit.
         min_crossings: how often a path must pass from one room into another (where there is
             more than one room).
-        min_gap_m: two paths closer than this on average are too similar; less, down to 0.4 m, is
-            taken where a scene does not hold enough such paths [m].
-        waypoint_spacing_m: greatest distance of reference waypoints [m].
-        heading_noise_rad: starts look along the path, ± at most this [rad].
+        similarity: how paths are compared: `frechet` or `dtw`.
+        min_gap_m: two paths nearer than this are too similar [m].
+        family_gap_m: paths of different splits are farther apart than this, forward and backward;
+            paths of one split nearer than this form a similarity group [m].
+        relax: where a scene does not hold enough, take nearer paths, too, down to 0.4 m.
+        waypoint_spacing_m: greatest distance of reference points [m].
+        heading: starts look along the `path` or in a `random` direction.
+        heading_noise_rad: starts that look along the path are turned by ± at most this [rad].
         goals_per_start: goals tried from one start before another start is drawn.
-        patience: starts drawn in a row without a new episode, before giving up.
+        patience: starts drawn in a row without a new path, before giving up.
     """
 
     count: int = 6
@@ -43,15 +55,26 @@ class SampleConfig:
     comfort_m: float = 0.35
     min_length_m: float = 5.0
     max_length_m: float = 20.0
+    typical_length_m: float = 9.0
+    length_spread_m: float = 3.5
     max_detour: float = 1.3
+    max_turning_deg: float | None = None
     min_crossings: int = 1
+    similarity: str = FRECHET
     min_gap_m: float = 1.5
+    family_gap_m: float = 2.0
+    relax: bool = True
     waypoint_spacing_m: float = 1.0
+    heading: str = ALONG_PATH
     heading_noise_rad: float = 0.25
     goals_per_start: int = 4
     patience: int = 30
 
     def __post_init__(self):
+        if self.similarity not in MEASURES:
+            raise UnknownNameError("similarity measure", self.similarity, MEASURES)
+        if self.heading not in HEADINGS:
+            raise UnknownNameError("start heading", self.heading, HEADINGS)
         if self.count < 1:
             raise InputError(f"count is {self.count}; valid: 1 or more")
         if not 0 < self.min_length_m < self.max_length_m:
@@ -62,4 +85,13 @@ class SampleConfig:
             raise InputError(
                 f"robot radius {self.robot_radius_m} m and end clearance {self.end_clearance_m} m; "
                 "valid: 0 < radius ≤ end clearance"
+            )
+        if not (self.min_gap_m > 0 and self.family_gap_m > 0):
+            raise InputError(
+                f"gaps {self.min_gap_m} m and {self.family_gap_m} m between paths; valid: above 0"
+            )
+        if self.max_detour < 1 or (self.max_turning_deg is not None and self.max_turning_deg < 0):
+            raise InputError(
+                f"detour {self.max_detour}, turning {self.max_turning_deg}°; valid: from 1 and "
+                "from 0 on"
             )

@@ -1,26 +1,24 @@
-"""Sample distinct episodes that pass between rooms of a repaired scene."""
+"""Sample distinct paths that pass between rooms of a repaired scene, for one split or several."""
 
 from __future__ import annotations
 
 import logging
 from collections import Counter
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..formats.core.episode import Episode
 from ..formats.core.errors import SceneError
-from ..formats.core.frames import wrap_angle
-from ..formats.core.geometry import point_along
 from ..formats.scene.bundle import SceneBundle
-from ..wayfinding.crossings import DOORWAY_M
-from .candidates import Candidate, Level, from_one_start, longest_way, open_level
+from .candidates import Candidate, Kept, from_one_start
 from .config import SampleConfig
+from .level import Level, longest_way, open_level, regions_of
+from .record import episode_of, similarity_groups
+from .similarity import PathIndex
 
 logger = logging.getLogger(__name__)
-
-_LOOK_AHEAD_M = 0.75  # a start's heading is that of the path over this length
 
 
 @dataclass(frozen=True)
@@ -28,15 +26,23 @@ class SampleResult:
     """Sampled episodes, and why other candidates were dropped.
 
     Attributes:
-        episodes: at most as many as asked for.
+        episodes: at most as many as asked for, split by split.
         requested: how many were asked for.
         dropped: number of dropped candidates by reason: `no_goal_in_range`, `unreachable`,
-            `too_short`, `too_long`, `detour`, `same_room`, `too_similar`, `unsafe`.
+            `too_short`, `too_long`, `detour`, `turning`, `same_room`, `too_similar`,
+            `family_of_another_split`, `unsafe`.
+        missing: how many each split lacks; empty when all quotas are filled.
+        gap_m: least distance between two paths at which these were found [m].
+        enough_at_m: without `relax`, the gap at which the scene does hold all that were asked for;
+            None when no gap that was tried does, or when nothing is missing [m].
     """
 
     episodes: list[Episode]
     requested: int
     dropped: dict[str, int] = field(default_factory=dict)
+    missing: dict[str, int] = field(default_factory=dict)
+    gap_m: float = 0.0
+    enough_at_m: float | None = None
 
     @property
     def summary(self) -> str:
@@ -47,70 +53,114 @@ class SampleResult:
 
 # Paths shorter than this are no navigation.
 LEAST_WORTH_M = 1.0
-# Paths nearer to each other than this on average are the same, however small the room is.
+# Paths nearer to each other than this are the same, however small the room is.
 LEAST_GAP_M = 0.4
 
 
 def sample_episodes(
-    bundle: SceneBundle, config: SampleConfig, rng: np.random.Generator
+    bundle: SceneBundle,
+    config: SampleConfig,
+    rng: np.random.Generator,
+    quotas: Mapping[str, int] | None = None,
 ) -> SampleResult:
-    """Sample up to `config.count` distinct episodes over all levels of a scene.
+    """Sample distinct paths over all levels of a scene, up to a quota for each split.
 
-    Starts are spread over the rooms, and goals over the rooms least reached from there, so that
-    few episodes already see the whole scene. Levels are served in turn. When the scene does not
-    hold as many distinct episodes, those found are returned and the result says why.
+    Starts are spread over the rooms, and goals over lengths, over the number of doors passed, and
+    over the rooms least reached from there, so that few paths already see the whole scene. Levels
+    are served in turn. Paths of different splits are of different families: nowhere nearer than
+    `family_gap_m`, forward or backward. When the scene does not hold as many distinct paths, those
+    found are returned and the result says what is missing.
 
     Args:
         bundle: the repaired scene.
         config: what is wanted.
         rng: the only source of randomness.
+        quotas: paths by split; by default `config.count` of `config.split`.
 
     Raises:
-        SceneError: not a single episode can be found; the message counts the reasons.
+        SceneError: not a single path can be found; the message counts the reasons.
     """
-    dropped: Counter[str] = Counter()
-    kept: list[Candidate] = []
-    levels: list[Level] = []
-    opened_m = 0.0
-    for radius, gap_m in _attempts(config):
-        if radius != opened_m:
-            opened_m, count = radius, len(bundle.level_floor_z_m)
-            levels = [open_level(bundle, k, radius, config) for k in range(count)]
-        wanted = replace(config, min_gap_m=gap_m)
-        _fill(kept, [level for level in levels if len(level.cells)], wanted, rng, dropped)
-        if len(kept) == config.count:
+    # The smallest split first: the large ones fill what is left around its families.
+    wanted = dict(sorted((quotas or {config.split: config.count}).items(), key=lambda q: q[1]))
+    search = _Search(bundle, config, rng)
+    kept: list[Candidate] | None = None
+    gap_m = config.min_gap_m
+    enough_at_m = None
+    for radius_m, gap_m in _attempts(config):
+        if gap_m < config.min_gap_m and kept is None and not config.relax:
+            kept = list(search.kept)  # what counts; from here on it is only advice
+        search.fill(wanted, radius_m, gap_m)
+        if search.complete(wanted):
+            enough_at_m = gap_m if kept is not None else None
             break
-    episodes = [_episode(bundle, c, k, config, rng) for k, c in enumerate(kept)]
-    result = SampleResult(episodes, config.count, dict(dropped))
-    if not episodes:
-        area = sum(level.area_m2 for level in levels)
-        longest = max((longest_way(level) for level in levels), default=0.0)
-        raise SceneError(
-            f"{bundle.scene_id}: no episode of {config.min_length_m:g} … {config.max_length_m:g} m "
-            f"for a robot of radius {config.robot_radius_m:g} m: the connected free floor has "
-            f"{area:.1f} m², the longest way on it about {longest:.1f} m; {result.summary}. "
-            f"{_advice(longest)}"
-        )
-    single = sorted({c.level for c in kept if len(c.crossed) < config.min_crossings})
-    if single:
-        logger.warning(
-            "%s level %s is a single room: its episodes cannot pass between rooms",
-            bundle.scene_id,
-            ", ".join(map(str, single)),
-        )
-    if len(episodes) < config.count:
-        area = sum(level.area_m2 for level in levels)
-        logger.warning(
-            "%s: %s. Its connected free floor of %.1f m² holds no more paths of %g … %g m that "
-            "differ by %g m; shorter or fewer ones may be had: --min-length-m, --count",
-            bundle.scene_id,
-            result.summary,
-            area,
-            config.min_length_m,
-            config.max_length_m,
-            min(LEAST_GAP_M, config.min_gap_m),
-        )
+    kept = search.kept if kept is None else kept
+    total = sum(wanted.values())
+    missing = {s: n - sum(c.split == s for c in kept) for s, n in wanted.items()}
+    missing = {split: n for split, n in missing.items() if n}
+    if not kept:
+        raise SceneError(_nothing(bundle, config, SampleResult([], total, dict(search.dropped))))
+    result = SampleResult(
+        _episodes(bundle, kept, wanted, config, rng), total, dict(search.dropped), missing,
+        gap_m if config.relax else config.min_gap_m, enough_at_m,
+    )  # fmt: skip
+    _warn(bundle, kept, config, result)
     return result
+
+
+@dataclass
+class _Search:
+    """The search in one scene: what is open, what is kept, what was dropped."""
+
+    bundle: SceneBundle
+    config: SampleConfig
+    rng: np.random.Generator
+    kept: list[Candidate] = field(default_factory=list)
+    dropped: Counter[str] = field(default_factory=Counter)
+
+    def __post_init__(self):
+        self.regions = regions_of(self.bundle)
+        reach_m = max(self.config.min_gap_m, self.config.family_gap_m)
+        measure = self.config.similarity
+        self.by_level = [Kept(PathIndex(reach_m, measure)) for _ in self.regions]
+        self.opened: dict[float, list[Level]] = {}
+
+    def complete(self, wanted: Mapping[str, int]) -> bool:
+        """Whether every split has what it wants."""
+        return len(self.kept) == sum(wanted.values())
+
+    def levels(self, radius_m: float) -> list[Level]:
+        """The levels on which an episode may start, for paths with so much clearance."""
+        if radius_m not in self.opened:
+            opened = [
+                open_level(self.bundle, k, radius_m, self.config, regions)
+                for k, regions in enumerate(self.regions)
+            ]
+            self.opened[radius_m] = [level for level in opened if len(level.cells)]
+        return self.opened[radius_m]
+
+    def fill(self, wanted: Mapping[str, int], radius_m: float, gap_m: float) -> None:
+        """Add paths split by split until there are enough, or patience runs out."""
+        levels = self.levels(radius_m)
+        for split, count in wanted.items():
+            have = sum(c.split == split for c in self.kept)
+            starts = failed = 0
+            while levels and have < count and failed < self.config.patience * len(levels):
+                level = levels[starts % len(levels)]
+                starts += 1
+                found = self._one(level, split, gap_m)
+                have += found
+                failed = 0 if found else failed + 1
+
+    def _one(self, level: Level, split: str, gap_m: float) -> bool:
+        here = self.by_level[level.index]
+        for outcome in from_one_start(level, here, split, gap_m, self.config, self.rng):
+            if isinstance(outcome, str):
+                self.dropped[outcome] += 1
+                continue
+            here.add(outcome)
+            self.kept.append(outcome)
+            return True
+        return False
 
 
 def _attempts(config: SampleConfig) -> list[tuple[float, float]]:
@@ -121,9 +171,38 @@ def _attempts(config: SampleConfig) -> list[tuple[float, float]]:
     gap_m = config.min_gap_m
     # In a small room all paths lie near each other.
     while gap_m > LEAST_GAP_M:
-        gap_m = max(gap_m / 2, LEAST_GAP_M)
+        gap_m = max(round(0.75 * gap_m, 2), LEAST_GAP_M)
         attempts.append((config.robot_radius_m, gap_m))
     return attempts
+
+
+def _episodes(
+    bundle: SceneBundle,
+    kept: Sequence[Candidate],
+    wanted: Mapping[str, int],
+    config: SampleConfig,
+    rng: np.random.Generator,
+) -> list[Episode]:
+    groups = similarity_groups([(c.level, c.reference_m) for c in kept], config)
+    made = [
+        episode_of(bundle, candidate, number, group, config, rng)
+        for number, (candidate, group) in enumerate(zip(kept, groups, strict=True))
+    ]
+    return [episode for split in wanted for episode in made if episode.split == split]
+
+
+def _nothing(bundle: SceneBundle, config: SampleConfig, result: SampleResult) -> str:
+    found = [
+        longest_way(bundle.freemap(k), config.robot_radius_m, config.end_clearance_m)
+        for k in range(len(bundle.level_floor_z_m))
+    ]
+    area, longest = max(found, key=lambda one: one[1], default=(0.0, 0.0))
+    return (
+        f"{bundle.scene_id}: no episode of {config.min_length_m:g} … {config.max_length_m:g} m "
+        f"for a robot of radius {config.robot_radius_m:g} m: the connected free floor has "
+        f"{area:.1f} m², the longest way on it about {longest:.1f} m; {result.summary}. "
+        f"{_advice(longest)}"
+    )
 
 
 def _advice(longest_m: float) -> str:
@@ -132,67 +211,30 @@ def _advice(longest_m: float) -> str:
     return f"Shorter paths may be had: --min-length-m {0.8 * longest_m:.1f} --min-crossings 0"
 
 
-def _fill(
-    kept: list[Candidate],
-    levels: list[Level],
-    config: SampleConfig,
-    rng: np.random.Generator,
-    dropped: Counter[str],
+def _warn(
+    bundle: SceneBundle, kept: Sequence[Candidate], config: SampleConfig, result: SampleResult
 ) -> None:
-    """Append candidates to `kept` until there are enough, or `patience` runs out."""
-    visits = [Counter(c.ends for c in kept if c.level == level.index) for level in levels]
-    starts = failed = 0
-    while levels and len(kept) < config.count and failed < config.patience * len(levels):
-        k = starts % len(levels)
-        starts += 1
-        failed += 1
-        paths = [c.reference_m for c in kept if c.level == levels[k].index]
-        for outcome in from_one_start(levels[k], visits[k], paths, config, rng):
-            if isinstance(outcome, str):
-                dropped[outcome] += 1
-                continue
-            visits[k][outcome.ends] += 1
-            kept.append(outcome)
-            failed = 0
-            break
-
-
-def _episode(
-    bundle: SceneBundle,
-    candidate: Candidate,
-    number: int,
-    config: SampleConfig,
-    rng: np.random.Generator,
-) -> Episode:
-    path = candidate.reference_m
-    noise = float(rng.uniform(-1.0, 1.0)) * config.heading_noise_rad
-    name = f"{bundle.scene_id}-{number:04d}"
-    return Episode(
-        episode_id=name,
-        trajectory_id=name,
-        scene_id=bundle.scene_id,
-        split=config.split,
-        level=candidate.level,
-        start_position_world_m=path[0].copy(),
-        start_yaw_rad=float(wrap_angle(_initial_heading(path) + noise)),
-        goal_position_world_m=path[-1].copy(),
-        reference_path_world_m=path,
-        geodesic_distance_m=candidate.geodesic_m,
-        extra={
-            "rooms": list(candidate.rooms),
-            "crossings": [
-                {
-                    "along_m": round(c.along_m, 3),
-                    "position_xy_m": [round(float(v), 3) for v in c.position_xy_m],
-                    "width_m": round(c.width_m, 3),
-                    "doorway": c.width_m <= DOORWAY_M,
-                }
-                for c in candidate.crossed
-            ],
-        },
-    )
-
-
-def _initial_heading(path_m: NDArray[np.float64]) -> float:
-    ahead = point_along(path_m, _LOOK_AHEAD_M) - path_m[0]
-    return float(np.arctan2(ahead[1], ahead[0]))
+    single = sorted({c.level for c in kept if len(c.crossed) < config.min_crossings})
+    if single:
+        logger.warning(
+            "%s level %s is a single room: its episodes cannot pass between rooms",
+            bundle.scene_id,
+            ", ".join(map(str, single)),
+        )
+    if config.relax and result.gap_m < config.min_gap_m:
+        logger.warning(
+            "%s: holds too few paths that differ by %g m; took paths that differ by %g m",
+            bundle.scene_id,
+            config.min_gap_m,
+            result.gap_m,
+        )
+    if result.missing and config.relax:
+        logger.warning(
+            "%s: %s. It holds no more paths of %g … %g m that differ by %g m; shorter or fewer "
+            "ones may be had: --min-length-m, --count",
+            bundle.scene_id,
+            result.summary,
+            config.min_length_m,
+            config.max_length_m,
+            min(LEAST_GAP_M, config.min_gap_m),
+        )

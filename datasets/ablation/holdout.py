@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from ...formats.core.errors import InputError
@@ -15,7 +15,7 @@ class Holdout:
     """What is held out.
 
     Attributes:
-        by: `scene` or `trajectory`.
+        by: `split`, `scene` or `trajectory`.
         scenes: whole scenes held out; empty when it goes by trajectory.
         trajectories: all that are held out, as `scene/trajectory`.
     """
@@ -25,8 +25,12 @@ class Holdout:
     trajectories: frozenset[str]
 
 
-def hold_out(recipe: Recipe, trajectories: Iterable[str]) -> Holdout:
-    """Hold out whole scenes where there are several, else trajectories; no trajectory is in both.
+def hold_out(
+    recipe: Recipe, trajectories: Iterable[str], published: Collection[str] = ()
+) -> Holdout:
+    """Hold out what its publisher holds out; else whole scenes where there are several, else paths.
+
+    No trajectory is on both sides.
 
     A trajectory is held out for every robot, controller and light. The choice depends on names and
     seed alone.
@@ -34,6 +38,7 @@ def hold_out(recipe: Recipe, trajectories: Iterable[str]) -> Holdout:
     Args:
         recipe: how much, and by what.
         trajectories: `scene/trajectory` of all episodes of the recipe's sources.
+        published: those of them that lie in a published `val_seen`, `val_unseen` or `test`.
 
     Raises:
         InputError: too few scenes or trajectories to hold any out.
@@ -41,6 +46,12 @@ def hold_out(recipe: Recipe, trajectories: Iterable[str]) -> Holdout:
     everything = sorted(set(trajectories))
     scenes = sorted({scene_of(t) for t in everything})
     by = recipe.holdout
+    if by == "split" or (by == "auto" and published):
+        if not published:
+            raise InputError("holdout by split: no episode has a published val_… or test split")
+        return Holdout(
+            "split", tuple(sorted({scene_of(t) for t in published})), frozenset(published)
+        )
     if by == "auto":
         by = "scene" if len(scenes) > 1 else "trajectory"
     names = scenes if by == "scene" else everything

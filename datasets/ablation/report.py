@@ -118,11 +118,11 @@ def _setting(ablation: Ablation) -> list[str]:
         for name, selection in ablation.held.items()
     )
     many = len(holdout.scenes) > 1
-    what = (
-        f"{'whole scenes' if many else 'a whole scene'} ({', '.join(holdout.scenes)})"
-        if holdout.by == "scene"
-        else "trajectories of scenes that training knows"
-    )
+    what = {
+        "scene": f"{'whole scenes' if many else 'a whole scene'} ({', '.join(holdout.scenes)})",
+        "split": "the published val and test splits of the episodes' source",
+        "trajectory": "trajectories of scenes that training knows",
+    }[holdout.by]
     trajectories = _counted(len(holdout.trajectories), "trajectory", "trajectories")
     scenes = _counted(len({scene_of(t) for t in holdout.trajectories}), "scene")
     return [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -19,6 +19,7 @@ from ...formats.core.errors import InputError
 from ...formats.core.progress import progress_bar
 from ...formats.core.source import code_digest
 from ...formats.lerobot.layout import STATS_PATH
+from ...formats.lerobot.splits import is_published_holdout
 from ..episode_index import episode_tables
 from ..mixture.plan import Library, MixturePlan, choose, plan_mixture
 from ..mixture.recipe import Recipe
@@ -103,7 +104,8 @@ def run_ablation(
     evaluated = recipe.evaluate or tuple(recipe.sources)
     used = {n for m in recipe.mixtures.values() for n in m.weights} | set(evaluated)
     found = {name: choose(recipe.sources[name], name, library)[0] for name in sorted(used)}
-    holdout = hold_out(recipe, [t for chosen in found.values() for t in chosen.trajectories()])
+    paths = [t for chosen in found.values() for t in chosen.trajectories()]
+    holdout = hold_out(recipe, paths, _published(found.values()))
     held = {name: _held_out(name, found[name], holdout) for name in evaluated}
     plans = {
         name: plan_mixture(recipe, name, library, "episodes", holdout.trajectories)
@@ -125,6 +127,16 @@ def run_ablation(
         rows,
         {name: score_constant(episodes) for name, episodes in baselines.items()},
         {name: score_repeat(episodes) for name, episodes in baselines.items()},
+    )
+
+
+def _published(found: Iterable[Selection]) -> frozenset[str]:
+    """The trajectories of splits that their publisher holds out."""
+    return frozenset(
+        trajectory
+        for chosen in found
+        for trajectory, split in zip(chosen.trajectories(), chosen.labels("split"), strict=True)
+        if is_published_holdout(split)
     )
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...formats.core.errors import InputError
 from ...formats.lerobot.layout import INFO_PATH
+from ...formats.lerobot.splits import is_published_holdout
 from ..episode_index import DatasetIndex, read_index
 from ..selection import Selection, check_frame_rate, joined_digest, select_all
 from .recipe import Mixture, Recipe, Source
@@ -167,7 +168,9 @@ def plan_mixture(
         InputError: a source without a dataset or without any episode; frame rates that differ.
     """
     mixture = recipe.mixtures[name]
-    found = {s: choose(recipe.sources[s], s, library, held_out) for s in mixture.weights}
+    found = {
+        s: choose(recipe.sources[s], s, library, held_out, training=True) for s in mixture.weights
+    }
     shares = _shares(mixture, [_size(selection, unit) for selection, _ in found.values()])
     plans = tuple(
         SourcePlan(s, weight, share, *found[s])
@@ -178,12 +181,18 @@ def plan_mixture(
 
 
 def choose(
-    source: Source, name: str, library: Library, held_out: frozenset[str] = frozenset()
+    source: Source,
+    name: str,
+    library: Library,
+    held_out: frozenset[str] = frozenset(),
+    *,
+    training: bool = False,
 ) -> tuple[Selection, tuple[DatasetRow, ...]]:
     """Return the episodes of one source, and what is excluded from each dataset.
 
     A recording that lies in several datasets (a conversion, or a run that was copied) is taken
-    from the first alone.
+    from the first alone. For training, splits that their publisher holds out are left out unless
+    the source names them.
 
     Raises:
         InputError: nothing is left; tells what the data has.
@@ -193,7 +202,7 @@ def choose(
     seen: set[tuple[Any, ...]] = set()
     for index in indices:
         whole = select_all([index])
-        mask, reasons = _filter(source, whole, held_out, seen)
+        mask, reasons = _filter(source, whole, held_out, seen, training)
         dropped = {k: dropped.get(k, 0) + reasons.get(k, 0) for k in {**dropped, **reasons}}
         labels = set(whole.labels("robot"))
         rows.append(
@@ -218,7 +227,11 @@ def choose(
 
 
 def _filter(
-    source: Source, whole: Selection, held_out: frozenset[str], seen: set[tuple[Any, ...]]
+    source: Source,
+    whole: Selection,
+    held_out: frozenset[str],
+    seen: set[tuple[Any, ...]],
+    training: bool,
 ) -> tuple[NDArray[np.bool_], dict[str, int]]:
     """Return which episodes to select, and why not the others; adds the selected to `seen`."""
     mask = np.ones(len(whole), bool)
@@ -235,8 +248,12 @@ def _filter(
         if wanted:
             labels = whole.labels(label)
             name = label.removesuffix("_id").removesuffix("_name")
-            reasons = np.array([f"{name} {value}" for value in labels], object)
-            keep(np.isin(labels.astype(str), wanted), reasons)
+            told = np.array([f"{name} {value}" for value in labels], object)
+            keep(np.isin(labels.astype(str), wanted), told)
+    if training and not source.splits:
+        splits = whole.labels("split")
+        told = np.array([f"published hold-out {value}" for value in splits], object)
+        keep(~np.array([is_published_holdout(str(s)) for s in splits], bool), told)
     new = np.ones(len(whole), bool)
     facts = list(zip(*(whole.labels(name) for name in _IDENTITY), strict=True))
     for number in np.flatnonzero(mask):

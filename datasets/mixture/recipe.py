@@ -29,7 +29,7 @@ from ...formats.core.rollout import EndReason
 VERSION = 1
 OUTCOMES = tuple(str(reason) for reason in EndReason)
 SHARES = ("size", "equal")
-HOLDOUTS = ("auto", "scene", "trajectory")
+HOLDOUTS = ("auto", "split", "scene", "trajectory")
 EVERYTHING = ("**/lerobot/*",)
 OWN_VIEW = "ego"
 
@@ -40,7 +40,8 @@ class Source:
 
     Attributes:
         data: dataset folders, or patterns of them, relative to the folder searched.
-        robots, controllers, lights, splits, scenes: labels of episodes.
+        robots, controllers, lights, splits, scenes: labels of episodes. Without `splits` a mixture
+            leaves out what its publisher holds out (`val_seen`, `val_unseen`, `test`).
         cameras: views; by default the robot's own alone, as those beside it or above it show what
             no robot sees.
         outcomes: end reasons; by default the successful ones alone.
@@ -83,8 +84,9 @@ class Recipe:
         mixtures: by name, in the order of the table's rows.
         evaluate: sources whose held-out episodes an ablation predicts; all of them by default.
         compare: pairs of mixtures whose difference is of interest: (with, without).
-        holdout: what an ablation holds out: whole scenes, trajectories, or `auto`: scenes where
-            there are several.
+        holdout: what an ablation holds out: published splits (`val_seen`, `val_unseen`), whole
+            scenes, trajectories, or `auto`: published splits where there are any, else scenes
+            where there are several.
         holdout_fraction: how much of it.
         seed: of the order of the draws, and the first of an ablation's.
         train: settings of an ablation's training, see `ablation.config`.

@@ -11,6 +11,7 @@ import pyarrow as pa
 from ..core.camera import CameraModel, DepthRange
 from ..core.rollout import Metrics, Rollout
 from ..rendered.table import FrameTable, StartFrame
+from ..vlnce.groups import instruction_ids
 
 _FLOATS = pa.list_(pa.field("element", pa.float64()))
 _STRINGS = pa.list_(pa.field("element", pa.string()))
@@ -24,6 +25,7 @@ EPISODE_COLUMNS: dict[str, pa.DataType] = {
     "level": pa.int64(),
     "split": pa.string(),  # as published; the unit's, and the uid, have that of its source
     "instructions": _STRINGS,
+    "instruction_episode_ids": _STRINGS,  # the source's episode of each instruction
     "reference_path_world_m": _FLOATS,  # x, y, z of each point in turn
     "start_position_world_m": _FLOATS,
     "start_yaw_world_rad": pa.float64(),
@@ -52,7 +54,11 @@ EDITED_ADVICE = (
     "`vlnpe restore <this dataset> --original <the dataset it was made from>`"
 )
 # What data that was written before these columns were has in them.
-LATER_COLUMNS: dict[str, Any] = {"metrics/recovered": False, "metrics/down": False}
+LATER_COLUMNS: dict[str, Any] = {
+    "metrics/recovered": False,
+    "metrics/down": False,
+    "instruction_episode_ids": [],
+}
 
 
 def episode_columns(
@@ -66,6 +72,7 @@ def episode_columns(
     """Values of `EPISODE_COLUMNS` for one rollout, as JSON values."""
     episode = rollout.episode
     start = StartFrame.of(rollout)
+    ids = instruction_ids(episode)
     return {
         "episode_uid": f"{episode.split}/{episode.scene_id}/{episode.episode_id}",
         "episode_id": episode.episode_id,
@@ -74,6 +81,7 @@ def episode_columns(
         "level": episode.level,
         "split": episode.split,
         "instructions": list(instructions),
+        "instruction_episode_ids": ids if len(ids) == len(instructions) else [],
         "reference_path_world_m": episode.reference_path_world_m.ravel().tolist(),
         "start_position_world_m": episode.start_position_world_m.tolist(),
         "start_yaw_world_rad": float(episode.start_yaw_rad),

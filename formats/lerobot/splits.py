@@ -9,6 +9,14 @@ TRAIN, VALIDATION = "train", "val"
 HELD_OUT_SHARE = 0.1
 
 
+def is_published_holdout(split: str) -> bool:
+    """Whether a split of an episode file is held out from training by whoever published it.
+
+    `val_seen`, `val_unseen`, `test`, … are; `val` is made by vlnpe, of training episodes.
+    """
+    return split.startswith((f"{VALIDATION}_", "test"))
+
+
 def held_out_scenes(scenes: Iterable[str]) -> frozenset[str]:
     """Scenes whose training episodes validate instead: a tenth, at least one of several.
 

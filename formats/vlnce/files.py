@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import gzip
 import json
-import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,11 +21,14 @@ from ..core.frames import (
     world_to_habitat_position,
     world_to_habitat_rotation,
 )
-from .reader import EpisodeReader
-from .records import OUR_KEY, VlnceEpisode, VlnceFile, VlnceGoal, scene_stem
+from .load import LIMITS, FileLimits, load_document
+from .overlay import overlay
+from .reader import BadEpisodeError, EpisodeReader, unsafe_scene_id
+from .records import OUR_KEY, BadEpisode, VlnceEpisode, VlnceFile, VlnceGoal, scene_stem
 from .vocabulary import Vocabulary
 
 __all__ = [
+    "BadEpisode",
     "VlnceEpisode",
     "VlnceFile",
     "VlnceGoal",
@@ -41,31 +43,53 @@ FORMAT_VERSION = 1
 _TOKENS = 200  # VLN-CE pads or cuts every instruction to this many tokens
 
 
-def read_vlnce(path: Path | str) -> VlnceFile:
-    """Read a VLN-CE episode file, gzip or plain JSON (told apart by content, not by name).
+def read_vlnce(path: Path | str, *, strict: bool = False, limits: FileLimits = LIMITS) -> VlnceFile:
+    """Read a VLN-CE episode file (R2R or RxR), gzip or plain JSON.
+
+    An episode that lacks a key, has one of the wrong kind, a number that is not finite, or an id
+    that occurred before, goes to the file's `bad`; the others are read.
+
+    Args:
+        path: the file.
+        strict: raise for the first bad episode instead.
+        limits: of size, nesting and number of episodes.
 
     Raises:
-        FileFormatError: missing or unreadable file, broken gzip or JSON, or an episode that
-            lacks a key or has one of the wrong kind; names the file, the episode and the reason.
+        FileFormatError: the file is missing, unreadable or beyond a limit; a `scene_id` is absolute
+            or has a `..` (no honest file does); or not a single episode is usable.
     """
     path = Path(path)
-    document = _load(path)
-    if not isinstance(document, dict) or not isinstance(document.get("episodes"), list):
-        raise FileFormatError(path, 'not a VLN-CE episode file: no list "episodes" at the top')
-    episodes = []
+    document = load_document(path, limits)
+    episodes, bad = [], []
     seen: set[str] = set()
     for index, raw in enumerate(document["episodes"]):
-        reader = EpisodeReader(path, index, raw)
-        episode = reader.episode()
-        if str(episode.episode_id) in seen:
-            raise reader.error("its episode_id occurs twice in the file")
+        if isinstance(raw, dict) and unsafe_scene_id(raw.get("scene_id")):
+            raise FileFormatError(
+                path,
+                f"episode number {index}: scene_id {raw['scene_id']!r} leads out of the folder of "
+                "scenes; valid: a relative path without '..'",
+            )
+        try:
+            reader = EpisodeReader(path, index, raw)
+            episode = reader.episode()
+            if str(episode.episode_id) in seen:
+                raise reader.error("its episode_id occurs twice in the file")
+        except BadEpisodeError as error:
+            if strict:
+                raise
+            bad.append(error.bad)
+            continue
         seen.add(str(episode.episode_id))
         episodes.append(episode)
+    if bad and not episodes:
+        first = BadEpisodeError(path, bad[0])
+        more = f"; all {len(bad)} episodes are unusable" if len(bad) > 1 else ""
+        raise FileFormatError(path, f"{first.reason}{more}")
     vocabulary = document.get("instruction_vocab")
     if vocabulary is not None and not isinstance(vocabulary, dict):
         raise FileFormatError(path, "instruction_vocab is not an object")
     extra = {k: v for k, v in document.items() if k not in ("episodes", "instruction_vocab")}
-    return VlnceFile(path, tuple(episodes), vocabulary, extra)
+    return VlnceFile(path, tuple(episodes), vocabulary, extra, tuple(bad), tuple(document))
 
 
 def write_vlnce(path: Path | str, file: VlnceFile) -> None:
@@ -77,7 +101,8 @@ def write_vlnce(path: Path | str, file: VlnceFile) -> None:
     document["episodes"] = [_episode_json(e) for e in file.episodes]
     if file.vocabulary is not None:
         document["instruction_vocab"] = file.vocabulary
-    _dump(Path(path), document)
+    first = {key: document[key] for key in file.keys if key in document}
+    _dump(Path(path), first | document)
 
 
 def write_episodes(path: Path | str, episodes: Sequence[Episode]) -> None:
@@ -106,7 +131,7 @@ def read_episodes(path: Path | str) -> list[Episode]:
         FileFormatError: as `read_vlnce`, and for files that our writer did not make (align those
             with a repaired scene first).
     """
-    file = read_vlnce(path)
+    file = read_vlnce(path, strict=True)
     return [_to_episode(file.path, e) for e in file.episodes]
 
 
@@ -187,25 +212,19 @@ def _episode_json(e: VlnceEpisode) -> dict[str, Any]:
         ]
     if len(e.reference_path_habitat_m):
         result["reference_path"] = e.reference_path_habitat_m.tolist()
-    return {**result, **e.extra}
-
-
-def _load(path: Path) -> Any:
-    try:
-        data = path.read_bytes()
-        if data[:2] == b"\x1f\x8b":
-            data = gzip.decompress(data)
-        return json.loads(data)
-    except FileNotFoundError as error:
-        raise FileFormatError(path, "no such file") from error
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise FileFormatError(path, f"broken gzip: {error}") from error
-    except OSError as error:
-        raise FileFormatError(path, f"cannot be read: {error.strerror}") from error
-    except ValueError as error:  # also bad UTF-8, and integers of thousands of digits
-        raise FileFormatError(path, f"not JSON: {error}") from error
-    except RecursionError as error:
-        raise FileFormatError(path, "not an episode file: nested too deeply") from error
+    result |= e.extra
+    if e.source is None:
+        return result
+    if not e.info and "info" not in e.source:
+        del result["info"]
+    # Empty values (`"goals": null` in a test split) stay as they are written.
+    gone = {key for key in e.source.keys() - result.keys() if e.source[key]}
+    merged = overlay(e.source, result, gone)
+    if "info" in result:
+        merged["info"] = e.info
+    if e.instruction_tokens is None and merged["instruction"].get("instruction_tokens"):
+        del merged["instruction"]["instruction_tokens"]
+    return merged
 
 
 def _dump(path: Path, document: Mapping[str, Any]) -> None:

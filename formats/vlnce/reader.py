@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
+import math
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import FileFormatError
-from .records import VlnceEpisode, VlnceGoal
+from .records import BadEpisode, VlnceEpisode, VlnceGoal
 
 _KNOWN = {
     "episode_id",
@@ -25,6 +25,24 @@ _KNOWN = {
 }
 
 
+class BadEpisodeError(FileFormatError):
+    """One episode of a file is unusable.
+
+    Attributes:
+        bad: which one, and why.
+    """
+
+    def __init__(self, path: Path, bad: BadEpisode):
+        self.bad = bad
+        name = bad.episode_id
+        where = f"episode {name!r}" if name is not None else "an episode without id"
+        super().__init__(path, f"{where} (number {bad.index}): {bad.reason}")
+
+    def __reduce__(self):
+        """Support pickling, so that the error can be raised in a worker process."""
+        return type(self), (self.path, self.bad)
+
+
 class EpisodeReader:
     """Strict reading of one episode; every complaint names file, episode and key."""
 
@@ -33,17 +51,16 @@ class EpisodeReader:
         if not isinstance(raw, dict):
             raise self.error("not an object")
 
-    def error(self, reason: str) -> FileFormatError:
+    def error(self, reason: str) -> BadEpisodeError:
         """The error to raise for `reason`, naming file and episode."""
         name = self.raw.get("episode_id") if isinstance(self.raw, dict) else None
-        where = f"episode {name!r}" if name is not None else "an episode without id"
-        return FileFormatError(self.path, f"{where} (number {self.index}): {reason}")
+        return BadEpisodeError(self.path, BadEpisode(self.index, name, reason))
 
     def episode(self) -> VlnceEpisode:
         """Read the whole episode.
 
         Raises:
-            FileFormatError: a key is missing or of the wrong kind.
+            BadEpisodeError: a key is missing or of the wrong kind.
         """
         raw = self.raw
         instruction = self._mapping("instruction")
@@ -62,6 +79,7 @@ class EpisodeReader:
             reference_path_habitat_m=self._path_points(),
             info=self._mapping("info", optional=True),
             extra={k: v for k, v in raw.items() if k not in _KNOWN},
+            source=raw,
         )
 
     def _mapping(self, key: str, optional: bool = False) -> dict[str, Any]:
@@ -80,18 +98,21 @@ class EpisodeReader:
 
     def _scene_id(self) -> str:
         value = self.raw.get("scene_id")
-        if not isinstance(value, str) or not Path(value).stem:
+        if not isinstance(value, str) or not PurePosixPath(value).stem:
             raise self.error("scene_id is missing or no path-like string")
         return value
 
     def _vector(self, value: Any, length: int, key: str) -> NDArray[np.float64]:
+        self._check(value, length, key)
+        return np.array(value, dtype=np.float64)
+
+    def _check(self, value: Any, length: int, key: str) -> None:
         if not isinstance(value, list) or len(value) != length or not all(map(_finite, value)):
             raise self.error(f"{key} must be {length} finite numbers, is {_brief(value)}")
-        return np.array(value, dtype=np.float64)
 
     def _rotation(self) -> NDArray[np.float64]:
         quaternion = self._vector(self.raw.get("start_rotation"), 4, "start_rotation")
-        norm = float(np.linalg.norm(quaternion))
+        norm = math.hypot(*quaternion.tolist())
         # Public files round to a few digits, so allow for that, not for another convention.
         if abs(norm - 1.0) > 0.01:
             raise self.error(f"start_rotation must have length 1, has {norm:.4f}")
@@ -100,7 +121,7 @@ class EpisodeReader:
     def _tokens(self, value: Any) -> tuple[int, ...] | None:
         if value is None:
             return None
-        if not isinstance(value, list) or not all(type(v) is int for v in value):
+        if not isinstance(value, list) or set(map(type, value)) - {int}:
             raise self.error(f"instruction_tokens must be integers, is {_brief(value)}")
         return tuple(value)
 
@@ -125,15 +146,24 @@ class EpisodeReader:
             return np.zeros((0, 3))
         if not isinstance(value, list):
             raise self.error("reference_path must be a list of positions")
-        points = [self._vector(p, 3, f"reference_path[{k}]") for k, p in enumerate(value)]
-        return np.array(points).reshape(-1, 3)
+        for k, point in enumerate(value):
+            self._check(point, 3, f"reference_path[{k}]")
+        return np.array(value, dtype=np.float64).reshape(-1, 3)
+
+
+def unsafe_scene_id(value: Any) -> bool:
+    """Whether a scene id would lead out of the folder of scenes."""
+    if not isinstance(value, str):
+        return False
+    absolute = PurePosixPath(value).is_absolute() or PureWindowsPath(value).anchor
+    return bool(absolute) or ".." in PureWindowsPath(value).parts or "\0" in value
 
 
 def _finite(value: Any) -> bool:
     """Whether a JSON value is a number that a float can hold."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return False
-    return -sys.float_info.max <= value <= sys.float_info.max
+    if type(value) is float:
+        return math.isfinite(value)
+    return type(value) is int and abs(value) < 1 << 1000
 
 
 def _brief(value: Any) -> str:

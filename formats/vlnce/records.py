@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 OUR_KEY = "vlnpe"  # in an episode's `info`: our writer made it
+_INSTRUCTION_KEYS = frozenset({"instruction_text", "instruction_tokens"})
+_GOAL_KEYS = frozenset({"position", "radius"})
 _SCENE_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".usd", ".usda", ".usdc")
 
 
@@ -35,8 +37,9 @@ class VlnceEpisode:
         instruction_tokens: word indices, or None.
         goals: empty in a test split.
         reference_path_habitat_m: (P, 3) [m]; (0, 3) in a test split.
-        info: as written, e.g. `geodesic_distance`.
+        info: as written, e.g. `geodesic_distance`; RxR has none, but a `role`.
         extra: unknown keys of the episode, as they are.
+        source: the episode's JSON as read, so that writing loses nothing; None for new records.
     """
 
     episode_id: int | str
@@ -50,6 +53,21 @@ class VlnceEpisode:
     reference_path_habitat_m: NDArray[np.float64]
     info: dict[str, Any] = field(default_factory=dict)
     extra: dict[str, Any] = field(default_factory=dict)
+    source: dict[str, Any] | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def unknown_keys(self) -> dict[str, Any]:
+        """What the source says inside `instruction` and `goals` beyond the schema, by key.
+
+        `source_instruction` is RxR's language, annotator, word times, …; `source_goals` has one
+        object per goal. A key is missing where there is nothing.
+        """
+        if self.source is None:
+            return {}
+        told = _without(self.source.get("instruction"), _INSTRUCTION_KEYS)
+        goals = [_without(goal, _GOAL_KEYS) for goal in self.source.get("goals") or ()]
+        found = {"source_instruction": told, "source_goals": goals if any(goals) else None}
+        return {key: value for key, value in found.items() if value}
 
     @property
     def scene_stem(self) -> str:
@@ -63,23 +81,68 @@ class VlnceEpisode:
 
 
 @dataclass(frozen=True)
+class BadEpisode:
+    """An episode of a file that cannot be used.
+
+    Attributes:
+        index: its place in the file's list, from 0.
+        episode_id: as written; None where there is none.
+        reason: one line, without the file's name.
+    """
+
+    index: int
+    episode_id: Any
+    reason: str
+
+    @property
+    def name(self) -> str:
+        """Its id where it has one, and its place."""
+        known = "" if self.episode_id is None else f"{str(self.episode_id)[:40]} "
+        return f"{known}(number {self.index})"
+
+
+@dataclass(frozen=True)
 class VlnceFile:
     """An episode file.
 
     Attributes:
         path: where it was read.
-        episodes: in file order.
+        episodes: the usable ones, in file order.
         vocabulary: the file's `instruction_vocab` as it stands, or None.
         extra: unknown top-level keys, as they are.
+        bad: the episodes that cannot be used, in file order.
+        keys: the document's top-level keys in their order.
     """
 
     path: Path
     episodes: tuple[VlnceEpisode, ...]
     vocabulary: dict[str, Any] | None = None
     extra: dict[str, Any] = field(default_factory=dict)
+    bad: tuple[BadEpisode, ...] = ()
+    keys: tuple[str, ...] = ()
+
+    @property
+    def split(self) -> str:
+        """The split that the file is named for: `R2R/val_unseen.json.gz` → `val_unseen`.
+
+        RxR's `val_unseen_guide.json.gz` is of `val_unseen`, too.
+        """
+        return split_name(self.path)
+
+
+def split_name(path: Path) -> str:
+    """The split that a file is named for; see `VlnceFile.split`."""
+    name = path.name.split(".")[0]
+    for role in ("_guide", "_follower"):
+        name = name.removesuffix(role)
+    return name
 
 
 def scene_stem(scene_id: str) -> str:
     """A scene's name without folders and file type: `mp3d/X/X.glb` → `X`, `home.v2` → itself."""
     path = PurePosixPath(scene_id)
     return path.stem if path.suffix.lower() in _SCENE_SUFFIXES else path.name
+
+
+def _without(value: Any, known: frozenset[str]) -> dict[str, Any]:
+    return {k: v for k, v in value.items() if k not in known} if isinstance(value, dict) else {}

@@ -15,7 +15,10 @@ from ...formats.video.mp4 import check_rgb_codec
 from ...formats.vlnce.files import read_vlnce
 from ...scene_repair.config import RepairConfig
 from ...scene_repair.scan.files import SUFFIXES
+from ...trajectory_sampler.alignment import AlignConfig
 from ...trajectory_sampler.config import SampleConfig
+from ...trajectory_sampler.presets import PRESETS
+from ...trajectory_sampler.stairs import StairRules
 from ..builtin import BuiltIn, parse_builtin
 from ..chain import Chain, Product
 from ..crews import action_timing, chosen_robots, crews, keep, kept
@@ -24,7 +27,8 @@ from ..engine.ledger import Ledger
 from ..engine.run_folder import RunFolder, safe_name
 from ..folders import find_scans
 from ..options.collect import Collect
-from ..stages import repair, report, visibility
+from ..sampling_plan import SamplingPlan, sample_config
+from ..stages import align, repair, report, visibility
 from ..stages.export import check_depth_storage
 from ..summary import show_summary
 from ..views import check_frame_rate, chosen_views
@@ -51,10 +55,14 @@ def run(options: Collect) -> int:
     check_frame_rate(options.frames_per_second)
     check_rgb_codec(options.rgb_codec)
     check_depth_storage(options.depth)
-    count, episode_file = _episodes(options.episodes)
-    sampling = _sampling(options, count)
+    episode_files, preset, count = _episodes(options.episodes)
     instructing = instruct_config(options)
-    sources = _sources(options, episode_file)
+    sources = _sources(options, episode_files)
+    plan = None if episode_files else SamplingPlan.of(options, preset, list(sources))
+    sampling = sample_config(options, count, SampleConfig.robot_radius_m, strict=plan is not None)
+    if plan and plan.instructions and options.count == Collect.count:
+        instructing = replace(instructing, count=plan.instructions)
+    rules = StairRules(tuple(name.strip() for name in options.stair_rules.split(",")))
     repairing = RepairConfig(up=options.up, unit=options.unit)
     with open_context(
         options.out or Path("runs") / _run_name(options, sources), options.workers
@@ -64,13 +72,16 @@ def run(options: Collect) -> int:
             keep(robot, folder.root)
         widest = max(robots, key=lambda robot: robot.footprint_radius_m)
         eye = _eye(context.ledger) or kept(widest.name, folder.root)
-        chain = Chain(folder, context, options.seed, actions, instructing, eye)
+        chain = Chain(
+            folder, context, options.seed, actions, instructing, eye, options.per_instruction
+        )
         scenes = chain.scenes(sources, repairing, options.allow_unsound)
-        if episode_file:
-            asked = chain.aligned(episode_file, scenes)
+        sampling = _roomy(sampling, robots, context.ledger)
+        fitting = AlignConfig(robot_radius_m=_fitting_radius(robots, context.ledger))
+        if episode_files:
+            asked = chain.aligned(episode_files, scenes, rules, fitting)
         else:
-            sampling = _roomy(sampling, robots, context.ledger)
-            asked = chain.sampled(sampling, scenes)
+            asked = chain.sampled(sampling, scenes, plan.quotas if plan else None)
         chain.keep(asked, scenes, pairs)
         for robot, controller in pairs:
             chain.collected(
@@ -87,8 +98,15 @@ def run(options: Collect) -> int:
                     "seed": options.seed,
                     "instructions": asdict(instructing),
                     "scene": Path(options.scenes or options.scene).name,
-                    "episodes": Path(options.episodes).name,
+                    "episodes": ",".join(Path(part).name for part in options.episodes.split(",")),
                     "sampling": asdict(sampling),
+                    **({"splits": asdict(plan)} if plan else {}),
+                    **(
+                        {"stair_rules": asdict(rules), "alignment": asdict(fitting)}
+                        if episode_files
+                        else {}
+                    ),
+                    "per_instruction": options.per_instruction,
                     "frames_per_second": options.frames_per_second,
                     "only_success": options.only_success,
                     "rgb_codec": options.rgb_codec,
@@ -132,7 +150,13 @@ def _roomy(sampling: SampleConfig, robots: Sequence[RobotSpec], ledger: Ledger) 
     return replace(sampling, robot_radius_m=radius_m, end_clearance_m=ends_m)
 
 
-def _sources(options: Collect, episode_file: Path | None) -> Mapping[str, Path | BuiltIn]:
+def _fitting_radius(robots: Sequence[RobotSpec], ledger: Ledger) -> float:
+    """Return the footprint of the widest robot of this run and of earlier runs of the folder."""
+    before = [row.facts.get("robot_radius_m", 0.0) for row in ledger.rows(align.STAGE)]
+    return max([*before, *(robot.footprint_radius_m for robot in robots)])
+
+
+def _sources(options: Collect, episode_files: Sequence[Path]) -> Mapping[str, Path | BuiltIn]:
     """Return the scan, or the building to generate, of each scene id."""
     if options.scenes is None:
         if built := parse_builtin(options.scene, options.seed):
@@ -141,33 +165,31 @@ def _sources(options: Collect, episode_file: Path | None) -> Mapping[str, Path |
         repair.source_digest(source)  # fails early if the file does not exist
         return {safe_name(source.stem): source}
     found = find_scans(options.scenes)
-    if episode_file:
-        named = {episode.scene_stem for episode in read_vlnce(episode_file).episodes}
+    if episode_files:
+        named = {e.scene_stem for file in episode_files for e in read_vlnce(file).episodes}
         found = {name: path for name, path in found.items() if name in named}
     if not found:
-        what = "none of the episodes' scans" if episode_file else "no scan"
+        what = "none of the episodes' scans" if episode_files else "no scan"
         raise InputError(f"SCENES={options.scenes}: contains {what}; valid: {' '.join(SUFFIXES)}")
     return found
 
 
-def _episodes(text: str) -> tuple[int, Path | None]:
-    if text.isdigit() and int(text) > 0:
-        return int(text), None
-    path = Path(text)
-    if path.is_file():
-        return 0, path
-    raise InputError(f"EPISODES={text}: valid: a number above 0, or an existing VLN-CE file")
-
-
-def _sampling(options: Collect, count: int) -> SampleConfig:
-    try:
-        return SampleConfig(
-            count=max(count, 1),
-            min_length_m=options.min_length_m,
-            min_crossings=options.min_crossings,
-        )
-    except ValueError as error:
-        raise InputError(str(error)) from error
+def _episodes(text: str) -> tuple[list[Path], str, int]:
+    """Return what `EPISODES=<text>` means: VLN-CE files, a preset, or a number per scene."""
+    if text.isdecimal() and int(text) > 0:
+        return [], "", int(text)
+    if text in PRESETS:
+        return [], text, 1
+    files = [Path(part.strip()) for part in text.split(",")]
+    if all(file.is_file() for file in files):
+        splits = [read_vlnce(file).split for file in files]
+        if len(set(splits)) < len(splits):
+            raise InputError(f"EPISODES={text}: two files of one split; valid: one per split")
+        return files, "", 1
+    raise InputError(
+        f"EPISODES={text}: valid: a number above 0, {', '.join(PRESETS)}, or existing VLN-CE "
+        "files, one per split"
+    )
 
 
 def _run_name(options: Collect, sources: Mapping[str, Path | BuiltIn]) -> str:

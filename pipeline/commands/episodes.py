@@ -3,45 +3,261 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
+from pathlib import Path
 
 from ...formats.core.errors import InputError
-from ...trajectory_sampler.config import SampleConfig
+from ...formats.scene.bundle import INDEX_NAME
+from ...formats.vlnce.files import read_vlnce, write_episodes
+from ...formats.vlnce.groups import instruction_count
+from ...trajectory_sampler.alignment import AlignConfig
+from ...trajectory_sampler.stairs import StairRules
+from ..engine.context import open_single
+from ..engine.keys import digest
+from ..engine.ledger import Row
+from ..engine.runner import Context, StageSummary, run_stage
 from ..folders import scenes_in
-from ..jobs.episodes import AlignJob, FilterJob, SampleJob
 from ..options.episodes import Align, Filter, Sample
+from ..sampling_plan import SamplingPlan, sample_config
+from ..stages import align, episodes, repair
 from ..summary import tell
+
+PARTS = "parts"  # of results, beside the ledger
 
 
 def run_align(options: Align) -> int:
-    """Align the episodes of one file; return 1 if too many are rejected."""
-    scenes = scenes_in(options.scenes)
-    result = AlignJob(options.episodes, scenes, options.out, all_scenes=True).run()
-    rejected = result.facts["rejected"]
+    """Align the episodes of files; return 1 if too many are rejected.
+
+    Raises:
+        InputError: A tolerance is invalid, or a file or folder cannot be used.
+    """
+    out = _out(options.out, "aligned", len(options.episodes) > 1)
+    config = AlignConfig(
+        robot_radius_m=_radius(options.robot, options.robot_radius_m),
+        max_start_nudge_m=options.max_start_nudge_m,
+        max_goal_nudge_m=options.max_goal_nudge_m,
+        max_waypoint_nudge_m=options.max_waypoint_nudge_m,
+        max_bypassed_share=options.max_bypassed_share,
+        max_floor_gap_m=options.max_floor_gap_m,
+    )
+    scenes = repair.rows_of(options.scenes)
+    files = {read_vlnce(path).path: "" for path in options.episodes}
+    files = {path: digest(path, path.stat().st_size, path.stat().st_mtime_ns) for path in files}
+    with open_single(out, options.workers) as context:
+        parts = _parts(context, [
+            align.part_name(read_vlnce(f).split, s, len(files)) for f in files for s in scenes
+        ])  # fmt: skip
+        items = align.items(files, scenes, options.scenes.resolve(), parts, config)
+        summary = run_stage(context, align.STAGE, items)
+        _raise_if_nothing(summary)
+        none = StageSummary(align.FILTER_STAGE)
+        align.record_rejected(context.ledger, none, summary, files, scenes)
+        made = [parts[name] for name in summary.good() if name in parts]
+        paths, written = episodes.merge(made, _file_of(out, len(files) > 1))
+    if not paths and len(files) == 1:
+        write_episodes(out, [])
+    bad = [[name, why] for f in files for _, name, why in _bad(f)]
+    rejected = [
+        [row.item.removeprefix("episode "), row.error["reason"]]
+        for row in summary.rows
+        if row.status == "quarantined"
+    ]
+    changed: dict[str, int] = {}
+    for row in summary.good().values():
+        for kind, count in row.facts["changed"].items():
+            changed[kind] = changed.get(kind, 0) + count
+    count = instruction_count(paths)
     if not options.json:
+        sys.stdout.writelines(f"unusable {name}: {reason}\n" for name, reason in bad)
         sys.stdout.writelines(f"rejected {name}: {reason}\n" for name, reason in rejected)
-    text = f"{options.out}: {result.facts['episodes']} aligned, {len(rejected)} rejected"
-    tell(options, result.facts, text)
-    return int(len(rejected) > options.max_failed)
+        for kind, number in sorted(changed.items()):
+            sys.stdout.write(f"{kind}: {number} of {len(paths)} paths\n")
+    facts = {
+        "out": str(out),
+        "files": [str(path) for path in written.values()],
+        "episodes": sum(row.facts["episodes"] for row in summary.good().values()),
+        "paths": len(paths),
+        "instructions": count,
+        "rejected": [*bad, *rejected],
+        "changed": changed,
+        "robot_radius_m": config.robot_radius_m,
+    }
+    text = (
+        f"{out}: {facts['episodes']} episodes of {len(paths)} paths aligned for a robot of radius "
+        f"{config.robot_radius_m:g} m, {len(bad) + len(rejected)} rejected"
+    )
+    tell(options, facts, text)
+    return int(len(bad) + len(rejected) > options.max_failed)
 
 
 def run_filter(options: Filter) -> int:
-    """Filter the episodes of one file."""
-    facts = FilterJob(options.episodes, options.out, options.max_step_m).run().facts
-    return tell(options, facts, f"{options.out}: {facts['kept']} kept, {facts['dropped']} dropped")
+    """Filter the episodes of files.
+
+    Raises:
+        InputError: A rule is unknown or lacks its scenes, or a file cannot be used.
+    """
+    several = len(options.episodes) > 1
+    out = _out(options.out, "kept", several)
+    names = tuple(name.strip() for name in options.rules.split(",") if name.strip())
+    rules = StairRules(names, options.combine, options.max_step_m)
+    scenes: dict[str, Row] = {}
+    if options.scenes is not None:
+        scenes = repair.rows_of(options.scenes)
+    with open_single(out, options.workers) as context:
+        items = []
+        for path in options.episodes:
+            target = out / path.name if several else out.resolve()
+            folder = options.scenes.resolve() if options.scenes else None
+            items.append(align.filter_item(path, target, rules, scenes, folder))
+        summary = run_stage(context, align.FILTER_STAGE, items, required=True)
+    lines = []
+    files = {}
+    for row in summary.good().values():
+        lines += filter_lines(row)
+        files[row.facts["split"]] = {k: row.facts[k] for k in ("kept", "dropped", "counts", "bad")}
+    total = {key: sum(one[key] for one in files.values()) for key in ("kept", "dropped")}
+    text = "\n".join([*lines, f"{out}: {total['kept']} kept, {total['dropped']} dropped"])
+    reasons = [r for row in summary.good().values() for r in row.facts["reasons"]]
+    return tell(options, {"out": str(out), **total, "splits": files, "reasons": reasons}, text)
+
+
+def filter_lines(row: Row) -> list[str]:
+    """What the stair filter did to one split, in words: episodes and paths, by reason."""
+    counts, split = row.facts["counts"], row.facts["split"]
+
+    def told(pair: Sequence[int]) -> str:
+        return f"{pair[0]} episodes ({pair[1]} paths)"
+
+    lines = [f"{split}: kept {told(counts['kept'])}, dropped {told(counts['dropped'])}"]
+    lines += [f"  by {rule}: {told(pair)}" for rule, pair in counts["by_rule"].items()]
+    lines += [
+        f"  cannot be judged by {rule}: {told(pair)} without "
+        + ("a repaired scene or a reference path" if rule == "geometric" else "a reference path")
+        + "; kept"
+        for rule, pair in counts["not_judged"].items()
+        if pair[0]
+    ]
+    lines += [f"  unusable {name}: {reason}" for _, name, reason in row.facts["bad"]]
+    return lines
 
 
 def run_sample(options: Sample) -> int:
-    """Sample episodes in one scene."""
-    try:
-        config = SampleConfig(
-            count=options.count,
-            min_length_m=options.min_length_m,
-            max_length_m=options.max_length_m,
-            min_crossings=options.min_crossings,
-            robot_radius_m=options.robot_radius_m,
-            end_clearance_m=max(SampleConfig.end_clearance_m, options.robot_radius_m),
-        )
-    except ValueError as error:
-        raise InputError(str(error)) from error
-    facts = SampleJob(options.scene, options.out, config, options.seed).run().facts
-    return tell(options, facts, f"{options.out}: {facts['episodes']} episodes")
+    """Sample paths in one or several scenes.
+
+    Raises:
+        InputError: An option is invalid, or the scenes do not hold the paths asked for.
+    """
+    folders = _scene_folders(options.scenes)
+    scenes = scene_rows(folders)
+    radius_m = _radius(options.robot, options.robot_radius_m)
+    plan = SamplingPlan.of(options, options.preset, list(scenes))
+    config = sample_config(options, options.count, radius_m, strict=plan is not None)
+    out = _out(options.out, "episodes", plan is not None)
+    with open_single(out, options.workers) as context:
+        parts = _parts(context, list(scenes))
+        items = [
+            episodes.sample_item(
+                row,
+                folder.parent.resolve(),
+                parts[row.item],
+                config,
+                options.seed,
+                plan.quotas.get(row.item) if plan else None,
+            )
+            for row, folder in zip(scenes.values(), folders, strict=True)
+            if plan is None or row.item in plan.quotas
+        ]
+        summary = run_stage(context, episodes.STAGE, items, required=True)
+        if plan:
+            episodes.check_complete(summary.rows, plan.quotas)
+        made = [parts[name] for name in summary.good()]
+        paths, written = episodes.merge(made, _file_of(out, plan is not None))
+    by_split = {s: sum(p.split == s for p in paths) for s in written}
+    dropped: dict[str, int] = {}
+    for row in summary.good().values():
+        for reason, count in row.facts["dropped"].items():
+            dropped[reason] = dropped.get(reason, 0) + count
+    told = ", ".join(f"{count} {split}" for split, count in by_split.items())
+    text = f"{out}: {len(paths)} paths in {len(made)} scene{'s' * (len(made) > 1)}"
+    text += f" ({told})" if plan else ""
+    if dropped:
+        text += "; dropped candidates: "
+        text += ", ".join(f"{count} {reason}" for reason, count in sorted(dropped.items()))
+    if plan and plan.instructions:
+        flags = f"--count {plan.instructions} --per-instruction"
+        text += f"\nfor the published number of episodes: vlnpe instruct … {flags}"
+    facts = {
+        "out": str(out),
+        "files": [str(path) for path in written.values()],
+        "episodes": len(paths),
+        "splits": by_split,
+        "scenes": {row.item: row.facts for row in summary.good().values()},
+        "dropped": dropped,
+    }
+    tell(options, facts, text)
+    return int(summary.quarantined > options.max_failed)
+
+
+def scene_rows(folders: Sequence[Path]) -> dict[str, Row]:
+    """A ledger row for each repaired scene, as if the repair stage had written it.
+
+    The key hashes the scene's index file, which the repair writes last and never changes.
+    """
+    rows: dict[str, Row] = {}
+    for path in (folder.resolve() for folder in folders):
+        if path.name in rows:
+            raise InputError(f"two scenes are named {path.name}; rename one")
+        key = digest(path, (path / INDEX_NAME).read_text())
+        rows[path.name] = Row(repair.STAGE, path.name, key, "done")
+    return rows
+
+
+def _scene_folders(given: Sequence[Path]) -> list[Path]:
+    if not given:
+        raise InputError("no scene; valid: folders of repaired scenes")
+    return [
+        scene
+        for folder in given
+        for scene in ([folder] if (folder / INDEX_NAME).is_file() else scenes_in(folder).values())
+    ]
+
+
+def _radius(robots: str, radius_m: float) -> float:
+    if not robots:
+        return radius_m
+    from ..crews import chosen_robots
+
+    return max(robot.footprint_radius_m for robot in chosen_robots(robots))
+
+
+def _out(given: Path | None, name: str, folder: bool) -> Path:
+    """The output: a folder for several files, else one file."""
+    out = given or Path(name if folder else f"{name}.json.gz")
+    is_file = out.name.endswith((".json", ".json.gz"))
+    if folder and is_file:
+        raise InputError(f"--out {out}: several files are written; valid: a folder")
+    if not folder and out.is_dir():
+        raise InputError(f"--out {out}: is a folder; valid: a file (.json or .json.gz)")
+    if folder:
+        out.mkdir(parents=True, exist_ok=True)
+    return out.resolve()
+
+
+def _file_of(out: Path, folder: bool):
+    """What gives a split's file: in the folder `out`, or `out` itself."""
+    return (lambda split: out / f"{split}.json.gz") if folder else (lambda split: out)
+
+
+def _parts(context: Context, names: Sequence[str]) -> dict[str, Path]:
+    folder = context.ledger.root / PARTS
+    return {name: folder / f"{name}.json.gz" for name in names}
+
+
+def _bad(path: Path) -> list[tuple[int, str, str]]:
+    return [(bad.index, bad.name, bad.reason) for bad in read_vlnce(path).bad]
+
+
+def _raise_if_nothing(summary: StageSummary) -> None:
+    errors = [row.error["reason"] for row in summary.rows if row.status == "quarantined"]
+    if errors and not summary.good():
+        raise InputError(errors[0])

@@ -68,7 +68,9 @@ def run(options: Instruct) -> int:
             cache=(options.cache or out.parent / CACHE).resolve(),
             config=config,
             seed=options.seed,
+            per_instruction=options.per_instruction,
         )
+        keys.append(str(options.per_instruction))
         made = run_output(context, out, instruct.STAGE, instruct.item(out.name, job, *keys)).facts
     failed = lost | made["quarantined"]
     if options.facts is not None:

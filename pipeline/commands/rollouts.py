@@ -12,6 +12,7 @@ from ...collectors.rendering.registry import chosen_renderer
 from ...formats.core.errors import FileFormatError
 from ...formats.video.mp4 import check_rgb_codec
 from ...formats.vlnce.files import read_episodes
+from ...formats.vlnce.groups import group_by_path
 from ..crews import action_timing, chosen_robots, crews, keep, kept
 from ..engine.context import open_context
 from ..engine.ledger import Ledger, Row
@@ -34,7 +35,7 @@ def run_replay(options: Replay) -> int:
     robots = chosen_robots(options.robot)
     pairs = crews(robots, options.controller)
     actions = action_timing(options.action_steps, options.closed_loop)
-    asked = read_episodes(options.episodes)
+    asked = group_by_path(read_episodes(options.episodes))
     scenes = repair.rows_of(options.scenes)
     repair.demand({e.scene_id for e in asked}, scenes, options.scenes)
     summaries = []
@@ -121,7 +122,8 @@ def run_export(options: Export) -> int:
     with open_context(options.out, options.workers) as context:
         for (robot, controller, view), rows in groups.items():
             dataset = export.Dataset.under(context.ledger.root, robot, controller, view)
-            summaries += export.run(context, rows, root, folder, dataset, {}, options.depth)
+            how = (options.depth, options.per_instruction)
+            summaries += export.run(context, rows, root, folder, dataset, {}, *how)
     return _tell(options, summaries)
 
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ...formats.scene.bundle import load_bundle
-from ...formats.vlnce.files import read_vlnce, write_episodes, write_vlnce
-from ...trajectory_sampler.alignment import align_episodes
-from ...trajectory_sampler.sampling import SampleConfig, sample_episodes
-from ...trajectory_sampler.stairs import filter_stairs
+from ...formats.vlnce.files import VlnceFile, read_vlnce, write_episodes, write_vlnce
+from ...trajectory_sampler.alignment import AlignConfig, align_episodes
+from ...trajectory_sampler.config import SampleConfig
+from ...trajectory_sampler.sampling import sample_episodes
+from ...trajectory_sampler.stairs import StairRules, filter_stairs
 from ..engine.work import ItemResult
 
 
@@ -22,23 +24,29 @@ class SampleJob:
 
     Attributes:
         scene: its folder.
-        out: episode file.
-        config: how many, how long, for which robot.
+        out: episode file, of all splits.
+        config: how long, for which robot, …
         seed: of everything random.
+        quotas: paths by split; empty asks for the count and split of `config`.
     """
 
     scene: Path
     out: Path
     config: SampleConfig
     seed: int
+    quotas: Mapping[str, int] = field(default_factory=dict)
 
     def run(self) -> ItemResult:
         """Sample one scene's episodes."""
         rng = np.random.default_rng(self.seed)
-        result = sample_episodes(load_bundle(self.scene), self.config, rng)
+        result = sample_episodes(load_bundle(self.scene), self.config, rng, self.quotas or None)
         write_episodes(self.out, result.episodes)
         facts = {
             "episodes": len(result.episodes),
+            "requested": result.requested,
+            "missing": result.missing,
+            "gap_m": result.gap_m,
+            "enough_at_m": result.enough_at_m,
             "dropped": dict(result.dropped),
             "robot_radius_m": self.config.robot_radius_m,
         }
@@ -52,19 +60,32 @@ class FilterJob:
     Attributes:
         source: VLN-CE file.
         out: VLN-CE file.
-        max_step_m: largest rise between two points of the reference path [m].
+        rules: what counts as a stair.
+        scenes: folders of repaired scenes by name, for the rule `geometric`.
     """
 
     source: Path
     out: Path
-    max_step_m: float
+    rules: StairRules
+    scenes: Mapping[str, Path] = field(default_factory=dict)
 
     def run(self) -> ItemResult:
-        """Write the episodes of `source` whose reference path climbs no stairs."""
-        result = filter_stairs(read_vlnce(self.source), self.max_step_m)
+        """Write the episodes of `source` that climb no stairs."""
+        file = read_vlnce(self.source)
+        named = {episode.scene_stem for episode in file.episodes}
+        bundles = {n: load_bundle(path) for n, path in self.scenes.items() if n in named}
+        result = filter_stairs(file, self.rules, bundles)
         write_vlnce(self.out, result.kept)
         dropped = [[str(d.episode_id), d.reason] for d in result.dropped]
-        facts = {"kept": len(result.kept.episodes), "dropped": len(dropped), "reasons": dropped}
+        facts = {
+            "split": file.split,
+            "kept": len(result.kept.episodes),
+            "dropped": len(dropped),
+            "reasons": dropped,
+            "bad": bad_episodes(file),
+            # Pairs are (episodes, paths).
+            "counts": asdict(result.counts),
+        }
         return ItemResult(facts)
 
 
@@ -76,26 +97,39 @@ class AlignJob:
         source: VLN-CE file.
         scenes: folders of repaired scenes by name.
         out: episode file.
+        config: tolerances, and the robot's footprint.
         all_scenes: reject the episodes of other scenes instead of leaving them out.
     """
 
     source: Path
     scenes: Mapping[str, Path]
     out: Path
+    config: AlignConfig
     all_scenes: bool = False
 
     def run(self) -> ItemResult:
         """Align the episodes of `source` that lie in `scenes`."""
         file = read_vlnce(self.source)
+        wanted = tuple(e for e in file.episodes if e.scene_stem in self.scenes)
         if not self.all_scenes:
-            wanted = tuple(e for e in file.episodes if e.scene_stem in self.scenes)
             file = replace(file, episodes=wanted)
-        bundles = {name: load_bundle(path) for name, path in self.scenes.items()}
-        result = align_episodes(file, bundles)
+        needed = {episode.scene_stem for episode in wanted}
+        bundles = {name: load_bundle(path) for name, path in self.scenes.items() if name in needed}
+        result = align_episodes(file, bundles, self.config)
         write_episodes(self.out, result.episodes)
         facts = {
+            "split": self.config.split or file.split,
             "episodes": len(result.episodes),
+            "paths": result.paths,
             "rejected": [[str(name), reason] for name, reason in result.rejected],
+            "bad": bad_episodes(file),
             "moved": len(result.moved),
+            "changed": result.changed,
+            "robot_radius_m": self.config.robot_radius_m,
         }
         return ItemResult(facts)
+
+
+def bad_episodes(file: VlnceFile) -> list[list[Any]]:
+    """Index, name and reason of a file's unusable episodes, as JSON values."""
+    return [[bad.index, bad.name, bad.reason] for bad in file.bad]

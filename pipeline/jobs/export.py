@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ...formats.core.errors import VlnpeError
 from ...formats.core.licences import licence_id
 from ...formats.lerobot import assemble_dataset, write_episode_unit
 from ...formats.rendered.folder import read_frame_folder
 from ...formats.scene.bundle import load_bundle
+from ...formats.vlnce.groups import per_instruction
 from ..engine.work import ItemResult
 from ..provenance import encoding_facts, episode_facts, provenance
 from .reviewed import reviewed_rollout
@@ -26,6 +28,7 @@ class UnitJob:
         out: unit folder.
         depth_storage: see `DEPTH_STORAGES`.
         review: what people decided about the instructions, if there is such a file.
+        number: which of the path's instructions the unit is of; None keeps all in one unit.
     """
 
     rollout: Path
@@ -33,15 +36,22 @@ class UnitJob:
     out: Path
     depth_storage: str
     review: Path
+    number: int | None = None
 
     def run(self) -> ItemResult:
         """Write one episode's LeRobot unit."""
         seen = read_frame_folder(self.frames)
         recorded = reviewed_rollout(self.rollout, self.review)
+        if self.number is not None:
+            told = per_instruction(recorded.episode)
+            if self.number >= len(told):
+                raise VlnpeError(f"instruction {self.number + 1} was rejected in review")
+            recorded = replace(recorded, episode=told[self.number])
         write_episode_unit(self.out, recorded, seen, depth_storage=self.depth_storage)
         facts = {
             "frames": seen.facts["frames"],
             "scene": seen.facts["scene_id"],
+            "split": recorded.episode.split,
             "made": episode_facts(recorded),
             "encoding": encoding_facts(seen.facts, self.depth_storage),
         }

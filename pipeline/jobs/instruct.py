@@ -13,6 +13,7 @@ from typing import Any
 from ...formats.core.atomic import write_bytes
 from ...formats.scene.visibility import Visibility, read_visibility
 from ...formats.vlnce.files import read_episodes, write_episodes
+from ...formats.vlnce.groups import group_by_path, per_instruction
 from ...instruction_gen.instruct import InstructResult, instruct_episodes
 from ...instruction_gen.records import InstructConfig
 from ..engine.work import ItemResult
@@ -34,6 +35,7 @@ class InstructJob:
         cache: Folder of a language model's answers.
         config: How to write.
         seed: Random seed of the phrasing.
+        per_instruction: Write one episode per instruction; a path then has several.
     """
 
     scenes: Path
@@ -44,6 +46,7 @@ class InstructJob:
     cache: Path
     config: InstructConfig
     seed: int
+    per_instruction: bool = False
 
     def run(self) -> ItemResult:
         """Instruct one file's episodes."""
@@ -53,7 +56,10 @@ class InstructJob:
         result = instruct_episodes(
             asked, self.scenes, self.config, self.seed, sight, cache=self.cache
         )
-        write_episodes(self.out, result.episodes)
+        made = result.episodes
+        if self.per_instruction:
+            made = [one for path in group_by_path(made) for one in per_instruction(path)]
+        write_episodes(self.out, made)
         write_facts(self.facts, result.facts)
         return ItemResult({**summary(result), "cpu_s": round(time.process_time() - started, 2)})
 

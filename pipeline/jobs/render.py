@@ -15,6 +15,7 @@ from ...collectors.robots import get_robot
 from ...formats.core.atomic import atomic_folder
 from ...formats.mcap.rollout import read_rollout
 from ...formats.scene.bundle import SceneBundle, load_bundle
+from ...formats.vlnce.groups import per_instruction
 from ..engine.work import ItemResult
 
 
@@ -64,6 +65,8 @@ class RenderJob:
             "frames": count,
             "rollout": self.relative,
             "scene": self.scene.name,
+            "split": recorded.episode.split,
+            "texts": len(per_instruction(recorded.episode)),
             "end_reason": str(recorded.end_reason),
             "frames_per_second": self.frames_per_second,
         }

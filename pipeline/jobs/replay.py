@@ -17,6 +17,7 @@ from ...formats.core.errors import DivergedError
 from ...formats.core.rollout import EndReason, Rollout
 from ...formats.mcap.rollout import write_rollout
 from ...formats.scene.bundle import load_bundle
+from ...formats.vlnce.groups import instruction_count
 from ..engine.work import ItemResult
 
 TOUCHING = ("contact", "collision_target", "collision_start")  # events with an obstacle
@@ -83,6 +84,8 @@ def store(rollout: Rollout, scene: str, config: ReplayConfig, out: Path) -> Item
     facts = {
         "episode": rollout.episode.episode_id,
         "scene": scene,
+        "split": rollout.episode.split,
+        "instructions": instruction_count([rollout.episode]),
         "robot": rollout.robot,
         "controller": rollout.controller,
         "seed": config.seed,

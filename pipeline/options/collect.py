@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...trajectory_sampler.config import SampleConfig
 from . import Json
+from .episodes import Sampling
 
 
 @dataclass(frozen=True)
-class Collect:
+class Collect(Sampling):
     """Collect a dataset: repair, sample, instruct, replay, render, export, report.
 
     All outputs go into one run folder. Finished work is reused, and changing an option redoes only
@@ -37,12 +37,14 @@ class Collect:
     """Folder of scans. All of them are used, or only those named by the scene ids of the VLN-CE
     file in --episodes."""
     episodes: str = "6"
-    """Number of episodes to sample per scene, or a VLN-CE episode file (.json.gz)."""
-    min_length_m: float = SampleConfig.min_length_m
-    """Minimum geodesic distance from start to goal of sampled episodes [m]; lower it for a
-    single-room scan."""
-    min_crossings: int = SampleConfig.min_crossings
-    """Minimum number of room-to-room transitions per sampled path; use 0 for a single-room scan."""
+    """Number of paths to sample per scene, a preset (gru_vln10, lab_3dgs), a VLN-CE episode file
+    (.json.gz), or several of them, comma-separated, one per split."""
+    stair_rules: str = "step"
+    """Rules by which episodes of a VLN-CE file are dropped, comma-separated: step, geometric, text;
+    see `vlnpe filter`."""
+    per_instruction: bool = False
+    """Write one episode per instruction into episode files and LeRobot datasets. By default a path
+    is one episode that carries all its instructions."""
     camera: str = "ego"
     """Cameras to render: ego, chase, top, or a comma-separated list (ego,chase), each with an
     optional size and field of view (ego:640x480:79). Each camera becomes a separate dataset."""

@@ -12,15 +12,67 @@ from . import Json
 
 
 @dataclass(frozen=True)
+class Sampling:
+    """Options of sampling that `sample` and `collect` share."""
+
+    min_length_m: float = SampleConfig.min_length_m
+    """Minimum geodesic distance from start to goal of sampled paths [m]; the reference path is
+    never shorter. Lower it for a single-room scan."""
+    max_length_m: float = SampleConfig.max_length_m
+    """Maximum length of a sampled reference path [m]; the geodesic distance is never longer."""
+    min_crossings: int = SampleConfig.min_crossings
+    """Minimum number of room-to-room transitions per sampled path; use 0 for a single-room scan."""
+    similarity: str = SampleConfig.similarity
+    """How sampled paths are compared: frechet (greatest distance, keeps other goals and other
+    routes apart) or dtw (mean distance under time warping)."""
+    min_gap_m: float = SampleConfig.min_gap_m
+    """Sampled paths nearer to each other than this are too similar [m]."""
+    family_gap_m: float = SampleConfig.family_gap_m
+    """Paths of different splits in one scene are farther apart than this, both ways [m]."""
+    max_detour: float = SampleConfig.max_detour
+    """Maximum length of a sampled path relative to the shortest one."""
+    max_turning_deg: float | None = SampleConfig.max_turning_deg
+    """Maximum sum of a sampled path's turns [deg]."""
+    heading: str = SampleConfig.heading
+    """Where the robot looks at the start: path (along it) or random."""
+    splits: str = ""
+    """Number of paths per split over all scenes, e.g. train=147,val_seen=37,val_unseen=429.
+    val_seen shares scenes with train, but no similar paths; val_unseen has scenes of its own."""
+    train_scenes: str = ""
+    """Comma-separated scenes to train in, for --splits and presets; default: the first ones."""
+    quota: str = ""
+    """Total number of paths in single scenes, for --splits and presets: home_1=40,home_2=80; the
+    other scenes share the rest."""
+
+
+@dataclass(frozen=True)
 class Align:
     """Transform VLN-CE episodes into the frame of repaired scenes, snapped to free floor."""
 
-    episodes: tyro.conf.Positional[Path]
-    """VLN-CE episode file to read."""
+    episodes: tyro.conf.Positional[tuple[Path, ...]]
+    """VLN-CE episode files to read (R2R or RxR), one per split."""
     scenes: Path
     """Folder of repaired scenes, with one subfolder per scene, named after its scan."""
-    out: Path = Path("aligned.json.gz")
-    """Episode file to write."""
+    out: Path | None = None
+    """Episode file to write (default aligned.json.gz); for several files a folder (default
+    aligned), which gets one file per split."""
+    robot: str = ""
+    """Robots that will walk the episodes, comma-separated; paths keep clear for the widest one.
+    Without it, --robot-radius-m decides."""
+    robot_radius_m: float = 0.30
+    """Clearance that starts, goals and paths need [m], if no robot is named."""
+    max_start_nudge_m: float = 0.5
+    """Farthest that a start in collision may be moved [m]."""
+    max_goal_nudge_m: float = 0.5
+    """Farthest that a goal in collision may be moved; no farther than a start [m]."""
+    max_waypoint_nudge_m: float = 0.5
+    """Farthest that an inner waypoint may be moved; one that needs more is bypassed [m]."""
+    max_bypassed_share: float = 0.5
+    """Greatest share of a path's inner waypoints that may be bypassed."""
+    max_floor_gap_m: float = 1.0
+    """Farthest that a point may lie above or below its floor [m]."""
+    workers: int = 0
+    """Number of worker processes; 0 uses one per core."""
     max_failed: int = 0
     """Maximum number of rejected episodes; exit with code 1 above it."""
     json: Json = False
@@ -31,35 +83,50 @@ class Align:
 class Filter:
     """Drop episodes that climb stairs, detected by height steps in the reference path."""
 
-    episodes: tyro.conf.Positional[Path]
-    """VLN-CE episode file to read."""
-    out: Path = Path("kept.json.gz")
-    """Episode file to write, in the same schema."""
+    episodes: tyro.conf.Positional[tuple[Path, ...]]
+    """VLN-CE episode files to read, one per split."""
+    out: Path | None = None
+    """Episode file to write, in the same schema (default kept.json.gz); for several files a folder
+    (default kept)."""
+    rules: str = "step"
+    """Rules, comma-separated: step (VLN-PE's: a height step in the reference path), geometric (the
+    way leaves its level; needs --scenes), text (the instruction mentions stairs)."""
+    combine: str = "any"
+    """Drop an episode if any of the rules drops it, or only if all do."""
     max_step_m: float = 0.3
-    """Maximum height difference between consecutive reference path points [m]."""
+    """Maximum height difference between consecutive reference points, for the rule step [m]."""
+    scenes: Path | None = None
+    """Folder of repaired scenes, for the rule geometric."""
+    workers: int = 0
+    """Number of worker processes; 0 uses one per core."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""
 
 
 @dataclass(frozen=True)
-class Sample:
-    """Sample new trajectories in a repaired scene."""
+class Sample(Sampling):
+    """Sample new trajectories in repaired scenes."""
 
-    scene: tyro.conf.Positional[Path]
-    """Folder of a repaired scene."""
-    out: Path = Path("episodes.json.gz")
-    """Episode file to write."""
+    scenes: tyro.conf.Positional[tuple[Path, ...]] = ()
+    """Folders of repaired scenes, or of several of them."""
+    out: Path | None = None
+    """Episode file to write (default episodes.json.gz). With --splits or --preset a folder (default
+    episodes), which gets one file per split."""
     count: int = 6
-    """Number of episodes to sample."""
-    min_length_m: float = SampleConfig.min_length_m
-    """Minimum geodesic distance from start to goal [m]; the reference path is never shorter."""
-    max_length_m: float = SampleConfig.max_length_m
-    """Maximum length of the reference path [m]; the geodesic distance is never longer."""
-    min_crossings: int = SampleConfig.min_crossings
-    """Minimum number of room-to-room transitions per path; use 0 for a single-room scan."""
+    """Number of paths to sample per scene, without --splits or --preset."""
+    preset: str = ""
+    """Published sizes: gru_vln10 (147, 37 and 429 paths over ten scenes, three of them trained in)
+    or lab_3dgs (40 and 160 paths in one scene)."""
+    robot: str = ""
+    """Robots that will walk the paths, comma-separated; paths keep clear for the widest one.
+    Without it, --robot-radius-m decides."""
     robot_radius_m: float = SampleConfig.robot_radius_m
-    """Clearance kept at every point of a path [m]."""
+    """Clearance kept at every point of a path [m], if no robot is named."""
     seed: int = 0
     """Random seed."""
+    workers: int = 0
+    """Number of worker processes; 0 uses one per core."""
+    max_failed: int = 0
+    """Maximum number of scenes without any path; exit with code 1 above it."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""

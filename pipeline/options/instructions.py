@@ -33,6 +33,8 @@ class Instruct:
     language model."""
     replace: bool = False
     """Also rewrite existing instructions."""
+    per_instruction: bool = False
+    """Write one episode per instruction. By default a path is one episode that carries all."""
     robot: str = "aliengo"
     """Robot whose camera determines which landmarks are visible along the path, or `none` to use
     the map alone, which is faster."""

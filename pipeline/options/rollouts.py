@@ -96,6 +96,9 @@ class Export:
     """Folder of repaired scenes."""
     out: Path = Path("data")
     """Output folder; datasets are written to lerobot/<dataset>/ and mcap/<dataset>/ in it."""
+    per_instruction: bool = False
+    """Write one LeRobot episode per instruction, each with the same frames. By default a path is
+    one episode that carries all its instructions."""
     only_success: bool = False
     """Export only successful episodes. By default all are exported, each with its end reason."""
     depth: str = "video"

@@ -11,12 +11,12 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, select_autoescape
 
 from ..engine.ledger import Ledger, Row
+from .dataset import dataset_plots, dataset_rows, texts_of
 from .failures import failure_figures
 from .gather import RobotRow, diverged_rows, replay_rows, robot_rows
-from .maps import ScenePaths, map_figure
+from .maps import ScenePaths, map_figure, path_name
 from .pictures import STAGE as PICTURES_STAGE
 from .pictures import Pictures, data_uri
-from .plots import histogram
 
 
 def build_page(root: Path, pictures: Pictures) -> str:
@@ -42,7 +42,8 @@ def build_page(root: Path, pictures: Pictures) -> str:
         failures=failure_figures(rows, diverged_rows(ledger), pictures.clips),
         strips=[_strip(r, picture, ledger) for r, picture in sorted(pictures.strips.items())],
         maps=[map_figure(name, picture, paths) for name, picture in sorted(pictures.maps.items())],
-        plots=_plots(paths),
+        plots=dataset_plots(list(paths.episodes.values())),
+        splits=dataset_rows(list(paths.episodes.values())),
         episode_note=_episode_note(ledger),
         episodes=_episodes(rows, paths),
         scenes=[_scene(root, row) for row in ledger.rows("repair") if row.status == "done"],
@@ -81,22 +82,6 @@ def _strip(robot: str, picture: Path, ledger: Ledger) -> dict[str, str]:
     }
 
 
-def _plots(paths: ScenePaths) -> list[Any]:
-    episodes = list(paths.episodes.values())
-    return [
-        histogram(
-            [e.reference_length_m for e in episodes],
-            "reference path [m]",
-            "Length of the reference paths.",
-        ),
-        histogram(
-            [len(e.instruction.split()) for e in episodes],
-            "words",
-            "Length of the instructions.",
-        ),
-    ]
-
-
 def _episode_note(ledger: Ledger) -> str:
     parts = []
     for row in ledger.rows("sample"):
@@ -107,23 +92,46 @@ def _episode_note(ledger: Ledger) -> str:
             + (f" (candidates dropped: {reasons})" if reasons else "")
         )
     for row in ledger.rows("filter"):
-        kept, dropped = row.facts.get("kept", 0), row.facts.get("dropped", 0)
-        parts.append(f"{row.item}: {kept} kept, {dropped} dropped for stairs")
+        parts += filter_notes(row.facts)
     for row in ledger.rows("align"):
         if row.status == "done":
-            moved = row.facts["moved"]
-            parts.append(f"{row.item}: {row.facts['episodes']} aligned, {moved} starts moved")
+            facts = row.facts
+            changed = ", ".join(f"{n} {what}" for what, n in facts.get("changed", {}).items() if n)
+            of = f"{facts['episodes']} episodes of {facts.get('paths', '?')} paths"
+            note = f"{row.item}: {of} aligned"
+            parts.append(f"{note} ({changed})" if changed else note)
     return ". ".join(parts) + "." if parts else ""
+
+
+def filter_notes(facts: Mapping[str, Any]) -> list[str]:
+    """What the stair filter did to one split, in words: episodes and paths, by rule."""
+    if "counts" not in facts:
+        return []
+    counts, split = facts["counts"], facts["split"]
+
+    def told(pair: Sequence[int]) -> str:
+        return f"{pair[0]} episodes ({pair[1]} paths)"
+
+    notes = [f"{split}: {told(counts['kept'])} kept, {told(counts['dropped'])} dropped for stairs"]
+    notes += [f"by {rule}: {told(pair)}" for rule, pair in counts["by_rule"].items() if pair[0]]
+    notes += [
+        f"{told(pair)} cannot be judged by {rule} and are kept"
+        for rule, pair in counts["not_judged"].items()
+        if pair[0]
+    ]
+    return notes
 
 
 def _episodes(rows: Sequence[Row], paths: ScenePaths) -> list[dict[str, Any]]:
     """Return every episode with each robot's outcome."""
     walks: dict[str, list[dict[str, Any]]] = {}
     for row in rows:
-        walks.setdefault(row.facts["episode"], []).append(_walk(row))
+        walks.setdefault(path_name(row), []).append(_walk(row))
     return [
         {
-            "id": name,
+            "id": paths.episodes[name].episode_id,
+            "split": paths.episodes[name].split,
+            "told": len(texts_of(paths.episodes[name])),
             "path": paths.episodes[name].reference_length_m,
             "instruction": paths.episodes[name].instruction,
             "walks": walks[name],

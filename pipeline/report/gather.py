@@ -22,7 +22,9 @@ class RobotRow:
     Attributes:
         robot, controller: Robot and controller names.
         driven: the controller, and how it carried discrete actions out.
-        episodes: how many were tried.
+        episodes: how many paths were tried; a path is walked once for all its instructions.
+        instructions: how many those paths carry.
+        sr_by_instruction: SR where a path counts once for each of its instructions.
         collected: that ended within 0.25 m of the goal; SR, OS, SPL follow VLN-CE.
         tl: mean length walked.
         ne: mean over the episodes whose goal could still be reached from where they ended.
@@ -39,6 +41,8 @@ class RobotRow:
     controller: str
     driven: str
     episodes: int
+    instructions: int
+    sr_by_instruction: float
     collected: float
     tl: float | None
     ne: float | None
@@ -96,11 +100,16 @@ def _robot_row(robot: str, controller: str, facts: list[dict[str, Any]], diverge
         values = [m[key] for m in metrics if m[key] is not None]
         return scale * fmean(values) if values else None
 
+    # Diverged episodes carry as many instructions as nobody recorded; each counts as one.
+    texts = [max(1, f.get("instructions", 1)) for f in facts]
+    good = sum(n * bool(m["success"]) for n, m in zip(texts, metrics, strict=True))
     return RobotRow(
         robot=robot,
         controller=controller,
         driven=driven(controller, facts),
         episodes=tried,
+        instructions=sum(texts) + diverged,
+        sr_by_instruction=100 * good / (sum(texts) + diverged),
         collected=100 * ends[EndReason.SUCCESS] / tried,
         tl=mean("trajectory_length_m"),
         ne=mean("navigation_error_m"),

@@ -37,7 +37,7 @@ class Track:
 
 @dataclass(frozen=True)
 class ScenePaths:
-    """Episodes by id, and all tracks."""
+    """Episodes by `path_name`, and all tracks."""
 
     episodes: dict[str, Episode]
     tracks: tuple[Track, ...]
@@ -54,11 +54,16 @@ class ScenePaths:
         episodes, tracks = {}, []
         for row in rows:
             rollout = read_rollout(root / row.outputs[0])
-            episodes[rollout.episode.episode_id] = rollout.episode
+            episodes[path_name(row)] = rollout.episode
             xy = rollout.position_world_m[::TRACK_STEP, :2]
             scene = str(row.facts["scene"])
             tracks.append(Track(rollout.episode, scene, rollout.robot, xy, str(rollout.end_reason)))
         return ScenePaths(episodes, tuple(tracks))
+
+
+def path_name(row: Row) -> str:
+    """The name of a replay's path, the same for every robot and controller."""
+    return row.item.rsplit("/", 1)[-1]
 
 
 def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
@@ -95,9 +100,9 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
             x, y = walked[-1].round(1).tolist()
             size = round(1.6 * width, 1)
             crosses.append({"x": x, "y": y, "r": size, "title": title, "robot": number})
-        if track.episode.episode_id in seen:
+        if (track.episode.split, track.episode.episode_id) in seen:
             continue
-        seen.add(track.episode.episode_id)
+        seen.add((track.episode.split, track.episode.episode_id))
         title = track.episode.episode_id
         reference = pixels(track.episode.reference_path_world_m[:, :2])
         lines.append(_line(reference, REFERENCE, 0.4 * width, f"reference of {title}", True))

@@ -1,4 +1,4 @@
-"""Stages `filter` and `align`: from a user's VLN-CE file to episodes in repaired scenes."""
+"""Stages `filter` and `align`: from users' VLN-CE files to episodes in repaired scenes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ...formats.core.atomic import file_digest
-from ...formats.vlnce.files import VlnceFile, read_vlnce
+from ...formats.vlnce.files import read_vlnce
+from ...trajectory_sampler.alignment import AlignConfig
+from ...trajectory_sampler.stairs import GEOMETRIC, StairRules
 from ..engine.ledger import Ledger, Row
 from ..engine.runner import StageSummary
 from ..engine.work import WorkItem, work_item
@@ -14,52 +16,105 @@ from ..jobs.episodes import AlignJob, FilterJob
 
 STAGE = "align"
 FILTER_STAGE = "filter"
-MAX_STEP_M = 0.3  # the public rule of VLN-PE
 
 
-def filter_item(source: Path, out: Path) -> WorkItem:
+def filter_item(
+    source: Path,
+    out: Path,
+    rules: StairRules,
+    scenes: Mapping[str, Row] | None = None,
+    scenes_folder: Path | None = None,
+) -> WorkItem:
     """Filter the stair episodes out of a VLN-CE file.
+
+    Args:
+        source: the user's file.
+        out: file to write.
+        rules: what counts as a stair.
+        scenes: rows of the repair stage by scene id, for the rule `geometric`.
+        scenes_folder: of the repaired scenes.
 
     Raises:
         FileFormatError: not an episode file.
     """
     read_vlnce(source)  # say at once what is wrong with the user's file
-    job = FilterJob(source, out, MAX_STEP_M)
-    inputs = (file_digest(source), MAX_STEP_M)
+    known = (scenes or {}) if GEOMETRIC in rules.rules else {}
+    folders = {name: scenes_folder / name for name in known} if scenes_folder else {}
+    job = FilterJob(source, out, rules, folders)
+    inputs = (file_digest(source), rules, {name: row.key for name, row in known.items()})
     return work_item(FILTER_STAGE, source.name, job, (out,), *inputs)
 
 
 def items(
-    source: Path, filtered: Row, scenes: Mapping[str, Row], folder: Path, outs: Mapping[str, Path]
+    sources: Mapping[Path, str],
+    scenes: Mapping[str, Row],
+    folder: Path,
+    outs: Mapping[str, Path],
+    config: AlignConfig,
 ) -> list[WorkItem]:
-    """One item per scene that the filtered file `source` names and that was repaired."""
-    named = {episode.scene_stem for episode in read_vlnce(source).episodes}
+    """One item per file and scene that it names and that was repaired.
+
+    Args:
+        sources: what each file's content depends on, by file.
+        scenes: rows of the repair stage by scene id.
+        folder: of the repaired scenes.
+        outs: filled with the episode file of each item, by its name.
+        config: tolerances, and the footprint of the widest robot.
+    """
     result = []
-    for scene in sorted(named & scenes.keys()):
-        job = AlignJob(source, {scene: folder / scene}, outs[scene])
-        inputs = (filtered.key, scenes[scene].key)
-        result.append(work_item(STAGE, scene, job, (outs[scene],), *inputs))
+    for source, made in sources.items():
+        file = read_vlnce(source)
+        named = {episode.scene_stem for episode in file.episodes}
+        for scene in sorted(named & scenes.keys()):
+            name = part_name(file.split, scene, len(sources))
+            job = AlignJob(source, {scene: folder / scene}, outs[name], config)
+            inputs = (made, scenes[scene].key, config)
+            result.append(work_item(STAGE, name, job, (outs[name],), *inputs))
     return result
 
 
+def part_name(split: str, scene: str, files: int) -> str:
+    """The name of one scene's share of a file; of one among several files, with its split."""
+    return scene if files == 1 else f"{split}@{scene}"
+
+
 def record_rejected(
-    ledger: Ledger, summary: StageSummary, source: Path, scenes: Mapping[str, Row]
+    ledger: Ledger,
+    filtered: StageSummary,
+    aligned: StageSummary,
+    sources: Mapping[Path, str],
+    scenes: Mapping[str, Row],
 ) -> None:
-    """Quarantine, episode by episode, what could not be aligned or has no scene."""
-    reasons = {
-        name: reason for row in summary.good().values() for name, reason in row.facts["rejected"]
-    }
-    file: VlnceFile = read_vlnce(source)
-    for episode in file.episodes:
-        if episode.scene_stem not in scenes:
-            known = ", ".join(sorted(scenes)) or "none"
-            reasons[str(episode.episode_id)] = (
-                f"scene {episode.scene_id!r} was not given or not repaired; repaired: {known}"
+    """Quarantine, episode by episode, what could not be read or aligned, or has no scene."""
+    for row in filtered.good().values():
+        for _, name, reason in row.facts.get("bad", ()):
+            _quarantine(
+                ledger, filtered, _named(row, name, len(sources)), "FileFormatError", reason
             )
-    for name, reason in sorted(reasons.items()):
-        error = {"type": "SceneError", "reason": reason}
-        row = Row(STAGE, f"episode {name}", "", "quarantined", error=error)
-        ledger.add(row)
-        summary.rows.append(row)
-        summary.quarantined += 1
+    for row in aligned.good().values():
+        for name, reason in row.facts["rejected"]:
+            _quarantine(ledger, aligned, _named(row, name, len(sources)), "SceneError", reason)
+    known = ", ".join(sorted(scenes)) or "none"
+    for source in sources:
+        file = read_vlnce(source)
+        for episode in file.episodes:
+            if episode.scene_stem not in scenes:
+                reason = (
+                    f"scene {episode.scene_id!r} was not given or not repaired; repaired: {known}"
+                )
+                name = str(episode.episode_id)
+                name = name if len(sources) == 1 else f"{file.split}/{name}"
+                _quarantine(ledger, aligned, name, "SceneError", reason)
     ledger.save()
+
+
+def _named(row: Row, name: str, files: int) -> str:
+    return name if files == 1 else f"{row.facts['split']}/{name}"
+
+
+def _quarantine(ledger: Ledger, summary: StageSummary, name: str, kind: str, reason: str) -> None:
+    error = {"type": kind, "reason": reason}
+    row = Row(summary.stage, f"episode {name}", "", "quarantined", error=error)
+    ledger.add(row)
+    summary.rows.append(row)
+    summary.quarantined += 1

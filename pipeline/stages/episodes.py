@@ -2,24 +2,102 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from ...formats.core.episode import Episode
+from ...formats.core.errors import InputError
 from ...formats.vlnce.files import read_episodes, write_episodes
-from ...trajectory_sampler.sampling import SampleConfig
+from ...formats.vlnce.groups import group_by_path, per_instruction
+from ...trajectory_sampler.config import SampleConfig
 from ..engine.ledger import Row
 from ..engine.work import WorkItem, work_item
 from ..jobs.episodes import SampleJob
 
-
-def sample_item(scene: Row, scenes: Path, out: Path, config: SampleConfig, seed: int) -> WorkItem:
-    """Sample trajectories in one repaired scene into the episode file `out`."""
-    job = SampleJob(scenes / scene.item, out, config, seed)
-    return work_item("sample", scene.item, job, (out,), scene.key, config, seed)
+STAGE = "sample"
 
 
-def merge(parts: list[Path], out: Path) -> list[Episode]:
-    """Join episode files into one, in order."""
-    episodes = [episode for part in parts for episode in read_episodes(part)]
-    write_episodes(out, episodes)
-    return episodes
+def sample_item(
+    scene: Row,
+    scenes: Path,
+    out: Path,
+    config: SampleConfig,
+    seed: int,
+    quotas: Mapping[str, int] | None = None,
+) -> WorkItem:
+    """Sample trajectories in one repaired scene into the episode file `out`.
+
+    Args:
+        scene: row of the repair stage.
+        scenes: folder of the repaired scenes.
+        out: episode file, of all splits.
+        config: what to sample.
+        seed: of all randomness.
+        quotas: paths by split; by default the count and split of `config`.
+    """
+    job = SampleJob(scenes / scene.item, out, config, seed, dict(quotas or {}))
+    inputs = (scene.key, config, seed, dict(quotas or {}))
+    return work_item(STAGE, scene.item, job, (out,), *inputs)
+
+
+def check_complete(rows: Iterable[Row], planned: Mapping[str, Mapping[str, int]]) -> None:
+    """Raise unless every scene holds the paths that were planned for it.
+
+    Raises:
+        InputError: names each scene that cannot hold its share, how many it holds, and what would.
+    """
+    found = {row.item: row for row in rows}
+    problems = []
+    for scene, quotas in planned.items():
+        total = sum(quotas.values())
+        row = found.get(scene)
+        if row is None or row.status != "done":
+            reason = row.error.get("reason", "") if row else "it was not sampled"
+            problems.append(f"{scene} holds none of {total} paths ({reason})")
+        elif row.facts["missing"]:
+            problems.append(_shortage(row, quotas))
+    if problems:
+        raise InputError(
+            "; ".join(problems) + ". Also: --quota SCENE=N gives a scene fewer and the others "
+            "more, --min-length-m and --min-crossings allow more paths, larger scenes hold more"
+        )
+
+
+def _shortage(row: Row, quotas: Mapping[str, int]) -> str:
+    facts, total = row.facts, sum(quotas.values())
+    missing = ", ".join(f"{n} of {quotas[s]} {s}" for s, n in facts["missing"].items())
+    enough = facts["enough_at_m"]
+    help_text = (
+        f"it holds them at --min-gap-m {enough:g}"
+        if enough
+        else "it does not hold them at any gap; fewer or shorter paths are needed"
+    )
+    return (
+        f"{row.item} holds {facts['episodes']} of {total} paths that differ by "
+        f"{facts['gap_m']:g} m (missing {missing}): {help_text}"
+    )
+
+
+def merge(
+    parts: Sequence[Path], out: Callable[[str], Path], expand: bool = False
+) -> tuple[list[Episode], dict[str, Path]]:
+    """Join episode files into one per split; episodes of one path become one record in memory.
+
+    Args:
+        parts: episode files, in order.
+        out: the file of a split.
+        expand: write one episode per instruction; otherwise the files have the parts' own
+            episodes.
+
+    Returns:
+        The paths of all splits, each to be walked once, and the files by split.
+    """
+    by_split: dict[str, list[Episode]] = {}
+    for part in parts:
+        for episode in read_episodes(part):
+            by_split.setdefault(episode.split, []).append(episode)
+    files = {split: out(split) for split in by_split}
+    for split, episodes in by_split.items():
+        told = [one for e in episodes for one in per_instruction(e)] if expand else episodes
+        write_episodes(files[split], told)
+    return [path for episodes in by_split.values() for path in group_by_path(episodes)], files

@@ -11,7 +11,7 @@ from ...formats.core.errors import UnknownNameError
 from ...formats.core.rollout import EndReason
 from ...formats.core.source import code_digest
 from ...formats.lerobot.features import DEPTH_STORAGES
-from ...formats.lerobot.splits import held_out_scenes
+from ...formats.lerobot.splits import held_out_scenes, is_published_holdout
 from ...formats.scene.bundle import INDEX_NAME
 from ...formats.vlnce.files import read_episodes
 from ...instruction_gen.review.decisions import DecisionFile
@@ -77,6 +77,7 @@ def run(
     dataset: Dataset,
     facts: Mapping[str, Any],
     depth_storage: str = "video",
+    per_instruction: bool = False,
 ) -> list[StageSummary]:
     """Export one robot's rendered episodes: units, MCAP files, and the dataset of the units.
 
@@ -90,9 +91,10 @@ def run(
         dataset: where it goes.
         facts: configuration and seeds for the provenance.
         depth_storage: see `check_depth_storage`.
+        per_instruction: make one LeRobot episode of each instruction, with the same frames.
     """
     out = context.ledger.root
-    items = unit_items(frames, root, dataset, depth_storage)
+    items = unit_items(frames, root, dataset, depth_storage, per_instruction)
     units = run_stage(context, STAGE, items, dataset.scope)
     items = mcap_items(frames, root, scenes, dataset, depth_storage)
     summaries = [units, run_stage(context, MCAP_STAGE, items, dataset.scope)]
@@ -111,17 +113,32 @@ def check_depth_storage(name: str) -> None:
 
 
 def unit_items(
-    frames: Mapping[str, Row], root: Path, dataset: Dataset, depth_storage: str
+    frames: Mapping[str, Row],
+    root: Path,
+    dataset: Dataset,
+    depth_storage: str,
+    per_instruction: bool = False,
 ) -> list[WorkItem]:
-    """Return one item per LeRobot unit; `frames` are rows of the render stage by item."""
+    """Return one item per LeRobot unit: of an episode, or of each of its instructions.
+
+    Args:
+        frames: rows of the render stage by item.
+        root: folder of the render stage's ledger.
+        dataset: where the units go.
+        depth_storage: see `check_depth_storage`.
+        per_instruction: make one unit of each instruction.
+    """
     reviewed = review_digests(root)
+    review = root / REVIEW_NAME
     result = []
     for name, row in frames.items():
-        out = dataset.units / name.rsplit("/", 1)[1]
         rollout = root / str(row.facts["rollout"])
-        job = UnitJob(rollout, root / row.outputs[0], out, depth_storage, root / REVIEW_NAME)
-        inputs = (row.key, depth_storage, reviewed(out.name))
-        result.append(work_item(STAGE, name, job, (out,), *inputs))
+        for number in range(row.facts["texts"]) if per_instruction else (None,):
+            item = f"{name}.{number + 1}" if number else name
+            out = dataset.units / item.rsplit("/", 1)[1]
+            job = UnitJob(rollout, root / row.outputs[0], out, depth_storage, review, number)
+            inputs = (row.key, depth_storage, reviewed(name.rsplit("/", 1)[1]), number)
+            result.append(work_item(STAGE, item, job, (out,), *inputs))
     return result
 
 
@@ -154,7 +171,7 @@ def mcap_items(
 ) -> list[WorkItem]:
     """Return one item per MCAP file with images."""
     reviewed = review_digests(root)
-    held_out = tuple(sorted(held_out_scenes(_scene_names(scenes))))
+    held_out = tuple(sorted(held_out_scenes(_divided(frames, scenes))))
     result = []
     for name, row in frames.items():
         out = dataset.mcap / f"{name.rsplit('/', 1)[1]}.mcap"
@@ -187,7 +204,7 @@ def dataset_item(
         facts: configuration and seeds for the provenance.
     """
     rows = list(units.values())
-    all_scenes = _scene_names(scenes)
+    all_scenes = _divided(units, scenes)
     used = tuple(scenes / name for name in sorted({str(row.facts["scene"]) for row in rows}))
     job = DatasetJob(
         tuple(root / row.outputs[0] for row in rows),
@@ -201,6 +218,12 @@ def dataset_item(
     )
     inputs = ([row.key for row in rows], all_scenes, dict(facts))
     return work_item(DATASET_STAGE, dataset.name, job, (dataset.lerobot,), *inputs)
+
+
+def _divided(rows: Mapping[str, Row], scenes: Path) -> tuple[str, ...]:
+    """The scenes of which some are to validate: none where the episodes' source says what does."""
+    own = any(is_published_holdout(str(row.facts.get("split", ""))) for row in rows.values())
+    return () if own else _scene_names(scenes)
 
 
 def _scene_names(scenes: Path) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -58,10 +59,20 @@ def items(
     # Each robot's replays depend on its own gait alone.
     gait = [file_digest(path) for path in policy_files(robot)] if robot.policy_joints else None
     result = []
-    for episode in episodes:
-        name = f"{robot.name}/{config.controller}/{safe_name(episode.episode_id)}"
+    for episode, own in zip(episodes, item_names(episodes), strict=True):
+        name = f"{robot.name}/{config.controller}/{own}"
         out = rollouts / f"{name}.mcap"
         job = ReplayJob(scenes_folder / episode.scene_id, episode, config, models, out)
         inputs = (episode, scenes[episode.scene_id].key, who, gait)
         result.append(work_item(STAGE, name, job, (out,), *inputs))
     return result
+
+
+def item_names(episodes: Sequence[Episode]) -> list[str]:
+    """A file name for each episode: its id, with its split where several splits use the same id."""
+    names = [safe_name(episode.episode_id) for episode in episodes]
+    count = Counter(names)
+    return [
+        name if count[name] == 1 else safe_name(f"{episode.split}-{name}")
+        for name, episode in zip(names, episodes, strict=True)
+    ]

@@ -24,6 +24,7 @@ def item(source: Row, scenes: Path, episodes: Path, out: Path, robot: str, every
         every: also along paths that have an instruction already.
     """
     spec = get_robot(robot)
-    job = LookJob(scenes / source.item, episodes, out, robot, every)
+    scene = source.item.rsplit("@", 1)[-1]  # of several files, items are named split@scene
+    job = LookJob(scenes / scene, episodes, out, robot, every)
     inputs = (source.key, spec.name, spec.content_sha256, every)
     return work_item(STAGE, source.item, job, (out,), *inputs)

@@ -304,6 +304,18 @@ def test_no_trajectory_is_on_both_sides(by: str, scenes: int) -> None:
     assert hold_out(recipe_of(recipe(holdout=by)), reversed(trajectories)) == found
 
 
+def test_published_splits_are_what_is_held_out() -> None:
+    trajectories = [f"scene{n % 4}/{n}" for n in range(20)]
+    published = {"scene1/5", "scene3/7"}
+    for by in ("auto", "split"):
+        found = hold_out(recipe_of(recipe(holdout=by)), trajectories, published)
+        assert (found.by, found.trajectories) == ("split", published)
+        assert found.scenes == ("scene1", "scene3")
+    with pytest.raises(InputError, match="no episode has a published"):
+        hold_out(recipe_of(recipe(holdout="split")), trajectories)
+    assert hold_out(recipe_of(recipe(holdout="scene")), trajectories, published).by == "scene"
+
+
 @pytest.mark.parametrize(
     ("train", "told"),
     [

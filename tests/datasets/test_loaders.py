@@ -7,16 +7,18 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch.nn.utils.rnn import pad_packed_sequence
 
-from tests.support.lerobot_data import DEPTH, RGB, write_units
+from tests.support.lerobot_data import DEPTH, RGB, write_unit, write_units
 from tests.support.rollouts import make_frames
 from tests.support.training_data import WORDS, make_walk, write_dataset
 from vlnpe.datasets.episode_index import read_index
+from vlnpe.datasets.instructions import Telling
 from vlnpe.datasets.local import open_dataset
 from vlnpe.datasets.navigation import NavigationConfig, NavigationDataset
 from vlnpe.datasets.poses import future_poses, relative
@@ -29,6 +31,7 @@ from vlnpe.formats.lerobot import FileLimits, assemble_dataset
 from vlnpe.formats.rendered.discrete_steps import discrete_steps, execute
 from vlnpe.formats.rendered.table import build_frame_table, integrate_motion
 from vlnpe.formats.vlnce.files import write_episodes
+from vlnpe.formats.vlnce.groups import group_by_path
 
 pytestmark = pytest.mark.usefixtures("offline")
 SECONDS = (3.0, 0.0, 4.5, 2.0)
@@ -266,3 +269,37 @@ def test_damage_is_named(root: Path, tokens: Tokens, tmp_path: Path, damage: str
         sequences = EpisodeSequences(select_all([read_index(copy)]), tokens)
         for number in range(4):
             sequences[number]
+
+
+def test_any_of_a_path_s_instructions_is_drawn_by_seed_and_epoch(
+    tokens: Tokens, tmp_path: Path
+) -> None:
+    units = []
+    for number in range(6):
+        walk = make_walk(number, "aliengo", 0.5)
+        members = [
+            replace(walk.episode, episode_id=f"{number}-{k}", instruction=f"{text} {number}")
+            for k, text in enumerate(WORDS)
+        ]
+        members = [replace(m, extra={}) for m in members]
+        (path,) = group_by_path(members)
+        units.append(write_unit(tmp_path, replace(walk, episode=path), number))
+    out = tmp_path / "set"
+    assemble_dataset(units, out, provenance={}, licence="mit", title="x")
+    index = read_index(out)
+    entries = [index.entry(row) for row in range(6)]
+    assert entries[2].instructions == tuple(f"{text} 2" for text in WORDS)
+    table = pq.read_table(out / "meta/episodes/chunk-000/file-000.parquet")
+    assert table["instruction_episode_ids"][2].as_py() == ["2-0", "2-1", "2-2"]
+    assert [Telling().text(e) for e in entries] == [e.instructions[0] for e in entries]
+    drawn = [[Telling("any", 3, epoch).text(e) for e in entries] for epoch in range(60)]
+    assert drawn[4] == [Telling("any", 3, 4).text(e) for e in entries]
+    for number, entry in enumerate(entries):
+        assert {texts[number] for texts in drawn} == set(entry.instructions)
+    told = EpisodeSequences(
+        select_all([index]), tokens, SequenceConfig(images=False), Telling("any")
+    )
+    expected = tokens.encode(Telling("any").text(entries[1]))
+    assert told[1]["tokens"].tolist() == expected.tolist()
+    with pytest.raises(UnknownNameError, match="own"):
+        Telling("all")

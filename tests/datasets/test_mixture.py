@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.support.training_data import write_dataset
+from tests.support.lerobot_data import write_unit
+from tests.support.training_data import make_walk, write_dataset
 from vlnpe.datasets.mixture.loader import MixtureLoader
 from vlnpe.datasets.mixture.plan import Library, choose, plan_mixture
 from vlnpe.datasets.mixture.recipe import FOLDER, Recipe, Source, read_recipe, recipe_of
@@ -22,6 +24,7 @@ from vlnpe.datasets.mixture.sampler import MixtureSampler
 from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig, collate_sequences
 from vlnpe.datasets.tokens import training_tokens
 from vlnpe.formats.core.errors import FileFormatError, InputError
+from vlnpe.formats.lerobot import assemble_dataset
 from vlnpe.pipeline.cli import main
 
 EPISODES = {"h1": 6, "aliengo": 8, "vlnce": 5}
@@ -307,3 +310,26 @@ def test_wrong_calls_end_with_code_2(
     path.write_text(json.dumps(missing))
     assert main(["mix", str(path), "--data", str(runs), "--dry-run"]) == 2
     assert "8 × robot aliengo" in capsys.readouterr().err
+
+
+def test_published_splits_are_not_trained_on(tmp_path: Path) -> None:
+    units = []
+    (tmp_path / "units").mkdir()
+    for number, split in enumerate(("train", "train", "val_seen", "val_unseen", "val")):
+        walk = make_walk(number, "h1", 0.5)
+        walk = replace(walk, episode=replace(walk.episode, split=split))
+        units.append(write_unit(tmp_path / "units", walk, number, camera_name="ego"))
+    out = tmp_path / "lerobot" / "h1"
+    assemble_dataset(units, out, provenance={}, licence="mit", title="h1")
+    assert json.loads((out / "meta/splits.json").read_text())["val_seen"] == [2]
+    library, value = Library(tmp_path), recipe(sources={"all": {}}, mixtures={"m": ["all"]})
+    (source,) = plan_mixture(recipe_of(value), "m", library).sources
+    assert set(source.selection.labels("split")) == {"train", "val"}
+    assert source.rows[0].dropped == {
+        "published hold-out val_seen": 1, "published hold-out val_unseen": 1,
+    }  # fmt: skip
+    # Who names a split gets it; what is not for training gets all.
+    value["sources"] = {"all": {"splits": ["val_seen"]}}
+    (source,) = plan_mixture(recipe_of(value), "m", library).sources
+    assert list(source.selection.labels("split")) == ["val_seen"]
+    assert len(choose(Source(), "all", library)[0]) == 5

@@ -24,6 +24,7 @@ from vlnpe.formats.vlnce.files import (
     write_episodes,
     write_vlnce,
 )
+from vlnpe.formats.vlnce.load import FileLimits
 
 PUBLIC = {
     "episodes": [
@@ -127,11 +128,130 @@ def test_positions_must_be_finite_numbers(tmp_path, value):
         read_vlnce(save(tmp_path / "bad.json", document))
 
 
-def test_repeated_ids_are_refused(tmp_path):
+def test_repeated_ids_are_quarantined(tmp_path):
     document = copy.deepcopy(PUBLIC)
     document["episodes"] *= 2
-    with pytest.raises(FileFormatError, match="twice"):
-        read_vlnce(save(tmp_path / "twice.json", document))
+    file = read_vlnce(save(tmp_path / "twice.json", document))
+    assert [e.episode_id for e in file.episodes] == [1]
+    assert [(b.index, b.episode_id) for b in file.bad] == [(1, 1)]
+    assert "twice" in file.bad[0].reason
+
+
+BAD_VALUES = {
+    "missing field": lambda e: e.pop("start_rotation"),
+    "NaN": lambda e: e["reference_path"][0].__setitem__(0, float("nan")),
+    "wrong type": lambda e: e.__setitem__("instruction", "Walk out."),
+    "number as text": lambda e: e["goals"][0].__setitem__("position", ["1", "2", "3"]),
+    "boolean as number": lambda e: e["start_position"].__setitem__(0, True),
+}
+
+
+@pytest.mark.parametrize("how", BAD_VALUES)
+def test_one_bad_episode_does_not_cost_the_others(tmp_path, how):
+    document = copy.deepcopy(PUBLIC)
+    document["episodes"] = [copy.deepcopy(PUBLIC["episodes"][0]) for _ in range(3)]
+    for k, episode in enumerate(document["episodes"]):
+        episode["episode_id"] = 10 + k
+    BAD_VALUES[how](document["episodes"][1])
+    path = save(tmp_path / "a.json.gz", document)
+    file = read_vlnce(path)
+    assert [e.episode_id for e in file.episodes] == [10, 12]
+    (bad,) = file.bad
+    assert (bad.index, bad.episode_id) == (1, 11)
+    assert bad.name == "11 (number 1)"
+    with pytest.raises(FileFormatError, match="11"):
+        read_vlnce(path, strict=True)
+
+
+@pytest.mark.parametrize(
+    "scene_id", ["/etc/passwd.glb", "mp3d/../../x.glb", "C:\\scans\\x.glb", "a\\..\\..\\x.glb"]
+)
+def test_scene_ids_that_leave_their_folder_are_refused(tmp_path, scene_id):
+    document = copy.deepcopy(PUBLIC)
+    document["episodes"].append({**document["episodes"][0], "episode_id": 2, "scene_id": scene_id})
+    with pytest.raises(FileFormatError, match="leads out of the folder"):
+        read_vlnce(save(tmp_path / "a.json", document))
+
+
+RXR = {
+    "episodes": [
+        {
+            "reference_path": [[2, 0.1, -1.5], [-0.5, 0.1, 4.0]],
+            "episode_id": "4",
+            "trajectory_id": "17",
+            "novel": {"z": 1, "a": [None, {"y": 0, "b": 1}]},
+            "scene_id": "mp3d/zsNo4HB9uLZ/zsNo4HB9uLZ.glb",
+            "start_position": [2, 0.1, -1.5],
+            "start_rotation": [0, 0.5, 0, 0.866],
+            "info": {"role": "guide"},
+            "goals": [{"radius": 3, "position": [-0.5, 0.1, 4.0], "of": "tomorrow"}],
+            "instruction": {
+                "instruction_id": "11",
+                "language": "hi-IN",
+                "timed_instruction": [{"word": "आप", "start_time": 0.1, "end_time": 0.4}],
+                "instruction_text": "आप चलिए",
+                "annotator_id": "3",
+            },
+        },
+        {
+            "episode_id": "5",
+            "trajectory_id": "18",
+            "scene_id": "mp3d/X/X.glb",
+            "start_position": [0, 0, 0],
+            "start_rotation": [0, 0, 0, 1],
+            "instruction": {"instruction_text": "Test.", "instruction_tokens": None},
+            "goals": None,
+            "reference_path": None,
+        },
+    ],
+    "novel": 1,
+    "instruction_vocab": {"word_list": []},
+}
+
+
+def test_rxr_comes_back_key_by_key_in_its_order(tmp_path):
+    source = save(tmp_path / "val_unseen_guide.json.gz", RXR)
+    file = read_vlnce(source)
+    assert file.split == "val_unseen"
+    assert file.episodes[0].unknown_keys["source_instruction"]["language"] == "hi-IN"
+    assert file.episodes[0].unknown_keys["source_goals"] == [{"of": "tomorrow"}]
+    assert file.episodes[1].unknown_keys == {}
+    write_vlnce(tmp_path / "back.json", file)
+    assert (tmp_path / "back.json").read_text() == json.dumps(RXR, ensure_ascii=False)
+
+
+def test_a_changed_record_is_written_changed(tmp_path):
+    file = read_vlnce(save(tmp_path / "a.json", RXR))
+    moved = replace(
+        file.episodes[0],
+        start_position_habitat_m=np.array([9.0, 0.1, -1.5]),
+        info={"role": "guide", "checked": True},
+    )
+    write_vlnce(tmp_path / "back.json", replace(file, episodes=(moved,)))
+    (episode,) = json.loads((tmp_path / "back.json").read_text())["episodes"]
+    expected = copy.deepcopy(RXR["episodes"][0])
+    expected["start_position"][0] = 9.0
+    expected["info"]["checked"] = True
+    assert list(episode) == list(expected)
+    assert episode == expected
+
+
+def test_bombs_are_refused(tmp_path):
+    path = save(tmp_path / "a.json.gz", PUBLIC)
+    for limits, complaint in [
+        (FileLimits(bytes=100), "decompressed"),
+        (FileLimits(containers=3), "lists and objects"),
+        (FileLimits(depth=3), "nested"),
+        (FileLimits(episodes=0), "1 episodes"),
+    ]:
+        with pytest.raises(FileFormatError, match=complaint):
+            read_vlnce(path, limits=limits)
+    document = copy.deepcopy(PUBLIC)
+    document["episodes"][0]["instruction"]["instruction_text"] = "[{" * 500
+    assert len(read_vlnce(save(path, document)).episodes) == 1  # brackets of a text nest nothing
+    document["episodes"][0]["deep"] = json.loads("[" * 200 + "]" * 200)
+    with pytest.raises(FileFormatError, match="nested"):
+        read_vlnce(save(path, document))
 
 
 @pytest.mark.parametrize(

@@ -15,8 +15,9 @@ from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.core.frames import world_to_habitat_position, world_to_habitat_rotation
 from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.formats.vlnce.files import VlnceEpisode, VlnceFile, VlnceGoal, read_vlnce, write_episodes
+from vlnpe.formats.vlnce.groups import group_by_path, instruction_ids
 from vlnpe.trajectory_sampler.alignment import AlignConfig, align_episodes
-from vlnpe.trajectory_sampler.stairs import filter_stairs, steep_step
+from vlnpe.trajectory_sampler.stairs import StairRules, filter_stairs, steep_step
 from vlnpe.wayfinding.planning import segments_free
 
 CONFIG = AlignConfig()
@@ -210,16 +211,16 @@ def test_filter_keeps_order_and_says_which_step():
     assert result.kept.extra == {"kept_key": 1}
     assert result.kept.vocabulary == {"word_list": []}
     (dropped,) = result.dropped
-    assert (dropped.episode_id, dropped.step) == (2, 1)
-    assert dropped.height_m == pytest.approx(0.4)
+    assert dropped.episode_id == 2
+    assert set(dropped.reasons) == {"step"}
     assert "points 1 and 2" in dropped.reason
     assert "0.40" in dropped.reason
-    assert len(filter_stairs(file, 0.5).dropped) == 0
+    assert len(filter_stairs(file, StairRules(max_step_m=0.5)).dropped) == 0
 
 
 def test_filter_refuses_a_threshold_that_drops_everything():
     with pytest.raises(InputError, match="0"):
-        filter_stairs(VlnceFile(Path("a.json"), ()), 0.0)
+        StairRules(max_step_m=0.0)
 
 
 @given(st.lists(st.floats(-3, 3), min_size=1, max_size=20), st.floats(0.05, 1.0))
@@ -231,3 +232,106 @@ def test_reported_step_is_the_first_too_high(heights, limit):
     else:
         assert sizes[step] > limit
         assert np.all(sizes[:step] <= limit + 1e-9)
+
+
+def test_each_rule_and_their_combinations(two_rooms):
+    tower = {"two_rooms": TwoLevels(two_rooms)}
+    ramp = [(1.0, 1.0, 0.0)] + [(4.0 + 0.1 * k, 2.0, 0.25 * k) for k in range(13)]
+    file = VlnceFile(
+        Path("val_seen.json.gz"),
+        (
+            foreign(GOOD, name=1, trajectory_id=1, instruction_text="Pass the stairs."),
+            foreign(GOOD, name=2, trajectory_id=1, instruction_text="Take three steps, then stop."),
+            # Small steps add up to the next level: only the scene tells.
+            foreign(ramp, name=3, trajectory_id=2, instruction_text="Go upstairs."),
+            foreign([(1.0, 1.0, 0.0), (2.0, 1.0, 0.5)], name=4, trajectory_id=3),
+        ),
+    )
+
+    def dropped(rules, combine="any"):
+        result = filter_stairs(file, StairRules(rules, combine), tower)
+        return [d.episode_id for d in result.dropped], result.counts
+
+    assert dropped(("step",))[0] == [4]
+    assert dropped(("geometric",))[0] == [3]
+    assert dropped(("text",))[0] == [1, 3]
+    ids, counts = dropped(("step", "geometric", "text"))
+    assert ids == [1, 3, 4]
+    # (episodes, paths): the path of episode 1 is kept with its other episode.
+    assert (counts.kept, counts.dropped) == ((1, 1), (3, 3))
+    assert counts.by_rule == {"step": (1, 1), "geometric": (1, 1), "text": (2, 2)}
+    assert dropped(("geometric", "text"), "all")[0] == [3]
+
+
+def test_a_test_split_cannot_be_judged(two_rooms):
+    test_split = foreign(GOOD, goals=(), reference_path_habitat_m=np.zeros((0, 3)))
+    file = VlnceFile(Path("test.json.gz"), (test_split,))
+    result = filter_stairs(file)
+    assert len(result.kept.episodes) == 1
+    assert result.counts.not_judged == {"step": (1, 1)}
+    elsewhere = VlnceFile(Path("a.json"), (foreign(GOOD, scene_id="mp3d/x/x.glb"),))
+    judged = filter_stairs(elsewhere, StairRules(("geometric",)), {"two_rooms": two_rooms})
+    assert judged.counts.not_judged == {"geometric": (1, 1)}
+    with pytest.raises(InputError, match="--scenes"):
+        filter_stairs(file, StairRules(("geometric",)))
+
+
+def test_a_blocked_waypoint_is_bypassed_and_recorded(two_rooms):
+    blocked = (6.8, 0.6, 0.0)  # inside the sofa
+    path = [(1.0, 1.0, 0.0), (4.0, 2.0, 0.0), blocked, (6.5, 3.0, 0.0)]
+    result = align(foreign(path), bundles={"two_rooms": two_rooms})
+    (episode,) = result.episodes
+    changes = episode.extra["alignment"]
+    assert [one["waypoint"] for one in changes["bypassed"]] == [2]
+    assert changes["bypassed"][0]["position_world_m"] == list(blocked)
+    assert result.changed["waypoints bypassed"] == 1
+    freemap = two_rooms.freemap(0)
+    whole = episode.reference_path_world_m
+    assert segments_free(freemap.grid, freemap.free(0.3), whole).all()
+    assert np.allclose(whole[-1, :2], path[-1][:2])
+
+
+def test_too_many_blocked_waypoints_are_another_path(two_rooms):
+    path = [(1.0, 1.0, 0.0), (6.8, 0.6, 0.0), (6.9, 0.6, 0.0), (6.5, 3.0, 0.0)]
+    result = align(foreign(path), bundles={"two_rooms": two_rooms})
+    assert "waypoints 1, 2" in result.rejected[0][1]
+
+
+def test_snaps_in_height_are_recorded_with_their_size(two_rooms):
+    result = align(foreign(GOOD), bundles={"two_rooms": two_rooms})
+    snaps = result.episodes[0].extra["alignment"]["height_snaps"]
+    assert snaps == [
+        {"point": "start", "moved_m": -0.05},
+        {"point": "waypoint 0", "moved_m": -0.05},
+        {"point": "waypoint 2", "moved_m": 0.04},
+    ]
+    flat = align(foreign([(x, y, 0.02) for x, y, _ in GOOD]), bundles={"two_rooms": two_rooms})
+    assert flat.episodes[0].extra["alignment"]["height_snaps"] == []
+
+
+def test_a_wider_robot_moves_what_a_narrow_one_leaves(two_rooms):
+    path = [(1.0, 0.42, 0.0), *GOOD[1:]]
+    bundles = {"two_rooms": two_rooms}
+    narrow = align(foreign(path), bundles=bundles)
+    wide = align(foreign(path), bundles=bundles, config=AlignConfig(robot_radius_m=0.45))
+    assert narrow.moved == []
+    assert wide.moved
+    assert wide.episodes[0].extra["alignment"]["robot_radius_m"] == 0.45
+    (nudge, *_) = wide.episodes[0].extra["alignment"]["nudges"]
+    assert nudge["point"] == "start"
+    assert nudge["moved_m"] == pytest.approx(wide.moved[0][1], abs=1e-4)
+
+
+def test_goals_are_moved_no_farther_than_starts():
+    with pytest.raises(InputError, match="goals"):
+        AlignConfig(max_start_nudge_m=0.2, max_goal_nudge_m=0.3)
+
+
+def test_episodes_of_one_path_are_fitted_once(two_rooms):
+    told = [foreign(GOOD, name=k, instruction_text=f"Text {k}.") for k in range(3)]
+    result = align(*told, foreign(GOOD[::-1], name=9), bundles={"two_rooms": two_rooms})
+    assert (len(result.episodes), result.paths) == (4, 2)
+    assert [e.instruction for e in result.episodes[:3]] == ["Text 0.", "Text 1.", "Text 2."]
+    groups = group_by_path(result.episodes)
+    assert [len(g.extra["instructions"]) for g in groups[:1]] == [3]
+    assert instruction_ids(groups[0]) == ["0", "1", "2"]

@@ -53,7 +53,7 @@ class House:
         freemap = self.scene.freemap(level)
         way = plan_path(freemap, start, goal, RADIUS_M)
         assert way is not None
-        return simplify_path(freemap, way, RADIUS_M, 1.5, 0.03)
+        return simplify_path(freemap, way, radius_m=RADIUS_M, spacing_m=1.5, tolerance_m=0.03)
 
 
 @pytest.fixture(scope="module")

@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import re
 import shutil
+from collections import Counter
 from dataclasses import replace
+from itertools import combinations, product
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from vlnpe.formats.core.errors import InputError, SceneError
 from vlnpe.formats.core.frames import wrap_angle
-from vlnpe.formats.core.geometry import path_length
+from vlnpe.formats.core.geometry import path_length, resample
 from vlnpe.formats.scene.bundle import LabeledObject, load_bundle
 from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
-from vlnpe.trajectory_sampler.config import SampleConfig
+from vlnpe.trajectory_sampler.config import MEASURES, SampleConfig
 from vlnpe.trajectory_sampler.sampling import LEAST_GAP_M, sample_episodes
-from vlnpe.trajectory_sampler.similarity import path_gap
+from vlnpe.trajectory_sampler.similarity import PathIndex, path_gap, stations
 from vlnpe.wayfinding.crossings import crossings
 from vlnpe.wayfinding.distance import AGENT_RADIUS_M, distance_field
 from vlnpe.wayfinding.planning import path_clearance, segments_free
@@ -76,13 +81,14 @@ def test_episodes_survive_their_file(two_rooms, tmp_path):
 
 
 def test_too_many_asked_for_gives_fewer_and_says_why(two_rooms):
-    result = sample(two_rooms, count=60)
-    assert 2 <= len(result.episodes) < 60
+    result = sample(two_rooms, count=900, min_length_m=6.0, patience=3)
+    assert 2 <= len(result.episodes) < 900
+    assert result.missing == {"train": 900 - len(result.episodes)}
     assert result.dropped["too_similar"] > 0
-    assert f"{len(result.episodes)} of 60" in result.summary
+    assert f"{len(result.episodes)} of 900" in result.summary
     paths = [e.reference_path_world_m for e in result.episodes]
-    for k, path in enumerate(paths):
-        assert path_gap(path, paths[:k] + paths[k + 1 :]) >= LEAST_GAP_M
+    for a, b in combinations(paths, 2):
+        assert path_gap(a, b) >= LEAST_GAP_M
 
 
 @pytest.mark.parametrize(
@@ -219,12 +225,131 @@ def test_crossings_ignore_short_visits(two_rooms):
     assert found[0].along_m == pytest.approx(3.0, abs=0.2)
 
 
-def test_gap_tells_the_way_back_from_the_way_there():
+@pytest.mark.parametrize("measure", MEASURES)
+def test_gap_tells_the_way_back_from_the_way_there(measure):
     path = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0]])
-    assert path_gap(path, [path]) == pytest.approx(0.0)
-    assert path_gap(path, [path[::-1]]) > 4.0
-    assert path_gap(path, [path + np.array([0.0, 0.7, 0.0])]) == pytest.approx(0.7)
-    assert path_gap(path, []) == np.inf
+    assert path_gap(path, path, measure) == pytest.approx(0.0)
+    assert path_gap(path, path[::-1], measure) > 4.0
+    assert path_gap(path, path + np.array([0.0, 0.7, 0.0]), measure) == pytest.approx(0.7)
+
+
+def test_another_goal_is_another_path_by_frechet():
+    path = np.array([[0.0, 0.0], [10.0, 0.0]])
+    longer = np.array([[0.0, 0.0], [12.0, 0.0]])
+    assert path_gap(path, longer) == pytest.approx(2.0)
+    assert path_gap(path, longer, "dtw") < 0.3
+    # A detour on the way counts, too: the dog's leash must reach across it.
+    round_the_table = np.array([[0.0, 0.0], [5.0, 3.0], [10.0, 0.0]])
+    assert path_gap(path, round_the_table) == pytest.approx(3.0, abs=0.2)
+
+
+lines = arrays(
+    np.float64, st.tuples(st.integers(2, 4), st.just(2)), elements=st.floats(-4, 4, width=16)
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(lines, min_size=1, max_size=12), st.sampled_from(MEASURES), st.floats(0.3, 4))
+def test_the_index_finds_what_comparing_all_finds(paths, measure, reach_m):
+    index = PathIndex(reach_m, measure)
+    for path in paths[1:]:
+        index.add(stations(path))
+    expected = {
+        k: gap
+        for k, other in enumerate(paths[1:])
+        if (gap := path_gap(paths[0], other, measure)) < reach_m
+    }
+    assert index.near(stations(paths[0])) == pytest.approx(expected)
+
+
+@pytest.fixture(scope="module")
+def divided(two_rooms):
+    quotas = {"train": 6, "val_seen": 3}
+    config = replace(CONFIG, min_length_m=4.0, min_gap_m=0.8, family_gap_m=1.2, relax=False)
+    return sample_episodes(two_rooms, config, np.random.default_rng(0), quotas)
+
+
+def test_quotas_are_filled_and_splits_share_no_family(divided):
+    assert Counter(e.split for e in divided.episodes) == {"train": 6, "val_seen": 3}
+    assert divided.missing == {}
+    paths = {s: [e for e in divided.episodes if e.split == s] for s in ("train", "val_seen")}
+    for a, b in product(paths["train"], paths["val_seen"]):
+        path, other = a.reference_path_world_m, b.reference_path_world_m
+        assert path_gap(path, other) >= 1.2
+        assert path_gap(path, other[::-1]) >= 1.2
+        assert a.extra["similarity_group"] != b.extra["similarity_group"]
+    for a, b in combinations(divided.episodes, 2):
+        assert path_gap(a.reference_path_world_m, b.reference_path_world_m) >= 0.8
+
+
+def test_what_a_scene_cannot_hold_is_missing_and_the_advice_is_true(two_rooms):
+    config = replace(CONFIG, count=40, min_length_m=4.0, min_gap_m=2.0, relax=False, patience=10)
+    result = sample_episodes(two_rooms, config, np.random.default_rng(0))
+    assert result.missing["train"] == 40 - len(result.episodes) > 0
+    for a, b in combinations(result.episodes, 2):
+        assert path_gap(a.reference_path_world_m, b.reference_path_world_m) >= 2.0
+    assert result.enough_at_m is not None
+    followed = replace(config, min_gap_m=result.enough_at_m, patience=30)
+    assert sample_episodes(two_rooms, followed, np.random.default_rng(0)).missing == {}
+
+
+def test_waypoints_keep_their_clearance(two_rooms):
+    for episode in sample(two_rooms).episodes:
+        told = episode.extra["waypoints"]
+        points = np.array(told["position_world_m"])
+        steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        assert steps[:-1] == pytest.approx(0.25, abs=0.02)
+        assert points[-1] == pytest.approx(episode.goal_position_world_m, abs=1e-3)
+        cells = two_rooms.freemap(0).grid.cell_of(points[:, :2])
+        real = two_rooms.freemap(0).clearance_m[cells[:, 0], cells[:, 1]]
+        assert np.array(told["clearance_m"]) == pytest.approx(real, abs=0.05)
+        assert min(told["clearance_m"]) >= CONFIG.robot_radius_m
+
+
+@pytest.mark.parametrize("heading", ["path", "random"])
+def test_the_ideal_agent_s_actions_lead_to_the_goal(two_rooms, heading):
+    for episode in sample(two_rooms, heading=heading, count=6, min_gap_m=0.5).episodes:
+        x, y, yaw = *episode.start_position_world_m[:2], episode.start_yaw_rad
+        path = episode.reference_path_world_m[:, :2]
+        *actions, stop = episode.extra["actions"]
+        assert (stop, 0 in actions) == (0, False)
+        for action in actions:
+            if action == 1:
+                x, y = x + 0.25 * np.cos(yaw), y + 0.25 * np.sin(yaw)
+                assert np.linalg.norm(resample(path, 0.05) - (x, y), axis=1).min() < 0.15
+            else:
+                yaw += np.deg2rad(15) * (1 if action == 2 else -1)
+        assert np.hypot(*(path[-1] - (x, y))) < 0.2
+        assert episode.extra["start_heading"] == heading
+
+
+def test_paths_that_turn_too_much_are_dropped_and_counted(two_rooms):
+    result = sample(two_rooms, max_turning_deg=12.0, count=3)
+    assert all(e.extra["turning_deg"] <= 12.0 for e in result.episodes)
+    assert result.dropped["turning"] > 0
+
+
+def test_every_component_counts(two_rooms, tmp_path):
+    """With the door closed both rooms are used, not only the larger one."""
+    root = tmp_path / "closed"
+    shutil.copytree(two_rooms.root, root)
+    path = root / "levels" / "0" / "freemap.npz"
+    content = dict(np.load(path))
+    grid = two_rooms.freemap(0).grid
+    x = grid.center_of(np.stack(np.indices(grid.shape), axis=-1))[..., 0]
+    blocked = (x > 3.7) & (x < 4.3)
+    np.savez(path, **{**content, "traversable": content["traversable"] & ~blocked})
+    result = sample(load_bundle(root), count=6, min_length_m=2.0, min_crossings=0, min_gap_m=0.8)
+    sides = {bool(e.start_position_world_m[0] > 4.0) for e in result.episodes}
+    assert sides == {True, False}
+    for episode in result.episodes:
+        assert len(set(episode.reference_path_world_m[:, 0] > 4.0)) == 1
+
+
+def test_lengths_are_spread_over_what_the_scene_has(two_rooms):
+    result = sample(two_rooms, count=12, min_length_m=3.0, min_gap_m=0.5, min_crossings=0)
+    bins = Counter(int(e.reference_length_m // 2.0) for e in result.episodes)
+    assert set(bins) >= {2, 3}
 
 
 def test_walls_thinner_than_a_cell_are_walls(unlabelled):
@@ -280,7 +405,7 @@ def test_a_small_room_gives_as_many_as_asked_for(small_room):
     result = sample(small_room, count=4, min_length_m=1.5, min_crossings=0)
     assert len(result.episodes) == 4
     paths = [e.reference_path_world_m for e in result.episodes]
-    assert all(path_gap(p, paths[:k]) >= 0.4 for k, p in enumerate(paths) if k)
+    assert all(path_gap(a, b) >= 0.4 for a, b in combinations(paths, 2))
 
 
 @pytest.fixture

@@ -1,0 +1,42 @@
+"""Which of a path's instructions an item gets."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+from ..formats.core.errors import UnknownNameError
+from .episode_index import EpisodeEntry
+
+OWN, ANY = "own", "any"
+CHOICES = (OWN, ANY)
+
+
+@dataclass(frozen=True)
+class Telling:
+    """How a path that has several instructions is told.
+
+    Attributes:
+        choice: `own` is the episode's first text, always; `any` draws one of all its texts.
+        seed: of the draws.
+        epoch: another one draws anew; `replace` it between passes over the data.
+    """
+
+    choice: str = OWN
+    seed: int = 0
+    epoch: int = 0
+
+    def __post_init__(self) -> None:
+        if self.choice not in CHOICES:
+            raise UnknownNameError("choice of instructions", self.choice, CHOICES)
+
+    def text(self, entry: EpisodeEntry) -> str:
+        """The instruction of an episode; the same for every robot, worker and order of items."""
+        if self.choice == OWN or len(entry.instructions) < 2:
+            return entry.instructions[0]
+        name = f"{self.seed}/{self.epoch}/{entry.uid}".encode()
+        drawn = int.from_bytes(hashlib.blake2b(name, digest_size=8).digest())
+        return entry.instructions[drawn % len(entry.instructions)]
+
+
+OWN_TEXT = Telling()

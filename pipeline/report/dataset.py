@@ -1,0 +1,152 @@
+"""The dataset in figures, split by split: lengths, words, actions, rooms, and a word cloud."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from statistics import fmean
+from typing import Any
+
+from ...formats.core.episode import Episode
+from ...formats.core.rollout import Action
+from ...formats.vlnce.groups import TEXTS
+from ...trajectory_sampler.ideal import ideal_actions
+from .svg import Plot, bars, step_histogram, word_cloud
+
+# R2R's paths (Anderson et al., "Vision-and-language navigation", 2018) are 10 m long on average.
+R2R_MEAN_M = 10.0
+# Words that say nothing of a place or a motion.
+_FILLING = frozenset(
+    [
+        "a",
+        "an",
+        "and",
+        "are",
+        "as",
+        "at",
+        "be",
+        "by",
+        "for",
+        "from",
+        "have",
+        "in",
+        "into",
+        "is",
+        "it",
+        "its",
+        "of",
+        "off",
+        "on",
+        "once",
+        "one",
+        "or",
+        "out",
+        "so",
+        "that",
+        "the",
+        "their",
+        "then",
+        "there",
+        "this",
+        "to",
+        "until",
+        "up",
+        "when",
+        "where",
+        "which",
+        "will",
+        "with",
+        "you",
+        "your",
+    ]
+)
+
+
+def dataset_plots(episodes: Sequence[Episode]) -> list[Plot]:
+    """Figures of the paths that were walked, one curve per split."""
+    splits = sorted({e.split for e in episodes})
+    by_split = {split: [e for e in episodes if e.split == split] for split in splits}
+    texts = {split: [t for e in some for t in texts_of(e)] for split, some in by_split.items()}
+    lengths = {split: [e.reference_length_m for e in some] for split, some in by_split.items()}
+    words = {split: [len(text.split()) for text in told] for split, told in texts.items()}
+    rooms = {split: _rooms_crossed(some) for split, some in by_split.items()}
+    plots = [
+        Plot(
+            step_histogram(lengths, "reference path [m]", "paths", marks={"R2R mean": R2R_MEAN_M}),
+            f"Length of the reference paths. {_means(lengths, 'm')}",
+        ),
+        Plot(
+            step_histogram(words, "words", "instructions"),
+            f"Length of the instructions. {_means(words, 'words')}",
+        ),
+        Plot(bars(_actions(by_split), "share of steps"), _actions_note(by_split)),
+    ]
+    if any(rooms.values()):
+        caption = f"Passages from room to room per path. {_means(rooms, '')}"
+        plots.append(Plot(step_histogram(rooms, "rooms crossed", "paths", width=1.0), caption))
+    for split, told in texts.items():
+        if told:
+            caption = f"Words of the instructions of {split}, without filling words."
+            plots.append(Plot(word_cloud(count_words(told)), caption))
+    return plots
+
+
+def dataset_rows(episodes: Sequence[Episode]) -> list[dict[str, Any]]:
+    """One row per split: how many paths, instructions, scenes and similarity groups."""
+    rows = []
+    for split in sorted({e.split for e in episodes}):
+        some = [e for e in episodes if e.split == split]
+        groups = {e.extra["similarity_group"] for e in some if "similarity_group" in e.extra}
+        rows.append(
+            {
+                "split": split,
+                "paths": len(some),
+                "instructions": sum(len(texts_of(e)) for e in some),
+                "scenes": len({e.scene_id for e in some}),
+                "groups": len(groups) or None,
+                "length": fmean(e.reference_length_m for e in some),
+            }
+        )
+    return rows
+
+
+def texts_of(episode: Episode) -> list[str]:
+    """All instructions of a path."""
+    return episode.extra.get(TEXTS) or [text for text in [episode.instruction] if text]
+
+
+def count_words(texts: Sequence[str]) -> Counter[str]:
+    """How often each word occurs that says something."""
+    found = re.findall(r"[^\W\d_]{2,}(?:['’-][^\W\d_]+)*", " ".join(texts).lower())
+    return Counter(word for word in found if word not in _FILLING)
+
+
+def _rooms_crossed(episodes: Sequence[Episode]) -> list[float]:
+    return [len(e.extra["crossings"]) for e in episodes if "crossings" in e.extra]
+
+
+def _actions(by_split: dict[str, list[Episode]]) -> dict[str, dict[str, float]]:
+    result = {}
+    for split, episodes in by_split.items():
+        counted = Counter(a for e in episodes for a in _steps(e))
+        total = max(1, counted.total())
+        result[split] = {a.name: counted[int(a)] / total for a in Action}
+    return result
+
+
+def _steps(episode: Episode) -> Sequence[int]:
+    told = episode.extra.get("actions")
+    if told:
+        return told
+    return ideal_actions(episode.reference_path_world_m, episode.start_yaw_rad)
+
+
+def _actions_note(by_split: dict[str, list[Episode]]) -> str:
+    steps = {split: [len(_steps(e)) for e in some] for split, some in by_split.items()}
+    return f"Actions of an ideal agent (0.25 m, 15°). {_means(steps, 'steps per path')}"
+
+
+def _means(values: dict[str, list[Any]], unit: str) -> str:
+    told = [f"{s} {fmean(v):.1f}" for s, v in values.items() if v]
+    return f"Mean: {', '.join(told)}{f' {unit}' if unit else ''}." if told else ""

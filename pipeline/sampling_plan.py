@@ -1,0 +1,93 @@
+"""What `sample` and `collect` are asked to sample, and where."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from ..formats.core.errors import InputError
+from ..trajectory_sampler.config import SampleConfig
+from ..trajectory_sampler.presets import (
+    choose_seen,
+    get_preset,
+    parse_quotas,
+    parse_splits,
+    plan_quotas,
+)
+from .options.episodes import Sampling
+
+
+@dataclass(frozen=True)
+class SamplingPlan:
+    """Paths of several splits over several scenes.
+
+    Attributes:
+        splits: paths by split.
+        train_scenes: the scenes that are trained in.
+        quotas: paths by split, by scene.
+        instructions: per path; 0 if the user did not ask for a published set.
+    """
+
+    splits: Mapping[str, int]
+    train_scenes: tuple[str, ...]
+    quotas: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
+    instructions: int = 0
+
+    @staticmethod
+    def of(options: Sampling, preset: str, scenes: Sequence[str]) -> SamplingPlan | None:
+        """The plan that options ask for; None where every scene gives as many as the others.
+
+        Raises:
+            InputError: an unknown preset, or splits that do not fit the scenes.
+        """
+        if preset and options.splits:
+            raise InputError(f"--splits {options.splits} and the preset {preset}: give one of them")
+        if not preset and not options.splits:
+            for name in ("quota", "train_scenes"):
+                if value := getattr(options, name):
+                    flag = name.replace("_", "-")
+                    raise InputError(f"--{flag} {value}: only with --splits or a preset")
+            return None
+        published = get_preset(preset) if preset else None
+        if published and len(scenes) != published.scenes:
+            raise InputError(
+                f"the preset {preset} needs {published.scenes} scene"
+                f"{'s' * (published.scenes > 1)}, not {len(scenes)}; for other numbers give "
+                f"--splits {','.join(f'{s}={n}' for s, n in published.splits.items())}"
+            )
+        splits = dict(published.splits) if published else parse_splits(options.splits)
+        named = [name.strip() for name in options.train_scenes.split(",") if name.strip()]
+        seen = choose_seen(splits, scenes, published.seen if published else 0, named)
+        quotas = plan_quotas(splits, scenes, seen, parse_quotas(options.quota))
+        count = published.instructions if published else 0
+        return SamplingPlan(splits, tuple(seen), quotas, count)
+
+
+def sample_config(options: Sampling, count: int, radius_m: float, strict: bool) -> SampleConfig:
+    """What to sample in each scene.
+
+    Args:
+        options: of the command.
+        count: paths per scene, where no plan says how many.
+        radius_m: footprint of the widest robot [m].
+        strict: never take paths that are more similar than asked for.
+
+    Raises:
+        InputError: an option is invalid.
+    """
+    return SampleConfig(
+        count=count,
+        robot_radius_m=radius_m,
+        end_clearance_m=max(SampleConfig.end_clearance_m, radius_m),
+        min_length_m=options.min_length_m,
+        max_length_m=options.max_length_m,
+        min_crossings=options.min_crossings,
+        similarity=options.similarity,
+        min_gap_m=options.min_gap_m,
+        family_gap_m=options.family_gap_m,
+        max_detour=options.max_detour,
+        max_turning_deg=options.max_turning_deg,
+        heading=options.heading,
+        relax=not strict,
+        patience=60 if strict else SampleConfig.patience,
+    )

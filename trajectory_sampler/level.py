@@ -1,0 +1,137 @@
+"""One level of a scene with what sampling needs of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import shortest_path
+from skimage.measure import label
+
+from ..formats.scene.bundle import SceneBundle
+from ..formats.scene.freemap import Freemap
+from ..wayfinding.distance import distance_field
+from ..wayfinding.regions import RegionMap, region_map
+from .config import SampleConfig
+
+_FAR = 99  # hops between rooms that are not connected
+
+
+@dataclass(frozen=True)
+class Level:
+    """One level with what sampling needs of it.
+
+    Attributes:
+        index: of the level.
+        freemap: its planning map.
+        regions: its rooms.
+        cells: (N, 2) cells where an episode may start or end.
+        cells_m: (N, 2) their centres [m].
+        rooms: (N,) room index of each of them.
+        hops: (R, R) fewest steps from room to room.
+        area_m2: size of the connected floors they lie on [m²].
+        radius_m: clearance that every point of a path has [m].
+        min_crossings: how many times a path must pass between rooms here.
+    """
+
+    index: int
+    freemap: Freemap
+    regions: RegionMap
+    cells: NDArray[np.int64]
+    cells_m: NDArray[np.float64]
+    rooms: NDArray[np.int32]
+    hops: NDArray[np.int64]
+    area_m2: float
+    radius_m: float
+    min_crossings: int
+
+
+def open_level(
+    bundle: SceneBundle, index: int, radius_m: float, config: SampleConfig, regions: RegionMap
+) -> Level:
+    """Prepare a level for paths with `radius_m` of clearance.
+
+    Every connected part of its free floor counts that holds a way of `min_length_m`. On a level
+    that is a single room no path can pass between rooms, so none is asked to.
+    """
+    freemap = bundle.freemap(index)
+    # Diagonal steps need both side cells, so neighbours by edges are what can be walked.
+    parts = np.asarray(label(freemap.free(radius_m), connectivity=1))
+    ends = freemap.free(config.end_clearance_m)
+    long_enough = [
+        part
+        for part in range(1, int(parts.max(initial=0)) + 1)
+        if _holds_a_way(freemap, (parts == part) & ends, radius_m, config.min_length_m)
+    ]
+    wide = np.isin(parts, long_enough)
+    cells = np.argwhere(wide & ends)
+    area = float(wide.sum()) * freemap.grid.cell_m**2
+    rooms = regions.at(freemap.grid.center_of(cells)).reshape(-1)
+    cells, rooms = cells[rooms >= 0], rooms[rooms >= 0]
+    wanted = config.min_crossings if len(np.unique(rooms)) > 1 else 0
+    return Level(
+        index, freemap, regions, cells, freemap.grid.center_of(cells), rooms, room_hops(regions),
+        area, radius_m, wanted,
+    )  # fmt: skip
+
+
+def regions_of(bundle: SceneBundle) -> list[RegionMap]:
+    """The rooms of every level of a scene."""
+    return [region_map(bundle, k) for k in range(len(bundle.level_floor_z_m))]
+
+
+def room_hops(regions: RegionMap) -> NDArray[np.int64]:
+    """(R, R) fewest steps from room to room; 99 where no way leads."""
+    count = len(regions.names)
+    region = regions.region
+    pairs = [
+        np.column_stack([a.ravel(), b.ravel()])
+        for a, b in ((region[:-1], region[1:]), (region[:, :-1], region[:, 1:]))
+    ]
+    edges = np.concatenate(pairs)
+    edges = np.unique(edges[(edges >= 0).all(axis=1) & (edges[:, 0] != edges[:, 1])], axis=0)
+    if not len(edges):
+        return np.where(np.eye(count, dtype=bool), 0, _FAR)
+    graph = coo_array((np.ones(len(edges)), edges.T), shape=(count, count))
+    hops = shortest_path(graph.tocsr(), directed=False, unweighted=True)
+    return np.where(np.isfinite(hops), hops, _FAR).astype(np.int64)
+
+
+def longest_way(freemap: Freemap, radius_m: float, end_clearance_m: float) -> tuple[float, float]:
+    """Area [m²] of the largest connected free floor, and about the longest way on it [m].
+
+    The way is a lower bound: the place farthest from any place is one end of a long way.
+    """
+    parts = np.asarray(label(freemap.free(radius_m), connectivity=1))
+    if not parts.any():
+        return 0.0, 0.0
+    sizes = np.bincount(parts.ravel())[1:]
+    cells = (parts == 1 + int(np.argmax(sizes))) & freemap.free(end_clearance_m)
+    return float(sizes.max()) * freemap.grid.cell_m**2, _sweep(freemap, cells, radius_m, np.inf)
+
+
+def _holds_a_way(
+    freemap: Freemap, cells: NDArray[np.bool_], radius_m: float, length_m: float
+) -> bool:
+    """Whether two of `cells` (rows, columns), all connected, are `length_m` apart."""
+    # No way is longer than one that visits every cell.
+    if cells.sum() * freemap.grid.cell_m * np.sqrt(2) < length_m:
+        return False
+    return _sweep(freemap, cells, radius_m, length_m) >= length_m
+
+
+def _sweep(freemap: Freemap, cells: NDArray[np.bool_], radius_m: float, enough_m: float) -> float:
+    """About the longest way between two of `cells` [m]; stops at one of `enough_m`."""
+    places = np.argwhere(cells)
+    longest = 0.0
+    end = places[0] if len(places) else None
+    for _ in range(2):
+        if end is None or longest >= enough_m:
+            break
+        field = distance_field(freemap, freemap.grid.center_of(end), radius_m)
+        way = field.distance_m[places[:, 0], places[:, 1]]
+        way = np.where(np.isfinite(way), way, 0.0)
+        end, longest = places[int(np.argmax(way))], float(way.max())
+    return longest

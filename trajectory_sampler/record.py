@@ -1,0 +1,131 @@
+"""From a kept path to its episode: headings, waypoints, the ideal agent's actions, its family."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+from ..formats.core.episode import Episode
+from ..formats.core.frames import wrap_angle
+from ..formats.core.geometry import path_length, point_along
+from ..formats.scene.bundle import SceneBundle
+from ..formats.scene.freemap import Freemap
+from ..wayfinding.crossings import DOORWAY_M
+from .candidates import Candidate
+from .config import ALONG_PATH, SampleConfig
+from .ideal import ideal_actions
+from .similarity import PathIndex, stations
+
+Array = NDArray[np.float64]
+
+WAYPOINT_M = 0.25
+_LOOK_AHEAD_M = 0.75  # a start's heading is that of the path over this length
+
+
+def episode_of(
+    bundle: SceneBundle,
+    candidate: Candidate,
+    number: int,
+    group: int,
+    config: SampleConfig,
+    rng: np.random.Generator,
+) -> Episode:
+    """Return the episode of a kept path.
+
+    `extra` has the rooms visited and the doorways crossed, the waypoints every 0.25 m with their
+    clearance, the actions of an ideal agent, how the start looks, and the similarity group.
+    """
+    path = candidate.reference_m
+    drawn = float(rng.uniform(-1.0, 1.0))
+    if config.heading == ALONG_PATH:
+        yaw = _initial_heading(path) + drawn * config.heading_noise_rad
+    else:
+        yaw = drawn * np.pi
+    yaw = float(wrap_angle(yaw))
+    name = f"{bundle.scene_id}-{number:04d}"
+    freemap = bundle.freemap(candidate.level)
+    waypoints = evenly(path, WAYPOINT_M)
+    clearance = clearance_at(freemap, waypoints)
+    return Episode(
+        episode_id=name,
+        trajectory_id=name,
+        scene_id=bundle.scene_id,
+        split=candidate.split,
+        level=candidate.level,
+        start_position_world_m=path[0].copy(),
+        start_yaw_rad=yaw,
+        goal_position_world_m=path[-1].copy(),
+        reference_path_world_m=path,
+        geodesic_distance_m=candidate.geodesic_m,
+        extra={
+            "rooms": list(candidate.rooms),
+            "crossings": [
+                {
+                    "along_m": round(c.along_m, 3),
+                    "position_xy_m": [round(float(v), 3) for v in c.position_xy_m],
+                    "width_m": round(c.width_m, 3),
+                    "doorway": c.width_m <= DOORWAY_M,
+                }
+                for c in candidate.crossed
+            ],
+            "start_heading": config.heading,
+            "turning_deg": round(candidate.turning_deg, 1),
+            "similarity_group": f"{bundle.scene_id}/{group}",
+            "waypoints": {
+                "position_world_m": np.round(waypoints, 3).tolist(),
+                "clearance_m": np.round(clearance, 3).tolist(),
+            },
+            "actions": ideal_actions(path, yaw),
+        },
+    )
+
+
+def similarity_groups(paths: Sequence[tuple[int, Array]], config: SampleConfig) -> list[int]:
+    """Number of each path's family: paths (level, (P, 3) [m]) linked by `family_gap_m`.
+
+    Two paths belong together when they are nearer than that, forward or backward, and so do those
+    that a chain of such pairs links.
+    """
+    parent = list(range(len(paths)))
+
+    def root(k: int) -> int:
+        while parent[k] != k:
+            parent[k] = parent[parent[k]]
+            k = parent[k]
+        return k
+
+    indices: dict[int, tuple[PathIndex, list[int]]] = {}
+    for number, (level, path) in enumerate(paths):
+        fresh = (PathIndex(config.family_gap_m, config.similarity), [])
+        index, numbers = indices.setdefault(level, fresh)
+        own = stations(path)
+        for other in (*index.near(own), *index.near(own[::-1].copy())):
+            parent[root(number)] = root(numbers[other])
+        index.add(own)
+        numbers.append(number)
+    names = {r: k for k, r in enumerate(dict.fromkeys(root(k) for k in range(len(paths))))}
+    return [names[root(k)] for k in range(len(paths))]
+
+
+def evenly(path_m: Array, spacing_m: float) -> Array:
+    """Points every `spacing_m` along a path (P, 3) [m], and its end: (W, 3)."""
+    length = path_length(path_m)
+    along = np.arange(0.0, length, spacing_m)
+    if length - along[-1] < 1e-6:
+        along = along[:-1]
+    return point_along(path_m, np.append(along, length))
+
+
+def clearance_at(freemap: Freemap, points_m: Array) -> Array:
+    """Distance [m] from points (W, 2 or 3) [m] to the nearest untraversable cell: (W,)."""
+    grid = freemap.grid
+    fractional = (points_m[:, :2] - np.asarray(grid.origin_xy_m)) / grid.cell_m - 0.5
+    return map_coordinates(freemap.clearance_m, fractional[:, ::-1].T, order=1, mode="nearest")
+
+
+def _initial_heading(path_m: Array) -> float:
+    ahead = point_along(path_m, _LOOK_AHEAD_M) - path_m[0]
+    return float(np.arctan2(ahead[1], ahead[0]))
