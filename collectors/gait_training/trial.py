@@ -103,6 +103,7 @@ class Trial:
         xy_m: Array,
         yaw_rad: Array,
         rng: np.random.Generator,
+        *,
         watch_feet: bool = False,
         settle_s: float = 1.0,
         threads: int = 1,
