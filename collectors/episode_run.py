@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from hashlib import sha256
 from typing import Any, cast
@@ -11,6 +12,7 @@ import mujoco
 import numpy as np
 
 from ..formats.core.episode import Episode
+from ..formats.core.errors import InputError
 from ..formats.core.frames import quat_to_yaw
 from ..formats.core.rollout import (
     DISCRETE_RATE_HZ,
@@ -23,7 +25,9 @@ from ..formats.core.rollout import (
     Rollout,
 )
 from .controllers import (
+    CONTROLLERS,
     STOPPED,
+    Chooser,
     Coasting,
     Controller,
     Expert,
@@ -48,9 +52,20 @@ SAMPLES_PER_POLICY = POLICY_DECIMATION // STEPS_PER_SAMPLE
 class EpisodeRun:
     """An episode of one robot and one controller, from spawning to its rollout."""
 
-    def __init__(self, world: World, episode: Episode, config: ReplayConfig) -> None:
-        self.world, self.episode, self.config = world, episode, config
+    def __init__(
+        self,
+        world: World,
+        episode: Episode,
+        config: ReplayConfig,
+        choose: Callable[[Task], Chooser] | None,
+    ) -> None:
+        self.world, self.episode, self.config, self.choose = world, episode, config, choose
         self.entry = controller_for(world.robot, config.controller)
+        if choose is not None and not self.entry.discrete:
+            valid = ", ".join(name for name, entry in CONTROLLERS.items() if entry.discrete)
+            raise InputError(
+                f"controller {config.controller!r} takes no discrete actions; valid: {valid}"
+            )
         self.controller_config = getattr(config, config.controller)
         self.recorder = Recorder(world)
         self.watch = OutcomeWatch(world, config.outcome)
@@ -73,6 +88,8 @@ class EpisodeRun:
             coasting=self.world.coasting if self.entry.coasts else Coasting(),
         )
         self.facts["coasting"] = asdict(task.coasting)
+        if self.choose is not None:
+            self.task = task = replace(task, chooser=self.choose(task))
         self.world.gait.reset()
         self.world.spawn(Pose(x, y, self.episode.start_yaw_rad), self._joint_noise())
         stuck_in = self.world.in_collision()
@@ -119,7 +136,8 @@ class EpisodeRun:
         world, config, ending = self.world, self.config, self.ending
         model, data = world.model, world.data
         control_every = STATE_RATE_HZ // controller.rate_hz
-        limit = round(config.outcome.timeout_factor * controller.nominal_s * STATE_RATE_HZ)
+        limit = config.outcome.timeout_factor * controller.nominal_s * STATE_RATE_HZ
+        limit = round(limit) if math.isfinite(limit) else limit
         self.facts["nominal_s"] = round(controller.nominal_s, 3)
         command, tick = STOPPED, 0
         while not ending.complete(tick):

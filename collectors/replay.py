@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import mujoco
@@ -17,7 +17,7 @@ import mujoco
 from ..formats.core.episode import Episode
 from ..formats.core.rollout import Rollout
 from ..formats.scene.bundle import SceneBundle
-from .controllers import controller_for
+from .controllers import Chooser, Task, controller_for
 from .episode_run import EpisodeRun
 from .replay_config import ReplayConfig
 from .robots import get_robot
@@ -53,18 +53,31 @@ def replay_episode(
     return replay_in(world, episode, config)
 
 
-def replay_in(world: World, episode: Episode, config: ReplayConfig) -> Rollout:
+def replay_in(
+    world: World,
+    episode: Episode,
+    config: ReplayConfig,
+    choose: Callable[[Task], Chooser] | None = None,
+) -> Rollout:
     """Replay an episode in an opened world. The same world, episode and config give the same bits.
 
     Whatever happens to the robot is an outcome, not an error: exploding physics gives a rollout
     that ends as `diverged`, its last state among the facts.
 
+    Args:
+        world: the level with the robot in it.
+        episode: what to do.
+        config: how.
+        choose: Return who chooses the discrete actions of a task; the expert when None. It may
+            look at `world`: while it is asked, physics stands still.
+
     Raises:
         UnknownNameError: no such controller.
-        InputError: the controller cannot move the world's robot.
+        InputError: the controller cannot move the world's robot, or takes no discrete actions
+            although `choose` is given.
     """
     with _warnings_logged():
-        return EpisodeRun(world, episode, config).rollout()
+        return EpisodeRun(world, episode, config, choose).rollout()
 
 
 @contextlib.contextmanager

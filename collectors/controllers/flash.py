@@ -35,11 +35,11 @@ class FlashController:
 
     def __init__(self, task: Task, config: FlashConfig) -> None:
         self.config = config
-        self._expert = Expert(task, config.expert)
+        self._chooser = task.chooser or Expert(task, config.expert)
 
     def jump(self, pose: Pose) -> Jump:
         """See `Teleporter.jump`."""
-        action = self._expert.next_action(pose)
+        action = self._chooser.next_action(pose)
         if action is Action.FORWARD:
             x = pose.x_m + FORWARD_STEP_M * math.cos(pose.yaw_rad)
             y = pose.y_m + FORWARD_STEP_M * math.sin(pose.yaw_rad)

@@ -35,6 +35,32 @@ class Coasting:
 
 
 @dataclass(frozen=True)
+class Pose:
+    """Pose of the base: world [m], heading [rad]."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+
+class Chooser(Protocol):
+    """Chooses discrete actions one after another; one object serves one episode."""
+
+    def next_action(self, pose: Pose, rest: Pose | None = None) -> Action:
+        """Return the action to take.
+
+        Args:
+            pose: where the robot will be when the action begins, as far as the controller knows.
+            rest: where it would come to rest if it stopped now; `pose` when None.
+        """
+        ...
+
+    def notes(self) -> list[tuple[str, str]]:
+        """Return (kind, detail) of what happened since the last call."""
+        ...
+
+
+@dataclass(frozen=True)
 class Task:
     """Task of a controller.
 
@@ -46,6 +72,7 @@ class Task:
         limits: commands the robot understands.
         goal_tolerance_m: a stop within this distance of the goal is a success [m].
         coasting: of the robot, for controllers that stop it while it is moving.
+        chooser: chooses the discrete actions; the expert when None.
     """
 
     reference_xy_m: NDArray[np.float64]
@@ -55,15 +82,7 @@ class Task:
     limits: CommandLimits
     goal_tolerance_m: float
     coasting: Coasting = Coasting()
-
-
-@dataclass(frozen=True)
-class Pose:
-    """Pose of the base: world [m], heading [rad]."""
-
-    x_m: float
-    y_m: float
-    yaw_rad: float
+    chooser: Chooser | None = None
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ class ControllerEntry:
         build: creates one for an episode.
         teleports: places the robot, without physics.
         coasts: stops the robot while it is moving, and needs its stopping distance.
+        discrete: executes discrete actions that a `Chooser` chooses.
     """
 
     title: str
@@ -31,14 +32,21 @@ class ControllerEntry:
     build: Callable[[Task, Any], Controller | Teleporter]
     teleports: bool = False
     coasts: bool = False
+    discrete: bool = False
 
 
 CONTROLLERS: dict[str, ControllerEntry] = {
     "path": ControllerEntry("move along the planned path", PathConfig, PathController),
     "speed": ControllerEntry(
-        "discrete actions by velocity", SpeedConfig, SpeedController, coasts=True
+        "discrete actions by velocity",
+        SpeedConfig,
+        SpeedController,
+        coasts=True,
+        discrete=True,
     ),
-    "flash": ControllerEntry("jump from pose to pose", FlashConfig, FlashController, True),
+    "flash": ControllerEntry(
+        "jump from pose to pose", FlashConfig, FlashController, teleports=True, discrete=True
+    ),
 }
 
 

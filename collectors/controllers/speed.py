@@ -62,8 +62,9 @@ class SpeedController:
 
     def __init__(self, task: Task, config: SpeedConfig) -> None:
         self._task, self._config = task, config
-        self._expert = Expert(task, config.expert)
-        route = self._expert.route
+        expert = Expert(task, config.expert)
+        self._chooser = task.chooser or expert
+        route = expert.route
         forward_m, turn_rad, action_s = FORWARD_STEP_M, TURN_STEP_RAD, CLOSED_LOOP_S
         if not config.end_on_displacement:
             action_s = config.steps_per_action * TIMESTEP_S
@@ -97,14 +98,14 @@ class SpeedController:
         if track is None or self._over(track, time_s, pose):
             # One in closed loop that has not arrived is no ground to have chosen the next one from.
             if self._coming is None or (track and track.remaining(pose) > 0):
-                self._coming = self._expert.next_action(self._about_to_be(), self._at_rest())
+                self._coming = self._chooser.next_action(self._about_to_be(), self._at_rest())
             started, self._coming = self._coming, None
             self._track = track = Track(started, pose)
             self._start_s = time_s
         wanted = self._steered(track, pose) if self._config.end_on_displacement else self._timed()
         self._command = self._ramped(wanted)
         self._pending_rad_s.append(self._command[2])
-        notes = tuple(self._expert.notes())
+        notes = tuple(self._chooser.notes())
         return Decision(self._command, started, done=track.action is Action.STOP, notes=notes)
 
     def _over(self, track: Track, time_s: float, pose: Pose) -> bool:
@@ -119,7 +120,7 @@ class SpeedController:
         fast = servo.cruise_m_s if track.action is Action.FORWARD else servo.turn_rad_s
         slow = braking(track, pose, self._carried(servo.reaction_s), servo)
         if slow is not None and self._coming is None:
-            self._coming = self._expert.next_action(track.end)
+            self._coming = self._chooser.next_action(track.end)
         speed = fast if slow is None or self._coming is track.action else slow
         return steer(track, pose, speed, servo, self._task.limits)
 

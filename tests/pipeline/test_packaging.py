@@ -24,6 +24,7 @@ LAYERS = {
     "instruction_gen": 2.0,
     "scene_repair": 2.0,
     "trajectory_sampler": 2.0,
+    "evaluation": 3.0,
     "pipeline": 4.0,
 }
 PACKAGES = sorted(LAYERS)
