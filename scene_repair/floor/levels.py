@@ -35,6 +35,8 @@ UPRIGHT_NORMAL_Z = 0.8
 PITCH, PITCH_OVER_M = 0.2, 0.25
 # The winding of faces is trusted if this share of the floor agrees.
 ALIKE_SHARE = 0.7
+# Exporters that put a ceiling in the plane of the floor above are that exact.
+COPLANAR_M = 0.006
 # Pieces of floor too small to be judged by themselves lie this near to a floor's height.
 PIECE_M = 0.1
 
@@ -183,7 +185,7 @@ def averted_faces(
     cells = len(columns.start) - 1
     total, count = 0.0, 0
     for floor in floors:
-        near = np.abs(columns.z - floor.z_m.ravel()[columns.cell]) < 1e-3
+        near = np.abs(columns.z - floor.z_m.ravel()[columns.cell]) < COPLANAR_M
         upward = normal_z[columns.face] > 0
         some_up = np.bincount(columns.cell[near & upward], minlength=cells) > 0
         some_down = np.bincount(columns.cell[near & ~upward], minlength=cells) > 0

@@ -119,6 +119,7 @@ def test_an_agent_that_asks_at_its_own_poses_arrives(two_rooms: SceneBundle, nam
 def test_it_rests_where_its_coasting_says(two_rooms: SceneBundle, name: str) -> None:
     robot = get_robot(name)
     coasting = measure_coasting(robot, gait_for(robot))
+    assert 0.0 < coasting.turn_lag_s < 0.5
     assert 0.0 == coasting.distance(0.0) < coasting.distance(0.5) < coasting.distance(0.9) < 0.6
     for r in rollouts(open_world(two_rooms, 0, robot), "speed"):
         stop, rest = event_sample(r, "stop"), event_sample(r, "rest")

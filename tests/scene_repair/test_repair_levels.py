@@ -10,9 +10,12 @@ import pytest
 import trimesh
 
 from tests.support import buildings, scans
-from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.formats.scene.bundle import Floor, SceneBundle
+from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
+from vlnpe.scene_repair.verify.carrying import _balls_lost
+from vlnpe.scene_repair.verify.exported import Surface
 
 QUICK = RepairConfig(picture_px=200)
 
@@ -41,11 +44,7 @@ BUILDINGS = {
     "ceiling just under the floor": (buildings.in_one_plane(0.01), (0.0, 2.8), (20.0, 17.5)),
     "ceiling 2 mm above the floor": (buildings.in_one_plane(-0.002), (0.0, 2.8), (20.0, 17.5)),
     "ceiling 5 mm above the floor": (buildings.in_one_plane(-0.005), (0.0, 2.8), (20.0, 17.5)),
-    "ceiling 1 mm under the floor, turned": (
-        buildings.in_one_plane(0.001, 3.4, 33.0),
-        (0.0, 3.4),
-        (20.0, 17.5),
-    ),
+    "ceiling 1 mm under the floor": (buildings.in_one_plane(0.001, 3.4), (0.0, 3.4), (20.0, 17.5)),
     "lift shaft": (buildings.lift_shaft(), (0.0,), (27.44,)),
 }
 
@@ -73,15 +72,33 @@ def test_steps_stay_sharp(name: str, heights: tuple[float, float], tmp_path: Pat
     assert apart.max() < 0.002
 
 
-@pytest.mark.parametrize("turn_deg", [0.0, 17.0])
-def test_a_ball_that_rolls_off_a_step_has_not_fallen_through(
-    turn_deg: float, tmp_path: Path
-) -> None:
+def test_a_turned_stairwell_stays_open_under_a_ceiling_in_its_plane(tmp_path: Path) -> None:
+    bundle = repaired(buildings.in_one_plane(0.001, 3.4, 33.0), tmp_path)
+    assert bundle.level_floor_z_m == pytest.approx((0.0, 3.4), abs=0.01)
+    turn = np.deg2rad(33.0)
+    x, y = 1.5, 2.25  # the middle of the stairwell, unturned
+    middle = (x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn))
+    upper = bundle.floor(1)
+    assert not upper.covered[tuple(upper.grid.cell_of(np.array(middle)))]
+    assert float(upper.covered.sum()) * upper.grid.cell_m**2 == pytest.approx(18.5, abs=1.5)
+
+
+def test_a_ball_that_rolls_off_a_step_has_not_fallen_through() -> None:
     """Where a step's edge crosses a cell of the floor, as in a building that is turned."""
-    bundle = repaired(buildings.tribune(turn_deg), tmp_path)
-    proof = json.loads((bundle.root / "repair.json").read_text())["verification"]
-    assert proof["levels"][0]["balls"]["visual.npz"]["dropped"] > 100
-    assert proof["problems"] == []
+    grid = GridSpec((0.0, 0.0), 0.05, 20, 20)
+    height = np.zeros(grid.shape, np.float32)
+    height[:, :10] = 0.09
+    height[:, 10] = 0.06  # the cell that the edge crosses, at x 0.51
+    high = [[(0, 0, 0.09), (0.51, 0, 0.09), (0.51, 1, 0.09)]]
+    high += [[(0, 0, 0.09), (0.51, 1, 0.09), (0, 1, 0.09)]]
+    low = [[(0.51, 0, 0), (1, 0, 0), (1, 1, 0)], [(0.51, 0, 0), (1, 1, 0), (0.51, 1, 0)]]
+    triangles = np.array(high + low, np.float32)
+    start = np.array([[0.525, 0.1 * k + 0.025, 0.06] for k in range(1, 9)])
+    floor = Floor(grid, height, np.ones(grid.shape, bool))
+    whole = Surface(triangles, np.zeros(4, dtype=bool))
+    assert len(_balls_lost(whole, start, floor)) == 0
+    without = Surface(triangles[:2], np.zeros(2, dtype=bool))
+    assert len(_balls_lost(without, start, floor)) == len(start)
 
 
 def test_hole_in_a_ramp_is_filled_in_its_slope(tmp_path: Path) -> None:

@@ -170,17 +170,6 @@ def in_one_plane(slab_m: float = 0.0, storey_m: float = 2.8, turn_deg: float = 0
     return [part.apply_transform(turn) for part in parts]
 
 
-def tribune(turn_deg: float = 0.0) -> Parts:
-    """A room of 4 × 4 m that rises by 8.5 cm every half metre along x."""
-    treads = [
-        scans.box((0.5 * k, 0.0, -0.1), (0.5 * (k + 1), 4.0, 0.085 * k)).subdivide()
-        for k in range(8)
-    ]
-    parts = [*treads, *scans.walls((0, 0), (4, 4), 3.2)]
-    turn = trimesh.transformations.rotation_matrix(np.deg2rad(turn_deg), (0, 0, 1))
-    return [part.apply_transform(turn) for part in parts]
-
-
 def lift_shaft() -> Parts:
     """A room of 6 × 5 m with a walled shaft of 1.6 × 1.6 m in it, without bottom or door."""
     shaft = scans.rectangle((3.0, 3.0), (4.6, 4.6))
