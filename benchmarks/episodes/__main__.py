@@ -1,7 +1,7 @@
-"""Measure reading of VLN-CE files and sampling: `python -m benchmarks.episodes [folder of scenes …]`.
+"""Measure reading of VLN-CE files and sampling: `python -m benchmarks.episodes [scene …]`.
 
-Without folders it generates an apartment and an office in their exact geometry. CPU seconds of one process
-are told, because they do not depend on what else the machine does.
+Without folders it generates an apartment and an office in their exact geometry. CPU
+seconds of one process are told, because they do not depend on what else the machine does.
 """
 
 from __future__ import annotations
