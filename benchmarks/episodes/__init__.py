@@ -1,0 +1,1 @@
+"""How fast episodes are read, sampled and divided."""

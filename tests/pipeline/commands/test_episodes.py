@@ -1,0 +1,166 @@
+"""`sample`, `align` and `filter` as a user calls them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.support.work import InlineWorkers
+from vlnpe.formats.core.errors import InputError
+from vlnpe.formats.core.frames import world_to_habitat_position
+from vlnpe.formats.vlnce.files import (
+    VlnceEpisode,
+    VlnceFile,
+    VlnceGoal,
+    read_episodes,
+    read_vlnce,
+    write_vlnce,
+)
+from vlnpe.pipeline.cli import main
+from vlnpe.pipeline.engine import context
+from vlnpe.pipeline.stages.replay import item_names
+
+COMMON = ("--min-length-m", "4", "--min-gap-m", "0.8", "--family-gap-m", "1.0")
+
+
+@pytest.fixture(autouse=True)
+def inline(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(context, "Workers", InlineWorkers)
+
+
+@pytest.fixture(scope="module")
+def scenes(two_rooms, tmp_path_factory) -> Path:
+    """Three scenes that are alike."""
+    root = tmp_path_factory.mktemp("scenes")
+    for name in ("a", "b", "c"):
+        shutil.copytree(two_rooms.root, root / name)
+        index = root / name / "scene.json"
+        index.write_text(index.read_text().replace('"two_rooms"', f'"{name}"'))
+    return root
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, dict]:
+    code = main([str(a) for a in (*arguments, "--json")])
+    return code, json.loads(capsys.readouterr().out.splitlines()[-1])
+
+
+def test_splits_over_several_scenes_are_exact_and_reused(scenes, tmp_path, capsys):
+    call = ("sample", scenes, "--splits", "train=5,val_seen=2,val_unseen=3", *COMMON)
+    out = tmp_path / "mine"
+    code, told = run(capsys, *call, "--out", out)
+    assert code == 0
+    assert told["splits"] == {"train": 5, "val_seen": 2, "val_unseen": 3}
+    found = {path.name: read_episodes(path) for path in out.glob("*.json.gz")}
+    assert {name: len(episodes) for name, episodes in found.items()} == {
+        "train.json.gz": 5, "val_seen.json.gz": 2, "val_unseen.json.gz": 3,
+    }  # fmt: skip
+    rooms = {name: {e.scene_id for e in episodes} for name, episodes in found.items()}
+    assert rooms["val_seen.json.gz"] <= rooms["train.json.gz"]
+    assert not rooms["val_unseen.json.gz"] & rooms["train.json.gz"]
+    before = {path: path.read_bytes() for path in out.glob("*.json.gz")}
+    run(capsys, *call, "--out", out)
+    assert {path: path.read_bytes() for path in out.glob("*.json.gz")} == before
+
+
+def test_what_does_not_fit_is_told_with_advice_that_holds(scenes, tmp_path, capsys):
+    call = ["sample", scenes / "a", "--splits", "train=30", "--min-length-m", "4"]
+    out = tmp_path / "mine"
+    assert main([str(a) for a in (*call, "--min-gap-m", "2", "--out", out)]) == 2
+    error = " ".join(capsys.readouterr().err.split())
+    assert "a holds" in error
+    assert "of 30 paths that differ by 2 m" in error
+    assert not list(out.glob("*.json.gz"))
+    gap = error.split("--min-gap-m ")[1].split()[0].rstrip(".;")
+    code, told = run(capsys, *call, "--min-gap-m", gap, "--out", out)
+    assert (code, told["splits"]) == (0, {"train": 30})
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--preset", "gru_vln10"], "needs 10 scenes, not 3"),
+        (["--preset", "gru"], "lab_3dgs"),
+        (["--quota", "a=3"], "only with --splits"),
+        (["--splits", "train=4", "--quota", "z=3"], "'z'"),
+        (["--similarity", "cosine"], "dtw"),
+        (["--splits", "train=4", "--out", "x.json.gz"], "valid: a folder"),
+    ],
+)
+def test_bad_options_are_refused(scenes, options, words, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["sample", str(scenes), *options]) == 2
+    assert words in " ".join(capsys.readouterr().err.split())
+
+
+PATH = np.array([(1.0, 1.0, 0.0), (2.0, 2.0, 0.0), (4.0, 2.0, 0.0), (6.5, 2.0, 0.0)])
+
+
+def told(scene: str, number: int, points=PATH) -> VlnceEpisode:
+    path = world_to_habitat_position(np.asarray(points, dtype=float))
+    return VlnceEpisode(
+        episode_id=number,
+        trajectory_id=number // 3,
+        scene_id=f"mp3d/{scene}/{scene}.glb",
+        start_position_habitat_m=path[0],
+        start_rotation_xyzw=np.array([0.0, 0.0, 0.0, 1.0]),
+        instruction_text=f"Text {number}.",
+        instruction_tokens=None,
+        goals=(VlnceGoal(path[-1], 3.0),),
+        reference_path_habitat_m=path,
+    )
+
+
+def test_files_of_several_splits_are_filtered_and_aligned(scenes, tmp_path, capsys):
+    climbing = [(1.0, 1.0, 0.0), (2.0, 1.0, 0.5), (6.5, 2.0, 0.5)]
+    for split, scene in (("train", "a"), ("val_unseen", "b")):
+        episodes = (*(told(scene, k) for k in range(3)), told(scene, 4, climbing))
+        write_vlnce(tmp_path / f"{split}.json.gz", VlnceFile(Path("x"), episodes))
+    files = [tmp_path / f"{split}.json.gz" for split in ("train", "val_unseen")]
+    code, filtered = run(capsys, "filter", *files, "--out", tmp_path / "kept")
+    assert (code, filtered["kept"], filtered["dropped"]) == (0, 6, 2)
+    assert filtered["splits"]["train"]["counts"]["dropped"] == [1, 1]
+    assert filtered["splits"]["train"]["counts"]["kept"] == [3, 1]
+    kept = sorted((tmp_path / "kept").glob("*.json.gz"))
+    assert [len(read_vlnce(path).episodes) for path in kept] == [3, 3]
+    call = ("align", *kept, "--scenes", scenes, "--robot", "aliengo", "--out", tmp_path / "al")
+    code, aligned = run(capsys, *call)
+    assert code == 0
+    assert (aligned["episodes"], aligned["paths"], aligned["instructions"]) == (6, 2, 6)
+    assert aligned["robot_radius_m"] > 0.2
+    found = read_episodes(tmp_path / "al" / "val_unseen.json.gz")
+    assert [(e.episode_id, e.split) for e in found] == [
+        (str(k), "val_unseen") for k in range(3)
+    ]  # fmt: skip
+    # Ids that two splits use name different walks.
+    train = read_episodes(tmp_path / "al" / "train.json.gz")
+    assert item_names([train[0], found[0], replace(train[1], episode_id="x")]) == [
+        "train-0", "val_unseen-0", "x",
+    ]  # fmt: skip
+
+
+def test_a_bad_episode_is_counted_as_rejected(scenes, tmp_path, capsys):
+    file = VlnceFile(Path("x"), (told("a", 0), told("a", 1)))
+    write_vlnce(tmp_path / "val.json", file)
+    document = json.loads((tmp_path / "val.json").read_text())
+    del document["episodes"][1]["start_rotation"]
+    (tmp_path / "val.json").write_text(json.dumps(document))
+    call = ("align", tmp_path / "val.json", "--scenes", scenes, "--out", tmp_path / "out.json")
+    code, aligned = run(capsys, *call)
+    assert (code, aligned["episodes"]) == (1, 1)
+    assert aligned["rejected"] == [
+        ["1 (number 1)", "start_rotation must be 4 finite numbers, is None"]
+    ]
+    assert run(capsys, *call, "--max-failed", 1)[0] == 0
+
+
+def test_no_scene_is_an_error():
+    from vlnpe.pipeline.commands.episodes import run_sample
+    from vlnpe.pipeline.options.episodes import Sample
+
+    with pytest.raises(InputError, match="no scene"):
+        run_sample(Sample())
