@@ -142,6 +142,8 @@ def _make_stop(step, rng, memory, slots, told) -> str:
         options = words.INSIDE[1:2] if named else words.INSIDE
         return f"{verb} {_fill(_pick(options, rng, ()), **slots)}"
     thing = step.mark.words
+    if step.place == "between":
+        return f"{verb} {_fill('between {X} and {Y}', X=thing, Y=step.other.words)}"
     if step.side and rng.random() < 0.75:
         return f"{verb} {_fill(_pick(words.STOP_SIDE, rng, ()), X=thing, s=step.side)}".replace(
             " is on", " are on" if step.mark.plural else " is on"

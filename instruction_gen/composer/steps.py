@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..facts.records import LandmarkFact, PassageFact, PathFacts, TurnFact
+from ..facts.records import PassageFact, PathFacts, TurnFact
 from .refer import Reference, passing_candidates, stop_candidates, turn_marker
 
-TELL_DEG = 50.0  # smaller turns are told only where nothing else shows the way
-HINT_DEG = 36.0
+TELL_DEG = 40.0  # smaller turns are told only where nothing else shows the way
+HINT_DEG = 30.0
 _DOOR_AFTER_TURN_M = (-0.3, 1.5)  # a doorway this far behind a turn is one step with it
 _TURN_AFTER_DOOR_M = 1.7
 _ROUND_DEG = 140.0
@@ -34,7 +34,7 @@ class Step:
         mark: the thing named.
         other: a second thing (`between`).
         far_m: how far to walk [m].
-        place: how to stop: `front`, `beside`, `near`, `inside`, `after`.
+        place: how to stop: `front`, `beside`, `near`, `between`, `inside`, `after`.
         covers: turns that this step tells, as indices into the facts' turns.
     """
 
@@ -254,6 +254,11 @@ def _stop(facts: PathFacts, rng: np.random.Generator, taste: Taste) -> Step:
     options = stop_candidates(facts, rng, taste.colours)
     if options:
         mark = options[0] if len(options) == 1 or rng.random() < 0.75 else options[1]
+        other = next((o for o in options if _faces(mark, o)), None)
+        if other is not None and rng.random() < 0.5:
+            return Step(
+                "stop", length, mark=mark, other=other, place="between", room=facts.goal_room
+            )
         ahead = abs(mark.bearing_deg) < 32.0
         beside = "beside" if mark.distance_m <= 1.1 else "near"
         place = "front" if ahead else beside
@@ -267,6 +272,8 @@ def _stop(facts: PathFacts, rng: np.random.Generator, taste: Taste) -> Step:
     return Step("stop", length, place="after", far_m=1.0)
 
 
-def is_big(mark: LandmarkFact) -> bool:
-    """Whether a thing is large enough to be seen from across a room."""
-    return mark.size_m >= 0.9
+def _faces(mark: Reference, other: Reference) -> bool:
+    """Whether two things lie on either side of the stop."""
+    sides = sorted((mark.bearing_deg, other.bearing_deg))
+    return -140.0 < sides[0] < -40.0 and 40.0 < sides[1] < 140.0 and mark.noun != other.noun
+

@@ -15,16 +15,20 @@ import numpy as np
 
 from ..language.parse import parse
 from .goals import SubGoal, UnfollowableError, sub_goals
-from .places import place_cost, stop_cost
-from .ways import Ways
+from .places import on_side, place_cost, sided_door, stop_cost
+from .ways import Ways, wrap
 from .world import Array, World
 
 _PER_METRE = 0.03
 _STRANGE = 0.25  # share of words outside of the grammar from which a text means nothing
 _LOST = 4.0  # a way that costs more is none that the text means
-_LAG = 8  # cells: a place may be told this late, as turns are noticed after the corner
+_DETOUR = 0.6  # cost of a way that is not the shortest
+_BENT = 0.4  # per radian: one walks straight where a distance is all that is told
+_LAG, _DOOR_LAG = 4, 8  # cells: a place may be told this late: turns are noticed after the corner
+_ON = 3  # cells: a turn is made once one has walked on this far
 _TIGHT = 10  # cells: a turn is this near to the end of a distance told before it
 _HINT_RAD = np.deg2rad(20.0)
+_PLAIN_RAD = np.deg2rad(33.0)
 _AROUND_RAD = np.deg2rad(115.0)
 
 
@@ -45,31 +49,41 @@ class Followed:
 
 def follow(text: str, world: World, start_m: Array, start_yaw_rad: float) -> Followed:
     """Follow a text from a pose: `start_m` (2,) [m] and heading [rad]."""
-    ways = world.ways(start_m, start_yaw_rad)
+    start = np.asarray(start_m, dtype=np.float64)[:2]
     read = parse(text)
     if len(read.strange) > _STRANGE * max(1, read.words):
-        return Followed(ways.points_m[0], "words that make no sentence", 0)
+        return Followed(start, "words that make no sentence", 0)
     try:
         goals = sub_goals(read)
     except UnfollowableError as error:
-        return Followed(ways.points_m[0], str(error), 0)
+        return Followed(start, str(error), 0)
+    tried = [_along(goals, ways, world) for ways in world.ways(start, start_yaw_rad)]
+    # The shortest ways, unless what is told lies on others.
+    costs = [cost + _DETOUR * (number > 0) for number, (_, cost) in enumerate(tried)]
+    best = tried[int(np.argmin(costs))][0] if np.isfinite(costs).any() else tried[0][0]
+    return best
+
+
+def _along(goals: list[SubGoal], ways: Ways, world: World) -> tuple[Followed, float]:
+    """How following ends on one tree of ways, and what it costs; inf when lost."""
     here = np.full(len(ways.points_m), np.inf)
     here[0] = 0.0  # cost of having just met the last sub-goal at a cell
     walked = False
     for number, goal in enumerate(goals):
-        stopping = goal.kind == "stop"
-        if stopping and number and goals[number - 1].kind == "stop":
+        if goal.kind == "stop" and number and goals[number - 1].kind == "stop":
             after = here + stop_cost(goal, ways, world)  # a second thing at the same place
         else:
             after = _met(goal, here, ways, world, walked)
         if not np.isfinite(after).any():
             best = int(np.argmin(here))
-            return Followed(ways.points_m[best], f"lost at {goal.said!r}", number)
+            return Followed(ways.points_m[best], f"lost at {goal.said!r}", number), np.inf
         if goal.kind != "see":
             here, walked = after, goal.kind == "walk"
-    best = int(np.argmin(here + _PER_METRE * ways.along_m))
-    lost = "" if here[best] <= _LOST else "no way fits well enough"
-    return Followed(ways.points_m[best], lost, len(goals))
+    total = here + _PER_METRE * ways.along_m
+    best = int(np.argmin(total))
+    if here[best] > _LOST:
+        return Followed(ways.points_m[best], "no way fits well enough", len(goals)), np.inf
+    return Followed(ways.points_m[best], "", len(goals)), float(total[best])
 
 
 def _met(goal: SubGoal, here: Array, ways: Ways, world: World, walked: bool) -> Array:
@@ -80,10 +94,17 @@ def _met(goal: SubGoal, here: Array, ways: Ways, world: World, walked: bool) -> 
     if goal.kind == "turn":
         return _turn(goal, reached, ways)
     if goal.kind == "stop" and goal.noun is None:
-        return ways.lately(here, _LAG)
+        return ways.lately(here, _DOOR_LAG)
     if goal.kind == "stop":
         return reached + stop_cost(goal, ways, world)
-    return reached + ways.lately(place_cost(goal, ways, world), _LAG)
+    lag = _LAG if goal.noun is not None and goal.noun.kind == "object" else _DOOR_LAG
+    place = ways.lately(place_cost(goal, ways, world), lag)
+    if sided_door(goal) and goal.noun is not None:
+        # "The door on your left": it was on that side, or a turn was made to it.
+        turned = _turn(SubGoal("turn", goal.said, side=goal.noun.side, degree="some"), reached, ways)
+        beside = np.where(on_side(goal, ways, lag), reached, np.inf)
+        reached = np.minimum(ways.lately(turned, lag), beside)
+    return reached + place
 
 
 def _turn(goal: SubGoal, reached: Array, ways: Ways) -> Array:
@@ -93,11 +114,14 @@ def _turn(goal: SubGoal, reached: Array, ways: Ways) -> Array:
     angle = sign * ways.turn_rad
     before = reached[ways.before[1]]
     made = np.where(ways.event & (angle > 0), before, np.inf)
-    hint = np.where((angle >= _HINT_RAD) & ~ways.event, reached, np.inf)
-    hint += 0.1 if goal.degree in ("slight", "some") else 0.5
+    slight = goal.degree in ("slight", "some")
+    least = _HINT_RAD if slight else _PLAIN_RAD
+    hint = np.where((angle >= least) & ~ways.event, reached, np.inf) + (0.1 if slight else 0.5)
     # Two turns close together are one bend for whoever looks two metres back.
     double = np.where(sign * ways.long_turn_rad >= np.deg2rad(110.0), reached, np.inf) + 0.4
-    return np.minimum(np.minimum(made, hint), double)
+    turned = np.minimum(np.minimum(made, hint), double)
+    on = ways.before[_ON]
+    return turned[on] + ways.untold - ways.untold[on]
 
 
 def _walk(goal: SubGoal, here: Array, ways: Ways) -> Array:
@@ -110,6 +134,7 @@ def _walk(goal: SubGoal, here: Array, ways: Ways) -> Array:
         from_ = chain[k]
         length = ways.along_m - ways.along_m[from_]
         off = 0.05 if goal.vague else np.abs(length - d) / max(d, 1.5)
-        cost = here[from_] + ways.untold - ways.untold[from_] + off
+        bent = np.abs(wrap(ways.heading_rad - ways.heading_rad[from_]))
+        cost = here[from_] + ways.untold - ways.untold[from_] + off + _BENT * bent
         result = np.minimum(result, np.where((length >= low) & (length <= high), cost, np.inf))
     return result

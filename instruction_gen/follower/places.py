@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..language.clauses import Noun
 from .goals import SubGoal
@@ -51,7 +52,7 @@ def stop_cost(goal: SubGoal, ways: Ways, world: World) -> Array:
         for k in _meant(noun, ways, world):
             gap, bearing = _seen(k, ways, world)
             off = np.linalg.norm(ways.points_m - world.things[k].middle_m, axis=1)
-            own = 0.3 * gap + 0.12 * off + np.where(np.abs(bearing) > np.deg2rad(140), 0.3, 0.0)
+            own = 0.3 * gap + 0.2 * off + np.where(np.abs(bearing) > np.deg2rad(140), 0.3, 0.0)
             near = gap <= (_BESIDE_M if noun.prep in ("after", "past") else _STOP_M)
             cost = np.minimum(cost, np.where(near & _sided(bearing, noun.side), own, _NEVER))
         return cost
@@ -126,10 +127,9 @@ def _room(goal: SubGoal, noun: Noun, ways: Ways, world: World) -> Array:
         return np.zeros(len(inside)) if regions else np.full(len(inside), _NEVER)
     if noun.prep == "from" or (goal.verb == "leave" and not noun.prep):
         was = inside[ways.before[_ENTERED]]
-        left = np.where(~inside & was, 0.0, _NEVER)
-        return left + _aside(noun.side, ways)
+        return np.where(~inside & was, 0.0, _NEVER)
     if noun.prep == "into" or goal.verb in ("enter", "reach"):
-        return _crossed(ways, regions) + _aside(noun.side, ways)
+        return _crossed(ways, regions)
     if noun.prep == "to":
         return np.where(inside, 0.0, _NEVER)
     if noun.part in ("end", "far"):
@@ -147,7 +147,7 @@ def _door(goal: SubGoal, noun: Noun, ways: Ways, world: World) -> Array:
         return np.where(gap <= _SEE_M if goal.kind == "see" else gap <= _REACH_M, 0.0, _NEVER)
     at = np.where(gap <= _DOOR_M, 0.0, _NEVER)
     crossed = _crossed(ways, None)
-    return np.minimum(at + 0.3, np.minimum(crossed, at + crossed)) + _aside(noun.side, ways)
+    return np.minimum(at + 0.3, np.minimum(crossed, at + crossed))
 
 
 def _crossed(ways: Ways, regions: Sequence[int] | None) -> Array:
@@ -159,13 +159,17 @@ def _crossed(ways: Ways, regions: Sequence[int] | None) -> Array:
     return np.where(changed, 0.0, _NEVER)
 
 
-def _aside(side: str, ways: Ways) -> Array:
-    """Cost of a door on a side told: it must have been on it, or be turned through to it."""
-    if not side:
-        return np.zeros(len(ways.points_m))
-    sign = 1.0 if side == "left" else -1.0
+def sided_door(goal: SubGoal) -> bool:
+    """Whether a sub-goal is a door or a room that is passed or entered on a side told."""
+    noun = goal.noun
+    return noun is not None and bool(noun.side) and noun.kind != "object" and goal.kind == "place"
+
+
+def on_side(goal: SubGoal, ways: Ways, lag: int) -> NDArray[np.bool_]:
+    """Where (N,) a door on a side told has been on that side, `lag` cells or less before."""
+    sign = 1.0 if goal.noun is not None and goal.noun.side == "left" else -1.0
     angle = np.maximum(sign * ways.aside_rad, sign * ways.turn_rad)
-    return np.where(angle >= _DOOR_SIDE_RAD, 0.0, _NEVER)
+    return angle[ways.before[: lag + 1]].max(axis=0) >= _DOOR_SIDE_RAD
 
 
 def _since_entry_m(ways: Ways) -> Array:

@@ -13,7 +13,7 @@ _BACK = 16  # ancestors that are kept
 _NEW, _GAP, _OLD = 4, 7, 11  # cells: a heading over the last 4, and one from 11 to 7 before
 _LONG_GAP, _LONG_OLD = 12, 16
 _APART = 6  # cells between two turns to one side
-_PENALTY = 0.5  # of a right angle that is walked but not told
+PENALTY = 1.0  # of a right angle that is walked but not told
 
 Ids = NDArray[np.int64]
 
@@ -35,9 +35,9 @@ class Ways:
         region: (N,) region of the level.
     """
 
-    def __init__(self, world: World, start_m: Array, start_yaw_rad: float):
-        """Spread from a pose: (2,) [m] and heading [rad]."""
-        finder = MCP_Geometric(world.cost)
+    def __init__(self, world: World, price: Array, start_m: Array, start_yaw_rad: float):
+        """Spread from a pose: (2,) [m] and heading [rad], at a price (R, C) per cell."""
+        finder = MCP_Geometric(price)
         start = world.cell(np.asarray(start_m, dtype=np.float64)[:2])
         cost, trace = finder.find_costs([start])
         self.cells = np.argwhere(np.isfinite(cost) & world.free)
@@ -64,7 +64,7 @@ class Ways:
         recent &= np.sign(self.turn_rad)[self.before[1 : _APART + 1]] == np.sign(self.turn_rad)
         self.event = above & ~recent.any(axis=0)
         size = np.minimum(np.abs(self.turn_rad), np.deg2rad(120.0)) / np.deg2rad(90.0)
-        self.untold = self._summed(np.where(self.event, _PENALTY * size, 0.0))
+        self.untold = self._summed(np.where(self.event, PENALTY * size, 0.0))
 
     def _directions(self, depth: Array, yaw: float) -> None:
         ahead = np.array([np.cos(yaw), np.sin(yaw)])
