@@ -16,6 +16,7 @@ _DOOR_AFTER_TURN_M = (-0.3, 1.5)  # a doorway this far behind a turn is one step
 _TURN_AFTER_DOOR_M = 1.7
 _ROUND_DEG = 140.0
 _JUST_INSIDE_M = 2.0
+_FAR_AHEAD_M = 2.5
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class Step:
 
     Attributes:
         kind: `turn`, `leave`, `enter`, `turn_enter`, `enter_turn`, `pass`, `toward`, `between`,
-            `follow`, `walk`, `stop`.
+            `follow`, `ahead`, `walk`, `stop`.
         along_m: where [m].
         side: of a turn, or of the thing passed.
         degrees: of a turn, unsigned.
@@ -86,6 +87,10 @@ def plan(facts: PathFacts, style: str, rng: np.random.Generator) -> list[Step]:
     steps = _moves(facts, rng, taste, named)
     steps = _passed(steps, stop, facts, rng, taste, named)
     steps = _distances(steps, stop, facts)
+    if style != "terse" and steps and steps[0].along_m > _FAR_AHEAD_M:
+        # Turning is the first thing told, but not the first thing done.
+        if steps[0].kind in ("turn_enter", "enter_turn", "turn") and steps[0].mark is None:
+            steps = [Step("ahead", 0.0), *steps]
     if not steps:
         steps = [Step("walk", 0.0, far_m=facts.length_m)]
     if stop.place == "after":
