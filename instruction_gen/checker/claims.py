@@ -27,6 +27,7 @@ class Claim:
         bare: a stop that names no place.
         still: it is seen or passed meanwhile and moves nobody on.
         bends: a path around a thing, which tells the turns made there.
+        optional: it may have been told before.
         turned: a door whose clear turn the same clause tells.
         abeam_m: where a thing that is passed once is beside the walker [m], None = unclear.
     """
@@ -43,11 +44,13 @@ class Claim:
     bare: bool = False
     still: bool = False
     bends: bool = False
+    optional: bool = False
     turned: bool = False
     abeam_m: float | None = None
 
 
-_AT_TURN_M = 0.8
+_AT_TURN_M = 0.5
+_ABREAST_M = 1.8
 _INTO_M = 2.0
 MOVING = frozenset({"turn", "move", "enter", "leave", "pass"})
 
@@ -92,7 +95,9 @@ def last_stop(parse: Parse) -> int | None:
     if stops:
         return stops[-1]
     last = parse.clauses[-1] if parse.clauses else None
-    if last is None or not last.until or last.before or last.negated:
+    if last is None or not last.until or last.before or last.negated or len(parse.clauses) < 2:
+        return None
+    if parse.clauses[-2].verb in ("turn", "see", "") or parse.clauses[-2].side:
         return None
     arrives = last.verb in ("pass", "reach", "enter") or any(n.prep or n.side for n in last.nouns)
     return len(parse.clauses) - 1 if last.nouns and arrives else None
@@ -138,9 +143,16 @@ def _stop(index: int, clause: Clause, parse: Parse, ground: Ground) -> list[Clai
     mask = ground.at_goal()
     named = bool(clause.distance_m)
     for noun in clause.nouns:
-        found = _stop_noun(noun, ground)
+        passed = clause.verb == "pass" and noun.kind == "object"
+        found = ground.stopped_after(noun) if passed else _stop_noun(noun, ground)
         if found is None:
             continue
+        if noun.kind == "room" and not found.reason and len(ground.facts.visits) > 1:
+            # "Stop inside the kitchen" tells how one comes there.
+            entered = ground.entered(noun)
+            if not entered.reason:
+                told = f"the {noun.text}"
+                result.append(Claim(index, "door", entered.mask, told, optional=True))
         named = True
         if found.reason:
             result.append(Claim(index, "false", everywhere, found.reason))
@@ -180,7 +192,9 @@ def _after_stop(index: int, clause: Clause, ground: Ground) -> list[Claim]:
     for noun in clause.nouns:
         found: Found | None
         seen = clause.verb == "see" or noun.prep == "with" or not clause.until
-        if clause.until and clause.verb == "see" and noun.side and noun.kind == "object":
+        if clause.verb == "pass" and noun.kind == "object":
+            found = ground.stopped_after(noun)
+        elif clause.until and clause.verb == "see" and noun.side and noun.kind == "object":
             found = ground.beside(noun)
         elif seen and not clause.before:
             found = _claim_found(noun, ground, "see")
@@ -219,11 +233,12 @@ def _joined(claims: list[Claim], a: int, b: int, ground: Ground) -> list[Claim]:
     first, second = claims[a], claims[b]
     if "false" in (first.kind, second.kind):
         return claims
-    mask = spread(first.mask, ground.along_m, 0.25) & spread(second.mask, ground.along_m, 0.25)
-    if not mask.any():
+    mask = spread(first.mask, ground.along_m, 0.8) & spread(second.mask, ground.along_m, 0.8)
+    places = [m for m in (first.abeam_m, second.abeam_m) if m is not None]
+    if not mask.any() or (len(places) == 2 and abs(places[0] - places[1]) > _ABREAST_M):
         reason = f"nothing on the path lies between {first.reason} and {second.reason}"
         return [*claims[:a], replace(first, kind="false", reason=reason)]
-    return [*claims[:a], replace(first, mask=mask), *claims[b + 1 :]]
+    return [*claims[:a], replace(first, mask=mask, abeam_m=None), *claims[b + 1 :]]
 
 
 def _noun(index: int, noun: Noun, ground: Ground, verb: str) -> Claim | None:
@@ -232,18 +247,19 @@ def _noun(index: int, noun: Noun, ground: Ground, verb: str) -> Claim | None:
         return None
     if found.reason:
         return Claim(index, "false", found.mask, found.reason)
-    leaving = noun.prep == "from" or (verb == "leave" and not noun.prep)
+    leaving = noun.prep == "from" or (verb == "leave" and not noun.prep and noun.kind != "door")
     through = noun.kind in ("room", "door", "generic") and (
         noun.prep in ("into", "through") or verb == "enter"
     )
     through = through or (noun.kind == "door" and verb == "move" and not noun.prep)
+    through = through or (noun.kind == "door" and verb in ("leave", "enter"))
     kind = "exit" if leaving else "door" if through else "place"
     still = verb == "see" or noun.prep == "with"
     slack = (1.5 if noun.side else 4.0) if still else 0.5
     if noun.prep == "between":  # one place; which of the two is named first says nothing
         slack = 2.0
     named = noun.text if noun.kind != "generic" else "room"
-    passed = noun.kind == "object" and (noun.prep == "past" or (verb == "pass" and not noun.prep))
+    passed = noun.kind == "object" and (noun.prep in ("past", "between") or (verb == "pass" and not noun.prep))
     return Claim(
         index, kind, found.mask, f"the {named}", side=noun.side, slack_m=slack, still=still,
         abeam_m=ground.abeam(noun) if passed and not still else None,

@@ -91,6 +91,8 @@ class Ground:
         ahead = self._near(BESIDE_M) & (np.abs(self.bearing) < 60.0)
         abeam = (np.abs(self.bearing) >= 38.0) & (np.abs(self.bearing) <= 145.0)
         abeam &= self._near(PASS_M) & self._nearest()
+        if noun.side in ("behind", "beside"):
+            return self._where(noun, self._near(BESIDE_M), "beside the path")
         return self._where(noun, ahead | abeam, "beside the path")
 
     def reached(self, noun: Noun) -> Found:
@@ -115,9 +117,10 @@ class Ground:
         """The end of the path, where a thing is at hand there on the side said."""
         mask = np.zeros_like(self.open)
         reach = REACH_M
-        mask[:, -1] = (self.distance[:, -1] <= reach) & (
-            self.open[:, -1] | (self.distance[:, -1] <= 0.8)
-        )
+        here = self.distance[:, -1]
+        mask[:, -1] = (here <= reach) & (self.open[:, -1] | (here <= 0.8))
+        # What lies well behind has been passed, and nobody stops at it.
+        mask[:, -1] &= (here <= 1.3) | (np.abs(self.bearing[:, -1]) <= 130.0)
         found = self._where(noun, mask, "at the end of the path")
         if found.reason:
             return found
@@ -172,7 +175,8 @@ class Ground:
         if noun.side:
             here = here & self._sided(chosen, noun.side)
             if not here.any():
-                return Found(nothing, f"the {name} is not on the {noun.side}")
+                where = f"on the {noun.side}" if noun.side in ("left", "right") else f"{noun.side} the walker"
+                return Found(nothing, f"the {name} is not {where}")
         if noun.ordinal:
             keep = self._ordinal(chosen, noun)
             here = here & keep[:, None]
@@ -196,6 +200,10 @@ class Ground:
         return [n for n, m in marks if m.room in names and answers_to(m, kind)]
 
     def _sided(self, chosen: list[int], side: str) -> Mask:
+        if side == "behind":
+            return np.abs(self.facing[chosen]) >= 95.0
+        if side == "beside":
+            return self.distance[chosen] <= 1.8
         bearing = self.bearing[chosen] * (1 if side == "left" else -1)
         facing = self.facing[chosen] * (1 if side == "left" else -1)
         low, high = _SIDE_DEG

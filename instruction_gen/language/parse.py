@@ -24,12 +24,12 @@ _VERBS = {
     "move": """walk go head move continue proceed step keep follow cross travel advance come carry
         stay get march stroll start begin set make take traverse cut run return heading walking
         going moving continuing keeping following leads lead round""",
-    "enter": "enter entering",
+    "enter": "enter entering entered",
     "leave": "leave exit leaving exiting",
-    "pass": "pass passing skirt skirting",
+    "pass": "pass passing passed skirt skirting",
     "stop": "stop wait halt stand pause finish park rest stopping waiting done end ends arrived",
     "see": "see notice find spot seeing look looking is are",
-    "reach": "reach approach reaching approaching arrive arriving meet hit",
+    "reach": "reach reached approach reaching approaching arrive arriving meet hit",
 }
 VERB_OF = {word: verb for verb, words in _VERBS.items() for word in words.split()}
 _NOUNLIKE = frozenset(
@@ -146,7 +146,7 @@ class _Reader:
             self.prep = "" if word != "-" else self.prep
             self.k += 1
             return
-        if self._side() or self._prep_phrase() or self._distance() or self._verb():
+        if self._by_you() or self._side() or self._prep_phrase() or self._distance() or self._verb():
             return
         if word in _UNTIL:
             if not self.draft.empty:
@@ -156,7 +156,11 @@ class _Reader:
             self.k += 1
         elif word in _JOINTS:
             self._joint()
-        elif word in ("not", "never", "ignore", "avoid", "skip", "without") and word != "without":
+        elif word == "without" and self._subordinate():
+            self._close()
+            self.draft.negated = True
+            self.k += 1
+        elif word in ("not", "never", "ignore", "avoid", "skip"):
             if word == "not" or self.draft.empty:
                 self._close_if_verb()
                 self.draft.negated = True
@@ -256,6 +260,12 @@ class _Reader:
             noun = read_noun(self.tokens, self.k)
             if noun is not None and noun[0].kind in ("door", "object", "room"):
                 return False
+        if prep == "to" and self.k and self.tokens[self.k - 1].text in ("around", "round"):
+            # "Follow the bed around to the right" is a turn of its own.
+            self._close()
+            self.draft.verb, self.draft.side, self.draft.degree = "turn", side, "some"
+            self._take(k)
+            return True
         if prep in ("on", "to") and draft.empty and self._side_of_last(side, k):
             return True
         if prep in ("on", "at", "in", "off") or (
@@ -283,6 +293,17 @@ class _Reader:
             self.draft.verb, self.draft.side = "turn", side
         self._take(k)
         return True
+
+    def _by_you(self) -> bool:
+        """`behind you` and `next to you` say where the thing named before is."""
+        words = [t.text for t in self.tokens[self.k : self.k + 3]]
+        for said, place in _BY_YOU.items():
+            if tuple(words[: len(said)]) == said and self.draft.nouns:
+                last = self.draft.nouns[-1]
+                self.draft.nouns[-1] = replace(last, side=last.side or place)
+                self._take(len(said))
+                return True
+        return False
 
     def _elliptic(self) -> bool:
         """Whether a bare side may be a turn: `then left past …`, `…, right at the …`."""
@@ -498,6 +519,11 @@ def _number(word: str) -> bool:
 
 
 _SECOND = frozenset("going walking moving heading straight following".split())
+_BY_YOU = {
+    ("behind", "you"): "behind",
+    ("next", "to", "you"): "beside",
+    ("beside", "you"): "beside",
+}
 _KEEP = frozenset("keep stay keeping staying".split())
 _BEND_WORDS = frozenset("bear bearing veer veering curve curves bend bends angle keep".split())
 _TURN_PLACE = frozenset("at in into through by past between along out".split())
