@@ -15,7 +15,7 @@ from ...formats.scene.visibility import Glimpse, PathSight, Visibility
 from ...wayfinding.crossings import DOORWAY_M, crossings
 from ...wayfinding.planning import path_length, point_along
 from ...wayfinding.regions import ROOM_PREFIX, RegionMap, region_map
-from ..language.nouns import noun_of, room_of
+from ..language.nouns import noun_of
 from .actions import find_turns
 from .colours import colour_name
 from .doors import DOOR, doorways
@@ -30,6 +30,7 @@ from .records import (
     TurnFact,
     VisitFact,
 )
+from .rooms import room_names
 
 SMALL_TURN_RAD = np.deg2rad(20.0)
 NEAR_M = 3.0  # a thing this near, with no wall between, is beside the path
@@ -91,7 +92,7 @@ class LevelFacts:
         things += doors
         low = np.array([t.lower_m[:2] for t in things], dtype=np.float64).reshape(-1, 2)
         high = np.array([t.upper_m[:2] for t in things], dtype=np.float64).reshape(-1, 2)
-        names = tuple(room_of(name) for name in regions.names)
+        names = room_names(regions, things)
         return LevelFacts(
             bundle, level, regions, tuple(things), tuple(nouns), low, high, names, unnamed
         )

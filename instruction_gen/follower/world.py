@@ -12,8 +12,9 @@ from ...formats.scene.bundle import LabeledObject, SceneBundle
 from ...wayfinding.regions import ROOM_PREFIX, RegionMap, region_map
 from ..facts.doors import DOOR, doorways
 from ..facts.geometry import no_wall_between
+from ..facts.rooms import room_names
 from ..language.lexicon import ROOM_PHRASES
-from ..language.nouns import answers, noun_of, room_of
+from ..language.nouns import answers, noun_of
 
 if TYPE_CHECKING:
     from .ways import Ways
@@ -68,7 +69,8 @@ class World:
         # Walking close to things is dearer, as people keep away from them.
         self.cost = np.where(free, 1.0 + np.clip(0.6 - clear, 0.0, 0.4), -1.0)
         self.region = regions.at(self.centers_m)
-        self.rooms = tuple(room_of(name) for name in regions.names)
+        here = [o for o in bundle.objects if o.level in (level, -1)]
+        self.rooms = room_names(regions, here)
         floor = bundle.level_floor_z_m[level]
         self.things = [
             _thing(noun_of(o.category), o, regions)

@@ -136,6 +136,7 @@ _ROOMS = """
 living room=lounge,sitting room,family room,living area
 kitchen=kitchen area
 bedroom=bed room
+children's room=childrens room,kids room,kid's room,child's room<bedroom
 bathroom=restroom,washroom,bath room
 hallway=hall,corridor,passage,passageway,landing
 dining room=dining area

@@ -41,7 +41,7 @@ def noun_of(label: str) -> str:
 @cache
 def room_of(label: str) -> str:
     """The canonical name of a room's label, "" when it is no known kind of room."""
-    phrase = " ".join(_words(label))
+    phrase = " ".join(_words(label.replace("'s", "s")))
     if phrase in ROOMS:
         return phrase
     return next(iter(sorted(ROOM_PHRASES.get(phrase, ()))), "")

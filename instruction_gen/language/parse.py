@@ -251,6 +251,7 @@ class _Reader:
             or (draft.verb == "move" and after in ("at", "in", "by", "into", "through"))
             or (draft.empty and after in _TURN_PLACE and self._elliptic())
             or (draft.verb == "move" and (draft.degree or self.tokens[self.k - 1].text in _KEEP))
+            or (after in ("after", "before") and self.tokens[self.k - 1].text == "go")
         )
         adverb = not prep and not determined and side == "right" and after in _RIGHT_ADVERB
         if adverb and not bare_turn:
