@@ -36,7 +36,7 @@ _THING = re.compile(
     + r")(?:e?s)?\b",
     re.IGNORECASE,
 )
-_NO_THING = frozenset("door doors doorway steps stairs stand light".split())
+_NO_THING = frozenset(("door", "doors", "doorway", "steps", "stairs", "stand", "light"))
 
 
 def _turns(text: str) -> list[re.Match[str]]:
@@ -168,7 +168,9 @@ def _renumbered(text: str, facts: PathFacts, form: str, number: int) -> str | No
 
 def no_stop(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
     """Leave the stop and all that follows it out."""
-    found = list(re.finditer(r"(?:,? and|,? then|\.|,)? ?\b(?:stop|wait|halt)", text, re.IGNORECASE))
+    found = list(
+        re.finditer(r"(?:,? and|,? then|\.|,)? ?\b(?:stop|wait|halt)", text, re.IGNORECASE)
+    )
     if not found:
         return None
     shorter = text[: found[-1].start()].rstrip(" ,.") + "."

@@ -126,8 +126,12 @@ class _Aligner:
                     last = float(self.along[mask][-1])
                     ahead = here & (self.along >= first + slack) & (self.along <= last + slack)
                     earlier = here & (self.along >= first) & (self.along <= first + slack)
-                    here = (here & mask) if (here & mask).any() else ahead if ahead.any() else (
-                        mask if earlier.any() else earlier
+                    here = (
+                        (here & mask)
+                        if (here & mask).any()
+                        else ahead
+                        if ahead.any()
+                        else (mask if earlier.any() else earlier)
                     )
                 if here.any():
                     result[k] = result.get(k, np.zeros_like(here)) | here

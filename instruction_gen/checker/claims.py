@@ -235,7 +235,8 @@ def _joined(claims: list[Claim], a: int, b: int, ground: Ground) -> list[Claim]:
         return claims
     mask = spread(first.mask, ground.along_m, 0.8) & spread(second.mask, ground.along_m, 0.8)
     places = [m for m in (first.abeam_m, second.abeam_m) if m is not None]
-    if not mask.any() or (len(places) == 2 and abs(places[0] - places[1]) > _ABREAST_M):
+    apart = len(places) == 2 and abs(places[0] - places[1]) > _ABREAST_M
+    if not mask.any() or (apart and not (first.mask & second.mask).any()):
         reason = f"nothing on the path lies between {first.reason} and {second.reason}"
         return [*claims[:a], replace(first, kind="false", reason=reason)]
     return [*claims[:a], replace(first, mask=mask, abeam_m=None), *claims[b + 1 :]]
@@ -259,7 +260,9 @@ def _noun(index: int, noun: Noun, ground: Ground, verb: str) -> Claim | None:
     if noun.prep == "between":  # one place; which of the two is named first says nothing
         slack = 2.0
     named = noun.text if noun.kind != "generic" else "room"
-    passed = noun.kind == "object" and (noun.prep in ("past", "between") or (verb == "pass" and not noun.prep))
+    passed = noun.kind == "object" and (
+        noun.prep in ("past", "between") or (verb == "pass" and not noun.prep)
+    )
     return Claim(
         index, kind, found.mask, f"the {named}", side=noun.side, slack_m=slack, still=still,
         abeam_m=ground.abeam(noun) if passed and not still else None,

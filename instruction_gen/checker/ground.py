@@ -90,7 +90,7 @@ class Ground:
         """Where a thing is abeam, or near and ahead, on the side said."""
         ahead = self._near(BESIDE_M) & (np.abs(self.bearing) < 60.0)
         abeam = (np.abs(self.bearing) >= 38.0) & (np.abs(self.bearing) <= 145.0)
-        abeam &= self._near(PASS_M) & self._nearest()
+        abeam &= self._near(PASS_M) & (self._nearest() | (self.distance <= 1.2))
         if noun.side in ("behind", "beside"):
             return self._where(noun, self._near(BESIDE_M), "beside the path")
         return self._where(noun, ahead | abeam, "beside the path")
@@ -163,7 +163,9 @@ class Ground:
             where = "on the route" if known else "in this scene"
             return Found(nothing, f"there is no {name} {where}")
         if noun.material:
-            return Found(nothing, f"nothing says that the {name} is {noun.material}")
+            chosen = [n for n in chosen if self.facts.landmarks[n].material == noun.material]
+            if not chosen:
+                return Found(nothing, f"nothing says that the {name} is {noun.material}")
         if noun.colour:
             matching = [n for n in chosen if _coloured(self.facts.landmarks[n], noun.colour)]
             if not matching:
@@ -175,7 +177,11 @@ class Ground:
         if noun.side:
             here = here & self._sided(chosen, noun.side)
             if not here.any():
-                where = f"on the {noun.side}" if noun.side in ("left", "right") else f"{noun.side} the walker"
+                where = (
+                    f"on the {noun.side}"
+                    if noun.side in ("left", "right")
+                    else f"{noun.side} the walker"
+                )
                 return Found(nothing, f"the {name} is not {where}")
         if noun.ordinal:
             keep = self._ordinal(chosen, noun)

@@ -87,10 +87,11 @@ def plan(facts: PathFacts, style: str, rng: np.random.Generator) -> list[Step]:
     steps = _moves(facts, rng, taste, named)
     steps = _passed(steps, stop, facts, rng, taste, named)
     steps = _distances(steps, stop, facts)
-    if style != "terse" and steps and steps[0].along_m > _FAR_AHEAD_M:
+    first = steps[0] if steps else None
+    if style != "terse" and first is not None and first.along_m > _FAR_AHEAD_M:
         # Turning is the first thing told, but not the first thing done.
-        if steps[0].kind in ("turn_enter", "enter_turn", "turn") and steps[0].mark is None:
-            steps = [Step("ahead", 0.0), *steps]
+        turns = first.kind in ("turn_enter", "enter_turn", "turn") and first.mark is None
+        steps = [Step("ahead", 0.0), *steps] if turns else steps
     if not steps:
         steps = [Step("walk", 0.0, far_m=facts.length_m)]
     if stop.place == "after":
@@ -281,4 +282,3 @@ def _faces(mark: Reference, other: Reference) -> bool:
     """Whether two things lie on either side of the stop."""
     sides = sorted((mark.bearing_deg, other.bearing_deg))
     return -140.0 < sides[0] < -40.0 and 40.0 < sides[1] < 140.0 and mark.noun != other.noun
-

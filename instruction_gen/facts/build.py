@@ -15,7 +15,7 @@ from ...formats.scene.visibility import Glimpse, PathSight, Visibility
 from ...wayfinding.crossings import DOORWAY_M, crossings
 from ...wayfinding.planning import path_length, point_along
 from ...wayfinding.regions import ROOM_PREFIX, RegionMap, region_map
-from ..language.nouns import noun_of
+from ..language.nouns import looks_of, noun_of
 from .actions import find_turns
 from .colours import colour_name
 from .doors import DOOR, doorways
@@ -241,11 +241,13 @@ def _landmark(
     for g in glimpses:
         pixels[int(np.argmin(np.abs(track.along_m - g.along_m)))] = g.pixels
     middle = (0.5 * (shared.low_m[n] + shared.high_m[n])).tolist()
+    colour, material = looks_of(thing.category)
     return LandmarkFact(
         name=thing.name,
         noun=noun,
         room=_room_at(shared, middle, shared.low_m[n], shared.high_m[n]),
-        colour=colour_name(best.rgb) if best is not None and best.pixels >= 120 else "",
+        colour=colour or (colour_name(best.rgb) if best is not None and best.pixels >= 120 else ""),
+        material=material,
         nameable=bool(nameable),
         count=1,
         ordinal=1,

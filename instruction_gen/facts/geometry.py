@@ -84,7 +84,9 @@ def _turned(vector: Array, heading: Array) -> Array:
     return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
-def no_wall_between(start: Array, end: Array, length: Array, regions: RegionMap) -> NDArray[np.bool_]:
+def no_wall_between(
+    start: Array, end: Array, length: Array, regions: RegionMap
+) -> NDArray[np.bool_]:
     """Whether lines (K, 2) → (K, 2) meet no wall; the thing itself may stand at one."""
     share = np.maximum(0.0, 1.0 - _WALL_SKIN_M / np.maximum(length, _WALL_SKIN_M))
     t = np.linspace(0.0, 1.0, _LINE_SAMPLES)[None, :, None] * share[:, None, None]

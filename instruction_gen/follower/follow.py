@@ -101,7 +101,9 @@ def _met(goal: SubGoal, here: Array, ways: Ways, world: World, walked: bool) -> 
     place = ways.lately(place_cost(goal, ways, world), lag)
     if sided_door(goal) and goal.noun is not None:
         # "The door on your left": it was on that side, or a turn was made to it.
-        turned = _turn(SubGoal("turn", goal.said, side=goal.noun.side, degree="some"), reached, ways)
+        turned = _turn(
+            SubGoal("turn", goal.said, side=goal.noun.side, degree="some"), reached, ways
+        )
         beside = np.where(on_side(goal, ways, lag), reached, np.inf)
         reached = np.minimum(ways.lately(turned, lag), beside)
     return reached + place

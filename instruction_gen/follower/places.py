@@ -34,7 +34,9 @@ def place_cost(goal: SubGoal, ways: Ways, world: World) -> Array:
         return _room(goal, noun, ways, world)
     if noun.kind == "door":
         return _door(goal, noun, ways, world)
-    if noun.head in ("room", "rooms") and (noun.prep in ("into", "through") or goal.verb == "enter"):
+    if noun.head in ("room", "rooms") and (
+        noun.prep in ("into", "through") or goal.verb == "enter"
+    ):
         return _crossed(ways, None)
     return np.zeros(len(ways.points_m))
 

@@ -79,9 +79,7 @@ class World:
             and not o.category.startswith(ROOM_PREFIX)
             and noun_of(o.category) not in ("", "door")
         ]
-        self.things += [
-            _thing(DOOR, d, regions) for d in doorways(regions, level, floor)
-        ]
+        self.things += [_thing(DOOR, d, regions) for d in doorways(regions, level, floor)]
         self._regions = regions
         self._gaps: dict[int, Array] = {}
         self._ways: tuple[tuple[float, ...], list[Ways]] | None = None

@@ -146,7 +146,13 @@ class _Reader:
             self.prep = "" if word != "-" else self.prep
             self.k += 1
             return
-        if self._by_you() or self._side() or self._prep_phrase() or self._distance() or self._verb():
+        if (
+            self._by_you()
+            or self._side()
+            or self._prep_phrase()
+            or self._distance()
+            or self._verb()
+        ):
             return
         if word in _UNTIL:
             if not self.draft.empty:
