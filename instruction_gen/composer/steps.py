@@ -11,7 +11,10 @@ from ..facts.records import PassageFact, PathFacts, TurnFact
 from .refer import Reference, passing_candidates, stop_candidates, turn_marker
 
 TELL_DEG = 40.0  # smaller turns are told only where nothing else shows the way
+CLEAR_DEG = 50.0  # these are told even where the next turn undoes them
 HINT_DEG = 30.0
+_WEAVING_M = 2.0
+_LEADS = frozenset(("turn_enter", "enter_turn", "enter", "leave"))  # into another room
 _DOOR_AFTER_TURN_M = (-0.3, 1.5)  # a doorway this far behind a turn is one step with it
 _TURN_AFTER_DOOR_M = 1.7
 _ROUND_DEG = 140.0
@@ -118,7 +121,14 @@ def told_turns(facts: PathFacts) -> list[tuple[int, TurnFact]]:
         lonely = all(
             abs(other.along_m - turn.along_m) > 3.0 for other in facts.turns if other is not turn
         )
-        if size >= TELL_DEG or (small and lonely and turn.along_m > 1.0):
+        undone = any(
+            other.side != turn.side
+            and abs(other.along_m - turn.along_m) <= _WEAVING_M
+            and abs(other.angle_deg) >= HINT_DEG
+            for other in facts.turns
+        )
+        clear = size >= CLEAR_DEG or (size >= TELL_DEG and not undone)
+        if clear or (small and lonely and turn.along_m > 1.0):
             result.append((k, turn))
     return result
 
@@ -240,8 +250,10 @@ def _distances(steps: list[Step], stop: Step, facts: PathFacts) -> list[Step]:
     before = 0.0
     for step in steps:
         gap = step.along_m - before
-        lone_turn = step.kind == "turn" and step.mark is None
-        if lone_turn and gap > 1.8:
+        unmarked = step.mark is None and (
+            step.kind == "turn" or (step.kind in _LEADS and not step.room)
+        )
+        if unmarked and gap > 1.8:
             room = _room_at(facts, before + 0.5 * gap)
             if room == "hallway" and gap > 2.0:
                 result.append(Step("follow", before + 0.2, room=room))

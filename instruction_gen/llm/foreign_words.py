@@ -44,7 +44,7 @@ NOUNS = {
         "सोफ़": "sofa|couch", "सोफा": "sofa|couch", "सोफे": "sofa|couch", "बिस्तर": "bed",
         "पलंग": "bed", "मेज": _TABLE, "मेज़": _TABLE, "कुर्सी": _CHAIR, "कुर्सियों": _CHAIR,
         "फ्रिज": "refrigerator|fridge", "रेफ्रिजरेटर": "refrigerator|fridge",
-        "टॉयलेट": "toilet", "टीवी": "tv|television", 
+        "टॉयलेट": "toilet", "टीवी": "tv|television",
         "अलमारी": r"(?:\w+ )?cabinet|wardrobe|closet|cupboard",
         "दर्पण": "mirror", "आईन": "mirror", "शीशे": "mirror", "पौध": "plant", "बेंच": "bench",
         "पियानो": "piano", "सीढ़ी": "stair", "सीढ़ियों": "stair",
