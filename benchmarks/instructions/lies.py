@@ -36,7 +36,7 @@ _THING = re.compile(
     + r")(?:e?s)?\b",
     re.IGNORECASE,
 )
-_NO_THING = frozenset(("door", "doors", "doorway", "steps", "stairs", "stand", "light"))
+_NO_THING = frozenset(["door", "doors", "doorway", "steps", "stairs", "stand", "light"])
 
 
 def _turns(text: str) -> list[re.Match[str]]:

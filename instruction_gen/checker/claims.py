@@ -222,7 +222,7 @@ def _nouns(index: int, clause: Clause, ground: Ground, verb: str) -> list[Claim]
             claims.append(replace(claim, still=still))
     pair = [k for k, n in enumerate(clause.nouns) if n.prep == "between"]
     if len(pair) == 2 and len(claims) == len(clause.nouns):
-        claims = _joined(claims, *pair, ground)
+        claims = _joined(claims, pair[0], pair[1], ground)
     if claims and claims[-1].kind == "place" and any(n.prep == "around" for n in clause.nouns):
         claims[-1] = replace(claims[-1], bends=True)
     return claims
