@@ -207,7 +207,7 @@ class Ground:
 
     def _sided(self, chosen: list[int], side: str) -> Mask:
         if side == "behind":
-            return np.abs(self.facing[chosen]) >= 95.0
+            return np.abs(self.facing[chosen]) >= 80.0
         if side == "beside":
             return self.distance[chosen] <= 1.8
         bearing = self.bearing[chosen] * (1 if side == "left" else -1)

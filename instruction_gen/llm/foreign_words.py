@@ -28,8 +28,10 @@ NOUNS = {
     "zh": {
         "厨房": "kitchen", "卧室": "bedroom", "客厅": "living room|lounge", "浴室": _BATH,
         "卫生间": f"{_BATH}|restroom", "洗手间": f"{_BATH}|restroom", "走廊": "hall|corridor",
-        "餐厅": "dining", "书房": "office|study", "办公室": "office|study", "健身房": "exercise|gym",
-        "沙发": "sofa|couch|armchair", "床": "bed", "床头柜": "nightstand|bedside", "茶几": "coffee",
+        "餐厅": "dining", "书房": "office|study",
+        "办公室": "office|study", "健身房": "exercise|gym",
+        "沙发": "sofa|couch|armchair", "床": "bed", "床头柜": "nightstand|bedside",
+        "茶几": "coffee",
         "餐桌": _TABLE, "书桌": "desk", "桌": _TABLE, "扶手椅": "armchair", "长椅": "bench",
         "长凳": "bench", "椅": _CHAIR, "冰箱": "refrigerator|fridge", "马桶": "toilet",
         "浴缸": "bath|tub", "电视柜": "tv|television", "电视": "tv|television", "书架": "book",
