@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..facts.records import TurnFact
-from .claims import Claim
+from .claim import Claim
 from .ground import Ground, Mask, spread
 
 # A turn of this much must be told.
