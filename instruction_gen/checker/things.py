@@ -61,7 +61,12 @@ class Things:
         for n, mark in enumerate(facts.landmarks):
             if not mark.moments:
                 continue
-            rows = np.array([dataclasses.astuple(moment) for moment in mark.moments])
+            rows = np.array(
+                [
+                    (m.along_m, m.distance_m, m.bearing_deg, m.facing_deg, m.open, m.pixels)
+                    for m in mark.moments
+                ]
+            )
             k = np.clip(np.rint(rows[:, 0] / self.along_m[1]), 0, shape[1] - 1).astype(int)
             self.distance[n, k], self.bearing[n, k] = rows[:, 1], rows[:, 2]
             self.facing[n, k], self.open[n, k] = rows[:, 3], rows[:, 4] > 0
