@@ -11,6 +11,7 @@ import threading
 import time
 import traceback
 from dataclasses import replace
+from email.utils import formatdate
 from pathlib import Path
 
 import numpy as np
@@ -135,6 +136,18 @@ def test_retry_after_is_honoured_and_back_off_doubles(tmp_path):
     with Server(script).running() as server:
         client_of(server, tmp_path, waits, backoff_s=0.5).ask(ASK)
     assert waits == [7.0, 1.0, 2.0]
+
+
+def test_retry_after_may_be_a_date(tmp_path):
+    waits: list[float] = []
+    date = formatdate(time.time() + 30, usegmt=True)
+
+    def script(number, request):
+        return (503, {"Retry-After": date}, "") if number == 1 else completion(texts(*GOOD))
+
+    with Server(script).running() as server:
+        client_of(server, tmp_path, waits).ask(ASK)
+    assert 20 < waits[0] <= 30
 
 
 def test_a_hanging_server_times_out(tmp_path):
