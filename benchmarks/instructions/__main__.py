@@ -1,9 +1,9 @@
-"""Run it: python -m benchmarks.instructions RUN… [--half 0|1] [--out result.json].
+"""Run it: python -m benchmarks.instructions --scenes FOLDER [--scans FOLDER]
+    [RUN…] [--out result.json]
 
-Each RUN is a folder with scenes/<scene>, episodes/<scene>.json.gz and facts/<scene>.seen.json, as
-`vlnpe repair`, `sample` and `collect` write them. The corpus is about the first 17 paths of
-`vlnpe sample --count 40` in the built-in apartment 0 and in small_house; without them it is left
-out, and says so.
+The corpus (`corpus/*.json`) is measured by parts on the scenes in FOLDER; apartments that are
+missing there are made. Each RUN is a folder with scenes/<scene>, episodes/<scene>.json.gz and
+facts/<scene>.seen.json, as `vlnpe collect` writes them; follower and composer are measured on it.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import argparse
 import json
 import sys
 import time
-from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -22,16 +21,15 @@ from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.scene.bundle import load_bundle
 from vlnpe.formats.scene.visibility import read_visibility
 from vlnpe.formats.vlnce.files import read_episodes
-from vlnpe.instruction_gen.checker import Ground, check_text
+from vlnpe.instruction_gen.checker import Ground
 from vlnpe.instruction_gen.composer import compose_texts
 from vlnpe.instruction_gen.composer.compose import STYLES
 from vlnpe.instruction_gen.facts import LevelFacts, path_facts
 from vlnpe.instruction_gen.follower import World, follow
 
+from .corpus import PARTS, measure, read_corpus
 from .diversity import table
 from .lies import KINDS
-
-HERE = Path(__file__).parent
 
 
 def load(folder: Path) -> list[tuple[Episode, Ground, World]]:
@@ -50,35 +48,6 @@ def load(folder: Path) -> list[tuple[Episode, Ground, World]]:
             level, world = levels[episode.level]
             result.append((episode, Ground(path_facts(episode, level, sight)), world))
     return result
-
-
-def corpus(paths: list[tuple[Episode, Ground, World]], half: int) -> dict[str, Any]:
-    """Lies caught and true texts refused, per kind, of one half of the corpus."""
-    texts = json.loads((HERE / "true_texts.json").read_text())
-    grounds = {episode.episode_id: ground for episode, ground, _ in paths}
-    rng = np.random.default_rng(0)
-    kinds: dict[str, Counter[bool]] = {kind: Counter() for kind in KINDS}
-    refused, judged = [], 0
-    for name, pair in texts.items():
-        ground = grounds.get(name)
-        if ground is None:
-            continue
-        judged += 1
-        verdict = check_text(pair[half], ground)
-        if not verdict.ok:
-            refused.append([name, pair[half], list(verdict.problems)])
-        for kind, lie in KINDS.items():
-            false = lie(pair[half], ground.facts, rng)
-            if false and false != pair[half]:
-                kinds[kind][not check_text(false, ground).ok] += 1
-    caught = {k: [c[True], sum(c.values())] for k, c in kinds.items()}
-    return {
-        "half": half,
-        "true texts": judged,
-        "refused": refused,
-        "lies caught": caught,
-        "all": [sum(c for c, _ in caught.values()), sum(n for _, n in caught.values())],
-    }
 
 
 def follower(paths: list[tuple[Episode, Ground, World]]) -> dict[str, float]:
@@ -130,16 +99,18 @@ def composer(paths: list[tuple[Episode, Ground, World]]) -> dict[str, Any]:
 def main() -> None:
     """Print the results as JSON."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("runs", nargs="+", type=Path)
-    parser.add_argument("--half", type=int, choices=(0, 1), default=0)
+    parser.add_argument("runs", nargs="*", type=Path)
+    parser.add_argument("--scenes", type=Path)
+    parser.add_argument("--scans", type=Path)
+    parser.add_argument("--part", choices=PARTS, action="append")
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
+    result: dict[str, Any] = {}
+    for part in (options.part or PARTS) if options.scenes else ():
+        result[part] = measure(read_corpus(options.scenes, options.scans, (part,)))
     paths = [one for run in options.runs for one in load(run)]
-    result = {
-        "corpus": corpus(paths, options.half),
-        "follower": follower(paths),
-        "composer": composer(paths),
-    }
+    if paths:
+        result |= {"follower": follower(paths), "composer": composer(paths)}
     text = json.dumps(result, indent=1, ensure_ascii=False)
     if options.out:
         options.out.write_text(text + "\n")

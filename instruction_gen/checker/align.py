@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..facts.records import TurnFact
-from .claims import Claim
+from .claim import Claim
 from .ground import Ground, Mask, spread
 
 # A turn of this much must be told.
@@ -24,13 +24,14 @@ _SPOT_M = 0.6
 _ONE_TURN_DEG = 130.0  # more than this, not on the spot, is two turns
 _PLAIN_DEG = 33.0  # "turn left" is no smaller turn
 _IMPLIED_M = 1.4  # a room entered this near to a turn tells that turn
-_IMPLIED_DEG = 75.0
+_IMPLIED_DEG = 70.0
 _IMPLIED_AFTER_M = 0.1
 _OTHER_SIDE_DEG = 35.0  # a door told on one side hides no turn to the other
 _SIDED_M = 2.2  # so does a door on that side
 _BARE_STOP_M = 2.6
 _ORDER_M = 1.5  # things passed this near to each other may be told in either order
 _MEANWHILE_M = 4.0
+_ROUND_DEG = 75.0
 _ROUND_M = 1.5  # a turn made this near to a thing that is walked around
 
 States = dict[int, Mask]
@@ -67,7 +68,7 @@ class _Aligner:
             after = self._step(claim)
             if after:
                 self.states = after
-            else:
+            elif not claim.optional:
                 problems.append((claim.clause, self._why(claim)))
         if not problems:
             left = self._left_out()
@@ -255,7 +256,8 @@ class _Aligner:
         for k in range(made, len(self.turns)):
             turn = self.turns[k]
             near = claim.mask & self._between(turn.along_m - _ROUND_M, turn.along_m + _ROUND_M)
-            if not near.any() or (claim.side and turn.side != claim.side):
+            against = claim.side in ("left", "right") and turn.side != claim.side
+            if not near.any() or against or abs(turn.angle_deg) > _ROUND_DEG:
                 break
             options.append(k + 1)
         return options

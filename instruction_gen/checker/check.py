@@ -8,9 +8,10 @@ from ..facts.records import PathFacts
 from ..language.clauses import Parse
 from ..language.parse import parse
 from .align import align
-from .claims import claims_of, last_stop
+from .claims import claims_of
 from .form import form_problems
 from .ground import Ground
+from .stops import last_stop
 
 
 @dataclass(frozen=True)

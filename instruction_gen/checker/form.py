@@ -6,7 +6,6 @@ import re
 import unicodedata
 
 from ..language.clauses import Parse
-from ..language.parse import VERB_OF
 
 MIN_WORDS, MAX_WORDS = 6, 90
 MAX_CHARACTERS = 700
@@ -56,8 +55,3 @@ def form_problems(parse: Parse) -> list[str]:
     if telling and max(telling.count(w) for w in set(telling)) > max(5, 0.2 * len(words)):
         problems.append("one word is repeated over and over")
     return problems
-
-
-def is_command(word: str) -> bool:
-    """Whether a word is a verb of routes."""
-    return word in VERB_OF

@@ -1,238 +1,29 @@
-"""Where along a path a claim about a thing, a room or a door is true."""
+"""Where along a path a claim about a room or a door is true."""
 
 from __future__ import annotations
 
-import dataclasses
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
 
 from ..facts.doors import DOOR
-from ..facts.geometry import MOMENT_M
-from ..facts.records import LandmarkFact, PathFacts, VisitFact
 from ..language.clauses import Noun
-from ..language.lexicon import COLOUR_NEIGHBOURS, ROOM_PHRASES
-from ..language.nouns import answers, room_answers
+from .things import (
+    DOOR_M,
+    PASS_M,
+    REACH_M,
+    Found,
+    Mask,
+    Things,
+    replace_head,
+    replace_side,
+    room_names,
+    spread,
+)
 
-Mask = NDArray[np.bool_]
-
-PASS_M = 2.8  # a thing this near is passed
-REACH_M = 2.4  # one this near is reached, or stopped at
-BESIDE_M = 3.5
-AFTER_M = 3.0  # one stops after a thing that was passed this shortly before
-SEE_M = 8.0
-DOOR_M = 0.7  # along the path, around a passage
-_SIDE_DEG = (8.0, 172.0)
-_FACING_DEG = 60.0
-_VISIBLE_PIXELS = 12
-_COUNT_WINDOW_M = 1.6
-_NEAREST_M = 0.2
+__all__ = ["Found", "Ground", "Mask", "spread"]
 
 
-@dataclass(frozen=True)
-class Found:
-    """Where a claim holds.
-
-    Attributes:
-        mask: (S,) which places of the path.
-        reason: why it holds nowhere, "" when it holds somewhere.
-    """
-
-    mask: Mask
-    reason: str = ""
-
-
-class Ground:
-    """The facts of one path as arrays over S places, a quarter of a metre apart."""
-
-    def __init__(self, facts: PathFacts):
-        """Spread the landmarks' moments over the path."""
-        self.facts = facts
-        self.length_m = facts.length_m
-        samples = max(2, round(facts.length_m / MOMENT_M) + 1)
-        self.along_m: NDArray[np.float64] = np.linspace(0.0, facts.length_m, samples).astype(float)
-        shape = (len(facts.landmarks), len(self.along_m))
-        self.distance = np.full(shape, np.inf)
-        self.bearing = np.zeros(shape)
-        self.facing = np.full(shape, 180.0)
-        self.open = np.zeros(shape, dtype=bool)
-        self.seen = np.zeros(shape, dtype=bool)
-        for n, mark in enumerate(facts.landmarks):
-            if not mark.moments:
-                continue
-            rows = np.array([dataclasses.astuple(moment) for moment in mark.moments])
-            k = np.clip(np.rint(rows[:, 0] / self.along_m[1]), 0, shape[1] - 1).astype(int)
-            self.distance[n, k], self.bearing[n, k] = rows[:, 1], rows[:, 2]
-            self.facing[n, k], self.open[n, k] = rows[:, 3], rows[:, 4] > 0
-            self.seen[n, k] = (rows[:, 4] > 0) | (rows[:, 5] >= _VISIBLE_PIXELS)
-
-    # things -----------------------------------------------------------------------------------
-
-    def passed(self, noun: Noun) -> Found:
-        """Where a thing is close by, on the side said."""
-        beside = (np.abs(self.bearing) >= 38.0) & (np.abs(self.bearing) <= 145.0)
-        return self._where(noun, self._near(PASS_M) & beside & self._nearest(), "beside the path")
-
-    def abeam(self, noun: Noun) -> float | None:
-        """Where the middle of a thing is passed [m]; None if it is one of several."""
-        chosen = [n for n, m in enumerate(self.facts.landmarks) if answers_to(m, noun.head)]
-        near = [n for n in chosen if self._is_beside(n)]
-        if len(near) != 1:
-            return None
-        across = np.abs(np.abs(self.facing[near[0]]) - 90.0)
-        across[~self._near(PASS_M)[near[0]]] = np.inf
-        if across.min() > 35.0:
-            return None
-        return float(self.along_m[np.argmin(across / 15.0 + self.distance[near[0]])])
-
-    def beside(self, noun: Noun) -> Found:
-        """Where a thing is abeam, or near and ahead, on the side said."""
-        ahead = self._near(BESIDE_M) & (np.abs(self.bearing) < 60.0)
-        abeam = (np.abs(self.bearing) >= 38.0) & (np.abs(self.bearing) <= 145.0)
-        abeam &= self._near(PASS_M) & self._nearest()
-        return self._where(noun, ahead | abeam, "beside the path")
-
-    def reached(self, noun: Noun) -> Found:
-        """Where a thing is at hand."""
-        return self._where(noun, self._near(REACH_M), "reached")
-
-    def seen_at(self, noun: Noun) -> Found:
-        """Where a thing is in view, on the side said."""
-        # "With the sofa on your left" is said of a sofa nearby.
-        reach = BESIDE_M if noun.side and noun.prep == "with" else SEE_M
-        mask = self.seen & (self.distance <= reach) & (np.abs(self.bearing) <= 115.0)
-        return self._where(noun, mask | self._near(PASS_M), "in view")
-
-    def headed_for(self, noun: Noun) -> Found:
-        """Where one walks towards a thing, or has come to it."""
-        ahead = self.seen & (self.distance <= SEE_M) & (np.abs(self.facing) <= _FACING_DEG)
-        closer = np.zeros_like(ahead)
-        closer[:, :-2] = self.distance[:, 2:] < self.distance[:, :-2]
-        return self._where(noun, (ahead & closer) | self._near(REACH_M), "walked towards")
-
-    def stopped_at(self, noun: Noun) -> Found:
-        """The end of the path, where a thing is at hand there on the side said."""
-        mask = np.zeros_like(self.open)
-        reach = REACH_M
-        mask[:, -1] = (self.distance[:, -1] <= reach) & (
-            self.open[:, -1] | (self.distance[:, -1] <= 0.8)
-        )
-        found = self._where(noun, mask, "at the end of the path")
-        if found.reason:
-            return found
-        return Found(self.at_goal() if found.mask.any() else found.mask)
-
-    def stopped_after(self, noun: Noun) -> Found:
-        """The end of the path, where a thing was passed shortly before."""
-        found = self.passed(noun)
-        at_m = self.abeam(noun)
-        late = found.mask & self.at_goal(AFTER_M)
-        if at_m is not None and at_m < self.length_m - AFTER_M:
-            late = np.zeros_like(late)
-        if found.reason or late.any():
-            return Found(self.at_goal() if late.any() else found.mask, found.reason)
-        return Found(late, f"the {noun.text} is not just before the end of the path")
-
-    def at_goal(self, within_m: float = 2.2) -> Mask:
-        """The last stretch."""
-        return self.along_m >= self.length_m - within_m
-
-    def _near(self, reach_m: float) -> Mask:
-        return (self.distance <= reach_m) & (self.open | (self.distance <= 0.8))
-
-    def _nearest(self) -> Mask:
-        """Where each thing is about as near as it gets within a metre and a half of walking."""
-        window = max(1, round(1.5 / self.along_m[1]))
-        hidden = np.where(self.open | (self.distance <= 0.8), self.distance, np.inf)
-        padded = np.pad(hidden, ((0, 0), (window, window)), constant_values=np.inf)
-        views = np.lib.stride_tricks.sliding_window_view(padded, 2 * window + 1, axis=1)
-        return self.distance <= views.min(axis=2) + _NEAREST_M
-
-    def _where(self, noun: Noun, mask: Mask, what: str) -> Found:
-        """Restrict a mask (N, S) to the things that a noun phrase may mean."""
-        nothing = np.zeros(len(self.along_m), dtype=bool)
-        name = noun.text
-        chosen = [n for n, m in enumerate(self.facts.landmarks) if answers_to(m, noun.head)]
-        chosen = chosen or self._in_room(noun.head)
-        if not chosen:
-            known = any(noun.head in answers(n) for n in self.facts.level_nouns)
-            where = "on the route" if known else "in this scene"
-            return Found(nothing, f"there is no {name} {where}")
-        if noun.material:
-            return Found(nothing, f"nothing says that the {name} is {noun.material}")
-        if noun.colour:
-            matching = [n for n in chosen if _coloured(self.facts.landmarks[n], noun.colour)]
-            if not matching:
-                return Found(nothing, f"nothing says that the {name} is {noun.colour}")
-            chosen = matching
-        here = mask[chosen]
-        if not here.any():
-            return Found(nothing, f"the {name} is never {what}")
-        if noun.side:
-            here = here & self._sided(chosen, noun.side)
-            if not here.any():
-                return Found(nothing, f"the {name} is not on the {noun.side}")
-        if noun.ordinal:
-            keep = self._ordinal(chosen, noun)
-            here = here & keep[:, None]
-            if not here.any():
-                return Found(nothing, f"that is not {name} number {noun.ordinal}")
-        if noun.only and sum(self._is_beside(n) for n in chosen) > 1:
-            return Found(nothing, f"it is not the only {name}")
-        result = np.asarray(here.any(axis=0))
-        if noun.number > 1 or noun.plural:
-            result = result & self._counted(chosen, noun.number)
-            if not result.any():
-                said = noun.number or "several"
-                return Found(nothing, f"there are not {said} of them ({name})")
-        return Found(result)
-
-    def _in_room(self, head: str) -> list[int]:
-        """Things that are named by their room and kind: `kitchen table`."""
-        *room, kind = head.split()
-        names = room_names(" ".join(room))
-        marks = enumerate(self.facts.landmarks)
-        return [n for n, m in marks if m.room in names and answers_to(m, kind)]
-
-    def _sided(self, chosen: list[int], side: str) -> Mask:
-        bearing = self.bearing[chosen] * (1 if side == "left" else -1)
-        facing = self.facing[chosen] * (1 if side == "left" else -1)
-        low, high = _SIDE_DEG
-        return ((bearing > low) & (bearing < high)) | (
-            (facing > low) & (facing < high) & (np.abs(bearing) <= low)
-        )
-
-    def _is_beside(self, n: int) -> bool:
-        return bool(self._near(PASS_M)[n].any())
-
-    def _ordinal(self, chosen: list[int], noun: Noun) -> Mask:
-        """Which of the chosen things are in that place, counted from the start or in their room."""
-        marks = [self.facts.landmarks[n] for n in chosen]
-        beside = [n for n in chosen if self._is_beside(n)]
-        if noun.side:
-            sided = self._sided(beside, noun.side) & self._near(PASS_M)[beside]
-            beside = [n for k, n in enumerate(beside) if sided[k].any()]
-        beside.sort(key=lambda n: self.facts.landmarks[n].along_m)
-        right = set(beside[noun.ordinal - 1 : noun.ordinal])
-        for visit in self.facts.visits:
-            inside = [
-                n
-                for n in beside
-                if visit.from_m - 0.2 <= self.facts.landmarks[n].along_m <= visit.to_m + 0.2
-            ]
-            right |= set(inside[noun.ordinal - 1 : noun.ordinal])
-        return np.array([n in right for n, _ in zip(chosen, marks, strict=True)], dtype=bool)
-
-    def _counted(self, chosen: list[int], number: int) -> Mask:
-        """Where as many things are around as said; several, where no number is."""
-
-        def around(reach_m: float) -> NDArray[np.int64]:
-            near = (self._near(reach_m) | (self.seen & (self.distance <= reach_m)))[chosen]
-            return np.sum([spread(row, self.along_m, _COUNT_WINDOW_M) for row in near], axis=0)
-
-        low, high = around(1.2), around(4.0)
-        return (high >= 2) if not number else (low <= number) & (number <= high)
+class Ground(Things):
+    """The facts of one path: its things, rooms and doors."""
 
     # rooms ------------------------------------------------------------------------------------
 
@@ -344,47 +135,3 @@ class Ground:
 
     def _between(self, low_m: float, high_m: float) -> Mask:
         return (self.along_m >= low_m - 0.13) & (self.along_m <= high_m + 0.13)
-
-
-def spread(mask: Mask, along_m: NDArray[np.float64], by_m: float) -> Mask:
-    """Places within `by_m` of those in `mask`."""
-    k = max(1, round(by_m / along_m[1]))
-    padded = np.pad(mask, k)
-    views = np.lib.stride_tricks.sliding_window_view(padded, 2 * k + 1)
-    return np.asarray(views.any(axis=1))
-
-
-def answers_to(mark: LandmarkFact, head: str) -> bool:
-    """Whether a landmark may be called `head`."""
-    if mark.noun == DOOR:
-        return head in (DOOR, "door")
-    return head in answers(mark.noun)
-
-
-def room_names(head: str) -> frozenset[str]:
-    """Canonical rooms that `head` may mean."""
-    direct = {room for room in ROOM_PHRASES.get(head, ()) if head in room_answers(room)}
-    return frozenset(direct)
-
-
-def replace_side(noun: Noun, side: str) -> Noun:
-    """The same phrase on another side."""
-    return dataclasses.replace(noun, side=side)
-
-
-def replace_head(noun: Noun, head: str) -> Noun:
-    """The same phrase about another kind of thing."""
-    return Noun(
-        noun.text, noun.kind, head, noun.plural, noun.number, noun.ordinal, "", "", noun.only,
-        noun.side, noun.prep, noun.part, noun.start, noun.stop,
-    )  # fmt: skip
-
-
-def visit_at(facts: PathFacts, along_m: float) -> VisitFact:
-    """The room where the path is at a distance along it."""
-    return next((v for v in facts.visits if along_m <= v.to_m), facts.visits[-1])
-
-
-def _coloured(mark: LandmarkFact, colour: str) -> bool:
-    same = mark.colour == colour or colour in COLOUR_NEIGHBOURS.get(mark.colour, ())
-    return bool(mark.colour) and same

@@ -127,6 +127,10 @@ def _make_follow(step, rng, memory, slots, told) -> str:
     return _fill(_pick(words.FOLLOW, rng, memory), **slots)
 
 
+def _make_ahead(step, rng, memory, slots, told) -> str:
+    return _pick(words.AHEAD, rng, memory)
+
+
 def _make_walk(step, rng, memory, slots, told) -> str:
     options = words.WALK_SHORT if step.far_m < 2.3 and rng.random() < 0.6 else words.WALK
     return _fill(_pick(options, rng, memory), n=metres(step.far_m))
@@ -142,6 +146,8 @@ def _make_stop(step, rng, memory, slots, told) -> str:
         options = words.INSIDE[1:2] if named else words.INSIDE
         return f"{verb} {_fill(_pick(options, rng, ()), **slots)}"
     thing = step.mark.words
+    if step.place == "between":
+        return f"{verb} {_fill('between {X} and {Y}', X=thing, Y=step.other.words)}"
     if step.side and rng.random() < 0.75:
         return f"{verb} {_fill(_pick(words.STOP_SIDE, rng, ()), X=thing, s=step.side)}".replace(
             " is on", " are on" if step.mark.plural else " is on"
@@ -162,6 +168,7 @@ _MAKERS = {
     "pass": _make_pass,
     "between": _make_between,
     "follow": _make_follow,
+    "ahead": _make_ahead,
     "walk": _make_walk,
     "stop": _make_stop,
 }
@@ -189,17 +196,19 @@ def _sentences(clauses: list[str], rng: np.random.Generator, style: str) -> list
         groups.append(rest[:size])
         rest = rest[size:]
     result = []
+    opened = False  # one "after that" is enough for a text
     for k, group in enumerate(groups):
         text = _join(group, rng)
-        if k and len(group) >= 1:
-            opening = str(rng.choice(words.THEN))
-            text = text if text.startswith(_STANDING) else opening + text
+        if k and not opened and not text.startswith(_STANDING) and rng.random() < _OPENED:
+            opened = True
+            text = str(rng.choice(words.THEN)) + text
         plain = _plain(text)
         result.append(text if plain[0].isupper() else _upper(text))
         result[-1] += "."
     return result
 
 
+_OPENED = 0.3
 _STANDING = ("at ", "once ", "when ", "as ", "stop", "wait", "halt", "come")
 
 
@@ -213,7 +222,7 @@ def _join(group: Sequence[str], rng: np.random.Generator) -> str:
         elif not last:
             joint = ", "
         elif loaded or "," in _plain(text):
-            joint = str(rng.choice([", then ", ", and then ", ", and "]))
+            joint = str(rng.choice([", then ", ", and then "]))
         else:
             joint = str(rng.choice([", then ", " and ", " and then ", " and "]))
         text += joint + clause

@@ -107,8 +107,9 @@ def _refer(
         if m.name != mark.name and mark.noun in answers(m.noun) and _noticed(m)
     ]  # fmt: skip
     adjective = ""
-    if mark.colour and rng.random() < colours:
-        adjective = mark.colour + " "
+    looks = [word for word in (mark.colour, mark.material) if word]
+    if looks and rng.random() < colours:
+        adjective = looks[int(rng.integers(len(looks)))] + " "
     plural = False
     words = f"the {adjective}{spoken(mark.noun)}"
     if alike:

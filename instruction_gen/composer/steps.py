@@ -7,15 +7,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..facts.records import LandmarkFact, PassageFact, PathFacts, TurnFact
+from ..facts.records import PassageFact, PathFacts, TurnFact
 from .refer import Reference, passing_candidates, stop_candidates, turn_marker
 
-TELL_DEG = 50.0  # smaller turns are told only where nothing else shows the way
-HINT_DEG = 36.0
+TELL_DEG = 40.0  # smaller turns are told only where nothing else shows the way
+CLEAR_DEG = 50.0  # these are told even where the next turn undoes them
+HINT_DEG = 30.0
+_WEAVING_M = 2.0
+_LEADS = frozenset(("turn_enter", "enter_turn", "enter", "leave"))  # into another room
 _DOOR_AFTER_TURN_M = (-0.3, 1.5)  # a doorway this far behind a turn is one step with it
 _TURN_AFTER_DOOR_M = 1.7
 _ROUND_DEG = 140.0
 _JUST_INSIDE_M = 2.0
+_FAR_AHEAD_M = 2.5
 
 
 @dataclass(frozen=True)
@@ -24,7 +28,7 @@ class Step:
 
     Attributes:
         kind: `turn`, `leave`, `enter`, `turn_enter`, `enter_turn`, `pass`, `toward`, `between`,
-            `follow`, `walk`, `stop`.
+            `follow`, `ahead`, `walk`, `stop`.
         along_m: where [m].
         side: of a turn, or of the thing passed.
         degrees: of a turn, unsigned.
@@ -34,7 +38,7 @@ class Step:
         mark: the thing named.
         other: a second thing (`between`).
         far_m: how far to walk [m].
-        place: how to stop: `front`, `beside`, `near`, `inside`, `after`.
+        place: how to stop: `front`, `beside`, `near`, `between`, `inside`, `after`.
         covers: turns that this step tells, as indices into the facts' turns.
     """
 
@@ -86,6 +90,11 @@ def plan(facts: PathFacts, style: str, rng: np.random.Generator) -> list[Step]:
     steps = _moves(facts, rng, taste, named)
     steps = _passed(steps, stop, facts, rng, taste, named)
     steps = _distances(steps, stop, facts)
+    first = steps[0] if steps else None
+    if style != "terse" and first is not None and first.along_m > _FAR_AHEAD_M:
+        # Turning is the first thing told, but not the first thing done.
+        turns = first.kind in ("turn_enter", "enter_turn", "turn") and first.mark is None
+        steps = [Step("ahead", 0.0), *steps] if turns else steps
     if not steps:
         steps = [Step("walk", 0.0, far_m=facts.length_m)]
     if stop.place == "after":
@@ -112,7 +121,14 @@ def told_turns(facts: PathFacts) -> list[tuple[int, TurnFact]]:
         lonely = all(
             abs(other.along_m - turn.along_m) > 3.0 for other in facts.turns if other is not turn
         )
-        if size >= TELL_DEG or (small and lonely and turn.along_m > 1.0):
+        undone = any(
+            other.side != turn.side
+            and abs(other.along_m - turn.along_m) <= _WEAVING_M
+            and abs(other.angle_deg) >= HINT_DEG
+            for other in facts.turns
+        )
+        clear = size >= CLEAR_DEG or (size >= TELL_DEG and not undone)
+        if clear or (small and lonely and turn.along_m > 1.0):
             result.append((k, turn))
     return result
 
@@ -234,8 +250,10 @@ def _distances(steps: list[Step], stop: Step, facts: PathFacts) -> list[Step]:
     before = 0.0
     for step in steps:
         gap = step.along_m - before
-        lone_turn = step.kind == "turn" and step.mark is None
-        if lone_turn and gap > 1.8:
+        unmarked = step.mark is None and (
+            step.kind == "turn" or (step.kind in _LEADS and not step.room)
+        )
+        if unmarked and gap > 1.8:
             room = _room_at(facts, before + 0.5 * gap)
             if room == "hallway" and gap > 2.0:
                 result.append(Step("follow", before + 0.2, room=room))
@@ -254,6 +272,11 @@ def _stop(facts: PathFacts, rng: np.random.Generator, taste: Taste) -> Step:
     options = stop_candidates(facts, rng, taste.colours)
     if options:
         mark = options[0] if len(options) == 1 or rng.random() < 0.75 else options[1]
+        other = next((o for o in options if _faces(mark, o)), None)
+        if other is not None and rng.random() < 0.5:
+            return Step(
+                "stop", length, mark=mark, other=other, place="between", room=facts.goal_room
+            )
         ahead = abs(mark.bearing_deg) < 32.0
         beside = "beside" if mark.distance_m <= 1.1 else "near"
         place = "front" if ahead else beside
@@ -267,6 +290,7 @@ def _stop(facts: PathFacts, rng: np.random.Generator, taste: Taste) -> Step:
     return Step("stop", length, place="after", far_m=1.0)
 
 
-def is_big(mark: LandmarkFact) -> bool:
-    """Whether a thing is large enough to be seen from across a room."""
-    return mark.size_m >= 0.9
+def _faces(mark: Reference, other: Reference) -> bool:
+    """Whether two things lie on either side of the stop."""
+    sides = sorted((mark.bearing_deg, other.bearing_deg))
+    return -140.0 < sides[0] < -40.0 and 40.0 < sides[1] < 140.0 and mark.noun != other.noun

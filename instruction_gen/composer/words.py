@@ -96,7 +96,7 @@ WALK_SHORT = (
     "walk forward a few steps", "go straight for a few steps", "take a few steps forward",
     "walk ahead a couple of metres", "go on for a couple of metres",
 )  # fmt: skip
-STOP = ("stop", "stop", "stop", "wait", "come to a stop", "stop and wait", "halt")
+STOP = ("stop", "stop", "stop", "stop", "wait", "wait", "come to a stop", "halt")
 FRONT = (
     "in front of {X}", "just before {X}", "right in front of {X}", "before you reach {X}",
     "at {X}", "facing {X}", "when you reach {X}", "once you get to {X}",
@@ -125,5 +125,5 @@ AFTER_SHORT = (
     "walk one more metre and stop", "take one or two more steps and stop",
     "stop after about a metre", "go on for a metre and stop there", "walk another metre and stop",
 )  # fmt: skip
-THEN = ("then ", "next, ", "after that, ", "from there, ", "", "", "", "")
-JOINTS = (", then ", " and ", " and then ", ", ")
+AHEAD = ("go straight ahead", "walk straight", "head straight on", "walk forward", "go straight")
+THEN = ("then ", "next, ", "after that, ", "from there, ")

@@ -75,7 +75,7 @@ def relations(track: Track, low_m: Array, high_m: Array, regions: RegionMap) -> 
     clear = np.zeros(distance.shape, dtype=bool)
     s, n = np.nonzero(near)
     if len(s):
-        clear[s, n] = _clear(track.points_m[s], edge[s, n], distance[s, n], regions)
+        clear[s, n] = no_wall_between(track.points_m[s], edge[s, n], distance[s, n], regions)
     return Relations(distance, _turned(to_edge, heading), _turned(to_middle, heading), clear)
 
 
@@ -84,7 +84,9 @@ def _turned(vector: Array, heading: Array) -> Array:
     return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
-def _clear(start: Array, end: Array, length: Array, regions: RegionMap) -> NDArray[np.bool_]:
+def no_wall_between(
+    start: Array, end: Array, length: Array, regions: RegionMap
+) -> NDArray[np.bool_]:
     """Whether lines (K, 2) → (K, 2) meet no wall; the thing itself may stand at one."""
     share = np.maximum(0.0, 1.0 - _WALL_SKIN_M / np.maximum(length, _WALL_SKIN_M))
     t = np.linspace(0.0, 1.0, _LINE_SAMPLES)[None, :, None] * share[:, None, None]

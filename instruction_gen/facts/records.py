@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-FACTS_VERSION = 1
+FACTS_VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,8 @@ class LandmarkFact:
         name: of the object in the scene.
         noun: what to call it, see `language.nouns.noun_of`.
         room: it stands in, "" when unknown.
-        colour: as the pictures show it, "" when they do not say clearly.
+        colour: as the label says or the pictures show it, "" when neither says clearly.
+        material: as the label says, "" when it does not.
         nameable: large and particular enough to steer by, and seen by the camera where one looked.
         count: how many of its noun are near the path.
         ordinal: its place among those, in the order of passing, from 1.
@@ -121,6 +122,7 @@ class LandmarkFact:
     noun: str
     room: str
     colour: str
+    material: str
     nameable: bool
     count: int
     ordinal: int

@@ -3,44 +3,43 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from skimage.graph import MCP_Geometric
 
-from ...formats.scene.bundle import SceneBundle
+from ...formats.scene.bundle import LabeledObject, SceneBundle
 from ...wayfinding.regions import ROOM_PREFIX, RegionMap, region_map
 from ..facts.doors import DOOR, doorways
+from ..facts.geometry import no_wall_between
+from ..facts.rooms import room_names
 from ..language.lexicon import ROOM_PHRASES
-from ..language.nouns import answers, noun_of, room_of
+from ..language.nouns import answers, noun_of
+
+if TYPE_CHECKING:
+    from .ways import Ways
 
 Array = NDArray[np.float64]
 
 CELL_M = 0.15
 RADIUS_M = 0.22
+SIGHT_M = 7.0
+_EXITS = 5  # ways out of a room that are looked at, at most
 
 
 @dataclass(frozen=True)
 class Thing:
-    """An object or a doorway: its noun and its box [m]."""
+    """An object or a doorway: its noun, its box [m] and the region that its middle lies in."""
 
     noun: str
     low_m: Array
     high_m: Array
+    region: int = -1
 
-
-class Field:
-    """Ways from one place to all others."""
-
-    def __init__(self, cost: Array, start: tuple[int, int]):
-        """Spread from a cell."""
-        self._finder = MCP_Geometric(cost)
-        reached, _ = self._finder.find_costs([start])
-        self.distance_m: Array = np.where(np.isfinite(reached), reached * CELL_M, np.inf)
-
-    def way(self, cell: tuple[int, int]) -> NDArray[np.int64]:
-        """Cells (K, 2) from the start to a cell."""
-        return np.array(self._finder.traceback(cell))
+    @property
+    def middle_m(self) -> Array:
+        """(2,) [m]."""
+        return 0.5 * (self.low_m + self.high_m)
 
 
 class World:
@@ -68,22 +67,22 @@ class World:
         clear = freemap.clearance_m[cells[..., 0], cells[..., 1]]
         self.free = free
         # Walking close to things is dearer, as people keep away from them.
-        self._cost = np.where(free, 1.0 + np.clip(0.6 - clear, 0.0, 0.4), -1.0)
+        self.cost = np.where(free, 1.0 + np.clip(0.6 - clear, 0.0, 0.4), -1.0)
         self.region = regions.at(self.centers_m)
-        self.rooms = tuple(room_of(name) for name in regions.names)
+        here = [o for o in bundle.objects if o.level in (level, -1)]
+        self.rooms = room_names(regions, here)
         floor = bundle.level_floor_z_m[level]
         self.things = [
-            Thing(noun_of(o.category), np.array(o.lower_m[:2]), np.array(o.upper_m[:2]))
+            _thing(noun_of(o.category), o, regions)
             for o in bundle.objects
             if o.level in (level, -1)
             and not o.category.startswith(ROOM_PREFIX)
             and noun_of(o.category) not in ("", "door")
         ]
-        self.things += [
-            Thing(DOOR, np.array(d.lower_m[:2]), np.array(d.upper_m[:2]))
-            for d in doorways(regions, level, floor)
-        ]
-        self._fields: dict[tuple[int, int], Field] = {}
+        self.things += [_thing(DOOR, d, regions) for d in doorways(regions, level, floor)]
+        self._regions = regions
+        self._gaps: dict[int, Array] = {}
+        self._ways: tuple[tuple[float, ...], list[Ways]] | None = None
 
     def cell(self, xy_m: Array) -> tuple[int, int]:
         """The free cell nearest to a point (2,) [m]."""
@@ -92,24 +91,70 @@ class World:
         row, column = np.unravel_index(int(np.argmin(gap)), gap.shape)
         return int(row), int(column)
 
-    def field(self, cell: tuple[int, int]) -> Field:
-        """Ways from a cell, kept."""
-        if cell not in self._fields:
-            self._fields[cell] = Field(self._cost, cell)
-        return self._fields[cell]
+    def ways(self, start_m: Array, start_yaw_rad: float) -> list[Ways]:
+        """Ways from a pose (2,) [m] and heading [rad]: the shortest, and by each way out.
 
-    def called(self, head: str) -> list[Thing]:
-        """Things that may be called so."""
+        The second and further sets leave the room of the start into one of its neighbours only.
+        """
+        from .ways import Ways
+
+        start = np.asarray(start_m, dtype=np.float64)[:2]
+        pose = (*self.cell(start), round(start_yaw_rad, 2))
+        if self._ways is None or self._ways[0] != pose:
+            home = int(self.region[self.cell(start)])
+            first = Ways(self, self.cost, start, start_yaw_rad)
+            made = [first]
+            beyond = {k: self._beside(home, k) for k in range(len(self.rooms)) if k != home}
+            exits = [k for k, cells in beyond.items() if cells.any()]
+            for wanted in exits if 2 <= len(exits) <= _EXITS else ():
+                shut = np.any([beyond[k] for k in exits if k != wanted], axis=0)
+                made.append(Ways(self, np.where(shut, -1.0, self.cost), start, start_yaw_rad))
+            self._ways = pose, made
+        return self._ways[1]
+
+    def _beside(self, home: int, other: int) -> NDArray[np.bool_]:
+        """Cells of region `other` that touch region `home`."""
+        inside = self.region == home
+        near = np.zeros_like(inside)
+        for axis in (0, 1):
+            for shift in (1, -1):
+                near |= np.roll(inside, shift, axis)
+        return near & (self.region == other) & self.free
+
+    def called(self, head: str) -> list[int]:
+        """Indices of the things that may be called so; `kitchen table` is a table in a kitchen."""
         if head in ("door", DOOR):
-            return [t for t in self.things if t.noun == DOOR]
-        return [t for t in self.things if t.noun != DOOR and head in answers(t.noun)]
+            return [k for k, t in enumerate(self.things) if t.noun == DOOR]
+        found = [k for k, t in enumerate(self.things) if head in answers(t.noun)]
+        if found or " " not in head:
+            return found
+        room, kind = head.rsplit(" ", 1)
+        inside = set(self.regions_called(room))
+        return [
+            k for k, t in enumerate(self.things) if kind in answers(t.noun) and t.region in inside
+        ]
 
-    def gap_m(self, thing: Thing) -> Array:
-        """(R, C) distance of each cell to a thing's edge [m]."""
-        edge = np.clip(self.centers_m, thing.low_m, thing.high_m)
-        return np.linalg.norm(self.centers_m - edge, axis=-1)
+    def gap_m(self, k: int) -> Array:
+        """(R, C) distance of each cell to thing `k` [m]; inf where a wall stands between."""
+        if k not in self._gaps:
+            thing = self.things[k]
+            edge = np.clip(self.centers_m, thing.low_m, thing.high_m)
+            gap = np.linalg.norm(self.centers_m - edge, axis=-1)
+            near = self.free & (gap <= SIGHT_M)
+            open_ = no_wall_between(self.centers_m[near], edge[near], gap[near], self._regions)
+            gap[~near] = np.inf
+            gap[near] = np.where(open_ | (gap[near] < 0.3), gap[near], np.inf)
+            self._gaps[k] = gap
+        return self._gaps[k]
 
     def regions_called(self, head: str) -> list[int]:
         """Regions that may be called so."""
         rooms = ROOM_PHRASES.get(head, frozenset())
         return [k for k, name in enumerate(self.rooms) if name in rooms]
+
+
+def _thing(noun: str, thing: LabeledObject, regions: RegionMap) -> Thing:
+    low, high = np.array(thing.lower_m[:2]), np.array(thing.upper_m[:2])
+    around = regions.at(np.stack([low, high, 0.5 * (low + high)]))
+    inside = around[around >= 0]
+    return Thing(noun, low, high, int(np.bincount(inside).argmax()) if len(inside) else -1)

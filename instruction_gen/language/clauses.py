@@ -19,7 +19,7 @@ class Noun:
         colour: canonical colour said, "" = none.
         material: material said, "" = none.
         only: said to be the only one.
-        side: `left` or `right` where it is said to be, "" = not said.
+        side: `left`, `right`, `behind` or `beside` where it is said to be, "" = not said.
         prep: the preposition before it, "" = none.
         part: a part or place of it that is meant (`end`, `other side`), "" = itself.
         start, stop: first token and one past the last.

@@ -136,6 +136,7 @@ _ROOMS = """
 living room=lounge,sitting room,family room,living area
 kitchen=kitchen area
 bedroom=bed room
+children's room=childrens room,kids room,kid's room,child's room<bedroom
 bathroom=restroom,washroom,bath room
 hallway=hall,corridor,passage,passageway,landing
 dining room=dining area
@@ -222,9 +223,11 @@ COLOUR_NEIGHBOURS = {
     "brown": {"orange", "beige", "red", "black"},
     "beige": {"brown", "white", "yellow", "grey", "orange"},
 }
-MATERIALS = frozenset(
-    "wooden wood metal leather glass marble stone plastic fabric brick steel".split()
-)
+MATERIALS = {
+    "wooden": "wooden", "wood": "wooden", "metal": "metal", "steel": "metal", "leather": "leather",
+    "glass": "glass", "marble": "marble", "stone": "stone", "plastic": "plastic",
+    "fabric": "fabric", "brick": "brick",
+}  # fmt: skip
 # Adjectives that nothing in a scene can refute.
 ADJECTIVES = frozenset(
     """large small big little long tall short wide narrow low high round square open closed nearby

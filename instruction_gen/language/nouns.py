@@ -5,11 +5,21 @@ from __future__ import annotations
 import re
 from functools import cache
 
-from .lexicon import ADJECTIVES, MATERIALS, OBJECT_PHRASES, OBJECTS, ROOM_PHRASES, ROOMS, singular
+from .lexicon import (
+    ADJECTIVES,
+    COLOURS,
+    MATERIALS,
+    OBJECT_PHRASES,
+    OBJECTS,
+    ROOM_PHRASES,
+    ROOMS,
+    singular,
+)
 
 _WORD = re.compile(r"[a-z]+(?:-[a-z]+)?")
 _LONGEST_LABEL = 40
 _ROOM_WORDS = frozenset(w for phrase in ROOM_PHRASES for w in phrase.split()) - {"room", "area"}
+_SAID_OF = COLOURS.keys() | MATERIALS.keys()
 _SPOKEN = {"tv": "TV", "pc": "PC", "airconditioner": "air conditioner"}
 
 
@@ -21,6 +31,8 @@ def noun_of(label: str) -> str:
     (`balcony table`).
     """
     words = _words(label)
+    while len(words) > 1 and words[0] in _SAID_OF:
+        words = words[1:]
     if not 1 <= len(words) <= 3:
         return ""
     phrase = " ".join(words)
@@ -32,16 +44,26 @@ def noun_of(label: str) -> str:
             if exact:
                 return exact[0]
     head = singular(words[-1])
-    known_word = _ROOM_WORDS | ADJECTIVES | MATERIALS | OBJECT_PHRASES.keys()
+    known_word = _ROOM_WORDS | ADJECTIVES | OBJECT_PHRASES.keys()
     if head in OBJECTS and all(word in known_word for word in words[:-1]):
         return " ".join([*words[:-1], head])
     return ""
 
 
 @cache
+def looks_of(label: str) -> tuple[str, str]:
+    """Colour and material that a label says, "" each where it says none: `red leather sofa`."""
+    if not noun_of(label):
+        return "", ""
+    words = _words(label)[:-1]
+    colour = next((COLOURS[w] for w in words if w in COLOURS), "")
+    return colour, next((MATERIALS[w] for w in words if w in MATERIALS), "")
+
+
+@cache
 def room_of(label: str) -> str:
     """The canonical name of a room's label, "" when it is no known kind of room."""
-    phrase = " ".join(_words(label))
+    phrase = " ".join(_words(label.replace("'s", "s")))
     if phrase in ROOMS:
         return phrase
     return next(iter(sorted(ROOM_PHRASES.get(phrase, ()))), "")

@@ -14,72 +14,29 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from .clauses import Clause, Noun, Parse
-from .lexicon import NUMBERS, UNITS_M
+from .distances import STEPS, read_distance
+from .function_words import (
+    BEND_WORDS,
+    BY_YOU,
+    FILLERS,
+    JOINTS,
+    KEEP,
+    NOUNLIKE,
+    PHRASES,
+    PREPOSITIONS,
+    RIGHT_ADVERB,
+    SECOND,
+    SEVERAL,
+    SHARP,
+    SLIGHT,
+    THERE,
+    TURN_PLACE,
+    UNTIL,
+    VERB_OF,
+)
 from .phrases import DETERMINERS, read_noun
+from .sides import read_side
 from .tokens import Token, tokenize
-
-_VERBS = {
-    "turn": """turn turning bearing veering veer bear angle swing rotate pivot curve bend hook hang
-        spin face bends curves""",
-    "move": """walk go head move continue proceed step keep follow cross travel advance come carry
-        stay get march stroll start begin set make take traverse cut run return heading walking
-        going moving continuing keeping following leads lead round""",
-    "enter": "enter entering",
-    "leave": "leave exit leaving exiting",
-    "pass": "pass passing skirt skirting",
-    "stop": "stop wait halt stand pause finish park rest stopping waiting done end ends arrived",
-    "see": "see notice find spot seeing look looking is are",
-    "reach": "reach approach reaching approaching arrive arriving meet hit",
-}
-VERB_OF = {word: verb for verb, words in _VERBS.items() for word in words.split()}
-_NOUNLIKE = frozenset(
-    """face end ends step turn pass rest stand stop start bend bends curve hook head set walk run
-    round lead park cut""".split()
-)
-_PREPOSITIONS = {
-    **dict.fromkeys("past by beyond alongside along".split(), "past"),
-    **dict.fromkeys("through across over".split(), "through"),
-    **dict.fromkeys("into inside onto".split(), "into"),
-    **dict.fromkeys("from off".split(), "from"),
-    **dict.fromkeys("to toward towards for".split(), "to"),
-    **dict.fromkeys("at".split(), "at"),
-    **dict.fromkeys("near beside against".split(), "near"),
-    **dict.fromkeys("behind opposite facing under".split(), "near"),
-    "before": "before",
-    "between": "between",
-    "around": "around",
-    "round": "around",
-    "in": "in",
-    "with": "with",
-    "after": "after",
-    "on": "on",
-    "via": "through",
-    "down": "along",
-    "up": "along",
-    "within": "near",
-    "without": "near",
-    "of": "of",
-}
-_PHRASES = (
-    (("next", "to"), "near"),
-    (("close", "to"), "near"),
-    (("in", "front", "of"), "before"),
-    (("just", "before"), "before"),
-    (("short", "of"), "before"),
-    (("out", "of"), "from"),
-    (("up", "to"), "to"),
-    (("across", "from"), "near"),
-    (("away", "from"), "away"),
-    (("as", "far", "as"), "to"),
-    (("ahead", "of"), "before"),
-    (("all", "the", "way"), ""),
-    (("part", "way"), ""),
-)
-_UNTIL = frozenset("until till once when as if where".split())
-_JOINTS = frozenset("and then but so while".split())
-_SLIGHT = frozenset("slight slightly gentle gently little soft bit".split())
-_SHARP = frozenset("sharp sharply hard".split())
-_THERE = frozenset("there here now done immediately".split())
 
 
 @dataclass
@@ -146,28 +103,38 @@ class _Reader:
             self.prep = "" if word != "-" else self.prep
             self.k += 1
             return
-        if self._side() or self._prep_phrase() or self._distance() or self._verb():
+        if (
+            self._by_you()
+            or self._side()
+            or self._prep_phrase()
+            or self._distance()
+            or self._verb()
+        ):
             return
-        if word in _UNTIL:
+        if word in UNTIL:
             if not self.draft.empty:
                 self._close()
             self.draft.until = True
             self.draft.start = token.start
             self.k += 1
-        elif word in _JOINTS:
+        elif word in JOINTS:
             self._joint()
-        elif word in ("not", "never", "ignore", "avoid", "skip", "without") and word != "without":
+        elif word == "without" and self._subordinate():
+            self._close()
+            self.draft.negated = True
+            self.k += 1
+        elif word in ("not", "never", "ignore", "avoid", "skip"):
             if word == "not" or self.draft.empty:
                 self._close_if_verb()
                 self.draft.negated = True
             self.k += 1
-        elif word in _SLIGHT:
+        elif word in SLIGHT:
             self.draft.degree = "slight"
             self.k += 1
-        elif word in _SHARP:
+        elif word in SHARP:
             self.draft.degree = "sharp"
             self.k += 1
-        elif word in _THERE and self.draft.verb == "stop":
+        elif word in THERE and self.draft.verb == "stop":
             self.draft.there = True
             self._extend(token)
             self.k += 1
@@ -176,8 +143,8 @@ class _Reader:
             self.draft.until = True
             self.draft.before = word == "before"
             self.k += 1
-        elif word in _PREPOSITIONS:
-            self.prep = _PREPOSITIONS[word]
+        elif word in PREPOSITIONS:
+            self.prep = PREPOSITIONS[word]
             if word == "by" and (self.draft.verb == "stop" or self.draft.nouns):
                 self.prep = "near"
             if word == "around" and self.draft.verb in ("turn",) and not self._noun_follows():
@@ -185,7 +152,7 @@ class _Reader:
             self._extend(token)
             self.k += 1
         elif not self._noun():
-            if word not in _FILLERS and not word.isdigit():
+            if word not in FILLERS and not word.isdigit():
                 self.strange.append(word)
             self._extend(token)
             self.k += 1
@@ -194,36 +161,13 @@ class _Reader:
 
     def _side(self) -> bool:
         """`left`, `to the left`, `on your right-hand side`: of a turn, of the noun, or ahead."""
-        words = [t.text for t in self.tokens[self.k : self.k + 6]]
-        k = 0
-        prep = words[0] if words[0] in ("on", "to", "at", "in", "off") else ""
-        if prep:
-            k += 1
-            while k < len(words) and words[k] in ("off", "over"):
-                k += 1
-        determined = k < len(words) and words[k] in ("your", "the", "its", "a", "an")
-        if determined:
-            k += 1
-        while k < len(words) and words[k] in (
-            "immediate",
-            "far",
-            "very",
-            "near",
-            *_SLIGHT,
-            *_SHARP,
-        ):
-            if words[k] in _SLIGHT | _SHARP:
-                self.draft.degree = "slight" if words[k] in _SLIGHT else "sharp"
-            k += 1
-        if k >= len(words) or words[k] not in ("left", "right", "left-hand", "right-hand"):
+        found = read_side([t.text for t in self.tokens[self.k : self.k + 6]])
+        if found is None:
             return False
-        side = words[k].split("-")[0]
-        k += 1
-        if k < len(words) and words[k] == "hand":
-            k += 1
-        if k < len(words) and words[k] == "side":
-            k += 1
-        after = words[k] if k < len(words) else ""
+        prep, determined, side, k, after = (
+            found.prep, found.determined, found.side, found.words, found.after,
+        )  # fmt: skip
+        self.draft.degree = found.degree or self.draft.degree
         draft = self.draft
         if after == "of" and prep:
             # "to the left of the sofa": the sofa is then on the walker's other side.
@@ -245,10 +189,11 @@ class _Reader:
         bare_turn = fresh and (
             draft.verb == "turn"
             or (draft.verb == "move" and after in ("at", "in", "by", "into", "through"))
-            or (draft.empty and after in _TURN_PLACE and self._elliptic())
-            or (draft.verb == "move" and (draft.degree or self.tokens[self.k - 1].text in _KEEP))
+            or (draft.empty and after in TURN_PLACE and self._elliptic())
+            or (draft.verb == "move" and (draft.degree or self.tokens[self.k - 1].text in KEEP))
+            or (after in ("after", "before") and self.tokens[self.k - 1].text == "go")
         )
-        adverb = not prep and not determined and side == "right" and after in _RIGHT_ADVERB
+        adverb = not prep and not determined and side == "right" and after in RIGHT_ADVERB
         if adverb and not bare_turn:
             self.k += 1
             return True
@@ -256,6 +201,12 @@ class _Reader:
             noun = read_noun(self.tokens, self.k)
             if noun is not None and noun[0].kind in ("door", "object", "room"):
                 return False
+        if prep == "to" and self.k and self.tokens[self.k - 1].text in ("around", "round"):
+            # "Follow the bed around to the right" is a turn of its own.
+            self._close()
+            self.draft.verb, self.draft.side, self.draft.degree = "turn", side, "some"
+            self._take(k)
+            return True
         if prep in ("on", "to") and draft.empty and self._side_of_last(side, k):
             return True
         if prep in ("on", "at", "in", "off") or (
@@ -284,6 +235,17 @@ class _Reader:
         self._take(k)
         return True
 
+    def _by_you(self) -> bool:
+        """`behind you` and `next to you` say where the thing named before is."""
+        words = [t.text for t in self.tokens[self.k : self.k + 3]]
+        for said, place in BY_YOU.items():
+            if tuple(words[: len(said)]) == said and self.draft.nouns:
+                last = self.draft.nouns[-1]
+                self.draft.nouns[-1] = replace(last, side=last.side or place)
+                self._take(len(said))
+                return True
+        return False
+
     def _elliptic(self) -> bool:
         """Whether a bare side may be a turn: `then left past …`, `…, right at the …`."""
         before = self.tokens[self.k - 1].text if self.k else "."
@@ -295,12 +257,12 @@ class _Reader:
         """`…, both on the right` and `…, on your right,` say the side of what was just named."""
         words = [t.text for t in self.tokens[max(0, self.k - 3) : self.k]]
         after = self.tokens[self.k + count].text if self.k + count < len(self.tokens) else "."
-        several = bool(_SEVERAL & set(words))
+        several = bool(SEVERAL & set(words))
         closed = words[-1:] == [","] and not after[0].isalnum()
         if not self.clauses or not self.clauses[-1].nouns or not (several or closed):
             return False
         last = self.clauses[-1]
-        first = 0 if _SEVERAL - {"which"} & set(words) else len(last.nouns) - 1
+        first = 0 if SEVERAL - {"which"} & set(words) else len(last.nouns) - 1
         nouns = tuple(
             replace(n, side=n.side or side) if k >= first else n for k, n in enumerate(last.nouns)
         )
@@ -311,7 +273,7 @@ class _Reader:
     # prepositions, distances, verbs -----------------------------------------------------------
 
     def _prep_phrase(self) -> bool:
-        for words, meaning in _PHRASES:
+        for words, meaning in PHRASES:
             there = tuple(t.text for t in self.tokens[self.k : self.k + len(words)])
             if there == words:
                 if meaning:
@@ -323,29 +285,13 @@ class _Reader:
     def _distance(self) -> bool:
         """`four metres`, `about 3 m`, `a couple of steps`, `a few metres`."""
         words = [t.text for t in self.tokens[self.k : self.k + 5]]
-        k, amount, vague = 0, 0.0, False
-        if words[0] in ("a", "another", "one", "the"):
-            k = 1
-        if k < len(words) and words[k] in ("few", "couple", "little", "short", "some", "several"):
-            amount, vague, k = 2.5, True, k + 1
-            while k < len(words) and words[k] in ("of", "more"):
-                k += 1
-        elif k < len(words) and (words[k] in NUMBERS or _number(words[k])):
-            amount = float(NUMBERS[words[k]] if words[k] in NUMBERS else words[k])
-            k += 1
-            if k + 2 < len(words) and words[k] == "and" and words[k + 1] in ("a", "half"):
-                amount, k = amount + 0.5, k + (3 if words[k + 1] == "a" else 2)
-            while k < len(words) and words[k] in ("or", "more", "to", "further", "-", *NUMBERS):
-                k += 1
-        elif words[0] in ("a", "one", "another") and k < len(words) and words[k] in UNITS_M:
-            amount = 1.0
-        if not amount or k >= len(words) or words[k] not in UNITS_M:
+        found = read_distance(words)
+        if found is None:
             return False
-        if words[k] in ("step", "steps") and self.draft.verb in ("see", "pass"):
+        if words[found[2] - 1] in STEPS and self.draft.verb in ("see", "pass"):
             return False
-        self.draft.distance_m = amount * UNITS_M[words[k]]
-        self.draft.vague = vague
-        self._take(k + 1)
+        self.draft.distance_m, self.draft.vague, count = found
+        self._take(count)
         self.prep = ""
         return True
 
@@ -360,9 +306,9 @@ class _Reader:
             if word in ("turn", "bend", "curve") and self.draft.side:
                 self.k += 1
                 return True
-            if word in _NOUNLIKE or verb == "see":
+            if word in NOUNLIKE or verb == "see":
                 return False
-        if word in _NOUNLIKE and before in ("left", "right", "slight", "sharp", "gentle", "hard"):
+        if word in NOUNLIKE and before in ("left", "right", "slight", "sharp", "gentle", "hard"):
             self.draft.verb = "turn"
             self._take(1)
             return True
@@ -395,10 +341,10 @@ class _Reader:
             self.draft.verb = self.draft.verb or "move"
             self._take(3 if self._next("way", 2) else 2)
             return True
-        if self.draft.verb and not (self.draft.verb == "move" and word in _SECOND):
+        if self.draft.verb and not (self.draft.verb == "move" and word in SECOND):
             self._close()
         self.draft.verb = verb
-        if word in _BEND_WORDS and not self.draft.degree:
+        if word in BEND_WORDS and not self.draft.degree:
             self.draft.degree = "some"
         if word.endswith("ing") and verb != "stop" and self.clauses and before == ",":
             self.draft.meanwhile = True
@@ -491,27 +437,3 @@ class _Reader:
         here = self.tokens[self.k].stop if self.k < len(self.tokens) else len(self.text)
         self.draft = _Draft(here)
         self.prep = ""
-
-
-def _number(word: str) -> bool:
-    return word.replace(".", "", 1).isdigit()
-
-
-_SECOND = frozenset("going walking moving heading straight following".split())
-_KEEP = frozenset("keep stay keeping staying".split())
-_BEND_WORDS = frozenset("bear bearing veer veering curve curves bend bends angle keep".split())
-_TURN_PLACE = frozenset("at in into through by past between along out".split())
-_SEVERAL = frozenset("both all which each".split())
-_RIGHT_ADVERB = frozenset(
-    "there here next in by beside before after away where past behind between at through".split()
-)
-_FILLERS = frozenset(
-    """the a an you your will be it its that which who this these those to straight ahead forward
-    forwards on about roughly approximately around just only again then next further more directly
-    immediately first finally now soon almost nearly slowly carefully please all way right left over
-    back down up out so can should have has come they them there here also still along under away
-    for of one where first well another off until and or some is are little bit once inside through
-    behind at in by within from other same far close long short past with side do does need want
-    facing let yourself into opposite both after before very too even half upon continuing onward
-    onwards itself whose until while past keep exactly eventually instead""".split()
-)

@@ -70,7 +70,7 @@ def read_noun(tokens: Sequence[Token], k: int) -> tuple[Noun, int] | None:
         elif word in COLOURS and (_can_follow(after) or is_object(after)):
             colour = COLOURS[word]
         elif word in MATERIALS and (_can_follow(after) or is_object(after)):
-            material = word
+            material = MATERIALS[word]
         elif is_object(word) or is_room(word) or word in DOORS:
             words.append(word)
             k += 1

@@ -85,6 +85,8 @@ def _thing(mark: LandmarkFact) -> dict[str, Any]:
     result: dict[str, Any] = {"what": spoken(mark.noun)}
     if mark.colour:
         result["colour"] = mark.colour
+    if mark.material:
+        result["material"] = mark.material
     if mark.count > 1:
         result["one_of"] = mark.count
     return result

@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from email.utils import parsedate_to_datetime
 from pathlib import Path
 from typing import Any
 
@@ -208,8 +209,14 @@ def _status(error: Any, forms: list[dict[str, Any]], key: str) -> Exception:
 
 
 def _retry_after(headers: Any) -> float | None:
+    """Seconds to wait, from seconds or an HTTP date; None when the server does not say."""
+    said = headers.get("retry-after", "")
     try:
-        return max(0.0, float(headers.get("retry-after", "")))
+        return max(0.0, float(said))
+    except (TypeError, ValueError):
+        pass
+    try:
+        return max(0.0, parsedate_to_datetime(said).timestamp() - time.time())
     except (TypeError, ValueError):
         return None
 

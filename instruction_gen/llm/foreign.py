@@ -1,35 +1,89 @@
-"""Texts in other languages than English: their script, and their sides against checked English."""
+"""Texts in other languages than English, compared with their English, which is checked in full.
+
+What can be compared: script, the word for stopping, sides and the order of turns, distances, and
+rooms and common things. What cannot: colours, counts, prepositions, and nouns not in the tables.
+"""
 
 from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Mapping
 
-_SCRIPT = {"zh": "CJK UNIFIED", "hi": "DEVANAGARI"}
-_LEFT = {"zh": r"左", "hi": r"बाएँ|बाएं|बायीं|बाईं|बायें|बाँए|बाँई"}
-_RIGHT = {"zh": r"右", "hi": r"दाएँ|दाएं|दायीं|दाईं|दायें|दाहिन"}
-_STOP = {"zh": r"停|等", "hi": r"रुक|रूक|ठहर|प्रतीक्षा|इंतज़ार|इंतजार"}
+from ..language.parse import parse
+from .foreign_words import (
+    DISTANCE,
+    LEFT,
+    NOUNS,
+    NUMBER_WORDS,
+    RIGHT,
+    SCRIPT,
+    STOP,
+    TURN_LEFT,
+    TURN_RIGHT,
+)
+
 _SIDES = re.compile(r"\b(left|right)\b", re.IGNORECASE)
+_METRES_OFF = 0.6
 
 
 def foreign_problems(text: str, language: str, english: str) -> list[str]:
-    """What is wrong with a text, given its English, which is checked like any other text.
-
-    The script must be that of the language, it must tell to stop, and its sides must be those of
-    the English in the same order. Nouns are not looked up: they are as true as the English is.
-    """
+    """What is wrong with a text, given its English."""
     if any(unicodedata.category(c) in ("Cc", "Co", "Cs") or c in "{}<>\u202e\u202d" for c in text):
         return ["control characters or braces"]
     letters = [c for c in text if unicodedata.category(c)[0] == "L"]
-    own = sum(unicodedata.name(c, "").startswith(_SCRIPT[language]) for c in letters)
+    own = sum(unicodedata.name(c, "").startswith(SCRIPT[language]) for c in letters)
     if len(letters) < 5 or own < 0.8 * len(letters):
         return [f"not in the language asked for ({language})"]
     problems = []
-    if not re.search(_STOP[language], text):
+    if not re.search(STOP[language], text):
         problems.append("it does not say where to stop")
-    told = re.findall(f"(?P<left>{_LEFT[language]})|(?P<right>{_RIGHT[language]})", text)
-    sides = ["left" if left else "right" for left, _ in told]
+    sides = _either(text, LEFT[language], RIGHT[language])
     meant = [side.lower() for side in _SIDES.findall(english)]
+    read = parse(english)
+    turns = _either(text, TURN_LEFT[language], TURN_RIGHT[language])
+    told = [c.side for c in read.clauses if c.verb == "turn" and c.side in ("left", "right")]
     if sorted(sides) != sorted(meant):
         problems.append(f"its sides ({', '.join(sides)}) are not the English ({', '.join(meant)})")
+    elif len(turns) == len(told) and turns != told:
+        problems.append(f"its turns ({', '.join(turns)}) are not the English ({', '.join(told)})")
+    problems += _distance_problems(text, language, [c.distance_m for c in read.clauses])
+    return problems + _noun_problems(text, NOUNS[language], english)
+
+
+def _either(text: str, left: str, right: str) -> list[str]:
+    found = re.findall(f"(?P<left>{left})|(?P<right>{right})", text)
+    return ["left" if one else "right" for one, _ in found]
+
+
+def _distance_problems(text: str, language: str, english_m: list[float]) -> list[str]:
+    problems = []
+    for said in re.findall(DISTANCE[language], text):
+        metres = _number(said, NUMBER_WORDS[language])
+        if metres and not any(abs(metres - m) <= _METRES_OFF for m in english_m if m):
+            problems.append(f"{said} metres are not in the English")
+    return problems
+
+
+def _number(said: str, words: Mapping[str, int]) -> float:
+    if said in words:
+        return float(words[said])
+    try:
+        return float(said)  # digits of any script
+    except ValueError:
+        return 0.0
+
+
+def _noun_problems(text: str, nouns: Mapping[str, str], english: str) -> list[str]:
+    """Rooms and things of the tables that the English does not speak of."""
+    problems = []
+    lower = english.lower()
+    rest = text
+    # The longest first: 茶几 and 餐桌 before 桌.
+    for word in sorted(nouns, key=len, reverse=True):
+        if word not in rest:
+            continue
+        rest = rest.replace(word, " ")
+        if not re.search(rf"\b(?:{nouns[word]})", lower):
+            problems.append(f"{word} is not in the English")
     return problems

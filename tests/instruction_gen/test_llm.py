@@ -11,6 +11,7 @@ import threading
 import time
 import traceback
 from dataclasses import replace
+from email.utils import formatdate
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.instruct import instruct_episodes
 from vlnpe.instruction_gen.llm.budget import BudgetError
 from vlnpe.instruction_gen.llm.client import Client, ModelDownError, ModelError
+from vlnpe.instruction_gen.llm.foreign import foreign_problems
 from vlnpe.instruction_gen.llm.settings import LlmSettings, settings_from
 from vlnpe.instruction_gen.llm.writer import ModelWriter
 from vlnpe.instruction_gen.records import InstructConfig
@@ -134,6 +136,18 @@ def test_retry_after_is_honoured_and_back_off_doubles(tmp_path):
     with Server(script).running() as server:
         client_of(server, tmp_path, waits, backoff_s=0.5).ask(ASK)
     assert waits == [7.0, 1.0, 2.0]
+
+
+def test_retry_after_may_be_a_date(tmp_path):
+    waits: list[float] = []
+    date = formatdate(time.time() + 30, usegmt=True)
+
+    def script(number, request):
+        return (503, {"Retry-After": date}, "") if number == 1 else completion(texts(*GOOD))
+
+    with Server(script).running() as server:
+        client_of(server, tmp_path, waits).ask(ASK)
+    assert 20 < waits[0] <= 30
 
 
 def test_a_hanging_server_times_out(tmp_path):
@@ -297,3 +311,34 @@ def test_settings_come_from_the_environment_alone():
         settings_from(good, max_cost=1.0)
     with pytest.raises(InputError, match="VLNPE_GGUF"):
         settings_from({}, local=True)
+
+
+ENGLISH = "Walk forward, turn left into the kitchen, go three metres and stop next to the table."
+
+
+@pytest.mark.parametrize(
+    ("text", "language", "complaint"),
+    [
+        ("向前走，左转进入厨房，走三米，在桌子旁边停下。", "zh", ""),
+        ("向前走，右转进入厨房，走三米，在桌子旁边停下。", "zh", "sides"),
+        ("向前走，左转进入厨房，走五米，在桌子旁边停下。", "zh", "metres"),
+        ("向前走，左转进入浴室，走三米，在桌子旁边停下。", "zh", "浴室"),
+        ("向前走，左转进入厨房，走三米，在钢琴旁边停下。", "zh", "钢琴"),
+        ("向前走，左转进入厨房，一直走到桌子旁边。", "zh", "where to stop"),
+        ("आगे चलें, बाएँ मुड़ें, रसोई में जाएँ, तीन मीटर चलें और मेज के पास रुकें।", "hi", ""),
+        ("आगे चलें, बाएँ मुड़ें, रसोई में जाएँ, पाँच मीटर चलें और मेज के पास रुकें।", "hi", "metres"),
+        ("आगे चलें, बाएँ मुड़ें, रसोई में जाएँ, तीन मीटर चलें और पियानो के पास रुकें।", "hi", "पियानो"),
+        ("Avancez, tournez à gauche dans la cuisine et arrêtez-vous.", "hi", "not in the language"),
+    ],
+)
+def test_other_languages_are_compared_with_their_english(text, language, complaint):
+    problems = foreign_problems(text, language, ENGLISH)
+    assert bool(problems) == bool(complaint)
+    assert not complaint or any(complaint in p for p in problems), problems
+
+
+def test_the_order_of_turns_is_compared():
+    english = "Turn left, then turn right into the kitchen and stop at the table."
+    assert not foreign_problems("左转，然后右转进入厨房，在桌子旁边停下。", "zh", english)
+    swapped = foreign_problems("右转，然后左转进入厨房，在桌子旁边停下。", "zh", english)
+    assert any("turns" in p for p in swapped)

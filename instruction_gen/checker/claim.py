@@ -1,0 +1,176 @@
+"""What a noun phrase claims: a place of the path, a door gone through, or something false."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..language.clauses import Clause, Noun
+from .ground import Found, Ground, Mask, spread
+
+_ABREAST_M = 1.8
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One thing that must hold, after what was claimed before it.
+
+    Attributes:
+        clause: index of its clause.
+        kind: `place`, `door` (going through), `exit`, `turn`, `walk`, `stop` or `false`.
+        mask: (S,) where it holds.
+        reason: of a false claim, or what the claim says.
+        side: of a turn.
+        degree: of a turn.
+        distance_m: of a walk [m].
+        vague: a distance of `a few`.
+        slack_m: how far it may lie before the claim before it [m].
+        bare: a stop that names no place.
+        still: it is seen or passed meanwhile and moves nobody on.
+        bends: a path around a thing, which tells the turns made there.
+        optional: it may have been told before.
+        turned: a door whose clear turn the same clause tells.
+        abeam_m: where a thing that is passed once is beside the walker [m], None = unclear.
+    """
+
+    clause: int
+    kind: str
+    mask: Mask
+    reason: str = ""
+    side: str = ""
+    degree: str = ""
+    distance_m: float = 0.0
+    vague: bool = False
+    slack_m: float = 1.2
+    bare: bool = False
+    still: bool = False
+    bends: bool = False
+    optional: bool = False
+    turned: bool = False
+    abeam_m: float | None = None
+
+
+def noun_claims(index: int, clause: Clause, ground: Ground, verb: str) -> list[Claim]:
+    """Return the claims of all nouns of a clause with the number `index`."""
+    claims = []
+    for noun in clause.nouns:
+        inside = clause.until and verb == "see" and noun.prep == "in"
+        # "Until there is a shelf on your right": it is beside the walker then.
+        beside = clause.until and verb == "see" and bool(noun.side) and noun.kind == "object"
+        claim = noun_claim(index, noun, ground, "" if inside else "pass" if beside else verb)
+        if claim is not None:
+            still = clause.meanwhile or (claim.still and not clause.until)
+            claims.append(replace(claim, still=still))
+    pair = [k for k, n in enumerate(clause.nouns) if n.prep == "between"]
+    if len(pair) == 2 and len(claims) == len(clause.nouns):
+        claims = _joined(claims, pair[0], pair[1], ground)
+    if claims and claims[-1].kind == "place" and any(n.prep == "around" for n in clause.nouns):
+        claims[-1] = replace(claims[-1], bends=True)
+    return claims
+
+
+def _joined(claims: list[Claim], a: int, b: int, ground: Ground) -> list[Claim]:
+    """The claims, with those of both nouns of `between` as one: both are near at one place."""
+    first, second = claims[a], claims[b]
+    if "false" in (first.kind, second.kind):
+        return claims
+    mask = spread(first.mask, ground.along_m, 0.8) & spread(second.mask, ground.along_m, 0.8)
+    places = [m for m in (first.abeam_m, second.abeam_m) if m is not None]
+    apart = len(places) == 2 and abs(places[0] - places[1]) > _ABREAST_M
+    if not mask.any() or (apart and not (first.mask & second.mask).any()):
+        reason = f"nothing on the path lies between {first.reason} and {second.reason}"
+        return [*claims[:a], replace(first, kind="false", reason=reason)]
+    return [*claims[:a], replace(first, mask=mask, abeam_m=None), *claims[b + 1 :]]
+
+
+def noun_claim(index: int, noun: Noun, ground: Ground, verb: str) -> Claim | None:
+    """Return the claim of a noun phrase, None when it claims nothing."""
+    found = found_at(noun, ground, verb)
+    if found is None:
+        return None
+    if found.reason:
+        return Claim(index, "false", found.mask, found.reason)
+    leaving = noun.prep == "from" or (verb == "leave" and not noun.prep and noun.kind != "door")
+    through = noun.kind in ("room", "door", "generic") and (
+        noun.prep in ("into", "through") or verb == "enter"
+    )
+    through = through or (noun.kind == "door" and verb == "move" and not noun.prep)
+    through = through or (noun.kind == "door" and verb in ("leave", "enter"))
+    kind = "exit" if leaving else "door" if through else "place"
+    still = verb == "see" or noun.prep == "with"
+    slack = (1.5 if noun.side else 4.0) if still else 0.5
+    if noun.prep == "between":  # one place; which of the two is named first says nothing
+        slack = 2.0
+    named = noun.text if noun.kind != "generic" else "room"
+    passed = noun.kind == "object" and (
+        noun.prep in ("past", "between") or (verb == "pass" and not noun.prep)
+    )
+    return Claim(
+        index, kind, found.mask, f"the {named}", side=noun.side, slack_m=slack, still=still,
+        abeam_m=ground.abeam(noun) if passed and not still else None,
+    )  # fmt: skip
+
+
+def found_at(noun: Noun, ground: Ground, verb: str) -> Found | None:
+    """Return where what a noun phrase says with its verb is true, None when it claims nothing."""
+    prep = noun.prep
+    if noun.kind == "unknown":
+        return Found(np.zeros(len(ground.along_m), dtype=bool), unknown_noun(noun))
+    if noun.kind == "object":
+        return _object(noun, ground, verb, prep)
+    if noun.kind == "room":
+        return _room(noun, ground, verb, prep)
+    if noun.kind == "door":
+        if prep in ("through", "into", "from", "to", "on") or verb in ("enter", "leave"):
+            if prep == "to" and not noun.side:
+                return ground.door_near(noun)
+            return ground.through_door(noun)
+        if verb == "see" or prep == "with":
+            return ground.door_near(noun, 6.0)
+        if verb == "move" and not prep:  # "take the second door on the left"
+            return ground.through_door(noun)
+        return ground.door_near(noun)
+    moving = prep in ("into", "from", "through") or verb in ("enter", "leave")
+    if noun.head in ("room", "rooms", "one") and moving:
+        if noun.ordinal or not ground.facts.passages:
+            return None
+        return ground.through_door(Noun(noun.text, "door", "door"))
+    return None
+
+
+def _object(noun: Noun, ground: Ground, verb: str, prep: str) -> Found:
+    if prep == "with" or verb == "see":
+        return ground.seen_at(noun)
+    if prep in ("past", "along", "around", "between", "through", "after") or verb == "pass":
+        return ground.passed(noun)
+    if prep in ("to", "on") and verb != "reach":
+        return ground.headed_for(noun)
+    if verb == "reach" or prep in ("at", "near", "before", "in", "into"):
+        return ground.reached(noun)
+    if prep in ("from", "away"):
+        return ground.passed(noun)
+    if verb in ("move", "leave"):
+        return ground.passed(noun)
+    return ground.seen_at(noun)
+
+
+def _room(noun: Noun, ground: Ground, verb: str, prep: str) -> Found:
+    if noun.part in ("end", "far"):
+        return ground.room_end(noun)
+    if verb == "see" or prep == "with":
+        return ground.room_in_view(noun)
+    if prep == "from" or (verb == "leave" and prep != "into"):
+        return ground.left(noun)
+    if prep == "into" or verb in ("enter", "reach"):
+        return ground.entered(noun)
+    if prep == "to" or prep == "on":
+        return ground.room_ahead(noun)
+    if prep in ("at", "before", "near"):
+        return ground.room_ahead(noun)
+    return ground.inside(noun)
+
+
+def unknown_noun(noun: Noun) -> str:
+    """Return why a phrase with a noun that no table has is false."""
+    return f"nothing here is called {noun.text!r}"

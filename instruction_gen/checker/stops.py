@@ -1,0 +1,106 @@
+"""What a text claims about its end."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..language.clauses import Clause, Noun, Parse
+from .claim import Claim, found_at, unknown_noun
+from .ground import Found, Ground
+
+MOVING = frozenset({"turn", "move", "enter", "leave", "pass"})
+
+
+def last_stop(parse: Parse) -> int | None:
+    """Index of the clause that says where to stop, None when no clause does.
+
+    `Walk on until you are next to the bed.` needs no word for stopping at the end of a text.
+    """
+    stops = [k for k, c in enumerate(parse.clauses) if c.verb == "stop" and not c.negated]
+    if stops:
+        return stops[-1]
+    last = parse.clauses[-1] if parse.clauses else None
+    if last is None or not last.until or last.before or last.negated or len(parse.clauses) < 2:
+        return None
+    if parse.clauses[-2].verb in ("turn", "see", "") or parse.clauses[-2].side:
+        return None
+    arrives = last.verb in ("pass", "reach", "enter") or any(n.prep or n.side for n in last.nouns)
+    return len(parse.clauses) - 1 if last.nouns and arrives else None
+
+
+def stop_claims(index: int, clause: Clause, parse: Parse, ground: Ground) -> list[Claim]:
+    """Return the claims of the clause that says where to stop."""
+    everywhere = np.ones(len(ground.along_m), dtype=bool)
+    result: list[Claim] = []
+    if clause.distance_m:
+        result.append(
+            Claim(index, "walk", everywhere, distance_m=clause.distance_m, vague=clause.vague)
+        )
+    mask = ground.at_goal()
+    named = bool(clause.distance_m)
+    for noun in clause.nouns:
+        passed = clause.verb == "pass" and noun.kind == "object"
+        found = ground.stopped_after(noun) if passed else _stop_noun(noun, ground)
+        if found is None:
+            continue
+        if noun.kind == "room" and not found.reason and len(ground.facts.visits) > 1:
+            # "Stop inside the kitchen" tells how one comes there.
+            entered = ground.entered(noun)
+            if not entered.reason:
+                told = f"the {noun.text}"
+                result.append(Claim(index, "door", entered.mask, told, optional=True))
+        named = True
+        if found.reason:
+            result.append(Claim(index, "false", everywhere, found.reason))
+        else:
+            mask = mask & found.mask
+    # "Stop when you reach the bed": what comes next says where.
+    nexts = parse.clauses[index + 1 : index + 2]
+    named = named or any(c.until or c.verb in ("see", "reach", "") for c in nexts)
+    result.append(Claim(index, "stop", mask, "stop", bare=not named, slack_m=2.4))
+    return result
+
+
+def _stop_noun(noun: Noun, ground: Ground) -> Found | None:
+    if noun.kind == "object" and noun.prep in ("after", "past"):
+        return ground.stopped_after(noun)
+    if noun.kind == "object":
+        return ground.stopped_at(noun)
+    if noun.kind == "room":
+        if noun.part in ("entrance", "threshold", "mouth") or noun.prep in ("before", "at"):
+            near = ground.entered(noun)
+            near_goal = near.mask & ground.at_goal(2.6)
+            return Found(ground.at_goal()) if near_goal.any() else ground.stopped_in(noun)
+        return ground.stopped_in(noun)
+    if noun.kind == "door":
+        return ground.stopped_at_door()
+    if noun.kind == "unknown":
+        return Found(np.zeros(len(ground.along_m), dtype=bool), unknown_noun(noun))
+    return None
+
+
+def after_stop_claims(index: int, clause: Clause, ground: Ground) -> list[Claim]:
+    """What follows the last stop tells how it looks there; it must not go on walking."""
+    everywhere = np.ones(len(ground.along_m), dtype=bool)
+    if clause.verb in MOVING and not clause.until and not clause.meanwhile:
+        return [Claim(index, "false", everywhere, "the text goes on after its stop")]
+    result = []
+    for noun in clause.nouns:
+        found: Found | None
+        seen = clause.verb == "see" or noun.prep == "with" or not clause.until
+        if clause.verb == "pass" and noun.kind == "object":
+            found = ground.stopped_after(noun)
+        elif clause.until and clause.verb == "see" and noun.side and noun.kind == "object":
+            found = ground.beside(noun)
+        elif seen and not clause.before:
+            found = found_at(noun, ground, "see")
+        else:
+            found = _stop_noun(noun, ground)
+        if found is None:
+            continue
+        # A side is that of the very end.
+        near = found.mask & ground.at_goal(0.6 if noun.side else 2.6)
+        if found.reason or not near.any():
+            reason = found.reason or f"the {noun.text} is not so at the end of the path"
+            result.append(Claim(index, "false", everywhere, reason))
+    return result

@@ -1,0 +1,197 @@
+"""The landmarks of a path: things near it, as the map and the robot's camera show them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...formats.scene.visibility import Glimpse, PathSight
+from ..language.nouns import looks_of
+from .colours import colour_name
+from .doors import DOOR
+from .geometry import Relations, Track, relations
+from .level import LevelFacts
+from .records import (
+    LandmarkFact,
+    Moment,
+)
+
+NEAR_M = 3.0  # a thing this near, with no wall between, is beside the path
+_MIN_SIZE_M = 0.45
+_TOP_M, _BOTTOM_M = 0.25, 1.3  # a landmark rises above the first and begins below the second
+_MIN_PIXELS = 40  # of 128 × 96
+_MAX_OCCLUDED = 0.8
+_SIDE_RAD = np.deg2rad(20.0)
+# Parts of the building, and things too flat or too common to steer by.
+PLAIN = frozenset(
+    noun.strip()
+    for noun in [
+        "door",
+        " window",
+        " curtain",
+        " curtain rod",
+        " rug",
+        " carpet",
+        " picture",
+        " lamp",
+        " ceiling lamp",
+        "\n    chandelier",
+        " handle",
+        " pillar",
+        " column",
+        " tableware",
+        " clock",
+        " range hood",
+        " towel rail",
+        " wall cupboard",
+        "\n    security camera",
+        " seasoning box",
+        " kitchen utensils",
+        " tablet",
+        " sign",
+    ]
+)
+
+
+def landmarks_of(
+    shared: LevelFacts, track: Track, sight: PathSight | None
+) -> tuple[LandmarkFact, ...]:
+    """Return the things near a path, in the order of passing.
+
+    Args:
+        shared: of its level.
+        track: the path, sampled.
+        sight: what the camera saw along it; None = walls alone decide.
+    """
+    if not shared.things:
+        return ()
+    seen = _by_thing(sight)
+    where = relations(track, shared.low_m, shared.high_m, shared.regions)
+    floor_z = shared.bundle.level_floor_z_m[shared.level]
+    result = []
+    for n, thing in enumerate(shared.things):
+        glimpses = seen.get(thing.name, ())
+        near = (where.open[:, n] | _looked(track, glimpses)) & (where.distance_m[:, n] <= 8.0)
+        if not near.any():
+            continue
+        result.append(
+            _landmark(shared, track, where, n, near, glimpses, floor_z, sight is not None)
+        )
+    result.sort(key=lambda m: (m.along_m, m.name))
+    return _counted(result)
+
+
+def _landmark(
+    shared: LevelFacts,
+    track: Track,
+    where: Relations,
+    n: int,
+    near: NDArray[np.bool_],
+    glimpses: Sequence[Glimpse],
+    floor_z: float,
+    looked: bool,
+) -> LandmarkFact:
+    thing, noun = shared.things[n], shared.nouns[n]
+    # Where it is nearest in the open; behind a wall only if it is never in the open.
+    distance = np.where(where.open[:, n], where.distance_m[:, n], where.distance_m[:, n] + 100.0)
+    k = int(np.argmin(distance))
+    bearing = float(where.bearing_rad[k, n])
+    beside = _SIDE_RAD < abs(bearing) < np.pi - _SIDE_RAD
+    size = np.subtract(thing.upper_m, thing.lower_m)
+    low, high = thing.lower_m[2] - floor_z, thing.upper_m[2] - floor_z
+    best = max(glimpses, key=lambda g: g.pixels, default=None)
+    nameable = (
+        noun not in PLAIN
+        and noun != DOOR
+        and size.max() >= _MIN_SIZE_M
+        and high >= _TOP_M
+        and low <= _BOTTOM_M
+    )
+    if looked:
+        nameable = nameable and best is not None and best.pixels >= _MIN_PIXELS
+        nameable = nameable and best is not None and best.occluded <= _MAX_OCCLUDED
+    pixels = dict.fromkeys(range(len(track.along_m)), 0)
+    for g in glimpses:
+        pixels[int(np.argmin(np.abs(track.along_m - g.along_m)))] = g.pixels
+    middle = (0.5 * (shared.low_m[n] + shared.high_m[n])).tolist()
+    colour, material = looks_of(thing.category)
+    return LandmarkFact(
+        name=thing.name,
+        noun=noun,
+        room=_room_at(shared, middle, shared.low_m[n], shared.high_m[n]),
+        colour=colour or (colour_name(best.rgb) if best is not None and best.pixels >= 120 else ""),
+        material=material,
+        nameable=bool(nameable),
+        count=1,
+        ordinal=1,
+        along_m=round(float(track.along_m[k]), 2),
+        distance_m=round(float(where.distance_m[k, n]), 2),
+        side=("left" if bearing > 0 else "right") if beside else "",
+        goal_distance_m=round(float(where.distance_m[-1, n]), 2),
+        goal_bearing_deg=_degrees(where.bearing_rad[-1, n]),
+        goal_open=bool(where.open[-1, n]),
+        first_seen_m=round(min((g.along_m for g in glimpses), default=-1.0), 2),
+        last_seen_m=round(max((g.along_m for g in glimpses), default=-1.0), 2),
+        max_pixels=best.pixels if best else 0,
+        occluded=round(best.occluded, 2) if best else 0.0,
+        size_m=round(float(max(size[:2].max(), size[2])), 2),
+        moments=tuple(
+            Moment(
+                round(float(track.along_m[i]), 2),
+                round(float(where.distance_m[i, n]), 2),
+                _degrees(where.bearing_rad[i, n]),
+                _degrees(where.facing_rad[i, n]),
+                bool(where.open[i, n]),
+                pixels[i],
+            )
+            for i in np.flatnonzero(near).tolist()
+        ),
+    )
+
+
+def _counted(landmarks: list[LandmarkFact]) -> tuple[LandmarkFact, ...]:
+    """Number the things of each noun that are beside the path."""
+    beside: dict[str, list[str]] = {}
+    for mark in landmarks:
+        if mark.distance_m <= NEAR_M or mark.nameable:
+            beside.setdefault(mark.noun, []).append(mark.name)
+    return tuple(
+        replace(
+            mark,
+            count=max(1, len(names := beside.get(mark.noun, []))),
+            ordinal=names.index(mark.name) + 1 if mark.name in names else len(names) + 1,
+        )
+        for mark in landmarks
+    )
+
+
+def _by_thing(sight: PathSight | None) -> dict[str, list[Glimpse]]:
+    result: dict[str, list[Glimpse]] = {}
+    for glimpse in sight.glimpses if sight else ():
+        if glimpse.pixels >= 8:
+            result.setdefault(glimpse.thing, []).append(glimpse)
+    return result
+
+
+def _looked(track: Track, glimpses: Sequence[Glimpse]) -> NDArray[np.bool_]:
+    mask = np.zeros(len(track.along_m), dtype=bool)
+    for glimpse in glimpses:
+        mask |= np.abs(track.along_m - glimpse.along_m) <= 0.26
+    return mask
+
+
+def _room_at(
+    shared: LevelFacts, middle: list[float], low: NDArray[np.float64], high: NDArray[np.float64]
+) -> str:
+    """Room of a box: of most of a few places in and around it."""
+    xs, ys = (np.linspace(a - 0.25, b + 0.25, 5) for a, b in zip(low, high, strict=True))
+    found = shared.regions.at(np.stack(np.meshgrid(xs, ys), axis=-1)).ravel()
+    found = found[found >= 0]
+    return shared.names[int(np.bincount(found).argmax())] if len(found) else ""
+
+
+def _degrees(angle_rad: float) -> float:
+    return round(float(np.rad2deg(angle_rad)), 1)

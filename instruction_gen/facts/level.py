@@ -1,0 +1,96 @@
+"""What all paths of a level share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...formats.scene.bundle import LabeledObject, SceneBundle
+from ...wayfinding.regions import ROOM_PREFIX, RegionMap, region_map
+from ..language.nouns import noun_of
+from .doors import DOOR, doorways
+from .rooms import room_names
+
+
+@dataclass(frozen=True)
+class LevelFacts:
+    """What all paths of a level share; build it once.
+
+    Attributes:
+        things: objects with a noun, and the doorways.
+        nouns: their nouns.
+        low_m, high_m: (N, 2) their boxes [m].
+        names: room name of each region.
+        unnamed: labels that no noun is known for, with how many objects have them.
+    """
+
+    bundle: SceneBundle
+    level: int
+    regions: RegionMap
+    things: tuple[LabeledObject, ...]
+    nouns: tuple[str, ...]
+    low_m: NDArray[np.float64]
+    high_m: NDArray[np.float64]
+    names: tuple[str, ...]
+    unnamed: dict[str, int]
+
+    @staticmethod
+    def of(bundle: SceneBundle, level: int, regions: RegionMap | None = None) -> LevelFacts:
+        """Read a level."""
+        regions = regions or region_map(bundle, level)
+        things: list[LabeledObject] = []
+        unnamed: dict[str, int] = {}
+        for thing in bundle.objects:
+            if thing.level not in (level, -1) or thing.category.startswith(ROOM_PREFIX):
+                continue
+            if noun_of(thing.category):
+                things.append(thing)
+            elif thing.category not in _STRUCTURE:
+                unnamed[thing.category[:40]] = unnamed.get(thing.category[:40], 0) + 1
+        things = [t for t in things if not any(_part_of(t, other) for other in things)]
+        doors = doorways(regions, level, bundle.level_floor_z_m[level])
+        # A door's leaf and its frame are the doorway that they stand in.
+        things = [t for t in things if noun_of(t.category) != "door"]
+        nouns = [noun_of(t.category) for t in things] + [DOOR] * len(doors)
+        things += doors
+        low = np.array([t.lower_m[:2] for t in things], dtype=np.float64).reshape(-1, 2)
+        high = np.array([t.upper_m[:2] for t in things], dtype=np.float64).reshape(-1, 2)
+        names = room_names(regions, things)
+        return LevelFacts(
+            bundle, level, regions, tuple(things), tuple(nouns), low, high, names, unnamed
+        )
+
+
+_STRUCTURE = frozenset(
+    [
+        "wall",
+        "floor",
+        "ceiling",
+        "roof",
+        "beam",
+        "board",
+        "misc",
+        "object",
+        "other",
+        "unknown",
+        "opening",
+        "doorway",
+        "room",
+        "window",
+        "frame",
+    ]
+) | {"door frame", "window frame", "wall face", "invisible wall face", "global mesh"}
+
+
+def _part_of(small: LabeledObject, large: LabeledObject) -> bool:
+    """Whether a box lies mostly over another of its kind: scans list the parts of one thing."""
+    if small.category != large.category or small.name == large.name:
+        return False
+    size = np.prod(np.subtract(small.upper_m, small.lower_m)[:2])
+    other = np.prod(np.subtract(large.upper_m, large.lower_m)[:2])
+    low = np.maximum(small.lower_m, large.lower_m)[:2]
+    high = np.minimum(small.upper_m, large.upper_m)[:2]
+    shared = np.prod(np.maximum(high - low, 0.0))
+    return bool(shared > 0.5 * size and (size, small.name) < (other, large.name))
