@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -241,7 +242,7 @@ def _judge(
     return Candidate(level.index, split, reference, geodesic, turned, crossed, names, ends)
 
 
-def _least(rooms: NDArray[np.int64], used: Counter[int], rng: np.random.Generator) -> int:
+def _least(rooms: NDArray[np.integer[Any]], used: Counter[int], rng: np.random.Generator) -> int:
     """One of the values used least so far, at random."""
     counts = np.array([used[int(r)] for r in rooms])
     return int(rng.choice(rooms[counts == counts.min()]))

@@ -199,8 +199,8 @@ def _row(
             )
             value = {name: score_agent(agent, test) for name, test in tests.items()}
             seen = [score for episodes in some for score in score_agent(agent, episodes)]
-            scores = {name: [s.to_json() for s in run] for name, run in value.items()}
-            write_json(job.result, {"scores": scores, "training": [s.to_json() for s in seen]})
+            written = {name: [s.to_json() for s in run] for name, run in value.items()}
+            write_json(job.result, {"scores": written, "training": [s.to_json() for s in seen]})
             job.checkpoint.unlink()
         bar.update(before + config.steps - bar.n)
         value = json.loads(job.result.read_text())

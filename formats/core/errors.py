@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 
 class VlnpeError(Exception):
@@ -32,7 +33,7 @@ class FileFormatError(InputError):
         self.reason = reason
         super().__init__(f"{self.path}: {reason}")
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
         """Support pickling, so that the error can be raised in a worker process."""
         return type(self), (self.path, self.reason)
 
@@ -51,7 +52,7 @@ class UnknownNameError(InputError):
         self.kind, self.name, self.valid = kind, name, sorted(valid)
         super().__init__(f"unknown {kind} {name!r}; valid: {', '.join(self.valid)}")
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
         """Support pickling, so that the error can be raised in a worker process."""
         return type(self), (self.kind, self.name, self.valid)
 

@@ -78,7 +78,7 @@ def _seen(k: int, ways: Ways, world: World) -> tuple[Array, Array]:
     return _flat(world.gap_m(k), ways), ways.bearing_rad(thing.low_m, thing.high_m)
 
 
-def _sided(bearing: Array, side: str) -> Array:
+def _sided(bearing: Array, side: str) -> NDArray[np.bool_]:
     if not side:
         return np.ones(len(bearing), dtype=bool)
     angle = bearing if side == "left" else -bearing

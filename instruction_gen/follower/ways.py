@@ -54,7 +54,7 @@ class Ways:
         length = np.linalg.norm(self.points_m - self.points_m[parent], axis=1)
         self.along_m = self._summed(length)
         depth = self._summed((np.arange(len(parent)) > 0).astype(np.float64))
-        chain = [np.arange(len(parent))]
+        chain: list[NDArray[np.int64]] = [np.arange(len(parent))]
         for _ in range(_BACK):
             chain.append(parent[chain[-1]])
         self.before = np.stack(chain)
