@@ -73,5 +73,6 @@ def test_scan_refuses_an_unknown_kind(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 def test_buildings_have_keys_of_their_own(tmp_path: Path) -> None:
-    keys = {repair.scan_item(BuiltIn(kind, seed), tmp_path).key for kind in BUILDINGS for seed in (0, 1)}
+    buildings = [BuiltIn(kind, seed) for kind in BUILDINGS for seed in (0, 1)]
+    keys = {repair.scan_item(building, tmp_path).key for building in buildings}
     assert len(keys) == 2 * len(BUILDINGS)
