@@ -78,7 +78,8 @@ def _mean_velocity(
     """
     friction, late = np.array(list(product(FRICTION, LATENCY_SUBSTEPS))).T
     n, kinds = len(commands), len(friction)
-    anything = CommandLimits(*((-math.inf, math.inf),) * 3)
+    free_axis = (-math.inf, math.inf)
+    anything = CommandLimits(vx_m_s=free_axis, vy_m_s=free_axis, yaw_rad_s=free_axis)
     free = policy.changed(
         replace(policy.robot, command_limits=anything), replace(policy.card, gait=gait)
     )
@@ -93,10 +94,12 @@ def _mean_velocity(
         if trial.time_s > WARM_UP_S:
             velocity.append(trial.velocity)
     mean = np.mean(velocity, axis=0).reshape(kinds, n, 3)
-    up = ~trial.fallen.reshape(kinds, n)
+    up = np.asarray(~trial.fallen).reshape(kinds, n)
     # A fallen robot's velocity says nothing.
     walking = np.maximum(up.sum(axis=0), 1)[:, None]
-    return (mean * up[..., None]).sum(axis=0) / walking, up.any(axis=0)
+    return (mean * up[..., None]).sum(axis=0) / walking, np.any(up, axis=0, keepdims=False).astype(
+        np.bool_
+    )
 
 
 def _fit(wanted: Array, extra: Array) -> Array:
