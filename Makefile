@@ -6,6 +6,7 @@ EPISODES   ?= 6
 CAMERA     ?= ego
 LIGHT      ?= baked
 SEED       ?= 0
+POLICY     ?= random
 
 PYTHON := $(shell command -v python3 || command -v python)
 BIN    := .venv/bin
@@ -17,7 +18,7 @@ COLLECT = --robot "$(ROBOT)" --controller "$(CONTROLLER)" --scene "$(SCENE)" --e
           $(if $(WORKERS),--workers "$(WORKERS)") $(ARGS)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup collect train-gait test test-fast test-slow lint docs bench report verify doctor clean
+.PHONY: help setup collect evaluate train-gait test test-fast test-slow lint docs bench report verify doctor clean
 
 help:  ## Show this help
 	@echo "usage: make <target> [VARIABLE=value …]"
@@ -32,6 +33,10 @@ setup:  ## Install the core environment into .venv (collect does this automatica
 collect:  ## Collect a dataset: make collect ROBOT=aliengo [SCENE=scan.glb EPISODES=8 OUT=…]
 	@$(SETUP) core
 	@$(BIN)/vlnpe collect $(COLLECT)
+
+evaluate:  ## Evaluate a policy in closed loop: make evaluate POLICY=random ROBOT=h1 [OUT=runs/<name>]
+	@$(SETUP) core
+	@$(BIN)/vlnpe evaluate "$(or $(OUT),runs/apartment-$(SEED))" --policy "$(POLICY)" --robot "$(ROBOT)" $(ARGS)
 
 train-gait:  ## Train a locomotion policy: make train-gait ROBOT=aliengo [OUT=folder]
 	@$(SETUP) full

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import mujoco
 
-from benchmarks import chain, load, mcap, physics, render, write
+from benchmarks import chain, closed_loop, labels, load, mcap, physics, render, write
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.pipeline.engine.executors import available_cores
 
@@ -28,10 +28,12 @@ PAGE = ROOT / "benchmarks" / "README.md"
 SECTIONS: dict[str, Callable[[Path], str]] = {
     "chain": chain.report,
     "physics": lambda run: physics.report(scenes(run)),
+    "labels": lambda run: labels.report(scenes(run)),
     "render": lambda run: render.report(runs(run)),
     "write": write.report,
     "mcap": mcap.report,
     "load": load.report,
+    "closed_loop": closed_loop.report,
 }
 HEADER = """# Benchmarks
 

@@ -1,4 +1,4 @@
-"""What moves a robot: wheels, a trained gait, or nothing at all."""
+"""Actuation of a robot: wheels, a trained gait, or none."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _STEP_S = POLICY_DECIMATION * TIMESTEP_S
 
 
 class DifferentialDrive:
-    """Wheel speeds of a differential drive, ramped; satisfies `world.Gait`.
+    """Ramped wheel speeds of a differential drive; satisfies `world.Gait`.
 
     A wheel on the side y turns with (vx − y · yaw rate) / radius. Joints that are no wheels are
     held in their default position.
@@ -44,10 +44,10 @@ class DifferentialDrive:
         self._speed = np.zeros(2)
 
     def act(self, data: mujoco.MjData, command: ArrayLike) -> NDArray[np.float64]:
-        """Servo targets for the next 20 ms: wheel speeds [rad/s], other joints' positions [rad].
+        """Return servo targets for the next 20 ms: wheel speeds [rad/s], joint positions [rad].
 
         Args:
-            data: not looked at; the wheels' servos close the loop.
+            data: unused; the wheels' servos close the loop.
             command: (3,) vx, vy [m/s] and yaw rate [rad/s], clipped to the robot's limits; vy is
                 not possible and ignored.
 
@@ -62,18 +62,18 @@ class DifferentialDrive:
 
 
 class Still:
-    """Moves nothing: for an agent without joints, which can only be placed."""
+    """No actuation, for an agent without joints, which can only be placed."""
 
     def reset(self) -> None:
-        """Nothing to forget."""
+        """Do nothing."""
 
     def act(self, data: mujoco.MjData, command: ArrayLike) -> NDArray[np.float64]:
-        """No targets, (0,)."""
+        """Return no targets, (0,)."""
         return np.empty(0)
 
 
 def gait_for(robot: RobotSpec) -> DifferentialDrive | GaitPolicy | Still:
-    """What moves `robot` by its facts: its wheels, its trained policy, or nothing.
+    """Return the actuation of `robot`: its wheels, its trained policy, or none.
 
     Raises:
         FileFormatError: the policy's files are missing or broken.

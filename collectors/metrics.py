@@ -17,12 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.distance import cdist
 
 from ..formats.core.episode import Episode
+from ..formats.core.geometry import path_length, space_evenly
 from ..formats.core.kernel import kernel
 from ..formats.core.rollout import STATE_RATE_HZ, EndReason, Metrics
 from ..formats.scene.freemap import Freemap
 from ..wayfinding.distance import AGENT_RADIUS_M, DistanceField, distance_field
-from ..wayfinding.planning import path_length
-from .polyline import space_evenly
 
 ACTION_RATE_HZ = 4
 NDTW_THRESHOLD_M = 3.0
@@ -32,7 +31,7 @@ _STOPPED = (EndReason.SUCCESS, EndReason.STOPPED_FAR)
 
 
 def dtw(a_m: ArrayLike, b_m: ArrayLike) -> float:
-    """Dynamic time warping cost [m] of two point sequences (N, D), (M, D), both non-empty.
+    """Return the dynamic time warping cost [m] of two point sequences (N, D) and (M, D).
 
     The exact minimum over all monotone alignments of the summed Euclidean distances.
     """
@@ -41,7 +40,7 @@ def dtw(a_m: ArrayLike, b_m: ArrayLike) -> float:
 
 @kernel()
 def _least_cost(cost):
-    """Least sum over a matrix from corner to corner, by steps down, right, or both."""
+    """Return the least sum over a matrix from corner to corner, by steps down, right, or both."""
     total = np.cumsum(cost[0])
     for i in range(1, len(cost)):
         diagonal, total[0] = total[0], total[0] + cost[i, 0]
@@ -51,7 +50,7 @@ def _least_cost(cost):
 
 
 def ndtw(path_m: ArrayLike, reference_m: ArrayLike, threshold_m: float = NDTW_THRESHOLD_M) -> float:
-    """exp(−DTW / (|reference| · threshold)), in (0, 1]; 1 when the sequences coincide."""
+    """Return exp(−DTW / (|reference| · threshold)), in (0, 1]; 1 when the sequences coincide."""
     return math.exp(-dtw(path_m, reference_m) / (len(np.asarray(reference_m)) * threshold_m))
 
 
@@ -62,7 +61,7 @@ def rollout_metrics(
     end_reason: EndReason,
     field: DistanceField | None = None,
 ) -> Metrics:
-    """Metrics of a base track (T, 3) [m] at `STATE_RATE_HZ`, T ≥ 1.
+    """Return the metrics of a base track (T, 3) [m] at `STATE_RATE_HZ`, T ≥ 1.
 
     Geodesic distances are those of VLN-CE's agent, not of the robot's footprint, so that robots of
     different size are comparable (see `AGENT_RADIUS_M`). `success` is the VLN one: the robot

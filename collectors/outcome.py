@@ -56,7 +56,7 @@ class OutcomeWatch:
         )
 
     def diverged(self) -> str | None:
-        """In words, when the state is not finite, or moves faster than anything real."""
+        """Describe a state that is not finite, or implausibly fast; None for any other."""
         speed = math.sqrt(self._qvel.dot(self._qvel))
         # The comparison is written so that NaN counts as diverged.
         if speed < self._config.diverged_speed:
@@ -64,7 +64,7 @@ class OutcomeWatch:
         return f"joint speeds {speed:.3g} m/s or rad/s in all"
 
     def check(self) -> tuple[EndReason, str] | None:
-        """Whether the robot has fallen or is stuck, with a detail in words; else None."""
+        """Return fall or stuck with a description, or None."""
         down = self.down()
         if down is not None:
             return EndReason.FALL, down
@@ -72,7 +72,7 @@ class OutcomeWatch:
         return self._stuck(x, y, yaw)
 
     def down(self) -> str | None:
-        """In words, when the posture at this instant is that of a fall."""
+        """Describe a posture that is a fall at this instant; None for any other."""
         fall = self._world.robot.fall
         x, y, _, roll, pitch, height = self._posture()
         if abs(roll) > fall.roll_rad:
@@ -84,7 +84,7 @@ class OutcomeWatch:
         return None if self._world.surface.is_solid(x, y) else f"no floor at ({x:.2f}, {y:.2f})"
 
     def speed_m_s(self) -> float:
-        """Of the base, horizontally."""
+        """Return the horizontal speed of the base."""
         dof = self._world.handles.root_dof
         return math.hypot(self._qvel[dof], self._qvel[dof + 1])
 
@@ -105,7 +105,7 @@ class OutcomeWatch:
 
 @kernel()
 def _posture(base, com, geom_xpos, feet, foot_radius):
-    """x, y, yaw, roll, pitch of a base (7,), and its centre of mass above the lowest foot."""
+    """Return x, y, yaw, roll, pitch of a base (7,) and its centre of mass over the lowest foot."""
     w, i, j, k = base[3], base[4], base[5], base[6]
     yaw = np.arctan2(2 * (w * k + i * j), 1 - 2 * (j * j + k * k))
     roll = np.arctan2(2 * (w * i + j * k), 1 - 2 * (i * i + j * j))

@@ -16,7 +16,7 @@ TOUCH_N = 1.0  # a foot that carries less is in the air
 
 
 class Recorder:
-    """Rows of raw physics arrays; `arrays` turns them into the Rollout's.
+    """Raw physics state by sample; `arrays` converts it into the fields of a Rollout.
 
     Joint torques, foot contacts and the IMU of a sample are those of the physics step that led to
     it, so they are 5 ms older than its state.
@@ -64,7 +64,7 @@ class Recorder:
             self._count = int(np.argmax(bad))
 
     def arrays(self) -> dict[str, Any]:
-        """The Rollout's array fields, by name."""
+        """Return the Rollout's array fields by name."""
         n, handles = self._count, self._world.handles
         qpos, qvel, force, sensors = (rows[:n] for rows in self._rows)
         q, v = handles.root_qpos, handles.root_dof

@@ -9,53 +9,23 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import math
-from collections.abc import Iterator
-from dataclasses import asdict, replace
-from hashlib import sha256
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, cast
 
 import mujoco
-import numpy as np
 
 from ..formats.core.episode import Episode
-from ..formats.core.frames import quat_to_yaw
-from ..formats.core.rollout import (
-    DISCRETE_RATE_HZ,
-    REST_EVENT,
-    STATE_RATE_HZ,
-    Action,
-    ActionSpan,
-    EndReason,
-    Event,
-    Rollout,
-)
+from ..formats.core.rollout import Rollout
 from ..formats.scene.bundle import SceneBundle
-from .controllers import (
-    STOPPED,
-    Coasting,
-    Controller,
-    Expert,
-    Pose,
-    Task,
-    Teleporter,
-    controller_for,
-)
-from .locomotion import GaitPolicy
-from .metrics import rollout_metrics
-from .outcome import OutcomeWatch
-from .recorder import Recorder
+from .controllers import Chooser, Task, controller_for
+from .episode_run import EpisodeRun
 from .replay_config import ReplayConfig
-from .robots import POLICY_DECIMATION, TIMESTEP_S, get_robot
+from .robots import get_robot
 from .world import World, open_world
 
 log = logging.getLogger(__name__)
 
 __all__ = ["ReplayConfig", "replay_episode", "replay_in"]
-
-STEPS_PER_SAMPLE = round(1.0 / (STATE_RATE_HZ * TIMESTEP_S))
-SAMPLES_PER_POLICY = POLICY_DECIMATION // STEPS_PER_SAMPLE
 
 
 def replay_episode(
@@ -83,18 +53,31 @@ def replay_episode(
     return replay_in(world, episode, config)
 
 
-def replay_in(world: World, episode: Episode, config: ReplayConfig) -> Rollout:
+def replay_in(
+    world: World,
+    episode: Episode,
+    config: ReplayConfig,
+    choose: Callable[[Task], Chooser] | None = None,
+) -> Rollout:
     """Replay an episode in an opened world. The same world, episode and config give the same bits.
 
     Whatever happens to the robot is an outcome, not an error: exploding physics gives a rollout
     that ends as `diverged`, its last state among the facts.
 
+    Args:
+        world: the level with the robot in it.
+        episode: what to do.
+        config: how.
+        choose: Return who chooses the discrete actions of a task; the expert when None. It may
+            look at `world`: while it is asked, physics stands still.
+
     Raises:
         UnknownNameError: no such controller.
-        InputError: the controller cannot move the world's robot.
+        InputError: the controller cannot move the world's robot, or takes no discrete actions
+            although `choose` is given.
     """
     with _warnings_logged():
-        return _Run(world, episode, config).rollout()
+        return EpisodeRun(world, episode, config, choose).rollout()
 
 
 @contextlib.contextmanager
@@ -106,258 +89,3 @@ def _warnings_logged() -> Iterator[None]:
         yield
     finally:
         mujoco.set_mju_user_warning(before)
-
-
-class _Run:
-    """One episode in progress."""
-
-    def __init__(self, world: World, episode: Episode, config: ReplayConfig) -> None:
-        self.world, self.episode, self.config = world, episode, config
-        self.entry = controller_for(world.robot, config.controller)
-        self.controller_config = getattr(config, config.controller)
-        self.recorder = Recorder(world)
-        self.watch = OutcomeWatch(world, config.outcome)
-        self.events: list[Event] = []
-        self.actions: list[tuple[Action, int]] = []
-        self.facts: dict[str, object] = {}
-        self._touched: dict[str, int] = {}
-        self._up_since: int | None = None
-        self.recovered = self.down = False
-
-    def rollout(self) -> Rollout:
-        x, y, _ = self.episode.start_position_world_m.tolist()
-        self.task = task = Task(
-            reference_xy_m=self.episode.reference_path_world_m[:, :2],
-            goal_xy_m=self.episode.goal_position_world_m[:2],
-            freemap=self.world.freemap,
-            radius_m=self.world.robot.footprint_radius_m,
-            limits=self.world.robot.command_limits,
-            goal_tolerance_m=self.config.outcome.success_m,
-            coasting=self.world.coasting if self.entry.coasts else Coasting(),
-        )
-        self.facts["coasting"] = asdict(task.coasting)
-        self.world.gait.reset()
-        self.world.spawn(Pose(x, y, self.episode.start_yaw_rad), self._joint_noise())
-        stuck_in = self.world.in_collision()
-        if stuck_in:
-            self.recorder.sample(STOPPED)
-            self._note("collision_start", ", ".join(sorted(stuck_in)))
-            return self._finish(EndReason.COLLISION_START)
-        driver = self.entry.build(task, self.controller_config)
-        if self.entry.teleports:
-            return self._finish(self._jump(cast(Teleporter, driver)))
-        # Kept only if physics explodes while settling: a rollout has at least one sample.
-        self.recorder.sample(STOPPED)
-        if not self._settle():
-            return self._finish(EndReason.DIVERGED)
-        self.recorder.drop_last()
-        return self._finish(self._drive(cast(Controller, driver)))
-
-    def _joint_noise(self) -> np.ndarray:
-        text = f"{self.config.seed}/{self.episode.episode_id}".encode()
-        rng = np.random.default_rng(np.frombuffer(sha256(text).digest(), dtype=np.uint32))
-        return rng.normal(0.0, self.config.spawn_joint_noise_rad, len(self.world.robot.joints))
-
-    def _settle(self) -> bool:
-        """Stand under zero command until quiet, unrecorded; False when physics exploded."""
-        world, config = self.world, self.config
-        data, handles = world.data, world.handles
-        period_s = POLICY_DECIMATION * TIMESTEP_S
-        for k in range(round(config.settle_most_s / period_s)):
-            if k * period_s >= config.settle_least_s:
-                base = data.qvel[handles.root_dof : handles.root_dof + 3]
-                joints = data.qvel[handles.joint_dof]
-                quiet = np.abs(base).max() < config.settled_m_s
-                if quiet and np.abs(joints).max() < config.settled_rad_s:
-                    break
-            world.act(STOPPED)
-            mujoco.mj_step(world.model, data, nstep=POLICY_DECIMATION)
-            if self._diverged():
-                return False
-        self.facts["settle_s"] = round(float(data.time), 3)
-        return True
-
-    def _drive(self, controller: Controller) -> EndReason:
-        world, config = self.world, self.config
-        model, data = world.model, world.data
-        control_every = STATE_RATE_HZ // controller.rate_hz
-        limit = round(config.outcome.timeout_factor * controller.nominal_s * STATE_RATE_HZ)
-        self.facts["nominal_s"] = round(controller.nominal_s, 3)
-        command = STOPPED
-        end: EndReason | None = None
-        tick, last, still = 0, math.inf, 0
-        while tick < last:
-            if end is None and tick % control_every == 0:
-                decision = controller.step(tick / STATE_RATE_HZ, world.pose)
-                command = decision.command
-                for kind, detail in decision.notes:
-                    self._note(kind, detail)
-                if decision.action is not None:
-                    self.actions.append((decision.action, tick))
-                if decision.done:
-                    command, still = STOPPED, tick + SAMPLES_PER_POLICY
-                    self._note("stop", "")
-                    end, last = self._stop(), tick + round(config.rest_most_s * STATE_RATE_HZ)
-                elif tick >= limit or len(self.actions) > config.outcome.timeout_actions:
-                    self._note("timeout", f"{tick / STATE_RATE_HZ:.1f} s")
-                    return EndReason.TIMEOUT
-            self.recorder.sample(command)
-            if tick % SAMPLES_PER_POLICY == 0:
-                world.act(command)
-            mujoco.mj_step(model, data, nstep=STEPS_PER_SAMPLE)
-            tick += 1
-            if tick % SAMPLES_PER_POLICY:
-                continue
-            if self._diverged():
-                self.recorder.drop_broken()
-                return EndReason.DIVERGED
-            self._watch_contacts(tick)
-            if end is EndReason.FALL:
-                self._watch_fallen(tick)
-                continue
-            verdict = self.watch.check()
-            if verdict is None:
-                if end is not None:
-                    if self.watch.speed_m_s() >= config.settled_m_s:
-                        still = tick + SAMPLES_PER_POLICY
-                    if tick - still >= config.rest_s * STATE_RATE_HZ:
-                        break
-                continue
-            reason, detail = verdict
-            if reason is EndReason.FALL:
-                self._note(reason.value, detail)
-                end, command = reason, STOPPED
-                self._up_since = None
-                last = tick + round(config.after_fall_s * STATE_RATE_HZ)
-            elif end is None:
-                self._note(reason.value, detail)
-                return reason
-        assert end is not None
-        if end is EndReason.FALL:
-            self._judge_fall(tick)
-        else:
-            # A robot coasts while it comes to rest; where it rests is what counts.
-            end = self._stop()
-            if tick < last:
-                self.events.append(Event(still / STATE_RATE_HZ, REST_EVENT, ""))
-        self.recorder.sample(STOPPED)
-        return end
-
-    def _stop(self) -> EndReason:
-        """Whether a stop here is a success."""
-        pose = self.world.pose
-        x, y = self.episode.goal_position_world_m[:2].tolist()
-        near = math.hypot(pose.x_m - x, pose.y_m - y) <= self.config.outcome.success_m
-        return EndReason.SUCCESS if near else EndReason.STOPPED_FAR
-
-    def _jump(self, teleporter: Teleporter) -> EndReason:
-        """Place the robot pose by pose; there is no physics in between."""
-        world, config = self.world, self.config
-        flash = config.flash
-        hold = flash.steps_per_action // STEPS_PER_SAMPLE
-        pose = world.pose
-        for _ in range(config.outcome.timeout_actions + 1):
-            jump = teleporter.jump(pose)
-            self.actions.append((jump.action, len(self.recorder)))
-            self.recorder.sample(STOPPED)
-            self.recorder.repeat(hold - 1)
-            if jump.action is Action.STOP:
-                return self._stop()
-            world.spawn(jump.pose)
-            inside = world.in_collision()
-            if inside:
-                self._note("collision_target", ", ".join(sorted(inside)))
-                if flash.refuse_collisions:
-                    return EndReason.STUCK
-            pose = jump.pose
-        return EndReason.TIMEOUT
-
-    def _watch_fallen(self, tick: int) -> None:
-        """Note since when a robot that has fallen is up again."""
-        if self.watch.down() is not None:
-            self._up_since = None
-        elif self._up_since is None:
-            self._up_since = tick
-
-    def _judge_fall(self, tick: int) -> None:
-        """Whether it was a fall for people, too, or a stumble that the rule calls one."""
-        since = self._up_since
-        self.down = since is None
-        half = self.config.after_fall_s * STATE_RATE_HZ / 2
-        self.recovered = since is not None and tick - since >= half
-
-    def _watch_contacts(self, tick: int) -> None:
-        """Note when a part of the robot begins to touch an obstacle, not while it goes on."""
-        for part in sorted(self.world.touched_parts()):
-            if tick - self._touched.get(part, -STATE_RATE_HZ) > 0.2 * STATE_RATE_HZ:
-                self._note("contact", part)
-            self._touched[part] = tick
-
-    def _note(self, kind: str, detail: str) -> None:
-        self.events.append(Event(len(self.recorder) / STATE_RATE_HZ, kind, detail))
-
-    def _diverged(self) -> bool:
-        """Whether physics exploded; if so keeps what blew up among the facts."""
-        what = self.watch.diverged()
-        if what is None:
-            return False
-        self._note(EndReason.DIVERGED.value, what)
-        data = self.world.data
-        # JSON knows no NaN, so numbers go as text.
-        self.facts["diverged_state"] = {
-            "qpos": [repr(v) for v in data.qpos.tolist()],
-            "qvel": [repr(v) for v in data.qvel.tolist()],
-            "ctrl": [repr(v) for v in data.ctrl.tolist()],
-        }
-        return True
-
-    def _finish(self, end: EndReason) -> Rollout:
-        arrays = self.recorder.arrays()
-        world, config, count = self.world, self.config, len(self.recorder)
-        stops = [start for _, start in self.actions[1:]] + [count]
-        spans = [
-            ActionSpan(action, start, stop)
-            for (action, start), stop in zip(self.actions, stops, strict=bool(self.actions))
-        ]
-        metrics = rollout_metrics(self.episode, world.freemap, arrays["position_world_m"], end)
-        return Rollout(
-            episode=self.episode,
-            robot=world.robot.name,
-            controller=config.controller,
-            joint_names=world.robot.joint_names,
-            foot_names=world.robot.foot_names,
-            actions=tuple(spans),
-            events=tuple(sorted(self.events, key=lambda event: event.time_s)),
-            end_reason=end,
-            metrics=replace(metrics, recovered=self.recovered, down=self.down),
-            labels=self._labels(arrays) if not self.actions else (),
-            facts={**self._common_facts(), **self.facts},
-            **arrays,
-        )
-
-    def _labels(self, arrays: dict[str, Any]) -> tuple[Action, ...]:
-        """What the expert would have done at each frame of a robot that follows its own mind."""
-        every = STATE_RATE_HZ // DISCRETE_RATE_HZ
-        place, quat = arrays["position_world_m"][::every], arrays["quat_wxyz"][::every]
-        expert = Expert(self.task)
-        return tuple(
-            expert.next_action(Pose(x, y, yaw))
-            for (x, y, _), yaw in zip(place.tolist(), quat_to_yaw(quat).tolist(), strict=True)
-        )
-
-    def _common_facts(self) -> dict[str, Any]:
-        world, config = self.world, self.config
-        gait = None if self.entry.teleports else world.gait
-        floor = mujoco.mjtGeom(int(world.model.geom("floor").type[0]))
-        return {
-            "seed": config.seed,
-            "robot_mass_kg": world.robot.mass_kg,
-            "robot_physics": world.physics_hash,
-            "policy_sha256": gait.card.onnx_sha256 if isinstance(gait, GaitPolicy) else None,
-            "controller_config": asdict(self.controller_config),
-            "timestep_s": TIMESTEP_S,
-            "policy_rate_hz": 1.0 / (TIMESTEP_S * POLICY_DECIMATION),
-            "mujoco": mujoco.__version__,
-            "floor": floor.name.removeprefix("mjGEOM_").lower(),
-            "obstacle_boxes": world.obstacles,
-        }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from ..formats.core.rollout import REST_M_S
 from .controllers import FlashConfig, PathConfig, SpeedConfig
 from .outcome import OutcomeConfig
 from .physics import LevelModelConfig
@@ -11,7 +12,7 @@ from .physics import LevelModelConfig
 
 @dataclass(frozen=True)
 class ReplayConfig:
-    """How episodes are replayed.
+    """Parameters of a replay.
 
     Attributes:
         robot: what `get_robot` takes: a registry name, or the path of a robot's folder.
@@ -41,7 +42,7 @@ class ReplayConfig:
     spawn_joint_noise_rad: float = 0.01
     settle_least_s: float = 0.5
     settle_most_s: float = 1.5
-    settled_m_s: float = 0.05
+    settled_m_s: float = REST_M_S
     settled_rad_s: float = 0.5
     rest_s: float = 0.25
     rest_most_s: float = 3.0

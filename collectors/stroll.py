@@ -26,7 +26,7 @@ MOVES_M_S, TURNS_RAD_S = 0.05, 0.2
 
 @dataclass(frozen=True)
 class Stroll:
-    """Two cycles of a gait, or two turns of the wheels.
+    """Record of two gait cycles, or of two turns of the wheels.
 
     Attributes:
         time_s: (T,) from 0 on, every physics step [s].
@@ -76,7 +76,7 @@ def stroll(
         raise AssertionError("a robot with joints has wheels or a policy")
     model = robot.build_model()
     data, handles = mujoco.MjData(model), RobotHandles.find(robot, model)
-    handles.spawn(data, 0.0, 0.0, 0.0, 0.0)
+    handles.spawn(data)
     mujoco.mj_forward(model, data)
     # A whole number of cycles first, so that the record begins where a cycle does.
     warm = math.ceil(WARM_S / period) * period

@@ -25,20 +25,20 @@ TOUCHING_M = -0.001  # a start is in collision when something is deeper inside a
 
 
 class Gait(Protocol):
-    """What moves the joints; `drives` has those of wheels and of trained policies."""
+    """Actuation of the joints; `drives` implements wheels and trained policies."""
 
     def reset(self) -> None:
         """Forget everything; called at the start of every rollout."""
         ...
 
     def act(self, data: mujoco.MjData, command: ArrayLike) -> NDArray[np.float64]:
-        """Joint targets for the next 20 ms; see `GaitPolicy.act`."""
+        """Return joint targets for the next 20 ms; see `GaitPolicy.act`."""
         ...
 
 
 @dataclass(frozen=True)
 class World:
-    """Everything that episodes of one level and one robot share.
+    """Physics, robot and maps shared by all episodes of one level and one robot.
 
     Attributes:
         bundle: the scene.
@@ -47,11 +47,11 @@ class World:
         model, data: compiled physics and its state; `data` is reused by every episode.
         handles: where the robot's state lies in them.
         base: (7,) view of the base's position and quaternion in `data`.
-        gait: what moves the joints.
+        gait: actuation of the joints.
         surface: the floor.
         freemap: where robots may be.
         obstacles: number of obstacle geoms, which come first in the model.
-        gate: spares physics the obstacles while none is within reach.
+        gate: disables obstacle contacts while no obstacle is within reach.
         physics_hash: of the robot; see `RobotSpec.physics_hash`.
     """
 
@@ -77,7 +77,7 @@ class World:
 
     @cached_property
     def coasting(self) -> Coasting:
-        """How far the robot still goes after a stop."""
+        """Stopping distances and turn lag of the robot."""
         return coasting_of(self.robot, self.gait)
 
     def spawn(self, pose: Pose, joint_noise_rad: NDArray[np.float64] | None = None) -> None:
@@ -90,7 +90,8 @@ class World:
         self.gate.open()
         mujoco.mj_resetData(self.model, self.data)
         floor_z = float(self.surface.height_at((pose.x_m, pose.y_m)))
-        self.handles.spawn(self.data, pose.x_m, pose.y_m, floor_z, pose.yaw_rad)
+        at = {"x_m": pose.x_m, "y_m": pose.y_m, "yaw_rad": pose.yaw_rad}
+        self.handles.spawn(self.data, floor_z_m=floor_z, **at)
         mujoco.mj_kinematics(self.model, self.data)
         soles = self.handles.sole_geoms.ravel()
         feet, radius = self.data.geom_xpos[soles], self.handles.sole_radius_m.ravel()
@@ -98,7 +99,7 @@ class World:
         under = feet[:, None, :2] + radius[:, None, None] * ring
         gap = (feet[:, 2] - radius)[:, None] - self.surface.height_at(under)
         raised_z = floor_z + SPAWN_GAP_M - float(gap.min())
-        self.handles.spawn(self.data, pose.x_m, pose.y_m, raised_z, pose.yaw_rad)
+        self.handles.spawn(self.data, floor_z_m=raised_z, **at)
         if joint_noise_rad is not None:
             self.data.qpos[self.handles.joint_qpos] += joint_noise_rad
         mujoco.mj_forward(self.model, self.data)
@@ -109,7 +110,7 @@ class World:
         self.data.ctrl[self.handles.actuators] = self.gait.act(self.data, command)
 
     def touched_parts(self, deeper_than_m: float = 0.0) -> frozenset[str]:
-        """Names of the robot's bodies that touch an obstacle now."""
+        """Return the names of the robot's bodies that touch an obstacle now."""
         if not self.data.ncon or not self.gate.open_bodies:
             return frozenset()
         geoms = self.data.contact.geom
@@ -121,7 +122,7 @@ class World:
         return frozenset(self.model.body(int(b)).name.removeprefix(prefix) for b in bodies)
 
     def in_collision(self) -> frozenset[str]:
-        """Names of the robot's bodies that are inside an obstacle."""
+        """Return the names of the robot's bodies that are inside an obstacle."""
         return self.touched_parts(TOUCHING_M)
 
 
@@ -133,13 +134,13 @@ def open_world(
     config: LevelModelConfig | None = None,
     cache_dir: Path | None = None,
 ) -> World:
-    """Build or load the physics of a level with `robot` and what moves it.
+    """Build or load the physics of a level with `robot`.
 
     Args:
         bundle: the scene.
         level: which of its levels.
         robot: Robot to simulate.
-        gait: what moves the joints; the robot's own wheels or policy when None.
+        gait: actuation of the joints; the robot's own wheels or policy when None.
         config: how the level becomes physics.
         cache_dir: where compiled models are kept; none are when None.
 

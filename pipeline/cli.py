@@ -69,6 +69,8 @@ _TABLE = (
     Verb("robots", "robots", "Robots", "run_robots"),
     Verb("mix", "mix", "Mix", "run"),
     Verb("ablate", "ablate", "Ablate", "run"),
+    Verb("evaluate", "evaluate", "Evaluate", "run_evaluate"),
+    Verb("compare", "evaluate", "Compare", "run_compare"),
     Verb("push", "push", "Push", "run_push"),
     Verb("verify", "look", "Verify", "run_verify"),
     Verb("report", "look", "Report", "run_report"),

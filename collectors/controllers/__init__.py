@@ -2,7 +2,17 @@
 
 from .expert import Expert, ExpertConfig
 from .flash import FlashConfig
-from .interface import STOPPED, Coasting, Controller, Decision, Jump, Pose, Task, Teleporter
+from .interface import (
+    STOPPED,
+    Chooser,
+    Coasting,
+    Controller,
+    Decision,
+    Jump,
+    Pose,
+    Task,
+    Teleporter,
+)
 from .path import PathConfig
 from .registry import (
     CONTROLLERS,
@@ -16,6 +26,7 @@ from .speed import SpeedConfig
 __all__ = [
     "CONTROLLERS",
     "STOPPED",
+    "Chooser",
     "Coasting",
     "Controller",
     "ControllerEntry",

@@ -1,7 +1,7 @@
 """The expert: VLN-CE's next discrete action from any true pose toward an episode's reference path.
 
-It is asked by the controllers that carry discrete actions out, for the labels of robots that follow
-their path continuously, and it can be asked online, about poses that no recorded robot was in.
+The controllers of discrete actions execute its choice, robots that follow their path continuously
+are labelled with it, and it can be queried online, at poses that no recorded robot was in.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .route import STEP_M, Route, plan_route, rejoin
 
 @dataclass(frozen=True)
 class ExpertConfig:
-    """How the expert chooses.
+    """Parameters of the expert.
 
     Attributes:
         lookahead_m: distance along the route to the point aimed at.
@@ -35,10 +35,10 @@ class ExpertConfig:
 
 
 class Expert:
-    """Closes the loop on the true pose with every action, so that drift never accumulates.
+    """Chooses every action from the true pose, so that drift does not accumulate.
 
-    One object serves one walk: it remembers how far along its route the robot is, and which way it
-    turned last.
+    One object serves one episode: it keeps the progress along the route and the sense of the last
+    turn.
     """
 
     def __init__(self, task: Task, config: ExpertConfig = ExpertConfig()) -> None:
@@ -50,12 +50,12 @@ class Expert:
         self._notes = [("unplannable", problem) for problem in self.route.problems]
 
     def notes(self) -> list[tuple[str, str]]:
-        """(kind, detail) of what happened since the last call: re-plans, and what has no plan."""
+        """Return events (kind, detail) since the last call: re-plans and unplannable segments."""
         notes, self._notes = self._notes, []
         return notes
 
     def next_action(self, pose: Pose, rest: Pose | None = None) -> Action:
-        """The action to take from `pose`.
+        """Return the action to take from `pose`.
 
         Turns while the bearing of the point ahead is off by more than half a turn action (a whole
         one to turn back at once), walks otherwise, and stops when the goal is near, or when the

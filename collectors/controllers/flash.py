@@ -1,6 +1,6 @@
-"""Flash: instantly at the target pose, no physics between; what disembodied collection does.
+"""Flash: place the robot at the target pose of each action, without physics.
 
-The only controller that places the robot. It is the reference for what embodiment costs.
+This is how disembodied collection works, and the reference for the cost of embodiment.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from .interface import Jump, Pose, Task
 
 @dataclass(frozen=True)
 class FlashConfig:
-    """How jumps are made.
+    """Parameters of the controller `flash`.
 
     Attributes:
         steps_per_action: physics steps that one action stands for in the record; 50 is VLN-PE's.
@@ -35,11 +35,11 @@ class FlashController:
 
     def __init__(self, task: Task, config: FlashConfig) -> None:
         self.config = config
-        self._expert = Expert(task, config.expert)
+        self._chooser = task.chooser or Expert(task, config.expert)
 
     def jump(self, pose: Pose) -> Jump:
         """See `Teleporter.jump`."""
-        action = self._expert.next_action(pose)
+        action = self._chooser.next_action(pose)
         if action is Action.FORWARD:
             x = pose.x_m + FORWARD_STEP_M * math.cos(pose.yaw_rad)
             y = pose.y_m + FORWARD_STEP_M * math.sin(pose.yaw_rad)

@@ -1,4 +1,4 @@
-"""Small plane geometry on plain numbers: a control step has no time for whole arrays."""
+"""Plane geometry on scalars, for control steps that cannot afford array overhead."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from ...formats.scene.grid import GridSpec
 
 
 def wrap_angle(angle_rad: float) -> float:
-    """The same direction in [−π, π): `formats.frames.wrap_angle` for one number, without numpy."""
+    """Return an angle wrapped to [−π, π): `formats.frames.wrap_angle` for one number."""
     return (angle_rad + math.pi) % (2 * math.pi) - math.pi
 
 
 def clip(value: float, low: float, high: float) -> float:
-    """`value` within [low, high]."""
+    """Return `value` clipped to [low, high]."""
     return min(max(value, low), high)
 
 
 class RouteCursor:
-    """Progress along a polyline: the nearest point, looked for near the last one only.
+    """Progress along a polyline: the nearest point, searched near the previous one only.
 
-    A route may pass the same place twice; looking near the last point keeps to the right pass.
+    A route may pass the same place twice; the local search keeps to the current pass.
     """
 
     def __init__(self, xy_m: NDArray[np.float64], step_m: float, ahead_m: float = 0.8):
@@ -35,53 +35,46 @@ class RouteCursor:
         self._back = max(1, round(0.5 / step_m))
 
     def advance(self, x_m: float, y_m: float) -> float:
-        """Move to the point nearest to (x, y); returns the distance to it [m]."""
+        """Move to the point nearest to (x, y) and return the distance to it [m]."""
         low = max(self.index - self._back, 0)
         high = min(self.index + self._ahead, self.last)
         self.index, distance = _nearest(self.xy_m, low, high, x_m, y_m)
         return distance
 
     def point(self, index: int) -> tuple[float, float]:
-        """One point of the polyline [m]."""
+        """Return a point of the polyline [m]."""
         x, y = self.xy_m[index].tolist()
         return x, y
 
     def ahead(self, distance_m: float, step_m: float) -> int:
-        """Index of the point so far ahead, at most the last."""
+        """Return the index of the point `distance_m` ahead, at most the last."""
         return min(self.index + max(1, round(distance_m / step_m)), self.last)
 
     def in_sight(
         self,
-        x_m: float,
-        y_m: float,
+        eye_xy_m: tuple[float, float],
+        *,
         farthest: int,
         nearest: int,
         clearance_m: NDArray[np.float64],
         needed_m: float,
         grid: GridSpec,
     ) -> int:
-        """The farthest point ≤ `farthest` seen from (x, y) through cells of enough clearance.
+        """Return the farthest point that is seen through cells of enough clearance.
 
         Args:
-            x_m: from where [m].
-            y_m: from where [m].
+            eye_xy_m: from where.
             farthest: index to begin with.
             nearest: index returned when no farther point is in sight.
             clearance_m: (rows, columns) of the map.
             needed_m: clearance that every cell on the way must have.
             grid: the map's.
         """
-        return _farthest_in_sight(
-            self.xy_m,
-            x_m,
-            y_m,
-            farthest,
-            nearest,
-            clearance_m,
-            needed_m,
-            *grid.origin_xy_m,
-            grid.cell_m,
-        )
+        (x, y), (x0, y0), cell = eye_xy_m, grid.origin_xy_m, grid.cell_m
+        # Everything in cells, so that the kernel needs no grid.
+        points = (self.xy_m[nearest : farthest + 1] - (x0, y0)) / cell
+        eye = ((x - x0) / cell, (y - y0) / cell)
+        return nearest + _farthest_in_sight(points, eye, clearance_m, needed_m)
 
 
 @kernel()
@@ -95,19 +88,20 @@ def _nearest(xy, low, high, x, y):
 
 
 @kernel()
-def _farthest_in_sight(xy, x, y, farthest, nearest, clearance, needed, x0, y0, cell):
+def _farthest_in_sight(points, eye, clearance, needed):
+    """Return the last of the points (N, 2) [cells] that is in sight of `eye`, or 0."""
     rows, columns = clearance.shape
-    for index in range(farthest, nearest, -1):
-        dx, dy = xy[index, 0] - x, xy[index, 1] - y
-        count = int(np.hypot(dx, dy) / cell) + 1
+    for index in range(len(points) - 1, 0, -1):
+        dx, dy = points[index, 0] - eye[0], points[index, 1] - eye[1]
+        count = int(np.hypot(dx, dy)) + 1
         seen = True
         for k in range(1, count + 1):
-            column = int(np.floor((x + dx * k / count - x0) / cell))
-            row = int(np.floor((y + dy * k / count - y0) / cell))
+            column = int(np.floor(eye[0] + dx * k / count))
+            row = int(np.floor(eye[1] + dy * k / count))
             inside = 0 <= row < rows and 0 <= column < columns
             if not inside or clearance[row, column] < needed:
                 seen = False
                 break
         if seen:
             return index
-    return nearest
+    return 0

@@ -1,4 +1,4 @@
-"""What every controller is given and gives back."""
+"""Interfaces of controllers: task, poses in, decisions out."""
 
 from __future__ import annotations
 
@@ -15,25 +15,54 @@ from ..robots import CommandLimits
 
 @dataclass(frozen=True)
 class Coasting:
-    """How far a robot still goes after its command has dropped to zero.
+    """How far a robot still goes and turns after its command has dropped to zero.
 
     Attributes:
         speed_m_s: (K,) ascending, greater than 0.
         distance_m: (K,) from the zero command to rest.
+        turn_lag_s: by how much a turn lags behind its command: the angle that is turned on after
+            the zero command, over the turn rate before it.
     """
 
     speed_m_s: tuple[float, ...] = ()
     distance_m: tuple[float, ...] = ()
+    turn_lag_s: float = 0.0
 
     def distance(self, speed_m_s: float) -> float:
-        """At any speed, linearly between the known ones; beyond the last as at the last [m]."""
+        """Return the stopping distance [m], interpolated linearly and constant beyond the last."""
         known = (0.0, *self.speed_m_s), (0.0, *self.distance_m)
         return float(np.interp(speed_m_s, *known))
 
 
 @dataclass(frozen=True)
+class Pose:
+    """Pose of the base: world [m], heading [rad]."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+
+class Chooser(Protocol):
+    """Chooses discrete actions one after another; one object serves one episode."""
+
+    def next_action(self, pose: Pose, rest: Pose | None = None) -> Action:
+        """Return the action to take.
+
+        Args:
+            pose: where the robot will be when the action begins, as far as the controller knows.
+            rest: where it would come to rest if it stopped now; `pose` when None.
+        """
+        ...
+
+    def notes(self) -> list[tuple[str, str]]:
+        """Return (kind, detail) of what happened since the last call."""
+        ...
+
+
+@dataclass(frozen=True)
 class Task:
-    """What a controller must do.
+    """Task of a controller.
 
     Attributes:
         reference_xy_m: (P, 2) the episode's reference path, world [m].
@@ -43,6 +72,7 @@ class Task:
         limits: commands the robot understands.
         goal_tolerance_m: a stop within this distance of the goal is a success [m].
         coasting: of the robot, for controllers that stop it while it is moving.
+        chooser: chooses the discrete actions; the expert when None.
     """
 
     reference_xy_m: NDArray[np.float64]
@@ -52,20 +82,12 @@ class Task:
     limits: CommandLimits
     goal_tolerance_m: float
     coasting: Coasting = Coasting()
-
-
-@dataclass(frozen=True)
-class Pose:
-    """Where the base is: world [m], heading [rad]."""
-
-    x_m: float
-    y_m: float
-    yaw_rad: float
+    chooser: Chooser | None = None
 
 
 @dataclass(frozen=True)
 class Decision:
-    """What the robot shall do until the next control step.
+    """Output of a control step, valid until the next one.
 
     Attributes:
         command: vx, vy [m/s], yaw rate [rad/s] in the base frame, within the robot's limits.
@@ -86,11 +108,11 @@ STOPPED = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Jump:
-    """One discrete action done at once, without physics.
+    """A discrete action executed at once, without physics.
 
     Attributes:
-        action: what it stands for.
-        pose: where the robot is afterwards.
+        action: the action.
+        pose: pose afterwards.
     """
 
     action: Action
@@ -98,28 +120,28 @@ class Jump:
 
 
 class Teleporter(Protocol):
-    """Chooses pose after pose, for robots that jump from one to the next."""
+    """Controller of robots that are placed at one pose after another."""
 
     def jump(self, pose: Pose) -> Jump:
-        """The next pose after `pose`; STOP, with the same pose, at the end."""
+        """Return the pose that follows `pose`; STOP with the same pose at the end."""
         ...
 
 
 class Controller(Protocol):
-    """Turns true poses into velocity commands; one object serves one episode."""
+    """Converts true poses to velocity commands; one object serves one episode."""
 
     @property
     def rate_hz(self) -> int:
-        """How often `step` wants to be called: a divisor of the record's 100 Hz."""
+        """Rate at which `step` is to be called: a divisor of the record's 100 Hz."""
         ...
 
     @property
     def nominal_s(self) -> float:
-        """How long the task takes when nothing goes wrong [s]."""
+        """Duration of an undisturbed execution [s]."""
         ...
 
     def step(self, time_s: float, pose: Pose) -> Decision:
-        """Decide at `time_s`, counted from the start of the episode.
+        """Return the decision at `time_s`, counted from the start of the episode.
 
         Called at `rate_hz` until a decision is done.
         """

@@ -23,7 +23,7 @@ NEAR_M = 0.15  # the point so far ahead is aimed at even out of sight
 
 @dataclass(frozen=True)
 class PathConfig:
-    """How a path is followed.
+    """Parameters of path following.
 
     Attributes:
         linear_gain, angular_gain: VLN-PE's proportional gains [1/s]; there are no other terms.
@@ -86,7 +86,7 @@ class PathController:
 
     @property
     def nominal_s(self) -> float:
-        """Driving the route at cruising speed, plus all its turns, plus one turn at the start."""
+        """Time of the route at cruising speed, all its turns, and one turn at the start."""
         config = self._config
         turns = (self._turning_rad + math.pi / 2) / config.curve_yaw_rad_s
         cruise_m_s = min(config.cruise_m_s, self._task.limits.vx_m_s[1])
@@ -119,7 +119,7 @@ class PathController:
         return at_end and to_goal_m <= 0.8 * self._task.goal_tolerance_m
 
     def _target(self, pose: Pose) -> tuple[float, float]:
-        """The farthest point of the route within the lookahead that is in free sight."""
+        """Return the farthest point of the route within the lookahead that is in free sight."""
         cursor, task = self._cursor, self._task
         # A robot off its line is in a tighter spot already; it may come back along that.
         needed_m = task.radius_m - task.freemap.grid.cell_m
@@ -127,13 +127,12 @@ class PathController:
         farthest = max(cursor.ahead(self._config.lookahead_m, STEP_M), nearest)
         return cursor.point(
             cursor.in_sight(
-                pose.x_m,
-                pose.y_m,
-                farthest,
-                nearest,
-                self._clearance,
-                needed_m,
-                task.freemap.grid,
+                (pose.x_m, pose.y_m),
+                farthest=farthest,
+                nearest=nearest,
+                clearance_m=self._clearance,
+                needed_m=needed_m,
+                grid=task.freemap.grid,
             )
         )
 

@@ -16,14 +16,15 @@ from .speed import SpeedConfig, SpeedController
 
 @dataclass(frozen=True)
 class ControllerEntry:
-    """One controller.
+    """Registry entry of a controller.
 
     Attributes:
-        title: what it is, in a few words.
-        config: its configuration's class; the defaults are its own.
-        build: makes one for an episode.
-        teleports: it places the robot instead of driving it; there is no physics then.
-        coasts: it stops the robot while that is moving and must know how far it then goes on.
+        title: short description.
+        config: class of its configuration.
+        build: creates one for an episode.
+        teleports: places the robot, without physics.
+        coasts: stops the robot while it is moving, and needs its stopping distance.
+        discrete: carries out discrete actions that a `Chooser` chooses.
     """
 
     title: str
@@ -31,24 +32,31 @@ class ControllerEntry:
     build: Callable[[Task, Any], Controller | Teleporter]
     teleports: bool = False
     coasts: bool = False
+    discrete: bool = False
 
 
 CONTROLLERS: dict[str, ControllerEntry] = {
     "path": ControllerEntry("move along the planned path", PathConfig, PathController),
     "speed": ControllerEntry(
-        "discrete actions by velocity", SpeedConfig, SpeedController, coasts=True
+        "discrete actions by velocity",
+        SpeedConfig,
+        SpeedController,
+        coasts=True,
+        discrete=True,
     ),
-    "flash": ControllerEntry("jump from pose to pose", FlashConfig, FlashController, True),
+    "flash": ControllerEntry(
+        "jump from pose to pose", FlashConfig, FlashController, teleports=True, discrete=True
+    ),
 }
 
 
 def valid_controllers(robot: RobotSpec) -> list[str]:
-    """Names of the controllers that can move `robot`: without joints it can only be placed."""
+    """Return the names of the controllers that can move `robot`."""
     return [name for name, entry in CONTROLLERS.items() if entry.teleports or robot.joints]
 
 
 def controller_for(robot: RobotSpec, name: str) -> ControllerEntry:
-    """The controller called `name`, which must be able to move `robot`.
+    """Return the controller called `name`, which must be able to move `robot`.
 
     Raises:
         UnknownNameError: there is none of that name.
@@ -64,7 +72,7 @@ def controller_for(robot: RobotSpec, name: str) -> ControllerEntry:
 
 
 def get_controller(name: str) -> ControllerEntry:
-    """The controller called `name`.
+    """Return the controller called `name`.
 
     Raises:
         UnknownNameError: there is none; the message lists the valid names.

@@ -1,4 +1,4 @@
-"""A dense route along a reference path, with what a follower wants to know about each point."""
+"""A dense route along a reference path, with arc length, heading and curvature."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...formats.core.geometry import arc_length, space_evenly
 from ...formats.scene.freemap import Freemap
 from ...wayfinding.planning import plan_path, segments_free
-from ..polyline import space_evenly
 from .interface import Pose
 
 Array = NDArray[np.float64]
@@ -59,16 +59,16 @@ def make_route(xy_m: ArrayLike, problems: tuple[str, ...] = ()) -> Route:
     xy = space_evenly(xy_m, STEP_M)
     if len(xy) == 1:
         xy = np.repeat(xy, 2, axis=0)
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xy, axis=0), axis=1))])
+    along = arc_length(xy)
     return Route(xy, along, problems)
 
 
 def plan_route(freemap: Freemap, waypoints_xy_m: ArrayLike, radius_m: float) -> Route:
-    """A route through waypoints (P, 2) [m] that keeps `radius_m` free wherever it can.
+    """Plan a route through waypoints (P, 2) [m] that keeps `radius_m` free where possible.
 
     Straight segments that are free are kept as they are. A blocked one is planned around; where
-    there is no way at all the straight segment stays, and the route's `problems` say so: the robot
-    shall try, and the rollout shall show what happened.
+    there is no way at all the straight segment stays, and `problems` describes it: the robot tries,
+    and the rollout records the result.
     """
     points = np.asarray(waypoints_xy_m, dtype=np.float64)[:, :2]
     if len(points) < 2:
@@ -88,6 +88,6 @@ def plan_route(freemap: Freemap, waypoints_xy_m: ArrayLike, radius_m: float) -> 
 
 
 def rejoin(freemap: Freemap, pose: Pose, rest_xy_m: Array, radius_m: float) -> Route | None:
-    """The way from `pose` to the first of the points (R, 2) and along them; None without one."""
+    """Return the way from `pose` to the first of the points (R, 2) and along them, or None."""
     back = plan_path(freemap, np.array([pose.x_m, pose.y_m]), rest_xy_m[0], radius_m)
     return None if back is None else make_route(np.vstack([back[:, :2], rest_xy_m]))

@@ -20,7 +20,7 @@ Command = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class ServoConfig:
-    """How closely an action is held to its displacement.
+    """Gains and limits of the closed loop.
 
     Attributes:
         cruise_m_s, turn_rad_s: speed of steps and turns.
@@ -48,14 +48,14 @@ class ServoConfig:
 
 @dataclass(frozen=True)
 class Track:
-    """What one action shall displace the robot by: from `start`, `action`."""
+    """Target displacement of an action that begins at `start`."""
 
     action: Action
     start: Pose
 
     @property
     def end(self) -> Pose:
-        """Where a perfect robot would be at the end."""
+        """Pose after an exact execution."""
         x, y, yaw = self.start.x_m, self.start.y_m, self.start.yaw_rad
         if self.action is Action.FORWARD:
             return Pose(x + FORWARD_STEP_M * math.cos(yaw), y + FORWARD_STEP_M * math.sin(yaw), yaw)
@@ -67,14 +67,14 @@ class Track:
         return {Action.LEFT: 1.0, Action.RIGHT: -1.0}.get(self.action, 0.0)
 
     def local(self, pose: Pose) -> tuple[float, float, float]:
-        """Ahead, left [m] and turned left [rad] since the start."""
+        """Return the displacement since the start: ahead, left [m], turned left [rad]."""
         dx, dy = pose.x_m - self.start.x_m, pose.y_m - self.start.y_m
         cosine, sine = math.cos(self.start.yaw_rad), math.sin(self.start.yaw_rad)
         turned = wrap_angle(pose.yaw_rad - self.start.yaw_rad)
         return cosine * dx + sine * dy, cosine * dy - sine * dx, turned
 
     def remaining(self, pose: Pose) -> float:
-        """What is still to be done, [m] of a step or [rad] of a turn; negative beyond the end."""
+        """Return what remains, [m] of a step or [rad] of a turn; negative beyond the end."""
         ahead, _, turned = self.local(pose)
         if self.action is Action.FORWARD:
             return FORWARD_STEP_M - ahead
@@ -82,7 +82,7 @@ class Track:
 
 
 def braking(track: Track, pose: Pose, soon: Pose, config: ServoConfig) -> float | None:
-    """Speed [m/s] or turn rate [rad/s] allowed if the robot must be slow at the end.
+    """Return the speed [m/s] or turn rate [rad/s] allowed if the robot must be slow at the end.
 
     Args:
         track: what is being done.
@@ -111,7 +111,7 @@ def braking(track: Track, pose: Pose, soon: Pose, config: ServoConfig) -> float 
 def steer(
     track: Track, pose: Pose, speed: float, config: ServoConfig, limits: CommandLimits
 ) -> Command:
-    """The command that leads along a track at a speed [m/s], or turn rate [rad/s] for a turn."""
+    """Return the command that follows a track at a speed [m/s], or turn rate [rad/s]."""
     ahead, left, turned = track.local(pose)
     if track.action is Action.STOP:
         return STOPPED

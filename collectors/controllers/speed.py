@@ -29,7 +29,7 @@ CLOSED_LOOP_S = 0.7  # an action takes a walking robot about so long in closed l
 
 @dataclass(frozen=True)
 class SpeedConfig:
-    """How discrete actions are carried out.
+    """Parameters of the controller `speed`.
 
     Attributes:
         linear_m_s, yaw_rad_s: commanded while walking and while turning.
@@ -40,8 +40,9 @@ class SpeedConfig:
         ramp_m_s2, ramp_rad_s2: how fast the command changes; jumping between full speed and a
             full turn four times a second throws walking robots off balance. inf jumps.
         carry_s: a moving body goes on for about this long; the expert chooses a direction from
-            where it will then be, or it would correct every turn by the opposite one. It stops by
-            where the robot will come to rest (`Task.coasting`).
+            where it will then be, turned as far as commanded (`Coasting.turn_lag_s`), or it would
+            correct every turn by the opposite one. It stops by where the robot will come to rest
+            (`Coasting.distance`).
         expert: how actions are chosen.
     """
 
@@ -61,8 +62,9 @@ class SpeedController:
 
     def __init__(self, task: Task, config: SpeedConfig) -> None:
         self._task, self._config = task, config
-        self._expert = Expert(task, config.expert)
-        route = self._expert.route
+        expert = Expert(task, config.expert)
+        self._chooser = task.chooser or expert
+        route = expert.route
         forward_m, turn_rad, action_s = FORWARD_STEP_M, TURN_STEP_RAD, CLOSED_LOOP_S
         if not config.end_on_displacement:
             action_s = config.steps_per_action * TIMESTEP_S
@@ -79,12 +81,14 @@ class SpeedController:
         self._coming: Action | None = None
         self._command: Command = STOPPED
         self._recent: deque[Pose] = deque(maxlen=STRIDE + 1)
+        lag_samples = round(task.coasting.turn_lag_s * self.rate_hz)
+        self._pending_rad_s: deque[float] = deque(maxlen=lag_samples)
 
     rate_hz = 100
 
     @property
     def nominal_s(self) -> float:
-        """All forward steps and turns of the route, and a right angle at the start."""
+        """Time of all steps and turns of the route, and of a right angle at the start."""
         return self._nominal
 
     def step(self, time_s: float, pose: Pose) -> Decision:
@@ -94,14 +98,14 @@ class SpeedController:
         if track is None or self._over(track, time_s, pose):
             # One in closed loop that has not arrived is no ground to have chosen the next one from.
             if self._coming is None or (track and track.remaining(pose) > 0):
-                carried = self._carried(self._config.carry_s)
-                self._coming = self._expert.next_action(carried, self._at_rest())
+                self._coming = self._chooser.next_action(self._about_to_be(), self._at_rest())
             started, self._coming = self._coming, None
             self._track = track = Track(started, pose)
             self._start_s = time_s
         wanted = self._steered(track, pose) if self._config.end_on_displacement else self._timed()
         self._command = self._ramped(wanted)
-        notes = tuple(self._expert.notes())
+        self._pending_rad_s.append(self._command[2])
+        notes = tuple(self._chooser.notes())
         return Decision(self._command, started, done=track.action is Action.STOP, notes=notes)
 
     def _over(self, track: Track, time_s: float, pose: Pose) -> bool:
@@ -111,12 +115,12 @@ class SpeedController:
         return track.remaining(pose) <= 0 or spent_s >= config.servo.longest_s
 
     def _steered(self, track: Track, pose: Pose) -> Command:
-        """In closed loop. What comes next is chosen when it begins to matter."""
+        """Return the closed-loop command; choose the next action when braking depends on it."""
         servo = self._config.servo
         fast = servo.cruise_m_s if track.action is Action.FORWARD else servo.turn_rad_s
         slow = braking(track, pose, self._carried(servo.reaction_s), servo)
         if slow is not None and self._coming is None:
-            self._coming = self._expert.next_action(track.end)
+            self._coming = self._chooser.next_action(track.end)
         speed = fast if slow is None or self._coming is track.action else slow
         return steer(track, pose, speed, servo, self._task.limits)
 
@@ -128,7 +132,7 @@ class SpeedController:
         return 0.0, 0.0, clip(self._track.sense * config.yaw_rad_s, *limits.yaw_rad_s)
 
     def _carried(self, seconds: float) -> Pose:
-        """Where the body's momentum will take it, by its mean velocity over the last samples."""
+        """Return the pose after `seconds` at the mean velocity of the last samples."""
         count = min(RECENT, len(self._recent) - 1)
         old, new = self._recent[-1 - count], self._recent[-1]
         if not count:
@@ -140,8 +144,21 @@ class SpeedController:
             wrap_angle(new.yaw_rad + ratio * wrap_angle(new.yaw_rad - old.yaw_rad)),
         )
 
+    def _about_to_be(self) -> Pose:
+        """Return the pose at which the next action takes effect, all commanded turning included.
+
+        A body turns later than commanded, and the command itself falls to zero on a ramp: most of
+        a single turn action happens during the next action. The angle follows from the commands
+        alone, without a gait's sway.
+        """
+        soon, now = self._carried(self._config.carry_s), self._recent[-1]
+        rate = self._command[2]
+        lagging_rad = sum(self._pending_rad_s) / self.rate_hz
+        ramp_rad = rate * abs(rate) / (2.0 * self._config.ramp_rad_s2)
+        return Pose(soon.x_m, soon.y_m, wrap_angle(now.yaw_rad + lagging_rad + ramp_rad))
+
     def _at_rest(self) -> Pose:
-        """Where the robot would come to rest if it were told to stop now."""
+        """Return the pose at which the robot would come to rest if it were stopped now."""
         old, new = self._recent[0], self._recent[-1]
         dx, dy = new.x_m - old.x_m, new.y_m - old.y_m
         moved_m = math.hypot(dx, dy)
@@ -152,7 +169,7 @@ class SpeedController:
         return Pose(new.x_m + ratio * dx, new.y_m + ratio * dy, new.yaw_rad)
 
     def _ramped(self, wanted: Command) -> Command:
-        """The command one sample further on the way to what is wanted."""
+        """Return the command one sample further on the ramp to `wanted`."""
         linear, turn = self._config.ramp_m_s2, self._config.ramp_rad_s2
         most = (linear / self.rate_hz, linear / self.rate_hz, turn / self.rate_hz)
         vx, vy, yaw = (

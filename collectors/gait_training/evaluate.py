@@ -105,7 +105,8 @@ def write_strips(policy: GaitPolicy, folder: Path) -> list[Path]:
     """Write `<robot>-walk.png`, `-turn.png` and `-stand.png` into `folder`; return their paths."""
     # Late, because drawing loads much that measuring does not need.
     from ..rendering.people.pictures import save_picture
-    from ..rendering.people.studio import make_studio, walking_strip
+    from ..rendering.people.portraits import walking_strip
+    from ..rendering.people.studio import make_studio
 
     studio, written = make_studio(policy.robot), []
     for name, command in STRIPS.items():

@@ -9,6 +9,7 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from ...formats.core.frames import quat_to_yaw
 from ..locomotion.gait import ClockState, joint_targets
 from ..locomotion.observation import RobotState, observe, states_of
 from ..locomotion.policy import GaitPolicy
@@ -131,7 +132,8 @@ class Trial:
         for i in range(n):
             around = xy_m[i] + self.rng.uniform(-0.35, 0.35, (32, 2))
             ground = float(conditions.terrain.at(around).max())
-            h.spawn(data, xy_m[i, 0], xy_m[i, 1], ground, float(yaw_rad[i]))
+            x, y = xy_m[i]
+            h.spawn(data, x_m=x, y_m=y, floor_z_m=ground, yaw_rad=float(yaw_rad[i]))
             self._qpos[i] = data.qpos
         self.batch.forward()
         self.fallen, self._gone = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
@@ -223,9 +225,7 @@ class Trial:
     def _pose_of(self, qpos: Array) -> Array:
         """(N, 3) x, y [m] and heading [rad] of generalised positions (N, nq)."""
         q = self.handles.root_qpos
-        w, x, y, z = qpos[:, q + 3 : q + 7].T
-        yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        return np.column_stack([qpos[:, q : q + 2], yaw])
+        return np.column_stack([qpos[:, q : q + 2], quat_to_yaw(qpos[:, q + 3 : q + 7])])
 
     def _look_at_soles(self) -> _Soles:
         h = self.handles

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class LevelModelConfig:
-    """How a level becomes physics.
+    """Parameters of a level's physics.
 
     Attributes:
         flat_within_m: a floor whose reachable part varies by less is a plane, which is faster.

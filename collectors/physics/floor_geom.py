@@ -74,7 +74,7 @@ def add_floor(
 def _coarsened(
     surface: FloorSurface, error_m: float
 ) -> tuple[GridSpec, NDArray[np.float64], NDArray[np.bool_]]:
-    """The floor on the coarsest grid that still has every solid cell's height to `error_m`.
+    """Return the floor on the coarsest grid that keeps every solid cell's height to `error_m`.
 
     A foot touches every triangle near it, so larger triangles mean fewer contacts to solve.
     """
@@ -101,7 +101,7 @@ def _coarsened(
 
 
 def walked_heights(surface: FloorSurface, freemap: Freemap) -> NDArray[np.float32]:
-    """Heights of the covered floor cells [m] whose centres are traversable, (N,)."""
+    """Return the heights (N,) [m] of covered floor cells whose centres are traversable."""
     rows, columns = np.nonzero(surface.floor.covered)
     xy = surface.floor.grid.center_of(np.stack([rows, columns], axis=1))
     cells = freemap.grid.cell_of(xy)

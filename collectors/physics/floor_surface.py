@@ -17,7 +17,7 @@ SKIRT_M = 0.3
 
 @dataclass(frozen=True)
 class FloorSurface:
-    """Heights of a floor, extended by `SKIRT_M` around the covered cells; beyond lies the void.
+    """Heights of a floor, extended by `SKIRT_M` around the covered cells.
 
     Attributes:
         floor: the level's floor record.
@@ -35,7 +35,7 @@ class FloorSurface:
         return gap <= SKIRT_M
 
     def height_at(self, xy_m: ArrayLike) -> NDArray[np.float64]:
-        """Floor height [m] under points (..., 2) [m], bilinear between cell centres: (...)."""
+        """Return the floor height (...) [m] under points (..., 2) [m], bilinear between cells."""
         grid = self.floor.grid
         xy = np.asarray(xy_m, dtype=np.float64)
         at = (xy - np.asarray(grid.origin_xy_m)) / grid.cell_m - 0.5

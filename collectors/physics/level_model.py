@@ -42,7 +42,7 @@ def level_model(
     config: LevelModelConfig | None = None,
     cache_dir: Path | None = None,
 ) -> mujoco.MjModel:
-    """The compiled model of a level with a robot, from `cache_dir` when it was built before.
+    """Return the compiled model of a level with a robot, from `cache_dir` if it is there.
 
     The cache's key covers the level's files, the robot's compiled model, the configuration, the
     code that builds it and MuJoCo's version. A damaged cache is replaced.
@@ -129,7 +129,7 @@ def _robot_that_meets_obstacles(robot: RobotSpec) -> mujoco.MjsBody:
 
 
 def _extent(robot: RobotSpec) -> tuple[float, float]:
-    """Reach of any part from the base axis, and height of the standing robot [m]."""
+    """Return the reach of any part from the base axis and the standing height [m]."""
     model = robot.build_model(floor=False)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

@@ -18,14 +18,14 @@ _DIGEST_BYTES = hashlib.sha256().digest_size
 
 
 def model_bytes(model: mujoco.MjModel) -> bytes:
-    """A compiled model as MuJoCo stores it; equal models give equal bytes."""
+    """Return a compiled model as MuJoCo stores it; equal models give equal bytes."""
     buffer = np.zeros(mujoco.mj_sizeModel(model), dtype=np.uint8)
     mujoco.mj_saveModel(model, None, buffer)
     return buffer.tobytes()
 
 
 def cached_model(path: Path, build: Callable[[], mujoco.MjModel]) -> mujoco.MjModel:
-    """The model in `path`, or what `build` makes, which is then kept there.
+    """Return the model in `path`, or build it and keep it there.
 
     A damaged file is replaced: MuJoCo itself does not survive every damage, so that a digest in
     front of the model says whether it may be read at all.

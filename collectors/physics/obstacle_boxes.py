@@ -38,7 +38,7 @@ def robot_obstacles(
 
 
 def _reachable(lower: Array, upper: Array, freemap: Freemap, reach_m: float) -> NDArray[np.bool_]:
-    """(N,) bool: some part of the box is within `reach_m` of a traversable cell."""
+    """Return (N,) bool: some part of the box is within `reach_m` of a traversable cell."""
     if not freemap.traversable.any():
         return np.zeros(len(lower), dtype=bool)
     grid = freemap.grid

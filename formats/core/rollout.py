@@ -13,6 +13,7 @@ from .episode import Episode
 
 STATE_RATE_HZ = 100  # divisible by 4, 5, 10, 20, 25 and 50: every frame time is a sample
 DISCRETE_RATE_HZ = 4  # a discrete action takes 0.25 s in VLN-PE's timing
+REST_M_S = 0.05  # a base slower than this is at rest
 REST_EVENT = "rest"  # kind of the event that tells when a robot that had stopped came to rest
 FORWARD_STEP_M = 0.25
 TURN_STEP_RAD = math.radians(15.0)
@@ -50,7 +51,7 @@ class ActionSpan:
 
 @dataclass(frozen=True)
 class Event:
-    """Something worth knowing at a time: a contact with an obstacle, a re-plan or a fall."""
+    """An event: a contact with an obstacle, a re-plan or a fall."""
 
     time_s: float
     kind: str
@@ -135,7 +136,7 @@ class Rollout:
     labels: tuple[Action, ...] = ()
 
     def frame_samples(self, frames_per_second: int) -> NDArray[np.int64]:
-        """Sample index of each frame, (N,): every 100/fps-th sample from 0 on.
+        """Return the sample index (N,) of each frame: every 100/fps-th sample from 0 on.
 
         Of a robot that has come to rest after its stop, up to the first frame at rest.
 

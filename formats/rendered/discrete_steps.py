@@ -1,30 +1,30 @@
 """Discrete steps of a recorded walk: which frame precedes which of VLN-CE's actions.
 
 A robot that walks continuously passes no frame exactly where a discrete action ends. Its walk is
-therefore rounded as a whole: an ideal agent, which only knows steps of 0.25 m and turns of 15°, is
-led along it and takes an action as soon as that brings it nearer to the robot. What an action
-leaves over is carried into the next one, and the distance to the robot's line is steered away once
-it is considerable. So nothing adds up: executing the actions from the start ends where the robot
-did.
+therefore divided as a whole: of all sequences of 0.25 m steps and 15° turns the one is chosen whose
+execution from the start stays closest to the robot (see `step_search`), under the condition that it
+turns about as much as the robot does. So no rounding error adds up: executing the actions ends
+where the robot did.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.frames import quat_to_yaw
 from ..core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
+from .step_search import StepCost, TimedActions, Walk, search_steps
 
-# A turn is taken when the heading is off by this part of one, and by the second one when it would
-# undo the last turn: gaits sway, and rounding must not answer every sway.
-_TURN_FROM, _TURN_BACK_FROM = 0.55, 0.85
-# Farther than this beside the robot's line the agent steers back to it, aiming so far ahead.
-_BESIDE_M, _AIM_M = 0.3, 2.0
-_PARTS = 8  # the walk between two frames is looked at so many times
+# A motion this near to an exact action is one, in units of the action's displacement.
+_EXACT = 0.01
+# Searched one after another until the total turning agrees, each with so many prices of a turn.
+_COSTS = (StepCost(), StepCost(heading=0.15), StepCost(heading=1.5), StepCost(offset=0.3))
+_PRICES = 6
+_END_M = 0.4  # tolerated distance between the ends, as one turn is of the total turning
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,8 @@ class DiscreteSteps:
         frame: (M,) number of the frame that precedes each action, ascending; one frame may precede
             several actions, and frames between two steps precede none. The last is frame N − 1.
         action: (M,) values of `Action`; STOP is the last one and no other.
-        pose: (M, 3) x, y [m] and unwrapped yaw [rad] of the ideal agent before each action.
+        pose: (M, 3) x, y [m] and unwrapped yaw [rad] before each action, of an agent that executes
+            the actions exactly from the first frame's pose.
     """
 
     frame: NDArray[np.int64]
@@ -44,8 +45,36 @@ class DiscreteSteps:
 
 
 def planar_poses(state: NDArray) -> NDArray[np.float64]:
-    """x, y [m] and yaw [rad] (T, 3) in the start frame, from `observation.state` (T, 13)."""
+    """Return x, y [m] and yaw [rad] (T, 3) in the start frame, from `observation.state` (T, 13)."""
     return np.column_stack([state[:, :2].astype(np.float64), quat_to_yaw(state[:, 3:7])])
+
+
+def total_turning(yaw_rad: NDArray[np.float64], least_rad: float = TURN_STEP_RAD) -> float:
+    """Return the sum of all swings of a heading [rad].
+
+    A swing is a change between two extremes of at least `least_rad`; what is smaller, as a gait's
+    sway, belongs to the swing around it. By default this is turning at the resolution of one turn
+    action.
+
+    Args:
+        yaw_rad: (N,) unwrapped heading, N ≥ 1.
+        least_rad: smallest change that counts.
+    """
+    least = least_rad - 1e-6
+    total, low, high = 0.0, float(yaw_rad[0]), float(yaw_rad[0])
+    sense = 0
+    for yaw in yaw_rad.tolist():
+        if sense >= 0 and yaw <= high - least:
+            total += high - low if sense else 0.0
+            sense, low = -1, yaw
+        elif sense <= 0 and yaw >= low + least:
+            total += high - low if sense else 0.0
+            sense, high = 1, yaw
+        elif sense >= 0 and yaw > high:
+            high = yaw
+        elif sense <= 0 and yaw < low:
+            low = yaw
+    return total + (high - low if sense else 0.0)
 
 
 def discrete_steps(poses: NDArray[np.float64]) -> DiscreteSteps:
@@ -54,80 +83,90 @@ def discrete_steps(poses: NDArray[np.float64]) -> DiscreteSteps:
     A walk that consists of whole discrete actions, one per frame, gives these very actions.
 
     Args:
-        poses: (N, 3) x, y [m] and yaw [rad] at each frame, N ≥ 1, at 4 frames/s or more.
+        poses: (N, 3) x, y [m] and yaw [rad] at each frame, N ≥ 1.
     """
     walk = np.asarray(poses, np.float64).copy()
     walk[:, 2] = np.unwrap(walk[:, 2])
+    taken = _whole_actions(walk)
+    if taken is None:
+        taken = _nearest_actions(walk)
+    actions = np.append(taken.action, int(Action.STOP))
+    before = execute(actions, walk[0])[:-1]
+    return DiscreteSteps(_frames(walk, before, taken.frame), actions, before)
+
+
+def _whole_actions(walk: NDArray[np.float64]) -> TimedActions | None:
+    """Return the actions of a walk with one exact action or none after each frame, else None."""
+    dx, dy, turned = np.diff(walk, axis=0).T
+    c, s = np.cos(walk[:-1, 2]), np.sin(walk[:-1, 2])
+    motion = np.column_stack([c * dx + s * dy, c * dy - s * dx, turned])
+    motion /= (FORWARD_STEP_M, FORWARD_STEP_M, TURN_STEP_RAD)
+    known = {None: (0, 0, 0), Action.FORWARD: (1, 0, 0), Action.LEFT: (0, 0, 1)}
+    known |= {Action.RIGHT: (0, 0, -1)}
+    off = np.abs(motion[:, None] - np.array(list(known.values()))).max(axis=2)
+    if len(off) and off.min(axis=1).max() > _EXACT:
+        return None
+    which = off.argmin(axis=1)
+    at = np.flatnonzero(which)
+    values = np.array([int(action or 0) for action in known])
+    return TimedActions(values[which[at]].astype(np.int64), (at + 1.0).astype(np.float64))
+
+
+def _nearest_actions(walk: NDArray[np.float64]) -> TimedActions:
+    """Return actions that follow a walk closely and turn about as much.
+
+    The dearer a turn, the fewer there are, so its price is bisected. Turns come and go in groups,
+    at prices that depend on the weight of the heading.
+    """
+    nodes, wanted = Walk.of(walk), total_turning(walk[:, 2])
+    best, least = None, math.inf  # the actions with the least misfit; 1 is what is tolerated
+    for cost in _COSTS:
+        low, high = 0.0, math.inf
+        for _ in range(_PRICES):
+            taken = search_steps(nodes, cost)
+            excess = TURN_STEP_RAD * float((taken.action != Action.FORWARD).sum()) - wanted
+            end = execute(taken.action, walk[0])[-1]
+            misfit = max(abs(excess) / TURN_STEP_RAD, math.dist(end[:2], walk[-1, :2]) / _END_M)
+            if misfit < least - 1e-6:
+                best, least = taken, misfit
+            if least <= 0.5:
+                break
+            low, high = (cost.turn, high) if excess > 0 else (low, cost.turn)
+            turn = 2.0 * low if high == math.inf else 0.5 * (low + high)
+            cost = replace(cost, turn=turn)
+        if least <= 1.0:
+            break
+    assert best is not None
+    return best
+
+
+def _frames(
+    walk: NDArray[np.float64], before: NDArray[np.float64], complete: NDArray[np.float64]
+) -> NDArray[np.int64]:
+    """Return the frame (M,) that shows best what an agent sees before each action.
+
+    Of the frames between the completion of the action before and that of the action itself, the one
+    whose pose is nearest to the agent's.
+
+    Args:
+        walk: (N, 3) pose at each frame.
+        before: (M, 3) agent's pose before each action, STOP included.
+        complete: (M − 1,) when each action but STOP is complete [frames].
+    """
     last = len(walk) - 1
-    agent = _Agent(*walk[0].tolist())
-    at = np.arange(last * _PARTS + 1) / _PARTS
-    between = np.stack([np.interp(at, np.arange(last + 1), column) for column in walk.T], axis=1)
-    for time, (x, y, yaw) in zip(at.tolist(), between.tolist(), strict=True):
-        agent.follow(time, x, y, yaw)
-    agent.face(float(last), float(walk[-1, 2]))
-    before = np.array(agent.poses)
-    # The frame that shows best what the agent sees before an action, of those between the action
-    # before and this one.
     frames, first = [], 0
-    since = [0.0, *agent.times]
-    for pose, start, stop in zip(before[:-1], since, agent.times, strict=False):
+    since = np.concatenate([[0.0], complete])
+    for pose, start, stop in zip(before[:-1], since, complete, strict=False):
         low = min(max(first, math.floor(start)), max(last - 1, 0))
-        near = walk[low : max(min(math.ceil(stop), last - 1), low) + 1]
+        near = walk[low : max(min(math.ceil(stop) - 1, last - 1), low) + 1]
         off = np.hypot(*(near[:, :2] - pose[:2]).T) / FORWARD_STEP_M
         first = low + int(np.argmin(off + np.abs(near[:, 2] - pose[2]) / TURN_STEP_RAD))
         frames.append(first)
-    return DiscreteSteps(
-        np.array([*frames, last]), np.array([*agent.actions, int(Action.STOP)]), before
-    )
-
-
-class _Agent:
-    """Takes discrete actions to stay with a robot."""
-
-    def __init__(self, x_m: float, y_m: float, yaw_rad: float) -> None:
-        self._x, self._y, self._yaw = x_m, y_m, yaw_rad
-        self._turned = 0
-        self.poses = [(x_m, y_m, yaw_rad)]
-        self.actions: list[int] = []
-        self.times: list[float] = []
-
-    def follow(self, time: float, x_m: float, y_m: float, yaw_rad: float) -> None:
-        """Take all actions that are due when the robot is at a pose."""
-        while True:
-            c, s = math.cos(self._yaw), math.sin(self._yaw)
-            dx, dy = x_m - self._x, y_m - self._y
-            left = c * dy - s * dx
-            beside = math.copysign(max(abs(left) - _BESIDE_M, 0.0), left)
-            off = (yaw_rad - self._yaw + math.atan2(beside, _AIM_M)) / TURN_STEP_RAD
-            sense = 1 if off > 0 else -1
-            if abs(off) > (_TURN_BACK_FROM if sense == -self._turned else _TURN_FROM):
-                self._turn(time, sense)
-            elif c * dx + s * dy > 0.5 * FORWARD_STEP_M:
-                self._x += FORWARD_STEP_M * c
-                self._y += FORWARD_STEP_M * s
-                self._done(time, Action.FORWARD)
-            else:
-                return
-
-    def face(self, time: float, yaw_rad: float) -> None:
-        """Turn to the heading nearest to `yaw_rad`."""
-        off = round((yaw_rad - self._yaw) / TURN_STEP_RAD)
-        for _ in range(abs(off)):
-            self._turn(time, 1 if off > 0 else -1)
-
-    def _turn(self, time: float, sense: int) -> None:
-        self._turned = sense
-        self._yaw += sense * TURN_STEP_RAD
-        self._done(time, Action.LEFT if sense > 0 else Action.RIGHT)
-
-    def _done(self, time: float, action: Action) -> None:
-        self.poses.append((self._x, self._y, self._yaw))
-        self.actions.append(int(action))
-        self.times.append(time)
+    return np.array([*frames, last])
 
 
 def execute(actions: NDArray[np.int64], start_xy_yaw: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Poses (M + 1, 3), x, y [m] and unwrapped yaw [rad], through which M exact actions lead."""
+    """Return poses (M + 1, 3), x, y [m] and unwrapped yaw [rad], through which M actions lead."""
     turns = np.select([actions == Action.LEFT, actions == Action.RIGHT], [1.0, -1.0], 0.0)
     yaw = start_xy_yaw[2] + TURN_STEP_RAD * np.concatenate([[0.0], np.cumsum(turns)])
     steps = FORWARD_STEP_M * (actions == Action.FORWARD)[:, None]

@@ -55,7 +55,7 @@ class FrameTable:
 
 @dataclass(frozen=True)
 class StartFrame:
-    """The episode's own frame: the floor under the base at sample 0, gravity up, initial yaw 0.
+    """Start frame of an episode: the floor under the base at sample 0, gravity up, initial yaw 0.
 
     Attributes:
         origin_world_m: (3,) [m].
@@ -67,17 +67,17 @@ class StartFrame:
 
     @staticmethod
     def of(rollout: Rollout) -> StartFrame:
-        """Take it from a rollout's first sample."""
+        """Return the start frame of a rollout."""
         x, y, _ = rollout.position_world_m[0]
         origin = np.array([x, y, rollout.floor_z_m[0]])
         return StartFrame(origin, float(quat_to_yaw(rollout.quat_wxyz[0])))
 
     def position(self, position_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """World positions (..., 3) [m] in this frame."""
+        """Return world positions (..., 3) [m] in this frame."""
         return _rotate_about_z(position_world_m - self.origin_world_m, -self.yaw_rad)
 
     def orientation(self, quat_wxyz: NDArray[np.float64]) -> NDArray[np.float64]:
-        """World orientations (N, 4) in this frame, signs chosen so that they never jump."""
+        """Return world orientations (N, 4) in this frame, with continuous signs."""
         return _continuous(quat_multiply(yaw_to_quat(-self.yaw_rad), quat_wxyz))
 
 
@@ -135,7 +135,7 @@ def build_frame_table(
         "action": motion,
         "action.velocity": rollout.command[samples],
     }
-    # A body without joints or feet has no such columns.
+    # A body without joints or feet lacks those columns.
     columns = {k: v.astype(np.float32) for k, v in columns.items() if v.shape[1]}
     derived = not rollout.actions
     if frames_per_second == DISCRETE_RATE_HZ:
@@ -155,9 +155,9 @@ def build_frame_table(
 def planar_motion(
     position_world_m: NDArray[np.float64], quat_wxyz: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Motion (N, 3) from each pose to the next: Δx, Δy [m], Δyaw [rad] in the pose's yaw frame.
+    """Return the motion (N, 3) from each pose to the next: Δx, Δy [m] and Δyaw [rad].
 
-    The last row is zero. `integrate_motion` is the inverse.
+    Displacements are in the pose's yaw frame; the last row is zero. Inverse: `integrate_motion`.
     """
     yaw = quat_to_yaw(quat_wxyz)
     motion = np.zeros((len(yaw), 3))
@@ -167,7 +167,7 @@ def planar_motion(
 
 
 def integrate_motion(motion: NDArray, start_xy_yaw: NDArray) -> NDArray[np.float64]:
-    """Poses (N, 3), x, y [m] and unwrapped yaw [rad], that `motion` (N, 3) leads through."""
+    """Return poses (N, 3), x, y [m] and unwrapped yaw [rad], that `motion` (N, 3) leads through."""
     yaw = start_xy_yaw[2] + np.concatenate([[0.0], np.cumsum(motion[:-1, 2], dtype=np.float64)])
     steps = np.pad(motion[:-1, :2].astype(np.float64), ((0, 0), (0, 1)))
     steps = _rotate_about_z(steps, yaw[:-1])[:, :2]
@@ -178,7 +178,7 @@ def integrate_motion(motion: NDArray, start_xy_yaw: NDArray) -> NDArray[np.float
 def executed_actions(
     spans: tuple[ActionSpan, ...], samples: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Discrete action (N,) that is executed from each frame on.
+    """Return the discrete action (N,) that is executed from each frame on.
 
     A frame between two spans (a robot that settles) takes the next span's action; a frame after
     the last one, STOP.
@@ -189,10 +189,10 @@ def executed_actions(
 
 
 def stop_at_end(actions: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Actions (N,) in VLN-CE's sense: STOP is the last one, and no other.
+    """Return actions (N,) as in VLN-CE: STOP is the last one, and no other.
 
-    A robot that was told to stop, or is near its goal, still moves until it rests. Such a frame
-    takes the action before, which the robot carries out meanwhile.
+    A robot that has been stopped, or is near its goal, still moves until it rests. Such a frame
+    takes the action before, which the robot executes meanwhile.
     """
     moving = np.where(actions == Action.STOP, -1, np.arange(len(actions)))
     before = np.maximum.accumulate(moving)
@@ -204,7 +204,7 @@ def stop_at_end(actions: NDArray[np.int64]) -> NDArray[np.int64]:
 def _discrete_actions(
     rollout: Rollout, samples: NDArray[np.int64], poses: NDArray[np.float64]
 ) -> NDArray[np.int64]:
-    """`action.discrete` (N,) of frames at `DISCRETE_RATE_HZ` with planar poses (N, 3)."""
+    """Return `action.discrete` (N,) of frames at `DISCRETE_RATE_HZ` with planar poses (N, 3)."""
     if rollout.actions:
         return stop_at_end(executed_actions(rollout.actions, samples))
     if rollout.labels:
@@ -221,7 +221,7 @@ def _rotate_about_z(vectors: NDArray[np.float64], angle_rad: NDArray | float) ->
 
 
 def _continuous(quat_wxyz: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Choose signs: w ≥ 0 first, then each as near to the one before as it can be."""
+    """Choose signs: w ≥ 0 first, then each nearest to the one before."""
     flips = np.where(np.sum(quat_wxyz[1:] * quat_wxyz[:-1], axis=1) < 0, -1.0, 1.0)
     first = -1.0 if quat_wxyz[0, 0] < 0 else 1.0
     signs = first * np.concatenate([[1.0], np.cumprod(flips)])

@@ -14,7 +14,7 @@ from ...collectors.world import World, open_world
 from ...formats.core.atomic import write_json
 from ...formats.core.episode import Episode
 from ...formats.core.errors import DivergedError
-from ...formats.core.rollout import EndReason
+from ...formats.core.rollout import EndReason, Rollout
 from ...formats.mcap.rollout import write_rollout
 from ...formats.scene.bundle import load_bundle
 from ..engine.work import ItemResult
@@ -46,45 +46,57 @@ class ReplayJob:
         Raises:
             DivergedError: physics exploded; the last state lies beside where the rollout would be.
         """
-        episode, config, out = self.episode, self.config, self.out
-        dump = out.with_suffix(".diverged.json")
-        dump.unlink(missing_ok=True)
-        world = _world(self.scene, episode.level, config, self.models)
-        rollout = replay_in(world, episode, config)
-        if rollout.end_reason is EndReason.DIVERGED:
-            out.unlink(missing_ok=True)  # of an earlier run
-            last = {
-                "episode": episode.episode_id,
-                "scene": self.scene.name,
-                "time_s": rollout.metrics.duration_s,
-                "events": [asdict(event) for event in rollout.events],
-                "facts": rollout.facts,
-                "config": asdict(config),
-            }
-            write_json(dump, last)
-            after_s = rollout.metrics.duration_s
-            raise DivergedError(
-                f"physics diverged after {after_s:.2f} s; its last state: {dump.name}"
-            )
-        write_rollout(out, rollout)
-        end = str(rollout.end_reason)
-        facts = {
-            "episode": episode.episode_id,
-            "scene": self.scene.name,
-            "robot": rollout.robot,
-            "controller": rollout.controller,
-            "seed": config.seed,
-            "actions": actions(config),
-            "end_reason": end,
-            "detail": next((e.detail for e in reversed(rollout.events) if e.kind == end), ""),
-            "contacts": sum(event.kind in TOUCHING for event in rollout.events),
-            # JSON knows no infinity: an unreachable goal has no distance.
-            "metrics": {
-                key: None if isinstance(value, float) and not math.isfinite(value) else value
-                for key, value in asdict(rollout.metrics).items()
-            },
+        world = open_level(self.scene, self.episode.level, self.config, self.models)
+        rollout = replay_in(world, self.episode, self.config)
+        return store(rollout, self.scene.name, self.config, self.out)
+
+
+def store(rollout: Rollout, scene: str, config: ReplayConfig, out: Path) -> ItemResult:
+    """Write a rollout and return its facts for the ledger.
+
+    Args:
+        rollout: what happened.
+        scene: name of the scene.
+        config: how it was replayed.
+        out: rollout file.
+
+    Raises:
+        DivergedError: physics exploded; the last state lies beside where the rollout would be.
+    """
+    dump = out.with_suffix(".diverged.json")
+    dump.unlink(missing_ok=True)
+    if rollout.end_reason is EndReason.DIVERGED:
+        out.unlink(missing_ok=True)  # of an earlier run
+        last = {
+            "episode": rollout.episode.episode_id,
+            "scene": scene,
+            "time_s": rollout.metrics.duration_s,
+            "events": [asdict(event) for event in rollout.events],
+            "facts": rollout.facts,
+            "config": asdict(config),
         }
-        return ItemResult(facts, failed=rollout.end_reason is not EndReason.SUCCESS)
+        write_json(dump, last)
+        after_s = rollout.metrics.duration_s
+        raise DivergedError(f"physics diverged after {after_s:.2f} s; its last state: {dump.name}")
+    write_rollout(out, rollout)
+    end = str(rollout.end_reason)
+    facts = {
+        "episode": rollout.episode.episode_id,
+        "scene": scene,
+        "robot": rollout.robot,
+        "controller": rollout.controller,
+        "seed": config.seed,
+        "actions": actions(config),
+        "end_reason": end,
+        "detail": next((e.detail for e in reversed(rollout.events) if e.kind == end), ""),
+        "contacts": sum(event.kind in TOUCHING for event in rollout.events),
+        # JSON knows no infinity: an unreachable goal has no distance.
+        "metrics": {
+            key: None if isinstance(value, float) and not math.isfinite(value) else value
+            for key, value in asdict(rollout.metrics).items()
+        },
+    }
+    return ItemResult(facts, failed=rollout.end_reason is not EndReason.SUCCESS)
 
 
 def actions(config: ReplayConfig) -> dict[str, Any]:
@@ -99,6 +111,7 @@ def actions(config: ReplayConfig) -> dict[str, Any]:
 
 # Opening a level takes as long as a tenth of an episode; a worker keeps the last ones.
 @lru_cache(maxsize=4)
-def _world(scene: Path, level: int, config: ReplayConfig, models: Path) -> World:
+def open_level(scene: Path, level: int, config: ReplayConfig, models: Path) -> World:
+    """Return the opened level of a repaired scene; `models` keeps compiled models."""
     robot = get_robot(config.robot)
     return open_world(load_bundle(scene), level, robot, None, config.physics, models)

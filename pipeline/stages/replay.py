@@ -10,7 +10,7 @@ from ...collectors.controllers import SpeedConfig
 from ...collectors.locomotion.policy import policy_files
 from ...collectors.replay import ReplayConfig
 from ...collectors.robots import get_robot
-from ...formats.core.digest import file_digest
+from ...formats.core.atomic import file_digest
 from ...formats.core.episode import Episode
 from ..engine.keys import digest
 from ..engine.ledger import Row
@@ -19,12 +19,19 @@ from ..engine.work import WorkItem, work_item
 from ..jobs.replay import ReplayJob
 
 STAGE = "replay"
+STUCK_ACTIONS = 50
 
 
 def config(robot: str, controller: str, seed: int, actions: SpeedConfig) -> ReplayConfig:
     """Settings of a replay; those of discrete actions matter to the controller `speed` alone."""
     plain = ReplayConfig(robot=robot, controller=controller, seed=seed)
-    return replace(plain, speed=actions) if controller == "speed" else plain
+    if controller != "speed":
+        return plain
+    if actions.end_on_displacement:
+        return replace(plain, speed=actions)
+    # VLN-PE calls stuck what gets nowhere in 50 actions; in closed loop these have no fixed length.
+    outcome = replace(plain.outcome, stuck_steps=STUCK_ACTIONS * actions.steps_per_action)
+    return replace(plain, speed=actions, outcome=outcome)
 
 
 def items(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -14,17 +15,21 @@ from vlnpe.collectors.drives import gait_for
 from vlnpe.collectors.replay import ReplayConfig, replay_in
 from vlnpe.collectors.robots import get_robot
 from vlnpe.collectors.world import World, open_world
+from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.frames import quat_to_yaw
-from vlnpe.formats.core.rollout import Action, EndReason, Rollout
-from vlnpe.formats.rendered.discrete_steps import discrete_steps, execute
+from vlnpe.formats.core.rollout import (
+    FORWARD_STEP_M,
+    TURN_STEP_RAD,
+    Action,
+    EndReason,
+    Rollout,
+)
+from vlnpe.formats.rendered.discrete_steps import discrete_steps, execute, total_turning
 from vlnpe.formats.scene.bundle import SceneBundle
 
 WALKS = (((1, 1), (7, 3), 0.4), ((7, 3), (0.8, 1.2), -2.6))
-CREWS = [
-    *((robot, "path") for robot in ("aliengo", "jetbot", "h1", "g1")),
-    *((robot, "speed") for robot in ("aliengo", "jetbot")),
-    ("aliengo", "flash"),
-]
+ROBOTS = ("aliengo", "jetbot", "h1", "g1")
+CREWS = [*((robot, drive) for robot in ROBOTS for drive in ("path", "speed")), ("aliengo", "flash")]
 
 
 def rollouts(world: World, controller: str) -> list[Rollout]:
@@ -33,6 +38,18 @@ def rollouts(world: World, controller: str) -> list[Rollout]:
         replay_in(world, make_episode(world.bundle, start, goal, yaw, name=f"e{n}"), config)
         for n, (start, goal, yaw) in enumerate(WALKS)
     ]
+
+
+def task_of(episode: Episode, bundle: SceneBundle, name: str) -> Task:
+    robot = get_robot(name)
+    return Task(
+        episode.reference_path_world_m[:, :2],
+        episode.goal_position_world_m[:2],
+        bundle.freemap(episode.level),
+        robot.footprint_radius_m,
+        robot.command_limits,
+        0.25,
+    )
 
 
 def event_sample(r: Rollout, kind: str) -> int:
@@ -45,12 +62,18 @@ def test_executing_the_labels_ends_where_the_robot_did(
 ) -> None:
     for r in rollouts(open_world(two_rooms, 0, get_robot(name)), controller):
         assert r.end_reason is EndReason.SUCCESS
+        # Whoever turns back at once has answered a turn that was not over yet.
+        executed = [span.action for span in r.actions]
+        assert sum({a, b} == {Action.LEFT, Action.RIGHT} for a, b in pairwise(executed)) <= 2
         at = r.frame_samples(4)
         yaw = np.unwrap(quat_to_yaw(r.quat_wxyz[at]))
         poses = np.column_stack([r.position_world_m[at, :2], yaw])
-        end = execute(discrete_steps(poses).action, poses[0])[-1]
+        steps = discrete_steps(poses)
+        end = execute(steps.action, poses[0])[-1]
         assert np.hypot(*(end[:2] - poses[-1, :2])) <= 0.5
         assert math.degrees(abs(end[2] - poses[-1, 2])) <= 15.0
+        turned = TURN_STEP_RAD * np.isin(steps.action, (Action.LEFT, Action.RIGHT)).sum()
+        assert math.degrees(abs(turned - total_turning(poses[:, 2]))) <= 15.0
         # The last frame shows a robot at rest, and is the first one that does after the stop.
         assert np.hypot(*r.linear_velocity_base_m_s[at[-1], :2]) < 0.06
         if controller != "flash":
@@ -61,21 +84,35 @@ def test_executing_the_labels_ends_where_the_robot_did(
 def test_recorded_labels_are_what_the_expert_says_online(two_rooms: SceneBundle, name: str) -> None:
     world = open_world(two_rooms, 0, get_robot(name))
     r = rollouts(world, "path")[0]
-    task = Task(
-        r.episode.reference_path_world_m[:, :2],
-        r.episode.goal_position_world_m[:2],
-        world.freemap,
-        world.robot.footprint_radius_m,
-        world.robot.command_limits,
-        0.25,
-    )
-    expert, yaw = Expert(task), quat_to_yaw(r.quat_wxyz)
+    expert, yaw = Expert(task_of(r.episode, world.bundle, name)), quat_to_yaw(r.quat_wxyz)
     asked = [
         expert.next_action(Pose(*r.position_world_m[k, :2].tolist(), float(yaw[k])))
         for k in range(0, len(r.time_s), 25)
     ]
     assert list(r.labels) == asked
     assert Action.FORWARD in asked
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_an_agent_that_asks_at_its_own_poses_arrives(two_rooms: SceneBundle, name: str) -> None:
+    """From any heading, also beside the path, with actions that come out by up to 30 % wrong."""
+    rng = np.random.default_rng(0)
+    for n in range(40):
+        start, goal, _ = WALKS[n % 2]
+        episode = make_episode(two_rooms, start, goal)
+        expert, noise = Expert(task_of(episode, two_rooms, name)), 0.1 * (n % 4)
+        x, y = np.add(start, rng.uniform(-0.15, 0.15, 2)).tolist()
+        yaw, asked = float(rng.uniform(-math.pi, math.pi)), 0
+        while (action := expert.next_action(Pose(x, y, yaw))) is not Action.STOP:
+            asked += 1
+            assert asked < 200
+            size = 1.0 + noise * float(rng.uniform(-1.0, 1.0))
+            if action is Action.FORWARD:
+                x += size * FORWARD_STEP_M * math.cos(yaw)
+                y += size * FORWARD_STEP_M * math.sin(yaw)
+            else:
+                yaw += size * TURN_STEP_RAD * (1.0 if action is Action.LEFT else -1.0)
+        assert math.hypot(x - goal[0], y - goal[1]) <= 0.25
 
 
 @pytest.mark.parametrize("name", ["aliengo", "jetbot"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -13,9 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.support import scans
-from vlnpe.apartments.generate import ApartmentConfig, build_apartment
+from vlnpe.apartments.generate import ApartmentConfig, build_scene
+from vlnpe.formats.core.errors import SceneError
+from vlnpe.pipeline.cli import main
 from vlnpe.scene_repair.config import UNIT_M, RepairConfig
 from vlnpe.scene_repair.orient.transform import orient
+from vlnpe.scene_repair.repair import repair_scene
 from vlnpe.scene_repair.scan.dispatch import read_scan
 from vlnpe.scene_repair.scan.record import Scan, ScanMaterial, ScanObject
 from vlnpe.scene_repair.scan.soup import Part, merge_parts
@@ -31,7 +35,7 @@ def as_scan(vertices: np.ndarray, faces: np.ndarray) -> Scan:
 @cache
 def apartment(seed: int) -> Scan:
     """A generated home, z up, in metres, without names."""
-    corners = build_apartment(np.random.default_rng(seed), ApartmentConfig()).shape.corners
+    corners = build_scene(np.random.default_rng(seed), ApartmentConfig()).shape.corners
     return as_scan(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
 
 
@@ -141,3 +145,39 @@ def test_where_the_floor_slopes_the_walls_decide() -> None:
     room = trimesh.util.concatenate([floor, *scans.walls((0, 0), (6, 5))])
     scan = named(as_scan(room.vertices, room.faces), "z", "m")
     assert not orient(scan, RepairConfig()).evidence["levelled"]
+
+
+def corner_of_a_room() -> trimesh.Trimesh:
+    """What a phone sees in a corner: two walls to 1.7 m, 1.6 × 1.7 m of floor, a chest, a shelf."""
+    return trimesh.util.concatenate(
+        [
+            scans.sheet((0, 0), (1.6, 1.7)),
+            scans.box((-0.1, 0, 0), (0, 1.7, 1.7)),
+            scans.box((0, 1.7, 0), (1.6, 1.8, 1.7)),
+            scans.box((0.0, 1.1, 0), (1.0, 1.7, 0.9)),
+            scans.box((0.0, 0.0, 1.2), (0.3, 1.0, 1.24)),
+        ]
+    )
+
+
+@pytest.mark.parametrize("up", ["z", "-y", "x", "-z"])
+def test_an_implausible_result_asks_for_up(up: str, tmp_path: Path) -> None:
+    """A partial scan without an up axis of its own, and every way it could be taken."""
+    corner_of_a_room().export(tmp_path / "corner.ply")
+    out = tmp_path / up
+    out.mkdir()
+    try:
+        repair_scene(tmp_path / "corner.ply", out, RepairConfig(up=up, unit="m", picture_px=64))
+    except SceneError as error:
+        assert "--up" in str(error)
+    else:
+        told = json.loads((out / "repair.json").read_text())["doubts"]
+        assert any("--up" in doubt for doubt in told)
+
+
+def test_doubts_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    corner_of_a_room().export(tmp_path / "corner.ply")
+    main(["repair", str(tmp_path / "corner.ply"), "--out", str(tmp_path / "out"), "--json"])
+    printed = capsys.readouterr()
+    assert "--up" in printed.err + printed.out.splitlines()[0]
+    assert any("--up" in doubt for doubt in json.loads(printed.out.splitlines()[-1])["doubts"])

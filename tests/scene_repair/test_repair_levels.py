@@ -39,6 +39,13 @@ BUILDINGS = {
     "shed roof": (buildings.under_a_roof(10, shed=True), (0.0,), (48.0,)),
     "ceiling in the floor's plane": (buildings.in_one_plane(), (0.0, 2.8), (20.0, 17.5)),
     "ceiling just under the floor": (buildings.in_one_plane(0.01), (0.0, 2.8), (20.0, 17.5)),
+    "ceiling 2 mm above the floor": (buildings.in_one_plane(-0.002), (0.0, 2.8), (20.0, 17.5)),
+    "ceiling 5 mm above the floor": (buildings.in_one_plane(-0.005), (0.0, 2.8), (20.0, 17.5)),
+    "ceiling 1 mm under the floor, turned": (
+        buildings.in_one_plane(0.001, 3.4, 33.0),
+        (0.0, 3.4),
+        (20.0, 17.5),
+    ),
     "lift shaft": (buildings.lift_shaft(), (0.0,), (27.44,)),
 }
 
@@ -64,6 +71,17 @@ def test_steps_stay_sharp(name: str, heights: tuple[float, float], tmp_path: Pat
     floor = repaired(BUILDINGS[name][0], tmp_path).floor(0)
     apart = np.abs(floor.height_m[floor.covered][:, None] - np.array(heights)).min(axis=1)
     assert apart.max() < 0.002
+
+
+@pytest.mark.parametrize("turn_deg", [0.0, 17.0])
+def test_a_ball_that_rolls_off_a_step_has_not_fallen_through(
+    turn_deg: float, tmp_path: Path
+) -> None:
+    """Where a step's edge crosses a cell of the floor, as in a building that is turned."""
+    bundle = repaired(buildings.tribune(turn_deg), tmp_path)
+    proof = json.loads((bundle.root / "repair.json").read_text())["verification"]
+    assert proof["levels"][0]["balls"]["visual.npz"]["dropped"] > 100
+    assert proof["problems"] == []
 
 
 def test_hole_in_a_ramp_is_filled_in_its_slope(tmp_path: Path) -> None:

@@ -144,26 +144,41 @@ def under_a_roof(pitch_deg: float, shed: bool = False) -> Parts:
     ]
 
 
-def in_one_plane(slab_m: float = 0.0) -> Parts:
+def in_one_plane(slab_m: float = 0.0, storey_m: float = 2.8, turn_deg: float = 0.0) -> Parts:
     """Two storeys whose lower ceiling lies in the plane of the upper floor, or `slab_m` below it.
 
-    As exporters stack storeys: the ceiling runs on across the stairwell of 1 × 2.5 m.
+    As exporters stack storeys: the ceiling runs on across the stairwell of 1 × 2.5 m. With a
+    negative slab the ceiling lies above the floor.
     """
     gap = scans.rectangle((1.0, 1.0), (2.0, 3.5))
+    tread_m = (storey_m - 0.2) / 10
     steps = [
-        scans.box((1.0, 1.0 + 0.25 * k, 0.0), (2.0, 1.25 + 0.25 * k, 0.26 * (10 - k)))
+        scans.box((1.0, 1.0 + 0.25 * k, 0.0), (2.0, 1.25 + 0.25 * k, tread_m * (10 - k)))
         for k in range(10)
     ]
-    upper = [w.apply_translation((0, 0, 2.8)) for w in scans.walls((0, 0), (5, 4), 2.6)]
-    return [
+    upper = [w.apply_translation((0, 0, storey_m)) for w in scans.walls((0, 0), (5, 4), 2.6)]
+    parts = [
         scans.sheet((0, 0), (5, 4)),
-        *scans.walls((0, 0), (5, 4)),
-        scans.sheet((0, 0), (5, 4), z=2.8 - slab_m, facing_up=False),
-        scans.sheet((0, 0), (5, 4), z=2.8, without=gap),
+        *scans.walls((0, 0), (5, 4), storey_m - 0.2),
+        scans.sheet((0, 0), (5, 4), z=storey_m - slab_m, facing_up=False),
+        scans.sheet((0, 0), (5, 4), z=storey_m, without=gap),
         *upper,
         *steps,
-        scans.sheet((0, 0), (5, 4), z=5.4, facing_up=False),
+        scans.sheet((0, 0), (5, 4), z=storey_m + 2.6, facing_up=False),
     ]
+    turn = trimesh.transformations.rotation_matrix(np.deg2rad(turn_deg), (0, 0, 1))
+    return [part.apply_transform(turn) for part in parts]
+
+
+def tribune(turn_deg: float = 0.0) -> Parts:
+    """A room of 4 × 4 m that rises by 8.5 cm every half metre along x."""
+    treads = [
+        scans.box((0.5 * k, 0.0, -0.1), (0.5 * (k + 1), 4.0, 0.085 * k)).subdivide()
+        for k in range(8)
+    ]
+    parts = [*treads, *scans.walls((0, 0), (4, 4), 3.2)]
+    turn = trimesh.transformations.rotation_matrix(np.deg2rad(turn_deg), (0, 0, 1))
+    return [part.apply_transform(turn) for part in parts]
 
 
 def lift_shaft() -> Parts:

@@ -11,6 +11,7 @@ import pytest
 
 from vlnpe.formats.core.errors import InputError, SceneError
 from vlnpe.formats.core.frames import wrap_angle
+from vlnpe.formats.core.geometry import path_length
 from vlnpe.formats.scene.bundle import LabeledObject, load_bundle
 from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
@@ -19,7 +20,7 @@ from vlnpe.trajectory_sampler.sampling import LEAST_GAP_M, sample_episodes
 from vlnpe.trajectory_sampler.similarity import path_gap
 from vlnpe.wayfinding.crossings import crossings
 from vlnpe.wayfinding.distance import AGENT_RADIUS_M, distance_field
-from vlnpe.wayfinding.planning import path_clearance, path_length, segments_free
+from vlnpe.wayfinding.planning import path_clearance, segments_free
 from vlnpe.wayfinding.regions import region_map
 
 CONFIG = SampleConfig(count=2, min_length_m=5.0)
@@ -280,3 +281,35 @@ def test_a_small_room_gives_as_many_as_asked_for(small_room):
     assert len(result.episodes) == 4
     paths = [e.reference_path_world_m for e in result.episodes]
     assert all(path_gap(p, paths[:k]) >= 0.4 for k, p in enumerate(paths) if k)
+
+
+@pytest.fixture
+def bedroom(two_rooms, tmp_path):
+    """A furnished bedroom of 5 × 4 m, alone: bed, wardrobe, desk and chair leave 13 m²."""
+    root = tmp_path / "bedroom"
+    shutil.copytree(two_rooms.root, root)
+    path = root / "levels" / "0" / "freemap.npz"
+    arrays = dict(np.load(path))
+    grid = two_rooms.freemap(0).grid
+    x, y = np.moveaxis(grid.center_of(np.stack(np.indices(grid.shape), axis=-1)), -1, 0)
+    free = (x > 0) & (x < 5) & (y > 0) & (y < 4)
+    furniture = {"bed": (0, 2.1, 1.2, 2.8), "wardrobe": (3.0, 5, 3.4, 4)}
+    furniture |= {"desk": (3.4, 5, 0, 0.7), "chair": (3.9, 4.4, 0.7, 1.1)}
+    for x0, x1, y0, y1 in furniture.values():
+        free &= ~((x > x0) & (x < x1) & (y > y0) & (y < y1))
+    np.savez(path, **{**arrays, "traversable": free})
+    return replace(load_bundle(root), objects=())
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_furnished_bedroom_gives_what_is_asked_for_or_says_why_not(bedroom, seed, caplog):
+    """With the options that the README advises for a scan of one room."""
+    advised = {"min_length_m": 2.0, "min_crossings": 0}
+    assert len(sample(bedroom, seed, count=4, **advised).episodes) == 4
+    caplog.clear()
+    found = sample(bedroom, seed, count=60, **advised).episodes
+    assert 4 <= len(found) < 60
+    assert "shorter or fewer ones may be had: --min-length-m" in caplog.text
+    # What the advice promises it keeps.
+    shorter = sample(bedroom, seed, count=60, min_length_m=1.0, min_crossings=0).episodes
+    assert len(shorter) > len(found)

@@ -1,0 +1,1 @@
+"""Closed loop: policies see what the robot sees, choose its actions, and are scored."""

@@ -1,0 +1,240 @@
+"""A Gymnasium environment over one prepared scene, robot and controller."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from ..collectors.rendering.camera.views import View, make_view
+from ..collectors.rendering.registry import chosen_renderer, make_renderer
+from ..collectors.replay import ReplayConfig
+from ..collectors.robots import get_robot
+from ..collectors.world import World, open_world
+from ..formats.core.episode import Episode
+from ..formats.core.errors import InputError
+from ..formats.core.rollout import Action, EndReason
+from ..formats.scene.bundle import load_bundle
+from ..wayfinding.distance import AGENT_RADIUS_M, DistanceField, distance_field
+from .episode import closed_loop, evaluate_episode
+from .observation import NO_ACTION, Eye, Observation, proprioception, relative_pose
+from .policy import Assignment
+from .walk import Walk
+
+SUCCESS_REWARD = 2.5
+
+
+class NavigationEnv(gym.Env[dict[str, Any], Any]):
+    """Follow instructions in one scene: VLN-CE's discrete actions, carried out by a robot.
+
+    Observations are the fields of `Observation` but `step`. The reward of an action is the geodesic
+    distance to the goal that it gained [m], and `SUCCESS_REWARD` more for a stop within the goal's
+    radius. An episode is terminated by STOP, a fall, or being stuck, truncated after 500 actions.
+
+    `info` holds `episode_id`, `step`, `distance_to_goal_m`, `position_world_m` and, with the last
+    step, `end_reason`, `events` and `metrics`; the full record is then `rollout`.
+
+    The episode of a reset is drawn by its seed, or named: `reset(options={"episode": 3})`. The same
+    episode, robot and actions give the same bits.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
+        "render_modes": ["rgb_array"],
+        "render_fps": 4,
+    }
+
+    def __init__(
+        self,
+        scene: Path | str,
+        episodes: Sequence[Episode],
+        *,
+        robot: str = "aliengo",
+        controller: str = "speed",
+        config: ReplayConfig | None = None,
+        view: View | None = None,
+        images: bool = True,
+        cache_dir: Path | None = None,
+        render_mode: str | None = "rgb_array",
+    ) -> None:
+        """Open the scene.
+
+        Args:
+            scene: folder of a repaired scene.
+            episodes: episodes in this scene; only those of the first one's level can be mixed.
+            robot: name, or folder of one's own robot.
+            controller: `speed` (physics) or `flash` (placed, no physics).
+            config: further settings; robot and controller in it are replaced by the two above.
+            view: the camera; the robot's own by default.
+            images: False shows black images and renders nothing.
+            cache_dir: where compiled models are kept; none are when None.
+            render_mode: `rgb_array`, or None.
+
+        Raises:
+            InputError: no episode, or episodes of several levels.
+            UnknownNameError: no such robot, controller, light or renderer.
+        """
+        if not episodes or len({episode.level for episode in episodes}) > 1:
+            raise InputError(f"{len(episodes)} episodes; valid: one or more, all of one level")
+        self.episodes = tuple(episodes)
+        self.render_mode = render_mode
+        base = config or ReplayConfig()
+        self._config = closed_loop(replace(base, robot=robot, controller=controller))
+        spec = get_robot(robot)
+        self._bundle = load_bundle(Path(scene))
+        self.world: World = open_world(
+            self._bundle, episodes[0].level, spec, None, base.physics, cache_dir
+        )
+        self._view = view or make_view("ego", spec, renderer=chosen_renderer("auto"))
+        self._eye: Eye | None = None
+        if images:
+            renderer = make_renderer(self._bundle, self._view.renderer, light=self._view.light)
+            self._eye = Eye(self.world, self._view, renderer)
+        self.action_space = spaces.Discrete(len(Action))
+        self.observation_space = self._space()
+        self.rollout = None
+        self._walk: Walk | None = None
+        self._last: Observation | None = None
+        self._field: DistanceField | None = None
+        self._distance_m = 0.0
+
+    def _space(self) -> spaces.Dict:
+        camera = self._view.camera
+        shape = (camera.height_px, camera.width_px)
+        words = [episode.instruction for episode in self.episodes]
+        letters = "".join(sorted(set("".join(words)))) or " "
+        body = 2 * len(self.world.robot.joints) + 9
+        infinity = np.inf
+        return spaces.Dict(
+            {
+                "rgb": spaces.Box(0, 255, (*shape, 3), np.uint8),
+                "depth_m": spaces.Box(0.0, infinity, shape, np.float32),
+                "instruction": spaces.Text(
+                    min_length=0, max_length=max(1, *map(len, words)), charset=letters
+                ),
+                "pose": spaces.Box(-infinity, infinity, (3,), np.float64),
+                "proprioception": spaces.Box(-infinity, infinity, (body,), np.float64),
+                "previous_action": spaces.Discrete(len(Action) + 1, start=NO_ACTION),
+            }
+        )
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Begin an episode; see the class for how it is chosen.
+
+        Raises:
+            InputError: the robot stands in an obstacle at the episode's start, or there is no
+                episode of that number.
+        """
+        super().reset(seed=seed)
+        self.close()
+        chosen = (options or {}).get("episode")
+        number = int(self.np_random.integers(len(self.episodes)) if chosen is None else chosen)
+        if not 0 <= number < len(self.episodes):
+            raise InputError(f"episode {number}; valid: 0 to {len(self.episodes) - 1}")
+        self.episode = self.episodes[number]
+        goal = self.episode.goal_position_world_m[:2]
+        self._field = distance_field(self.world.freemap, goal, AGENT_RADIUS_M)
+        self.rollout = None
+        self._walk = Walk(self._replay)
+        self._last = self._walk.start()
+        if self._last is None:
+            ended = self._walk.rollout
+            reason = ended.end_reason if ended else "unknown"
+            raise InputError(f"episode {self.episode.episode_id} cannot be started: {reason}")
+        pose = self.world.pose
+        self._start = (pose.x_m, pose.y_m, pose.yaw_rad)
+        self._distance_m = self._to_goal_m()
+        return self._shown(self._last), self._info()
+
+    def step(self, action: Any) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
+        """Take an action; see `gymnasium.Env.step`.
+
+        Raises:
+            PolicyError: it is no action.
+            gymnasium.error.ResetNeeded: the episode is over, or none has begun.
+        """
+        if self._walk is None or self._last is None:
+            raise gym.error.ResetNeeded("call reset() before step()")
+        seen = self._walk.step(action)
+        before_m, self._distance_m = self._distance_m, self._to_goal_m()
+        reward = before_m - self._distance_m
+        if seen is not None:
+            self._last = seen
+            return self._shown(seen), reward, False, False, self._info()
+        rollout = self.rollout = self._walk.rollout
+        assert rollout is not None
+        reward += SUCCESS_REWARD * rollout.metrics.success
+        truncated = rollout.end_reason is EndReason.TIMEOUT
+        rgb, depth_m = self._eye.look() if self._eye else (self._last.rgb, self._last.depth_m)
+        last = Observation(
+            rgb=rgb.copy(),
+            depth_m=depth_m.copy(),
+            instruction=self.episode.instruction,
+            pose=relative_pose(self.world, self._start),
+            proprioception=proprioception(self.world),
+            previous_action=int(rollout.actions[-1].action),
+            step=len(rollout.actions),
+        )
+        self._walk = self._last = None
+        info = self._info(len(rollout.actions)) | {
+            "end_reason": str(rollout.end_reason),
+            "events": [asdict(event) for event in rollout.events],
+            "metrics": asdict(rollout.metrics),
+        }
+        return self._shown(last), reward, not truncated, truncated, info
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """Return what the camera sees now, (H, W, 3) uint8; None without images."""
+        return self._eye.look()[0] if self._eye and self.render_mode == "rgb_array" else None
+
+    def close(self) -> None:
+        """End the episode in progress, if there is one."""
+        walk, self._walk, self._last = self._walk, None, None
+        if walk is not None:
+            walk.cancel()
+
+    def _replay(self, ask: Callable[[Observation], Any]) -> Any:
+        return evaluate_episode(self.world, self.episode, self._config, _Asked(ask), self._eye)
+
+    def _to_goal_m(self) -> float:
+        assert self._field is not None
+        pose = self.world.pose
+        distance = float(self._field.at(np.array([[pose.x_m, pose.y_m]]))[0])
+        return distance if np.isfinite(distance) else self._distance_m
+
+    def _info(self, step: int | None = None) -> dict[str, Any]:
+        return {
+            "episode_id": self.episode.episode_id,
+            "step": step if step is not None else self._last.step if self._last else 0,
+            "distance_to_goal_m": self._distance_m,
+            "position_world_m": self.world.base[:3].copy(),
+        }
+
+    @staticmethod
+    def _shown(observation: Observation) -> dict[str, Any]:
+        shown = observation.to_dict()
+        del shown["step"]
+        return shown
+
+
+class _Asked:
+    """A policy whose actions come from the environment's caller."""
+
+    blind = False
+
+    def __init__(self, ask: Callable[[Observation], Any]) -> None:
+        self._ask = ask
+
+    def reset(self, assignment: Assignment) -> None:
+        """See `Policy.reset`."""
+
+    def act(self, observation: Observation) -> Any:
+        """See `Policy.act`."""
+        return self._ask(observation)

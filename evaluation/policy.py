@@ -1,0 +1,199 @@
+"""Policies: what chooses actions from observations, by one small protocol and one registry."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from hashlib import sha256
+from typing import TYPE_CHECKING, Any, Protocol
+from uuid import uuid4
+
+import numpy as np
+
+from ..formats.core.episode import Episode
+from ..formats.core.errors import InputError, UnknownNameError, VlnpeError
+from ..formats.core.rollout import Action
+from ..instruction_gen.llm.settings import settings_from
+from .observation import Observation
+
+if TYPE_CHECKING:
+    from .vlm import VlmPolicy
+
+
+class PolicyError(VlnpeError):
+    """A policy gave no valid action: late, wrong, or its server is gone."""
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """What a policy is told when an episode starts. Neither goal nor path are among it.
+
+    Attributes:
+        episode_id, scene_id: of the episode.
+        instruction: what the robot is told.
+        robot, controller: names of what carries the actions out.
+    """
+
+    episode_id: str
+    scene_id: str
+    instruction: str
+    robot: str
+    controller: str
+
+    @classmethod
+    def of(cls, episode: Episode, robot: str, controller: str) -> Assignment:
+        """Return the assignment of an episode."""
+        names = (episode.episode_id, episode.scene_id, episode.instruction)
+        return cls(*names, robot, controller)
+
+
+class Policy(Protocol):
+    """Chooses one discrete action after another.
+
+    Attributes:
+        blind: it looks at no images, so that none need be rendered.
+    """
+
+    blind: bool
+
+    def reset(self, assignment: Assignment) -> None:
+        """Begin an episode."""
+        ...
+
+    def act(self, observation: Observation) -> Any:
+        """Return the next action: 0–3 or a name, see `checked_action`."""
+        ...
+
+
+class Stop:
+    """Stops at once: what standing still is worth."""
+
+    blind = True
+
+    def reset(self, assignment: Assignment) -> None:
+        """See `Policy.reset`."""
+
+    def act(self, observation: Observation) -> Action:
+        """See `Policy.act`."""
+        return Action.STOP
+
+
+class Forward:
+    """Walks straight ahead for `steps` actions, then stops; 37 in VLN-CE's hand-crafted agent."""
+
+    blind = True
+
+    def __init__(self, steps: int = 37) -> None:
+        self._steps = steps
+
+    def reset(self, assignment: Assignment) -> None:
+        """See `Policy.reset`."""
+
+    def act(self, observation: Observation) -> Action:
+        """See `Policy.act`."""
+        return Action.FORWARD if observation.step < self._steps else Action.STOP
+
+
+class Random:
+    """Draws actions in the proportions of R2R's training paths in VLN-CE.
+
+    68 % FORWARD, 15 % LEFT, 15 % RIGHT, 2 % STOP: Krantz et al., "Beyond the Nav-Graph", ECCV 2020.
+    """
+
+    blind = True
+    actions = (Action.FORWARD, Action.LEFT, Action.RIGHT, Action.STOP)
+    proportions = (0.68, 0.15, 0.15, 0.02)
+
+    def __init__(self, seed: int = 0) -> None:
+        self._seed = seed
+        self._rng = np.random.default_rng(seed)
+
+    def reset(self, assignment: Assignment) -> None:
+        """Draw as the seed and the episode's id say, whatever ran before."""
+        text = f"{self._seed}/{assignment.scene_id}/{assignment.episode_id}".encode()
+        self._rng = np.random.default_rng(np.frombuffer(sha256(text).digest(), dtype=np.uint32))
+
+    def act(self, observation: Observation) -> Action:
+        """See `Policy.act`."""
+        return self.actions[self._rng.choice(len(self.actions), p=self.proportions)]
+
+
+ORACLE = "oracle"
+VLM = "vlm"  # a vision-language model; the environment says where
+SERVER_SCHEMES = ("ws://", "wss://")
+# By name, made from the seed. The oracle is not among them: it is the expert, which knows the path.
+POLICIES: dict[str, Callable[[int], Policy]] = {
+    "stop": lambda seed: Stop(),
+    "forward": lambda seed: Forward(),
+    "random": Random,
+}
+
+
+def valid_policies() -> list[str]:
+    """Return what `check_policy` takes."""
+    return [*POLICIES, ORACLE, VLM, "ws://HOST:PORT"]
+
+
+def check_policy(name: str) -> None:
+    """Raise unless `name` is that of a policy or the address of a policy server.
+
+    Raises:
+        UnknownNameError: it is neither; the message lists the valid names.
+    """
+    if name not in (*POLICIES, ORACLE, VLM) and not name.startswith(SERVER_SCHEMES):
+        raise UnknownNameError("policy", name, valid_policies())
+
+
+def policy_identity(name: str, timeout_s: float) -> str:
+    """Return what tells a policy from others, so that results are reused for the same one alone.
+
+    For a policy server that is the `version` it states; one that states none is never the same.
+
+    Raises:
+        InputError: the server cannot be reached, its client's libraries are missing, or the
+            environment does not say where the vision-language model is.
+    """
+    if name == VLM:
+        return f"{name} {_vlm().version}"
+    if not name.startswith(SERVER_SCHEMES):
+        return name
+    from .remote import RemotePolicy
+
+    server = RemotePolicy(name, timeout_s)
+    try:
+        server.connect()
+    except PolicyError as error:
+        raise InputError(str(error)) from error
+    server.close()
+    return f"{name} {server.version or uuid4().hex}"
+
+
+def make_policy(name: str, seed: int, timeout_s: float) -> Policy:
+    """Return a policy by name, or a client of the policy server at that address.
+
+    Args:
+        name: key of `POLICIES`, or `ws://host:port`.
+        seed: of policies that draw.
+        timeout_s: how long a server may take for one action.
+
+    Raises:
+        UnknownNameError: there is no such policy.
+        InputError: it is the oracle, which is no policy, the server's libraries are missing, or the
+            environment does not say where the vision-language model is.
+    """
+    check_policy(name)
+    if name == ORACLE:
+        raise InputError("the oracle knows the path and is run by the replay itself")
+    if name == VLM:
+        return _vlm()
+    if name.startswith(SERVER_SCHEMES):
+        from .remote import RemotePolicy
+
+        return RemotePolicy(name, timeout_s)
+    return POLICIES[name](seed)
+
+
+def _vlm() -> VlmPolicy:
+    from .vlm import VlmPolicy
+
+    return VlmPolicy(settings_from(asked_by="--policy vlm"))

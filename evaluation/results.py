@@ -1,0 +1,172 @@
+"""Results of an evaluation: the table of metrics with intervals, the file, the comparison."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..formats.core.errors import FileFormatError, InputError
+from .statistics import Interval, clustered_interval, mcnemar
+
+RESULTS_NAME = "results.json"
+# Column, unit, and the value of an episode; rates are percentages of episodes.
+COLUMNS: dict[str, tuple[str, Callable[[Mapping[str, Any]], float]]] = {
+    "TL": ("m", lambda e: _number(e["metrics"]["trajectory_length_m"])),
+    "NE": ("m", lambda e: _number(e["metrics"]["navigation_error_m"])),
+    "FR": ("%", lambda e: 100.0 * e["metrics"]["fall"]),
+    "StR": ("%", lambda e: 100.0 * e["metrics"]["stuck"]),
+    "OS": ("%", lambda e: 100.0 * e["metrics"]["oracle_success"]),
+    "SR": ("%", lambda e: 100.0 * e["metrics"]["success"]),
+    "SPL": ("%", lambda e: 100.0 * e["metrics"]["spl"]),
+    "nDTW": ("%", lambda e: 100.0 * _number(e["metrics"]["ndtw"])),
+    "CR": ("%", lambda e: 100.0 * bool(e["contacts"])),
+    "time": ("s", lambda e: _number(e["metrics"]["duration_s"])),
+}
+RATES = frozenset({"FR", "StR", "OS", "SR", "CR"})  # 0 or 100 in each episode
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)
+
+
+def summarise(episodes: Sequence[Mapping[str, Any]]) -> dict[str, Interval]:
+    """Return each column's mean and interval over some episodes.
+
+    An infinite NE, of a goal that cannot be reached from where the robot ended, is left out.
+    """
+    scenes = [e["scene"] for e in episodes]
+    paths = [e["trajectory"] for e in episodes]
+    return {
+        name: clustered_interval(
+            [value(e) for e in episodes],
+            scenes,
+            paths,
+            np.random.default_rng(0),
+            rate=name in RATES,
+        )
+        for name, (_, value) in COLUMNS.items()
+    }
+
+
+def table(groups: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
+    """Return a text table with one row per group of episodes: mean and 95 % interval."""
+    heads = [f"{name} [{unit}]" for name, (unit, _) in COLUMNS.items()]
+    lines = [["", "episodes", *heads]]
+    for label, episodes in groups.items():
+        found = summarise(episodes)
+        lines.append([label, str(len(episodes)), *map(_cell, found.values())])
+    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
+    rows = [
+        [cell.rjust(width) if k else cell.ljust(width) for k, (cell, width) in enumerate(padded)]
+        for padded in (zip(line, widths, strict=True) for line in lines)
+    ]
+    return "\n".join("  ".join(row).rstrip() for row in rows)
+
+
+def _cell(value: Interval) -> str:
+    if math.isnan(value.mean):
+        return "-"
+    digits = 2 if value.mean < 20 else 1
+    if math.isnan(value.low):
+        return f"{value.mean:.{digits}f}"
+    return f"{value.mean:.{digits}f} ({value.low:.{digits}f}..{value.high:.{digits}f})"
+
+
+def results_json(
+    setting: Mapping[str, Any],
+    episodes: Sequence[Mapping[str, Any]],
+    quarantined: Mapping[str, str],
+) -> dict[str, Any]:
+    """Return the results file's content: setting, summary, episodes, and what has no result."""
+
+    def plain(value: Interval) -> dict[str, float | None]:
+        return {k: None if math.isnan(v) else v for k, v in vars(value).items()}
+
+    return {
+        "format": "vlnpe-results/1",
+        "setting": dict(setting),
+        "summary": {name: plain(value) for name, value in summarise(episodes).items()},
+        "quarantined": dict(quarantined),
+        "episodes": list(episodes),
+    }
+
+
+def read_results(path: Path) -> dict[str, Any]:
+    """Read a results file, or that of an evaluation's folder.
+
+    Raises:
+        FileFormatError: there is none, or it is none.
+    """
+    file = path / RESULTS_NAME if path.is_dir() else path
+    try:
+        value = json.loads(file.read_text())
+        known = value["format"] == "vlnpe-results/1" and isinstance(value["episodes"], list)
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        raise FileFormatError(file, f"no results of `vlnpe evaluate` ({error})") from error
+    if not known:
+        raise FileFormatError(file, "no results of `vlnpe evaluate`")
+    return value
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two evaluations on the episodes that both have.
+
+    Attributes:
+        names: of the two.
+        common: number of episodes that both have.
+        apart: number of episodes that only one has.
+        lost, won: uids of episodes that only the first, only the second succeeded in.
+        p_value: exact McNemar test on success; it takes episodes for independent.
+        differences: second minus first, per column, with the interval of the paired difference.
+    """
+
+    names: tuple[str, str]
+    common: int
+    apart: int
+    lost: tuple[str, ...]
+    won: tuple[str, ...]
+    p_value: float
+    differences: dict[str, Interval]
+
+
+def compare(
+    first: Mapping[str, Any], second: Mapping[str, Any], names: tuple[str, str]
+) -> Comparison:
+    """Compare two results files, paired by episode.
+
+    Raises:
+        InputError: they have no episode in common.
+    """
+    a, b = (_by_uid(r["episodes"]) for r in (first, second))
+    uids = sorted(a.keys() & b.keys())
+    if not uids:
+        raise InputError(f"{names[0]} and {names[1]} have no episode in common")
+    scenes = [a[u]["scene"] for u in uids]
+    paths = [a[u]["trajectory"] for u in uids]
+    flips = mcnemar(*([e[u]["metrics"]["success"] for u in uids] for e in (a, b)))
+    differences = {
+        name: clustered_interval(
+            [value(b[u]) - value(a[u]) for u in uids], scenes, paths, np.random.default_rng(0)
+        )
+        for name, (_, value) in COLUMNS.items()
+    }
+    return Comparison(
+        names,
+        len(uids),
+        len(a.keys() ^ b.keys()),
+        tuple(uids[k] for k in flips.lost),
+        tuple(uids[k] for k in flips.won),
+        flips.p_value,
+        differences,
+    )
+
+
+def _by_uid(episodes: Iterable[Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+    return {f"{e['split']}/{e['scene']}/{e['episode']}": e for e in episodes}

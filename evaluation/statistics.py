@@ -1,0 +1,102 @@
+"""Means with intervals, and the comparison of two evaluations on the same episodes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import binomtest
+
+RESAMPLES = 2000
+LEVEL = 0.95
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A mean and its 95 % interval; the bounds are NaN for fewer than two trajectories."""
+
+    mean: float
+    low: float
+    high: float
+
+
+def clustered_interval(
+    values: ArrayLike,
+    scenes: Sequence[str],
+    trajectories: Sequence[str],
+    rng: np.random.Generator,
+    *,
+    rate: bool = False,
+    resamples: int = RESAMPLES,
+) -> Interval:
+    """Return the mean over episodes with its percentile bootstrap interval.
+
+    Episodes of one scene are alike, and so are those of one trajectory, which differ in their words
+    only. So scenes are drawn with replacement, then trajectories within each drawn scene (Davison
+    and Hinkley, "Bootstrap Methods and their Application", 1997, section 3.8). With one scene the
+    interval speaks of other trajectories in that scene, not of other scenes.
+
+    Args:
+        values: (N,) one per episode; NaN and infinite ones are left out.
+        scenes: (N,) of each episode.
+        trajectories: (N,) of each episode, unique within a scene.
+        rng: draws.
+        rate: values are 0 or 100. Draws of nothing but zeros, or hundreds, do not vary; then the
+            interval is Clopper's and Pearson's for the number of trajectories.
+        resamples: number of draws.
+    """
+    array = np.asarray(values, np.float64)
+    groups: dict[str, dict[str, list[float]]] = {}
+    for value, scene, trajectory in zip(array.tolist(), scenes, trajectories, strict=True):
+        if math.isfinite(value):
+            groups.setdefault(scene, {}).setdefault(trajectory, []).append(value)
+    if not groups:
+        return Interval(np.nan, np.nan, np.nan)
+    mean = float(array[np.isfinite(array)].mean())
+    paths = sum(map(len, groups.values()))
+    if rate and mean in (0.0, 100.0):
+        exact = binomtest(paths if mean else 0, paths).proportion_ci(LEVEL)
+        return Interval(mean, 100 * float(exact.low), 100 * float(exact.high))
+    if paths < 2:
+        return Interval(mean, np.nan, np.nan)
+    # (T, 2) sum and count of each trajectory, one array per scene.
+    totals = [np.array([(sum(v), len(v)) for v in scene.values()]) for scene in groups.values()]
+    means = np.empty(resamples)
+    for r in range(resamples):
+        drawn = [_resampled(totals[s], rng) for s in rng.integers(len(totals), size=len(totals))]
+        total, count = np.sum(drawn, axis=0)
+        means[r] = total / count
+    low, high = np.quantile(means, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return Interval(mean, float(low), float(high))
+
+
+def _resampled(totals: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+    return totals[rng.integers(len(totals), size=len(totals))].sum(axis=0)
+
+
+@dataclass(frozen=True)
+class Flips:
+    """Episodes that two evaluations judged differently.
+
+    Attributes:
+        lost: good in the first, bad in the second, by position.
+        won: bad in the first, good in the second.
+        p_value: exact McNemar test (a binomial test of the flips against one half): how
+            likely so one-sided a split is when both are equally good.
+    """
+
+    lost: tuple[int, ...]
+    won: tuple[int, ...]
+    p_value: float
+
+
+def mcnemar(first: ArrayLike, second: ArrayLike) -> Flips:
+    """Compare two (N,) series of successes on the same episodes."""
+    a, b = np.asarray(first, bool), np.asarray(second, bool)
+    lost, won = np.flatnonzero(a & ~b), np.flatnonzero(b & ~a)
+    flips = len(lost) + len(won)
+    p_value = float(binomtest(len(won), flips).pvalue) if flips else 1.0
+    return Flips(tuple(lost.tolist()), tuple(won.tolist()), p_value)

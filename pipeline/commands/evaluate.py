@@ -1,0 +1,249 @@
+"""Commands for closed loop: `evaluate` and `compare`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from ...collectors.controllers import CONTROLLERS, SpeedConfig, controller_for
+from ...collectors.rendering.camera.views import CameraOverrides
+from ...evaluation.episode import closed_loop
+from ...evaluation.policy import check_policy, policy_identity
+from ...evaluation.results import (
+    COLUMNS,
+    RESULTS_NAME,
+    compare,
+    read_results,
+    results_json,
+    table,
+)
+from ...formats.core.atomic import write_json
+from ...formats.core.episode import Episode
+from ...formats.core.errors import InputError, UnknownNameError
+from ...formats.vlnce.files import read_episodes
+from ..crews import action_timing, chosen_robots
+from ..engine.keys import digest
+from ..engine.ledger import Row
+from ..engine.run_folder import safe_name
+from ..engine.runner import run_stage
+from ..kept_robots import keep
+from ..stages import evaluate, repair, replay
+from ..views import chosen_views
+from .chain import scenes_in
+from .collect import opened
+
+DISCRETE = tuple(name for name, entry in CONTROLLERS.items() if entry.discrete)
+Json = Annotated[bool, tyro.conf.arg(name="json")]
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Let a policy walk episodes in closed loop and score it: TL, NE, FR, StR, OS, SR, SPL, nDTW.
+
+    Example: vlnpe evaluate runs/apartment-0 --policy random --robot h1
+    """
+
+    episodes: tyro.conf.Positional[Path]
+    """Run folder of `collect`, or an episode file (.json.gz) together with --scenes."""
+    policy: str = "random"
+    """Policy: random (R2R's action proportions), forward, stop, oracle (the expert, which knows the
+    path), vlm (a vision-language model, see docs/evaluation.md), or the address of a policy server
+    (ws://HOST:PORT)."""
+    scenes: Path | None = None
+    """Folder of repaired scenes; defaults to the run's own."""
+    robot: str = "aliengo"
+    """Robot: a name (see `vlnpe robots`), or the folder of your own robot."""
+    controller: str = "speed"
+    """How actions are carried out: speed (physics), or flash (placed without physics)."""
+    split: str | None = None
+    """Evaluate only this split, for example val_unseen; all by default."""
+    limit: int | None = None
+    """Evaluate only the first so many episodes."""
+    camera: str = "ego"
+    """Camera of the policy, with an optional size and field of view (ego:224x224:79)."""
+    light: str = "baked"
+    """Lighting: baked, DL5000, DL300 or CL."""
+    renderer: str = "auto"
+    """Renderer: embree, gl, or auto."""
+    action_steps: int = SpeedConfig.steps_per_action
+    """Duration of a discrete action of the speed controller, in physics steps of 5 ms."""
+    closed_loop: bool = False
+    """Run each discrete action of the speed controller until its 0.25 m or 15° is reached."""
+    timeout_s: float = 30.0
+    """Longest time a policy server may take for one action [s]; physics stands still meanwhile."""
+    seed: int = 0
+    """Random seed."""
+    out: Path | None = None
+    """Output folder; defaults to <run>/evaluations/<policy>-<robot>-<controller>-<light>."""
+    workers: int = 0
+    """Number of worker processes; 0 uses one per core."""
+    max_failed: int = 0
+    """Maximum number of quarantined episodes; exit with code 1 above it."""
+    json: Json = False
+    """Print one JSON object with the results' summary as the last line."""
+
+
+@dataclass(frozen=True)
+class Compare:
+    """Compare two evaluations episode by episode: which flipped, and how metrics changed."""
+
+    first: tyro.conf.Positional[Path]
+    """Folder of `evaluate`, or its results.json."""
+    second: tyro.conf.Positional[Path]
+    """The same, of the other evaluation."""
+    json: Json = False
+    """Print one JSON object with the comparison as the last line."""
+
+
+def run_evaluate(options: Evaluate) -> int:
+    """Evaluate a policy.
+
+    Raises:
+        InputError: If a name is unknown, or a file or folder cannot be used.
+    """
+    check_policy(options.policy)
+    if options.controller not in DISCRETE:
+        raise UnknownNameError("controller of an evaluation", options.controller, DISCRETE)
+    robots = chosen_robots(options.robot)
+    if len(robots) != 1:
+        raise InputError(f"--robot {options.robot}: an evaluation has one robot")
+    (robot,) = robots
+    controller_for(robot, options.controller)
+    views = chosen_views(options.camera, options.light, options.renderer, robot, CameraOverrides())
+    if len(views) != 1 or views[0].kind != "ego":
+        raise InputError(
+            f"--camera {options.camera} --light {options.light}: a policy has one camera, the "
+            "robot's own (ego), under one light"
+        )
+    (view,) = views
+    episodes, scenes_folder = _asked(options)
+    scenes = {
+        name: Row(repair.STAGE, name, digest(path, (path / "scene.json").read_text()), "done")
+        for name, path in scenes_in(scenes_folder.resolve()).items()
+    }
+    missing = sorted({e.scene_id for e in episodes} - scenes.keys())
+    if missing:
+        raise InputError(f"{scenes_folder}: contains no repaired scene {', '.join(missing)}")
+    identity = policy_identity(options.policy, options.timeout_s)
+    out = options.out or _default_out(options, robot.name)
+    actions = action_timing(options.action_steps, options.closed_loop)
+    with opened(out, options.workers) as context:
+        root = context.ledger.root
+        config = closed_loop(
+            replay.config(keep(robot, root), options.controller, options.seed, actions)
+        )
+        items = evaluate.items(
+            episodes,
+            scenes,
+            scenes_folder.resolve(),
+            root,
+            config=config,
+            policy=options.policy,
+            identity=identity,
+            timeout_s=options.timeout_s,
+            view=view,
+        )
+        scope = f"{robot.name}/{options.controller}/"
+        summary = run_stage(context, evaluate.STAGE, items, scope)
+    rows = sorted(summary.good().values(), key=lambda row: row.item)
+    results = [{k: v for k, v in row.facts.items() if k != "actions"} for row in rows]
+    failed = {r.item: str(r.error.get("reason", "")) for r in summary.rows if r.status != "done"}
+    setting = {
+        "policy": options.policy,
+        "policy_version": identity,
+        "robot": robot.name,
+        "controller": options.controller,
+        "view": view.name,
+        "renderer": view.renderer,
+        "seed": options.seed,
+        "action_steps": options.action_steps,
+        "closed_loop": options.closed_loop,
+        "splits": sorted({e.split for e in episodes}),
+        "episodes_sha256": digest([(e.split, e.scene_id, e.episode_id) for e in episodes]),
+    }
+    value = results_json(setting, results, failed)
+    write_json(out / RESULTS_NAME, value)
+    _tell(options, out, value, scenes_folder)
+    return int(len(failed) > options.max_failed)
+
+
+def run_compare(options: Compare) -> int:
+    """Compare two evaluations.
+
+    Raises:
+        InputError: If a file is no results file, or they have no episode in common.
+    """
+    names = (str(options.first), str(options.second))
+    found = compare(read_results(options.first), read_results(options.second), names)
+    if options.json:
+        sys.stdout.write(json.dumps(asdict(found)) + "\n")
+        return 0
+    lines = [
+        f"{found.common} episodes in both, {found.apart} in one only",
+        f"only {names[0]} succeeds: {len(found.lost)}  {', '.join(found.lost[:10])}",
+        f"only {names[1]} succeeds: {len(found.won)}  {', '.join(found.won[:10])}",
+        f"McNemar's exact test: p = {found.p_value:.3g}",
+        "",
+        "second minus first, mean and 95 % interval of the paired difference",
+    ]
+    lines += [
+        f"  {name:<5} {value.mean:+8.2f} {COLUMNS[name][0]:<2} ({value.low:+.2f} to "
+        f"{value.high:+.2f})"
+        for name, value in found.differences.items()
+    ]
+    sys.stdout.write("\n".join(lines) + "\n")
+    return 0
+
+
+def _asked(options: Evaluate) -> tuple[list[Episode], Path]:
+    """Return the episodes to walk and the folder of their scenes."""
+    given = options.episodes
+    files = sorted((given / "episodes").glob("*.json.gz")) if given.is_dir() else [given]
+    if not files:
+        raise InputError(f"{given}: contains no episodes/*.json.gz; give a run or an episode file")
+    scenes = options.scenes or (given / "scenes" if given.is_dir() else None)
+    if scenes is None:
+        raise InputError(f"{given} is an episode file; give its scenes with --scenes FOLDER")
+    episodes = [episode for path in files for episode in read_episodes(path)]
+    splits = {episode.split for episode in episodes}
+    if options.split is not None:
+        if options.split not in splits:
+            raise UnknownNameError("split", options.split, splits)
+        episodes = [e for e in episodes if e.split == options.split]
+    return episodes[: options.limit], scenes
+
+
+def _default_out(options: Evaluate, robot: str) -> Path:
+    name = f"{options.policy}-{robot}-{options.controller}-{options.light}"
+    base = options.episodes if options.episodes.is_dir() else Path("runs")
+    return base / "evaluations" / safe_name(name)
+
+
+def _tell(options: Evaluate, out: Path, value: dict[str, Any], scenes: Path) -> None:
+    if options.json:
+        shown = {k: value[k] for k in ("setting", "summary", "quarantined")} | {"out": str(out)}
+        sys.stdout.write(json.dumps(shown) + "\n")
+        return
+    groups: dict[str, list[dict[str, Any]]] = {}
+    for episode in value["episodes"]:
+        groups.setdefault(episode["split"], []).append(episode)
+    if len(groups) > 1:
+        groups["all"] = value["episodes"]
+    text = table(groups) if value["episodes"] else "no episode has a result"
+    sys.stdout.write(f"\n{text}\n\n")
+    if value["quarantined"]:
+        count = len(value["quarantined"])
+        reason = next(iter(value["quarantined"].values()))
+        sys.stdout.write(f"{count} episodes without a result, counted apart: {reason}\n")
+    unclear = sum(episode.get("unclear", 0) for episode in value["episodes"])
+    if unclear:
+        sys.stdout.write(f"{unclear} answers of the model were no clear action and asked again\n")
+    sys.stdout.write(f"results: {out / RESULTS_NAME}\n")
+    sys.stdout.write(
+        f"films:   vlnpe render {out} --scenes {scenes} --video --camera chase --out {out}/films\n"
+    )

@@ -1,0 +1,150 @@
+"""`vlnpe evaluate` and `vlnpe compare`, as a user calls them."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.collectors.test_replay import make_episode
+from tests.support.misbehaving_server import Server, completion
+from tests.support.rooms import write_two_rooms
+from vlnpe.formats.mcap.rollout import read_rollout
+from vlnpe.formats.vlnce.files import write_episodes
+from vlnpe.pipeline.cli import main
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run folder with a scene and three episodes, of which one starts in the table."""
+    run = tmp_path_factory.mktemp("evaluate") / "run"
+    bundle = write_two_rooms(run / "scenes" / "two_rooms")
+    good = [make_episode(bundle, (2.6, 2.0), (5.4, 2.0), name=f"e{k}") for k in range(2)]
+    seen = [replace(e, split="val_seen", instruction="Go through the door.") for e in good]
+    (run / "episodes").mkdir()
+    write_episodes(run / "episodes" / "val.json.gz", seen)
+    return run
+
+
+def evaluated(run: Path, *options: str) -> dict:
+    assert main(["evaluate", str(run), "--workers", "1", *options]) == 0
+    out = Path(options[options.index("--out") + 1])
+    return json.loads((out / "results.json").read_text())
+
+
+def test_the_oracle_arrives_the_idle_do_not_and_compare_says_so(run, tmp_path, capsys) -> None:
+    a, b = tmp_path / "oracle", tmp_path / "stop"
+    oracle = evaluated(run, "--policy", "oracle", "--out", str(a))
+    idle = evaluated(run, "--policy", "stop", "--out", str(b), "--split", "val_seen")
+    assert oracle["summary"]["SR"]["mean"] == 100.0 and idle["summary"]["OS"]["mean"] == 100.0
+    assert idle["summary"]["TL"]["mean"] == pytest.approx(0.0, abs=0.05)
+    assert [e["episode"] for e in oracle["episodes"]] == ["e0", "e1"]
+    rollout = read_rollout(a / "aliengo" / "speed" / "e0.mcap")
+    assert rollout.facts["policy"] == "oracle"
+    taken = oracle["episodes"][0]["taken"]
+    assert taken == [int(span.action) for span in rollout.actions] and taken[-1] == 0
+    printed = capsys.readouterr().out
+    assert "SPL [%]" in printed and "val_seen" in printed
+    assert main(["compare", str(a), str(b), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert found["common"] == 2 and found["differences"]["TL"]["mean"] < -1.0
+    # What it advises works.
+    assert main(["render", str(b), "--scenes", str(run / "scenes"), "--video", "--camera",
+                 "chase:64x48", "--out", str(b / "films"), "--workers", "1"]) == 0  # fmt: skip
+    assert len(list((b / "films").rglob("*.mp4"))) == 2
+
+
+def test_a_second_call_reuses_and_a_seed_does_not(run, tmp_path, capsys) -> None:
+    out = ("--policy", "random", "--controller", "flash", "--out", str(tmp_path))
+    first = evaluated(run, *out)
+    second = evaluated(run, *out)
+    assert first == second and "reused 2" in capsys.readouterr().err
+    other = evaluated(run, *out, "--seed", "1")
+    assert [e["taken"] for e in other["episodes"]] != [e["taken"] for e in first["episodes"]]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--policy", "cma"], "policy 'cma'.*valid: .*random.*ws://"),
+        (["--controller", "path"], "valid: flash, speed"),
+        (["--split", "train"], "split 'train'.*valid: .*val_seen"),
+        (["--camera", "chase"], "one camera"),
+        (["--robot", "h1,g1"], "one robot"),
+        (["--policy", "ws://127.0.0.1:9"], "ws://127.0.0.1:9 cannot be reached"),
+    ],
+)
+def test_bad_input_is_refused_in_one_line(run, tmp_path, capsys, options, message) -> None:
+    assert main(["evaluate", str(run), "--out", str(tmp_path / "o"), *options]) == 2
+    error = capsys.readouterr().err
+    assert re.search(message, error) and "Traceback" not in error
+    assert not (tmp_path / "o").exists()
+
+
+SERVER = """
+import os
+from vlnpe.evaluation.server import serve
+
+class Policy:
+    images, version = False, "v1"
+    def reset(self, episode):
+        self.id = episode["episode_id"]
+    def act(self, observation):
+        if self.id == "e0" and observation["step"] == 2:
+            FAIL
+        return 1 if observation["step"] < 4 else 0
+
+serve(Policy, port=0)
+"""
+
+
+@pytest.mark.parametrize(
+    ("fail", "lost", "reason"),
+    [("raise ValueError('no idea')", 1, "no idea"), ("os._exit(1)", 2, "is gone")],
+)
+def test_a_server_that_fails_costs_its_episodes_and_no_more(
+    run, tmp_path, capsys, fail, lost, reason
+) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", SERVER.replace("FAIL", fail)], stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert process.stdout is not None
+        url = process.stdout.readline().split()[-1]
+        command = ["evaluate", str(run), "--policy", url, "--controller", "flash"]
+        assert main([*command, "--out", str(tmp_path), "--workers", "1"]) == 1
+    finally:
+        process.kill()
+    results = json.loads((tmp_path / "results.json").read_text())
+    assert sorted(results["quarantined"]) == [f"aliengo/flash/e{k}" for k in range(lost)]
+    assert reason in results["quarantined"]["aliengo/flash/e0"]
+    assert [e["taken"] for e in results["episodes"]] == [[1, 1, 1, 1, 0]] * (2 - lost)
+    printed = capsys.readouterr().out
+    assert f"{lost} episodes without a result" in printed and reason in printed
+
+
+def test_a_vision_language_model_drives(run, tmp_path, capsys, monkeypatch) -> None:
+    answers = ["move forward 50 cm", "Hm.", "stop"]
+    monkeypatch.setenv("VLNPE_LLM_MODEL", "scripted")
+    with Server(lambda n, request: completion(answers[(n - 1) % 3])).running() as server:
+        monkeypatch.setenv("VLNPE_LLM_BASE_URL", server.url)
+        found = evaluated(run, "--policy", "vlm", "--controller", "flash", "--camera", "ego:64x48",
+                          "--out", str(tmp_path))  # fmt: skip
+    assert [e["taken"] for e in found["episodes"]] == [[1, 1, 0]] * 2
+    assert "Go through the door." in server.requests[0]["messages"][0]["content"][0]["text"]
+    assert "2 answers of the model were no clear action" in capsys.readouterr().out
+    assert found["setting"]["policy_version"].startswith("vlm scripted t=")
+
+
+def test_an_episode_file_needs_its_scenes_and_results_must_be_results(run, tmp_path, capsys):
+    file = shutil.copy(run / "episodes" / "val.json.gz", tmp_path / "val.json.gz")
+    assert main(["evaluate", str(file)]) == 2
+    assert "--scenes" in capsys.readouterr().err
+    assert main(["compare", str(tmp_path), str(tmp_path)]) == 2
+    assert "no results of `vlnpe evaluate`" in capsys.readouterr().err
