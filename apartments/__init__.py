@@ -1,8 +1,16 @@
-"""The built-in scene: a procedurally furnished apartment, virtually scanned."""
+"""The built-in scenes: procedurally furnished buildings, virtually scanned."""
 
-from .config import ApartmentConfig, ScanConfig
+from .config import BUILDINGS, ApartmentConfig, ScanConfig, building_config
 from .generate import generate_scan
-from .home.apartment import build_apartment
+from .home.building import build_scene
 from .home.true_scene import TrueScene
 
-__all__ = ["ApartmentConfig", "ScanConfig", "TrueScene", "build_apartment", "generate_scan"]
+__all__ = [
+    "BUILDINGS",
+    "ApartmentConfig",
+    "ScanConfig",
+    "TrueScene",
+    "build_scene",
+    "building_config",
+    "generate_scan",
+]

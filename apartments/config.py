@@ -1,8 +1,10 @@
-"""Options of the built-in apartment and of its virtual scan."""
+"""Options of the generated buildings and of their virtual scans."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+from ..formats.core.errors import UnknownNameError
 
 
 @dataclass(frozen=True)
@@ -43,10 +45,12 @@ class ScanConfig:
 
 @dataclass(frozen=True)
 class ApartmentConfig:
-    """How the apartment is built and scanned.
+    """How a building is built and scanned; the defaults are those of an apartment.
 
     Attributes:
-        area_m2: least and greatest floor area of a home.
+        kind: `apartment`, `villa`, `house` or `office`.
+        area_m2: least and greatest floor area, of all storeys together.
+        rooms: least and greatest number of rooms, hallways included; apartments ignore it.
         door_width_m: least and greatest clear width of a doorway.
         door_height_m: clear height of a doorway.
         ceiling_m: least and greatest room height.
@@ -57,7 +61,9 @@ class ApartmentConfig:
         scan: how it is scanned.
     """
 
+    kind: str = "apartment"
     area_m2: tuple[float, float] = (82.0, 135.0)
+    rooms: tuple[int, int] = (4, 9)
     door_width_m: tuple[float, float] = (0.9, 1.0)
     door_height_m: float = 2.05
     ceiling_m: tuple[float, float] = (2.5, 2.8)
@@ -66,3 +72,39 @@ class ApartmentConfig:
     scan_tilt_deg: float = 0.0
     scan_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     scan: ScanConfig = field(default_factory=ScanConfig)
+
+
+# Larger buildings get more triangles, and texels that keep a floor on one texture page.
+_LARGE_SCAN = ScanConfig(station_spacing_m=1.5, target_faces=420_000, floor_texel_m=0.006)
+BUILDINGS: dict[str, ApartmentConfig] = {
+    "apartment": ApartmentConfig(),
+    "villa": ApartmentConfig(kind="villa", area_m2=(180.0, 300.0), rooms=(8, 12), scan=_LARGE_SCAN),
+    "house": ApartmentConfig(
+        kind="house", area_m2=(170.0, 290.0), rooms=(11, 16), scan=_LARGE_SCAN
+    ),
+    "office": ApartmentConfig(
+        kind="office",
+        area_m2=(300.0, 600.0),
+        rooms=(8, 14),
+        ceiling_m=(2.8, 3.2),
+        scan=replace(
+            _LARGE_SCAN,
+            voxel_m=0.035,
+            station_spacing_m=1.8,
+            target_faces=500_000,
+            texel_m=0.009,
+            floor_texel_m=0.008,
+        ),
+    ),
+}
+
+
+def building_config(kind: str) -> ApartmentConfig:
+    """The configuration of a kind of building.
+
+    Raises:
+        UnknownNameError: there is no such kind.
+    """
+    if kind not in BUILDINGS:
+        raise UnknownNameError("kind of building", kind, tuple(BUILDINGS))
+    return BUILDINGS[kind]

@@ -1,4 +1,4 @@
-"""The built-in scene: builds a home, scans it, writes the scan and its truth."""
+"""The built-in scenes: build one, scan it, write the scan and its truth."""
 
 from __future__ import annotations
 
@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 from ..formats.core.frames import world_to_habitat_position
 from .config import ApartmentConfig
 from .glb import GlbNode, write_glb
-from .home.apartment import build_apartment
+from .home.building import build_scene
 from .home.true_scene import TrueScene
+from .scanner.atlas import Charts, Packing, cut, pack
 from .scanner.bake import Baker, ChartVertices, chart_vertices, page_corners
-from .scanner.charts import Charts, cut
-from .scanner.labelling import label_faces
-from .scanner.packing import Packing, pack
-from .scanner.scan import fuse
+from .scanner.fusion import fuse
+from .scanner.lookup import label_faces
 from .scanner.surface import ScanMesh, extract
 from .scanner.tracing import Tracer
 from .truth import write_truth
@@ -34,28 +33,28 @@ def generate_scan(
     config: ApartmentConfig = ApartmentConfig(),  # noqa: B008  (frozen)
     progress: Callable[[str], None] | None = None,
 ) -> Path:
-    """Generate the apartment of `seed` and scan it.
+    """Generate the building of `seed` and scan it.
 
     Writes into the existing folder `out_dir`: `scan.glb` (y up, metres, one node per object),
     `scan.labels.json` (bounds of every object and room in the GLB's coordinates) and `truth.npz`
     (see `truth.write_truth`). The same seed and configuration give the same files.
 
     Args:
-        seed: at least 0; every seed is another home.
+        seed: at least 0; every seed is another building.
         out_dir: where to write.
-        config: how to build and scan.
+        config: what to build and how to scan it; see `building_config`.
         progress: called with the name of each step as it begins.
 
     Returns:
         Path of `scan.glb`.
 
     Raises:
-        ValueError: `config` admits no home.
+        ValueError: `config` admits no building.
     """
     tell = progress or _log.info
     rng = np.random.default_rng(seed)
-    tell("building the apartment")
-    scene = build_apartment(rng, config)
+    tell(f"building the {config.kind}")
+    scene = build_scene(rng, config)
     tracer = Tracer(scene.shape.corners)
     tell("scanning")
     volume = fuse(rng, scene, tracer, config.scan)
@@ -82,7 +81,7 @@ def generate_scan(
     (out_dir / "scan.labels.json").write_text(
         json.dumps({"frame": "source", "objects": _labels(scene, pose)}, indent=1) + "\n"
     )
-    write_truth(out_dir / "truth.npz", scene.plan, mesh, pose)
+    write_truth(out_dir / "truth.npz", scene.storeys, mesh, pose)
     return out_dir / "scan.glb"
 
 
@@ -131,11 +130,11 @@ def _nodes(
     starts = np.searchsorted(label[order], np.arange(len(scene.objects) + 1))
     nodes = []
     for k, thing in enumerate(scene.objects):
-        mine = order[starts[k] : starts[k + 1]]
-        if not len(mine):
+        triangles = order[starts[k] : starts[k + 1]]
+        if not len(triangles):
             continue
-        used, faces = np.unique(split.face[mine], return_inverse=True)
-        page = int(packing.page[charts.chart[mine[0]]])
+        used, faces = np.unique(split.face[triangles], return_inverse=True)
+        page = int(packing.page[charts.chart[triangles[0]]])
         nodes.append(
             GlbNode(
                 thing.name,
@@ -151,10 +150,12 @@ def _nodes(
 def _labels(scene: TrueScene, pose: NDArray[np.float64]) -> list[dict]:
     things = [(o.name, o.category, o.lower_m, o.upper_m) for o in scene.objects]
     counts: dict[str, int] = {}
-    for room in scene.plan.rooms:
+    rooms = [(plan, room) for plan in scene.storeys for room in plan.rooms]
+    for plan, room in rooms:
         stem = "Room_" + room.kind.replace("'", "").replace(" ", "_")
         counts[stem] = counts.get(stem, 0) + 1
-        low, high = (*room.lower_m, 0.0), (*room.upper_m, scene.plan.ceiling_m)
+        low = (*room.lower_m, plan.floor_z_m)
+        high = (*room.upper_m, plan.floor_z_m + plan.ceiling_m)
         things.append((f"{stem}_{counts[stem]}", f"room:{room.kind}", low, high))
     result = []
     for name, category, low, high in things:

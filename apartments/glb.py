@@ -6,13 +6,13 @@ into the file as they were encoded.
 
 from __future__ import annotations
 
-import json
-import struct
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ..formats.core.glb import glb_bytes
 
 _FLOAT, _UINT = 5126, 5125
 _ARRAY, _ELEMENTS = 34962, 34963
@@ -106,11 +106,4 @@ def write_glb(path: Path, nodes: list[GlbNode], pages: list[bytes], extras: dict
         "bufferViews": buffer.views,
         "buffers": [{"byteLength": len(buffer.data) + (-len(buffer.data) % 4)}],
     }
-    text = json.dumps(tree, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    body = bytes(buffer.data) + b"\0" * (-len(buffer.data) % 4)
-    total = 12 + 8 + len(text) + 8 + len(body)
-    with path.open("wb") as file:
-        file.write(struct.pack("<III", 0x46546C67, 2, total))
-        file.write(struct.pack("<II", len(text), 0x4E4F534A) + text)
-        file.write(struct.pack("<II", len(body), 0x004E4942) + body)
+    path.write_bytes(glb_bytes(tree, buffer.data))

@@ -104,7 +104,7 @@ def empty_world(robot: RobotSpec) -> Timing:
     for seconds in (1.0, EMPTY_S):  # the first round compiles and fills caches
         gait.reset()
         mujoco.mj_resetData(model, data)
-        handles.spawn(data, 0.0, 0.0, 0.0, 0.0)
+        handles.spawn(data)
         spent, started = 0.0, time.process_time()
         for _ in range(round(seconds / PERIOD_S)):
             before = time.process_time_ns()

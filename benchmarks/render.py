@@ -76,7 +76,7 @@ def _scene(scene: Path, rollouts: list[Rollout]) -> list[str]:
 
 
 def _plan(renderer: Renderer, rollout: Rollout, width: int, height: int) -> RolloutFrames:
-    view = make_view("ego", rollout.robot, width, height, renderer=renderer.name)
+    view = make_view("ego", rollout.robot, width_px=width, height_px=height, renderer=renderer.name)
     return RolloutFrames.plan(renderer, rollout, view, rollout.frame_samples(4))
 
 

@@ -86,7 +86,7 @@ class _FlatGround:
         data, handles, stops = self._data, self._handles, []
         for phase_s in _PHASES_S:
             mujoco.mj_resetData(self._model, data)
-            handles.spawn(data, 0.0, 0.0, 0.0, 0.0)
+            handles.spawn(data)
             mujoco.mj_forward(self._model, data)
             self._gait.reset()
             self._run(_SETTLE_S, STOPPED)

@@ -57,7 +57,7 @@ class EpisodeRun:
         world: World,
         episode: Episode,
         config: ReplayConfig,
-        choose: Callable[[Task], Chooser] | None,
+        choose: Callable[[Task], Chooser] | None = None,
     ) -> None:
         self.world, self.episode, self.config, self.choose = world, episode, config, choose
         self.entry = controller_for(world.robot, config.controller)

@@ -17,12 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.distance import cdist
 
 from ..formats.core.episode import Episode
+from ..formats.core.geometry import path_length, space_evenly
 from ..formats.core.kernel import kernel
 from ..formats.core.rollout import STATE_RATE_HZ, EndReason, Metrics
 from ..formats.scene.freemap import Freemap
 from ..wayfinding.distance import AGENT_RADIUS_M, DistanceField, distance_field
-from ..wayfinding.planning import path_length
-from .polyline import space_evenly
 
 ACTION_RATE_HZ = 4
 NDTW_THRESHOLD_M = 3.0

@@ -76,7 +76,7 @@ def stroll(
         raise AssertionError("a robot with joints has wheels or a policy")
     model = robot.build_model()
     data, handles = mujoco.MjData(model), RobotHandles.find(robot, model)
-    handles.spawn(data, 0.0, 0.0, 0.0, 0.0)
+    handles.spawn(data)
     mujoco.mj_forward(model, data)
     # A whole number of cycles first, so that the record begins where a cycle does.
     warm = math.ceil(WARM_S / period) * period

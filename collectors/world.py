@@ -90,7 +90,8 @@ class World:
         self.gate.open()
         mujoco.mj_resetData(self.model, self.data)
         floor_z = float(self.surface.height_at((pose.x_m, pose.y_m)))
-        self.handles.spawn(self.data, pose.x_m, pose.y_m, floor_z, pose.yaw_rad)
+        at = {"x_m": pose.x_m, "y_m": pose.y_m, "yaw_rad": pose.yaw_rad}
+        self.handles.spawn(self.data, floor_z_m=floor_z, **at)
         mujoco.mj_kinematics(self.model, self.data)
         soles = self.handles.sole_geoms.ravel()
         feet, radius = self.data.geom_xpos[soles], self.handles.sole_radius_m.ravel()
@@ -98,7 +99,7 @@ class World:
         under = feet[:, None, :2] + radius[:, None, None] * ring
         gap = (feet[:, 2] - radius)[:, None] - self.surface.height_at(under)
         raised_z = floor_z + SPAWN_GAP_M - float(gap.min())
-        self.handles.spawn(self.data, pose.x_m, pose.y_m, raised_z, pose.yaw_rad)
+        self.handles.spawn(self.data, floor_z_m=raised_z, **at)
         if joint_noise_rad is not None:
             self.data.qpos[self.handles.joint_qpos] += joint_noise_rad
         mujoco.mj_forward(self.model, self.data)

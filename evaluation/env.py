@@ -93,7 +93,7 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
         self._view = view or make_view("ego", spec, renderer=chosen_renderer("auto"))
         self._eye: Eye | None = None
         if images:
-            renderer = make_renderer(self._bundle, self._view.renderer, self._view.light)
+            renderer = make_renderer(self._bundle, self._view.renderer, light=self._view.light)
             self._eye = Eye(self.world, self._view, renderer)
         self.action_space = spaces.Discrete(len(Action))
         self.observation_space = self._space()

@@ -182,7 +182,7 @@ def _writer(
     backend = local_backend(settings) if config.writer == LOCAL else None
     client = Client(settings, cache, backend)
     result.model.append(client)
-    return ModelWriter(client, config, taken)
+    return ModelWriter(client, config)
 
 
 def composer_writer(

@@ -7,7 +7,7 @@ import textwrap
 import numpy as np
 
 from ..formats.core.episode import Episode
-from ..wayfinding.planning import resample
+from ..formats.core.geometry import arc_length, resample
 from .facts.doors import DOOR
 from .facts.records import PathFacts
 from .language.nouns import spoken
@@ -34,7 +34,7 @@ def show_path(episode: Episode, facts: PathFacts) -> str:
     for point in points:
         put(point, "*")
     legend = []
-    knots = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    knots = arc_length(points)
     marks = [m for m in facts.landmarks if m.nameable and m.distance_m < 2.5 and m.noun != DOOR]
     for letter, mark in zip("abcdefghijklmnopqrstuvwxyz", marks, strict=False):
         k = int(np.argmin(np.abs(knots - mark.along_m)))

@@ -15,6 +15,7 @@ from ..formats.core.errors import InputError
 from ..instruction_gen.records import InstructConfig
 from ..scene_repair.config import RepairConfig
 from ..trajectory_sampler.sampling import SampleConfig
+from .builtin import BuiltIn
 from .crews import action_timing
 from .engine.ledger import Row
 from .engine.run_folder import RunFolder
@@ -77,17 +78,19 @@ class Chain:
         self.summaries: list[StageSummary] = []
 
     def scenes(
-        self, sources: Mapping[str, Path], config: RepairConfig, allow_unsound: bool
+        self, sources: Mapping[str, Path | BuiltIn], config: RepairConfig, allow_unsound: bool
     ) -> dict[str, Row]:
-        """Repair the scans, by scene id; without any, generate and scan an apartment first.
+        """Repair the scans, by scene id; generate and scan the built-in ones first.
 
         Scenes that are not sound are quarantined unless they are allowed.
         """
-        if not sources:
-            scan = self.folder.scan(f"apartment-{self.seed}")
-            self._stage(scans.STAGE, [scans.item(self.seed, scan)], required=True)
-            sources = {scan.name: scan / "scan.glb"}
-        items = repair.items(sources, config, self.folder.scenes)
+        files = {name: source for name, source in sources.items() if isinstance(source, Path)}
+        built = [source for source in sources.values() if isinstance(source, BuiltIn)]
+        if built:
+            items = [scans.item(b, self.folder.scan(b.name)) for b in built]
+            made = self._stage(scans.STAGE, items, required=True).good()
+            files |= {name: self.folder.scan(name) / "scan.glb" for name in made}
+        items = repair.items(files, config, self.folder.scenes)
         repaired = self._stage(repair.STAGE, items, required=True).good()
         checks = repair.check_items(repaired, self.folder.scenes, allow_unsound)
         sound = self._stage(repair.CHECK_STAGE, checks, required=True).good()

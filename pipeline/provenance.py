@@ -9,7 +9,7 @@ from dataclasses import asdict
 from importlib.metadata import version
 from typing import Any
 
-from ..formats.core.digest import file_digest
+from ..formats.core.atomic import file_digest
 from ..formats.core.rollout import Rollout
 from ..formats.lerobot.splits import held_out_scenes
 from ..formats.scene.bundle import SceneBundle

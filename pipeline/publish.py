@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ..formats.convert.dataset import ROLLOUTS_PATH
-from ..formats.core.atomic import TEMPORARY_PREFIX
-from ..formats.core.digest import file_digest
+from ..formats.core.atomic import TEMPORARY_PREFIX, file_digest
 from ..formats.core.errors import FileFormatError, InputError, VlnpeError
 from ..formats.core.licences import UNKNOWN, licence_id, may_pass_on, why_not
 from ..formats.lerobot.episode_columns import EDITED_ADVICE

@@ -10,7 +10,7 @@ from ..collectors.controllers import valid_controllers
 from ..collectors.gait_training.gates import GateResult, gate_results
 from ..collectors.locomotion.card import PolicyCard
 from ..collectors.locomotion.policy import GaitPolicy
-from ..collectors.rendering.people.studio import Sitter
+from ..collectors.rendering.people.portraits import StandingRobot
 from ..collectors.robots import RobotSpec
 from ..formats.core.errors import FileFormatError
 
@@ -73,7 +73,7 @@ class RobotSheet:
 
 def sheet_of(robot: RobotSpec) -> RobotSheet:
     """Gather all there is to tell of `robot`; a policy that cannot be read is a problem, told."""
-    sitter, camera, limits = Sitter.of(robot), robot.camera, robot.command_limits
+    standing, camera, limits = StandingRobot.of(robot), robot.camera, robot.command_limits
     mover = "wheels" if robot.drive is not None else "policy" if robot.joints else "none"
     card, problem = _card(robot) if mover == "policy" else (None, "")
     training = {} if card is None else card.training
@@ -82,8 +82,8 @@ def sheet_of(robot: RobotSpec) -> RobotSheet:
         title=robot.title,
         mover=mover,
         mass_kg=round(robot.mass_kg, 3),
-        height_m=round(sitter.height_m, 6),
-        camera_height_m=round(sitter.camera_height_m, 6),
+        height_m=round(standing.height_m, 6),
+        camera_height_m=round(standing.camera_height_m, 6),
         camera_pitch_down_deg=camera.pitch_down_deg,
         camera_px=(camera.model.width_px, camera.model.height_px),
         camera_hfov_deg=camera.model.hfov_deg,

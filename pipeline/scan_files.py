@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..formats.core.errors import InputError
-from ..scene_repair.scan.kinds import SUFFIXES, USD_SUFFIXES
+from ..scene_repair.scan.files import SUFFIXES, USD_SUFFIXES
 from .engine.run_folder import safe_name
 
 

@@ -20,7 +20,7 @@ from ..formats.scene.bundle import INDEX_NAME, load_bundle
 from ..formats.scene.visibility import read_visibility
 from ..formats.video.stream import probe_video
 from ..formats.vlnce.files import read_episodes
-from ..scene_repair.verify.carrying import verify_scene
+from ..scene_repair.verify.scene import verify_scene
 from .engine.ledger import Ledger, Row
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..collectors.rendering.camera.views import CameraWishes, View, parse_views
+from ..collectors.rendering.camera.views import CameraOverrides, View, parse_views
 from ..collectors.rendering.light.lights import LIGHTS
 from ..collectors.rendering.registry import chosen_renderer
 from ..collectors.robots import RobotSpec
@@ -25,7 +25,7 @@ def chosen_lights(text: str) -> list[str]:
 
 
 def chosen_views(
-    camera: str, light: str, renderer: str, robot: str | RobotSpec, wishes: CameraWishes
+    camera: str, light: str, renderer: str, robot: str | RobotSpec, wishes: CameraOverrides
 ) -> list[View]:
     """Every camera in `camera` under every light in `light`.
 
@@ -37,5 +37,5 @@ def chosen_views(
     return [
         view
         for name in chosen_lights(light)
-        for view in parse_views(camera, robot, wishes, name, drawn_by)
+        for view in parse_views(camera, robot, wishes, light=name, renderer=drawn_by)
     ]

@@ -1,4 +1,4 @@
-"""Settings of the repair."""
+"""Options of the repair."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ UNIT_M = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 
 @dataclass(frozen=True)
 class RepairConfig:
-    """How a scan is turned into a scene.
+    """Options of the repair of a scan.
 
     Attributes:
         scene_id: name of the scene; empty = the source's stem.

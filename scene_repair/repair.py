@@ -1,4 +1,4 @@
-"""The repair of one scan, step by step: a scan in, a simulation-ready scene out."""
+"""Repair one scan, step by step, into a simulation-ready scene."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from .labels.semantics import label_by_boxes, not_floor, structural
 from .orient.bounds import robust_bounds
 from .orient.transform import orient
 from .scan.dispatch import read_scan
-from .scan.record import ScanObject
-from .scan.side_files import licence_beside
-from .verify.carrying import probe_level
+from .scan.files import licence_beside
+from .scan.record import Scan, ScanObject
+from .verify.scene import probe_level
 from .write.scene import Repaired, write_scene
 
 log = logging.getLogger(__name__)
@@ -80,27 +80,11 @@ def repair_scene(
     coarse, fine = _grids(original, config)
     tell(f"finding floors among {len(scan.faces):,} triangles")
     found, ignore = _find_floors(original, fine, not_floor(scan), config)
-    structure = structural(scan)
-    mesh, materials, objects = original, scan.materials, scan.objects
-    floors: list[RepairedFloor] = []
-    for k, scanned in enumerate(found):
-        tell(f"repairing the floor of level {k}")
-        added = np.zeros(len(mesh.faces) - len(ignore), dtype=bool)
-        floor = repair_floor(
-            mesh,
-            materials,
-            objects,
-            scanned,
-            np.concatenate([ignore, added]),
-            np.concatenate([structure, added]),
-            k,
-            config,
-        )
-        mesh, materials, objects = floor.mesh, floor.materials, floor.objects
-        floors.append(floor)
+    floors = _repair_floors(scan, original, found, ignore, config, tell)
+    mesh = floors[-1].mesh
     tell("building collision and freemaps")
     levels = [build_collision(mesh, floor, coarse, config) for floor in floors]
-    visual, labels = _visual(mesh, objects, floors)
+    visual, labels = _visual(mesh, floors[-1].objects, floors)
     tell("probing the floor")
     probed = [probe_level(visual, level) for level in levels]
     tell("writing")
@@ -111,7 +95,7 @@ def repair_scene(
         boxes=boxes,
         original=original,
         mesh=mesh,
-        materials=materials,
+        materials=floors[-1].materials,
         floors=floors,
         levels=[level for level, _ in probed],
         probes=[record for _, record in probed],
@@ -122,7 +106,7 @@ def repair_scene(
 
 
 def _grids(mesh: WorldMesh, config: RepairConfig) -> tuple[GridSpec, GridSpec]:
-    """Coarse and fine grid over the scan, with common origin.
+    """Return coarse and fine grid over the scan, with a common origin.
 
     Raises:
         SceneError: too large for the cells asked for.
@@ -147,7 +131,7 @@ def _grids(mesh: WorldMesh, config: RepairConfig) -> tuple[GridSpec, GridSpec]:
 def _find_floors(
     mesh: WorldMesh, fine: GridSpec, ignore: NDArray[np.bool_], config: RepairConfig
 ) -> tuple[list[ScannedFloor], NDArray[np.bool_]]:
-    """Floors of all levels, and the (F,) faces that are no floor."""
+    """Return the floors of all levels, and the faces (F,) that are not floor."""
     columns = sample_columns(mesh.vertices, mesh.faces, fine)
     up = mesh.normals[:, 2]
     surfaces = find_surfaces(columns, up, ignore, LEAST_CLEARANCE_M)
@@ -160,10 +144,40 @@ def _find_floors(
     return find_levels(surfaces, columns, mesh, config), ignore
 
 
+def _repair_floors(
+    scan: Scan,
+    mesh: WorldMesh,
+    found: list[ScannedFloor],
+    ignore: NDArray[np.bool_],
+    config: RepairConfig,
+    tell: Callable[[str], None],
+) -> list[RepairedFloor]:
+    """Repair the floors one after the other; each starts from the mesh of the one before."""
+    structure = structural(scan)
+    materials, objects = scan.materials, scan.objects
+    floors: list[RepairedFloor] = []
+    for k, scanned in enumerate(found):
+        tell(f"repairing the floor of level {k}")
+        added = np.zeros(len(mesh.faces) - len(ignore), dtype=bool)
+        floor = repair_floor(
+            mesh,
+            materials,
+            objects,
+            scanned,
+            ignore=np.concatenate([ignore, added]),
+            structure=np.concatenate([structure, added]),
+            index=k,
+            config=config,
+        )
+        mesh, materials, objects = floor.mesh, floor.materials, floor.objects
+        floors.append(floor)
+    return floors
+
+
 def _visual(
     mesh: WorldMesh, objects: tuple[ScanObject, ...], floors: list[RepairedFloor]
 ) -> tuple[VisualMesh, tuple[str, ...]]:
-    """The mesh as it is written, and the category names that its faces point to."""
+    """Return the mesh as it is written, and the category names that its faces refer to."""
     labels = tuple(sorted({o.category for o in objects if o.category} | {"floor"}))
     number = {name: k for k, name in enumerate(labels)}
     of_object = np.array([number.get(o.category, -1) for o in objects] + [-1])

@@ -218,7 +218,13 @@ def _passable(
                 f"there is no way from waypoint {_place(a)} to {_place(b)} for a robot of "
                 f"radius {config.robot_radius_m:g} m"
             )
-        thin = simplify_path(freemap, way, config.robot_radius_m, config.waypoint_spacing_m, 0.03)
+        thin = simplify_path(
+            freemap,
+            way,
+            radius_m=config.robot_radius_m,
+            spacing_m=config.waypoint_spacing_m,
+            tolerance_m=0.03,
+        )
         pieces.append(thin[1:, :2])
         detours += 1
     xy = np.concatenate(pieces)

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.measure import label
 
+from ..formats.core.geometry import path_length
 from ..formats.scene.bundle import SceneBundle
 from ..formats.scene.freemap import Freemap
 from ..wayfinding.crossings import Crossing, crossings
 from ..wayfinding.distance import AGENT_RADIUS_M, distance_field
-from ..wayfinding.planning import PlanConfig, path_length, plan_path, segments_free, simplify_path
+from ..wayfinding.planning import PlanConfig, plan_path, segments_free, simplify_path
 from ..wayfinding.regions import RegionMap, region_map
 from .config import SampleConfig
 from .similarity import path_gap
@@ -152,7 +153,11 @@ def _judge(
     if path is None:
         return "unreachable"
     reference = simplify_path(
-        level.freemap, path, level.radius_m, config.waypoint_spacing_m, tolerance_m=0.03
+        level.freemap,
+        path,
+        radius_m=level.radius_m,
+        spacing_m=config.waypoint_spacing_m,
+        tolerance_m=0.03,
     )
     length = path_length(reference)
     if length < config.min_length_m:

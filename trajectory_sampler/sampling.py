@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ..formats.core.episode import Episode
 from ..formats.core.errors import SceneError
 from ..formats.core.frames import wrap_angle
+from ..formats.core.geometry import point_along
 from ..formats.scene.bundle import SceneBundle
 from ..wayfinding.crossings import DOORWAY_M
-from ..wayfinding.planning import point_along
 from .candidates import Candidate, Level, from_one_start, longest_way, open_level
 from .config import SampleConfig
 

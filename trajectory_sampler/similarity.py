@@ -7,15 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..formats.core.geometry import arc_length, point_along
+
 _STATIONS = 32
 
 
 def stations(path_m: ArrayLike) -> NDArray[np.float64]:
     """A path (P, 2 or 3) [m] as `_STATIONS` points (S, 2) at equal fractions of its length."""
     path = np.asarray(path_m, dtype=np.float64)[:, :2]
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-    at = np.linspace(0.0, along[-1], _STATIONS)
-    return np.stack([np.interp(at, along, path[:, k]) for k in (0, 1)], axis=1)
+    return point_along(path, np.linspace(0.0, arc_length(path)[-1], _STATIONS))
 
 
 def path_gap(path_m: ArrayLike, others_m: Sequence[ArrayLike]) -> float:

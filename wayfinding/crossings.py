@@ -1,4 +1,4 @@
-"""Where a path passes from one room into another."""
+"""Find where a path passes from one room into another."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..formats.core.geometry import arc_length, point_along
 from .regions import RegionMap
 
 DOORWAY_M = 1.8  # a passage between rooms at most this wide is called a doorway
@@ -37,16 +38,15 @@ class Crossing:
 
 
 def crossings(regions: RegionMap, path_m: ArrayLike, settle_m: float = 1.0) -> list[Crossing]:
-    """Where a path (P, 2 or 3) [m] passes from one room into another, in order.
+    """Return where a path (P, 2 or 3) [m] passes from one room into another, in order.
 
     A visit shorter than `settle_m` is no visit: brushing past a corner of another room, or the
     ragged border of two, is not reported.
     """
     path = np.asarray(path_m, dtype=np.float64)[:, :2]
-    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
-    knots = np.concatenate([[0.0], np.cumsum(steps)])
-    along = np.linspace(0.0, knots[-1], max(2, int(np.ceil(knots[-1] / 0.05)) + 1))
-    points = np.stack([np.interp(along, knots, path[:, k]) for k in (0, 1)], axis=1)
+    length = arc_length(path)[-1]
+    along = np.linspace(0.0, length, max(2, int(np.ceil(length / 0.05)) + 1))
+    points = point_along(path, along)
     rooms = regions.at(points)
     cells = np.clip(regions.grid.cell_of(points), 0, np.array(regions.grid.shape) - 1)
     widths = regions.width_m[cells[:, 0], cells[:, 1]]
@@ -78,7 +78,7 @@ def _settled(
     widths: NDArray[np.float64],
     settle_m: float,
 ) -> bool:
-    """Whether the samples `run` of a path are a visit to their room."""
+    """Return whether the samples `run` of a path are a visit to their room."""
     if rooms[run[0]] < 0:
         return False
     stay = float(along[run[-1]] - along[run[0]])

@@ -30,7 +30,7 @@ def distance_field(freemap: Freemap, goal_xy_m: ArrayLike, radius_m: float = 0.0
 
 @dataclass(frozen=True)
 class DistanceField:
-    """Geodesic distance to one goal over a freemap: lengths of taut strings, see `geodesic`.
+    """Geodesic distance to one goal over a freemap; see `geodesic`.
 
     Attributes:
         grid: the cells.
@@ -45,7 +45,7 @@ class DistanceField:
 
     @staticmethod
     def build(freemap: Freemap, goal_xy_m: NDArray[np.float64], radius_m: float) -> DistanceField:
-        """Spread distances from the goal over the cells free for `radius_m`.
+        """Compute distances from the goal over the cells free for `radius_m`.
 
         A goal in a blocked cell is entered from the free cells within `SNAP_M`, as a point in a
         blocked cell is left (see `at`).
@@ -66,13 +66,13 @@ class DistanceField:
 
     @cached_property
     def _nearest_reachable(self) -> NDArray[np.int64]:
-        """(rows, columns, 2) the reachable cell nearest to each cell."""
+        """Return the reachable cell (rows, columns, 2) nearest to each cell."""
         blocked = ~np.isfinite(self.distance_m)
         index = distance_transform_edt(blocked, return_distances=False, return_indices=True)
         return np.moveaxis(np.asarray(index, dtype=np.int64), 0, -1)
 
     def at(self, xy_m: ArrayLike) -> NDArray[np.float64]:
-        """Distance [m] from points (..., 2) [m]: (...), inf when unreachable.
+        """Return distances (...) [m] from points (..., 2) [m]; inf where unreachable.
 
         A point's value is the least over the 3 × 3 cells about the reachable cell nearest to it
         of their distance plus the straight way to their centre. Points farther than `SNAP_M`
@@ -105,7 +105,7 @@ class DistanceField:
 def nearest_cell(
     grid: GridSpec, mask: NDArray[np.bool_], xy_m: ArrayLike, within_m: float
 ) -> tuple[int, int] | None:
-    """The cell of `mask` (rows, columns) nearest to a point (2,) [m]; None beyond `within_m`.
+    """Return the cell of `mask` (rows, columns) nearest to a point (2,) [m], None if too far.
 
     The cell that the point lies in, if it is in the mask, wins at any `within_m`.
     """

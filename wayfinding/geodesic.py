@@ -20,7 +20,7 @@ from ..formats.core.kernel import kernel
 def line_is_free(
     free: NDArray[np.bool_], row: int, column: int, to_row: int, to_column: int
 ) -> bool:
-    """Whether every cell that the segment between two cell centres touches is free.
+    """Return whether every cell that the segment between two cell centres touches is free.
 
     Walks the supercover of the segment in integer arithmetic: at an exact corner crossing both
     side cells must be free, so that nothing slips between two diagonal obstacles.
@@ -53,7 +53,7 @@ def line_is_free(
 def taut_distances(
     free: NDArray[np.bool_], row: int, column: int, offset_row: float, offset_column: float
 ) -> NDArray[np.float64]:
-    """Distances [cells] from one point to all cells' centres; inf = unreachable.
+    """Return distances [cells] from one point to all cells' centres; inf = unreachable.
 
     Args:
         free: (rows, columns) bool: the cells that may be entered.

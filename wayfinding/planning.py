@@ -1,19 +1,18 @@
-"""Paths over a freemap: short, clear of obstacles, taut, and safe to follow segment by segment.
+"""Plan paths over a freemap: short, clear of obstacles, safe to follow segment by segment.
 
-It lies in `formats` because the sampler plans episodes with it and the collectors re-plan with
-it, and rooms never import a neighbour.
+The sampler plans episodes with it, and the collectors re-plan.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import map_coordinates
 from skimage.graph import MCP_Geometric
 
+from ..formats.core.geometry import arc_length, resample
 from ..formats.scene.freemap import Freemap
 from ..formats.scene.grid import GridSpec
 from .distance import SNAP_M, nearest_cell
@@ -31,7 +30,7 @@ _PUSH = 0.15  # how much of its missing clearance a point gains per round of rel
 
 @dataclass(frozen=True)
 class PlanConfig:
-    """How a path is chosen among the collision-free ones.
+    """Options of the choice among collision-free paths.
 
     Attributes:
         comfort_m: clearance beyond the robot's radius from which on more is no better [m].
@@ -94,7 +93,7 @@ def plan_path(
 
 
 def floor_z(freemap: Freemap, xy_m: ArrayLike) -> Array:
-    """Floor height [m] at points (..., 2) [m]: that of the nearest cell with floor; (...)."""
+    """Return floor heights (...) [m] at points (..., 2) [m], of the nearest cell with floor."""
     points = np.asarray(xy_m, dtype=np.float64)
     fractional = _fractional(freemap.grid, points.reshape(-1, 2))
     z = map_coordinates(freemap.floor_z_everywhere_m, fractional.T, order=1, mode="nearest")
@@ -102,7 +101,7 @@ def floor_z(freemap: Freemap, xy_m: ArrayLike) -> Array:
 
 
 def segments_free(grid: GridSpec, free: Mask, path_xy_m: ArrayLike) -> Mask:
-    """Which segments of a path (P, 2) [m] stay inside the cells of `free`; (P − 1,) bool.
+    """Return (P − 1,) which segments of a path (P, 2) [m] stay inside the cells of `free`.
 
     Looks at points no farther apart than half a cell.
     """
@@ -111,7 +110,7 @@ def segments_free(grid: GridSpec, free: Mask, path_xy_m: ArrayLike) -> Mask:
 
 
 def path_clearance(freemap: Freemap, path_xy_m: ArrayLike) -> Array:
-    """Clearance [m] along a path (P, 2 or 3) [m], sampled every half cell; (S,)."""
+    """Return clearances (S,) [m] along a path (P, 2 or 3) [m], sampled every half cell."""
     path = np.asarray(path_xy_m, dtype=np.float64)[:, :2]
     points = resample(path, 0.5 * freemap.grid.cell_m)
     cells = freemap.grid.cell_of(points)
@@ -121,27 +120,8 @@ def path_clearance(freemap: Freemap, path_xy_m: ArrayLike) -> Array:
     return np.where(inside & freemap.traversable[cells[:, 0], cells[:, 1]], clearance, 0.0)
 
 
-def resample(path_m: ArrayLike, spacing_m: float) -> Array:
-    """Divide each segment of a path (P, D) evenly so that none is longer than `spacing_m`.
-
-    All given points are kept, so the shape is unchanged; repeated points are dropped.
-    """
-    path = np.asarray(path_m, dtype=np.float64)
-    pieces = [path[:1]]
-    for a, b in pairwise(path):
-        length = float(np.linalg.norm(b - a))
-        if length > 0:
-            count = int(np.ceil(length / spacing_m - 1e-9))
-            pieces.append(a + (b - a) * (np.arange(1, count + 1) / count)[:, None])
-    result = np.concatenate(pieces)
-    if len(result) == 1:
-        return np.repeat(result, 2, axis=0)
-    result[-1] = path[-1]
-    return result
-
-
 def simplify_path(
-    freemap: Freemap, path_m: ArrayLike, radius_m: float, spacing_m: float, tolerance_m: float
+    freemap: Freemap, path_m: ArrayLike, *, radius_m: float, spacing_m: float, tolerance_m: float
 ) -> Array:
     """Thin a path (P, 3) [m] to waypoints at its turns and at least every `spacing_m`.
 
@@ -151,7 +131,7 @@ def simplify_path(
     """
     path = np.asarray(path_m, dtype=np.float64)
     free = freemap.free(radius_m)
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    along = arc_length(path)
     # Equal spacing over the whole path looks better than one short rest at its end.
     spacing = along[-1] / max(1, int(np.ceil(along[-1] / spacing_m - 1e-9))) + 1e-9
     kept = [0]
@@ -171,26 +151,13 @@ def simplify_path(
     return path[kept]
 
 
-def path_length(path_m: ArrayLike) -> float:
-    """Length [m] of a path (P, D)."""
-    return float(np.linalg.norm(np.diff(np.asarray(path_m), axis=0), axis=1).sum())
-
-
-def point_along(path_m: ArrayLike, along_m: ArrayLike) -> Array:
-    """Points (..., D) at distances (...) [m] along a path (P, D); clamped to its ends."""
-    path = np.asarray(path_m, dtype=np.float64)
-    knots = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-    along = np.asarray(along_m, dtype=np.float64)
-    return np.stack([np.interp(along, knots, path[:, k]) for k in range(path.shape[1])], axis=-1)
-
-
 def _fractional(grid: GridSpec, xy_m: Array) -> Array:
-    """Points (N, 2) [m] as fractional (row, column), cell centres at integers."""
+    """Return points (N, 2) [m] as fractional (row, column), cell centres at integers."""
     return ((xy_m - np.asarray(grid.origin_xy_m)) / grid.cell_m - 0.5)[:, ::-1]
 
 
 def _samples(starts: Array, ends: Array, grid: GridSpec) -> NDArray[np.int64]:
-    """Cells (N, S, 2) along N segments (N, 2) → (N, 2), no farther apart than half a cell."""
+    """Return cells (N, S, 2) along N segments (N, 2) → (N, 2), at most half a cell apart."""
     longest = float(np.linalg.norm(ends - starts, axis=1).max(initial=0.0))
     count = int(np.ceil(longest / (0.5 * grid.cell_m))) + 1
     t = np.linspace(0.0, 1.0, count + 1)[None, :, None]
@@ -205,7 +172,7 @@ def _all_along(starts: Array, ends: Array, grid: GridSpec, mask: Mask) -> Mask:
 
 
 def _pull_taut(path: Array, grid: GridSpec, free: Mask, cost: Array) -> Array:
-    """Cheapest polyline (K, 2) through a subset of the path's points, by dynamic programming.
+    """Find the cheapest polyline (K, 2) through a subset of the path's points.
 
     A shortcut costs the mean cost along it times its length: it is taken only where it does not
     lead closer to obstacles than its shorter way is worth.
@@ -233,7 +200,7 @@ def _pull_taut(path: Array, grid: GridSpec, free: Mask, cost: Array) -> Array:
 
 
 def _thinned(path: Array, grid: GridSpec, free: Mask) -> NDArray[np.int64]:
-    """Indices of every few points of a path, of every point where that would cut a corner."""
+    """Return indices of every few points of a path; of every point where that cuts a corner."""
     stride = max(1, round(_STRIDE_M / grid.cell_m))
     keep = np.unique(np.append(np.arange(0, len(path), stride), len(path) - 1))
     cut = np.flatnonzero(~segments_free(grid, free, path[keep]))
@@ -242,7 +209,7 @@ def _thinned(path: Array, grid: GridSpec, free: Mask) -> NDArray[np.int64]:
 
 
 def _with_ends(corners: Array, start: Array, goal: Array, grid: GridSpec, free: Mask) -> Array:
-    """Put the true ends in place of the end cells' centres, or beyond them where needed."""
+    """Replace the end cells' centres by the true ends, or append those where needed."""
     if len(corners) < 2:
         return np.array([start, goal])
     first = segments_free(grid, free, np.array([start, corners[1]]))[0]
@@ -252,7 +219,7 @@ def _with_ends(corners: Array, start: Array, goal: Array, grid: GridSpec, free: 
 
 
 def _relax(path: Array, freemap: Freemap, free: Mask, wanted_m: float, steps: int) -> Array:
-    """Round the corners of an evenly dense path (P, 2) as an elastic band would lie.
+    """Smooth an evenly sampled path (P, 2) as an elastic band.
 
     Each point moves to the middle of its neighbours and away from obstacles nearer than
     `wanted_m`; moves that leave `free` are undone (Quinlan and Khatib, "Elastic bands", 1993).
@@ -280,7 +247,7 @@ def _relax(path: Array, freemap: Freemap, free: Mask, wanted_m: float, steps: in
 
 
 def _distance_to_segment(points: Array, a: Array, b: Array) -> Array:
-    """Distances (N,) of points (N, 2) to the segment a → b."""
+    """Return distances (N,) of points (N, 2) to the segment a → b."""
     direction = b - a
     squared = float(direction @ direction)
     if squared == 0.0 or not len(points):

@@ -1,8 +1,6 @@
-"""Rooms of a level: from room labels where there are any, else from the shape of the walls.
+"""Segment a level into rooms: by room labels if there are any, else by the walls.
 
-It lies in `formats` because the sampler (which wants paths that pass between rooms) and the
-instruction generator (which says so) both need it, and rooms of the house never import a
-neighbour.
+The sampler prefers paths that pass between rooms, and the instructions name the rooms.
 """
 
 from __future__ import annotations
@@ -63,7 +61,7 @@ ROOM_OF_OBJECT = {
 
 @dataclass(frozen=True)
 class RegionMap:
-    """Which room each place of a level belongs to.
+    """The rooms of a level by cell.
 
     Attributes:
         grid: the cells.
@@ -79,14 +77,14 @@ class RegionMap:
     width_m: NDArray[np.float64]
 
     def at(self, xy_m: ArrayLike) -> NDArray[np.int32]:
-        """Room index at points (..., 2) [m]: (...), −1 outside."""
+        """Return room indices (...) at points (..., 2) [m]; −1 outside."""
         cells = self.grid.cell_of(xy_m)
         inside = self.grid.inside(cells)
         cells = np.clip(cells, 0, np.array(self.grid.shape) - 1)
         return np.where(inside, self.region[cells[..., 0], cells[..., 1]], -1).astype(np.int32)
 
     def name_at(self, xy_m: ArrayLike) -> str:
-        """What the room at a point (2,) [m] is called, "" when unknown."""
+        """Return the name of the room at a point (2,) [m]; "" if unknown."""
         index = int(self.at(xy_m))
         return self.names[index] if index >= 0 else ""
 
@@ -116,7 +114,7 @@ def region_map(bundle: SceneBundle, level: int) -> RegionMap:
 
 
 def _walls(bundle: SceneBundle, level: int, grid: GridSpec) -> NDArray[np.bool_]:
-    """Cells (rows, columns) of walls, doors and tall cupboards; see `_SLICES_M`."""
+    """Return cells (rows, columns) of walls, doors and tall cupboards; see `_SLICES_M`."""
     boxes = bundle.obstacles(level)
     z = bundle.level_floor_z_m[level]
     lower, upper = boxes.center_m - boxes.half_m, boxes.center_m + boxes.half_m
@@ -136,7 +134,7 @@ def _walls(bundle: SceneBundle, level: int, grid: GridSpec) -> NDArray[np.bool_]
 
 
 def _box(array: NDArray, grid: GridSpec, low: ArrayLike, high: ArrayLike) -> NDArray:
-    """View of the cells of `array` that a box `low` … `high` (2,), (2,) [m] touches."""
+    """Return a view of the cells of `array` that a box `low` … `high` (2,), (2,) [m] touches."""
     shape = np.array(grid.shape)
     # A box that ends on a cell's edge does not touch the next cell, whatever the rounding says.
     first = np.clip(np.floor(_index(grid, low) + 0.5 + _EDGE), 0, shape).astype(int)
@@ -145,7 +143,7 @@ def _box(array: NDArray, grid: GridSpec, low: ArrayLike, high: ArrayLike) -> NDA
 
 
 def _index(grid: GridSpec, xy_m: ArrayLike) -> NDArray[np.float64]:
-    """Fractional (row, column) of a point; cell centres at integers."""
+    """Return the fractional (row, column) of a point; cell centres at integers."""
     xy = np.asarray(xy_m, dtype=np.float64)[:2]
     return ((xy - np.asarray(grid.origin_xy_m)) / grid.cell_m - 0.5)[::-1]
 
@@ -161,7 +159,7 @@ def _labelled(rooms: Sequence[LabeledObject], grid: GridSpec) -> NDArray[np.int3
 def _necks(
     width: NDArray[np.float64], open_floor: NDArray[np.bool_], cell_m: float
 ) -> NDArray[np.int32]:
-    """Split the open floor at bottlenecks: watershed of the width from its significant maxima.
+    """Split the free floor at bottlenecks: watershed of the width from its significant maxima.
 
     A maximum is significant when every way to a higher one narrows below `_NECK_RATIO` of it
     (morphological reconstruction; Soille, "Morphological Image Analysis", 2003, ch. 6).
@@ -185,7 +183,7 @@ def _furnished(
     objects: Sequence[LabeledObject],
     grid: GridSpec,
 ) -> tuple[NDArray[np.int32], tuple[str, ...]]:
-    """Name regions by their furniture; split those whose furniture says several rooms."""
+    """Name regions by their furniture; split those with the furniture of several rooms."""
     result = np.full_like(region, -1)
     names: list[str] = []
     for k in range(int(region.max(initial=-1)) + 1):
@@ -218,7 +216,7 @@ def _furnished(
 def _extend(
     region: NDArray[np.int32], open_floor: NDArray[np.bool_], cell_m: float
 ) -> NDArray[np.int32]:
-    """Give floor that no room claims (a doorway's depth) to the nearest room within reach."""
+    """Assign unclaimed floor (a doorway's depth) to the nearest room within reach."""
     index = distance_transform_edt(region < 0, return_distances=False, return_indices=True)
     nearest = region[tuple(np.asarray(index))]
     reach = np.asarray(distance_transform_edt(region < 0)) * cell_m <= _REACH_M

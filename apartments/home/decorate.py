@@ -1,4 +1,4 @@
-"""What hangs: pictures, clocks, mirrors, curtains, radiators, ceiling lamps."""
+"""Decoration of walls and ceilings: pictures, mirrors, curtains, radiators, lamps."""
 
 from __future__ import annotations
 
@@ -28,17 +28,28 @@ def _highest(space: RoomSpace, zone: np.ndarray) -> float:
 
 
 def ceiling_lamps(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
-    """One lamp in the middle, several in long rooms."""
+    """One lamp in the middle, several in long rooms, rows of them in open-plan offices."""
     size = space.room.size_m
     long = int(np.argmax(size))
     count = max(round(float(size[long]) / 3.8), 1)
+    rows = max(round(float(size[1 - long]) / 4.5), 1) if space.room.kind == "office" else 1
+    lit = _lit_bounds(space)
     pieces = []
-    for k in range(count):
-        at = space.bounds.mean(0)
-        at[long] = space.bounds[0, long] + size[long] * (k + 0.5) / count
+    for k in range(count * rows):
+        share = (k // count + 0.5) / rows
+        at = (1 - share) * lit[0] + share * lit[1]
+        at[long] = space.bounds[0, long] + size[long] * (k % count + 0.5) / count
         lamp = decor.pendant(kit, rng, space.plan.ceiling_m)
         pieces.append(lamp.moved(0.0, float(at[0]), float(at[1])))
     return pieces
+
+
+def _lit_bounds(space: RoomSpace) -> np.ndarray:
+    """(2, 2) the part of a room that its lamps hang over: beside the stairs, not in them."""
+    bounds = space.bounds.copy()
+    for block in space.plan.blocks_of(space.index, "stairs", "void"):
+        bounds[0, 1 - block.front[0]] = block.upper_m[1 - block.front[0]]
+    return bounds
 
 
 def windows(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:

@@ -1,4 +1,4 @@
-"""What stands in each kind of room."""
+"""What stands in the rooms of a home, and which function furnishes which room."""
 
 from __future__ import annotations
 
@@ -7,21 +7,14 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from ..looks.kit import Kit
+from . import furnish_office
 from .furniture import bath, beds, decor, kitchen, seating, storage, tables
 from .furniture.piece import Arrangement, Piece, alone
-from .space import RoomSpace, try_middle, try_wall
+from .space import RoomSpace, put_at_walls, try_middle, try_wall
+
+_LARGE_LIVING_ROOM_M2 = 44.0
 
 Furnisher = Callable[[RoomSpace, Kit, np.random.Generator], list[Piece]]
-
-
-def _put(space: RoomSpace, rng: np.random.Generator, items: list[Arrangement]) -> list[Piece]:
-    """Place at walls those of `items` that fit, in order."""
-    pieces: list[Piece] = []
-    for item in items:
-        found = try_wall(space, rng, item)
-        if found is not None:
-            pieces += found[3].pieces
-    return pieces
 
 
 def _middle(
@@ -63,7 +56,7 @@ def _corner_things(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list
     items = [alone(decor.plant(kit, rng), 0.1, on_window=True) for _ in range(rng.integers(1, 3))]
     if rng.random() < 0.7:
         items.append(alone(decor.floor_lamp(kit, rng), 0.1))
-    return _put(space, rng, items)
+    return put_at_walls(space, rng, items)
 
 
 def living_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
@@ -90,8 +83,26 @@ def living_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Pi
         items.append(alone(seating.armchair(kit, rng), 0.4, on_window=True))
     if rng.random() < 0.6:
         items.append(alone(storage.sideboard(kit, rng), 0.4))
-    pieces += _put(space, rng, items)
+    if space.room.area_m2 > _LARGE_LIVING_ROOM_M2:
+        items += _second_lounge(kit, rng)
+    pieces += put_at_walls(space, rng, items)
     return pieces + _corner_things(space, kit, rng)
+
+
+def _second_lounge(kit: Kit, rng: np.random.Generator) -> list[Arrangement]:
+    """What fills a living room that is larger than any apartment's."""
+    couch = seating.sofa(kit, rng, 2)
+    depth = float(couch.shape.bounds()[1, 1])
+    table = tables.coffee_table(kit, rng).moved(0.0, 0.0, depth + 0.7)
+    carpet = decor.rug(kit, rng, 2.3, 1.5).moved(0.0, 0.0, depth + 0.55)
+    return [
+        Arrangement((couch, table, carpet), 0.4, on_window=True),
+        alone(storage.bookshelf(kit, rng), 0.4),
+        alone(storage.bookshelf(kit, rng), 0.4),
+        alone(seating.armchair(kit, rng), 0.4, on_window=True),
+        alone(storage.dresser(kit, rng), 0.4, on_window=True),
+        alone(decor.plant(kit, rng), 0.1, on_window=True),
+    ]
 
 
 def kitchen_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
@@ -110,17 +121,17 @@ def kitchen_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[P
         ),
     )
     if not any(piece.name == "Refrigerator" for piece in pieces):
-        pieces += _put(space, rng, [alone(kitchen.refrigerator(kit), 0.5)])
+        pieces += put_at_walls(space, rng, [alone(kitchen.refrigerator(kit), 0.5)])
     pieces += _middle(space, kit, rng, (6, 4, 2) if rng.random() < 0.4 else (4, 2))
     items = [alone(storage.sideboard(kit, rng), 0.4)] if rng.random() < 0.5 else []
     items.append(alone(storage.bin_(kit, rng), 0.1))
-    return pieces + _put(space, rng, items) + _corner_things(space, kit, rng)[:1]
+    return pieces + put_at_walls(space, rng, items) + _corner_things(space, kit, rng)[:1]
 
 
 def dining_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
     """A large table and a sideboard."""
     pieces = _middle(space, kit, rng, (6, 4, 2))
-    pieces += _put(
+    pieces += put_at_walls(
         space, rng, [alone(storage.sideboard(kit, rng)), alone(storage.bookshelf(kit, rng))]
     )
     return pieces + _corner_things(space, kit, rng)
@@ -131,9 +142,9 @@ def bedroom(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]
     sizes = ((1.7, 2), (1.5, 2), (1.5, 1), (1.0, 1), (0.95, 0))
     pieces = _either(space, rng, (beds.bed_set(kit, rng, *size) for size in sizes))
     pieces += _wardrobe(space, kit, rng)
-    pieces += _put(space, rng, [alone(storage.dresser(kit, rng), 0.5)])
+    pieces += put_at_walls(space, rng, [alone(storage.dresser(kit, rng), 0.5)])
     extra = [seating.armchair, seating.pouf][int(rng.integers(2))](kit, rng)
-    pieces += _put(space, rng, [alone(extra, 0.3, on_window=True)])
+    pieces += put_at_walls(space, rng, [alone(extra, 0.3, on_window=True)])
     return pieces + _rug(space, kit, rng) + _corner_things(space, kit, rng)
 
 
@@ -146,7 +157,7 @@ def childrens_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list
         alone(storage.toy_shelf(kit, rng), 0.4),
         alone(seating.pouf(kit, rng), 0.2, on_window=True),
     ]
-    return pieces + _put(space, rng, items) + _rug(space, kit, rng)
+    return pieces + put_at_walls(space, rng, items) + _rug(space, kit, rng)
 
 
 def study(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
@@ -156,7 +167,7 @@ def study(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
     if rng.random() < 0.5:
         items.append(alone(seating.sofa(kit, rng, 2), 0.4, on_window=True))
     items.append(alone(seating.armchair(kit, rng), 0.3, on_window=True))
-    pieces = _put(space, rng, items) + _rug(space, kit, rng)
+    pieces = put_at_walls(space, rng, items) + _rug(space, kit, rng)
     return pieces + _corner_things(space, kit, rng)
 
 
@@ -172,7 +183,7 @@ def bathroom(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece
     ]
     mat = decor.rug(kit, rng, 0.85, 0.55)
     center = space.bounds.mean(0)
-    return [*_put(space, rng, items), mat.moved(0.0, float(center[0]), float(center[1]))]
+    return [*put_at_walls(space, rng, items), mat.moved(0.0, float(center[0]), float(center[1]))]
 
 
 def hallway(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
@@ -183,10 +194,15 @@ def hallway(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]
     length, width = float(min(size.max() * 0.6, 3.0)), float(min(0.45 * size.min(), 0.8))
     runner = decor.rug(kit, rng, length, width).moved(long * np.pi / 2)
     center = space.bounds.mean(0)
-    return [*_put(space, rng, items), runner.moved(0.0, float(center[0]), float(center[1]))]
+    return [*put_at_walls(space, rng, items), runner.moved(0.0, float(center[0]), float(center[1]))]
 
 
-FURNISHERS: dict[str, Furnisher] = {
+def stairwell(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
+    """A plant beside the stairs."""
+    return put_at_walls(space, rng, [alone(decor.plant(kit, rng), 0.1, on_window=True)])
+
+
+_HOME: dict[str, Furnisher] = {
     "living room": living_room,
     "kitchen": kitchen_room,
     "dining room": dining_room,
@@ -195,4 +211,18 @@ FURNISHERS: dict[str, Furnisher] = {
     "study": study,
     "bathroom": bathroom,
     "hallway": hallway,
+    "stairwell": stairwell,
 }
+_OFFICE: dict[str, Furnisher] = {
+    "office": furnish_office.open_office,
+    "meeting room": furnish_office.meeting_room,
+    "kitchen": kitchen_room,
+    "bathroom": furnish_office.restroom,
+    "storeroom": furnish_office.storeroom,
+    "hallway": furnish_office.office_corridor,
+}
+
+
+def furnisher(building: str, room: str) -> Furnisher:
+    """The function that furnishes a kind of room in a kind of building."""
+    return (_OFFICE if building == "office" else _HOME)[room]

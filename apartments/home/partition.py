@@ -13,23 +13,24 @@ import numpy as np
 Cell = tuple[str, float, float, float, float]
 
 
-def _cuts(rng: np.random.Generator, length: float, least: list[float]) -> list[float]:
+def cuts(rng: np.random.Generator, length: float, least: list[float]) -> list[float]:
     """Cut `length` into pieces of at least `least` each; small pieces (bathrooms) grow little."""
     spare = max(length - sum(least), 0.0)
     share = rng.dirichlet([0.8 if piece < 2.5 else 5.0 for piece in least]) * spare
     return list(np.cumsum([0.0, *(a + b for a, b in zip(least, share, strict=True))]))
 
 
-def _row(
+def row(
     rng: np.random.Generator, x0: float, x1: float, y0: float, y1: float, roles: list[str]
 ) -> list[Cell]:
     """A row of rooms side by side along x."""
     least = [2.1 if role == "wet" else 3.1 for role in roles]
-    at = _cuts(rng, x1 - x0, least)
+    at = cuts(rng, x1 - x0, least)
     return [(role, x0 + at[k], y0, x0 + at[k + 1], y1) for k, role in enumerate(roles)]
 
 
-def _shuffled(rng: np.random.Generator, roles: list[str]) -> list[str]:
+def shuffled(rng: np.random.Generator, roles: list[str]) -> list[str]:
+    """Roles in random order."""
     return [roles[k] for k in rng.permutation(len(roles))]
 
 
@@ -55,8 +56,8 @@ def corridor(rng: np.random.Generator) -> list[Cell]:
         below = [*below, "room"]
     # A recess in the outline: not every home is one rectangle.
     recess = rng.uniform(0.0, 0.5) if rng.random() < 0.5 else 0.0
-    cells += _row(rng, end, width, recess, low, _shuffled(rng, below))
-    cells += _row(rng, end, width, high, depth, _shuffled(rng, above))
+    cells += row(rng, end, width, recess, low, shuffled(rng, below))
+    cells += row(rng, end, width, high, depth, shuffled(rng, above))
     return cells
 
 
@@ -73,8 +74,8 @@ def hub(rng: np.random.Generator) -> list[Cell]:
         (0.0, left, ["wet", "room", "room"]),
         (left + middle, left + middle + right, ["room", "room"]),
     ):
-        order = _shuffled(rng, roles)
-        at = _cuts(rng, depth, [2.1 if role == "wet" else 3.0 for role in order])
+        order = shuffled(rng, roles)
+        at = cuts(rng, depth, [2.1 if role == "wet" else 3.0 for role in order])
         cells += [(role, x0, at[k], x1, at[k + 1]) for k, role in enumerate(order)]
     return cells
 
@@ -92,7 +93,7 @@ def gallery(rng: np.random.Generator) -> list[Cell]:
     roles = ["wet", "room"]
     if width - first - last > 8.3:
         roles.append("room")
-    cells += _row(rng, first, width - last, hall, depth, _shuffled(rng, roles))
+    cells += row(rng, first, width - last, hall, depth, shuffled(rng, roles))
     return cells
 
 

@@ -1,4 +1,4 @@
-"""The floor plan: rooms, doorways, windows."""
+"""Floor plans: rooms, doorways, windows, stairs and columns."""
 
 from __future__ import annotations
 
@@ -45,15 +45,15 @@ class Room:
 
 @dataclass(frozen=True)
 class Opening:
-    """A hole in one wall of one room: a doorway, a window or the entry door.
+    """A hole in one wall of one room: a doorway, a wide passage, a window or the entry door.
 
     Attributes:
-        kind: `door`, `window` or `entry`.
+        kind: `door`, `passage` (wider than a door and without a frame), `window` or `entry`.
         room: index of the room.
         axis, sign: the side of the room (see `SIDES`).
         start_m, end_m: extent along the wall.
         bottom_m, top_m: extent in height.
-        other_room: for a door, the room behind it; otherwise −1.
+        other_room: for a door or a passage, the room behind it; otherwise −1.
     """
 
     kind: str
@@ -68,20 +68,54 @@ class Opening:
 
 
 @dataclass(frozen=True)
+class Block:
+    """A rectangle of a room that holds something other than free floor.
+
+    Attributes:
+        kind: `stairs` (the ceiling is open above them), `void` (the floor is open) or `column`.
+        room: index of the room.
+        lower_m, upper_m: (2,) corners [m].
+        top_m: height up to which it is solid, above the storey's floor [m].
+        front: for stairs and voids, (axis, sign) of the side from which the stairs rise.
+    """
+
+    kind: str
+    room: int
+    lower_m: tuple[float, float]
+    upper_m: tuple[float, float]
+    top_m: float
+    front: tuple[int, int] = (0, 1)
+
+    def rect(self) -> NDArray[np.float64]:
+        """(2, 2) lower and upper corner [m]."""
+        return np.array([self.lower_m, self.upper_m])
+
+
+@dataclass(frozen=True)
 class FloorPlan:
-    """Rooms and the openings in their walls; each doorway appears once per room it joins.
+    """Rooms of one storey and the openings in their walls.
+
+    Each doorway appears once per room it joins. Heights count from the storey's own floor.
 
     Attributes:
         rooms: the rooms.
         openings: holes in their walls.
         wall_m: thickness of the walls.
         ceiling_m: room height.
+        floor_z_m: world height of the floor.
+        blocks: stairs, voids and columns.
     """
 
     rooms: tuple[Room, ...]
     openings: tuple[Opening, ...]
     wall_m: float
     ceiling_m: float
+    floor_z_m: float = 0.0
+    blocks: tuple[Block, ...] = ()
+
+    def blocks_of(self, room: int, *kinds: str) -> list[Block]:
+        """The blocks of a room, only those of `kinds` if any are given."""
+        return [b for b in self.blocks if b.room == room and (not kinds or b.kind in kinds)]
 
     def side(self, room: int, axis: int, sign: int) -> list[Opening]:
         """The openings on one side of a room."""

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...formats.core.geometry import arc_length
+
 Array = NDArray[np.float64]
 
 
@@ -160,7 +162,7 @@ def turned(
     vertices = np.empty((len(line), sides + 1, 3))
     vertices[..., :2] = np.asarray(center_xy) + line[:, None, :1] * ring[None]
     vertices[..., 2] = line[:, 1, None]
-    along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))]
+    along = arc_length(line)
     uv = np.empty((len(line), sides + 1, 2))
     uv[..., 0] = angle * float(line[:, 0].max())
     uv[..., 1] = along[:, None]

@@ -10,7 +10,7 @@ from ..looks import pictures
 from ..looks.palette import Palette
 from ..looks.styles import RoomStyle
 from .furniture.piece import Piece
-from .plan import SIDES, FloorPlan, Opening, Room
+from .plan import SIDES, Block, FloorPlan, Opening, Room
 from .shapes import Triangles, box, join, quad
 
 _CASING_M, _CASING_DEPTH_M = 0.07, 0.016
@@ -49,7 +49,9 @@ def floor_and_ceiling(plan: FloorPlan, index: int, style: RoomStyle) -> list[Pie
     """A room's floor, reaching half through its doorways, and its ceiling."""
     room = plan.rooms[index]
     (x0, y0), (x1, y1) = room.lower_m, room.upper_m
-    pieces = [_horizontal(x0, y0, x1, y1, 0.0, style.floor)]
+    voids = [b.rect() for b in plan.blocks_of(index, "void")]
+    stairs = [b.rect() for b in plan.blocks_of(index, "stairs")]
+    pieces = _sheet(np.array([[x0, y0], [x1, y1]]), 0.0, style.floor, voids)
     for door in plan.doors_of(index):
         if door.kind == "entry":
             continue
@@ -57,8 +59,22 @@ def floor_and_ceiling(plan: FloorPlan, index: int, style: RoomStyle) -> list[Pie
         p, q = place(door.start_m, 0.0, 0.0), place(door.end_m, plan.wall_m / 2, 0.0)
         low, high = np.minimum(p, q), np.maximum(p, q)
         pieces.append(_horizontal(low[0], low[1], high[0], high[1], 0.0, style.floor))
-    ceiling = _horizontal(x0, y0, x1, y1, plan.ceiling_m, style.ceiling)
-    return [Piece("Floor", "floor", join(pieces)), Piece("Ceiling", "ceiling", ceiling)]
+    ceiling = _sheet(np.array([[x0, y0], [x1, y1]]), plan.ceiling_m, style.ceiling, stairs)
+    return [Piece("Floor", "floor", join(pieces)), Piece("Ceiling", "ceiling", join(ceiling))]
+
+
+def _sheet(rect: np.ndarray, z: float, material: int, holes: list[np.ndarray]) -> list[Triangles]:
+    """A horizontal rectangle (2, 2) without at most one hole (2, 2) inside it."""
+    (x0, y0), (x1, y1) = rect.tolist()
+    if not holes:
+        return [_horizontal(x0, y0, x1, y1, z, material)]
+    (a0, b0), (a1, b1) = holes[0].tolist()
+    parts = ((x0, y0, a0, y1), (a1, y0, x1, y1), (a0, y0, a1, b0), (a0, b1, a1, y1))
+    return [
+        _horizontal(*part, z, material)
+        for part in parts
+        if part[2] - part[0] > 1e-6 and part[3] - part[1] > 1e-6
+    ]
 
 
 def _horizontal(x0: float, y0: float, x1: float, y1: float, z: float, material: int) -> Triangles:
@@ -160,6 +176,24 @@ def door_frame(plan: FloorPlan, door: Opening, trim: int) -> Piece:
         shapes += _casing(place, door, trim)
         shapes += _reveal(place, door, plan.wall_m / 2, trim)
     return Piece("Door_frame", "door frame", join(shapes))
+
+
+def passage_lining(plan: FloorPlan, passage: Opening, near: int, far: int) -> Piece:
+    """The sides of a wide passage through a wall, in the materials of the walls it joins."""
+    shapes: list[Triangles] = []
+    for room, sign, material in (
+        (passage.room, passage.sign, near),
+        (passage.other_room, -passage.sign, far),
+    ):
+        place = wall_frame(plan.rooms[room], passage.axis, sign)
+        shapes += _reveal(place, passage, plan.wall_m / 2, material)
+    return Piece("Wall", "wall", join(shapes))
+
+
+def column(block: Block, material: int) -> Piece:
+    """A square column from the floor to the ceiling."""
+    shape = box((*block.lower_m, 0.0), (*block.upper_m, block.top_m), material)
+    return Piece("Column", "column", shape)
 
 
 def entry_door(plan: FloorPlan, door: Opening, trim: int, palette: Palette, color: tuple) -> Piece:

@@ -1,4 +1,4 @@
-"""Room for furniture: what is taken, what must stay free, where a robot can still go."""
+"""Placement of furniture in a room, so that doors stay clear and robots can pass."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, label
 
-from .furniture.piece import Arrangement
-from .plan import SIDES, FloorPlan
+from .furniture.piece import Arrangement, Piece
+from .plan import SIDES, FloorPlan, Opening
+from .stairs import taken_floor
 
 Rect = NDArray[np.float64]
 
@@ -36,11 +37,16 @@ class RoomSpace:
         self.solids: list[Rect] = []
         self.kept: list[Rect] = []
         self.entrances: list[NDArray[np.float64]] = []
-        for door in plan.doors_of(index):
-            self._keep_door(door.axis, door.sign, door.start_m, door.end_m)
         self.tops: list[tuple[Rect, float]] = []
+        self.blocks = [taken_floor(block) for block in plan.blocks_of(index)]
+        for rect, block in zip(self.blocks, plan.blocks_of(index), strict=True):
+            self.solids.append(rect)
+            self.tops.append((rect, block.top_m))
+        for door in plan.doors_of(index):
+            self._keep_door(door)
 
-    def _keep_door(self, axis: int, sign: int, start: float, end: float) -> None:
+    def _keep_door(self, door: Opening) -> None:
+        axis, sign, start, end = door.axis, door.sign, door.start_m, door.end_m
         face = self.room.wall_at(axis, sign)
         depth = min(_DOOR_DEPTH_M, 0.8 * float(self.room.size_m[axis]))
         zone = np.empty((2, 2))
@@ -49,6 +55,10 @@ class RoomSpace:
         self.kept.append(zone)
         point = np.empty(2)
         point[axis], point[1 - axis] = face - sign * 0.45, (start + end) / 2
+        if self.blocks and door.kind == "passage" and self.room.kind == "stairwell":
+            # Beside the stairs, whose foot lies in the passage too.
+            sides = ((start, self.blocks[0][0, 1 - axis]), (self.blocks[0][1, 1 - axis], end))
+            point[1 - axis] = np.mean(max(sides, key=lambda side: side[1] - side[0]))
         self.entrances.append(point)
 
     def fits(self, item: Arrangement) -> bool:
@@ -179,6 +189,18 @@ def try_wall(
             space.keep(zone)
             return axis, sign, along, placed
     return None
+
+
+def put_at_walls(
+    space: RoomSpace, rng: np.random.Generator, items: list[Arrangement]
+) -> list[Piece]:
+    """Place at walls those of `items` that fit, in order, and return their pieces."""
+    pieces: list[Piece] = []
+    for item in items:
+        found = try_wall(space, rng, item)
+        if found is not None:
+            pieces += found[3].pieces
+    return pieces
 
 
 def _mirrored(axis: int, sign: int) -> bool:

@@ -1,4 +1,4 @@
-"""The exact apartment as labelled, textured triangles."""
+"""The exact building as labelled, textured triangles."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .shapes import Triangles, join
 
 @dataclass(frozen=True)
 class TrueObject:
-    """A named thing.
+    """A labelled object.
 
     Attributes:
         name: unique, e.g. `Sofa_1`.
@@ -31,23 +31,35 @@ class TrueObject:
 
 @dataclass(frozen=True)
 class TrueScene:
-    """Everything there is, exactly.
+    """The exact geometry of a building, and the names of its parts.
 
     Attributes:
-        plan: rooms and openings.
+        storeys: rooms and openings of each storey, lowest first.
         shape: all triangles, world z up [m].
         face_object: (F,) int32 index into `objects`.
-        objects: the things.
-        materials: looks that `shape.material` refers to.
+        objects: everything that has a name.
+        materials: what `shape.material` refers to.
         lamps_m: (L, 3) centres of the ceiling lamps.
     """
 
-    plan: FloorPlan
+    storeys: tuple[FloorPlan, ...]
     shape: Triangles
     face_object: NDArray[np.int32]
     objects: tuple[TrueObject, ...]
     materials: tuple[Material, ...]
     lamps_m: NDArray[np.float64]
+
+    @property
+    def plan(self) -> FloorPlan:
+        """The lowest storey."""
+        return self.storeys[0]
+
+    def bounds(self) -> NDArray[np.float64]:
+        """(2, 3) lower and upper corner of all rooms [m]."""
+        ends = [storey.bounds() for storey in self.storeys]
+        low, high = np.min([e[0] for e in ends], axis=0), np.max([e[1] for e in ends], axis=0)
+        top = max(storey.floor_z_m + storey.ceiling_m for storey in self.storeys)
+        return np.array([[*low, self.plan.floor_z_m], [*high, top]])
 
 
 class SceneBuilder:
@@ -67,11 +79,13 @@ class SceneBuilder:
         self._objects.append(TrueObject(name, piece.category, (x0, y0, z0), (x1, y1, z1)))
         self._shapes.append(piece.shape)
 
-    def build(self, plan: FloorPlan, lamps_m: list[tuple[float, float, float]]) -> TrueScene:
+    def build(
+        self, storeys: tuple[FloorPlan, ...], lamps_m: list[tuple[float, float, float]]
+    ) -> TrueScene:
         """The finished scene."""
         counts = [len(s.material) for s in self._shapes]
         return TrueScene(
-            plan,
+            storeys,
             join(self._shapes),
             np.repeat(np.arange(len(counts)), counts).astype(np.int32),
             tuple(self._objects),

@@ -83,6 +83,7 @@ def tiles(
     shape: tuple[int, int],
     count: tuple[int, int],
     base: ArrayLike,
+    *,
     other: ArrayLike | None = None,
     grout: ArrayLike = (150, 145, 138),
     veins: float = 0.0,

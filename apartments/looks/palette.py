@@ -31,10 +31,17 @@ PAINTER = Callable[[np.random.Generator, tuple[int, int]], Image]
 
 
 class Palette:
-    """Makes each material once, in the order of first use, from its own random stream."""
+    """Makes each material once, in the order of first use, from its own random stream.
 
-    def __init__(self, rng: np.random.Generator):
+    Args:
+        rng: source of randomness of the images.
+        painted: paint the images; without them all are plain grey, which is much faster where only
+            the geometry matters.
+    """
+
+    def __init__(self, rng: np.random.Generator, painted: bool = True):
         self._rng = rng
+        self._painted = painted
         self._index: dict[str, int] = {}
         self.materials: list[Material] = []
 
@@ -52,7 +59,9 @@ class Palette:
                 max(round(size_m[1] * pixels_per_m), 8),
                 max(round(size_m[0] * pixels_per_m), 8),
             )
-            image = paint(self._rng.spawn(1)[0], shape)
+            image = np.full((8, 8, 3), 128, dtype=np.uint8)
+            if self._painted:
+                image = paint(self._rng.spawn(1)[0], shape)
             self._index[name] = len(self.materials)
             self.materials.append(Material(name, image, size_m, emissive))
         return self._index[name]

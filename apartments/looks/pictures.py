@@ -132,6 +132,7 @@ def front(
     base: ArrayLike,
     rows: int,
     columns: int,
+    *,
     knob: ArrayLike = (70, 70, 72),
     framed: bool = False,
     wood: np.ndarray | None = None,

@@ -1,4 +1,4 @@
-"""Which floor and walls a room gets, so that rooms of one home are told apart at a glance."""
+"""Floors and walls of rooms, chosen so that the rooms of a building differ at a glance."""
 
 from __future__ import annotations
 
@@ -178,11 +178,11 @@ class Stylist:
                     320.0,
                 )
             return self._floor_tiles(0.4, checker=draw < 0.55)
-        if kind in ("living room", "hallway", "dining room"):
+        if kind in ("living room", "hallway", "dining room", "stairwell"):
             return self._wood(0 if kind != "dining room" else 1)
         self.bedrooms += 1
         if self.rng.random() < 0.4:
-            name = self.wall_names[-1 - self.bedrooms]
+            name = self.wall_names[-1 - self.bedrooms % len(self.wall_names)]
             base = tuple(int(0.72 * c) for c in WALL_COLORS[name])
             return self.palette.get(
                 f"carpet {name}", lambda r, s: floors.carpet(r, s, base), (2.0, 2.0), 320.0
@@ -219,7 +219,7 @@ class Stylist:
         count = 6
         return self.palette.get(
             f"floor tiles {color} {other} {side_m}",
-            lambda r, s: floors.tiles(r, s, (count, count), color, other, veins=veins),
+            lambda r, s: floors.tiles(r, s, (count, count), color, other=other, veins=veins),
             (count * side_m, count * side_m),
             min(320.0, 768 / (count * side_m)),
         )

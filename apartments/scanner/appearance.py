@@ -1,4 +1,4 @@
-"""The colour of the exact surface at points of its triangles."""
+"""Sample the colour of the exact surface."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Appearance:
 
     @staticmethod
     def of(scene: TrueScene) -> Appearance:
-        """Collect the looks of `scene`."""
+        """Collect the materials of `scene`."""
         materials: Sequence[Material] = scene.materials
         counts = [m.image.shape[0] * m.image.shape[1] for m in materials]
         starts = np.r_[0, np.cumsum(counts)[:-1]]
@@ -52,11 +52,11 @@ class Appearance:
         )
 
     def color(self, face: NDArray[np.int32], bary: NDArray[np.float32]) -> NDArray[np.uint8]:
-        """(N, 3) uint8 colours at `bary` (N, 2) of triangles `face` (N,); black where −1."""
+        """Return colours (N, 3) uint8 at `bary` (N, 2) of triangles `face` (N,); black where −1."""
         return _sample(face, bary, self.uv, self.material, self.pixels, self.layout, self.size_m)
 
 
-@kernel(nogil=True)
+@kernel()
 def _sample(face, bary, uv, material, pixels, layout, size_m):
     out = np.zeros((face.shape[0], 3), dtype=np.uint8)
     for i in range(face.shape[0]):

@@ -1,22 +1,20 @@
-"""Paints the texture pages: exact colour times baked light."""
+"""Bake the texture pages: exact colour times light."""
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.geometry import triangle_normals
 from ..config import ScanConfig
 from ..home.true_scene import TrueScene
 from .appearance import Appearance
-from .charts import Charts
+from .atlas import Charts, Packing
 from .light import Lighting, Lights
 from .lookup import exact_surface
-from .packing import Packing
 from .raster import rasterize
-from .scan import unit_normals
 from .surface import ScanMesh
 from .tracing import Tracer
 
@@ -61,7 +59,7 @@ class Baker:
     ):
         self._tracer, self._rays = tracer, config.light_rays
         self._looks = Appearance.of(scene)
-        self._normals = unit_normals(scene.shape.corners)
+        self._normals = triangle_normals(scene.shape.corners).astype(np.float32)
         panes = self._looks.emissive[scene.shape.material]
         open_tracer = Tracer(scene.shape.corners[~panes])
         lights = Lights.of(rng, scene)
@@ -69,7 +67,7 @@ class Baker:
         self._rng = rng
 
     def vertex_light(self, mesh: ScanMesh, split: ChartVertices) -> NDArray[np.float32]:
-        """(N, 3) soft light at chart vertices, smoothed once along the mesh."""
+        """Return soft light (N, 3) at chart vertices, smoothed along the mesh."""
         points = mesh.vertices[split.vertex].astype(np.float32)
         soft = self._light.soft(self._rng, points, split.normal, self._rays)
         light = soft.astype(np.float32)
@@ -96,28 +94,25 @@ class Baker:
         packing: Packing,
         page: int,
     ) -> NDArray[np.uint8]:
-        """The image (height, width, 3) of one page."""
-        mine = np.flatnonzero(packing.page[charts.chart] == page)
-        corner = page_corners(charts, packing)[mine]
+        """Bake the image (height, width, 3) of one page."""
+        selected = np.flatnonzero(packing.page[charts.chart] == page)
+        corner = page_corners(charts, packing)[selected]
         face, bary = rasterize(corner, packing.page_size[page])
         image = np.zeros((*face.shape, 3), dtype=np.uint8)
         flat_image, flat_face = image.reshape(-1, 3), face.ravel()
         flat_bary = bary.reshape(-1, 2)
         filled = np.flatnonzero(flat_face >= 0)
-        points = mesh.vertices[mesh.faces[mine]].astype(np.float32)
-        corner_light = light[split.face[mine]]
-        normals = charts.normal[mine]
+        points = mesh.vertices[mesh.faces[selected]].astype(np.float32)
+        corner_light = light[split.face[selected]]
+        normals = charts.normal[selected]
 
-        def paint(first: int) -> None:
+        for first in range(0, len(filled), _CHUNK):
             part = filled[first : first + _CHUNK]
             which, b = flat_face[part], flat_bary[part]
             weight = np.stack([1 - b[:, 0] - b[:, 1], b[:, 0], b[:, 1]], axis=1)
             position = np.einsum("nk,nki->ni", weight, points[which])
             shade = np.einsum("nk,nki->ni", np.clip(weight, 0, 1), corner_light[which])
             flat_image[part] = self._texels(position, normals[which], shade)
-
-        with ThreadPoolExecutor(1) as pool:
-            list(pool.map(paint, range(0, len(filled), _CHUNK)))
         image[face < 0] = image[face >= 0].mean(0) if len(filled) else 0
         return image
 
@@ -139,5 +134,5 @@ class Baker:
 
 
 def page_corners(charts: Charts, packing: Packing) -> NDArray[np.float64]:
-    """(F, 3, 2) corners on their pages [texels, y down]."""
+    """Return corners (F, 3, 2) on their pages [texels, y down]."""
     return charts.corner + packing.origin[charts.chart][:, None]

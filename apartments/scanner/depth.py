@@ -1,4 +1,4 @@
-"""Depth images of the exact apartment, with a depth camera's errors."""
+"""Simulate depth images of the exact apartment with a depth camera's errors."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class DepthCamera:
 
     @staticmethod
     def of(config: ScanConfig) -> DepthCamera:
-        """The scanner's camera."""
+        """Return the scanner's camera."""
         width, height = config.view_px
         focal = 0.5 * width / float(np.tan(0.5 * np.deg2rad(config.view_hfov_deg)))
         u, v = np.meshgrid(np.arange(width) + 0.5 - width / 2, np.arange(height) + 0.5 - height / 2)
@@ -54,7 +54,7 @@ def measure(
     view: View,
     config: ScanConfig,
 ) -> NDArray[np.float32]:
-    """A noisy depth image (H, W) [m] along the optical axis; 0 where nothing returned.
+    """Return a noisy depth image (H, W) [m] along the optical axis; 0 where nothing returned.
 
     The axial noise grows with the square of the distance, as measured for structured-light
     cameras (Khoshelham and Elberink, 2012); a slowly varying error over the image and dropouts at
@@ -80,7 +80,7 @@ def measure(
 
 
 def misplaced(rng: np.random.Generator, view: View, config: ScanConfig) -> View:
-    """Where the scanner believes `view` was taken: a small error of position and attitude."""
+    """Return `view` with a small error of position and attitude, as the scanner estimates it."""
     x, y, z = rng.normal(0, np.deg2rad(config.pose_noise_deg), 3)
     turn = np.array([[1.0, -z, y], [z, 1.0, -x], [-y, x, 1.0]])
     u, _, vt = np.linalg.svd(turn)

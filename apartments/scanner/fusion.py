@@ -1,20 +1,24 @@
-"""Fuses depth views into a truncated signed distance field (Curless and Levoy, 1996)."""
+"""Scan the exact apartment: fuse depth views into a truncated signed distance volume."""
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.geometry import triangle_normals
 from ...formats.core.kernel import kernel
-from .depth import DepthCamera
-from .stations import View
+from ..config import ScanConfig
+from ..home.true_scene import TrueScene
+from .depth import DepthCamera, measure, misplaced
+from .stations import View, views
+from .tracing import Tracer
 
 # In voxels: how far before and behind a surface the field is kept.
 _FRONT = 3.0
 _BEHIND = 2.2
+_MARGIN_M = 0.28
 
 
 @dataclass(frozen=True)
@@ -37,7 +41,7 @@ class DistanceVolume:
     def empty(
         lower_m: NDArray[np.float64], upper_m: NDArray[np.float64], voxel_m: float
     ) -> DistanceVolume:
-        """An unseen volume that covers a box."""
+        """Return an empty volume that covers a box."""
         shape = tuple(np.ceil((upper_m - lower_m) / voxel_m).astype(int) + 1)
         return DistanceVolume(
             np.asarray(lower_m, dtype=np.float64),
@@ -48,12 +52,11 @@ class DistanceVolume:
 
     def integrate(
         self,
-        pool: ThreadPoolExecutor,
         camera: DepthCamera,
         view: View,
         depth_m: NDArray[np.float32],
     ) -> None:
-        """Add a depth image (H, W) [m] taken (as believed) from `view`."""
+        """Add a depth image (H, W) [m] taken from `view`, as estimated."""
         seen = depth_m.ravel() > 0
         if not seen.any():
             return
@@ -66,23 +69,18 @@ class DistanceVolume:
         stop = np.minimum(
             np.ceil((high - self.origin_m) / self.voxel_m) + 1, self.value.shape
         ).astype(np.int64)
-        middle = int(start[0] + stop[0]) // 2
+        step = view.rotation * self.voxel_m
         offset = (self.origin_m - view.position_m) @ view.rotation
-
-        def half(first: int, last: int) -> None:
-            _integrate(
-                self.value, self.weight, depth_m, view.rotation * self.voxel_m, offset,
-                camera.focal_px, self.voxel_m, np.array([first, start[1], start[2]]),
-                np.array([last, stop[1], stop[2]]),
-            )  # fmt: skip
-
-        # The halves touch disjoint slabs.
-        list(pool.map(half, (int(start[0]), middle), (middle, int(stop[0]))))
+        scale = (camera.focal_px, self.voxel_m)
+        _integrate(self.value, self.weight, depth_m, step, offset, scale, np.stack([start, stop]))
 
 
-@kernel(nogil=True)
-def _integrate(value, weight, depth, step, offset, focal, voxel, start, stop):
+@kernel()
+def _integrate(value, weight, depth, step, offset, scale, box):
+    """Fuse a depth image into the voxels of `box`, its first and last (exclusive) index."""
     rows, columns = depth.shape
+    focal, voxel = scale
+    start, stop = box[0], box[1]
     front, behind = _FRONT * voxel, _BEHIND * voxel
     half_x, half_y = 0.5 * columns / focal, 0.5 * rows / focal
     farthest = depth.max() + behind
@@ -117,9 +115,9 @@ def _integrate(value, weight, depth, step, offset, focal, voxel, start, stop):
                 continue
             for k in range(int(np.ceil(first)), int(np.floor(last)) + 1):
                 z = bz + k * step[2, 2]
-                scale = focal / z
-                u = int((bx + k * step[2, 0]) * scale + 0.5 * columns)
-                v = int((by + k * step[2, 1]) * scale + 0.5 * rows)
+                zoom = focal / z
+                u = int((bx + k * step[2, 0]) * zoom + 0.5 * columns)
+                v = int((by + k * step[2, 1]) * zoom + 0.5 * rows)
                 if u < 0 or v < 0 or u >= columns or v >= rows:
                     continue
                 d = depth[v, u]
@@ -137,3 +135,19 @@ def _integrate(value, weight, depth, step, offset, focal, voxel, start, stop):
                 total = weight[i, j, k] + w
                 value[i, j, k] += (signed - value[i, j, k]) * w / total
                 weight[i, j, k] = min(total, 60.0)
+
+
+def fuse(
+    rng: np.random.Generator, scene: TrueScene, tracer: Tracer, config: ScanConfig
+) -> DistanceVolume:
+    """Take all depth views of `scene` and fuse them."""
+    lower, upper = scene.bounds()
+    margin = np.array([_MARGIN_M, _MARGIN_M, 0.15])
+    volume = DistanceVolume.empty(lower - margin, upper + margin, config.voxel_m)
+    camera = DepthCamera.of(config)
+    normals = triangle_normals(scene.shape.corners).astype(np.float32)
+    true_views = [v for plan in scene.storeys for v in views(rng, plan, tracer, config)]
+    for view, stream in zip(true_views, rng.spawn(len(true_views)), strict=True):
+        depth = measure(stream, tracer, normals, camera, view, config)
+        volume.integrate(camera, misplaced(stream, view, config), depth)
+    return volume

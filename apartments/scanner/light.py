@@ -1,4 +1,4 @@
-"""Soft light: daylight from windows, ceiling lamps, and what the room itself reflects."""
+"""Illumination: daylight from windows, ceiling lamps, sun and ambient reflection."""
 
 from __future__ import annotations
 
@@ -36,13 +36,14 @@ class Lights:
 
     @staticmethod
     def of(rng: np.random.Generator, scene: TrueScene) -> Lights:
-        """The windows and lamps of `scene`, and a sun that stands before one of its windows."""
+        """Collect the windows and lamps of `scene`, and place a sun in front of a window."""
         boxes, normals = [], []
-        for o in (o for o in scene.plan.openings if o.kind == "window"):
+        holes = [(p, o) for p in scene.storeys for o in p.openings if o.kind == "window"]
+        for plan, o in holes:
             box = np.empty((2, 3))
-            box[:, o.axis] = scene.plan.rooms[o.room].wall_at(o.axis, o.sign) + o.sign * 0.13
+            box[:, o.axis] = plan.rooms[o.room].wall_at(o.axis, o.sign) + o.sign * 0.13
             box[:, 1 - o.axis] = o.start_m, o.end_m
-            box[:, 2] = o.bottom_m, o.top_m
+            box[:, 2] = o.bottom_m + plan.floor_z_m, o.top_m + plan.floor_z_m
             normal = np.zeros(3)
             normal[o.axis] = -o.sign
             boxes.append(box)
@@ -71,7 +72,7 @@ class Lighting:
         normals: NDArray[np.floating],
         rays: int,
     ) -> NDArray[np.floating]:
-        """(N, 3) irradiance without direct sun at points (N, 3) with unit normals (N, 3)."""
+        """Return irradiance (N, 3) without direct sun at points (N, 3) with unit normals (N, 3)."""
         start = points_m + np.float32(_LIFT_M) * normals
         total = self._reflected(rng, start, normals, rays)
         total += self._windows(rng, start, normals)
@@ -80,7 +81,7 @@ class Lighting:
     def sun(
         self, points_m: NDArray[np.floating], normals: NDArray[np.floating]
     ) -> NDArray[np.floating]:
-        """(N, 3) irradiance of direct sun, with sharp shadows."""
+        """Return irradiance (N, 3) of direct sun, with sharp shadows."""
         direction = self._lights.sun.astype(np.float32)
         cosine = normals @ direction
         lit = np.flatnonzero(cosine > 0.02)
@@ -100,7 +101,7 @@ class Lighting:
         normals: NDArray[np.floating],
         rays: int,
     ) -> NDArray[np.floating]:
-        """Ambient light: near surfaces hide it and lend it their colour."""
+        """Return ambient irradiance, occluded and tinted by near surfaces."""
         total = np.zeros_like(start)
         across, beside = _tangents(normals)
         turn = rng.random(len(start), dtype=np.float32)
@@ -173,7 +174,7 @@ class Lighting:
         axis: NDArray[np.float64],
         spill: float = 0.0,
     ) -> NDArray[np.floating]:
-        """(N,) irradiance from unit patches at `target` that shine along `axis`."""
+        """Return irradiance (N,) from unit patches at `target` that shine along `axis`."""
         ray = (target - start).astype(np.float32)
         distance = np.linalg.norm(ray, axis=1)
         ray /= np.maximum(distance, 1e-6)[:, None]
@@ -189,7 +190,7 @@ class Lighting:
 def _tangents(
     normals: NDArray[np.floating],
 ) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Two unit vectors (N, 3) that complete unit normals (N, 3) to right-handed frames."""
+    """Return two unit vectors (N, 3) that complete unit normals (N, 3) to right-handed frames."""
     helper = np.where(np.abs(normals[:, 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
     across = np.cross(helper.astype(np.float32), normals)
     across /= np.linalg.norm(across, axis=1, keepdims=True)

@@ -1,10 +1,12 @@
-"""Which point of the exact surface a point of the scan stands for."""
+"""Find the point of the exact surface, and the object, for each point of the scan."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
+from .surface import ScanMesh, neighbours, smooth_normals
 from .tracing import Hits, Tracer
 
 _BEFORE_M, _BEHIND_M = 0.05, 0.08
@@ -13,7 +15,7 @@ _BEFORE_M, _BEHIND_M = 0.05, 0.08
 def exact_surface(
     tracer: Tracer, points_m: NDArray[np.float32], normals: NDArray[np.float32]
 ) -> Hits:
-    """The exact surface near points (N, 3) with unit normals (N, 3).
+    """Find the exact surface near points (N, 3) with unit normals (N, 3).
 
     Looks along the normal from 5 cm before to 8 cm behind the point; where that misses, takes
     the nearest hit along the six axes. `Hits.distance_m` is not meaningful.
@@ -32,3 +34,34 @@ def exact_surface(
                 hits.face[missed[nearer]] = other.face[nearer]
                 hits.bary[missed[nearer]] = other.bary[nearer]
     return hits
+
+
+def label_faces(
+    mesh: ScanMesh, tracer: Tracer, face_object: NDArray[np.int32]
+) -> NDArray[np.int32]:
+    """Return the object index (F,) of each triangle; specks take their neighbours' label."""
+    centers = mesh.vertices[mesh.faces].mean(1).astype(np.float32)
+    normals = smooth_normals(mesh, 1).astype(np.float32)
+    hits = exact_surface(tracer, centers, normals)
+    label = np.where(hits.face >= 0, face_object[hits.face], -1).astype(np.int32)
+    pairs = neighbours(mesh.faces)
+    for _ in range(3):
+        label = _majority(label, pairs)
+    lost = np.flatnonzero(label < 0)
+    if len(lost):
+        # Nothing exact is near (a noisy speck): it belongs to the nearest labelled triangle.
+        known = np.flatnonzero(label >= 0)
+        label[lost] = label[known[KDTree(centers[known]).query(centers[lost])[1]]]
+    return label
+
+
+def _majority(label: NDArray[np.int32], pairs: NDArray[np.int64]) -> NDArray[np.int32]:
+    """Relabel each triangle whose neighbours all agree on another label."""
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    order = np.argsort(both[:, 0], kind="stable")
+    me, other = both[order, 0], label[both[order, 1]]
+    low = np.full(len(label), np.iinfo(np.int32).max, dtype=np.int32)
+    high = np.full(len(label), -1, dtype=np.int32)
+    np.minimum.at(low, me, other)
+    np.maximum.at(high, me, other)
+    return np.where((low == high) & (high >= 0), high, label)

@@ -1,4 +1,4 @@
-"""Which triangle, and which point of it, every texel of a page shows."""
+"""Rasterise triangles to the texels of a page."""
 
 from __future__ import annotations
 

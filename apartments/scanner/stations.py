@@ -1,4 +1,4 @@
-"""Where the scanner stands and looks: through all rooms, at eye height."""
+"""Plan the scanner's views: through all rooms, at eye height."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..config import ScanConfig
 from ..home.plan import FloorPlan
 from ..home.shell import wall_frame
+from ..home.stairs import eyes_on_stairs
 from .tracing import Tracer
 
 # Number of headings and pitch [deg] of each sweep.
@@ -33,7 +34,7 @@ class View:
 
 
 def look(position_m: NDArray[np.float64], yaw_rad: float, pitch_rad: float) -> View:
-    """A level camera at `position_m` that looks along yaw and pitch (up positive)."""
+    """Return a level camera at `position_m` that looks along yaw and pitch (up positive)."""
     forward = np.array(
         [
             np.cos(yaw_rad) * np.cos(pitch_rad),
@@ -45,10 +46,12 @@ def look(position_m: NDArray[np.float64], yaw_rad: float, pitch_rad: float) -> V
     return View(position_m, np.stack([right, np.cross(forward, right), forward], axis=1))
 
 
-def _standing(tracer: Tracer, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether a person fits at camera positions (N, 3): bare floor below, nothing too near."""
+def _standing(tracer: Tracer, points: NDArray[np.float64], floor_z_m: float) -> NDArray[np.bool_]:
+    """Return whether camera positions (N, 3) are free: bare floor below, nothing too near."""
     down = np.tile(np.array([0.0, 0.0, -1.0], dtype=np.float32), (len(points), 1))
-    clear = tracer.distance(points.astype(np.float32), down, 4.0) > points[:, 2] - 0.05
+    depth = tracer.distance(points.astype(np.float32), down, 4.0)
+    height = points[:, 2] - floor_z_m
+    clear = (depth > height - 0.05) & (depth < height + 0.05)
     angle = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(12)], -1).astype(np.float32)
     for height in (0.0, 0.9):
@@ -61,25 +64,29 @@ def _standing(tracer: Tracer, points: NDArray[np.float64]) -> NDArray[np.bool_]:
 def stations(
     rng: np.random.Generator, plan: FloorPlan, tracer: Tracer, spacing_m: float
 ) -> NDArray[np.float64]:
-    """(N, 3) camera positions [m]: spread over the free floor of every room, and in doorways."""
+    """Return camera positions (N, 3) [m] over the free floor of every room, and in doorways."""
     found: list[NDArray[np.float64]] = []
     for room in plan.rooms:
         count = np.maximum(np.ceil(room.size_m / _LATTICE_M), 2).astype(int)
         cells = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in count)), -1).reshape(-1, 2)
         cells = np.asarray(room.lower_m) + cells * room.size_m / count
         points = np.c_[
-            cells + rng.uniform(-0.08, 0.08, cells.shape), rng.uniform(*_HEIGHT_M, len(cells))
+            cells + rng.uniform(-0.08, 0.08, cells.shape),
+            rng.uniform(*_HEIGHT_M, len(cells)) + plan.floor_z_m,
         ]
-        found += _spread(points[_standing(tracer, points)], spacing_m)
+        found += _spread(points[_standing(tracer, points, plan.floor_z_m)], spacing_m)
     for door in plan.openings:
-        if door.kind == "door" and door.room < door.other_room:
+        if door.kind in ("door", "passage") and door.room < door.other_room:
             place = wall_frame(plan.rooms[door.room], door.axis, door.sign)
-            found.append(place((door.start_m + door.end_m) / 2, plan.wall_m / 2, 1.5))
+            height = plan.floor_z_m + 1.5
+            found.append(place((door.start_m + door.end_m) / 2, plan.wall_m / 2, height))
+    for stairs in (b for b in plan.blocks if b.kind == "stairs"):
+        found += [np.array(position) for position in eyes_on_stairs(stairs)]
     return np.array(found)
 
 
 def _spread(points: NDArray[np.float64], spacing_m: float) -> list[NDArray[np.float64]]:
-    """Farthest-point choice among points (N, 3) until all lie within `spacing_m` of a choice."""
+    """Sample points (N, 3) farthest-first until all lie within `spacing_m` of a sample."""
     chosen: list[NDArray[np.float64]] = []
     if not len(points):
         return chosen
@@ -96,7 +103,7 @@ def _spread(points: NDArray[np.float64], spacing_m: float) -> list[NDArray[np.fl
 def views(
     rng: np.random.Generator, plan: FloorPlan, tracer: Tracer, config: ScanConfig
 ) -> list[View]:
-    """All depth views: at each station several headings, looking down and up."""
+    """Return all depth views: at each station several headings, looking down and up."""
     result = []
     for position in stations(rng, plan, tracer, config.station_spacing_m):
         start = rng.uniform(0, 2 * np.pi)

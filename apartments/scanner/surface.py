@@ -1,8 +1,12 @@
-"""The triangle mesh of a fused volume: only where all of a cell was really seen."""
+"""The triangle mesh of a fused volume, and the neighbourhood of its triangles.
+
+Only cells all of which was seen become surface.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import fast_simplification
 import numpy as np
@@ -11,6 +15,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from skimage.measure import marching_cubes
 
+from ...formats.core.geometry import triangle_normals_and_areas
 from .fusion import DistanceVolume
 
 _LEAST_WEIGHT = 0.06
@@ -33,15 +38,12 @@ class ScanMesh:
     faces: NDArray[np.int32]
 
     def normals(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(F, 3) unit normals and (F,) areas [m²]."""
-        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
-        cross = np.cross(b - a, c - a)
-        length = np.linalg.norm(cross, axis=1)
-        return cross / np.maximum(length, 1e-12)[:, None], length / 2
+        """Return unit normals (F, 3) and areas (F,) [m²]."""
+        return triangle_normals_and_areas(self.vertices[self.faces])
 
 
 def extract(volume: DistanceVolume, target_faces: int) -> ScanMesh:
-    """Marching cubes over fully seen cells, without specks, decimated to `target_faces`."""
+    """Run marching cubes over fully seen cells; remove specks; decimate to `target_faces`."""
     mesh = _march(volume)
     mesh = without_specks(mesh, _SMALLEST_PATCH)
     reduction = 1.0 - target_faces / max(len(mesh.faces), 1)
@@ -81,7 +83,7 @@ def _trail(field: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
 
 
 def _tidy(mesh: ScanMesh) -> ScanMesh:
-    """Without degenerate and doubled triangles."""
+    """Remove degenerate and duplicate triangles."""
     faces = mesh.faces
     _, area = mesh.normals()
     ordered = np.sort(faces, axis=1)
@@ -93,19 +95,9 @@ def _tidy(mesh: ScanMesh) -> ScanMesh:
 
 
 def without_specks(mesh: ScanMesh, least_faces: int) -> ScanMesh:
-    """Without connected pieces of fewer than `least_faces` triangles."""
+    """Remove connected pieces of fewer than `least_faces` triangles."""
     faces = mesh.faces
-    count = len(mesh.vertices)
-    rows, columns = faces[:, [0, 1]].T
-    more_rows, more_columns = faces[:, [1, 2]].T
-    graph = coo_matrix(
-        (
-            np.ones(2 * len(faces), dtype=np.int8),
-            (np.r_[rows, more_rows], np.r_[columns, more_columns]),
-        ),
-        shape=(count, count),
-    )
-    _, piece = connected_components(graph, directed=False)
+    piece = pieces(len(mesh.vertices), np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]]))
     size = np.bincount(piece[faces[:, 0]], minlength=piece.max(initial=0) + 1)
     return _compact(mesh.vertices, faces[size[piece[faces[:, 0]]] >= least_faces])
 
@@ -113,3 +105,35 @@ def without_specks(mesh: ScanMesh, least_faces: int) -> ScanMesh:
 def _compact(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> ScanMesh:
     used, inverse = np.unique(faces, return_inverse=True)
     return ScanMesh(vertices[used], inverse.reshape(-1, 3).astype(np.int32))
+
+
+def neighbours(faces: NDArray[np.int32]) -> NDArray[np.int64]:
+    """Return pairs (N, 2) of triangles (F, 3) that share an edge."""
+    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    key = edges[:, 0].astype(np.int64) * (int(faces.max(initial=0)) + 1) + edges[:, 1]
+    order = np.argsort(key, kind="stable")
+    same = key[order[1:]] == key[order[:-1]]
+    return np.stack([order[:-1][same], order[1:][same]], axis=1) // 3
+
+
+def pieces(count: int, pairs: NDArray[np.integer[Any]]) -> NDArray[np.int32]:
+    """Return the connected component (count,) of each of `count` items."""
+    graph = coo_matrix(
+        (np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count)
+    )
+    return connected_components(graph, directed=False)[1]
+
+
+def smooth_normals(mesh: ScanMesh, rounds: int) -> NDArray[np.float64]:
+    """Return unit face normals (F, 3), area-averaged over `rounds` rings of neighbours."""
+    normals, area = mesh.normals()
+    for _ in range(rounds):
+        at_vertex = np.zeros_like(mesh.vertices)
+        for axis in range(3):
+            weighted = np.repeat(normals[:, axis] * area, 3)
+            at_vertex[:, axis] = np.bincount(
+                mesh.faces.ravel(), weighted, minlength=len(mesh.vertices)
+            )
+        normals = at_vertex[mesh.faces].sum(1)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    return normals

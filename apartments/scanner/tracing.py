@@ -1,4 +1,4 @@
-"""Rays through the exact apartment, in chunks that keep memory low."""
+"""Trace rays through the exact apartment, in chunks that limit memory."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _CHUNK = 1 << 18
 
 @dataclass(frozen=True)
 class Hits:
-    """What rays hit first.
+    """First hits of rays.
 
     Attributes:
         face: (N,) int32 triangle, −1 = nothing.
@@ -29,7 +29,7 @@ class Hits:
 
 
 class Tracer:
-    """Rays against a triangle soup (F, 3, 3) [m]."""
+    """Ray tracer of a triangle soup (F, 3, 3) [m]."""
 
     def __init__(self, corners_m: NDArray[np.float64]):
         self._scene = EmbreeScene()
@@ -42,7 +42,7 @@ class Tracer:
     def first(
         self, origins_m: NDArray[np.floating], directions: NDArray[np.floating], reach_m: float
     ) -> Hits:
-        """First hits of rays (N, 3), (N, 3) within `reach_m`."""
+        """Return the first hits of rays (N, 3), (N, 3) within `reach_m`."""
         count = len(origins_m)
         face = np.full(count, -1, dtype=np.int32)
         distance = np.zeros(count, dtype=np.float32)
@@ -60,7 +60,7 @@ class Tracer:
     def distance(
         self, origins_m: NDArray[np.floating], directions: NDArray[np.floating], reach_m: float
     ) -> NDArray[np.float32]:
-        """(N,) [m] distance to the first hit, `reach_m` where there is none."""
+        """Return the distance (N,) [m] to the first hit; `reach_m` where there is none."""
         count = len(origins_m)
         result = np.empty(count, dtype=np.float32)
 
@@ -77,7 +77,7 @@ class Tracer:
         directions: NDArray[np.floating],
         reach_m: NDArray[np.floating],
     ) -> NDArray[np.bool_]:
-        """(N,) whether anything lies within `reach_m` (N,) along each ray."""
+        """Return (N,) whether anything lies within `reach_m` (N,) along each ray."""
         count = len(origins_m)
         result = np.empty(count, dtype=bool)
 

@@ -1,8 +1,13 @@
-"""Planted lies: a true text changed so that one thing in it is false."""
+"""Planted lies: a true text changed so that one thing in it is false.
+
+Texts are changed by patterns over their words, and facts tell whether the result is false; the
+checker's grammar has no part in it.
+"""
 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable
 from itertools import pairwise
 
@@ -10,8 +15,7 @@ import numpy as np
 
 from vlnpe.instruction_gen.facts.records import PathFacts
 from vlnpe.instruction_gen.language.lexicon import OBJECT_PHRASES
-from vlnpe.instruction_gen.language.nouns import answers, noun_of
-from vlnpe.instruction_gen.language.parse import parse
+from vlnpe.instruction_gen.language.nouns import answers
 
 Lie = Callable[[str, PathFacts, np.random.Generator], str | None]
 
@@ -19,24 +23,50 @@ _ABSENT = ("piano", "fireplace", "aquarium", "pool table", "bunk bed", "vending 
 _OTHER = {"left": "right", "right": "left"}
 
 
+_TURN = re.compile(
+    r"\b(?:(?:turn|bear|veer|keep|go|hang an?|make an?|take an?|make another|take another|"
+    r"take the next)(?: (?:immediately|immediate|sharply|sharp|slightly|slight|once more))?|"
+    r"(?:then|,|and)(?: an?)?) (left|right)\b(?! (?:there|next|after|before|away))",
+    re.IGNORECASE,
+)
+_SIDED = re.compile(r"\b(?:on|to) (?:your|the) (left|right)\b(?! of)")
+_THING = re.compile(
+    r"\b(?:"
+    + "|".join(sorted(map(re.escape, OBJECT_PHRASES), key=len, reverse=True))
+    + r")(?:e?s)?\b",
+    re.IGNORECASE,
+)
+_NO_THING = frozenset(["door", "doors", "doorway", "steps", "stairs", "stand", "light"])
+
+
+def _turns(text: str) -> list[re.Match[str]]:
+    """Where a text says to turn left or right."""
+    return list(_TURN.finditer(text))
+
+
+def _things(text: str) -> list[str]:
+    """Things that a text names, in the singular and in lower case."""
+    found = (m[0].lower() for m in _THING.finditer(text))
+    return [w for w in found if w in OBJECT_PHRASES and w not in _NO_THING]
+
+
 def wrong_turn(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
-    """Swap the side of one told turn."""
-    read = parse(text)
-    turns = [c for c in read.clauses if c.verb == "turn" and c.side in _OTHER]
-    if not turns:
-        return None
-    clause = turns[int(rng.integers(len(turns)))]
-    part = text[clause.start : clause.stop]
-    return text[: clause.start] + _swap_first(part) + text[clause.stop :]
+    """Swap the side of one told turn, where no untold turn to that side makes it true."""
+    turns = _turns(text)
+    told = Counter(m[1].lower() for m in turns)
+    made = Counter(t.side for t in facts.turns)
+    turns = [m for m in turns if made[_OTHER[m[1].lower()]] <= told[_OTHER[m[1].lower()]]]
+    return _swapped(text, [turns[int(rng.integers(len(turns)))]]) if turns else None
 
 
 def skipped_turn(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
     """Drop a clause that tells a clear turn and nothing else."""
-    if not any(abs(t.angle_deg) >= 60 and t.along_m < facts.length_m - 1 for t in facts.turns):
+    clear = [t for t in facts.turns if abs(t.angle_deg) >= 60 and t.along_m < facts.length_m - 1]
+    if not clear or len(_turns(text)) > len(clear):
         return None
     for pattern in (
-        r",? (?:and )?(?:then )?(?:turn|take a|make a|hang a) (?:sharp )?(?:left|right)"
-        r"(?: again)?(?= (?:and|then)|[,.])",
+        r",? (?:and )?(?:then )?(?:go|turn|take a|make a|hang a) (?:sharp )?(?:left|right)"
+        r"(?: again)?(?=(?:,? and|,? then|[,.]))",
         r"(?<=\. )(?:Turn|Make a|Take a) (?:left|right),? and ",
     ):
         if re.search(pattern, text):
@@ -47,13 +77,9 @@ def skipped_turn(text: str, facts: PathFacts, rng: np.random.Generator) -> str |
 
 def wrong_order(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
     """Swap two different turns."""
-    read = parse(text)
-    turns = [c for c in read.clauses if c.verb == "turn" and c.side in _OTHER]
-    for a, b in pairwise(turns):
-        if a.side != b.side:
-            first = _swap_first(text[a.start : a.stop])
-            second = _swap_first(text[b.start : b.stop])
-            return text[: a.start] + first + text[a.stop : b.start] + second + text[b.stop :]
+    for a, b in pairwise(_turns(text)):
+        if a[1] != b[1]:
+            return _swapped(text, [a, b])
     return None
 
 
@@ -71,31 +97,41 @@ def invented(text: str, facts: PathFacts, rng: np.random.Generator) -> str | Non
 
 
 def wrong_side(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
-    """Swap the side of a thing."""
-    found = list(re.finditer(r"\b(?:on|to) (?:your|the) (left|right)\b(?! of)", text))
-    read = parse(text)
-    sided = [n for c in read.clauses for n in c.nouns if n.kind == "object" and n.side]
-    if not found or not sided:
-        return None
-    match = found[int(rng.integers(len(found)))]
-    return text[: match.start(1)] + _OTHER[match[1]] + text[match.end(1) :]
+    """Swap the side of a thing of which there is none on the other side."""
+    options = []
+    for match in _SIDED.finditer(text):
+        before = text[max(0, match.start() - 45) : match.start()].lower()
+        clause = re.split(r"[.,;]|\band\b|\bthen\b", before)[-1]
+        named = _things(clause)
+        moved = re.search(r"\b(?:turn|go|bear|veer|exit|leave|door|room)\b", clause)
+        other = _OTHER[match[1]]
+        if named and not moved and not _beside(facts, named[-1], other):
+            options.append(match)
+    return _swapped(text, [options[int(rng.integers(len(options)))]]) if options else None
+
+
+def _beside(facts: PathFacts, word: str, side: str) -> bool:
+    """Whether something that may be called `word` is on that side anywhere near the path."""
+    sign = 1 if side == "left" else -1
+    return any(
+        m.distance_m <= 3.2 and m.open and 10 < sign * m.bearing_deg < 170
+        for mark in facts.landmarks
+        if word in answers(mark.noun)
+        for m in mark.moments
+    )
 
 
 def landmark_order(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
     """Swap two things that are passed at least two and a half metres apart."""
-    read = parse(text)
-    nouns = [n for c in read.clauses for n in c.nouns if n.kind == "object" and not n.plural]
     places = {}
-    for n in nouns:
-        marks = [m for m in facts.landmarks if n.head in answers(m.noun)]
-        if len(marks) == 1:
-            places[n.text] = marks[0].along_m
+    for word in _things(text):
+        marks = [m for m in facts.landmarks if word in answers(m.noun)]
+        if len(marks) == 1 and len(re.findall(rf"\b{re.escape(word)}\b", text.lower())) == 1:
+            places[word] = marks[0].along_m
     names = sorted(places, key=lambda n: places[n])
     if len(names) < 2 or places[names[-1]] - places[names[0]] < 2.5:
         return None
     a, b = names[0], names[-1]
-    if min(len(re.findall(rf"\b{x}\b", text.lower())) for x in (a, b)) != 1:
-        return None
     swapped = re.sub(rf"\b{re.escape(a)}\b", "\0", text, flags=re.IGNORECASE)
     swapped = re.sub(rf"\b{re.escape(b)}\b", a, swapped, flags=re.IGNORECASE)
     return swapped.replace("\0", b)
@@ -113,31 +149,33 @@ def distance(text: str, facts: PathFacts, rng: np.random.Generator) -> str | Non
 
 def count(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
     """Say seven of a thing of which there are fewer."""
-    read = parse(text)
-    for clause in read.clauses:
-        for noun in clause.nouns:
-            if noun.kind == "object" and not noun.plural and not noun.colour:
-                pattern = rf"\bthe {re.escape(noun.text)}\b"
-                if re.search(pattern, text):
-                    return re.sub(pattern, f"the seven {noun.text}s", text, count=1)
-    return None
+    return _renumbered(text, facts, "the seven {}s", 7)
 
 
 def ordinal(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
     """Say the sixth of a thing of which there are fewer."""
-    read = parse(text)
-    nouns = [n.text for c in read.clauses for n in c.nouns if n.kind == "object" and not n.plural]
-    if not nouns:
-        return None
-    name = nouns[int(rng.integers(len(nouns)))]
-    return re.sub(rf"\bthe {re.escape(name)}\b", f"the sixth {name}", text, count=1)
+    return _renumbered(text, facts, "the sixth {}", 6)
+
+
+def _renumbered(text: str, facts: PathFacts, form: str, number: int) -> str | None:
+    for word in _things(text):
+        fewer = sum(word in answers(m.noun) for m in facts.landmarks) < number
+        pattern = rf"\bthe {re.escape(word)}\b"
+        if fewer and re.search(pattern, text):
+            return re.sub(pattern, form.format(word), text, count=1)
+    return None
 
 
 def no_stop(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
-    """Leave the stop out."""
-    shorter = re.sub(r"(?:,? and|,? then|\.)? ?\b(?:stop|wait)\b[^.]*\.?\s*", ". ", text,
-                     count=1, flags=re.IGNORECASE)  # fmt: skip
-    return shorter.strip() if len(shorter.split()) >= 6 else None
+    """Leave the stop and all that follows it out."""
+    found = list(
+        re.finditer(r"(?:,? and|,? then|\.|,)? ?\b(?:stop|wait|halt)", text, re.IGNORECASE)
+    )
+    if not found:
+        return None
+    shorter = text[: found[-1].start()].rstrip(" ,.") + "."
+    until = re.search(r"\b(?:until|once|when)\b[^.,]*\.$", shorter)
+    return shorter if len(shorter.split()) >= 6 and not until else None
 
 
 def early_stop(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
@@ -177,15 +215,16 @@ def no_instruction(text: str, facts: PathFacts, rng: np.random.Generator) -> str
     return options[int(rng.integers(len(options)))]
 
 
-def _swap_first(part: str) -> str:
-    return re.sub(r"\b(left|right)\b", lambda m: _OTHER[m[1].lower()], part, count=1)
+def _swapped(text: str, matches: list[re.Match[str]]) -> str:
+    """The text with the side of each match changed."""
+    for m in sorted(matches, key=lambda m: -m.start(1)):
+        text = text[: m.start(1)] + _OTHER[m[1].lower()] + text[m.end(1) :]
+    return text
 
 
 def _renamed(text: str, names: list[str], rng: np.random.Generator) -> str | None:
     """The text with one of its things called otherwise."""
-    read = parse(text)
-    nouns = [n.text for c in read.clauses for n in c.nouns if n.kind == "object"]
-    nouns = [n for n in nouns if noun_of(n) or n in OBJECT_PHRASES]
+    nouns = _things(text)
     if not nouns or not names:
         return None
     old, new = nouns[int(rng.integers(len(nouns)))], names[int(rng.integers(len(names)))]

@@ -18,9 +18,8 @@ from pathlib import Path
 import tyro
 
 from . import report, speed, walk
-from .cases import Case, apartment_case, real_cases, run_case
+from .cases import Case, Result, apartment_case, kept_rows, real_cases, run_case
 from .scenes import HELD_OUT_SEEDS, TUNING_SEEDS
-from .store import Result, kept_rows
 
 log = logging.getLogger("benchmarks")
 HERE = Path(__file__).resolve().parent

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from vlnpe.formats.core.geometry import triangle_cross
+
 from .glb import Part
 from .shapes import Outline
 
@@ -112,9 +114,8 @@ def _rebuilt(
     index[fresh] = len(part.points_m) + np.arange(len(fresh))
     faces = np.concatenate([part.faces[~changed], index.reshape(-1, 3)])
     joint = np.concatenate([part.points_m, points])
-    a, b, c = (joint[faces[:, k]] for k in range(3))
     # Merging may close the smallest crumbs.
-    sound = np.linalg.norm(np.cross(b - a, c - a), axis=1) > CRUMB_M2
+    sound = np.linalg.norm(triangle_cross(joint[faces]), axis=1) > CRUMB_M2
     sound[: int((~changed).sum())] = True
     return replace(
         part,

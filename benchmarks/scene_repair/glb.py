@@ -7,7 +7,6 @@ must differ from the scan by the holes alone.
 from __future__ import annotations
 
 import json
-import struct
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vlnpe.formats.core.frames import habitat_to_world_position, world_to_habitat_position
+from vlnpe.formats.core.frames import (
+    habitat_to_world_position,
+    quat_to_matrix,
+    world_to_habitat_position,
+    xyzw_to_wxyz,
+)
+from vlnpe.formats.core.glb import glb_bytes, read_glb
 
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -50,11 +55,9 @@ class Glb:
     """A GLB of triangle meshes, each used by one node, without compression."""
 
     def __init__(self, path: Path) -> None:
-        data = path.read_bytes()
-        size = struct.unpack_from("<I", data, 12)[0]
-        self.tree: dict[str, Any] = json.loads(data[20 : 20 + size])
-        length = struct.unpack_from("<I", data, 20 + size)[0]
-        self.body = bytearray(data[28 + size : 28 + size + length])
+        text, body = read_glb(path)
+        self.tree: dict[str, Any] = json.loads(text)
+        self.body = bytearray(body)
         self._pose = self._poses()
 
     def parts(self) -> list[Part]:
@@ -175,14 +178,7 @@ class Glb:
         """Write the file."""
         self.body += b"\0" * (-len(self.body) % 4)
         self.tree["buffers"] = [{"byteLength": len(self.body)}]
-        text = json.dumps(self.tree, separators=(",", ":")).encode()
-        text += b" " * (-len(text) % 4)
-        total = 12 + 8 + len(text) + 8 + len(self.body)
-        with path.open("wb") as file:
-            file.write(struct.pack("<III", 0x46546C67, 2, total))
-            file.write(struct.pack("<II", len(text), 0x4E4F534A) + text)
-            file.write(struct.pack("<II", len(self.body), 0x004E4942))
-            file.write(self.body)
+        path.write_bytes(glb_bytes(self.tree, self.body))
 
     def _poses(self) -> list[NDArray[np.float64]]:
         """(4, 4) of every node to the scene."""
@@ -231,14 +227,7 @@ def _matrix(node: dict[str, Any]) -> NDArray[np.float64]:
     if "matrix" in node:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
     pose = np.eye(4)
-    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
-    rotation = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    rotation = quat_to_matrix(xyzw_to_wxyz(node.get("rotation", (0.0, 0.0, 0.0, 1.0))))
     pose[:3, :3] = rotation * np.array(node.get("scale", (1.0, 1.0, 1.0)))
     pose[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
     return pose

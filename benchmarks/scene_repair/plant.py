@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from vlnpe.formats.core.geometry import triangle_cross
+
 from .cut import cut_exactly, cut_whole
 from .decoys import DECOYS, Decoy
 from .glb import Part
@@ -138,7 +140,7 @@ def floor_faces(part: Part, floor_z_m: float, band_m: float = CUT_BAND_M) -> NDA
     """(F,) nearly level faces at the floor's height."""
     corners = part.points_m[part.faces]
     near = np.abs(corners[..., 2] - floor_z_m).max(axis=1) <= band_m
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    cross = triangle_cross(corners)
     length = np.linalg.norm(cross, axis=1)
     return near & (np.abs(cross[:, 2]) > 0.6 * length) & (length > 0)
 

@@ -70,7 +70,14 @@ def apartment(seed: int, cache: Path) -> Source:
     return Source(
         path,
         survey(
-            f"apartment {seed}", Glb(path).parts(), 0.0, True, (grid, floor), building, doors, rugs
+            f"apartment {seed}",
+            Glb(path).parts(),
+            0.0,
+            exact=True,
+            true_floor=(grid, floor),
+            building=building,
+            doors=doors,
+            rugs=rugs,
         ),
     )
 
@@ -87,7 +94,7 @@ def house(folder: Path = SHARED) -> Source:
     slabs = [p for p in parts if p.name.startswith("Floor")]
     z = float(np.median(np.concatenate([p.points_m[:, 2] for p in slabs])))
     walls = [p for p in parts if "Wall" in p.name]
-    return Source(path, survey(HOUSE, parts, z, False, doors=doors, wall_parts=walls))
+    return Source(path, survey(HOUSE, parts, z, exact=False, doors=doors, wall_parts=walls))
 
 
 def headset(name: str, folder: Path = SHARED) -> Source:
@@ -98,7 +105,7 @@ def headset(name: str, folder: Path = SHARED) -> Source:
     # The label's plane and the mesh differ by up to 6 cm.
     parts = Glb(path).parts()
     z = floor_height(parts, float(floor["pose"]["position"]["y"]))
-    return Source(path, survey(name, parts, z, False))
+    return Source(path, survey(name, parts, z, exact=False))
 
 
 def write_planted(planted: Planted, source: Source, out: Path) -> Path:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from vlnpe.formats.core.geometry import triangle_cross
 from vlnpe.formats.scene.grid import GridSpec
 
 from .glb import Part
@@ -76,7 +77,7 @@ def floor_height(parts: list[Part], about_m: float) -> float:
     """The height [m] near `about_m` at which most of the level area lies."""
     vertices, faces = soup_of(parts)
     corners = vertices[faces]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    cross = triangle_cross(corners)
     z = corners[..., 2].mean(axis=1)
     near = np.abs(z - about_m) < NEAR_FLOOR_M
     share, edges = np.histogram(z[near], bins=60, weights=np.abs(cross[near, 2]))
@@ -96,6 +97,7 @@ def survey(
     name: str,
     parts: list[Part],
     floor_z_m: float,
+    *,
     exact: bool,
     true_floor: tuple[GridSpec, Mask] | None = None,
     building: Mask | None = None,

@@ -67,12 +67,13 @@ def heights_near(
     start = np.searchsorted(flat[order], np.arange(shape[0] * shape[1] + 1))
     z = np.ascontiguousarray(z)
     found = np.full(len(points_xy_m), np.nan)
-    _shoot(corners, points_xy_m, z, within_m, lower, shape, order, start, found)
+    _shoot(corners, points_xy_m, z, within_m, (lower, shape, order, start), found)
     return found
 
 
 @njit(cache=True)
-def _shoot(corners, points, z, within, lower, shape, order, start, found):
+def _shoot(corners, points, z, within, buckets, found):
+    lower, shape, order, start = buckets
     for f in range(len(corners)):
         ax, ay, az = corners[f, 0]
         bx, by, bz = corners[f, 1]

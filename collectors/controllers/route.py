@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...formats.core.geometry import arc_length, space_evenly
 from ...formats.scene.freemap import Freemap
 from ...wayfinding.planning import plan_path, segments_free
-from ..polyline import space_evenly
 from .interface import Pose
 
 Array = NDArray[np.float64]
@@ -59,7 +59,7 @@ def make_route(xy_m: ArrayLike, problems: tuple[str, ...] = ()) -> Route:
     xy = space_evenly(xy_m, STEP_M)
     if len(xy) == 1:
         xy = np.repeat(xy, 2, axis=0)
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xy, axis=0), axis=1))])
+    along = arc_length(xy)
     return Route(xy, along, problems)
 
 

@@ -16,14 +16,15 @@ from numpy.typing import NDArray
 
 from ..locomotion.gait import GaitClock, monomials
 from ..locomotion.policy import GaitPolicy
-from ..robots import CommandLimits
-from .commands import command_bounds
+from ..robots import POLICY_DECIMATION, CommandLimits
+from .randomize import command_bounds
 from .trial import STEP_S, Conditions, Trial
 
 Array = NDArray[np.float64]
 POINTS, SECONDS, WARM_UP_S, ROUNDS = 5, 5.0, 2.0, 5
-# Late actions cost more than early ones gain: between none and 20 ms, nearer to the latter.
-LATENCY_SUBSTEPS = 3
+# A turn slips on slippery ground: what is right on the mean of both is wrong by least.
+FRICTION = (0.5, 1.1)
+LATENCY_SUBSTEPS = (0, POLICY_DECIMATION)
 STRIDE = 0.7  # share of the remaining error that a round corrects
 
 
@@ -71,21 +72,34 @@ def aimed(policy: GaitPolicy, most: Array, points: int = POINTS, rounds: int = R
 def _mean_velocity(
     policy: GaitPolicy, gait: GaitClock, commands: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Mean velocities (N, 3) under constant commands (N, 3), and who is still up, (N,)."""
-    n = len(commands)
-    anything = CommandLimits(*((-math.inf, math.inf),) * 3)
+    """Mean velocities (N, 3) under constant commands (N, 3), and who ever stays up, (N,).
+
+    Means go over each friction with each delay.
+    """
+    friction, late = np.array(list(product(FRICTION, LATENCY_SUBSTEPS))).T
+    n, kinds = len(commands), len(friction)
+    free_axis = (-math.inf, math.inf)
+    anything = CommandLimits(vx_m_s=free_axis, vy_m_s=free_axis, yaw_rad_s=free_axis)
     free = policy.changed(
         replace(policy.robot, command_limits=anything), replace(policy.card, gait=gait)
     )
-    rng = np.random.default_rng(0)
-    conditions = replace(Conditions.mixed(n, rng), latency_substeps=LATENCY_SUBSTEPS)
-    trial = Trial(free, conditions, np.zeros((n, 2)), np.zeros(n), rng)
-    velocity = []
+    conditions = Conditions(
+        friction=friction.repeat(n), latency_substeps=late.astype(np.intp).repeat(n)
+    )
+    start = np.zeros((kinds * n, 2))
+    trial = Trial(free, conditions, start, start[:, 0], np.random.default_rng(0))
+    everywhere, velocity = np.tile(commands, (kinds, 1)), []
     for _ in range(round(SECONDS / STEP_S)):
-        trial.step(commands)
+        trial.step(everywhere)
         if trial.time_s > WARM_UP_S:
             velocity.append(trial.velocity)
-    return np.mean(velocity, axis=0), ~trial.fallen
+    mean = np.mean(velocity, axis=0).reshape(kinds, n, 3)
+    up = np.asarray(~trial.fallen).reshape(kinds, n)
+    # A fallen robot's velocity says nothing.
+    walking = np.maximum(up.sum(axis=0), 1)[:, None]
+    return (mean * up[..., None]).sum(axis=0) / walking, np.any(up, axis=0, keepdims=False).astype(
+        np.bool_
+    )
 
 
 def _fit(wanted: Array, extra: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -110,8 +111,8 @@ class TrainingConfig:
     hidden: tuple[int, int] = (128, 128)
 
 
-def ppo_config(config: TrainingConfig, seed: int) -> dict:
-    """Configuration of `rsl_rl`'s runner."""
+def ppo_config(config: TrainingConfig, seed: int) -> dict[str, Any]:
+    """Configuration of `rsl_rl`'s runner for a training from scratch."""
     network = {
         "class_name": "MLPModel",
         "hidden_dims": list(config.hidden),
@@ -154,6 +155,20 @@ def ppo_config(config: TrainingConfig, seed: int) -> dict:
             },
         },
     }
+
+
+def refinement_config(config: TrainingConfig, seed: int, symmetry: Any) -> dict[str, Any]:
+    """The same for a refinement: an actor that is symmetric by construction."""
+    ppo = ppo_config(config, seed)
+    model = "vlnpe.collectors.gait_training.mirror:SymmetricModel"
+    ppo["actor"] |= {"class_name": model, "symmetry": symmetry}
+    # A clipped critic moves by 0.2 an iteration, and has to rise to about 15.
+    ppo["algorithm"] |= {
+        "symmetry_cfg": None,
+        "use_clipped_value_loss": False,
+        "num_learning_epochs": 2,
+    }
+    return ppo
 
 
 # Actions of half the Aliengo's scale are twice as large, torques an order of magnitude.
@@ -207,8 +222,8 @@ def _refine(flat: TrainingConfig, yaw_mean: float, hurried: float) -> TrainingCo
     """Stop at once, obey late and in a hurry, climb ramps, do not waddle; starts from a gait."""
     rewards = replace(
         flat.rewards,
-        roll=-10.0,
-        stand_drift=-1.0,
+        roll=-45.0,
+        stand_drift=-6.0,
         track_linear=3.0,
         track_linear_mean=4.0,
         track_yaw=1.5,
@@ -218,16 +233,18 @@ def _refine(flat: TrainingConfig, yaw_mean: float, hurried: float) -> TrainingCo
         _hard(flat),
         rewards=rewards,
         swing_height_m=0.06,
-        high_swing=0.5,
+        high_swing=2.0,
         yaw_widths=(0.25, 0.05),
-        late_share=0.35,
+        late_share=0.4,
         stop_share=0.35,
         hurried_share=hurried,
         command_s=(1.0, 5.0),
-        push_m_s=0.7,
+        push_m_s=0.8,
         push_s=(3.0, 6.0),
+        # A finished gait gains little per iteration: large batches, or noise wins.
+        steps=24,
         init_std=0.2,
-        kl=0.01,
+        kl=0.015,
         entropy=0.0,
     )
 
@@ -264,6 +281,6 @@ def _settle(refined: TrainingConfig) -> TrainingConfig:
 # The same for a training that starts from an installed gait.
 REFINEMENTS: dict[str, tuple[tuple[TrainingConfig, int], ...]] = {
     "aliengo": ((_settle(_refine(ALIENGO_FLAT, 1.25, 0.1)), 150),),
-    "h1": ((_refine(H1_FLAT, 1.5, 0.1), 120), (_settle(_refine(H1_FLAT, 1.5, 0.0)), 300)),
+    "h1": ((_refine(H1_FLAT, 1.5, 0.05), 500), (_settle(_refine(H1_FLAT, 1.5, 0.0)), 150)),
     "g1": ((_settle(_refine(G1_FLAT, 3.0, 0.1)), 400),),
 }

@@ -14,18 +14,26 @@ from tensordict import TensorDict
 
 from ..locomotion.gait import ClockState, joint_targets
 from ..locomotion.observation import RobotState, layout, observe, states_of
-from ..robots import POLICY_DECIMATION, TIMESTEP_S, RobotHandles, RobotSpec, apply_physics_options
-from .commands import ACTION_S, command_bounds, sample_actions, sample_commands
+from ..robots import POLICY_DECIMATION, RobotHandles, RobotSpec, apply_physics_options
 from .config import TrainingConfig
 from .gaits import GAITS
 from .mirror import Symmetry
-from .randomize import draw_latency, randomize_models
+from .randomize import (
+    ACTION_S,
+    command_bounds,
+    draw_latency,
+    randomize_models,
+    sample_actions,
+    sample_commands,
+)
 from .rewards import SMOOTHNESS_TERMS, BodyFacts, StepFacts, reward_terms
-from .target_pipe import TargetPipe
 from .terrain import Terrain
+from .trial import STEP_S, TargetPipe
 
 Array = NDArray[np.float64]
-STEP_S = TIMESTEP_S * POLICY_DECIMATION
+NEAR_S = 0.4  # what comes later than this hardly matters to the critic yet
+# Where the critic sees the ground, ahead and left of the base.
+AROUND_XY_M = np.array([(x, y) for x in (-0.15, 0.1, 0.35) for y in (-0.2, 0.2)])
 
 
 def build_training_model(robot: RobotSpec, terrain: Terrain) -> mujoco.MjModel:
@@ -80,7 +88,9 @@ class GaitEnv(VecEnv):
         self._command_bounds = command_bounds(
             robot.command_limits, config.command_margin, config.command_beyond
         )
-        self._pipe = TargetPipe(draw_latency(rng, config))
+        latency = draw_latency(rng, config)
+        self._pipe = TargetPipe(latency)
+        self.physical = np.column_stack([self.physical, latency])
         self._hurried = rng.random(config.envs) < config.hurried_share
         # Control vectors follow the model's actuator order, which is the policy's here.
         self._ctrl_order = np.argsort(self.handles.actuators)
@@ -94,6 +104,11 @@ class GaitEnv(VecEnv):
         self._wanted, self._clock = np.zeros((n, 3)), ClockState.standing(n)
         self._moving = np.zeros(n, dtype=bool)
         self._next_command, self._next_push = np.zeros(n), np.zeros(n)
+        self._upcoming, self._upcoming_s, self._kick = (
+            np.zeros((n, 3)),
+            np.zeros(n),
+            np.zeros((n, 2)),
+        )
         self._linear_mean, self._yaw_mean = np.zeros((n, 2)), np.zeros(n)
         self._foot_position, self._joint_velocity = np.zeros((n, f, 3)), np.zeros((n, j))
         self._foot_contact = np.ones((n, f), dtype=bool)
@@ -121,6 +136,7 @@ class GaitEnv(VecEnv):
                 self._foot_contact,
                 self._foot_height,
                 self.physical,
+                self._future(),
             ],
             axis=1,
         )
@@ -131,6 +147,36 @@ class GaitEnv(VecEnv):
             },
             batch_size=[self.num_envs],
         )
+
+    def _future(self) -> Array:
+        """(N, 16) what happens to each robot whatever it does, and the shape of the ground.
+
+        A critic may know it: the next command and the next kick, weighted by how near they are,
+        and the heights around the robot. Without it, most of what an advantage tells is luck.
+        """
+        now = self._age * STEP_S
+        soon, kick_soon = (
+            np.exp(-np.maximum(at - now, 0.0) / NEAR_S)[:, None]
+            for at in (self._next_command, self._next_push)
+        )
+        q = self.handles.root_qpos
+        w, x, y, z = self._qpos[:, q + 3 : q + 7].T
+        yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        cosine, sine = np.cos(yaw), np.sin(yaw)
+        to_world = np.stack([cosine, -sine, sine, cosine], axis=-1).reshape(-1, 2, 2)
+        kick = np.einsum("nij,ni->nj", to_world, self._kick)
+        around = self._qpos[:, None, q : q + 2] + np.einsum("nij,kj->nki", to_world, AROUND_XY_M)
+        heights = self.terrain.at(around)
+        heights -= heights.mean(axis=1, keepdims=True)
+        parts = [
+            self._wanted,
+            self._upcoming * soon,
+            soon,
+            kick * kick_soon,
+            kick_soon,
+            10.0 * heights,
+        ]
+        return np.concatenate(parts, axis=1)
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
         """One policy step of every simulation; see `rsl_rl.env.VecEnv.step`."""
@@ -234,6 +280,12 @@ class GaitEnv(VecEnv):
         due = np.flatnonzero(self._age * STEP_S >= self._next_command)
         if not len(due):
             return
+        self._wanted[due] = self._upcoming[due]
+        self._next_command[due] = self._age[due] * STEP_S + self._upcoming_s[due]
+        self._draw_command(due)
+
+    def _draw_command(self, due: NDArray[np.intp]) -> None:
+        """Draw the commands that follow the present ones, and how long they will last."""
         rng, config = self.rng, self.config
         walked = self.gait.moving(self._wanted[due])
         stop = walked & (rng.random(len(due)) < config.stop_share)
@@ -246,19 +298,22 @@ class GaitEnv(VecEnv):
         fresh[hurried] = sample_actions(rng, int(hurried.sum()))
         stop &= ~hurried | (rng.random(len(due)) < 0.2)
         wait[hurried & stop] = rng.uniform(*config.stop_s, int((hurried & stop).sum()))
-        self._wanted[due] = np.where(stop[:, None], 0.0, fresh)
-        self._next_command[due] = self._age[due] * STEP_S + wait
+        self._upcoming[due] = np.where(stop[:, None], 0.0, fresh)
+        self._upcoming_s[due] = wait
 
     def _push(self) -> None:
         due = np.flatnonzero(self._age * STEP_S >= self._next_push)
         if len(due):
-            angle = self.rng.uniform(0, 2 * np.pi, len(due))
-            kick = self.push_scale * self.config.push_m_s * self.rng.uniform(0.3, 1, len(due))
             v = self.handles.root_dof
-            self._qvel[due, v] += kick * np.cos(angle)
-            self._qvel[due, v + 1] += kick * np.sin(angle)
+            self._qvel[due, v : v + 2] += self.push_scale * self._kick[due]
             wait = self.rng.uniform(*self.config.push_s, len(due))
             self._next_push[due] = self._age[due] * STEP_S + wait
+            self._draw_kick(due)
+
+    def _draw_kick(self, due: NDArray[np.intp]) -> None:
+        angle = self.rng.uniform(0, 2 * np.pi, len(due))
+        kick = self.config.push_m_s * self.rng.uniform(0.3, 1, len(due))
+        self._kick[due] = kick[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
     def _reset(self, ids: NDArray[np.intp]) -> None:
         n, rng, h = len(ids), self.rng, self.handles
@@ -287,6 +342,8 @@ class GaitEnv(VecEnv):
         self._foot_contact[ids] = True
         self._next_command[ids] = 0.0
         self._next_push[ids] = rng.uniform(*self.config.push_s, n)
+        self._draw_kick(ids)
+        self._draw_command(ids)
         self._change_commands()
 
     def _note(

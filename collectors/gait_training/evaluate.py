@@ -21,18 +21,19 @@ from ..controllers import SpeedConfig
 from ..locomotion.card import POLICY_FOLDER, save_card
 from ..locomotion.policy import GaitPolicy
 from ..robots import RobotSpec, get_robot
-from .action_errors import action_errors
+from ..stroll import SPEED_M_S, stroll
 from .aim import calibrated
-from .driven import follow_paths
+from .driven import action_errors, follow_paths
 from .gates import CLOSED_LOOP, TIMED, gate_results
-from .measures import command_grid, posture, pushes, standing, velocity_errors
-from .stopping import stops
+from .measures import command_grid, posture, pushes, standing, stops, velocity_errors
 from .terrain import noise_terrain, ramp_terrain
 from .trial import POLICY_DECIMATION, Conditions
 
 log = logging.getLogger(__name__)
 
 LATE_SUBSTEPS = 12  # 60 ms
+# Film strips: their names and commands.
+STRIPS = {"walk": (SPEED_M_S, 0.0, 0.0), "turn": (0.0, 0.0, 0.8), "stand": (0.0, 0.0, 0.0)}
 SEED = 1234  # of everything; terrain and seeds are not training's
 
 
@@ -100,6 +101,22 @@ def report(evaluation: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def write_strips(policy: GaitPolicy, folder: Path) -> list[Path]:
+    """Write `<robot>-walk.png`, `-turn.png` and `-stand.png` into `folder`; return their paths."""
+    # Late, because drawing loads much that measuring does not need.
+    from ..rendering.people.pictures import save_picture
+    from ..rendering.people.portraits import walking_strip
+    from ..rendering.people.studio import make_studio
+
+    studio, written = make_studio(policy.robot), []
+    for name, command in STRIPS.items():
+        policy.reset()
+        picture = walking_strip(studio, policy.robot, stroll(policy.robot, command, policy))
+        written.append(folder / f"{policy.robot.name}-{name}.png")
+        save_picture(written[-1], picture)
+    return written
+
+
 def main(
     robot: Annotated[str, tyro.conf.Positional],
     policy: Path = POLICY_FOLDER,
@@ -121,9 +138,6 @@ def main(
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     spec = get_robot(robot)
     if strips is not None:
-        # Late, because drawing loads much that measuring does not need.
-        from .strips import write_strips
-
         strips.mkdir(parents=True, exist_ok=True)
         for path in write_strips(GaitPolicy.load(spec, policy), strips):
             log.info("%s", path)

@@ -1,17 +1,28 @@
-"""How well a gait obeys: velocities, standing, kicks."""
+"""How well a gait obeys: velocities, standing, kicks, stops."""
 
 from __future__ import annotations
 
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.frames import wrap_angle
 from ..locomotion.policy import GaitPolicy
-from ..robots import RobotSpec
+from ..robots import POLICY_DECIMATION, RobotSpec
+from .terrain import Terrain
 from .trial import STEP_S, Conditions, Trial
 
 Array = NDArray[np.float64]
+
+# Of the stops.
+SPEEDS_M_S = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+TURNS_RAD_S = (-1.0, -0.5, 0.0, 0.5, 1.0)
+REPEATS = 5  # of each command, stopped at different moments of the gait's cycle
+WALK_S, WATCH_S = 3.0, 3.0
+REST_M_S = 0.05  # a base slower than this, and never faster again, is at rest
+GOAL_S = 1.5  # by then it shall be
 
 
 def command_grid(robot: RobotSpec, points: int = 3) -> Array:
@@ -132,3 +143,94 @@ def posture(policy: GaitPolicy, rng: np.random.Generator, seconds: float = 6.0) 
         "clearance_min_m": float(heights.min()),
         "falls": int(trial.fallen.sum()),
     }
+
+
+def stops(
+    policy: GaitPolicy, bumps: Terrain, rng: np.random.Generator, every: int = 1
+) -> dict[str, Any]:
+    """Walk for about 3 s, then drop the command to zero at once; watch for 3 s more.
+
+    Every speed is combined with every turn rate and any moment of the gait's cycle: on level
+    ground at friction 0.5 and 1.1, each with actions in time and 20 ms late, and on `bumps` with
+    all of these mixed. Only each `every`th of the commands is tried.
+
+    Returns:
+        Robots and falls; share `upright` 3 s after the stop, of the worst condition; `rest_s_p99`
+        [s], the 99th percentile of the time until a base is and stays slower than 0.05 m/s, of the
+        worst condition (3 s for those who fall or never rest); share `rested` within 1.5 s, of all;
+        and by `speed_m_s`, over all conditions and
+        turn rates, the displacement from the stop to rest `distance_m_p50`, `distance_m_p95` [m]
+        of those who stayed up, and `rest_s_p99_by_speed` [s]; by `turn_rad_s`, over all conditions
+        and speeds, the angle `turned_rad_p50`, `turned_rad_p95` [rad] turned on in that sense.
+    """
+    commands = np.array(
+        [(v, 0.0, w) for v, w, _ in product(SPEEDS_M_S, TURNS_RAD_S, range(REPEATS))]
+    )[::every]
+    conditions = [
+        Conditions(friction=friction, latency_substeps=substeps)
+        for friction in (0.5, 1.1)
+        for substeps in (0, POLICY_DECIMATION)
+    ]
+    conditions.append(Conditions.mixed(len(commands), rng, bumps))
+    trials = [_stop(policy, commands, each, rng) for each in conditions]
+    upright = [float(1.0 - fallen.mean()) for fallen, *_ in trials]
+    rest_s = [_p99(rest) for _, rest, *_ in trials]
+    fallen, rest, distance, turned = (np.concatenate(parts) for parts in zip(*trials, strict=True))
+    speed, _, turn = np.tile(commands, (len(conditions), 1)).T
+    per_speed = [speed == v for v in SPEEDS_M_S]
+    turned *= np.sign(turn)
+    turns = [w for w in TURNS_RAD_S if w > 0.0]
+    per_turn = [(np.abs(turn) == w) & ~fallen for w in turns]
+    return {
+        "robots": len(fallen),
+        "falls": int(fallen.sum()),
+        "upright": min(upright),
+        "rest_s_p99": max(rest_s),
+        "rested": float((rest <= GOAL_S).mean()),
+        "speed_m_s": list(SPEEDS_M_S),
+        "distance_m_p50": [_quantile(distance[at & ~fallen], 0.5) for at in per_speed],
+        "distance_m_p95": [_quantile(distance[at & ~fallen], 0.95) for at in per_speed],
+        "rest_s_p99_by_speed": [_p99(rest[at]) for at in per_speed],
+        "turn_rad_s": turns,
+        "turned_rad_p50": [_quantile(turned[at], 0.5) for at in per_turn],
+        "turned_rad_p95": [_quantile(turned[at], 0.95) for at in per_turn],
+    }
+
+
+def _stop(
+    policy: GaitPolicy, commands: Array, conditions: Conditions, rng: np.random.Generator
+) -> tuple[NDArray[np.bool_], Array, Array, Array]:
+    """Who fell (N,); time to rest [s], displacement [m] and angle turned left [rad] till then."""
+    n = len(commands)
+    spread = np.zeros((n, 2)) if conditions.terrain.height_m is None else rng.uniform(-4, 4, (n, 2))
+    trial = Trial(policy, conditions, spread, rng.uniform(-np.pi, np.pi, n), rng)
+    cycle_s = 1.0 / policy.card.gait.frequency_hz
+    stop_s = WALK_S + cycle_s * rng.random(n)
+    steps = round((WALK_S + cycle_s + WATCH_S) / STEP_S)
+    where = np.empty((steps, n, 3))
+    speed = np.empty((steps, n))
+    for k in range(steps):
+        stopped = trial.time_s >= stop_s
+        trial.step(np.where(stopped[:, None], 0.0, commands))
+        where[k] = trial.poses[:, 1]
+        speed[k] = np.linalg.norm(trial.state().linear_velocity_m_s[:, :2], axis=1)
+    time_s = STEP_S * np.arange(1, steps + 1)[:, None]
+    # What happens later than 3 s after a robot's stop belongs to none.
+    watched = (time_s > stop_s) & (time_s <= stop_s + WATCH_S + 1e-6)
+    moving = watched & (speed >= REST_M_S)
+    last = np.where(moving, time_s, stop_s).max(axis=0)
+    rest = np.where(trial.fallen, WATCH_S, last - stop_s)
+    first = np.argmax(watched, axis=0)
+    end = np.minimum(first + round(WATCH_S / STEP_S), steps - 1)
+    moved = where[end, np.arange(n)] - where[np.maximum(first - 1, 0), np.arange(n)]
+    distance = np.linalg.norm(moved[:, :2], axis=1)
+    return trial.fallen.copy(), rest, distance, wrap_angle(moved[:, 2])
+
+
+def _p99(values: Array) -> float:
+    """The 99th percentile, a value that occurs."""
+    return float(np.quantile(values, 0.99, method="higher"))
+
+
+def _quantile(values: Array, share: float) -> float:
+    return float(np.quantile(values, share)) if len(values) else float("nan")

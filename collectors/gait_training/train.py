@@ -26,13 +26,14 @@ from ...formats.core.errors import UnknownNameError, VlnpeError
 from ..locomotion.card import POLICY_FOLDER, load_card
 from ..locomotion.policy import policy_files
 from ..robots import RobotSpec, get_robot
-from .config import PHASES, REFINEMENTS, ppo_config
+from .config import PHASES, REFINEMENTS, ppo_config, refinement_config
 from .env import GaitEnv
-from .export import write_policy
+from .export import start_from, write_policy
 from .terrain import Terrain, rough_terrain
 
 log = logging.getLogger(__name__)
 CRITIC_ITERATIONS = 25  # of a refinement, before the actor learns
+AVERAGING = 0.98  # decay of a refinement's mean weights, per iteration
 CHUNK = 10  # iterations per line of the learning curve
 
 
@@ -103,7 +104,7 @@ def train(
     out.mkdir(parents=True, exist_ok=True)
     checkpoint = out / "checkpoint.pt"
     done, samples, wall_s = 0, 0, 0.0
-    first = 0
+    first, progress = 0, {}
     phases = (REFINEMENTS if refine else PHASES)[robot.name]
     for number, (phase, planned) in enumerate(phases):
         last = first + (planned if iterations is None else iterations)
@@ -119,7 +120,8 @@ def train(
         torch.manual_seed(seed + done)
         terrain = rough_terrain(rng) if phase.terrain == "rough" else Terrain()
         env = GaitEnv(robot, phase, terrain, rng, threads)
-        runner = OnPolicyRunner(env, {**ppo_config(phase, seed), "multi_gpu": None})
+        ppo = refinement_config(phase, seed, env.symmetry) if refine else ppo_config(phase, seed)
+        runner = OnPolicyRunner(env, {**ppo, "multi_gpu": None})
         if checkpoint.exists():
             runner.load(str(checkpoint))
         if refine:
@@ -128,6 +130,7 @@ def train(
             normalizer.until = 0
             if not checkpoint.exists():
                 _start_refining(robot, refine, env, runner)
+        average = progress.get("average") or _weights(runner)
         while done < last:
             started = time.monotonic()
             # Robots first learn to walk, then to walk smoothly and to be kicked.
@@ -135,35 +138,44 @@ def train(
                 env.push_scale = min(1.0, max(0.0, (done - 100) / 300))
                 env.smoothness_scale = min(1.0, 0.2 + done / 300)
             count = min(CHUNK, last - done)
-            runner.learn(count)
+            for _ in range(count):
+                runner.learn(1)
+                for name, value in _weights(runner).items():
+                    average[name].lerp_(value, 1.0 - AVERAGING)
             done += count
             samples += count * phase.envs * phase.steps
             wall_s += time.monotonic() - started
             _write_curve(out / "curve.csv", env, runner, done, samples, wall_s)
             progress = {"iterations": done, "samples": samples, "wall_s": wall_s}
             with atomic_file(checkpoint) as temporary:
-                runner.save(str(temporary), progress)
+                runner.save(str(temporary), {**progress, "average": average})
             if done % 50 == 0 or done == last:
                 facts = _facts(robot, seed, progress, refine)
-                write_policy(robot, phase, runner.alg.get_policy(), facts, out)
+                actor, last_weights = runner.alg.get_policy(), _weights(runner)
+                if refine:
+                    # Single iterations of a refinement are mostly noise; their average is not.
+                    actor.load_state_dict(average, strict=False)
+                write_policy(robot, phase, actor, facts, out)
+                actor.load_state_dict(last_weights, strict=False)
         first = last
+
+
+def _weights(runner: OnPolicyRunner) -> dict[str, torch.Tensor]:
+    """A copy of the actor's weights, without its normaliser."""
+    return {
+        k: v.detach().clone() for k, v in runner.alg.get_policy().mlp.named_parameters(prefix="mlp")
+    }
 
 
 def _start_refining(robot: RobotSpec, folder: Path, env: GaitEnv, runner: OnPolicyRunner) -> None:
     """Take over the gait in a folder, and let the critic learn what it is worth first."""
-    # Late, because onnx is needed for nothing else here.
-    from .warm_start import start_from
-
     algorithm = runner.alg
     start_from(robot, folder, env, algorithm.actor)
     schedule, rate = algorithm.schedule, algorithm.learning_rate
     algorithm.schedule = "fixed"
-    # A clipped critic moves by 0.2 an iteration, and has to rise to about 15.
-    algorithm.use_clipped_value_loss = False
     algorithm.actor.requires_grad_(False)
     runner.learn(CRITIC_ITERATIONS)
     algorithm.actor.requires_grad_(True)
-    algorithm.use_clipped_value_loss = True
     algorithm.schedule, algorithm.learning_rate = schedule, 0.3 * rate
     for group in algorithm.optimizer.param_groups:
         group["lr"] = algorithm.learning_rate

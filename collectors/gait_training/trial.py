@@ -9,11 +9,11 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from ...formats.core.frames import quat_to_yaw
 from ..locomotion.gait import ClockState, joint_targets
 from ..locomotion.observation import RobotState, observe, states_of
 from ..locomotion.policy import GaitPolicy
 from ..robots import POLICY_DECIMATION, TIMESTEP_S, RobotHandles, apply_physics_options
-from .target_pipe import TargetPipe
 from .terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -50,6 +50,35 @@ class Conditions:
             latency_substeps=np.arange(count) % 2 * POLICY_DECIMATION,
             push_m_s=push_m_s,
         )
+
+
+class TargetPipe:
+    """Delays joint targets by a number of physics steps, one for each of N robots."""
+
+    def __init__(self, late_substeps: NDArray[np.intp]) -> None:
+        """Get ready; `fill` comes first.
+
+        Args:
+            late_substeps: (N,) delays in physics steps, 0 or more.
+        """
+        substep = np.arange(POLICY_DECIMATION)
+        # How many policy steps before the present one a physics step's target was given.
+        self._age = np.maximum(-(-(late_substeps[:, None] - substep) // POLICY_DECIMATION), 0)
+        self._kept = 1 + int(self._age.max(initial=0))
+        self._robots = np.arange(len(late_substeps))[:, None]
+
+    def fill(self, target_rad: Array) -> None:
+        """Let all that is on its way be the targets (N, J) [rad]."""
+        self._recent = np.repeat(target_rad[None], self._kept, axis=0)
+
+    def refill(self, robots: NDArray[np.intp], target_rad: Array) -> None:
+        """The same for some robots only, with (K, J) or (J,) targets."""
+        self._recent[:, robots] = target_rad
+
+    def push(self, target_rad: Array) -> Array:
+        """Take new targets (N, J); returns what arrives, (N, physics steps, J) [rad]."""
+        self._recent = np.concatenate([target_rad[None], self._recent[:-1]])
+        return self._recent[self._age, self._robots]
 
 
 class Trial:
@@ -102,7 +131,8 @@ class Trial:
         for i in range(n):
             around = xy_m[i] + self.rng.uniform(-0.35, 0.35, (32, 2))
             ground = float(conditions.terrain.at(around).max())
-            h.spawn(data, xy_m[i, 0], xy_m[i, 1], ground, float(yaw_rad[i]))
+            x, y = xy_m[i]
+            h.spawn(data, x_m=x, y_m=y, floor_z_m=ground, yaw_rad=float(yaw_rad[i]))
             self._qpos[i] = data.qpos
         self.batch.forward()
         self.fallen, self._gone = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
@@ -194,9 +224,7 @@ class Trial:
     def _pose_of(self, qpos: Array) -> Array:
         """(N, 3) x, y [m] and heading [rad] of generalised positions (N, nq)."""
         q = self.handles.root_qpos
-        w, x, y, z = qpos[:, q + 3 : q + 7].T
-        yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        return np.column_stack([qpos[:, q : q + 2], yaw])
+        return np.column_stack([qpos[:, q : q + 2], quat_to_yaw(qpos[:, q + 3 : q + 7])])
 
     def _look_at_soles(self) -> _Soles:
         h = self.handles

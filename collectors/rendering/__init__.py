@@ -1,1 +1,1 @@
-"""Pixels from recorded states: RGB and metric depth of a scene and a robot in it."""
+"""Rendering of RGB and metric depth from recorded states of a robot in a scene."""

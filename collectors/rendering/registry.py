@@ -22,11 +22,11 @@ log = logging.getLogger(__name__)
 
 
 def chosen_renderer(name: str) -> str:
-    """The renderer that `name` stands for; `auto` takes the graphics card where there is one.
+    """Return the name of the renderer to use; `auto` means `gl` if there is a graphics card.
 
     Raises:
         UnknownNameError: neither `auto` nor a renderer; the message lists the valid names.
-        InputError: `gl`, but nothing can be drawn with OpenGL here; the message says why.
+        InputError: `gl`, but OpenGL does not work on this machine; the message says why.
     """
     if name == AUTO:
         card = graphics_card()
@@ -39,13 +39,13 @@ def chosen_renderer(name: str) -> str:
     return name
 
 
-def make_renderer(bundle: SceneBundle, name: str = "embree", light: str = "baked") -> Renderer:
-    """Build the renderer `name` for a scene under a light; seconds for a house, so keep it.
+def make_renderer(bundle: SceneBundle, name: str = "embree", *, light: str = "baked") -> Renderer:
+    """Build the renderer `name` for a scene under a light; it takes seconds, so reuse it.
 
     Raises:
         UnknownNameError: no such renderer or light; the message lists the valid names.
         FileFormatError: the scene's mesh or a texture cannot be read.
-        InputError: `gl`, but no OpenGL context can be had; the message says why.
+        InputError: `gl`, but no OpenGL context can be created; the message says why.
     """
     if name not in RENDERERS:
         raise UnknownNameError("renderer", name, RENDERERS)

@@ -1,10 +1,10 @@
-"""The robots: public facts, own MJCF models of primitive shapes, one registry."""
+"""Robots: published facts, MJCF models built from primitive shapes, and their registry."""
 
 from .folder.load import CARD_NAME, POLICY_NAME
 from .handles import RobotHandles
-from .physics import POLICY_DECIMATION, TIMESTEP_S, apply_physics_options
+from .parts import CameraMount, CommandLimits, FallThresholds, Foot, JointFacts
 from .registry import ROBOTS, get_robot
-from .spec import CameraMount, CommandLimits, FallThresholds, Foot, JointFacts, RobotSpec
+from .spec import POLICY_DECIMATION, TIMESTEP_S, RobotSpec, apply_physics_options
 
 __all__ = [
     "CARD_NAME",

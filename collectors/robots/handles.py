@@ -1,4 +1,4 @@
-"""Where a robot's state lies inside a compiled model, alone or attached under any prefix."""
+"""Addresses of a robot's state in a compiled model, alone or attached under any prefix."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ class RobotHandles:
     """Addresses of one robot in a model's arrays.
 
     Attributes:
-        robot: the facts.
-        prefix: what the scene put before every name of the robot.
+        robot: facts of the robot.
+        prefix: prefix that the scene put before every name of the robot.
         root_qpos, root_dof: first index of the floating base in qpos and qvel.
         joint_qpos, joint_dof: (J,) indices of the actuated joints in qpos and qvel.
         actuators: (J,) indices of their servos in ctrl and actuator_force.
-        root_body: body id of the base.
+        root_body: id of the base body.
         bodies: ids of all bodies of the robot.
-        sole_geoms: (F, S) ids of each foot's spheres (of a wheel, its tyre).
-        sole_radius_m: (F, S) how far each reaches below its centre when it stands upright.
+        sole_geoms: (F, S) ids of each foot's spheres (for a wheel, its tyre).
+        sole_radius_m: (F, S) distance from each centre to its lowest point when upright [m].
         foot_touch: (F,) addresses of the foot touch sensors in sensordata [N].
         gyro, accelerometer: first address of each 3-vector in sensordata.
         camera: id of the ego camera.
@@ -49,7 +49,7 @@ class RobotHandles:
 
     @classmethod
     def find(cls, robot: RobotSpec, model: mujoco.MjModel) -> RobotHandles:
-        """Locate `robot` in `model` by its names, whatever prefix it was attached with.
+        """Find `robot` in `model` by its names, under any prefix it was attached with.
 
         Raises:
             InputError: the robot is not in the model, or more than once.
@@ -58,8 +58,8 @@ class RobotHandles:
         roots = [n for n in names if n == robot.root_joint or n.endswith(("/" + robot.root_joint,))]
         if len(roots) != 1:
             raise InputError(
-                f"{robot.name} stands {len(roots)} times in this model; valid: once, with names "
-                "as they are or under a prefix that ends in '/'"
+                f"the model contains robot {robot.name} {len(roots)} times; valid: once, with "
+                "its own names or under a prefix that ends in '/'"
             )
         prefix = roots[0].removesuffix(robot.root_joint)
         joints = [model.joint(prefix + name) for name in robot.joint_names]
@@ -75,7 +75,7 @@ class RobotHandles:
             prefix=prefix,
             root_qpos=int(model.joint(roots[0]).qposadr[0]),
             root_dof=int(model.joint(roots[0]).dofadr[0]),
-            # The type is said, because an agent without joints has empty lists.
+            # The dtype is explicit because an agent without joints has empty lists.
             joint_qpos=np.array([joint.qposadr[0] for joint in joints], dtype=np.intp),
             joint_dof=np.array([joint.dofadr[0] for joint in joints], dtype=np.intp),
             actuators=np.array(
@@ -96,7 +96,13 @@ class RobotHandles:
         )
 
     def spawn(
-        self, data: mujoco.MjData, x_m: float, y_m: float, floor_z_m: float, yaw_rad: float
+        self,
+        data: mujoco.MjData,
+        *,
+        x_m: float = 0.0,
+        y_m: float = 0.0,
+        floor_z_m: float = 0.0,
+        yaw_rad: float = 0.0,
     ) -> None:
         """Place the robot at rest in its default pose on the floor; the only write to qpos/qvel."""
         q = self.root_qpos
@@ -108,12 +114,12 @@ class RobotHandles:
         data.ctrl[self.actuators] = self.robot.default_joint_rad
 
     def com_to_foot_m(self, data: mujoco.MjData) -> float:
-        """Height of the robot's centre of mass above its lowest foot's contact point [m]."""
+        """Return the height of the centre of mass above the lowest foot's contact point [m]."""
         lowest = data.geom_xpos[self.sole_geoms, 2] - self.sole_radius_m
         return float(data.subtree_com[self.root_body, 2] - lowest.min())
 
 
 def sole_radius_m(model: mujoco.MjModel, geoms: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Radius of spheres, of cylinders on their sides, and of ellipsoids the largest [m]."""
+    """Return the radius [m] of spheres and lying cylinders; of ellipsoids the largest half axis."""
     cylinder = model.geom_type[geoms] == mujoco.mjtGeom.mjGEOM_CYLINDER
     return np.where(cylinder, model.geom_size[geoms, 0], model.geom_rbound[geoms])

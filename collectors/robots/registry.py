@@ -16,23 +16,23 @@ from .spec import RobotSpec
 from .vlnce import VLNCE
 
 ROBOTS: dict[str, RobotSpec] = {robot.name: robot for robot in (H1, G1, ALIENGO, JETBOT, VLNCE)}
-# Robots of any size: `<name>@<scale>`.
+# Robots that exist at any size, as `<name>@<scale>`.
 SCALABLE: dict[str, Callable[[float], RobotSpec]] = {"jetbot": jetbot}
-# Words that mean something else where a robot is named.
+# Words that mean something else where a robot's name is expected.
 RESERVED = frozenset({"all", "models", "robots"})
 
 
 def get_robot(name: str) -> RobotSpec:
-    """The robot called `name`.
+    """Return the robot called `name`.
 
     Args:
-        name: one of the registry; `jetbot@2.5` for another size; or the path of a folder with a
+        name: key of `ROBOTS`, `jetbot@2.5` for another size, or the path of a folder with a
             user's own robot.
 
     Raises:
-        UnknownNameError: there is none; the message lists the valid names.
-        FileFormatError: something in the folder is missing or wrong.
-        InputError: a scale that is no number above 0.
+        UnknownNameError: no such robot; the message lists the valid names.
+        FileFormatError: a file in the folder is missing or invalid.
+        InputError: the scale is not a number or outside its limits.
     """
     if name in ROBOTS:
         return ROBOTS[name]
@@ -41,18 +41,20 @@ def get_robot(name: str) -> RobotSpec:
         try:
             return SCALABLE[kind](float(scale))
         except ValueError as error:
-            raise InputError(f"robot {name!r}: {scale!r} is no number; try {kind}@2.5") from error
+            raise InputError(
+                f"robot {name!r}: scale {scale!r} is not a number; valid: e.g. {kind}@2.5"
+            ) from error
     folder = Path(name)
     if not folder.is_dir():
         raise UnknownNameError("robot", name, valid_names())
     robot = load_robot_folder(folder)
     if robot.name in ROBOTS or robot.name in RESERVED:
         raise FileFormatError(
-            folder / FACTS_NAME, f"name is {robot.name!r}, which is taken; choose another"
+            folder / FACTS_NAME, f"name is {robot.name!r}, which is reserved; choose another"
         )
     return robot
 
 
 def valid_names() -> list[str]:
-    """What a user may say, for messages."""
+    """Return the valid names of robots, for messages."""
     return [*ROBOTS, *(f"{name}@<scale>" for name in SCALABLE), f"a folder with a {FACTS_NAME}"]

@@ -1,4 +1,4 @@
-"""Small vocabulary for building robots of primitive shapes with `MjSpec`."""
+"""Functions that build robots of primitive shapes with `MjSpec`."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from .spec import CameraMount, JointFacts, RobotSpec
+from .parts import CameraMount, JointFacts
+from .spec import RobotSpec
 
 Vector = Sequence[float]
 Color = tuple[float, float, float]
 
 VISUAL_GROUP = 2
 COLLISION_GROUP = 3
-FULL_TORQUE_SPEED = 0.6  # share of a motor's greatest speed up to which it has its full torque
+FULL_TORQUE_SPEED = 0.6  # share of a motor's no-load speed up to which it has its full torque
 POSITION_INPUT = 1  # MuJoCo's mjINPUT_POS, which its Python module does not name
 _GEOM = mujoco.mjtGeom
 SHAPES = {
@@ -43,7 +44,7 @@ def _placement(
 
 
 def start_robot(robot: RobotSpec) -> tuple[mujoco.MjSpec, mujoco.MjsBody]:
-    """An empty model in radians, named as the robot, and its floating base."""
+    """Return an empty model in radians with the robot's name, and its floating base."""
     spec = mujoco.MjSpec()
     spec.modelname = robot.name
     spec.compiler.degree = False
@@ -58,18 +59,19 @@ def add_visual(
     size: Vector,
     color: Color,
     position: Vector | None = None,
+    *,
     ends: tuple[Vector, Vector] | None = None,
     euler_deg: Vector | None = None,
 ) -> None:
-    """Add a massless geom that is seen and never touched.
+    """Add a massless geom that is drawn but does not collide.
 
     Args:
-        body: carrier.
+        body: body that carries the geom.
         shape: key of `SHAPES`.
         size: MuJoCo half sizes [m]; for capsule and cylinder with `ends` only the radius.
         color: linear RGB in 0…1.
         position: centre in the body frame [m].
-        ends: instead of `position`: both ends of the axis of a capsule or cylinder [m].
+        ends: both ends of the axis of a capsule or cylinder [m], instead of `position`.
         euler_deg: intrinsic x-y-z rotation [deg].
     """
     body.add_geom(
@@ -90,11 +92,14 @@ def add_collision(
     shape: str,
     size: Vector,
     position: Vector | None = None,
+    *,
     ends: tuple[Vector, Vector] | None = None,
-    euler_deg: Vector | None = None,
     foot: bool = False,
 ) -> None:
-    """Add a geom that is touched and not drawn; feet decide the friction of their contacts."""
+    """Add a massless geom that collides but is not drawn; see `add_visual`.
+
+    With `foot`, the geom's own friction decides that of its contacts.
+    """
     body.add_geom(
         name=name,
         type=SHAPES[shape],
@@ -105,19 +110,19 @@ def add_collision(
         conaffinity=1,
         condim=3,
         mass=0.0,
-        # Rubber feet on any indoor floor: the foot's own friction holds, whatever the floor says.
+        # A rubber foot on any indoor floor: priority makes MuJoCo use the foot's friction alone.
         priority=1 if foot else 0,
         friction=[0.8, 0.02, 0.01] if foot else [0.6, 0.02, 0.01],
-        **_placement(position, ends, euler_deg),
+        **_placement(position, ends, None),
     )
 
 
-def set_inertia(body: mujoco.MjsBody, mass_kg: float, center: Vector, box_m: Vector) -> None:
-    """Give a body the mass and inertia of a uniform box of full sides `box_m` at `center` [m]."""
+def set_inertia(body: mujoco.MjsBody, mass_kg: float, *, center_m: Vector, box_m: Vector) -> None:
+    """Give a body the mass and inertia of a uniform box of full sides `box_m` at `center_m`."""
     x, y, z = (side**2 for side in box_m)
     body.explicitinertial = True
     body.mass = mass_kg
-    body.ipos = list(center)
+    body.ipos = list(center_m)
     body.inertia = [mass_kg / 12 * (y + z), mass_kg / 12 * (x + z), mass_kg / 12 * (x + y)]
 
 
@@ -125,7 +130,8 @@ def add_joint(
     body: mujoco.MjsBody,
     facts: JointFacts,
     axis: Vector,
-    armature: float,
+    *,
+    armature_kg_m2: float,
     frictionloss_nm: float,
 ) -> None:
     """Add a limited hinge at the body's origin."""
@@ -135,26 +141,20 @@ def add_joint(
         axis=list(axis),
         limited=mujoco.mjtLimited.mjLIMITED_TRUE,
         range=list(facts.range_rad),
-        armature=armature,
+        armature=armature_kg_m2,
         frictionloss=frictionloss_nm,
     )
 
 
 def add_servo(spec: mujoco.MjSpec, facts: JointFacts) -> None:
-    """Add a PD position servo within its motor's limits: force = kp (ctrl − q) − kd q̇, ctrl in rad.
+    """Add a PD position servo with its motor's limits: force = kp (ctrl − q) − kd q̇, ctrl in rad.
 
-    The torque is limited to `torque_nm`, and beyond `FULL_TORQUE_SPEED` of the motor's greatest
-    speed it falls off linearly to none at that speed, as the supply voltage does in a DC motor;
-    braking is not limited further. MuJoCo's `dcmotor` computes just this when its constants are
-    chosen so that 1 V is 1 rad/s.
+    The torque is limited to `torque_nm`. Beyond `FULL_TORQUE_SPEED` of the motor's no-load speed
+    the limit falls linearly to zero at that speed, as the supply voltage makes it in a DC motor;
+    braking is not limited further. MuJoCo's `dcmotor` computes this when its constants are chosen
+    so that 1 V is 1 rad/s.
     """
-    servo = spec.add_actuator(
-        name=facts.name,
-        target=facts.name,
-        trntype=mujoco.mjtTrn.mjTRN_JOINT,
-        forcelimited=mujoco.mjtLimited.mjLIMITED_TRUE,
-        forcerange=[-facts.torque_nm, facts.torque_nm],
-    )
+    servo = _add_actuator(spec, facts)
     if math.isinf(facts.speed_rad_s):
         servo.set_to_position(kp=facts.kp, kv=facts.kd)
         return
@@ -167,23 +167,26 @@ def add_servo(spec: mujoco.MjSpec, facts: JointFacts) -> None:
 
 
 def add_wheel(
-    spec: mujoco.MjSpec, body: mujoco.MjsBody, facts: JointFacts, armature: float
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, facts: JointFacts, armature_kg_m2: float
 ) -> None:
-    """Let a body turn about its y axis, by a torque-limited velocity servo with ctrl in rad/s."""
+    """Add a hinge about the body's y axis with a torque-limited velocity servo, ctrl in rad/s."""
     body.add_joint(
         name=facts.name,
         type=mujoco.mjtJoint.mjJNT_HINGE,
         axis=[0.0, 1.0, 0.0],
-        armature=armature,
+        armature=armature_kg_m2,
     )
-    servo = spec.add_actuator(
+    _add_actuator(spec, facts).set_to_velocity(kv=facts.kd)
+
+
+def _add_actuator(spec: mujoco.MjSpec, facts: JointFacts) -> mujoco.MjsActuator:
+    return spec.add_actuator(
         name=facts.name,
         target=facts.name,
         trntype=mujoco.mjtTrn.mjTRN_JOINT,
         forcelimited=mujoco.mjtLimited.mjLIMITED_TRUE,
         forcerange=[-facts.torque_nm, facts.torque_nm],
     )
-    servo.set_to_velocity(kv=facts.kd)
 
 
 def add_camera(body: mujoco.MjsBody, mount: CameraMount) -> None:
@@ -221,7 +224,7 @@ def add_touch(
     position: Vector,
     size_m: float | Vector,
 ) -> None:
-    """Add a touch sensor `<foot>_touch` [N]: a ball of one radius or a box of three half sides."""
+    """Add a touch sensor `<foot>_touch` [N]: a sphere of that radius or a box of half sides."""
     size = [size_m, 0.0, 0.0] if isinstance(size_m, float | int) else list(size_m)
     shape = "box" if all(size) else "sphere"
     body.add_site(name=foot, type=SHAPES[shape], pos=list(position), size=size, group=4)

@@ -1,9 +1,8 @@
-"""What is known about a robot, as frozen records."""
+"""A robot as one frozen record, and the physics options that every model with a robot shares."""
 
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,120 +12,55 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.core.camera import CameraModel
-from .drive import WheelDrive
-from .physics import apply_physics_options
+from .parts import CameraMount, CommandLimits, FallThresholds, Foot, JointFacts, WheelDrive
+
+TIMESTEP_S = 0.005  # 200 Hz, as VLN-PE
+POLICY_DECIMATION = 4  # physics steps per policy step: 50 Hz
 
 
-@dataclass(frozen=True)
-class JointFacts:
-    """One actuated joint: limits, default pose and servo.
+def apply_physics_options(spec: mujoco.MjSpec) -> None:
+    """Set the options that a robot's policy was trained with on the root spec of a model.
 
-    Attributes:
-        name: joint and actuator name.
-        default_rad: default joint position [rad], the zero of the policy's action.
-        range_rad: lower and upper limit [rad].
-        kp, kd: PD gains of the position servo [Nm/rad], [Nm·s/rad]; for a wheel's velocity servo
-            kp is 0 and kd its gain.
-        torque_nm: torque limit [Nm].
-        speed_rad_s: speed at which the motor has no torque left [rad/s]; inf for a servo that is
-            as strong at any speed. See `shapes.add_servo`.
+    `attach` does not copy options to the parent, so whoever builds a scene around a robot calls
+    this on the scene's own spec.
     """
-
-    name: str
-    default_rad: float
-    range_rad: tuple[float, float]
-    kp: float
-    kd: float
-    torque_nm: float
-    speed_rad_s: float = math.inf
-
-
-@dataclass(frozen=True)
-class CameraMount:
-    """An onboard camera fixed to a body.
-
-    Attributes:
-        name: camera name in the model.
-        body: name of the body that carries it.
-        position_body_m: (x, y, z) of the optical centre in that body's frame [m].
-        pitch_down_deg: downward tilt of the optical axis [deg].
-        model: the pinhole camera.
-    """
-
-    name: str
-    body: str
-    position_body_m: tuple[float, float, float]
-    pitch_down_deg: float
-    model: CameraModel
+    spec.option.timestep = TIMESTEP_S
+    # The servos' damping is stiff at 5 ms; implicit integration keeps it stable.
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    # Elliptic cones halve the speed; pyramids let a loaded foot creep by about 1 cm/s at most.
+    spec.option.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
+    spec.option.impratio = 1.0
+    spec.option.iterations = 30
+    spec.option.ls_iterations = 20
 
 
-@dataclass(frozen=True)
-class CommandLimits:
-    """Range of velocity commands in the base frame (x forward, y left), [m/s] and [rad/s]."""
-
-    vx_m_s: tuple[float, float]
-    vy_m_s: tuple[float, float]
-    yaw_rad_s: tuple[float, float]
-
-    def clip(self, command: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Clip (…, 3) commands (vx, vy, yaw rate) into the limits."""
-        limits = np.array([self.vx_m_s, self.vy_m_s, self.yaw_rad_s])
-        return np.clip(command, limits[:, 0], limits[:, 1])
-
-
-@dataclass(frozen=True)
-class FallThresholds:
-    """A robot has fallen when it leans or sinks beyond these (rule of the VLN-PE paper).
-
-    Attributes:
-        roll_rad, pitch_rad: largest absolute lean of the base [rad].
-        com_to_foot_m: least height of the centre of mass above the lowest foot [m].
-    """
-
-    com_to_foot_m: float
-    roll_rad: float = float(np.deg2rad(15.0))
-    pitch_rad: float = float(np.deg2rad(35.0))
-
-
-@dataclass(frozen=True)
-class Foot:
-    """What a robot stands on: a foot, or a wheel.
-
-    Attributes:
-        name: of the foot; its touch sensor is `<name>_touch`.
-        soles: names of the spheres that touch the ground, the same number for every foot.
-    """
-
-    name: str
-    soles: tuple[str, ...]
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RobotSpec:
-    """Facts of one robot and the recipe of its model.
+    """Facts of one robot, and the function that builds its model.
 
     Attributes:
         name: registry name.
-        title: how a person calls it.
-        mass_kg: total mass.
-        link_mass_kg: mass of each body by body name.
-        joints: actuated joints; those that a policy moves come first, in its order.
-        policy_joints: how many of them a policy moves; the others follow the gait's reference.
+        title: name for people, e.g. in the report.
+        mass_kg: total mass [kg].
+        link_mass_kg: mass of each body [kg] by body name.
+        joints: actuated joints; those that the policy controls come first, in its order.
+        policy_joints: number of joints that the policy controls; the others follow the gait's
+            reference motion.
         action_scale_rad: joint target = default + scale × policy action.
-        root_body, root_joint: the floating base.
-        feet: what it stands on.
+        root_body, root_joint: names of the floating base and of its free joint.
+        feet: the feet or wheels that it stands on.
         base_height_m: height of the base frame above the floor when it stands settled.
-        spawn_height_m: height of the base frame at which the default pose just touches the floor.
-        footprint_radius_m: radius of the disc that planners keep free.
+        spawn_height_m: height of the base frame above the floor at which the default pose just
+            touches it.
+        footprint_radius_m: radius of the disc around the base that planners keep free.
         camera: the ego camera.
-        fall: when it counts as fallen.
-        command_limits: velocities the controllers may ask for.
+        fall: thresholds beyond which it counts as fallen.
+        command_limits: velocities that controllers may command.
         sources: where the facts come from, one line each.
-        build: makes a fresh `MjSpec` of the robot alone.
-        drive: the wheels of a robot that drives; None for one that walks.
-        folder: where the files of a user's own robot lie; None for ours.
-        content_sha256: of those files; empty for ours, which are part of the code.
+        build: function that returns a new `MjSpec` of the robot alone.
+        drive: the wheels of a robot on wheels; None for one that walks.
+        folder: folder of a user's own robot; None for a built-in one.
+        content_sha256: digest of that folder's files; empty for a built-in robot.
     """
 
     name: str
@@ -152,17 +86,17 @@ class RobotSpec:
     content_sha256: str = ""
 
     def __getstate__(self) -> dict[str, Any]:
-        """Worker processes get a copy; a read-only view of a mapping cannot travel."""
+        """Return a picklable state; a read-only view of a mapping is not picklable."""
         return {**self.__dict__, "link_mass_kg": dict(self.link_mass_kg)}
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the actuated joints, in policy order."""
+        """Names of the actuated joints; those of the policy come first."""
         return tuple(joint.name for joint in self.joints)
 
     @property
     def policy_joint_names(self) -> tuple[str, ...]:
-        """Names of the joints that a policy moves, in its order."""
+        """Names of the joints that the policy controls, in its order."""
         return self.joint_names[: self.policy_joints]
 
     @property
@@ -181,7 +115,7 @@ class RobotSpec:
         return np.array([joint.default_rad for joint in self.joints])
 
     def spec(self) -> mujoco.MjSpec:
-        """A fresh, attachable spec of the robot alone, its base at the origin."""
+        """Return a new, attachable spec of the robot alone, with its base at the origin."""
         return self.build(self)
 
     def build_model(self, floor: bool = True) -> mujoco.MjModel:
@@ -196,12 +130,12 @@ class RobotSpec:
         return spec.compile()
 
     def physics_hash(self) -> str:
-        """SHA-256 over what shapes the robot's motion: options, bodies, joints, servos, contacts.
+        """Return a SHA-256 over the dynamics: options, bodies, joints, servos, contacts.
 
-        What none of our robots has stays out: springs, excluded contacts, meshes, equalities,
-        tendons. Colours, cameras and visual shapes do not enter, so that a prettier robot keeps its
-        policy; masses, joints, servos and collision shapes do. Values are rounded to six
-        significant digits, which leaves room for the last bits of another compiler.
+        Colours, cameras and visual shapes are left out, so that a policy stays valid when only the
+        robot's looks change. So is what none of our robots has: springs, excluded contacts,
+        meshes, equalities, tendons. Values are rounded to six significant digits, so that another
+        compiler's last bits do not change the hash.
         """
         model = self.build_model(floor=False)
         colliding = model.geom_contype + model.geom_conaffinity > 0

@@ -1,6 +1,6 @@
-"""VLN-CE's bodyless agent: Habitat's upright cylinder with a camera, placed and never driven.
+"""VLN-CE's bodyless agent: Habitat's upright cylinder with a camera, placed along the path.
 
-The reference for what embodiment costs: no mass to move, no joints, no fall.
+It is the reference for the cost of embodiment: it has no joints and cannot fall.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import mujoco
 
 from ...formats.core.camera import CameraModel
+from .parts import CameraMount, CommandLimits, FallThresholds, Foot
 from .shapes import (
     Color,
     add_camera,
@@ -18,12 +19,11 @@ from .shapes import (
     set_inertia,
     start_robot,
 )
-from .spec import CameraMount, CommandLimits, FallThresholds, Foot, RobotSpec
+from .spec import RobotSpec
 
 RADIUS_M, HEIGHT_M, CAMERA_M = 0.1, 1.5, 1.25
-BASE_M = 0.5 * HEIGHT_M  # the base frame is the cylinder's middle
-MASS_KG = 1.0  # a model needs one; nothing ever moves it
-NEVER = 0.0
+BASE_M = 0.5 * HEIGHT_M  # the base frame is at the cylinder's centre
+MASS_KG = 1.0  # a placeholder: MuJoCo needs a mass, but no force ever moves the agent
 
 POLE: Color = (0.55, 0.57, 0.60)
 DARK: Color = (0.05, 0.055, 0.065)
@@ -32,10 +32,10 @@ ACCENT: Color = (0.85, 0.35, 0.05)
 
 
 def build_vlnce(robot: RobotSpec) -> mujoco.MjSpec:
-    """The agent alone: a cylinder to collide with, a slim pole with a camera to be seen by."""
+    """Return the agent alone: a cylinder for collisions, a slim pole with a camera to look at."""
     spec, base = start_robot(robot)
-    set_inertia(base, MASS_KG, (0.0, 0.0, 0.0), (0.2, 0.2, HEIGHT_M))
-    # Rounded below, so that it stands on uneven floor as on even.
+    set_inertia(base, MASS_KG, center_m=(0.0, 0.0, 0.0), box_m=(0.2, 0.2, HEIGHT_M))
+    # Rounded below, so that it also stands on uneven floor.
     bottom = (0.0, 0.0, RADIUS_M - BASE_M)
     add_collision(base, "base", "sphere", (RADIUS_M,), position=bottom, foot=True)
     add_collision(base, "cylinder", "cylinder", (RADIUS_M,), ends=(bottom, (0.0, 0.0, BASE_M)))
@@ -74,14 +74,18 @@ VLNCE = RobotSpec(
     spawn_height_m=BASE_M + 0.001,
     footprint_radius_m=RADIUS_M,
     camera=CameraMount(
-        "ego", "base", (0.0, 0.0, CAMERA_M - BASE_M), 0.0, CameraModel("ego", 256, 256, 90.0)
+        name="ego",
+        body="base",
+        position_body_m=(0.0, 0.0, CAMERA_M - BASE_M),
+        pitch_down_deg=0.0,
+        model=CameraModel("ego", 256, 256, 90.0),
     ),
-    fall=FallThresholds(com_to_foot_m=NEVER),
-    command_limits=CommandLimits((0.0, 0.0), (0.0, 0.0), (0.0, 0.0)),
+    fall=FallThresholds(com_to_foot_m=0.0),  # it never falls
+    command_limits=CommandLimits(vx_m_s=(0.0, 0.0), vy_m_s=(0.0, 0.0), yaw_rad_s=(0.0, 0.0)),
     sources=(
         "radius 0.1 m, height 1.5 m, camera 1.25 m above the floor and level, HFOV 90°: VLN-CE's "
         "agent in Habitat",
-        "mass: a stand-in, nothing ever moves it",
+        "mass: a placeholder, no force ever moves the agent",
     ),
     build=build_vlnce,
 )

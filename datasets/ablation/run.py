@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from ...formats.core.atomic import write_json
-from ...formats.core.digest import file_digest
+from ...formats.core.atomic import file_digest, write_json
 from ...formats.core.errors import InputError
 from ...formats.core.progress import progress_bar
 from ...formats.core.source import code_digest

@@ -1,8 +1,9 @@
-"""Atomic output: a reader sees a whole file or folder, or none."""
+"""Atomic output: a reader sees a whole file or folder, or none; digests of files."""
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 import os
 import shutil
@@ -94,3 +95,9 @@ def write_bytes(path: Path, data: bytes) -> None:
 def write_json(path: Path, value: Any) -> None:
     """Write `value` as indented JSON, atomically, with sorted keys; see `write_bytes`."""
     write_bytes(path, (json.dumps(value, indent=2, sort_keys=True) + "\n").encode())
+
+
+def file_digest(path: Path) -> str:
+    """Return the SHA-256 hex digest of a file's content."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -29,12 +29,12 @@ class CameraModel:
 
     @property
     def focal_px(self) -> float:
-        """Focal length [px], equal in x and y."""
+        """Return the focal length [px], equal in x and y."""
         return 0.5 * self.width_px / float(np.tan(0.5 * np.deg2rad(self.hfov_deg)))
 
     @property
     def intrinsics(self) -> NDArray[np.float64]:
-        """K, (3, 3), in OpenCV's convention.
+        """Return the intrinsic matrix K (3, 3) in OpenCV's convention.
 
         Pixel centres lie at whole numbers, so that cx = (width − 1) / 2 and a pixel in column u and
         row v with depth z is the point ((u − cx) z / fx, (v − cy) z / fy, z) of the optical frame.
@@ -43,7 +43,7 @@ class CameraModel:
         return np.array([[f, 0.0, cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
 
     def to_json(self) -> dict[str, Any]:
-        """The camera as JSON values, with what a reader needs to unproject its pixels."""
+        """Return the camera as JSON values, sufficient to unproject its pixels."""
         return {
             "name": self.name,
             "width_px": self.width_px,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Episode:
-    """Where a robot starts, where it must go, along which reference path, told in which words.
+    """One episode: start, goal, reference path and instruction.
 
     All positions are in the repaired scene's world frame (z up, metres) and lie on the floor.
 
@@ -26,7 +26,7 @@ class Episode:
         goal_position_world_m: (3,) [m].
         reference_path_world_m: (P, 3) float64 [m], from start to goal.
         geodesic_distance_m: length of the shortest collision-free path.
-        instruction: what the robot is told; empty before the instruct stage.
+        instruction: the instruction text; empty before the instruct stage.
         goal_radius_m: VLN-CE's success radius.
         extra: further keys of the source file, kept as they are.
     """
@@ -47,6 +47,6 @@ class Episode:
 
     @property
     def reference_length_m(self) -> float:
-        """Length of the reference path [m]."""
+        """Return the length of the reference path [m]."""
         steps = np.diff(self.reference_path_world_m, axis=0)
         return float(np.linalg.norm(steps, axis=1).sum())

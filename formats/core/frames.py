@@ -29,19 +29,19 @@ def transform_points(transform: ArrayLike, points_m: ArrayLike) -> Array:
 
 
 def habitat_to_world_position(position_habitat_m: ArrayLike) -> Array:
-    """Habitat (x, y up, z) to world (x, −z, y). Shape (..., 3) [m], both ways alike."""
+    """Convert Habitat (x, y up, z) to world (x, −z, y) positions. Shape (..., 3) [m]."""
     p = np.asarray(position_habitat_m, dtype=np.float64)
     return np.stack([p[..., 0], -p[..., 2], p[..., 1]], axis=-1)
 
 
 def world_to_habitat_position(position_world_m: ArrayLike) -> Array:
-    """World (x, y, z up) to Habitat (x, z, −y). Shape (..., 3) [m]."""
+    """Convert world (x, y, z up) to Habitat (x, z, −y) positions. Shape (..., 3) [m]."""
     p = np.asarray(position_world_m, dtype=np.float64)
     return np.stack([p[..., 0], p[..., 2], -p[..., 1]], axis=-1)
 
 
 def habitat_to_world_yaw(rotation_xyzw: ArrayLike) -> float:
-    """Heading of a Habitat agent as a world yaw [rad] in (−π, π], 0 = looking along +x.
+    """Return a Habitat agent's heading as world yaw [rad] in (−π, π], 0 = looking along +x.
 
     Habitat's rotation is about its y axis by θ; its agent looks along −z at θ = 0, which is
     world +y, hence yaw = θ + 90° (the same offset as VLN-PE's public code).
@@ -54,7 +54,7 @@ def habitat_to_world_yaw(rotation_xyzw: ArrayLike) -> float:
 
 
 def world_to_habitat_rotation(yaw_rad: float) -> Array:
-    """Inverse of `habitat_to_world_yaw`: Habitat quaternion (4,) in xyzw order."""
+    """Return the Habitat quaternion (4,), xyzw, of a yaw: inverse of `habitat_to_world_yaw`."""
     half = 0.5 * (yaw_rad - 0.5 * np.pi)
     return np.array([0.0, np.sin(half), 0.0, np.cos(half)])
 
@@ -70,7 +70,7 @@ def xyzw_to_wxyz(quat_xyzw: ArrayLike) -> Array:
 
 
 def quat_to_matrix(quat_wxyz: ArrayLike) -> Array:
-    """Unit quaternions (..., 4) to rotation matrices (..., 3, 3)."""
+    """Convert quaternions (..., 4), normalised first, to rotation matrices (..., 3, 3)."""
     q = np.asarray(quat_wxyz, dtype=np.float64)
     q = q / np.linalg.norm(q, axis=-1, keepdims=True)
     w, x, y, z = np.moveaxis(q, -1, 0)
@@ -83,7 +83,7 @@ def quat_to_matrix(quat_wxyz: ArrayLike) -> Array:
 
 
 def matrix_to_quat(rotation: ArrayLike) -> Array:
-    """Rotation matrices (..., 3, 3) to unit quaternions (..., 4), wxyz with w ≥ 0.
+    """Convert rotation matrices (..., 3, 3) to unit quaternions (..., 4), wxyz with w ≥ 0.
 
     Builds the symmetric 4 × 4 matrix whose largest eigenvector is the quaternion (Bar-Itzhack,
     "New method for extracting the quaternion from a rotation matrix", 2000): stable everywhere.
@@ -107,7 +107,7 @@ def matrix_to_quat(rotation: ArrayLike) -> Array:
 
 
 def quat_multiply(a_wxyz: ArrayLike, b_wxyz: ArrayLike) -> Array:
-    """Hamilton product a ⊗ b of quaternions (..., 4): rotate by b, then by a."""
+    """Return the Hamilton product a ⊗ b of quaternions (..., 4): rotate by b, then by a."""
     aw, ax, ay, az = np.moveaxis(np.asarray(a_wxyz, dtype=np.float64), -1, 0)
     bw, bx, by, bz = np.moveaxis(np.asarray(b_wxyz, dtype=np.float64), -1, 0)
     return np.stack(
@@ -122,20 +122,20 @@ def quat_multiply(a_wxyz: ArrayLike, b_wxyz: ArrayLike) -> Array:
 
 
 def yaw_to_quat(yaw_rad: ArrayLike) -> Array:
-    """Rotation about world z by `yaw_rad` (...) as quat_wxyz (..., 4)."""
+    """Return the rotation about world z by `yaw_rad` (...) as quat_wxyz (..., 4)."""
     half = 0.5 * np.asarray(yaw_rad, dtype=np.float64)
     zero = np.zeros_like(half)
     return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)
 
 
 def quat_to_yaw(quat_wxyz: ArrayLike) -> Array:
-    """Heading of the body x axis about world z [rad], shape (...) from (..., 4)."""
+    """Return the heading of the body x axis about world z [rad], shape (...) from (..., 4)."""
     w, x, y, z = np.moveaxis(np.asarray(quat_wxyz, dtype=np.float64), -1, 0)
     return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
 def quat_to_roll_pitch(quat_wxyz: ArrayLike) -> tuple[Array, Array]:
-    """Roll and pitch [rad] of z-y-x Euler angles, each (...), from (..., 4)."""
+    """Return roll and pitch [rad] of z-y-x Euler angles, each (...), from (..., 4)."""
     w, x, y, z = np.moveaxis(np.asarray(quat_wxyz, dtype=np.float64), -1, 0)
     roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))

@@ -1,4 +1,4 @@
-"""Licences of scenes: which they are, how the hub names them, and whether data may be passed on."""
+"""Licences of scenes: their identifiers, the hub's keys, and whether data may be published."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ _LIMITS = r"non-?commercial|no derivative|research purposes? only|not redistribu
 
 
 def licence_id(text: str) -> str:
-    """Identifier of a licence, lower case, from an identifier or the licence's own text.
+    """Return the lower-case identifier of a licence, from an identifier or the licence's text.
 
     `unknown` for an empty text, `other` for one that is not recognised.
     """
@@ -75,12 +75,12 @@ def licence_id(text: str) -> str:
 
 
 def may_pass_on(identifier: str) -> bool:
-    """Whether renderings of a scene under this licence may be published; false when in doubt."""
+    """Return whether renderings of a scene under this licence may be published; false in doubt."""
     return identifier in _REDISTRIBUTABLE
 
 
 def why_not(identifier: str) -> str:
-    """Say in words what keeps data of such a scene from being published."""
+    """Return in words why data of such a scene may not be published."""
     if identifier in _NO_DERIVATIVES:
         return f"{identifier} forbids to pass on derived works"
     if identifier == UNKNOWN:
@@ -89,7 +89,7 @@ def why_not(identifier: str) -> str:
 
 
 def hub_licence(identifiers: Iterable[str]) -> dict[str, str]:
-    """Licence keys of a dataset card for data made from scenes under these licences."""
+    """Return the licence keys of a dataset card for data made from scenes with these licences."""
     names = sorted(set(identifiers)) or [UNKNOWN]
     known = _REDISTRIBUTABLE.get(names[0], names[0] in {UNKNOWN, *_NO_DERIVATIVES})
     if len(names) == 1 and known:

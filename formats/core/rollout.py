@@ -51,7 +51,7 @@ class ActionSpan:
 
 @dataclass(frozen=True)
 class Event:
-    """Something worth knowing at a time: a contact with an obstacle, a re-plan or a fall."""
+    """An event: a contact with an obstacle, a re-plan or a fall."""
 
     time_s: float
     kind: str
@@ -136,7 +136,7 @@ class Rollout:
     labels: tuple[Action, ...] = ()
 
     def frame_samples(self, frames_per_second: int) -> NDArray[np.int64]:
-        """Sample index of each frame, (N,): every 100/fps-th sample from 0 on.
+        """Return the sample index (N,) of each frame: every 100/fps-th sample from 0 on.
 
         Of a robot that has come to rest after its stop, up to the first frame at rest.
 

@@ -25,7 +25,7 @@ DATA_SUFFIXES = {".xml", ".j2", ".txt", ".yaml", ".html", ".css", ".js"}
 
 @cache
 def source_digest(*modules: str) -> str:
-    """Return the SHA-256 hex of everything of which importing `modules` makes use.
+    """Return the SHA-256 hex digest of everything that importing `modules` uses.
 
     That is the code of `code_digest`, and the versions of Python and of the libraries that the
     modules import.
@@ -127,7 +127,7 @@ def _path(module: str) -> Path:
 
 @dataclass(frozen=True)
 class _Source:
-    """What one module's source says: our modules and others' top-level names, and its digest."""
+    """Imports of one module (ours, and top-level names of others), and its digest."""
 
     ours: frozenset[str]
     others: frozenset[str]
@@ -163,7 +163,7 @@ def _source(module: str) -> _Source:
 
 
 def _nodes(tree: ast.AST) -> Iterator[ast.AST]:
-    """All nodes but those under `if TYPE_CHECKING`."""
+    """Yield all nodes except those under `if TYPE_CHECKING`."""
     for child in ast.iter_child_nodes(tree):
         test = getattr(child, "test", None)
         if isinstance(child, ast.If) and isinstance(test, ast.Name) and test.id == "TYPE_CHECKING":

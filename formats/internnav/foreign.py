@@ -24,6 +24,7 @@ from ..core.frames import (
     quat_to_matrix,
     quat_to_yaw,
 )
+from ..core.geometry import path_length
 from ..core.rollout import DISCRETE_RATE_HZ, EndReason
 from ..lerobot.features import dataset_features
 from ..lerobot.layout import EPISODE_ROWS
@@ -235,9 +236,7 @@ def _columns(
         "camera_intrinsics": camera.intrinsics.ravel().tolist(),
         "depth_near_m": DEPTH_RANGE.near_m,
         "depth_far_m": DEPTH_RANGE.far_m,
-        "metrics/trajectory_length_m": float(
-            np.linalg.norm(np.diff(position[:, :2], axis=0), axis=1).sum()
-        ),
+        "metrics/trajectory_length_m": path_length(position[:, :2]),
         "metrics/navigation_error_m": unknown,
         "metrics/navigation_error_euclidean_m": unknown,
         "metrics/success": success,

@@ -109,7 +109,7 @@ def _whole_actions(walk: NDArray[np.float64]) -> TimedActions | None:
     which = off.argmin(axis=1)
     at = np.flatnonzero(which)
     values = np.array([int(action or 0) for action in known])
-    return TimedActions(values[which[at]].astype(np.int64), at + 1.0)
+    return TimedActions(values[which[at]].astype(np.int64), (at + 1.0).astype(np.float64))
 
 
 def _nearest_actions(walk: NDArray[np.float64]) -> TimedActions:

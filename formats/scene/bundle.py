@@ -37,7 +37,7 @@ UNSOUND = "unsound"
 
 @dataclass(frozen=True)
 class Material:
-    """Surface look: a base colour (sRGB, 0–1) times an optional texture, a path in the bundle."""
+    """Material: base colour (sRGB, 0–1) times an optional texture, a path in the bundle."""
 
     name: str
     base_color: tuple[float, float, float] = (0.8, 0.8, 0.8)
@@ -107,7 +107,7 @@ class Obstacles:
 
 @dataclass(frozen=True)
 class LabeledObject:
-    """A named thing in the scene, for landmarks and semantics.
+    """A named object in the scene, for landmarks and semantics.
 
     Attributes:
         name: unique, e.g. `Sofa_1`.
@@ -166,7 +166,7 @@ class SceneBundle:
                 raise FileFormatError(path, f"not a visual mesh: {error}") from error
 
     def level_folder(self, level: int) -> Path:
-        """Folder of a level.
+        """Return the folder of a level.
 
         Raises:
             ValueError: no such level; the message says how many there are.
@@ -250,7 +250,7 @@ def load_bundle(root: Path) -> SceneBundle:
         index = json.loads(path.read_text())
         if index["format_version"] != FORMAT_VERSION:
             raise FileFormatError(
-                path, f"format version {index['format_version']}, this code reads {FORMAT_VERSION}"
+                path, f"format version {index['format_version']}; this code reads {FORMAT_VERSION}"
             )
         return SceneBundle(
             root=root,

@@ -1,4 +1,4 @@
-"""The planning map of one level: where a robot's centre may be, and how far obstacles are."""
+"""The freemap of one level: where a robot's centre may be, and how far obstacles are."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Freemap:
 
     @cached_property
     def clearance_m(self) -> NDArray[np.float64]:
-        """(rows, columns) [m] distance of each cell's centre to the nearest untraversable cell.
+        """Return distances (rows, columns) [m] of cell centres to the nearest untraversable cell.
 
         The outside of the grid counts as untraversable. Measured to the blocked cell's edge.
         """
@@ -39,7 +39,7 @@ class Freemap:
 
     @cached_property
     def clearance_slope(self) -> NDArray[np.float64]:
-        """(2, rows, columns) [m/m] gradient along x and y of the clearance, slightly blurred.
+        """Return the gradient (2, rows, columns) [m/m] of the clearance along x and y, blurred.
 
         It points away from the nearest obstacle; the blur makes it vanish smoothly on the centre
         lines of passages, where the clearance has a crease.
@@ -49,18 +49,18 @@ class Freemap:
 
     @cached_property
     def floor_z_everywhere_m(self) -> NDArray[np.float64]:
-        """(rows, columns) [m] floor height, of the nearest cell with floor where there is none."""
+        """Return floor heights (rows, columns) [m], the nearest floor's where there is none."""
         index = distance_transform_edt(
             ~np.isfinite(self.floor_z_m), return_distances=False, return_indices=True
         )
         return self.floor_z_m[tuple(np.asarray(index))].astype(np.float64)
 
     def free(self, radius_m: float) -> NDArray[np.bool_]:
-        """(rows, columns) bool: a disc of `radius_m` centred in the cell touches nothing."""
+        """Return (rows, columns) whether a disc of `radius_m` centred in the cell is free."""
         return self.traversable & (self.clearance_m >= radius_m)
 
     def traversable_on(self, grid: GridSpec) -> NDArray[np.bool_]:
-        """`traversable` at the cell centres of another grid, (rows, columns) of that."""
+        """Return `traversable` at the cell centres of another grid, (rows, columns) of that."""
         i, j = np.indices(grid.shape)
         cells = self.grid.cell_of(grid.center_of(np.stack([i, j], axis=-1)))
         inside = self.grid.inside(cells)

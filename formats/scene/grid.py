@@ -29,7 +29,7 @@ class GridSpec:
         return self.rows, self.columns
 
     def cell_of(self, xy_m: ArrayLike) -> NDArray[np.int64]:
-        """World points (..., 2) [m] to (row, column) of the cell they lie in, (..., 2) int64.
+        """Return (row, column) (..., 2) int64 of the cells that world points (..., 2) [m] lie in.
 
         Points outside the grid give indices outside `shape`; see `inside`.
         """
@@ -38,18 +38,18 @@ class GridSpec:
         return index[..., ::-1]
 
     def center_of(self, row_column: ArrayLike) -> NDArray[np.float64]:
-        """(row, column) (..., 2), fractional allowed, to world centres (..., 2) [m]."""
+        """Return world centres (..., 2) [m] of (row, column) (..., 2), fractional allowed."""
         rc = np.asarray(row_column, dtype=np.float64)
         return np.asarray(self.origin_xy_m) + (rc[..., ::-1] + 0.5) * self.cell_m
 
     def inside(self, row_column: ArrayLike) -> NDArray[np.bool_]:
-        """Whether (row, column) (..., 2) lies in the grid, (...)."""
+        """Return (...) whether (row, column) (..., 2) lies in the grid."""
         rc = np.asarray(row_column)
         return np.all((rc >= 0) & (rc < np.asarray(self.shape)), axis=-1)
 
     @staticmethod
     def covering(lower_xy_m: ArrayLike, upper_xy_m: ArrayLike, cell_m: float) -> GridSpec:
-        """The grid aligned to multiples of `cell_m` that covers a box (2,), (2,) [m]."""
+        """Return the grid aligned to multiples of `cell_m` that covers a box (2,), (2,) [m]."""
         lower = np.floor(np.asarray(lower_xy_m, dtype=np.float64) / cell_m)
         upper = np.ceil(np.asarray(upper_xy_m, dtype=np.float64) / cell_m)
         columns, rows = np.maximum(upper - lower, 1).astype(int)

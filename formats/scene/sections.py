@@ -1,10 +1,11 @@
-"""Horizontal sections: where a plane cuts through solids, so that pictures can cap the cut."""
+"""Horizontal sections of solids, so that renderings can cap the cut."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.geometry import triangle_cross
 from ..core.kernel import kernel
 from .grid import GridSpec
 
@@ -38,7 +39,7 @@ def inside_solids(
 
 
 def _outline(triangles: NDArray[np.float64], z_m: float) -> NDArray[np.float64]:
-    """Directed segments (N, 2, 2) of the section, the material on their left."""
+    """Return directed segments (N, 2, 2) of the section, the material on their left."""
     ends = np.full((len(triangles), 2, 2), np.nan)
     found = np.zeros(len(triangles), dtype=np.int64)
     for k in range(3):
@@ -50,7 +51,7 @@ def _outline(triangles: NDArray[np.float64], z_m: float) -> NDArray[np.float64]:
         rows = np.flatnonzero(crosses)
         ends[rows, found[rows]] = at[rows]
         found[rows] += 1
-    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normal = triangle_cross(triangles)
     ahead = ends[:, 1] - ends[:, 0]
     # The outward normal lies to the right of the segment.
     turned = ahead[:, 0] * normal[:, 1] - ahead[:, 1] * normal[:, 0] > 0
@@ -60,7 +61,7 @@ def _outline(triangles: NDArray[np.float64], z_m: float) -> NDArray[np.float64]:
 
 @kernel()
 def _count(segments, winding, sign):
-    """Winding numbers of the centres by the crossings on their left [0] and right [1]."""
+    """Count winding numbers of the centres by the crossings on their left [0] and right [1]."""
     rows, columns = winding.shape[1:]
     for n in range(len(segments)):
         x0, y0 = segments[n, 0]

@@ -1,4 +1,4 @@
-"""Words for things: which labels are things at all, and which a person would steer by."""
+"""Object labels: which name an object, and which a person would use as a landmark."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ MAX_WORDS = 3
 
 
 def nameable(category: str) -> bool:
-    """Return whether a label is a word for a thing, which an instruction may use.
+    """Return whether a label names an object, so that an instruction may use it.
 
     Labels often are raw names of nodes (`wall standard case`, `nursesstation`, `chunk b`); only
     those that end in a known thing, which is no part of the building, are taken.

@@ -1,4 +1,4 @@
-"""What a camera sees along a path: rendered ids counted per moment and object, as JSON on disk.
+"""Visibility along a path: rendered ids counted per moment and object, as JSON on disk.
 
 The pipeline renders them (the renderer lives in `collectors`), the instruction stage reads them.
 """
@@ -19,7 +19,7 @@ VISIBILITY_VERSION = 1
 
 @dataclass(frozen=True)
 class SightCamera:
-    """The camera that looked.
+    """The camera of a visibility record.
 
     Attributes:
         robot: whose it is.
@@ -60,7 +60,7 @@ class Glimpse:
 
 @dataclass(frozen=True)
 class PathSight:
-    """Everything seen along one path, in order of the path.
+    """All objects seen along one path, in order.
 
     Attributes:
         looks_m: distances along the path at which the camera looked [m].
@@ -73,7 +73,7 @@ class PathSight:
 
 @dataclass(frozen=True)
 class Visibility:
-    """What is seen along the paths of one scene.
+    """Objects seen along the paths of one scene.
 
     Attributes:
         camera: which looked.
@@ -107,7 +107,7 @@ def write_visibility(path: Path, sight: Visibility) -> None:
 
 
 def read_visibility(path: Path) -> Visibility:
-    """Read what `write_visibility` wrote.
+    """Read the output of `write_visibility`.
 
     Raises:
         FileFormatError: missing, of another version, or damaged.
@@ -131,4 +131,4 @@ def read_visibility(path: Path) -> Visibility:
     except OSError as error:
         raise FileFormatError(path, f"cannot be read: {error.strerror}") from error
     except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
-        raise FileFormatError(path, f"no visibility record: {error!r}") from error
+        raise FileFormatError(path, f"not a visibility record: {error!r}") from error

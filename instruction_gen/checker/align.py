@@ -20,12 +20,18 @@ REQUIRED_DEG = 58.0
 _AROUND_DEG = 125.0
 _LATE_M = 1.6  # how far beyond an untold turn a claim may already lie
 _ONE_BEND_M = 2.0
+_SPOT_M = 0.6
+_ONE_TURN_DEG = 130.0  # more than this, not on the spot, is two turns
+_PLAIN_DEG = 33.0  # "turn left" is no smaller turn
 _IMPLIED_M = 1.4  # a room entered this near to a turn tells that turn
 _IMPLIED_DEG = 75.0
 _IMPLIED_AFTER_M = 0.1
 _OTHER_SIDE_DEG = 35.0  # a door told on one side hides no turn to the other
 _SIDED_M = 2.2  # so does a door on that side
 _BARE_STOP_M = 2.6
+_ORDER_M = 1.5  # things passed this near to each other may be told in either order
+_MEANWHILE_M = 4.0
+_ROUND_M = 1.5  # a turn made this near to a thing that is walked around
 
 States = dict[int, Mask]
 
@@ -48,10 +54,16 @@ class _Aligner:
 
     def run(self, claims: Sequence[Claim]) -> list[tuple[int, str]]:
         problems = []
+        passed_m = 0.0
         for claim in claims:
             if claim.kind == "false":
                 problems.append((claim.clause, claim.reason))
                 continue
+            if claim.abeam_m is not None:
+                if claim.abeam_m < passed_m - _ORDER_M:
+                    problems.append((claim.clause, f"{claim.reason} is passed earlier"))
+                    continue
+                passed_m = claim.abeam_m
             after = self._step(claim)
             if after:
                 self.states = after
@@ -100,16 +112,26 @@ class _Aligner:
     def _place(self, claim: Claim) -> States:
         result: States = {}
         for made, mask in self._from(claim).items():
-            first = float(self.along[np.argmax(mask)]) - claim.slack_m
+            slack = max(claim.slack_m, _MEANWHILE_M) if claim.still else claim.slack_m
+            first = float(self.along[np.argmax(mask)]) - slack
             for k in self._implied(made, claim):
                 here = claim.mask & (self.along >= first)
                 here &= self.along <= self._limit(k) + _LATE_M
-                if k > made:
+                if k > made and not claim.bends:
                     turn = self.turns[k - 1]
                     here &= np.abs(self.along - turn.along_m) <= _IMPLIED_M + 1.0
-                if claim.slack_m > 2.0 and here.any():
-                    # What is only seen moves nobody on.
-                    here = (here & mask) if (here & mask).any() else here
+                if claim.still and here.any() and k == made:
+                    # What is only seen, or passed meanwhile, moves nobody back.
+                    last = float(self.along[mask][-1])
+                    ahead = here & (self.along >= first + slack) & (self.along <= last + slack)
+                    earlier = here & (self.along >= first) & (self.along <= first + slack)
+                    here = (
+                        (here & mask)
+                        if (here & mask).any()
+                        else ahead
+                        if ahead.any()
+                        else (mask if earlier.any() else earlier)
+                    )
                 if here.any():
                     result[k] = result.get(k, np.zeros_like(here)) | here
         return result
@@ -151,6 +173,9 @@ class _Aligner:
             ):
                 break
             total += abs(turn.angle_deg)
+            apart = j > k and turn.along_m - self.turns[j - 1].along_m > _SPOT_M
+            if apart and total > _ONE_TURN_DEG and claim.side != "around":
+                break  # a turn and the next one
             if self._is(claim, self.turns[k].side, total):
                 found.append(j + 1)
         return found
@@ -165,7 +190,7 @@ class _Aligner:
             return degrees <= 85.0
         if claim.degree == "sharp":
             return degrees >= 55.0
-        return degrees <= 179.0
+        return (degrees >= _PLAIN_DEG or claim.degree == "some") and degrees <= 179.0
 
     def _stop(self, claim: Claim) -> States:
         result: States = {}
@@ -201,7 +226,9 @@ class _Aligner:
     def _implied(self, made: int, claim: Claim) -> list[int]:
         """Numbers of turns that may be made once a claim holds: entering a room tells its turn."""
         options = [made]
-        if claim.kind != "door":
+        if claim.bends:
+            return self._rounded(made, claim)
+        if claim.kind != "door" and not (claim.kind == "exit" and claim.side):
             return options
         for k in range(made, len(self.turns)):
             turn = self.turns[k]
@@ -210,13 +237,27 @@ class _Aligner:
             near = any(
                 early <= turn.along_m - p.along_m <= _IMPLIED_AFTER_M
                 for p in self.ground.facts.passages
+                if (claim.mask & self._between(p.along_m - 0.4, p.along_m + 0.4)).any()
             )
             named = claim.reason not in ("the room", "the door") or sided
             against = bool(claim.side) and not sided and abs(turn.angle_deg) > _OTHER_SIDE_DEG
             if near and named and not against and (abs(turn.angle_deg) <= _IMPLIED_DEG or sided):
+                if claim.turned and self.required[k]:
+                    break
                 options.append(k + 1)
             elif self.required[k]:
                 break
+        return options
+
+    def _rounded(self, made: int, claim: Claim) -> list[int]:
+        """Numbers of turns that may be made on the way around a thing."""
+        options = [made]
+        for k in range(made, len(self.turns)):
+            turn = self.turns[k]
+            near = claim.mask & self._between(turn.along_m - _ROUND_M, turn.along_m + _ROUND_M)
+            if not near.any() or (claim.side and turn.side != claim.side):
+                break
+            options.append(k + 1)
         return options
 
     def _left_out(self) -> int | None:

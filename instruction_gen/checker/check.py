@@ -8,7 +8,7 @@ from ..facts.records import PathFacts
 from ..language.clauses import Parse
 from ..language.parse import parse
 from .align import align
-from .claims import claims_of
+from .claims import claims_of, last_stop
 from .form import form_problems
 from .ground import Ground
 
@@ -43,7 +43,7 @@ def check_text(text: str, facts: PathFacts | Ground) -> Verdict:
     problems = form_problems(read)
     found: list[tuple[int, str]] = []
     if not problems:
-        if not any(c.verb == "stop" and not c.negated for c in read.clauses):
+        if last_stop(read) is None:
             problems.append("the text does not say where to stop")
         found = align(claims_of(read, ground), ground)
     spans = _spans(read, found)

@@ -25,6 +25,10 @@ class Claim:
         vague: a distance of `a few`.
         slack_m: how far it may lie before the claim before it [m].
         bare: a stop that names no place.
+        still: it is seen or passed meanwhile and moves nobody on.
+        bends: a path around a thing, which tells the turns made there.
+        turned: a door whose clear turn the same clause tells.
+        abeam_m: where a thing that is passed once is beside the walker [m], None = unclear.
     """
 
     clause: int
@@ -37,6 +41,10 @@ class Claim:
     vague: bool = False
     slack_m: float = 1.2
     bare: bool = False
+    still: bool = False
+    bends: bool = False
+    turned: bool = False
+    abeam_m: float | None = None
 
 
 _AT_TURN_M = 0.8
@@ -48,11 +56,11 @@ def claims_of(parse: Parse, ground: Ground) -> list[Claim]:
     """The claims of a text."""
     everywhere = np.ones(len(ground.along_m), dtype=bool)
     result: list[Claim] = []
-    last = _last_stop(parse)
+    last = last_stop(parse)
     for index, clause in enumerate(parse.clauses):
         if clause.negated:
             result += [c for c in _nouns(index, clause, ground, "see") if c.kind == "false"]
-        elif clause.verb == "stop":
+        elif clause.verb == "stop" or index == last:
             result += _stop(index, clause, parse, ground)
         elif last is not None and index > last:
             result += _after_stop(index, clause, ground)
@@ -70,13 +78,24 @@ def claims_of(parse: Parse, ground: Ground) -> list[Claim]:
                         vague=clause.vague,
                     )
                 )
-            result += _nouns(index, clause, ground, clause.verb)
+            # "Turn left before you reach the bed": it lies ahead and need not be reached.
+            result += _nouns(index, clause, ground, "see" if clause.before else clause.verb)
     return result
 
 
-def _last_stop(parse: Parse) -> int | None:
+def last_stop(parse: Parse) -> int | None:
+    """Index of the clause that says where to stop, None when no clause does.
+
+    `Walk on until you are next to the bed.` needs no word for stopping at the end of a text.
+    """
     stops = [k for k, c in enumerate(parse.clauses) if c.verb == "stop" and not c.negated]
-    return stops[-1] if stops else None
+    if stops:
+        return stops[-1]
+    last = parse.clauses[-1] if parse.clauses else None
+    if last is None or not last.until or last.before or last.negated:
+        return None
+    arrives = last.verb in ("pass", "reach", "enter") or any(n.prep or n.side for n in last.nouns)
+    return len(parse.clauses) - 1 if last.nouns and arrives else None
 
 
 def _turn(index: int, clause: Clause, ground: Ground) -> list[Claim]:
@@ -96,9 +115,9 @@ def _turn(index: int, clause: Clause, ground: Ground) -> list[Claim]:
         else:
             if claim.kind == "door":
                 # "Turn left into the kitchen": the turn and the door are one place.
-                claim = replace(claim, side=claim.side or clause.side)
+                claim = replace(claim, side=claim.side or clause.side, turned=True)
                 mask = mask & spread(claim.mask, ground.along_m, _INTO_M)
-            after.append(claim)
+            after.append(replace(claim, bends=noun.prep == "around" and claim.kind == "place"))
     turn = Claim(index, "turn", mask, f"turn {clause.side}", clause.side, clause.degree)
     walk = []
     if clause.distance_m:
@@ -135,6 +154,8 @@ def _stop(index: int, clause: Clause, parse: Parse, ground: Ground) -> list[Clai
 
 
 def _stop_noun(noun: Noun, ground: Ground) -> Found | None:
+    if noun.kind == "object" and noun.prep in ("after", "past"):
+        return ground.stopped_after(noun)
     if noun.kind == "object":
         return ground.stopped_at(noun)
     if noun.kind == "room":
@@ -153,12 +174,15 @@ def _stop_noun(noun: Noun, ground: Ground) -> Found | None:
 def _after_stop(index: int, clause: Clause, ground: Ground) -> list[Claim]:
     """What follows the last stop tells how it looks there; it must not go on walking."""
     everywhere = np.ones(len(ground.along_m), dtype=bool)
-    if clause.verb in MOVING and not clause.until:
+    if clause.verb in MOVING and not clause.until and not clause.meanwhile:
         return [Claim(index, "false", everywhere, "the text goes on after its stop")]
     result = []
     for noun in clause.nouns:
         found: Found | None
-        if clause.verb == "see" or noun.prep == "with" or not clause.until:
+        seen = clause.verb == "see" or noun.prep == "with" or not clause.until
+        if clause.until and clause.verb == "see" and noun.side and noun.kind == "object":
+            found = ground.beside(noun)
+        elif seen and not clause.before:
             found = _claim_found(noun, ground, "see")
         else:
             found = _stop_noun(noun, ground)
@@ -173,7 +197,33 @@ def _after_stop(index: int, clause: Clause, ground: Ground) -> list[Claim]:
 
 
 def _nouns(index: int, clause: Clause, ground: Ground, verb: str) -> list[Claim]:
-    return [c for noun in clause.nouns if (c := _noun(index, noun, ground, verb)) is not None]
+    claims = []
+    for noun in clause.nouns:
+        inside = clause.until and verb == "see" and noun.prep == "in"
+        # "Until there is a shelf on your right": it is beside the walker then.
+        beside = clause.until and verb == "see" and bool(noun.side) and noun.kind == "object"
+        claim = _noun(index, noun, ground, "" if inside else "pass" if beside else verb)
+        if claim is not None:
+            still = clause.meanwhile or (claim.still and not clause.until)
+            claims.append(replace(claim, still=still))
+    pair = [k for k, n in enumerate(clause.nouns) if n.prep == "between"]
+    if len(pair) == 2 and len(claims) == len(clause.nouns):
+        claims = _joined(claims, pair[0], pair[1], ground)
+    if claims and claims[-1].kind == "place" and any(n.prep == "around" for n in clause.nouns):
+        claims[-1] = replace(claims[-1], bends=True)
+    return claims
+
+
+def _joined(claims: list[Claim], a: int, b: int, ground: Ground) -> list[Claim]:
+    """The claims, with those of both nouns of `between` as one: both are near at one place."""
+    first, second = claims[a], claims[b]
+    if "false" in (first.kind, second.kind):
+        return claims
+    mask = spread(first.mask, ground.along_m, 0.25) & spread(second.mask, ground.along_m, 0.25)
+    if not mask.any():
+        reason = f"nothing on the path lies between {first.reason} and {second.reason}"
+        return [*claims[:a], replace(first, kind="false", reason=reason)]
+    return [*claims[:a], replace(first, mask=mask), *claims[b + 1 :]]
 
 
 def _noun(index: int, noun: Noun, ground: Ground, verb: str) -> Claim | None:
@@ -188,12 +238,16 @@ def _noun(index: int, noun: Noun, ground: Ground, verb: str) -> Claim | None:
     )
     through = through or (noun.kind == "door" and verb == "move" and not noun.prep)
     kind = "exit" if leaving else "door" if through else "place"
-    seeing = verb == "see" or noun.prep == "with"
-    slack = (1.5 if noun.side else 4.0) if seeing else 0.5
+    still = verb == "see" or noun.prep == "with"
+    slack = (1.5 if noun.side else 4.0) if still else 0.5
     if noun.prep == "between":  # one place; which of the two is named first says nothing
         slack = 2.0
     named = noun.text if noun.kind != "generic" else "room"
-    return Claim(index, kind, found.mask, f"the {named}", side=noun.side, slack_m=slack)
+    passed = noun.kind == "object" and (noun.prep == "past" or (verb == "pass" and not noun.prep))
+    return Claim(
+        index, kind, found.mask, f"the {named}", side=noun.side, slack_m=slack, still=still,
+        abeam_m=ground.abeam(noun) if passed and not still else None,
+    )  # fmt: skip
 
 
 def _claim_found(noun: Noun, ground: Ground, verb: str) -> Found | None:

@@ -19,6 +19,8 @@ Mask = NDArray[np.bool_]
 
 PASS_M = 2.8  # a thing this near is passed
 REACH_M = 2.4  # one this near is reached, or stopped at
+BESIDE_M = 3.5
+AFTER_M = 3.0  # one stops after a thing that was passed this shortly before
 SEE_M = 8.0
 DOOR_M = 0.7  # along the path, around a passage
 _SIDE_DEG = (8.0, 172.0)
@@ -72,13 +74,34 @@ class Ground:
         beside = (np.abs(self.bearing) >= 38.0) & (np.abs(self.bearing) <= 145.0)
         return self._where(noun, self._near(PASS_M) & beside & self._nearest(), "beside the path")
 
+    def abeam(self, noun: Noun) -> float | None:
+        """Where the middle of a thing is passed [m]; None if it is one of several."""
+        chosen = [n for n, m in enumerate(self.facts.landmarks) if answers_to(m, noun.head)]
+        near = [n for n in chosen if self._is_beside(n)]
+        if len(near) != 1:
+            return None
+        across = np.abs(np.abs(self.facing[near[0]]) - 90.0)
+        across[~self._near(PASS_M)[near[0]]] = np.inf
+        if across.min() > 35.0:
+            return None
+        return float(self.along_m[np.argmin(across / 15.0 + self.distance[near[0]])])
+
+    def beside(self, noun: Noun) -> Found:
+        """Where a thing is abeam, or near and ahead, on the side said."""
+        ahead = self._near(BESIDE_M) & (np.abs(self.bearing) < 60.0)
+        abeam = (np.abs(self.bearing) >= 38.0) & (np.abs(self.bearing) <= 145.0)
+        abeam &= self._near(PASS_M) & self._nearest()
+        return self._where(noun, ahead | abeam, "beside the path")
+
     def reached(self, noun: Noun) -> Found:
         """Where a thing is at hand."""
         return self._where(noun, self._near(REACH_M), "reached")
 
     def seen_at(self, noun: Noun) -> Found:
         """Where a thing is in view, on the side said."""
-        mask = self.seen & (self.distance <= SEE_M) & (np.abs(self.bearing) <= 115.0)
+        # "With the sofa on your left" is said of a sofa nearby.
+        reach = BESIDE_M if noun.side and noun.prep == "with" else SEE_M
+        mask = self.seen & (self.distance <= reach) & (np.abs(self.bearing) <= 115.0)
         return self._where(noun, mask | self._near(PASS_M), "in view")
 
     def headed_for(self, noun: Noun) -> Found:
@@ -100,6 +123,17 @@ class Ground:
             return found
         return Found(self.at_goal() if found.mask.any() else found.mask)
 
+    def stopped_after(self, noun: Noun) -> Found:
+        """The end of the path, where a thing was passed shortly before."""
+        found = self.passed(noun)
+        at_m = self.abeam(noun)
+        late = found.mask & self.at_goal(AFTER_M)
+        if at_m is not None and at_m < self.length_m - AFTER_M:
+            late = np.zeros_like(late)
+        if found.reason or late.any():
+            return Found(self.at_goal() if late.any() else found.mask, found.reason)
+        return Found(late, f"the {noun.text} is not just before the end of the path")
+
     def at_goal(self, within_m: float = 2.2) -> Mask:
         """The last stretch."""
         return self.along_m >= self.length_m - within_m
@@ -120,6 +154,7 @@ class Ground:
         nothing = np.zeros(len(self.along_m), dtype=bool)
         name = noun.text
         chosen = [n for n, m in enumerate(self.facts.landmarks) if answers_to(m, noun.head)]
+        chosen = chosen or self._in_room(noun.head)
         if not chosen:
             known = any(noun.head in answers(n) for n in self.facts.level_nouns)
             where = "on the route" if known else "in this scene"
@@ -152,6 +187,13 @@ class Ground:
                 said = noun.number or "several"
                 return Found(nothing, f"there are not {said} of them ({name})")
         return Found(result)
+
+    def _in_room(self, head: str) -> list[int]:
+        """Things that are named by their room and kind: `kitchen table`."""
+        *room, kind = head.split()
+        names = room_names(" ".join(room))
+        marks = enumerate(self.facts.landmarks)
+        return [n for n, m in marks if m.room in names and answers_to(m, kind)]
 
     def _sided(self, chosen: list[int], side: str) -> Mask:
         bearing = self.bearing[chosen] * (1 if side == "left" else -1)
@@ -199,8 +241,16 @@ class Ground:
         return self._rooms(noun, lambda v: self._around(v.from_m) if v.from_m > 0 else None)
 
     def left(self, noun: Noun) -> Found:
-        """Where a room is left."""
+        """Where a room is left, on the side said."""
         end = self.length_m
+        if noun.side:
+            sided = [p for p in self.facts.passages if self._door_side(p.along_m, noun.side)]
+            near = [self._around(p.along_m) for p in sided]
+            found = self.left(replace_side(noun, ""))
+            mask = found.mask & np.any(near, axis=0) if near else np.zeros_like(found.mask)
+            if not found.reason and not mask.any():
+                return Found(mask, f"the {noun.text} is not left on the {noun.side}")
+            return Found(mask, found.reason)
         return self._rooms(noun, lambda v: self._around(v.to_m) if v.to_m < end - 0.05 else None)
 
     def inside(self, noun: Noun) -> Found:
@@ -315,6 +365,11 @@ def room_names(head: str) -> frozenset[str]:
     """Canonical rooms that `head` may mean."""
     direct = {room for room in ROOM_PHRASES.get(head, ()) if head in room_answers(room)}
     return frozenset(direct)
+
+
+def replace_side(noun: Noun, side: str) -> Noun:
+    """The same phrase on another side."""
+    return dataclasses.replace(noun, side=side)
 
 
 def replace_head(noun: Noun, head: str) -> Noun:

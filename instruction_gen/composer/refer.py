@@ -119,14 +119,14 @@ def _refer(
             and (m.goal_distance_m if at_goal else m.distance_m) <= 3.0
         ]  # fmt: skip
         same_room = [m for m in alike if m.room == mark.room]
+        # Counted in its room alone: nobody counts the chairs of a whole walk.
+        rank = 1 + sum(m.along_m < mark.along_m for m in same_room)
         if together:
             plural, adjective = True, ""
             words = f"the {spoken(mark.noun, plural=True)}"
-        elif mark.room and not same_room and mark.room != mark.noun and rng.random() < 0.3:
-            words = f"the {adjective}{spoken(mark.noun)}"
-        elif mark.ordinal in _ORDINALS and not at_goal and mark.count <= 4:
-            words = f"the {_ORDINALS[mark.ordinal]} {spoken(mark.noun)}"
-        elif same_room:
+        elif same_room and rank in _ORDINALS and not at_goal and len(same_room) <= 2:
+            words = f"the {_ORDINALS[rank]} {spoken(mark.noun)}"
+        elif same_room or not mark.room:
             return None
     size = mark.size_m * (0.5 if mark.noun in _SMALL else 1.0)
     salience = size / (0.6 + distance_m) / (1.0 + 0.8 * len(alike)) * (1.0 - 0.6 * mark.occluded)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from ...formats.core.episode import Episode
 from ...formats.core.frames import wrap_angle
+from ...formats.core.geometry import path_length
 from ...wayfinding.crossings import DOORWAY_M, crossings
-from ...wayfinding.planning import path_length
 from ...wayfinding.regions import RegionMap
 
 # A path is straight as far as it stays this close to a line; corners nearer than a bend's length

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.episode import Episode
+from ...formats.core.geometry import path_length, point_along
 from ...formats.scene.bundle import LabeledObject, SceneBundle
 from ...formats.scene.visibility import Glimpse, PathSight, Visibility
 from ...wayfinding.crossings import DOORWAY_M, crossings
-from ...wayfinding.planning import path_length, point_along
 from ...wayfinding.regions import ROOM_PREFIX, RegionMap, region_map
 from ..language.nouns import noun_of, room_of
 from .actions import find_turns

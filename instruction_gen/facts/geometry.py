@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...wayfinding.planning import point_along
+from ...formats.core.geometry import path_length, point_along
 from ...wayfinding.regions import RegionMap
 
 Array = NDArray[np.float64]
@@ -53,7 +53,7 @@ class Relations:
 
 def track_of(path_xy_m: Array) -> Track:
     """Sample a path (P, 2) [m]."""
-    length = float(np.linalg.norm(np.diff(path_xy_m, axis=0), axis=1).sum())
+    length = path_length(path_xy_m)
     samples = max(2, round(length / MOMENT_M) + 1)
     along = np.asarray(np.linspace(0.0, length, samples), dtype=np.float64)
     ahead = point_along(path_xy_m, np.minimum(along + _AHEAD_M, length))

@@ -100,7 +100,8 @@ def _end(beam: Sequence[_Reading], world: World, lost: str) -> Followed:
 
 def _execute(clause: Clause, beam: list[_Reading], world: World) -> list[_Reading]:
     if clause.verb == "turn" or clause.side:
-        at = [n for n in clause.nouns if n.prep in ("at", "near", "before", "past", "after", "")]
+        places = ("at", "near", "before", "past", "after", "in", "")
+        at = [n for n in clause.nouns if n.prep in places]
         rest = [n for n in clause.nouns if n not in at and n.prep != "from"]
         for noun in at:
             beam = _go(noun, clause, beam, world)
@@ -147,11 +148,13 @@ def _targets(noun: Noun, clause: Clause, reading: _Reading, world: World) -> lis
         things = world.called(noun.head)
         targets = [t for thing in things for t in _beside(thing, noun.side, field, world, stopping)]
         targets = [
-            t if world.region[t.cell] == here else replace(t, cost=_ELSEWHERE) for t in targets
+            t if world.region[t.cell] == here else replace(t, cost=t.cost + _ELSEWHERE)
+            for t in targets
         ]
         targets.sort(key=lambda t: field.distance_m[t.cell])
         if noun.ordinal:
-            seen = list({id(t.thing): t for t in targets}.values())
+            inside = [t for t in targets if t.cost < _ELSEWHERE]
+            seen = list({id(t.thing): t for t in inside or targets}.values())
             targets = seen[noun.ordinal - 1 : noun.ordinal]
         # What is only in view need not be walked to, but it must exist.
         return None if looking and targets and not noun.side else targets[: 3 * _CANDIDATES]
@@ -162,7 +165,7 @@ def _targets(noun: Noun, clause: Clause, reading: _Reading, world: World) -> lis
             return []
         if here in regions and noun.prep != "into":
             return None
-        if noun.prep == "from" or clause.verb == "leave":
+        if noun.prep == "from" or (clause.verb == "leave" and not noun.prep):
             return [] if here not in regions else None
         return _inside([k for k in regions if k != here], field, world)
     if noun.kind == "door":
@@ -185,9 +188,21 @@ def _beside(thing: Thing, side: str, field: Field, world: World, stopping: bool)
         return []
     if stopping:
         # The middle of a long thing is nowhere far from where its teller stopped.
-        off = np.linalg.norm(world.centers_m[near] - 0.5 * (thing.low_m + thing.high_m), axis=1)
-        cell = cells[int(np.argmin(off + 0.3 * field.distance_m[near]))]
-        return [_Target((int(cell[0]), int(cell[1])), thing, side)]
+        middle = 0.5 * (thing.low_m + thing.high_m)
+        off = np.linalg.norm(world.centers_m[near] - middle, axis=1)
+        score = off + 0.3 * field.distance_m[near]
+        result = [(float(score.min()), cells[int(np.argmin(score))])]
+        if side:
+            # It may have to be approached from another direction for it to lie on that side.
+            to = world.centers_m[near] - middle
+            sector = np.floor((np.arctan2(to[:, 1], to[:, 0]) + np.pi) / (np.pi / 4)).astype(int)
+            for k in np.unique(sector):
+                inside = np.flatnonzero(sector == k)
+                best = inside[int(np.argmin(score[inside]))]
+                result.append((float(score[best]), cells[best]))
+        least = min(cost for cost, _ in result)
+        unique = {(int(c[0]), int(c[1])): 0.3 * (cost - least) for cost, c in result}
+        return [_Target(cell, thing, side, cost) for cell, cost in unique.items()]
     score = field.distance_m[near] + 0.5 * gap[near]
     first = cells[int(np.argmin(score))]
     # Its middle and its far end, too: a long thing may be met or passed along its whole side.

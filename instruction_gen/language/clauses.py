@@ -49,13 +49,15 @@ class Clause:
         start, stop: characters of the text.
         verb: `turn`, `move`, `enter`, `leave`, `pass`, `stop`, `see`, `reach` or "".
         side: `left`, `right` or `around` of a turn, "" = none.
-        degree: `slight`, `sharp` or "" of a turn.
+        degree: `slight`, `sharp`, `some` (`bear`, `veer`) or "" of a turn.
         nouns: in order.
         distance_m: how far to move [m], 0 = not said.
         vague: the distance is `a few metres` or the like.
         negated: it says what not to do.
         there: it says to stop there, here, now.
         until: it begins with `until`, `when`, `once`, …
+        before: it begins with `before`: what it names has not been reached.
+        meanwhile: a participle after a comma: it holds around the clause before it.
     """
 
     start: int
@@ -69,6 +71,8 @@ class Clause:
     negated: bool = False
     there: bool = False
     until: bool = False
+    before: bool = False
+    meanwhile: bool = False
 
 
 @dataclass(frozen=True)

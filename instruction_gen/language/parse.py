@@ -95,6 +95,8 @@ class _Draft:
     negated: bool = False
     there: bool = False
     until: bool = False
+    before: bool = False
+    meanwhile: bool = False
     pending_side: str = ""
 
     @property
@@ -104,7 +106,8 @@ class _Draft:
     def done(self) -> Clause:
         return Clause(
             self.start, self.stop, self.verb, self.side, self.degree, tuple(self.nouns),
-            self.distance_m, self.vague, self.negated, self.there, self.until,
+            self.distance_m, self.vague, self.negated, self.there, self.until, self.before,
+            self.meanwhile,
         )  # fmt: skip
 
 
@@ -168,12 +171,15 @@ class _Reader:
             self.draft.there = True
             self._extend(token)
             self.k += 1
-        elif word in ("before", "after") and self._next_is_gerund():
+        elif word in ("before", "after") and self._subordinate():
             self._close()
-            self.draft.until = word == "after"
+            self.draft.until = True
+            self.draft.before = word == "before"
             self.k += 1
         elif word in _PREPOSITIONS:
             self.prep = _PREPOSITIONS[word]
+            if word == "by" and (self.draft.verb == "stop" or self.draft.nouns):
+                self.prep = "near"
             if word == "around" and self.draft.verb in ("turn",) and not self._noun_follows():
                 self.draft.side, self.prep = "around", ""
             self._extend(token)
@@ -238,15 +244,20 @@ class _Reader:
         fresh = not draft.side and not draft.nouns
         bare_turn = fresh and (
             draft.verb == "turn"
-            or (draft.verb == "move" and (after in ("at", "in", "by", "into", "through")))
+            or (draft.verb == "move" and after in ("at", "in", "by", "into", "through"))
+            or (draft.empty and after in _TURN_PLACE and self._elliptic())
+            or (draft.verb == "move" and (draft.degree or self.tokens[self.k - 1].text in _KEEP))
         )
-        if not prep and side == "right" and after in _RIGHT_ADVERB and not bare_turn:
+        adverb = not prep and not determined and side == "right" and after in _RIGHT_ADVERB
+        if adverb and not bare_turn:
             self.k += 1
             return True
         if not prep and determined and after and read_noun(self.tokens, self.k) is not None:
             noun = read_noun(self.tokens, self.k)
             if noun is not None and noun[0].kind in ("door", "object", "room"):
                 return False
+        if prep in ("on", "to") and draft.empty and self._side_of_last(side, k):
+            return True
         if prep in ("on", "at", "in", "off") or (
             prep == "to" and draft.nouns and draft.verb != "turn"
         ):
@@ -271,6 +282,30 @@ class _Reader:
                 self._close()
             self.draft.verb, self.draft.side = "turn", side
         self._take(k)
+        return True
+
+    def _elliptic(self) -> bool:
+        """Whether a bare side may be a turn: `then left past …`, `…, right at the …`."""
+        before = self.tokens[self.k - 1].text if self.k else "."
+        if before in ("then", "and", ".", ";"):
+            return True
+        return before == "," and bool(self.clauses) and self.clauses[-1].verb == "turn"
+
+    def _side_of_last(self, side: str, count: int) -> bool:
+        """`…, both on the right` and `…, on your right,` say the side of what was just named."""
+        words = [t.text for t in self.tokens[max(0, self.k - 3) : self.k]]
+        after = self.tokens[self.k + count].text if self.k + count < len(self.tokens) else "."
+        several = bool(_SEVERAL & set(words))
+        closed = words[-1:] == [","] and not after[0].isalnum()
+        if not self.clauses or not self.clauses[-1].nouns or not (several or closed):
+            return False
+        last = self.clauses[-1]
+        first = 0 if _SEVERAL - {"which"} & set(words) else len(last.nouns) - 1
+        nouns = tuple(
+            replace(n, side=n.side or side) if k >= first else n for k, n in enumerate(last.nouns)
+        )
+        self.clauses[-1] = replace(last, nouns=nouns)
+        self._take(count)
         return True
 
     # prepositions, distances, verbs -----------------------------------------------------------
@@ -336,6 +371,10 @@ class _Reader:
             self.draft.verb = self.draft.verb or "see"
             self._take(1)
             return True
+        if word in ("end", "ends") and self._next("up"):
+            self.draft.verb = self.draft.verb or "see"
+            self._take(2)
+            return True
         if word in ("come", "coming") and self._next("to") and self._next("a", 2):
             stop = self.k + 3 < len(self.tokens) and self.tokens[self.k + 3].text in (
                 "stop",
@@ -359,14 +398,16 @@ class _Reader:
         if self.draft.verb and not (self.draft.verb == "move" and word in _SECOND):
             self._close()
         self.draft.verb = verb
+        if word in _BEND_WORDS and not self.draft.degree:
+            self.draft.degree = "some"
+        if word.endswith("ing") and verb != "stop" and self.clauses and before == ",":
+            self.draft.meanwhile = True
         if self.draft.start == 0 and not self.clauses and not self.draft.until:
             self.draft.start = token.start
         self.prep = ""
         self._take(1)
         if word in ("pass", "passing") and self._next("through", 0):
             self.draft.verb = "move"
-        if word in ("keep", "stay") and self.k < len(self.tokens):
-            pass
         return True
 
     def _noun(self) -> bool:
@@ -411,8 +452,10 @@ class _Reader:
         after = self.tokens[found[1]].text if found[1] < len(self.tokens) else "."
         return after not in ("is", "are", "will")
 
-    def _next_is_gerund(self) -> bool:
-        return self.k + 1 < len(self.tokens) and self.tokens[self.k + 1].text.endswith("ing")
+    def _subordinate(self) -> bool:
+        """`before you get to …`, `after passing …`."""
+        following = self.tokens[self.k + 1].text if self.k + 1 < len(self.tokens) else ""
+        return following.endswith("ing") or following in ("you", "it", "they", "that", "they're")
 
     def _noun_follows(self) -> bool:
         found = read_noun(self.tokens, self.k + 1)
@@ -455,6 +498,10 @@ def _number(word: str) -> bool:
 
 
 _SECOND = frozenset("going walking moving heading straight following".split())
+_KEEP = frozenset("keep stay keeping staying".split())
+_BEND_WORDS = frozenset("bear bearing veer veering curve curves bend bends angle keep".split())
+_TURN_PLACE = frozenset("at in into through by past between along out".split())
+_SEVERAL = frozenset("both all which each".split())
 _RIGHT_ADVERB = frozenset(
     "there here next in by beside before after away where past behind between at through".split()
 )

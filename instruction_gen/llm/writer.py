@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -26,9 +25,13 @@ class ModelWriter:
         replaced: how many the composer wrote instead.
     """
 
-    def __init__(self, client: Client, config: InstructConfig, taken: Collection[str] = ()):
-        """Write with `client` as `config` says; texts in `taken` are other paths'."""
-        self._client, self._config, self._taken = client, config, taken
+    def __init__(self, client: Client, config: InstructConfig):
+        """Write with `client` as `config` says.
+
+        Paths are written at the same time, so a path's texts depend on no other path's: else a
+        run that goes on after a kill would ask, and pay, again.
+        """
+        self._client, self._config = client, config
         self.rejected = 0
         self.replaced = 0
 
@@ -49,9 +52,7 @@ class ModelWriter:
             if len(good) < config.count:
                 missing = config.count - len(good)
                 wanted = styles[len(good) :]
-                composed, problems = compose_texts(
-                    ground, missing, wanted, rng, {*self._taken, *texts}
-                )
+                composed, problems = compose_texts(ground, missing, wanted, rng, texts)
                 self.replaced += len(composed)
                 good += [
                     Told(c.text, "en", c.style, COMPOSER, c.landmarks, c.attempts) for c in composed
@@ -87,7 +88,7 @@ class ModelWriter:
 
     def _problems(self, text: Text, language: str, ground: Ground, good: list[Told]) -> list[str]:
         words = text.text.strip()
-        if words in self._taken or any(words == one.text for one in good):
+        if any(words == one.text for one in good):
             return ["it repeats another text word for word"]
         if language == "en":
             return list(check_text(words, ground).problems)

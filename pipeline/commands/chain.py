@@ -14,6 +14,7 @@ from ...formats.core.errors import InputError
 from ...formats.scene.bundle import INDEX_NAME
 from ...scene_repair.config import RepairConfig
 from ...trajectory_sampler.sampling import SampleConfig
+from ..builtin import check_kind
 from ..jobs.episodes import AlignJob, FilterJob, SampleJob
 from ..jobs.repair import RepairJob
 from ..jobs.scan import ScanJob
@@ -30,10 +31,12 @@ Json = Annotated[bool, tyro.conf.arg(name="json")]
 
 @dataclass(frozen=True)
 class Scan:
-    """Generate a furnished apartment and a virtual scan of it."""
+    """Generate a furnished building and a virtual scan of it."""
 
     seed: tyro.conf.Positional[int] = 0
-    """Random seed of the apartment; the same seed gives the same apartment."""
+    """Random seed of the building; the same seed gives the same building."""
+    kind: str = "apartment"
+    """Kind of building: apartment, villa, house (two storeys) or office."""
     out: Path = Path("scan")
     """Output folder for scan.glb, its labels and the ground-truth floor."""
     json: Json = False
@@ -114,10 +117,15 @@ class Sample:
 
 
 def run_scan(options: Scan) -> int:
-    """Generate one scan."""
+    """Generate one scan.
+
+    Raises:
+        InputError: If there is no such kind of building, or `out` contains unrelated files.
+    """
+    check_kind(options.kind)
     refuse_to_replace(options.out, SCAN_NAMES)
-    facts = ScanJob(options.seed, options.out.resolve()).run().facts
-    return tell(options, facts, f"{options.out / 'scan.glb'}: apartment {options.seed}")
+    facts = ScanJob(options.seed, options.out.resolve(), options.kind).run().facts
+    return tell(options, facts, f"{options.out / 'scan.glb'}: {options.kind} {options.seed}")
 
 
 def run_repair(options: Repair) -> int:

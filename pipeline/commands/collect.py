@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -14,7 +14,7 @@ import tyro
 
 from ...collectors.controllers import SpeedConfig
 from ...collectors.rendering.camera.extras import Extras
-from ...collectors.rendering.camera.views import CameraWishes
+from ...collectors.rendering.camera.views import CameraOverrides
 from ...collectors.robots import RobotSpec
 from ...formats.core.atomic import sweep
 from ...formats.core.errors import InputError
@@ -31,8 +31,9 @@ from ...instruction_gen.records import (
     parse_styles,
 )
 from ...scene_repair.config import RepairConfig
-from ...scene_repair.scan.kinds import SUFFIXES
+from ...scene_repair.scan.files import SUFFIXES
 from ...trajectory_sampler.config import SampleConfig
+from ..builtin import BUILTIN, BuiltIn, parse_builtin
 from ..chain import Chain, Product
 from ..crews import AUTO, action_timing, chosen_robots, crews
 from ..engine.executors import Workers, available_cores
@@ -47,8 +48,6 @@ from ..summary import show_summary
 from ..views import chosen_views
 
 log = logging.getLogger(__name__)
-
-BUILTIN = "builtin"
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,8 @@ class Collect:
     of for a fixed number of steps."""
     scene: str = BUILTIN
     """Scan to collect in (GLB, glTF, OBJ, PLY, STL, USD or a point cloud; see docs/scans.md), or
-    `builtin` for a generated apartment."""
+    `builtin` for a generated apartment; builtin:villa, builtin:house and builtin:office are larger
+    buildings, and builtin:villa*10 is ten of them, of consecutive seeds."""
     scenes: Path | None = None
     """Folder of scans. All of them are used, or only those named by the scene ids of the VLN-CE
     file in --episodes."""
@@ -120,7 +120,8 @@ class Collect:
     out: Path | None = None
     """Run folder; defaults to `runs/<scene>`."""
     seed: int = 0
-    """Random seed of the built-in apartment, the sampling and every other random choice."""
+    """Random seed of the built-in scene (the first of several), the sampling and every other random
+    choice."""
     semantic: bool = False
     """Also render semantic segmentation (semantic.mov, and in MCAP)."""
     instance: bool = False
@@ -155,7 +156,7 @@ def run(options: Collect) -> int:
         options.frames_per_second, extras, options.only_success, options.rgb_codec, options.depth
     )
     looks = (options.camera, options.light, options.renderer)
-    views = {r.name: chosen_views(*looks, r, CameraWishes()) for r in robots}
+    views = {r.name: chosen_views(*looks, r, CameraOverrides()) for r in robots}
     check_frame_rate(options.frames_per_second)
     check_rgb_codec(options.rgb_codec)
     check_depth_storage(options.depth)
@@ -298,11 +299,11 @@ def _roomy(sampling: SampleConfig, robots: Sequence[RobotSpec], ledger: Ledger) 
     return replace(sampling, robot_radius_m=radius_m, end_clearance_m=ends_m)
 
 
-def _sources(options: Collect, episode_file: Path | None) -> dict[str, Path]:
-    """Return the scan of each scene id; empty for the built-in apartment."""
+def _sources(options: Collect, episode_file: Path | None) -> Mapping[str, Path | BuiltIn]:
+    """Return the scan, or the building to generate, of each scene id."""
     if options.scenes is None:
-        if options.scene == BUILTIN:
-            return {}
+        if built := parse_builtin(options.scene, options.seed):
+            return {building.name: building for building in built}
         source = Path(options.scene)
         repair.source_digest(source)  # fails early if the file does not exist
         return {safe_name(source.stem): source}
@@ -336,7 +337,9 @@ def _sampling(options: Collect, count: int) -> SampleConfig:
         raise InputError(str(error)) from error
 
 
-def _run_name(options: Collect, sources: dict[str, Path]) -> str:
+def _run_name(options: Collect, sources: Mapping[str, Path | BuiltIn]) -> str:
     if options.scenes is not None:
         return safe_name(options.scenes.resolve().name)
-    return next(iter(sources), f"apartment-{options.seed}")
+    first, *others = sources
+    # All of several built-in scenes are of one kind: villa-0-to-9.
+    return f"{first}-to-{others[-1].rsplit('-')[-1]}" if others else first

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import tyro
 
 from ...collectors.controllers import CONTROLLERS, SpeedConfig, controller_for
-from ...collectors.rendering.camera.views import CameraWishes
+from ...collectors.rendering.camera.views import CameraOverrides
 from ...evaluation.episode import closed_loop
 from ...evaluation.policy import check_policy, policy_identity
 from ...evaluation.results import (
@@ -52,7 +52,8 @@ class Evaluate:
     """Run folder of `collect`, or an episode file (.json.gz) together with --scenes."""
     policy: str = "random"
     """Policy: random (R2R's action proportions), forward, stop, oracle (the expert, which knows the
-    path), or the address of a policy server (ws://HOST:PORT, see docs/evaluation.md)."""
+    path), vlm (a vision-language model, see docs/evaluation.md), or the address of a policy server
+    (ws://HOST:PORT)."""
     scenes: Path | None = None
     """Folder of repaired scenes; defaults to the run's own."""
     robot: str = "aliengo"
@@ -113,9 +114,7 @@ def run_evaluate(options: Evaluate) -> int:
         raise InputError(f"--robot {options.robot}: an evaluation has one robot")
     (robot,) = robots
     controller_for(robot, options.controller)
-    views = chosen_views(
-        options.camera, options.light, options.renderer, robot, CameraWishes(None, None, None)
-    )
+    views = chosen_views(options.camera, options.light, options.renderer, robot, CameraOverrides())
     if len(views) != 1 or views[0].kind != "ego":
         raise InputError(
             f"--camera {options.camera} --light {options.light}: a policy has one camera, the "
@@ -241,6 +240,9 @@ def _tell(options: Evaluate, out: Path, value: dict[str, Any], scenes: Path) -> 
         count = len(value["quarantined"])
         reason = next(iter(value["quarantined"].values()))
         sys.stdout.write(f"{count} episodes without a result, counted apart: {reason}\n")
+    unclear = sum(episode.get("unclear", 0) for episode in value["episodes"])
+    if unclear:
+        sys.stdout.write(f"{unclear} answers of the model were no clear action and asked again\n")
     sys.stdout.write(f"results: {out / RESULTS_NAME}\n")
     sys.stdout.write(
         f"films:   vlnpe render {out} --scenes {scenes} --video --camera chase --out {out}/films\n"

@@ -87,7 +87,8 @@ def _list(options: Robots, done: _Done) -> None:
 
 def _view(robot: RobotSpec, out: Path, done: _Done) -> None:
     from ...collectors.rendering.people.pictures import Picture, save_picture
-    from ...collectors.rendering.people.studio import make_studio, turntable, walking_strip
+    from ...collectors.rendering.people.portraits import turntable, walking_strip
+    from ...collectors.rendering.people.studio import make_studio
     from ...collectors.stroll import stroll
 
     if out.exists() and not out.is_dir():

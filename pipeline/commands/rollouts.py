@@ -13,7 +13,7 @@ import tyro
 
 from ...collectors.controllers import SpeedConfig
 from ...collectors.rendering.camera.extras import Extras
-from ...collectors.rendering.camera.views import CameraWishes
+from ...collectors.rendering.camera.views import CameraOverrides
 from ...collectors.rendering.registry import chosen_renderer
 from ...formats.core.errors import FileFormatError, InputError
 from ...formats.video.mp4 import check_rgb_codec
@@ -176,7 +176,9 @@ def run_render(options: Render) -> int:
         if row.status == "done":
             robot, controller, _ = row.item.split("/", 2)
             groups.setdefault((robot, controller), {})[row.item] = row
-    wishes = CameraWishes(options.width_px, options.height_px, options.hfov_deg)
+    wishes = CameraOverrides(
+        width_px=options.width_px, height_px=options.height_px, hfov_deg=options.hfov_deg
+    )
     views = {
         robot: chosen_views(
             options.camera, options.light, options.renderer, kept(robot, source.root), wishes

@@ -76,4 +76,4 @@ def scene_renderer(
 ) -> tuple[SceneBundle, Renderer]:
     """A repaired scene with its renderer; a worker keeps the last, which takes seconds to load."""
     bundle = load_bundle(scene)
-    return bundle, make_renderer(bundle, name, light)
+    return bundle, make_renderer(bundle, name, light=light)

@@ -1,4 +1,4 @@
-"""Generate an apartment and scan it virtually."""
+"""Generate a building and scan it virtually."""
 
 from __future__ import annotations
 
@@ -11,24 +11,26 @@ from ..engine.work import ItemResult
 
 @dataclass(frozen=True)
 class ScanJob:
-    """Write the scan of one generated apartment.
+    """Write the scan of one generated building.
 
     Attributes:
-        seed: of the apartment.
+        seed: of the building.
         folder: output.
+        kind: key of `apartments.BUILDINGS`.
     """
 
     seed: int
     folder: Path
+    kind: str = "apartment"
 
     def run(self) -> ItemResult:
         """Generate one scan."""
         # Takes long to import: only where the work is done.
-        from ...apartments import generate_scan
+        from ...apartments import building_config, generate_scan
 
         with atomic_folder(self.folder) as temporary:
-            scan = generate_scan(self.seed, temporary)
+            scan = generate_scan(self.seed, temporary, building_config(self.kind))
             size = scan.stat().st_size
             # The scan is made by this project, so that the data made from it may be used as freely.
             (temporary / "LICENSE.scan").write_text("Apache-2.0\n")
-        return ItemResult({"seed": self.seed, "scan": scan.name, "bytes": size})
+        return ItemResult({"kind": self.kind, "seed": self.seed, "scan": scan.name, "bytes": size})

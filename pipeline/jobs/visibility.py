@@ -13,13 +13,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...collectors.rendering.interface import Frame
+from ...collectors.rendering.frame import Frame
 from ...collectors.rendering.registry import make_renderer
 from ...collectors.rendering.scene.robot_body import RobotBody
 from ...collectors.robots import RobotSpec, get_robot
 from ...formats.core.camera import CameraModel
 from ...formats.core.episode import Episode
 from ...formats.core.frames import quat_to_matrix, yaw_to_quat
+from ...formats.core.geometry import path_length, point_along, resample, triangle_areas
 from ...formats.scene.bundle import SceneBundle, VisualMesh, load_bundle
 from ...formats.scene.visibility import (
     Glimpse,
@@ -29,7 +30,6 @@ from ...formats.scene.visibility import (
     write_visibility,
 )
 from ...formats.vlnce.files import read_episodes, scene_stem
-from ...wayfinding.planning import point_along, resample
 from ..engine.work import ItemResult
 
 WIDTH_PX, HEIGHT_PX = 128, 96
@@ -125,7 +125,7 @@ def camera_of(robot: RobotSpec) -> SightCamera:
 def looks_along(path_m: NDArray[np.float64]) -> list[tuple[float, NDArray[np.float64], float]]:
     """Distance [m], point (3,) [m] and heading [rad] of each look along a path (P, 3) [m]."""
     points = resample(path_m, 0.1)
-    length = float(np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1).sum())
+    length = path_length(points[:, :2])
     at = np.linspace(0.0, length, max(2, round(length / SPACING_M) + 1))
     here = point_along(points, at)
     ahead = point_along(points, np.minimum(at + _AHEAD_M, length))
@@ -226,8 +226,7 @@ def _outlines(mesh: VisualMesh, things: int) -> dict[int, NDArray[np.float64]]:
     rng = np.random.default_rng(0)
     result = {}
     corners = mesh.vertices[mesh.faces].astype(np.float64)
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.linalg.norm(cross, axis=1)
+    area = triangle_areas(corners)
     for k in range(things):
         faces = np.flatnonzero(mesh.face_object == k)
         if not len(faces) or area[faces].sum() <= 0:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from ...formats.core.digest import file_digest
+from ...formats.core.atomic import file_digest
 from ...formats.vlnce.files import VlnceFile, read_vlnce
 from ..engine.ledger import Ledger, Row
 from ..engine.runner import StageSummary

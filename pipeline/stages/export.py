@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ...formats.core.digest import file_digest
 from ...formats.core.errors import UnknownNameError
 from ...formats.core.rollout import EndReason
 from ...formats.lerobot.features import DEPTH_STORAGES
 from ...formats.lerobot.splits import held_out_scenes
 from ...formats.scene.bundle import INDEX_NAME
+from ...formats.vlnce.files import read_episodes
+from ...instruction_gen.review.decisions import DecisionFile
+from ..engine.keys import digest
 from ..engine.ledger import Row
+from ..engine.run_folder import safe_name
 from ..engine.runner import Context, StageSummary, run_stage
 from ..engine.work import WorkItem, work_item
 from ..jobs.export import DatasetJob, UnitJob
@@ -104,27 +107,46 @@ def unit_items(
     frames: Mapping[str, Row], root: Path, dataset: Dataset, depth_storage: str
 ) -> list[WorkItem]:
     """One LeRobot unit per rendered episode; `frames` are rows of the render stage by item."""
-    reviewed = _review_digest(root)
+    reviewed = review_digests(root)
     result = []
     for name, row in frames.items():
         out = dataset.units / name.rsplit("/", 1)[1]
         rollout = root / str(row.facts["rollout"])
         job = UnitJob(rollout, root / row.outputs[0], out, depth_storage, root / REVIEW_NAME)
-        inputs = (row.key, depth_storage, reviewed)
+        inputs = (row.key, depth_storage, reviewed(out.name))
         result.append(work_item(STAGE, name, job, (out,), *inputs))
     return result
 
 
-def _review_digest(root: Path) -> str:
-    path = root / REVIEW_NAME
-    return file_digest(path) if path.is_file() else ""
+def review_digests(root: Path) -> Callable[[str], str]:
+    """Return what people's decisions change about an episode, by the file name of its episode.
+
+    A decision is about a path, so it exports the episodes of that path again and no others. Where
+    an episode's path is not known, any decision does.
+    """
+    decisions = DecisionFile(root / REVIEW_NAME)
+    by_path: dict[str, list[dict[str, Any]]] = {}
+    for (path, _), decided in sorted(decisions.current().items()):
+        by_path.setdefault(path, []).extend(asdict(one) for _, one in sorted(decided.items()))
+    files = sorted((root / "episodes").glob("*.json.gz")) if by_path else []
+    paths = {safe_name(e.episode_id): e.trajectory_id for f in files for e in read_episodes(f)}
+
+    def of(episode: str) -> str:
+        if not by_path:
+            return ""
+        if episode not in paths:
+            return digest(by_path)
+        decided = by_path.get(paths[episode], [])
+        return digest(decided) if decided else ""
+
+    return of
 
 
 def mcap_items(
     frames: Mapping[str, Row], root: Path, scenes: Path, dataset: Dataset, depth_storage: str
 ) -> list[WorkItem]:
     """One MCAP with images per rendered episode."""
-    reviewed = _review_digest(root)
+    reviewed = review_digests(root)
     held_out = tuple(sorted(held_out_scenes(_scene_names(scenes))))
     result = []
     for name, row in frames.items():
@@ -134,7 +156,7 @@ def mcap_items(
         robot = kept(name.split("/")[0], root)
         review = root / REVIEW_NAME
         job = McapJob(rollout, root / row.outputs[0], scene, robot, *told, review, out)
-        result.append(work_item(MCAP_STAGE, name, job, (out,), row.key, told, reviewed))
+        result.append(work_item(MCAP_STAGE, name, job, (out,), row.key, told, reviewed(out.stem)))
     return result
 
 

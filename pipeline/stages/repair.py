@@ -7,11 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ...formats.core.digest import file_digest
+from ...formats.core.atomic import file_digest
 from ...formats.core.errors import FileFormatError
 from ...scene_repair.config import RepairConfig
-from ...scene_repair.scan.kinds import USD_SUFFIXES
-from ...scene_repair.scan.side_files import side_names
+from ...scene_repair.scan.files import USD_SUFFIXES, side_names
 from ..engine.keys import digest
 from ..engine.ledger import Row
 from ..engine.work import WorkItem, work_item

@@ -10,7 +10,7 @@ from ...collectors.controllers import SpeedConfig
 from ...collectors.locomotion.policy import policy_files
 from ...collectors.replay import ReplayConfig
 from ...collectors.robots import get_robot
-from ...formats.core.digest import file_digest
+from ...formats.core.atomic import file_digest
 from ...formats.core.episode import Episode
 from ..engine.keys import digest
 from ..engine.ledger import Row

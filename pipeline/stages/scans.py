@@ -1,15 +1,17 @@
-"""Stage `scan`: generate the built-in apartment and scan it virtually."""
+"""Stage `scan`: generate built-in scenes and scan them virtually."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from ..builtin import BuiltIn
 from ..engine.work import WorkItem, work_item
 from ..jobs.scan import ScanJob
 
 STAGE = "scan"
 
 
-def item(seed: int, folder: Path) -> WorkItem:
-    """The work item that writes the apartment of `seed` into `folder`."""
-    return work_item(STAGE, folder.name, ScanJob(seed, folder), (folder,), seed)
+def item(building: BuiltIn, folder: Path) -> WorkItem:
+    """The work item that writes a generated building's scan into `folder`."""
+    job = ScanJob(building.seed, folder, building.kind)
+    return work_item(STAGE, building.name, job, (folder,), building.seed, building.kind)

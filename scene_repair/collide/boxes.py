@@ -1,4 +1,4 @@
-"""Covering voxels with few axis-aligned boxes."""
+"""Cover voxels with few axis-aligned boxes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ def cover_with_boxes(voxels: Voxels, state: NDArray[np.uint8], slack: float = 0.
     """
     boxes = np.empty((max(int((state == MUST).sum()), 1), 6), dtype=np.int64)
     done = np.zeros(state.shape, dtype=bool)
-    count = _cover(state, voxels.lower, voxels.upper, _ORDERS, int(slack * STEPS), done, boxes)
+    extent = (voxels.lower, voxels.upper)
+    count = _cover(state, extent, _ORDERS, int(slack * STEPS), done, boxes)
     boxes = boxes[:count]
     side = voxels.grid.cell_m
     corner = np.array([*voxels.grid.origin_xy_m, voxels.z0_m])
@@ -50,13 +51,12 @@ def _copy(source, target):
 
 
 @kernel()
-def _widen(state, lower, upper, box, sides):
+def _widen(state, extent, box, sides):
     """Include the voxels of `box` in the ranges of the four upright sides they touch.
 
     Args:
         state: see `cover_with_boxes`.
-        lower: extents of `Voxels`.
-        upper: extents of `Voxels`.
+        extent: `lower` and `upper` of `Voxels`.
         box: (6,) first and last index along rows (y), columns (x), layers (z).
         sides: (12,) for each side (low y, high y, low x, high x) its index, and the least and
             most of the surface's extent seen on it.
@@ -64,6 +64,7 @@ def _widen(state, lower, upper, box, sides):
     Returns:
         False if a voxel must not be covered.
     """
+    lower, upper = extent
     for i in range(box[0], box[1] + 1):
         for j in range(box[2], box[3] + 1):
             for k in range(box[4], box[5] + 1):
@@ -83,7 +84,7 @@ def _widen(state, lower, upper, box, sides):
 
 
 @kernel()
-def _grow_box(state, lower, upper, seed, orders, row, slack, box):
+def _grow_box(state, extent, seed, orders, row, slack, box):
     """Grow from voxel `seed` with the growth order in `orders[row]`; leaves it in `box`."""
     sides, trial = np.empty(12, dtype=np.int64), np.empty(12, dtype=np.int64)
     slab = np.empty(6, dtype=np.int64)
@@ -92,7 +93,7 @@ def _grow_box(state, lower, upper, seed, orders, row, slack, box):
     for side in range(4):
         sides[3 * side] = seed[side // 2]
         sides[3 * side + 1], sides[3 * side + 2] = 1000, -1
-    _widen(state, lower, upper, box, sides)
+    _widen(state, extent, box, sides)
     for turn in range(6):
         axis, end = orders[row, turn // 2], 1 - turn % 2
         step = 1 if end == 1 else -1
@@ -107,7 +108,7 @@ def _grow_box(state, lower, upper, seed, orders, row, slack, box):
                 # The side that moves is made of the new slab alone.
                 moved = 3 * (2 * axis + end)
                 trial[moved], trial[moved + 1], trial[moved + 2] = place, 1000, -1
-            if not _widen(state, lower, upper, slab, trial):
+            if not _widen(state, extent, slab, trial):
                 break
             uneven = False
             for side in range(4):
@@ -120,7 +121,7 @@ def _grow_box(state, lower, upper, seed, orders, row, slack, box):
 
 @kernel()
 def _take(state, done, box, mark):
-    """Count the open voxels in a box, and mark them as covered if told so."""
+    """Count the open voxels in a box, and mark them as covered if `mark`."""
     count = 0
     for i in range(box[0], box[1] + 1):
         for j in range(box[2], box[3] + 1):
@@ -133,8 +134,8 @@ def _take(state, done, box, mark):
 
 
 @kernel()
-def _cover(state, lower, upper, orders, slack, done, boxes):
-    """Fill `boxes` (…, 6); returns how many there are."""
+def _cover(state, extent, orders, slack, done, boxes):
+    """Fill `boxes` (…, 6) and return their number."""
     count = 0
     seed, best_box = np.empty(3, dtype=np.int64), np.empty(6, dtype=np.int64)
     box = np.empty(6, dtype=np.int64)
@@ -146,7 +147,7 @@ def _cover(state, lower, upper, orders, slack, done, boxes):
                 seed[0], seed[1], seed[2] = i, j, k
                 best = 0
                 for row in range(len(orders)):
-                    _grow_box(state, lower, upper, seed, orders, row, slack, box)
+                    _grow_box(state, extent, seed, orders, row, slack, box)
                     gain = _take(state, done, box, False)
                     if gain > best:
                         best = gain
@@ -160,7 +161,7 @@ def _cover(state, lower, upper, orders, slack, done, boxes):
 
 @kernel()
 def _tight(boxes, state, lower, upper, low, high):
-    """Corners in voxel units, x, y, z, around the surfaces that each box covers."""
+    """Compute corners in voxel units, x, y, z, around the surfaces that each box covers."""
     for b in range(len(boxes)):
         for a in range(3):
             low[b, a], high[b, a] = 1e9, -1e9
@@ -177,7 +178,7 @@ def _tight(boxes, state, lower, upper, low, high):
 
 @kernel()
 def _majority(boxes, state, owner, result):
-    """What owns most of the voxels that each box covers (Boyer and Moore's vote, 1981)."""
+    """Find the owner of most voxels that each box covers (Boyer and Moore's vote, 1981)."""
     for b in range(len(boxes)):
         best, votes = -1, 0
         for i in range(boxes[b, 0], boxes[b, 1] + 1):

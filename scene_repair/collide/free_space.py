@@ -1,4 +1,4 @@
-"""Where a robot can be and what it can touch."""
+"""Free space of a robot, and the surfaces it can touch."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SPREAD = 3
 def blocked_cells(
     voxels: Voxels, height_m: NDArray[np.float64], above_m: float
 ) -> NDArray[np.bool_]:
-    """(rows, columns) cells over which something rises more than `above_m` over the floor."""
+    """Return (rows, columns) cells with anything more than `above_m` above the floor."""
     side = voxels.grid.cell_m
     layers = voxels.upper.shape[2]
     bottom = voxels.z0_m + side * np.arange(layers)
@@ -31,7 +31,7 @@ def blocked_cells(
 
 
 def places(free: NDArray[np.bool_], cell_m: float) -> NDArray[np.bool_]:
-    """The connected parts of `free` (rows, columns) in which a robot has room."""
+    """Return the connected parts of `free` (rows, columns) that are large enough for a robot."""
     parts, count = label(free)
     area = np.bincount(parts.ravel(), minlength=count + 1) * cell_m**2
     radius = distance_to(~np.pad(free, 1))[1:-1, 1:-1] * cell_m
@@ -44,7 +44,7 @@ def places(free: NDArray[np.bool_], cell_m: float) -> NDArray[np.bool_]:
 def touchable(
     voxels: Voxels, place: NDArray[np.bool_], height_m: NDArray[np.float64]
 ) -> NDArray[np.uint8]:
-    """What boxes must, may and must not cover, (rows, columns, layers) as in `boxes`.
+    """Return what boxes must, may and must not cover, (rows, columns, layers) as in `boxes`.
 
     Air that a probe of three voxels reaches from a place stays air; the surfaces next to it must
     be covered. What nothing reaches (insides of walls and furniture, gaps narrower than the probe,
@@ -79,7 +79,7 @@ def touchable(
 
 
 def _slivers(voxels: Voxels) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Voxels whose surface only just reaches in from an occupied neighbour in x or y.
+    """Return voxels into which a surface barely reaches from an occupied neighbour in x or y.
 
     Returns:
         The slivers, and the neighbours that stand for them; no voxel is both.

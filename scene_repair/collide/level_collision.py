@@ -25,7 +25,7 @@ MARGIN_M = 0.6
 
 @dataclass(frozen=True)
 class LevelCollision:
-    """What the simulator and the planner get for one level.
+    """Collision and freemap of one level, for simulator and planner.
 
     Boxes belong to the mesh's objects until the bundle's are known.
     """
@@ -57,10 +57,10 @@ def build_collision(
         mesh.faces,
         mesh.face_object,
         grid,
-        z0,
-        layers,
-        height + config.floor_clearance_m,
-        height + config.robot_height_m,
+        z0_m=z0,
+        layers=layers,
+        cut_below_m=height + config.floor_clearance_m,
+        cut_above_m=height + config.robot_height_m,
     )
     blocked = blocked_cells(voxels, height, config.blocked_above_m)
     place = places(floor.covered & ~blocked, grid.cell_m)
@@ -70,7 +70,7 @@ def build_collision(
 
 
 def _cropped(floor: Floor) -> Floor:
-    """The floor's grid without what lies far beyond it."""
+    """Crop the floor's grid to the floor and its surroundings."""
     margin = round(MARGIN_M / floor.grid.cell_m)
     rows, columns = np.nonzero(floor.covered)
     if not len(rows):

@@ -38,7 +38,7 @@ class Voxels:
 
     @property
     def occupied(self) -> NDArray[np.bool_]:
-        """(rows, columns, layers) bool."""
+        """Return (rows, columns, layers) bool."""
         return self.upper[..., 2] > 0
 
 
@@ -47,6 +47,7 @@ def voxelise(
     faces: NDArray[np.int64],
     face_owner: NDArray[np.int32],
     grid: GridSpec,
+    *,
     z0_m: float,
     layers: int,
     cut_below_m: NDArray[np.float64],
@@ -74,10 +75,8 @@ def voxelise(
         scaled,
         np.ascontiguousarray(faces, dtype=np.int64),
         np.ascontiguousarray(face_owner, dtype=np.int32),
-        (cut_below_m - z0_m) / side,
-        (cut_above_m - z0_m) / side,
-        lower,
-        upper,
+        (np.stack([cut_below_m, cut_above_m]) - z0_m) / side,
+        (lower, upper),
         owner,
     )
     return Voxels(grid, z0_m, lower, upper, owner)
@@ -135,8 +134,10 @@ def _slab(polygon, count, axis, low, high, scratch, out):
 
 
 @kernel()
-def _mark(polygon, count, axis, base, lower, upper, i, j, k):
-    """Widen the stored extent of a voxel along one axis by what lies in it."""
+def _mark(polygon, count, axis, base, extent, voxel):
+    """Widen the stored extent of a voxel (i, j, k) along one axis by what lies in it."""
+    lower, upper = extent
+    i, j, k = voxel
     low, high = _ends(polygon, count, axis)
     first = min(max(int(np.floor((low - base) * STEPS)), 0), STEPS - 1)
     last = min(max(int(np.ceil((high - base) * STEPS)), first + 1), STEPS)
@@ -147,11 +148,11 @@ def _mark(polygon, count, axis, base, lower, upper, i, j, k):
 
 
 @kernel()
-def _clip_all(vertices, faces, face_owner, cut_below, cut_above, lower, upper, owner):
-    rows, columns, layers = lower.shape[0], lower.shape[1], lower.shape[2]
+def _clip_all(vertices, faces, face_owner, cut, extent, owner):
+    rows, columns, layers = owner.shape
     triangle, scratch = np.empty((3, 3)), np.empty((16, 3))
     in_column, in_cell = np.empty((16, 3)), np.empty((16, 3))
-    cut, in_voxel = np.empty((16, 3)), np.empty((16, 3))
+    in_reach, in_voxel = np.empty((16, 3)), np.empty((16, 3))
     for f in range(len(faces)):
         for k in range(3):
             for a in range(3):
@@ -166,15 +167,15 @@ def _clip_all(vertices, faces, face_owner, cut_below, cut_above, lower, upper, o
                 m = _slab(in_column, n, 1, float(i), float(i + 1), scratch, in_cell)
                 if m == 0:
                     continue
-                m = _slab(in_cell, m, 2, cut_below[i, j], cut_above[i, j], scratch, cut)
+                m = _slab(in_cell, m, 2, cut[0, i, j], cut[1, i, j], scratch, in_reach)
                 if m == 0:
                     continue
-                k0, k1 = _slab_range(cut, m, 2, layers)
+                k0, k1 = _slab_range(in_reach, m, 2, layers)
                 for k in range(k0, k1 + 1):
-                    q = _slab(cut, m, 2, float(k), float(k + 1), scratch, in_voxel)
+                    q = _slab(in_reach, m, 2, float(k), float(k + 1), scratch, in_voxel)
                     if q > 0:
-                        _mark(in_voxel, q, 0, float(j), lower, upper, i, j, k)
-                        _mark(in_voxel, q, 1, float(i), lower, upper, i, j, k)
-                        _mark(in_voxel, q, 2, float(k), lower, upper, i, j, k)
+                        _mark(in_voxel, q, 0, float(j), extent, (i, j, k))
+                        _mark(in_voxel, q, 1, float(i), extent, (i, j, k))
+                        _mark(in_voxel, q, 2, float(k), extent, (i, j, k))
                         if face_owner[f] >= 0:
                             owner[i, j, k] = face_owner[f]

@@ -1,4 +1,4 @@
-"""What is known about each cell of a level: floor, walls, ceiling, furniture, depth below."""
+"""Evidence per cell of a level: floor, walls, ceiling, furniture, depth below."""
 
 from __future__ import annotations
 
@@ -71,13 +71,14 @@ def gather_evidence(
     columns: Columns,
     scanned_z_m: NDArray[np.float64],
     floor_z_m: float,
+    *,
     ignore: NDArray[np.bool_],
     structure: NDArray[np.bool_],
     bump_width_m: float,
     bump_height_m: float,
     cover_m: float = COVER_M,
 ) -> Evidence:
-    """Collect the facts.
+    """Collect the facts of a level's cells.
 
     Args:
         mesh: the scan.
@@ -128,7 +129,7 @@ def gather_evidence(
 def _lowest(
     columns: Columns, above_m: NDArray[np.float64], cover_m: float, chosen: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """(cells,) whether the lowest surface under head height belongs to the chosen faces."""
+    """Return (cells,) whether the lowest surface below head height is among the chosen faces."""
     over = (above_m > cover_m) & (above_m < OVERHEAD_M)
     cell = columns.cell[over]
     # Samples are sorted upwards in each cell: the first one over the floor is the lowest.
@@ -157,7 +158,7 @@ def _sunk(mesh: WorldMesh, grid: GridSpec, floor_z_m: float) -> NDArray[np.bool_
 
 @kernel()
 def _cover(start, z, face, flat, reference, limit):
-    """Per cell the flat sample nearest to the reference height within `limit`."""
+    """Find per cell the flat sample nearest to the reference height within `limit`."""
     cells = len(start) - 1
     z_out = np.full(cells, np.nan)
     face_out = np.full(cells, -1, dtype=np.int32)

@@ -1,4 +1,4 @@
-"""Bumps, spikes and dents of a scanned floor, pressed flat."""
+"""Flatten bumps, spikes and dents of a scanned floor."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def _pressed(
     grid: GridSpec,
     config: RepairConfig,
 ) -> NDArray[np.float64]:
-    """Vertex positions with those over pressed cells brought to the reference height."""
+    """Return vertex positions, those over flattened cells moved to the reference height."""
     cell = grid.cell_of(mesh.vertices[:, :2])
     inside = grid.inside(cell)
     chosen = np.zeros(len(mesh.vertices), dtype=bool)

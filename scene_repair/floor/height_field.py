@@ -1,4 +1,4 @@
-"""The floor as a height field: smoothed of scan noise, defined everywhere."""
+"""The floor as a height field: smoothed, and extended to all cells."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Storeys: which of the horizontal surfaces are floors, and which floors belong together."""
+"""Find storeys: which horizontal surfaces are floors, and which floors belong together."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ PITCH, PITCH_OVER_M = 0.2, 0.25
 ALIKE_SHARE = 0.7
 # Exporters that put a ceiling in the plane of the floor above are that exact.
 COPLANAR_M = 0.006
-# Pieces of floor too small to be told by themselves lie this near to a floor's height.
+# Pieces of floor too small to be judged by themselves lie this near to a floor's height.
 PIECE_M = 0.1
 
 
@@ -59,7 +59,7 @@ class ScannedFloor:
 def find_levels(
     surfaces: Surfaces, columns: Columns, mesh: WorldMesh, config: RepairConfig
 ) -> list[ScannedFloor]:
-    """Floors of all storeys, lowest first.
+    """Return the floors of all storeys, lowest first.
 
     Raises:
         SceneError: nothing here can be stood on.
@@ -121,9 +121,9 @@ def _measure(surfaces: Surfaces, columns: Columns, mesh: WorldMesh, min_floor_m2
     walls = mesh.faces[np.abs(mesh.normals[:, 2]) < UPRIGHT_NORMAL_Z]
     reach = max(1, round(AROUND_M / grid.cell_m))
     for p in np.flatnonzero(standing_m2 >= min_floor_m2):
-        mine = surfaces.part == p
+        selected = surfaces.part == p
         z = np.full(grid.rows * grid.columns, np.nan)
-        z[surfaces.cell[mine]] = surfaces.z_m[mine]
+        z[surfaces.cell[selected]] = surfaces.z_m[selected]
         z = z.reshape(grid.shape)
         pitch[p] = _pitch(z, grid)
         near = grow(np.isfinite(z), reach)
@@ -137,7 +137,7 @@ def _measure(surfaces: Surfaces, columns: Columns, mesh: WorldMesh, min_floor_m2
 
 
 def _pitch(z_m: NDArray[np.float64], grid: GridSpec) -> float:
-    """Median rise over run of a surface (rows, columns), NaN where it is not."""
+    """Return the median slope of a surface (rows, columns) with NaN outside it."""
     run = max(1, round(PITCH_OVER_M / grid.cell_m))
     along = z_m[run:, :-run] - z_m[:-run, :-run]
     across = z_m[:-run, run:] - z_m[:-run, :-run]
@@ -147,7 +147,7 @@ def _pitch(z_m: NDArray[np.float64], grid: GridSpec) -> float:
 
 
 def _is_furniture(p: int, surfaces: Surfaces, parts: _Parts, grid: GridSpec) -> bool:
-    """A surface that stands over a larger one lying around it, at the height of furniture."""
+    """Return whether a surface stands over a larger one around it at furniture height."""
     if parts.area_m2[p] >= PLATFORM_M2:
         return False
     rise = parts.height_m[p] - parts.height_m
@@ -161,16 +161,16 @@ def _is_furniture(p: int, surfaces: Surfaces, parts: _Parts, grid: GridSpec) -> 
 
 
 def _floor_of(storey: list[int], surfaces: Surfaces, parts: _Parts, grid: GridSpec) -> ScannedFloor:
-    """The storey's floors and the small pieces at their heights, seen between furniture."""
+    """Combine a storey's floors and small pieces at their heights, seen between furniture."""
     heights = parts.height_m[storey]
     gap = np.abs(parts.height_m[:, None] - heights[None, :]).min(axis=1)
     chosen = (gap < PIECE_M) & (parts.pitch <= PITCH) & (parts.area_m2 >= 4 * grid.cell_m**2)
     chosen[storey] = True
-    mine = chosen[surfaces.part]
+    selected = chosen[surfaces.part]
     z = np.full(grid.rows * grid.columns, np.nan)
     # Where several lie in one cell the lowest is the floor: it is written last.
-    order = np.argsort(-surfaces.z_m[mine], kind="stable")
-    z[surfaces.cell[mine][order]] = surfaces.z_m[mine][order]
+    order = np.argsort(-surfaces.z_m[selected], kind="stable")
+    z[surfaces.cell[selected][order]] = surfaces.z_m[selected][order]
     z = without_pits(z.reshape(grid.shape), grid.cell_m)
     return ScannedFloor(grid, z, float(np.nanmedian(z)))
 
@@ -178,7 +178,7 @@ def _floor_of(storey: list[int], surfaces: Surfaces, parts: _Parts, grid: GridSp
 def averted_faces(
     floors: list[ScannedFloor], columns: Columns, normal_z: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
-    """(F,) faces that look the other way than the floors do: undersides of walls and furniture.
+    """Return (F,) faces wound opposite to the floors: undersides of walls and furniture.
 
     None, if the floors' faces are not wound alike and so tell nothing.
     """
@@ -189,9 +189,9 @@ def averted_faces(
         upward = normal_z[columns.face] > 0
         some_up = np.bincount(columns.cell[near & upward], minlength=cells) > 0
         some_down = np.bincount(columns.cell[near & ~upward], minlength=cells) > 0
-        # Where both lie in one plane, a ceiling under a floor, nothing can be told.
-        told = some_up != some_down
-        total, count = total + float(some_up[told].sum()), count + int(told.sum())
+        # Where both lie in one plane, a ceiling under a floor, nothing can be decided.
+        decided = some_up != some_down
+        total, count = total + float(some_up[decided].sum()), count + int(decided.sum())
     share = total / count if count else 0.5
     if share >= ALIKE_SHARE:
         return normal_z < 0

@@ -1,4 +1,4 @@
-"""Outlines of faces and of cells as closed polygons, with their vertices kept exactly."""
+"""Trace outlines of faces and cells as closed polygons that keep the vertices exactly."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def trace_loops(edges: NDArray[np.int64]) -> list[NDArray[np.int64]]:
 
 
 def face_outline(faces: NDArray[np.int64], signed: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Directed border edges (E, 2) of faces seen from above.
+    """Return the directed border edges (E, 2) of faces seen from above.
 
     Args:
         faces: (F, 3).
@@ -61,7 +61,7 @@ def cell_polygons(
     grid: GridSpec,
     keep_straight: bool = False,
 ) -> list[NDArray[np.float64]]:
-    """World polygons (n, 2) around the true cells: outer ones counter-clockwise, inner ones not.
+    """Return world polygons (n, 2) around the true cells; outer ones counter-clockwise.
 
     Args:
         cells: crop of a map over `grid`.

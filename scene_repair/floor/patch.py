@@ -15,9 +15,8 @@ from ...formats.scene.grid import GridSpec
 from ..grid.world_mesh import WorldMesh
 from .evidence import COVER_NORMAL_Z
 from .outline import cell_polygons, face_outline, trace_loops
-from .patch_region import Region
+from .patch_region import Region, Tiles
 from .reference import STEP_M
-from .tiles import Tiles
 
 # Inner vertices of a patch stand this far apart, so that it can follow a floor that is not plane.
 INNER_M = 0.1
@@ -141,7 +140,7 @@ class _Builder:
         self.faces.append(joined[proper])
 
     def result(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """New vertices and all faces."""
+        """Return new vertices and all faces."""
         if not self.faces:
             return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
         vertices = np.concatenate(self.vertices) if self.vertices else np.empty((0, 3))
@@ -173,7 +172,7 @@ class _Builder:
         return np.concatenate(parts)
 
     def _ids(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Vertex ids for 2-D points: the rim's own where they coincide, new ones elsewhere."""
+        """Return vertex ids of 2-D points: the rim's own where they coincide, else new ones."""
         ids = np.full(len(points), -1, dtype=np.int64)
         if self.tree is not None:
             nearest: Any = self.tree.query(points, distance_upper_bound=SAME_M)
@@ -189,12 +188,12 @@ class _Builder:
         return ids
 
     def _level(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Height of the reference."""
+        """Return the reference height."""
         position = (xy - np.asarray(self.grid.origin_xy_m)) / self.grid.cell_m - 0.5
         return ndimage.map_coordinates(self.height_m, position[:, ::-1].T, order=1, mode="nearest")
 
     def _height(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Height of new vertices: on a rim edge that edge's height, else the reference's."""
+        """Return heights of new vertices: on a rim edge the edge's, else the reference's."""
         z = self._level(xy)
         if not len(self.rim):
             return z
@@ -218,7 +217,7 @@ class _Builder:
 
 
 def _dense(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The polygon with a vertex every `BORDER_M` at least."""
+    """Subdivide a polygon to edges of at most `BORDER_M`."""
     ahead = np.roll(polygon, -1, axis=0)
     steps = np.ceil(np.linalg.norm(ahead - polygon, axis=1) / BORDER_M).astype(int).clip(1)
     parts = [
@@ -231,7 +230,7 @@ def _dense(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
 def _inner_squares(
     piece: manifold3d.CrossSection,
 ) -> tuple[list[NDArray[np.float64]], NDArray[np.int64], NDArray[np.float64]]:
-    """Squares of a coarse grid well inside a piece.
+    """Return the squares of a coarse grid well inside a piece.
 
     Returns:
         Their outlines with a vertex at every node, triangles (T, 3), and nodes (N, 2) [m].
@@ -274,7 +273,7 @@ def _inner_squares(
 
 
 def _points_inside(section: manifold3d.CrossSection, grid: GridSpec) -> NDArray[np.bool_]:
-    """Which cell centres of `grid` lie inside: even-odd scan along each row."""
+    """Return which cell centres of `grid` lie inside, by the even-odd rule along each row."""
     inside = np.zeros(grid.shape, dtype=bool)
     rows = grid.center_of(np.stack([np.arange(grid.rows), np.zeros(grid.rows)], axis=1))[:, 1]
     polygons = _rings(section)

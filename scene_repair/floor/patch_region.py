@@ -1,4 +1,4 @@
-"""The exact area that patches may cover: filled cells, up to the rim and up to the walls."""
+"""The exact area that patches may cover: filled cells, up to the rim and the walls."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from ..grid.slices import slice_marks
 from ..grid.world_mesh import WorldMesh
 from .evidence import WALL_HEIGHTS_M
 from .outline import cell_polygons
-from .tiles import Tiles
 
 # Cells are divided by this, so that a patch ends within millimetres of a wall's face.
 DIVIDE = 4
+# About as large as what is asked for.
+TILE_M = 1.0
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class Region:
     grid: GridSpec
 
     def polygons_m(self) -> list[NDArray[np.float64]]:
-        """World outlines."""
+        """Return the outlines in world coordinates."""
         rows, columns = self.cells.shape
         return cell_polygons(self.cells, (slice(0, rows), slice(0, columns)), self.grid)
 
@@ -43,9 +44,9 @@ class Region:
 
 
 def patch_region(
-    mesh: WorldMesh, fill: Mask, reach: Mask, wall: Mask, grid: GridSpec, floor_z_m: float
+    mesh: WorldMesh, *, fill: Mask, reach: Mask, wall: Mask, grid: GridSpec, floor_z_m: float
 ) -> list[Region]:
-    """Areas to cover, one per connected group of filled cells.
+    """Return the areas to cover, one per connected group of filled cells.
 
     Each is the filled cells and a seam of one cell around, in which the patch finds the floor's
     rim; in cells of walls the seam ends at the wall's face.
@@ -64,10 +65,10 @@ def patch_region(
     regions = []
     for k, window in enumerate(windows(parts), start=1):
         around = grown_window(window, 1, grid.shape)
-        mine = fill[around] & (parts[around] == k)
-        seam = grow(mine) & reach[around] & ~mine
+        selected = fill[around] & (parts[around] == k)
+        seam = grow(selected) & reach[around] & ~selected
         local = _sub_grid(around, grid)
-        inner = _divide(mine)
+        inner = _divide(selected)
         if (seam & wall[around]).any():
             near = upright[tiles.near(*_bounds(local))].reshape(-1, 3)
             heights = floor_z_m + WALL_HEIGHTS_M
@@ -104,8 +105,50 @@ def _bounds(grid: GridSpec) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def _upright_faces(mesh: WorldMesh, floor_z_m: float) -> NDArray[np.int64]:
-    """Faces (n, 3) that cross any of the heights at which walls are looked for."""
+    """Return the faces (n, 3) that cross any of the heights at which walls are detected."""
     z = mesh.vertices[mesh.faces, 2] - floor_z_m
     first = np.searchsorted(WALL_HEIGHTS_M, z.min(axis=1))
     last = np.searchsorted(WALL_HEIGHTS_M, z.max(axis=1), side="right")
     return mesh.faces[last > first]
+
+
+class Tiles:
+    """Rectangles along the axes (the bounds of faces from above), filed by the tiles they touch.
+
+    Args:
+        lower_m: (N, 2) corners.
+        upper_m: (N, 2) corners, not below `lower_m`.
+    """
+
+    def __init__(self, lower_m: NDArray[np.float64], upper_m: NDArray[np.float64]):
+        self.lower_m, self.upper_m = lower_m, upper_m
+        self.origin = lower_m.min(axis=0) if len(lower_m) else np.zeros(2)
+        first, last = self._tile(lower_m), self._tile(upper_m)
+        self.shape = last.max(axis=0) + 1 if len(last) else np.zeros(2, dtype=np.int64)
+        wide = last - first + 1
+        count = wide.prod(axis=1)
+        item = np.repeat(np.arange(len(lower_m)), count)
+        step = np.arange(len(item)) - np.repeat(np.cumsum(count) - count, count)
+        x = first[item, 0] + step % wide[item, 0]
+        y = first[item, 1] + step // wide[item, 0]
+        tile = y * self.shape[0] + x
+        order = np.argsort(tile, kind="stable")
+        self.item = item[order]
+        self.start = np.searchsorted(tile[order], np.arange(int(self.shape.prod()) + 1))
+
+    def near(self, lower_m: NDArray[np.float64], upper_m: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the sorted indices (n,) of rectangles that touch the given one."""
+        x0, y0 = np.maximum(self._tile(lower_m), 0)
+        x1, y1 = np.minimum(self._tile(upper_m), self.shape - 1)
+        if x1 < x0 or y1 < y0:
+            return np.empty(0, dtype=np.int64)
+        rows = [y * self.shape[0] for y in range(y0, y1 + 1)]
+        found = np.concatenate(
+            [self.item[self.start[r + x0] : self.start[r + x1 + 1]] for r in rows]
+        )
+        found = np.unique(found)
+        touches = (self.upper_m[found] >= lower_m) & (self.lower_m[found] <= upper_m)
+        return found[touches.all(axis=1)]
+
+    def _tile(self, xy_m: NDArray[np.float64]) -> NDArray[np.int64]:
+        return np.floor((xy_m - self.origin) / TILE_M).astype(np.int64)

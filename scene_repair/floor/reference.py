@@ -1,4 +1,4 @@
-"""The floor as it should be: a smooth reference height in every cell, known or missing."""
+"""The reference floor: a smooth height in every cell, known or missing."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PIT_M2 = 0.1
 def remove_narrow(
     z_m: NDArray[np.float64], cell_m: float, width_m: float, height_m: float
 ) -> NDArray[np.float64]:
-    """Heights without bumps and dents narrower than `width_m`; NaN (no floor) stays NaN.
+    """Remove bumps and dents narrower than `width_m`; NaN (no floor) stays NaN.
 
     Grey opening, then closing, with a square of that width (Serra, 1982). What deviates by more
     than `height_m` and is mostly level is real, the corner of a sunken area for example, and stays;
@@ -41,7 +41,7 @@ def remove_narrow(
 
 
 def without_pits(z_m: NDArray[np.float64], cell_m: float) -> NDArray[np.float64]:
-    """Heights without small pieces that a step parts from the larger floor nearest to them.
+    """Remove small pieces that a step separates from the larger floor nearest to them.
 
     Pits and blisters of a scan, where it closed a surface over what it had not seen.
     """
@@ -64,7 +64,7 @@ def without_pits(z_m: NDArray[np.float64], cell_m: float) -> NDArray[np.float64]
 def fill_heights(
     z_m: NDArray[np.float64], missing: NDArray[np.bool_], reach: int
 ) -> NDArray[np.float64]:
-    """Heights for the `missing` cells that continue the known ones; other cells unchanged.
+    """Continue the known heights into the `missing` cells; other cells are unchanged.
 
     Per connected region a plane is fitted to the known cells within `reach` cells around it (a
     level one unless a slope is significant), and the remainder at the rim is spread inwards by the
@@ -90,7 +90,7 @@ def fill_heights(
 def _alike(
     z: NDArray[np.float64], known: NDArray[np.bool_], mask: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Where heights belong to the floor along most of the rim: at a step, others are beyond it."""
+    """Return which heights belong to the floor along most of the rim, not beyond a step."""
     rim = known & grow(mask)
     if not rim.any():
         return known
@@ -101,7 +101,7 @@ def _alike(
 
 
 def _plane(z: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Robust plane over the window: least squares, re-weighted, level if the slope is slight."""
+    """Fit a robust plane to the window: reweighted least squares; level if the slope is slight."""
     i, j = np.nonzero(known)
     values = z[known]
     centre = np.array([i.mean(), j.mean()])

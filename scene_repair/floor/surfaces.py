@@ -73,7 +73,7 @@ def find_surfaces(
 
 @kernel()
 def _clearance(start, z, stack):
-    """Free height above every sample up to the next one that is not part of its own stack."""
+    """Return the free height above every sample up to the next one outside its own stack."""
     clear = np.full(len(z), np.inf)
     for c in range(len(start) - 1):
         for k in range(start[c], start[c + 1]):
@@ -87,7 +87,7 @@ def _clearance(start, z, stack):
 
 @kernel()
 def _hidden(start, z, marked, stack):
-    """Which samples have one that is marked just above them."""
+    """Return which samples have a marked one just above them."""
     hidden = np.zeros(len(z), dtype=np.bool_)
     for c in range(len(start) - 1):
         for k in range(start[c], start[c + 1]):
@@ -110,7 +110,7 @@ def _root(parent, k):
 
 @kernel()
 def _connect(start, z, rows, columns, step):
-    """Union of samples in neighbouring cells whose heights differ by at most `step`."""
+    """Connect samples in neighbouring cells whose heights differ by at most `step`."""
     parent = np.arange(len(z))
     for i in range(rows):
         for j in range(columns):

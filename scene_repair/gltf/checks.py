@@ -1,4 +1,4 @@
-"""Looking at a glTF file before a library believes it: sizes, references, and what is not read."""
+"""Check sizes, references and features of a glTF file before a library relies on them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ TRIANGLES, STRIP, FAN = 4, 5, 6
 
 
 def check_gltf(path: Path, file: GltfFile) -> None:
-    """Refuse what would be read wrongly, or would take all memory.
+    """Refuse files that would be misread or exhaust memory.
 
     Raises:
         FileFormatError: names what is wrong.
@@ -66,13 +66,13 @@ def _refuse_compressed(path: Path, tree: dict[str, Any]) -> None:
         if inside or (name in used and name in tree.get("extensionsRequired", [])):
             raise FileFormatError(
                 path,
-                f"its meshes are {what}-compressed ({name}), which is not read; unpack them first, "
-                "for example with `gltf-transform copy in.glb out.glb`",
+                f"its meshes are {what}-compressed ({name}), which is not supported; "
+                "decompress them first, for example with `gltf-transform copy in.glb out.glb`",
             )
 
 
 def _view(file: GltfFile, index: int, view: dict[str, Any]) -> int:
-    """Length of a buffer view, once it lies inside its buffer."""
+    """Return the length of a buffer view; raise if it leaves its buffer."""
     offset, length = int(view.get("byteOffset", 0)), int(view["byteLength"])
     held = file.buffer_length(int(view["buffer"]))
     if offset < 0 or length < 0 or offset + length > held:
@@ -87,18 +87,18 @@ def _accessor(
     views: list[dict[str, Any]],
     lengths: list[int],
 ) -> int:
-    """How many bytes an accessor takes, once it lies inside its view."""
+    """Return the size of an accessor in bytes; raise if it leaves its buffer view."""
     count = int(accessor["count"])
     size = COMPONENT_BYTES[accessor["componentType"]] * COMPONENTS[accessor["type"]]
     if count < 0:
-        raise ValueError(f"accessor {index} counts {count}")
+        raise ValueError(f"accessor {index} has a count of {count}; valid: at least 0")
     if "bufferView" not in accessor:
         if count > MAX_ZEROS:
-            raise ValueError(f"accessor {index} promises {count:,} elements without data")
+            raise ValueError(f"accessor {index} declares {count:,} elements without data")
         return count * size
     number = int(accessor["bufferView"])
     if not 0 <= number < len(views):
-        raise ValueError(f"accessor {index} lies in buffer view {number} of {len(views)}")
+        raise ValueError(f"accessor {index} refers to buffer view {number}; there are {len(views)}")
     stride = int(views[number].get("byteStride", 0)) or size
     offset = int(accessor.get("byteOffset", 0))
     end = offset + (stride * (count - 1) + size if count else 0)
@@ -112,27 +112,27 @@ def _accessor(
 
 
 def _multiples(path: Path, file: GltfFile, in_views: int, in_accessors: int) -> None:
-    """Few bytes must not become many by being named often."""
+    """Limit data that is referred to many times."""
     zeros = sum(int(a["count"]) for a in file.tree.get("accessors", []) if "bufferView" not in a)
     if zeros > MAX_ZEROS:
-        raise FileFormatError(path, f"its accessors promise {zeros:,} elements without data")
+        raise FileFormatError(path, f"its accessors declare {zeros:,} elements without data")
     held = file.held_bytes()
     for what, total in (("buffer views", in_views), ("accessors", in_accessors)):
         if total > 2 * held + SPARE_BYTES:
             raise FileFormatError(
-                path, f"its {what} take {total:,} bytes together of {held:,} that are there"
+                path, f"its {what} refer to {total:,} bytes in total; only {held:,} exist"
             )
 
 
 def _nodes(path: Path, tree: dict[str, Any]) -> None:
-    """Nodes must form a forest, and not multiply their meshes beyond reason."""
+    """Check that nodes form a forest and do not instance meshes too often."""
     nodes, meshes = tree.get("nodes", []), tree.get("meshes", [])
     vertices = sum(_vertices(mesh, tree.get("accessors", [])) for mesh in meshes)
     if vertices > MAX_VERTICES:
         raise FileFormatError(
             path,
-            f"its pieces have {vertices:,} vertices together, shared ones counted for each; valid: "
-            f"up to {MAX_VERTICES:,}",
+            f"its primitives have {vertices:,} vertices in total, counting shared ones each time; "
+            f"valid: up to {MAX_VERTICES:,}",
         )
     triangles = [_triangles(mesh, tree.get("accessors", [])) for mesh in meshes]
     scenes = tree.get("scenes", [])
@@ -146,29 +146,29 @@ def _nodes(path: Path, tree: dict[str, Any]) -> None:
     while waiting:
         number, depth = waiting.pop()
         if not 0 <= number < len(nodes):
-            raise ValueError(f"node {number} of {len(nodes)}")
+            raise ValueError(f"node {number} does not exist; there are {len(nodes)}")
         if number in seen:
-            raise FileFormatError(path, f"node {number} is below two nodes, or below itself")
+            raise FileFormatError(path, f"node {number} has two parents, or is its own ancestor")
         if depth > MAX_DEPTH:
             raise FileFormatError(path, f"its nodes are nested more than {MAX_DEPTH} deep")
         seen.add(number)
         waiting += [(int(c), depth + 1) for c in nodes[number].get("children", [])]
         if (mesh := nodes[number].get("mesh")) is not None:
             if not 0 <= mesh < len(meshes):
-                raise ValueError(f"node {number} shows mesh {mesh} of {len(meshes)}")
+                raise ValueError(f"node {number} refers to mesh {mesh}; there are {len(meshes)}")
             placed += len(meshes[mesh]["primitives"])
             total += triangles[mesh]
     if placed > MAX_NODES:
         raise FileFormatError(
-            path, f"places {placed:,} pieces; valid: up to {MAX_NODES:,} (join them first)"
+            path, f"contains {placed:,} primitives; valid: up to {MAX_NODES:,} (join them first)"
         )
     if total > MAX_TRIANGLES:
-        raise FileFormatError(path, f"places {total:,} triangles; valid: up to {MAX_TRIANGLES:,}")
+        raise FileFormatError(path, f"contains {total:,} triangles; valid: up to {MAX_TRIANGLES:,}")
     if total > max(MAX_REPEATED, 2 * sum(triangles)):
         raise FileFormatError(
             path,
-            f"shows {sum(triangles):,} triangles so often that they become {total:,}; valid: up to "
-            f"{MAX_REPEATED:,}, or twice as many as it holds",
+            f"instances {sum(triangles):,} triangles so often that they become {total:,}; valid: "
+            f"up to {MAX_REPEATED:,}, or twice as many as it stores",
         )
 
 
@@ -186,11 +186,16 @@ def _triangles(mesh: dict[str, Any], accessors: list[dict[str, Any]]) -> int:
             continue
         for number in (index, position):
             if number is not None and not 0 <= number < len(accessors):
-                raise ValueError(f"accessor {number} of {len(accessors)}")
+                raise ValueError(
+                    f"a primitive refers to accessor {number}; there are {len(accessors)}"
+                )
         corners = int(accessors[index]["count"])
         mode = primitive.get("mode", TRIANGLES)
         count += corners // 3 if mode == TRIANGLES else corners if mode in (STRIP, FAN) else 0
         place = accessors[position] if position is not None else {}
         if place.get("normalized"):
-            raise ValueError("positions are quantised (KHR_mesh_quantization); unpack them first")
+            raise ValueError(
+                "positions are quantised (KHR_mesh_quantization), which is not supported; "
+                "dequantise them first"
+            )
     return count

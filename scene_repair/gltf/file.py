@@ -1,4 +1,4 @@
-"""A glTF file taken apart: its JSON tree, its buffers, and the pictures of its materials."""
+"""A parsed glTF file: its JSON tree, its buffers and the images of its materials."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import base64
 import binascii
 import io
 import json
-import struct
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.errors import FileFormatError
+from ...formats.core.glb import MAX_JSON_BYTES, glb_bytes, read_glb
 from ..scan.resolver import ConfinedResolver
 
-MAX_JSON_BYTES = 256 << 20
-JSON_CHUNK, BIN_CHUNK = b"JSON", b"BIN\0"
 # Parts of the tree that are lists of objects.
 TABLES = (
     "accessors", "bufferViews", "buffers", "images", "materials", "meshes", "nodes", "samplers",
@@ -33,11 +31,12 @@ COLOR_PICTURES = (
 PICTURE_SOURCES = ("EXT_texture_webp",)
 # What is read of vertices; the library would copy all others, too, for each piece.
 ATTRIBUTES = ("POSITION", "TEXCOORD_0", "COLOR_0")
+OWN_GENERATOR = "vlnpe"
 
 
 @dataclass(frozen=True)
-class Picture:
-    """The picture of a material's colour.
+class ColorImage:
+    """The base colour image of a material.
 
     Attributes:
         image: index of the glTF image.
@@ -53,7 +52,7 @@ class Picture:
 
 
 class GltfFile:
-    """A GLB or glTF file, its header read and its pictures set aside.
+    """A GLB or glTF file with a parsed header; images are read separately.
 
     Args:
         path: the file.
@@ -66,9 +65,9 @@ class GltfFile:
     def __init__(self, path: Path, resolver: ConfinedResolver):
         self.path, self.resolver = path, resolver
         try:
-            text, self._bin = _chunks(path)
+            text, self._bin = _contents(path)
             self.tree: dict[str, Any] = json.loads(text)
-        except (ValueError, struct.error, RecursionError) as error:
+        except (ValueError, RecursionError) as error:
             raise FileFormatError(path, f"damaged glTF header: {error}") from error
         if not isinstance(self.tree, dict) or not isinstance(self.tree.get("asset"), dict):
             raise FileFormatError(path, "damaged glTF header: no asset")
@@ -78,11 +77,11 @@ class GltfFile:
         for kind in TABLES:
             table = self.tree.get(kind, [])
             if not isinstance(table, list) or not all(isinstance(e, dict) for e in table):
-                raise FileFormatError(path, f"damaged glTF header: {kind} is no list of objects")
+                raise FileFormatError(path, f"damaged glTF header: {kind} is not a list of objects")
         self._buffers: dict[int, bytes | memoryview] = {}
 
     def buffer(self, index: int) -> bytes | memoryview:
-        """Bytes of a buffer.
+        """Return the bytes of a buffer.
 
         Raises:
             FileFormatError: missing, outside the folder, or no base64.
@@ -96,13 +95,13 @@ class GltfFile:
         return self._buffers[index]
 
     def held_bytes(self) -> int:
-        """How many bytes all buffers have that were read, each file counted once."""
+        """Return the size in bytes of all buffers read so far; each file counts once."""
         return sum({id(data): len(data) for data in self._buffers.values()}.values())
 
     def buffer_length(self, index: int) -> int:
-        """How many bytes a buffer really has."""
+        """Return the actual size of a buffer in bytes."""
         if index < 0:
-            raise ValueError(f"buffer {index}")
+            raise ValueError(f"buffer index {index} is negative")
         return len(self.buffer(index))
 
     def _bytes_of(self, uri: str) -> bytes:
@@ -110,14 +109,16 @@ class GltfFile:
             try:
                 return base64.b64decode(uri.partition(",")[2], validate=True)
             except (binascii.Error, ValueError) as error:
-                raise FileFormatError(self.path, f"embedded data is no base64: {error}") from error
+                raise FileFormatError(
+                    self.path, f"embedded data is not valid base64: {error}"
+                ) from error
         try:
             return self.resolver.get(unquote(uri))
         except OSError as error:
             raise FileFormatError(self.path, str(error)) from error
 
-    def picture_of(self, material: int) -> Picture | None:
-        """The picture of a material's colour, None if it has none."""
+    def color_image_of(self, material: int) -> ColorImage | None:
+        """Return the base colour image of a material; None if it has none."""
         entry = self.tree.get("materials", [])[material]
         for extension, key in COLOR_PICTURES:
             home = (
@@ -136,39 +137,39 @@ class GltfFile:
             name = self.tree["images"][image].get("name") or f"image {image}"
             transform = info.get("extensions", {}).get("KHR_texture_transform", {})
             coordinates = transform.get("texCoord", info.get("texCoord", 0))
-            return Picture(int(image), str(name), _affine(transform), int(coordinates))
+            return ColorImage(int(image), str(name), _affine(transform), int(coordinates))
         return None
 
-    def place_of(self, image: int) -> str:
-        """Where an image lies; several images may name one place.
+    def image_location(self, image: int) -> str:
+        """Return the location of an image's data; several images may share one.
 
         Raises:
-            ValueError: it lies nowhere.
+            ValueError: it has neither a buffer view nor a URI.
         """
         entry = self.tree["images"][image]
         if "bufferView" in entry:
             return f"view {entry['bufferView']}"
         if not isinstance(entry.get("uri"), str):
-            raise ValueError("it lies nowhere")
+            raise ValueError("it has neither a buffer view nor a URI")
         return entry["uri"]
 
-    def picture_bytes(self, image: int) -> bytes:
-        """The encoded bytes of an image.
+    def image_bytes(self, image: int) -> bytes:
+        """Return the encoded bytes of an image.
 
         Raises:
             OSError: its file is missing or outside the folder.
-            ValueError: it lies nowhere.
+            ValueError: it has neither a buffer view nor a URI.
         """
         entry = self.tree["images"][image]
         if "bufferView" in entry:
             view = self.tree["bufferViews"][entry["bufferView"]]
             start = int(view.get("byteOffset", 0))
             return bytes(self.buffer(int(view["buffer"]))[start : start + int(view["byteLength"])])
-        uri = self.place_of(image)
+        uri = self.image_location(image)
         return self._bytes_of(uri) if uri.startswith("data:") else self.resolver.get(unquote(uri))
 
-    def without_pictures(self) -> io.BytesIO:
-        """The file as bytes, without pictures and all that is not read of vertices.
+    def without_images(self) -> io.BytesIO:
+        """Return the file's bytes without images and unused vertex attributes.
 
         Pictures are opened apart, in bounded memory; materials are named by their number, which
         tells whose they are.
@@ -184,15 +185,9 @@ class GltfFile:
                 {**mesh, "primitives": [_plain(p) for p in mesh["primitives"]]}
                 for mesh in tree["meshes"]
             ]
-        text = json.dumps(tree).encode()
         if self.path.suffix.lower() == ".gltf":
-            return io.BytesIO(text)
-        text += b" " * (-len(text) % 4)
-        pieces = [struct.pack("<I4s", len(text), JSON_CHUNK), text]
-        if len(self._bin):
-            pieces += [struct.pack("<I4s", len(self._bin), BIN_CHUNK), self._bin]
-        total = 12 + sum(len(piece) for piece in pieces)
-        return io.BytesIO(b"".join([struct.pack("<4sII", b"glTF", 2, total), *pieces]))
+            return io.BytesIO(json.dumps(tree).encode())
+        return io.BytesIO(glb_bytes(tree, self._bin))
 
 
 def _plain(primitive: dict[str, Any]) -> dict[str, Any]:
@@ -201,7 +196,7 @@ def _plain(primitive: dict[str, Any]) -> dict[str, Any]:
 
 
 def _affine(transform: dict[str, Any]) -> NDArray[np.float64]:
-    """KHR_texture_transform: scaled, turned, then moved.
+    """Return the affine map of KHR_texture_transform: scale, then rotate, then translate.
 
     Raises:
         ValueError: not finite.
@@ -220,33 +215,22 @@ def _affine(transform: dict[str, Any]) -> NDArray[np.float64]:
     return result
 
 
-def _chunks(path: Path) -> tuple[bytes, memoryview]:
-    """JSON text and binary chunk of a file; a .gltf file has no such chunk."""
+def _contents(path: Path) -> tuple[bytes, memoryview]:
+    """Return JSON text and binary chunk of a file; the chunk of a .gltf file is empty."""
+    if path.suffix.lower() != ".gltf":
+        return read_glb(path)
     size = path.stat().st_size
-    if path.suffix.lower() == ".gltf":
-        if size > MAX_JSON_BYTES * 4:
-            raise ValueError(f"{size:,} bytes of JSON")
-        return path.read_bytes(), memoryview(b"")
-    with path.open("rb") as stream:
-        start = stream.read(12)
-        if len(start) < 12 or start[:4] != b"glTF":
-            raise ValueError("no glTF signature")
-        version = struct.unpack_from("<I", start, 4)[0]
-        if version != 2:
-            raise ValueError(f"container version {version}, valid: 2")
-        text, data = b"", memoryview(b"")
-        while head := stream.read(8):
-            length, kind = struct.unpack("<I4s", head)
-            if length > size - stream.tell():
-                raise ValueError(f"chunk of {length:,} bytes in a file of {size:,}")
-            if kind == JSON_CHUNK and not text:
-                if length > MAX_JSON_BYTES:
-                    raise ValueError(f"{length:,} bytes of JSON")
-                text = stream.read(length)
-            elif kind == BIN_CHUNK and not len(data):
-                data = memoryview(stream.read(length))
-            else:
-                stream.seek(length, io.SEEK_CUR)
-    if not text:
-        raise ValueError("no JSON chunk")
-    return text, data
+    if size > MAX_JSON_BYTES * 4:
+        raise ValueError(f"{size:,} bytes of JSON; valid: up to {4 * MAX_JSON_BYTES:,}")
+    return path.read_bytes(), memoryview(b"")
+
+
+def gltf_facts(tree: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """Return licence (empty if not stated) and generator facts from a glTF file's JSON tree."""
+    asset = tree.get("asset", {})
+    extras = asset.get("extras", {})
+    extras = extras if isinstance(extras, dict) else {}
+    licence = str(extras.get("licence") or extras.get("license") or asset.get("copyright") or "")
+    if asset.get("generator") != OWN_GENERATOR:
+        return licence, {}
+    return licence, {k: v for k, v in extras.items() if k not in ("licence", "license")}

@@ -1,4 +1,4 @@
-"""Giving the parts of a glTF file the pictures of their materials."""
+"""Assign images to the materials of a glTF file."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ import numpy as np
 from PIL import Image
 
 from ...formats.core.errors import FileFormatError
-from ..scan.images import PixelBudget, decode_all, open_picture
+from ..scan.images import PixelBudget, decode_all, open_image
 from ..scan.soup import Part
-from .file import GltfFile, Picture
+from .file import ColorImage, GltfFile
 
 
-def with_pictures(parts: list[Part], file: GltfFile, warnings: list[str]) -> list[Part]:
-    """Parts whose materials, named by number, have their names and pictures back."""
+def with_images(parts: list[Part], file: GltfFile, warnings: list[str]) -> list[Part]:
+    """Restore names and images of materials that are named by their number."""
     materials = file.tree.get("materials", [])
     opened: dict[str, Image.Image] = {}
     budget = PixelBudget()
     tried: set[str] = set()
-    wanted: dict[int, Picture] = {}
+    wanted: dict[int, ColorImage] = {}
     for number in sorted({int(p.material.name) for p in parts if _numbered(p, materials)}):
         try:
-            picture = file.picture_of(number)
+            picture = file.color_image_of(number)
             if picture is None:
                 continue
             if picture.coordinates:
@@ -31,11 +31,11 @@ def with_pictures(parts: list[Part], file: GltfFile, warnings: list[str]) -> lis
                     "only the first set is read"
                 )
             wanted[number] = picture
-            place = file.place_of(picture.image)
+            place = file.image_location(picture.image)
             if place not in tried:
                 tried.add(place)
-                data = file.picture_bytes(picture.image)
-                image = open_picture(data, picture.name, warnings, budget)
+                data = file.image_bytes(picture.image)
+                image = open_image(data, picture.name, warnings, budget)
                 if image is not None:
                     opened[place] = image
         except (
@@ -58,7 +58,7 @@ def with_pictures(parts: list[Part], file: GltfFile, warnings: list[str]) -> lis
         number = int(part.material.name)
         name = str(materials[number].get("name") or f"material_{number}")
         picture = wanted.get(number)
-        image = pictures.get(file.place_of(picture.image)) if picture else None
+        image = pictures.get(file.image_location(picture.image)) if picture else None
         uv = part.uv
         if picture is not None and image is not None and np.any(picture.to_uv != np.eye(2, 3)):
             # The map is meant for v down.

@@ -1,1 +1,1 @@
-"""The scan sampled on grids of cells."""
+"""Sample the scan on grids of cells."""

@@ -1,4 +1,4 @@
-"""Vertical sampling: every height at which the vertical line through a cell's centre meets a face.
+"""Vertical sampling: all heights at which the line through a cell's centre meets a face.
 
 This turns a triangle soup of any quality into something that can be reasoned about: per cell, the
 sorted list of surfaces from the lowest to the highest.
@@ -38,7 +38,7 @@ class Columns:
 
     @property
     def cell(self) -> NDArray[np.int64]:
-        """(N,) cell index of every hit."""
+        """Return the cell index (N,) of every hit."""
         return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
 
 
@@ -60,12 +60,12 @@ def sample_columns(
     tests = _tests(scaled, faces, grid)
     if tests > MAX_TESTS:
         raise SceneError(
-            f"its faces cover {tests:,} cells of {grid.cell_m:g} m together, those above each "
-            f"other counted for each; valid: up to {MAX_TESTS:,} (cut it into parts)"
+            f"its faces cover {tests:,} cells of {grid.cell_m:g} m in total, counting "
+            f"overlapping ones each time; valid: up to {MAX_TESTS:,} (cut it into parts)"
         )
     counts = np.zeros(grid.rows * grid.columns + 1, dtype=np.int64)
     empty_z, empty_face = np.empty(0, dtype=np.float32), np.empty(0, dtype=np.int32)
-    _raster(scaled, faces, grid.rows, grid.columns, counts, empty_z, empty_face, False)
+    _raster(scaled, faces, grid.shape, counts, empty_z, empty_face, False)
     start = np.concatenate([[0], np.cumsum(counts[:-1])])
     if start[-1] > MAX_HITS:
         raise SceneError(
@@ -75,14 +75,14 @@ def sample_columns(
     cursor = start.copy()
     z = np.empty(start[-1], dtype=np.float32)
     face = np.empty(start[-1], dtype=np.int32)
-    _raster(scaled, faces, grid.rows, grid.columns, cursor, z, face, True)
+    _raster(scaled, faces, grid.shape, cursor, z, face, True)
     cell = np.repeat(np.arange(len(start) - 1), np.diff(start))
     order = np.lexsort((z, cell))
     return Columns(grid, start, z[order], face[order])
 
 
 def _tests(scaled: NDArray[np.float64], faces: NDArray[np.int64], grid: GridSpec) -> int:
-    """How many cells lie in the rectangles around all faces; `scaled` is in cells."""
+    """Count the cells in the bounding rectangles of all faces; `scaled` is in cells."""
     total = 0.0
     for first in range(0, len(faces), FACES_AT_ONCE):
         corners = scaled[faces[first : first + FACES_AT_ONCE], :2]
@@ -98,7 +98,7 @@ def top_faces(
     corner_uv: NDArray[np.float32],
     grid: GridSpec,
 ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """What is seen from above at each cell's centre.
+    """Find the topmost face at each cell's centre.
 
     Args:
         vertices_m: (V, 3) world.
@@ -154,12 +154,13 @@ def _top(vertices, faces, corner_uv, height, face, uv):
 
 
 @kernel()
-def _raster(vertices, faces, rows, columns, cursor, z_out, face_out, fill):
+def _raster(vertices, faces, shape, cursor, z_out, face_out, fill):
     """Count hits per cell, or write them at each cell's cursor.
 
     Half-open edge rule by the sign of exact edge functions: a centre on a shared edge may count
     for both triangles, which does no harm; it is never lost.
     """
+    rows, columns = shape
     for f in range(len(faces)):
         ax, ay, az = vertices[faces[f, 0]]
         bx, by, bz = vertices[faces[f, 1]]

@@ -22,13 +22,13 @@ def label(mask: Mask, diagonal: bool = False) -> tuple[NDArray[np.int32], int]:
 
 
 def windows(parts: NDArray[np.int32]) -> list[Window]:
-    """Bounding windows of all parts, in order."""
+    """Return the bounding windows of all parts, in order."""
     found: Any = ndimage.find_objects(parts)
     return found
 
 
 def grown_window(window: Window, reach: int, shape: tuple[int, ...]) -> Window:
-    """The window enlarged by `reach` cells on all sides, clipped to the map."""
+    """Return the window enlarged by `reach` cells on all sides, clipped to the map."""
     rows, columns = window
     return (
         slice(max(rows.start - reach, 0), min(rows.stop + reach, shape[0])),
@@ -37,7 +37,7 @@ def grown_window(window: Window, reach: int, shape: tuple[int, ...]) -> Window:
 
 
 def distance_to(mask: Mask) -> NDArray[np.float64]:
-    """Distance of every cell to the nearest true cell, in cells; inf if there is none."""
+    """Return the distance of every cell to the nearest true cell, in cells; inf if none."""
     if not mask.any():
         return np.full(mask.shape, np.inf)
     distance: Any = ndimage.distance_transform_edt(~mask)
@@ -45,7 +45,7 @@ def distance_to(mask: Mask) -> NDArray[np.float64]:
 
 
 def nearest_in(mask: Mask) -> tuple[NDArray[np.intp], ...]:
-    """Index arrays of the nearest true cell of every cell; at least one must be true."""
+    """Return index arrays of the nearest true cell of every cell; at least one must be true."""
     index: Any = ndimage.distance_transform_edt(~mask, return_distances=False, return_indices=True)
     return tuple(index)
 

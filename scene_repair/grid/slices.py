@@ -1,4 +1,4 @@
-"""Horizontal cuts through a level: where upright surfaces stand."""
+"""Horizontal cuts through a level, which show upright surfaces."""
 
 from __future__ import annotations
 

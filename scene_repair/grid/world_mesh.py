@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.geometry import triangle_normals
 from ..scan.record import Scan
 
 
@@ -36,14 +37,11 @@ class WorldMesh:
 
     @cached_property
     def normals(self) -> NDArray[np.float64]:
-        """(F, 3) unit normals; zero for faces whose area vanished."""
-        a, b, c = (self.vertices[self.faces[:, i]] for i in range(3))
-        cross = np.cross(b - a, c - a)
-        length = np.linalg.norm(cross, axis=1, keepdims=True)
-        return np.divide(cross, length, out=np.zeros_like(cross), where=length > 0)
+        """Return unit normals (F, 3); zero for degenerate faces."""
+        return triangle_normals(self.vertices[self.faces])
 
     def moved(self, vertices: NDArray[np.float64]) -> WorldMesh:
-        """The same faces over other vertex positions."""
+        """Return the same faces over other vertex positions."""
         return replace(self, vertices=vertices)
 
     def extended(
@@ -51,6 +49,7 @@ class WorldMesh:
         new_vertices: NDArray[np.float64],
         new_faces: NDArray[np.int64],
         new_uv: NDArray[np.float32],
+        *,
         material: int,
         obj: int,
     ) -> WorldMesh:

@@ -1,1 +1,1 @@
-"""Categories of things and faces, from names and label files."""
+"""Categories of objects and faces, from names and label files."""

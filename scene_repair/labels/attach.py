@@ -1,4 +1,4 @@
-"""All labels of a scan together: those in the file, a labels file, and a `.house` file."""
+"""Combine the labels of a scan: its own, a labels file's, and a `.house` file's."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..orient.bounds import robust_bounds
+from ..scan.files import HOUSE_NAME
 from ..scan.record import Scan
-from ..scan.side_files import HOUSE_NAME
 from .files import LabelBox, read_labels
 from .matterport import House, read_house
 
@@ -26,7 +26,7 @@ SAME = 0.4
 
 
 def label_scan(source: Path, scan: Scan) -> tuple[Scan, list[LabelBox]]:
-    """Boxes in source coordinates, and the scan with what its labels tell about up.
+    """Return boxes in source coordinates, and the scan with the up axis its labels imply.
 
     A labels file goes before names in the scan, and those before a `.house` file: what is there
     twice is taken once.
@@ -49,9 +49,9 @@ def label_scan(source: Path, scan: Scan) -> tuple[Scan, list[LabelBox]]:
     known: dict[str, list[NDArray[np.float64]]] = {}
     for box in boxes:
         known.setdefault(box.category, []).append(_bounds(box.corners()))
-    for thing, mine in zip(scan.objects, scan.object_faces(), strict=True):
-        if len(mine):
-            there = _bounds(scan.vertices[scan.faces[mine].ravel()])
+    for thing, selected in zip(scan.objects, scan.object_faces(), strict=True):
+        if len(selected):
+            there = _bounds(scan.vertices[scan.faces[selected].ravel()])
             known.setdefault(thing.category, []).append(there)
     turn = FRAMES[up]
     for box in house.boxes:
@@ -69,7 +69,7 @@ def _bounds(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _frame(house: House, scan: Scan) -> tuple[str, float]:
-    """The frame in which the building's bounds agree best with the scan's, and how well."""
+    """Return the frame in which the building's bounds fit the scan's best, and how well."""
     there = np.stack(robust_bounds(scan.vertices, scan.faces))
     agreement = {
         name: _shared(_bounds(np.stack([house.lower, house.upper]) @ turn.T), there)
@@ -80,7 +80,7 @@ def _frame(house: House, scan: Scan) -> tuple[str, float]:
 
 
 def _shared(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    """Shared over joint volume of two boxes given by their corners (2, 3)."""
+    """Return the intersection over union of two boxes given by their corners (2, 3)."""
     sides = np.minimum(one[1], other[1]) - np.maximum(one[0], other[0])
     both = float(np.prod(np.maximum(sides, 0.0)))
     joint = float(np.prod(one[1] - one[0]) + np.prod(other[1] - other[0])) - both

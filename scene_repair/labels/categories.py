@@ -1,4 +1,4 @@
-"""What things are called: categories from node names and from label files."""
+"""Categories of objects, from node names and label files."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _ALIASES = {
 
 
 def category_of_name(name: str) -> str:
-    """Category that a node's name tells, `KitchenTable_1` → `kitchen table`; empty if none.
+    """Return the category in a node's name, `KitchenTable_1` → `kitchen table`; empty if none.
 
     Splits camel case and separators, drops numbers and single-letter variants (`SofaC_1` → sofa).
     """

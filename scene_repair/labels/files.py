@@ -1,4 +1,4 @@
-"""Label files beside a scan: our own format, and that of headset room scans."""
+"""Read label files beside a scan: vlnpe's format, and that of headset room scans."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.errors import FileFormatError
-from ..scan.side_files import LABELS_NAME, MAX_LABELS_BYTES, side_file
+from ...formats.core.frames import quat_to_matrix, xyzw_to_wxyz
+from ..scan.files import LABELS_NAME, MAX_LABELS_BYTES, side_file
 from ..scan.soup import MAX_COORDINATE
 from .categories import category_of_name
 
@@ -39,18 +40,18 @@ class LabelBox:
     half: NDArray[np.float64]
 
     def corners(self) -> NDArray[np.float64]:
-        """(8, 3) corners."""
+        """Return the corners (8, 3)."""
         signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
         return self.center + (signs * self.half) @ self.axes
 
     def contains(self, points: NDArray[np.float64], margin: float) -> NDArray[np.bool_]:
-        """Whether points (N, 3) lie in the box grown by `margin`."""
+        """Return whether points (N, 3) lie in the box grown by `margin`."""
         local = (points - self.center) @ self.axes.T
         return np.all(np.abs(local) <= self.half + margin, axis=1)
 
 
 def read_labels(source: Path) -> list[LabelBox]:
-    """Boxes of `<stem>.labels.json` beside `source`; none if there is no such file.
+    """Return the boxes of `<stem>.labels.json` beside `source`; none if there is no such file.
 
     Raises:
         FileFormatError: the file is neither of the two known formats, too large, or a link out of
@@ -84,7 +85,7 @@ def read_labels(source: Path) -> list[LabelBox]:
 
 def _objects_of(data: dict[str, Any]) -> list[dict[str, Any]]:
     if data.get("frame") != "source":
-        raise ValueError(f"frame {data.get('frame')!r}, valid: 'source'")
+        raise ValueError(f"frame {data.get('frame')!r}; valid: 'source'")
     return data["objects"]
 
 
@@ -105,7 +106,7 @@ def _own(entry: dict[str, Any]) -> LabelBox:
 
 
 def _headset(index: int, entry: dict[str, Any]) -> LabelBox:
-    """An anchor: a pose, and a rectangle or a box in its frame, given by corner and extent.
+    """Return the box of an anchor: a pose, and a rectangle or box in its frame.
 
     A rectangle lies in the anchor's x-z plane (its "height" runs along z) with the normal along y;
     this was read off room scans, in which walls so end exactly at the floor and ceiling anchors.
@@ -137,19 +138,12 @@ def _headset(index: int, entry: dict[str, Any]) -> LabelBox:
 
 
 def _bounded(*values: NDArray[np.float64]) -> bool:
-    """Whether all values are finite and such as a building may have."""
+    """Return whether all values are finite and plausible for a building."""
     return all(bool((np.abs(v) < MAX_COORDINATE).all()) for v in values)
 
 
 def _rotation(xyzw: NDArray[np.float64]) -> NDArray[np.float64]:
     length = float(np.linalg.norm(xyzw))
     if not np.isfinite(length) or length < LEAST_QUATERNION:
-        raise ValueError(f"{xyzw.tolist()} is no rotation: its length is {length:g}")
-    x, y, z, w = xyzw / length
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+        raise ValueError(f"{xyzw.tolist()} is not a rotation: its length is {length:g}")
+    return quat_to_matrix(xyzw_to_wxyz(xyzw))

@@ -1,4 +1,4 @@
-"""Matterport3D's `.house` files: rooms and things of a building, in its own z-up metres.
+"""Read Matterport3D's `.house` files: rooms and objects of a building, z up, in metres.
 
 The format (lines whose first letter tells their kind, fields separated by blanks) is described in
 the data set's "data organization" document.
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.errors import FileFormatError
-from ..scan.side_files import MAX_HOUSE_BYTES, side_file
+from ..scan.files import MAX_HOUSE_BYTES, side_file
 from .categories import category_of_name
 from .files import LabelBox
 
@@ -35,7 +35,7 @@ NOTHING = frozenset({"void", "misc", "objects", "unlabeled", "unlabelled", "remo
 
 @dataclass(frozen=True)
 class House:
-    """What a `.house` file holds, z up.
+    """The content of a `.house` file, z up.
 
     Attributes:
         boxes: things and rooms.
@@ -76,7 +76,7 @@ def read_house(path: Path) -> House | None:
         except (IndexError, ValueError) as error:
             raise FileFormatError(path, f"line {number} is damaged: {error}") from error
     if not boxes:
-        raise FileFormatError(path, "holds neither rooms nor things")
+        raise FileFormatError(path, "contains neither rooms nor objects")
     corners = np.concatenate([box.corners() for box in boxes])
     if bounds is None or not (bounds[1] > bounds[0]).all():
         bounds = np.stack([corners.min(axis=0), corners.max(axis=0)])
@@ -86,7 +86,7 @@ def read_house(path: Path) -> House | None:
 def _floats(fields: list[str]) -> NDArray[np.float64]:
     values = np.array([float(f) for f in fields])
     if not np.isfinite(values).all() or np.abs(values).max(initial=0.0) > 1e6:
-        raise ValueError(f"impossible numbers {' '.join(fields)}")
+        raise ValueError(f"numbers out of range: {' '.join(fields)}")
     return values
 
 

@@ -1,4 +1,4 @@
-"""Which face is what: categories per face, and the list of named objects."""
+"""Label faces with categories, and list the named objects."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.geometry import triangle_normals
 from ...formats.scene.bundle import LabeledObject
 from ..scan.record import Scan, ScanObject
 from .categories import THINGS
@@ -45,23 +46,21 @@ def label_by_boxes(scan: Scan, boxes: list[LabelBox], source_to_world: NDArray[n
     open_ = np.flatnonzero(scan.face_object < 0)
     corners = scan.vertices[scan.faces[open_]]
     centers = corners.mean(axis=1)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    level = np.abs(normals @ up) > LEVEL_NORMAL
+    level = np.abs(triangle_normals(corners) @ up) > LEVEL_NORMAL
     height = (corners @ up).max(axis=1)
     face_object = scan.face_object.copy()
     for k in sorted(range(len(things)), key=lambda k: -float(np.prod(things[k].half))):
-        mine = things[k].contains(centers, MARGIN_M / scale)
+        selected = things[k].contains(centers, MARGIN_M / scale)
         if not _floor_like(things[k].category):
             bottom = float((things[k].corners() @ up).min())
-            mine &= ~(level & (height < bottom + FOOT_M / scale))
-        face_object[open_[mine]] = len(objects) + k
+            selected &= ~(level & (height < bottom + FOOT_M / scale))
+        face_object[open_[selected]] = len(objects) + k
     added = tuple(ScanObject(b.name, b.category) for b in things)
     return replace(scan, face_object=face_object, objects=(*objects, *added))
 
 
 def _is_copy(box: LabelBox, boxes: list[LabelBox]) -> bool:
-    """A flat label inside a box of the same category: the top of the same thing."""
+    """Return whether a flat box lies inside one of the same category: its top surface."""
     return any(
         other is not box
         and other.category == box.category
@@ -73,13 +72,13 @@ def _is_copy(box: LabelBox, boxes: list[LabelBox]) -> bool:
 
 
 def structural(scan: Scan) -> NDArray[np.bool_]:
-    """(F,) faces whose object is named as wall or window."""
+    """Return (F,) whether a face's object is a wall or window by name."""
     named = [o.category.split()[-1:] in (["wall"], ["window"]) for o in scan.objects]
     return np.array([*named, False])[scan.face_object]
 
 
 def not_floor(scan: Scan) -> NDArray[np.bool_]:
-    """(F,) faces whose object is named as something that certainly is no floor.
+    """Return (F,) whether a face's object is certainly not floor by name.
 
     A node called after nothing known (`apartment`, `chunk_12`) may hold floor as well.
     """
@@ -88,18 +87,19 @@ def not_floor(scan: Scan) -> NDArray[np.bool_]:
 
 
 def _floor_like(category: str) -> bool:
-    """What ends in a floor's word: a tile floor, but no floor lamp."""
+    """Return whether the category ends in a word for floor: a tile floor, not a floor lamp."""
     return bool(FLOOR_CATEGORIES.intersection(category.split()[-1:]))
 
 
 def labelled_objects(
     scan: Scan,
     boxes: list[LabelBox],
+    *,
     vertices_world_m: NDArray[np.float64],
     source_to_world: NDArray[np.float64],
     level_floor_z_m: tuple[float, ...],
 ) -> tuple[tuple[LabeledObject, ...], NDArray[np.int32]]:
-    """Named objects with world bounds: label boxes first, named nodes for the rest.
+    """Return named objects with world bounds: label boxes first, then named nodes.
 
     Returns:
         The objects, and for each of `scan.objects` the index of its own, −1 = none.
@@ -133,20 +133,17 @@ def labelled_objects(
         boxed.setdefault(box.name, len(found))
         add(box.name, box.category, corners)
     passed_over = {b.name for b in boxes}
-    order = np.argsort(scan.face_object, kind="stable")
-    bounds = np.searchsorted(scan.face_object[order], np.arange(len(scan.objects) + 1))
-    for k, obj in enumerate(scan.objects):
-        mine = order[bounds[k] : bounds[k + 1]]
+    for k, (obj, selected) in enumerate(zip(scan.objects, scan.object_faces(), strict=True)):
         if obj.name in passed_over:
             index[k] = boxed.get(obj.name, -1)
-        elif len(mine):
+        elif len(selected):
             index[k] = len(found)
-            add(obj.name, obj.category, vertices_world_m[scan.faces[mine].ravel()])
+            add(obj.name, obj.category, vertices_world_m[scan.faces[selected].ravel()])
     return tuple(found), index
 
 
 def _level_of(low: float, high: float, level_floor_z_m: tuple[float, ...]) -> int:
-    """The highest level that the object's middle lies above."""
+    """Return the highest level below the object's centre."""
     middle = 0.5 * (low + high)
     below = [k for k, z in enumerate(level_floor_z_m) if z <= middle + 0.05]
     return below[-1] if below else -1

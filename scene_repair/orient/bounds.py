@@ -1,9 +1,11 @@
-"""How large a scan is, stray triangles far away from it left out."""
+"""Bounds of a scan without stray triangles far away from it."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ...formats.core.geometry import triangle_areas
 
 # This share of the surface may lie beyond the bounds on either side of an axis, if it lies further
 # away than this share of the extent.
@@ -13,15 +15,14 @@ STRAY_SHARE, STRAY_DISTANCE = 5e-4, 0.1
 def robust_bounds(
     vertices: NDArray[np.float64], faces: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lower and upper corner (3,) of a mesh, in its own units.
+    """Return lower and upper corner (3,) of a mesh, in its own units.
 
     Args:
         vertices: (V, 3).
         faces: (F, 3), at least one.
     """
     corners = vertices[faces]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    weight = np.linalg.norm(cross, axis=1)
+    weight = triangle_areas(corners)
     lower, upper = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     centers = corners.mean(axis=1)
     for axis in range(3):

@@ -1,4 +1,4 @@
-"""Which way is down: floors, ceilings and table tops share one direction, walls stand across it."""
+"""Estimate gravity: floors, ceilings and table tops share one normal, walls are orthogonal."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ...formats.core.geometry import triangle_normals_and_areas
 
 Array = NDArray[np.float64]
 
@@ -48,12 +50,9 @@ class Surfaces:
 
     @staticmethod
     def of(vertices: Array, faces: NDArray[np.int64]) -> Surfaces:
-        """From triangles with area: vertices (V, 3), faces (F, 3)."""
-        a, b, c = (vertices[faces[:, i]] for i in range(3))
-        cross = np.cross(b - a, c - a)
-        doubled = np.linalg.norm(cross, axis=1)
-        normals = cross / doubled[:, None]
-        area = 0.5 * doubled
+        """Compute from triangles of non-zero area: vertices (V, 3), faces (F, 3)."""
+        corners = vertices[faces]
+        normals, area = triangle_normals_and_areas(corners)
         side = np.where(_positive(normals), 1.0, -1.0)
         index = np.rint(normals * side[:, None] * CELLS_PER_UNIT).astype(np.int64) + 64
         _, cell = np.unique(
@@ -69,20 +68,20 @@ class Surfaces:
         return Surfaces(
             normals,
             area,
-            (a + b + c) / 3.0,
+            (corners[:, 0] + corners[:, 1] + corners[:, 2]) / 3.0,
             sums[known] / length[known, None],
             np.bincount(cell, area, count)[known].astype(np.float64),
         )
 
 
 def _positive(normals: Array) -> NDArray[np.bool_]:
-    """One of each pair of opposite directions."""
+    """Return whether a direction is the representative of its pair of opposites."""
     x, y, z = normals.T
     return (z > 0) | ((z == 0) & ((y > 0) | ((y == 0) & (x > 0))))
 
 
 def modes(surfaces: Surfaces) -> Array:
-    """Directions (n, 3) that much area faces, most first."""
+    """Return the directions (n, 3) that most area faces, largest first."""
     cells, area = surfaces.cells, surfaces.cell_area
     left = area.copy()
     found = []
@@ -103,7 +102,7 @@ def modes(surfaces: Surfaces) -> Array:
 def level_and_upright(
     surfaces: Surfaces, up: Array, within_deg: float = WIDE_DEG
 ) -> tuple[float, float]:
-    """Shares of the area that are level and upright, if `up` (3,) is up."""
+    """Return the shares of the area that are level and upright if `up` (3,) is up."""
     cosine = np.abs(surfaces.cells @ up)
     total = surfaces.cell_area.sum()
     level = surfaces.cell_area[cosine > np.cos(np.deg2rad(within_deg))].sum()
@@ -112,7 +111,7 @@ def level_and_upright(
 
 
 def refine(surfaces: Surfaces, up: Array) -> Array:
-    """The direction nearby that level faces share and upright ones stand across.
+    """Refine a direction to fit level faces and the orthogonal upright ones.
 
     Minimises Σ w (1 − (n·u)²) over level and Σ w (n·u)² over upright faces, an eigenvector of the
     summed dyads, with weights that lessen what disagrees: where the floor slopes, the walls win.
@@ -135,7 +134,7 @@ def refine(surfaces: Surfaces, up: Array) -> Array:
 
 
 def height_range(surfaces: Surfaces, up: Array) -> tuple[float, float]:
-    """Lowest and highest place along `up` (3,), a thousandth of the area left out at both ends."""
+    """Return the 0.1 and 99.9 percentile of the area along `up` (3,)."""
     height = surfaces.centers @ up
     order = np.argsort(height)
     passed = np.cumsum(surfaces.area[order])
@@ -144,7 +143,7 @@ def height_range(surfaces: Surfaces, up: Array) -> tuple[float, float]:
 
 
 def likeness(surfaces: Surfaces, up: Array) -> float:
-    """How much `up` (3,) looks like the vertical of a building.
+    """Return a score of how likely `up` (3,) is a building's vertical.
 
     Level area per height, more so if it gathers at few heights: walls in a direction lie at many
     places, floors and ceilings at few; and storeys are lower than buildings are wide.
@@ -165,7 +164,7 @@ def likeness(surfaces: Surfaces, up: Array) -> float:
 
 
 def side_evidence(surfaces: Surfaces, up: Array) -> tuple[float, str]:
-    """Which end of the axis `up` (3,) is up: positive if it is `up`, with the reason.
+    """Return which end of the axis `up` (3,) is up (positive: `up`), and the reason.
 
     Furniture stands, it does not hang: what is no wall lies in the lower half. And where faces look
     into the room, more of what lies between floor and ceiling looks up: undersides go unseen.
@@ -200,7 +199,7 @@ def side_evidence(surfaces: Surfaces, up: Array) -> tuple[float, str]:
 
 
 def _outermost(height: Array, area: Array) -> tuple[float, float]:
-    """Lowest and highest place with much area, of places (n,) with areas (n,)."""
+    """Return the lowest and highest of places (n,) with much of the areas (n,)."""
     if not len(height):
         return 0.0, 0.0
     histogram, edges = np.histogram(height, 4 * HEIGHT_BINS, weights=area)

@@ -1,4 +1,4 @@
-"""How long a unit is: by the heights of rooms and doors, and by the size of the whole."""
+"""Infer the unit of length from room heights, door heights and the overall size."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Sizes:
 
 
 def measure(scan: Scan, surfaces: Surfaces, to_z_up: Array) -> Sizes:
-    """Sizes of a scan whose up direction is the last row of the rotation `to_z_up` (3, 3)."""
+    """Measure a scan whose up direction is the last row of the rotation `to_z_up` (3, 3)."""
     up = to_z_up[2]
     height = surfaces.centers @ up
     low, high = height_range(surfaces, up)
@@ -67,7 +67,7 @@ def measure(scan: Scan, surfaces: Surfaces, to_z_up: Array) -> Sizes:
 def _room_height(
     surfaces: Surfaces, up: Array, height: Array, low: float, high: float
 ) -> tuple[float, float]:
-    """Height of a floor, and the widest gap above it to the next strong level surface."""
+    """Return a floor's height, and the largest gap above it to the next strong level surface."""
     tall = max(high - low, 1e-12)
     level = np.abs(surfaces.normals @ up) > LEVEL
     histogram, edges = np.histogram(
@@ -87,18 +87,18 @@ def _room_height(
 
 
 def _labelled_doors(scan: Scan, up: Array) -> tuple[float, str]:
-    """Median height of objects that are called doors."""
+    """Return the median height of objects labelled as doors."""
     found = []
-    for thing, mine in zip(scan.objects, scan.object_faces(), strict=True):
-        if thing.category.split()[-1:] == ["door"] and len(mine):
-            found.append(float(np.ptp(scan.vertices[scan.faces[mine].ravel()] @ up)))
+    for thing, selected in zip(scan.objects, scan.object_faces(), strict=True):
+        if thing.category.split()[-1:] == ["door"] and len(selected):
+            found.append(float(np.ptp(scan.vertices[scan.faces[selected].ravel()] @ up)))
     return (float(np.median(found)), f"{len(found)} labelled") if found else (0.0, "")
 
 
 def _door_height(
     surfaces: Surfaces, to_z_up: Array, height: Array, floor: float, room: float
 ) -> tuple[float, str]:
-    """Usual lower edge of walls that begin high above the floor and reach the ceiling: lintels.
+    """Return the typical lower edge of lintels: walls that start high and reach the ceiling.
 
     Walls under windows reach down, so that only openings from the floor up count.
     """
@@ -122,12 +122,12 @@ def _door_height(
         return 0.0, ""
     histogram, edges = np.histogram(lowest[lintel], 14, DOOR_SHARE)
     best = int(np.argmax(histogram))
-    mine = lowest[lintel & (lowest >= edges[best]) & (lowest <= edges[best + 1])]
-    return float(np.median(mine)) * room, OPENINGS
+    selected = lowest[lintel & (lowest >= edges[best]) & (lowest <= edges[best + 1])]
+    return float(np.median(selected)) * room, OPENINGS
 
 
 def infer_unit(sizes: Sizes) -> tuple[str, str, float]:
-    """The unit in which the sizes are most usual, the evidence, and its lead over the next."""
+    """Return the unit in which the sizes are most likely, the evidence, and its lead."""
     scores = {name: PRIOR[name] + _fit(sizes, length) for name, length in UNIT_M.items()}
     ranked = sorted(scores, key=lambda name: -scores[name])
     best, second = ranked[0], ranked[1]

@@ -1,4 +1,4 @@
-"""Which way is up, how long is a unit, and is the floor level: the transform into the world."""
+"""Find up axis, unit and tilt of a scan: the transform into the world."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ LOW_THINGS, HIGH_THINGS = frozenset({"floor", "rug", "carpet"}), frozenset({"cei
 
 @dataclass(frozen=True)
 class Orientation:
-    """The way from source coordinates to the world.
+    """The transform from source coordinates to the world.
 
     Attributes:
         source_to_world: (4, 4) similarity.
@@ -62,7 +62,7 @@ class Orientation:
 
 
 def orient(scan: Scan, config: RepairConfig) -> Orientation:
-    """Decide up axis and unit from settings, file or shape, and the levelling rotation.
+    """Determine up axis and unit from settings, file or shape, and the levelling rotation.
 
     Raises:
         SceneError: no unit makes the extent that of a building.
@@ -102,7 +102,7 @@ def orient(scan: Scan, config: RepairConfig) -> Orientation:
 def _up(
     scan: Scan, surfaces: Surfaces, config: RepairConfig
 ) -> tuple[str, str, NDArray[np.float64], list[str]]:
-    """The nearest axis to up, the reason, the exact direction (3,) of up, and doubts about it."""
+    """Return the axis nearest to up, the reason, the exact up direction (3,), and doubts."""
     if config.up != "auto":
         return config.up, "given by the user", _near(surfaces, config.up, config), []
     found = modes(surfaces)
@@ -127,8 +127,8 @@ def _up(
             [f"{name} is taken for up although {reason}: set --up {axis} if that is right"],
         )
     if not len(found):
-        told = "no direction stands out; taken as z"
-        return "z", told, np.array([0.0, 0.0, 1.0]), [f"up: {told}; set --up"]
+        finding = "no direction stands out; taken as z"
+        return "z", finding, np.array([0.0, 0.0, 1.0]), [f"up: {finding}; set --up"]
     best = found[np.argmax(like)]
     exact, evidence = _signed(scan, surfaces, refine(surfaces, best))
     share, upright = level_and_upright(surfaces, exact)
@@ -143,7 +143,7 @@ def _up(
 
 
 def _rivals(found: NDArray[np.float64], like: NDArray[np.float64]) -> list[str]:
-    """A doubt if another direction of `found` (n, 3) is nearly as likely (n,) as the best."""
+    """Return a doubt if another direction of `found` (n, 3) is nearly as likely (n,)."""
     best = int(np.argmax(like))
     others = [k for k in range(len(found)) if abs(float(found[k] @ found[best])) < ASLANT]
     if not others:
@@ -161,14 +161,16 @@ def _rivals(found: NDArray[np.float64], like: NDArray[np.float64]) -> list[str]:
 def _signed(
     scan: Scan, surfaces: Surfaces, axis: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], str]:
-    """`axis` (3,) or its opposite, whichever is up, and why."""
+    """Return whichever of `axis` (3,) and its opposite is up, and why."""
     places: dict[bool, list[float]] = {True: [], False: []}
     centers = surfaces.centers @ axis
-    for thing, mine in zip(scan.objects, scan.object_faces(), strict=True):
+    for thing, selected in zip(scan.objects, scan.object_faces(), strict=True):
         word = thing.category.split()[-1:]
         for low, names in ((True, LOW_THINGS), (False, HIGH_THINGS)):
-            if names.intersection(word) and len(mine):
-                places[low].append(float(np.average(centers[mine], weights=surfaces.area[mine])))
+            if names.intersection(word) and len(selected):
+                places[low].append(
+                    float(np.average(centers[selected], weights=surfaces.area[selected]))
+                )
     if places[True]:
         rest = places[False] or [float(np.average(centers, weights=surfaces.area))]
         sign = np.sign(float(np.mean(rest)) - float(np.mean(places[True])))
@@ -187,7 +189,7 @@ def _axis_of(direction: NDArray[np.float64]) -> str:
 
 
 def _near(surfaces: Surfaces, axis: str, config: RepairConfig) -> NDArray[np.float64]:
-    """The vertical (3,) near a named axis: the direction that explains most area, refined."""
+    """Return the vertical (3,) near a named axis: the best-scoring direction, refined."""
     given = _TO_Z_UP[axis][2]
     best, most = given, 0.0
     for mode in (given, *modes(surfaces)):
@@ -203,7 +205,7 @@ def _near(surfaces: Surfaces, axis: str, config: RepairConfig) -> NDArray[np.flo
 
 
 def _unit(scan: Scan, sizes: Sizes, config: RepairConfig) -> tuple[str, str, list[str]]:
-    """The unit, the reason, and doubts about it."""
+    """Return the unit, the reason, and doubts about it."""
     if config.unit != "auto":
         return config.unit, "given by the user", []
     inferred, evidence, lead = infer_unit(sizes)
@@ -221,7 +223,7 @@ def _check_extent(size_m: NDArray[np.float64], unit: str) -> None:
     if not MIN_EXTENT_M <= longest <= MAX_EXTENT_M:
         raise SceneError(
             f"the scene measures {_length(longest)} along its longer side (unit {unit}), which is "
-            f"no building; valid: {MIN_EXTENT_M:g} m … {MAX_EXTENT_M:g} m (set --unit if the "
+            f"not a building; valid: {MIN_EXTENT_M:g} m … {MAX_EXTENT_M:g} m (set --unit if the "
             "file's unit is wrong)"
         )
 
@@ -233,7 +235,7 @@ def _length(metres: float) -> str:
 
 
 def _levelling(up: NDArray[np.float64], config: RepairConfig) -> tuple[NDArray[np.float64], float]:
-    """Rotation that turns the direction `up` (3,) to z, and the angle between them [deg].
+    """Return the rotation from `up` (3,) to z, and its angle [deg].
 
     None is made for less than the tilt that is worth levelling, or for more than a scan may have
     whose up axis somebody named.

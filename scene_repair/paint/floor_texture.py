@@ -1,4 +1,4 @@
-"""The look of filled floor: an orthographic picture of the scanned floor, continued into holes."""
+"""Texture of filled floor: an orthographic image of the scanned floor, continued into holes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..grid.columns import top_faces
 from ..grid.morphology import Window, grow
 from ..grid.world_mesh import WorldMesh
 from .inpaint import inpaint
-from .shading import Looks
+from .materials import MaterialSampler
 
 # This much floor around a hole is what its filling is copied from.
 AROUND_M = 2.0
@@ -22,15 +22,16 @@ MARGIN_PX = 3
 
 def paint_floor(
     mesh: WorldMesh,
-    looks: Looks,
+    looks: MaterialSampler,
     floor_faces: NDArray[np.int64],
     region: NDArray[np.bool_],
     rooms: NDArray[np.int32],
     grid: GridSpec,
+    *,
     texel_m: float,
     max_px: int,
 ) -> tuple[Image.Image, GridSpec]:
-    """Texture for the patches of one level.
+    """Paint the texture for the patches of one level.
 
     Args:
         mesh: the scan without patches.
@@ -55,13 +56,15 @@ def paint_floor(
     floor = _only(mesh, floor_faces)
     for room in np.unique(rooms[region]).tolist():
         own = rooms == room
-        window, image, wanted = _paint_room(floor, looks, region & own, region, own, grid, texels)
+        window, image, wanted = _paint_room(
+            floor, looks, region=region & own, others=region, room=own, grid=grid, texels=texels
+        )
         picture[window][wanted] = np.rint(np.clip(image[wanted], 0.0, 1.0) * 255.0)
     return Image.fromarray(picture[::-1]), texels
 
 
 def _only(mesh: WorldMesh, faces: NDArray[np.int64]) -> WorldMesh:
-    """A part of a mesh with the vertices it uses."""
+    """Return the given faces of a mesh with the vertices that they use."""
     used, corners = np.unique(mesh.faces[faces], return_inverse=True)
     return WorldMesh(
         mesh.vertices[used],
@@ -74,14 +77,15 @@ def _only(mesh: WorldMesh, faces: NDArray[np.int64]) -> WorldMesh:
 
 def _paint_room(
     floor: WorldMesh,
-    looks: Looks,
+    looks: MaterialSampler,
+    *,
     region: NDArray[np.bool_],
     others: NDArray[np.bool_],
     room: NDArray[np.bool_],
     grid: GridSpec,
     texels: GridSpec,
 ) -> tuple[Window, NDArray[np.float32], NDArray[np.bool_]]:
-    """Floor of one room.
+    """Paint the floor of one room.
 
     Args:
         floor: scanned floor.
@@ -104,8 +108,8 @@ def _paint_room(
     corner = (x + j0 * texels.cell_m, y + i0 * texels.cell_m)
     seen = GridSpec(corner, texels.cell_m, int(i1 - i0), int(j1 - j0))
     cells = np.ix_(*_cells_under(seen, grid))
-    mine = region[cells]
-    wanted = grow(mine, MARGIN_PX) & (mine | ~others[cells])
+    selected = region[cells]
+    wanted = grow(selected, MARGIN_PX) & (selected | ~others[cells])
     face, uv = top_faces(floor.vertices, floor.faces, floor.corner_uv, seen)
     inside = (face >= 0) & room[cells]
     known = face >= 0
@@ -127,13 +131,13 @@ def _paint_room(
 
 
 def uv_on(grid: GridSpec, xy_m: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Texture coordinates (..., 2), v up, of world points (..., 2) on a texel grid's image."""
+    """Return texture coordinates (..., 2), v up, of world points (..., 2) on a texel grid."""
     size = np.array([grid.columns, grid.rows]) * grid.cell_m
     return ((xy_m - np.asarray(grid.origin_xy_m)) / size).astype(np.float32)
 
 
 def _cells_under(texels: GridSpec, grid: GridSpec) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Row of `grid` under each row of texels, and column under each column, clamped."""
+    """Return the row of `grid` under each row of texels, and likewise the columns; clamped."""
     found = []
     for axis, (count, limit) in enumerate(zip(texels.shape, grid.shape, strict=True)):
         at = np.zeros((count, 2))

@@ -1,4 +1,4 @@
-"""Light and pattern of a floor: its colours smoothed widely, and what is left."""
+"""Split a floor's colours into illumination (low frequencies) and pattern (the rest)."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ BLOCK_PX = COARSE**2
 
 @dataclass(frozen=True)
 class Split:
-    """Both parts as logarithms, (H, W, 3); their sum is the picture."""
+    """Both parts as logarithms (H, W, 3); their sum is the image."""
 
     light: Image32
     pattern: Image32
 
     def joined(self, pattern: Image32, where: Mask) -> Image32:
-        """The colours (N, 3) in 0–1 of a pattern in this light at the pixels asked for."""
+        """Return colours (N, 3) in 0–1 of a pattern under this illumination at the given pixels."""
         return np.clip(np.exp(self.light[where] + pattern[where]) - BLACK, 0.0, 1.0)
 
 
 def split_light(image: Image32, known: Mask, plain: Mask, texel_m: float) -> Split:
-    """Take a picture apart.
+    """Split an image into illumination and pattern.
 
     Args:
         image: (H, W, 3) in 0–1.
@@ -64,13 +64,13 @@ def split_light(image: Image32, known: Mask, plain: Mask, texel_m: float) -> Spl
 
 
 def blurred(image: Image32, sigma: float) -> NDArray[np.float64]:
-    """Gaussian mean (H, W[, C]) with nothing around; double, as far away only its tails count."""
+    """Return the zero-padded Gaussian mean (H, W[, C]); float64, as its far tails count."""
     axes = (sigma, sigma, 0)[: image.ndim]
     return ndimage.gaussian_filter(image.astype(np.float64), axes, mode="constant", truncate=3.0)
 
 
 def _enlarged(light: Image32, shape: tuple[int, ...]) -> Image32:
-    """Values of pixels between the centres of blocks, clamped at the ends."""
+    """Interpolate block values to pixels, clamped at the borders."""
     rows, columns = light.shape[:2]
     size = (columns * BLOCK_PX, rows * BLOCK_PX)
     whole = np.asarray(cv2.resize(light, size, interpolation=cv2.INTER_LINEAR), dtype=np.float32)

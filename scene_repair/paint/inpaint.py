@@ -1,8 +1,8 @@
-"""Continuing a floor's pattern into holes by copying shifted floor that fits at the rim.
+"""Continue a floor's pattern into holes by copying shifted floor that fits at the rim.
 
 A picture of a floor is taken apart into light (its colours, smoothed widely) and pattern (what is
 left). Light is continued smoothly into a hole. The pattern is filled in piece by piece: for each
-piece the shift is sought at which the pattern elsewhere agrees best with what surrounds the piece
+piece the shift is found at which the pattern elsewhere agrees best with what surrounds the piece
 (masked sum of squared differences for all shifts at once, by FFT at low resolution, then refined),
 which keeps planks and tiles in phase. In the spirit of patch-based completion (Efros and Freeman
 2001; He and Sun 2012).
@@ -27,7 +27,7 @@ Image32 = NDArray[np.float32]
 
 # Pieces of this size, judged by a ring of this width around them, from a search this far around.
 PIECE_M, RING_M, SEARCH_M = 0.48, 0.08, 2.0
-# Where no floor so large is known smaller pieces are tried; small ones are sought nearer by.
+# Where no floor so large is known smaller pieces are tried; they are searched for nearby.
 HALVINGS = 3
 SEARCH_PER_SIZE, LEAST_SEARCH_M = 8.0, 0.5
 # The scan's rim is taken for smeared this far.
@@ -61,7 +61,7 @@ class _Canvas:
 
 
 def inpaint(image: Image32, known: Mask, wanted: Mask, texel_m: float) -> Image32:
-    """Colours for all `wanted` pixels.
+    """Return colours for all `wanted` pixels.
 
     Args:
         image: (H, W, 3) colours in 0–1; only `known` pixels count.
@@ -113,12 +113,12 @@ def _same(colors: Image32) -> bool:
 
 
 def _bright(pattern: Image32) -> Image32:
-    """Mean (H, W) of the channels."""
+    """Return the mean (H, W) of the channels."""
     return np.asarray(cv2.transform(pattern, np.full((1, 3), 1 / 3)), dtype=np.float32)
 
 
 def _deep(todo: Mask, depth_m: Image32) -> Mask:
-    """The connected parts of `todo` that reach further than `SPECIAL_DEPTH_M` from the rim."""
+    """Return the connected parts of `todo` deeper than `SPECIAL_DEPTH_M` from the rim."""
     parts, _ = label(todo)
     far = np.unique(parts[todo & (depth_m > SPECIAL_DEPTH_M)])
     deep = np.zeros(int(parts.max()) + 1, dtype=bool)
@@ -127,13 +127,13 @@ def _deep(todo: Mask, depth_m: Image32) -> Mask:
 
 
 def _without_rim(known: Mask, texel_m: float) -> Mask:
-    """Known pixels away from the rim, or all where there are no others."""
+    """Return known pixels away from the rim, or all if there are no others."""
     inner = ~grow(~known, max(1, round(SMEARED_M / texel_m)))
     return inner if inner.any() else known
 
 
 def _plain(image: Image32, sound: Mask, texel_m: float) -> Mask:
-    """Where the floor looks as most of it does."""
+    """Return where the floor has its most common appearance."""
     share, mean = reduced(sound, image)
     sigma = PLAIN_SIGMA_M / texel_m / COARSE
     weight = blurred(share, sigma)
@@ -160,7 +160,7 @@ def _around(center: tuple[int, int], reach: int, shape: tuple[int, ...]) -> Wind
 
 
 def _fill_piece(canvas: _Canvas, center: tuple[int, int], reach: int, texel_m: float) -> None:
-    """Write the pattern around one pixel that is to do."""
+    """Fill the pattern around one pending pixel."""
     for _ in range(HALVINGS):
         window = _around(center, max(reach, 2), canvas.todo.shape)
         if _copy_from_elsewhere(canvas, _tight(canvas.todo, window), texel_m):
@@ -173,7 +173,7 @@ def _fill_piece(canvas: _Canvas, center: tuple[int, int], reach: int, texel_m: f
 
 
 def _tight(mask: Mask, window: Window) -> Window:
-    """The part of a window in which the mask is true somewhere."""
+    """Return the part of a window in which the mask is true anywhere."""
     rows = np.flatnonzero(mask[window].any(axis=1))
     columns = np.flatnonzero(mask[window].any(axis=0))
     top, left = window[0].start, window[1].start
@@ -184,7 +184,7 @@ def _tight(mask: Mask, window: Window) -> Window:
 
 
 def _copy_from_elsewhere(canvas: _Canvas, window: Window, texel_m: float) -> bool:
-    """Fill the pixels to do in `window` from where their surroundings fit; whether it was done."""
+    """Fill the pending pixels in `window` from a matching place; return whether it succeeded."""
     ring_px = round(RING_M / texel_m)
     outer = grown_window(window, ring_px, canvas.todo.shape)
     inner = tuple(
@@ -202,7 +202,7 @@ def _copy_from_elsewhere(canvas: _Canvas, window: Window, texel_m: float) -> boo
     ring = (scanned if special else plain) | (near & canvas.made[outer])
     size_m = max(hole.shape) * texel_m - 2 * RING_M
     search = _search_window(window, size_m, texel_m, canvas.todo.shape)
-    place = best_place(stock, search, canvas.bright[outer], ring, hole)
+    place = best_place(stock, search, canvas.bright[outer], ring=ring, hole=hole)
     if place is None:
         return False
     i, j = place
@@ -216,7 +216,7 @@ def _copy_from_elsewhere(canvas: _Canvas, window: Window, texel_m: float) -> boo
 
 
 def _search_window(window: Window, size_m: float, texel_m: float, shape: tuple[int, ...]) -> Window:
-    """Where to look for what fits at `window`; near pieces share theirs."""
+    """Return the search window of `window`; neighbouring pieces share one."""
     reach_m = LEAST_SEARCH_M
     while reach_m < min(SEARCH_PER_SIZE * size_m, SEARCH_M):
         reach_m *= 1.6
@@ -233,7 +233,7 @@ def _finish(canvas: _Canvas, window: Window) -> None:
 
 
 def _spread(seam: Image32, ring: Mask, sigma: float) -> Image32:
-    """Continue the seam's difference from the ring into the piece, fading to none."""
+    """Continue the difference at the seam from the ring into the piece, fading out."""
     limited = np.clip(seam, -SEAM_LIMIT, SEAM_LIMIT)
     side = 2 * round(3 * sigma) + 1
 

@@ -1,4 +1,4 @@
-"""Where in a picture something fits: masked template matching."""
+"""Masked template matching."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ KEPT_SPECTRA = 48
 
 @dataclass(frozen=True)
 class Stock:
-    """A picture to copy from, at full and at low resolution.
+    """An image to copy from, at full and at low resolution.
 
     Attributes:
         picture: (H, W).
@@ -46,14 +46,14 @@ class Stock:
 
     @staticmethod
     def of(picture: Image32, source: Mask) -> Stock:
-        """Prepare a picture."""
+        """Prepare an image."""
         return Stock(picture, source, *reduced(source, picture))
 
 
 def best_place(
-    stock: Stock, search: Window, template: Image32, ring: Mask, hole: Mask
+    stock: Stock, search: Window, template: Image32, *, ring: Mask, hole: Mask
 ) -> tuple[int, int] | None:
-    """Where the ring of the template fits best and all of the hole may be copied.
+    """Return where the template's ring fits best and all of the hole can be copied.
 
     Args:
         stock: what to copy from.
@@ -65,7 +65,7 @@ def best_place(
     Returns:
         Row and column in the stock of the template's corner; None if it fits nowhere.
     """
-    place = _rough_place(stock, search, template, ring, hole)
+    place = _rough_place(stock, search, template, ring=ring, hole=hole)
     if place is None:
         return None
     ring_at, hole_at = _some(ring), _some(hole)
@@ -87,7 +87,7 @@ def best_place(
 
 
 def _some(mask: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows and columns of up to `SAMPLES` true pixels, evenly spread."""
+    """Return rows and columns of up to `SAMPLES` true pixels, evenly spread."""
     found = np.flatnonzero(mask)
     if len(found) > SAMPLES:
         found = found[np.linspace(0, len(found) - 1, SAMPLES).astype(np.intp)]
@@ -101,7 +101,7 @@ def _cost(
     hole_at: tuple[NDArray[np.intp], NDArray[np.intp]],
     wanted: Image32,
 ) -> NDArray[np.float32]:
-    """Mean squared difference in the ring at places (N, 2); inf where the hole is unknown."""
+    """Return the mean squared difference in the ring at places (N, 2); inf where unknown."""
     width = stock.source.shape[1]
     source, picture = stock.source.ravel(), stock.picture.ravel()
     corner = (near[:, 0] * width + near[:, 1])[:, None]
@@ -117,9 +117,9 @@ def _cost(
 
 
 def _rough_place(
-    stock: Stock, search: Window, template: Image32, ring: Mask, hole: Mask
+    stock: Stock, search: Window, template: Image32, *, ring: Mask, hole: Mask
 ) -> tuple[int, int] | None:
-    """Best shift by correlations of masked images at low resolution."""
+    """Find the best shift by correlating masked images at low resolution."""
     rows, columns = (slice(w.start // COARSE, w.stop // COARSE) for w in search)
     available = stock.share[rows, columns]
     if any(n < COARSE for n in hole.shape):
@@ -167,7 +167,7 @@ def _rough_place(
 
 
 def reduced(mask: Mask, image: Image32) -> tuple[Image32, Image32]:
-    """Part of each block that the mask covers, and the image's mean over it (H', W'[, 3])."""
+    """Return the masked share of each block, and the image's mean over it (H', W'[, 3])."""
     share = blocks(mask.astype(np.float32))
     total = blocks(masked(image, mask))
     part = np.maximum(share, np.float32(1e-6))
@@ -175,14 +175,14 @@ def reduced(mask: Mask, image: Image32) -> tuple[Image32, Image32]:
 
 
 def masked(image: Image32, mask: Mask) -> Image32:
-    """The image where the mask is true, 0 elsewhere."""
+    """Return the image where the mask is true, 0 elsewhere."""
     if not image.size:
         return image.copy()
     return np.asarray(cv2.copyTo(image, np.ascontiguousarray(mask).view(np.uint8)), np.float32)
 
 
 def blocks(image: Image32) -> Image32:
-    """Means over blocks of `COARSE` pixels; what is left over at the end is not seen."""
+    """Return means over blocks of `COARSE` pixels; the remainder at the end is dropped."""
     rows, columns = image.shape[0] // COARSE, image.shape[1] // COARSE
     cut = image[: rows * COARSE, : columns * COARSE]
     if not rows or not columns:

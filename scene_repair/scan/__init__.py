@@ -1,1 +1,1 @@
-"""What a scan file holds: reading meshes and point clouds safely."""
+"""Read scan files safely: meshes and point clouds."""

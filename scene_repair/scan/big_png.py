@@ -1,4 +1,4 @@
-"""Shrinking a PNG picture while it is read, a few rows at a time."""
+"""Downscale a large PNG image while it is decoded, a few rows at a time."""
 
 from __future__ import annotations
 
@@ -17,14 +17,16 @@ MAX_PIXELS, MAX_SIDE = 4_000_000_000, 200_000
 
 
 def shrink_png(data: bytes, max_side: int) -> NDArray[np.uint8]:
-    """RGB pixels (H, W, 3) of a PNG file, averaged down by a whole factor; memory for a few rows.
+    """Return RGB pixels (H, W, 3) of a PNG file, averaged down by an integer factor.
 
     Raises:
         ValueError: damaged, interlaced, fewer than 8 bits a sample, or of too many pixels.
     """
     width, height, depth, kind, _, _, interlaced = struct.unpack(">IIBBBBB", data[16:29])
     if interlaced or depth not in (8, 16) or kind not in CHANNELS:
-        raise ValueError(f"{width} × {height} pixels, interlaced or of few bits, are too many")
+        raise ValueError(
+            f"{width} × {height} pixels are too many for an interlaced or low-depth image"
+        )
     if width * height > MAX_PIXELS or max(width, height) > MAX_SIDE:
         raise ValueError(f"{width} × {height} pixels are too many")
     factor = -(-max(width, height) // max_side)
@@ -51,7 +53,7 @@ def shrink_png(data: bytes, max_side: int) -> NDArray[np.uint8]:
             taken, row = 0, row + 1
             if row == down:
                 return result
-    raise ValueError("picture ends early")
+    raise ValueError("the image ends early")
 
 
 def _chunks(data: bytes) -> Iterator[tuple[bytes, memoryview]]:
@@ -73,7 +75,7 @@ def _palette(data: bytes) -> NDArray[np.uint8]:
 
 
 def _lines(data: bytes, length: int) -> Iterator[bytes]:
-    """Rows as they are stored: one byte that names the filter, then the samples."""
+    """Yield rows as they are stored: one filter byte, then the samples."""
     unpack = zlib.decompressobj()
     left = bytearray()
     for kind, body in _chunks(data):

@@ -1,4 +1,4 @@
-"""Reading a scan of any kind: what the file's name says decides who reads it."""
+"""Read a scan of any file type; the suffix selects the reader."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from PIL import Image
 
 from ...formats.core.errors import FileFormatError
 from ..usd.package import read_member
-from .images import PixelBudget, decode_all, open_picture
-from .kinds import CLOUD_SUFFIXES, SUFFIXES, USD_SUFFIXES, splats, why_not
+from .files import CLOUD_SUFFIXES, SUFFIXES, USD_SUFFIXES, splats, why_not
+from .headers import has_faces, splat_kind
+from .images import PixelBudget, decode_all, open_image
 from .mesh import read_mesh
-from .ply_header import has_faces, splat_kind
 from .readings import LookRef, Readings
 from .record import Scan, ScanMaterial
 from .resolver import MAX_BYTES
@@ -42,7 +42,7 @@ def read_scan(path: Path) -> Scan:
 
 
 def scan_of(path: Path, readings: Readings) -> Scan:
-    """What a reader found as a scan, with the pictures that it names.
+    """Convert a reader's output to a scan and load the images that it refers to.
 
     Raises:
         FileFormatError: there is no usable triangle.
@@ -54,15 +54,15 @@ def scan_of(path: Path, readings: Readings) -> Scan:
         for p in readings.parts
     ]
     if not parts:
-        raise FileFormatError(path, "; ".join(["holds no visible triangles", *warnings[:3]]))
+        raise FileFormatError(path, "; ".join(["contains no visible triangles", *warnings[:3]]))
     scan = merge_parts(parts, warnings, readings.up, readings.unit)
     if not len(scan.faces):
-        raise FileFormatError(path, "holds no usable triangle: " + "; ".join(warnings[:5]))
+        raise FileFormatError(path, "contains no usable triangle: " + "; ".join(warnings[:5]))
     return scan
 
 
 def _materials(folder: Path, looks: list[LookRef], warnings: list[str]) -> list[ScanMaterial]:
-    """Looks with their pictures, each opened once."""
+    """Return materials with their images; each image is opened once."""
     opened: dict[str, Image.Image] = {}
     tried: set[str] = set()
     budget = PixelBudget()
@@ -95,4 +95,4 @@ def _picture(
     except (OSError, FileFormatError) as error:
         warnings.append(f"picture {look.member or path.name} cannot be read: {error}")
         return None
-    return open_picture(data, look.member or path.name, warnings, budget)
+    return open_image(data, look.member or path.name, warnings, budget)

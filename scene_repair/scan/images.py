@@ -1,4 +1,4 @@
-"""Pictures of unknown origin: decoded in bounded memory, or left out with a reason."""
+"""Decode untrusted images in bounded memory, or skip them with a warning."""
 
 from __future__ import annotations
 
@@ -26,27 +26,27 @@ FOUND_FORMATS = (*FORMATS, "MPO")
 
 @dataclass
 class PixelBudget:
-    """How many pixels the pictures of one scan may still have as they are stored."""
+    """Number of encoded pixels that may still be decoded for one scan."""
 
     left: int = MAX_SOURCE_PIXELS
 
     def take(self, width: int, height: int) -> None:
-        """Account for one picture.
+        """Deduct one image.
 
         Raises:
             ValueError: there are not so many left.
         """
         if width * height > self.left:
             raise ValueError(
-                f"the scan's pictures have more than {MAX_SOURCE_PIXELS:,} pixels together"
+                f"the scan's images have more than {MAX_SOURCE_PIXELS:,} pixels in total"
             )
         self.left -= width * height
 
 
-def open_picture(
+def open_image(
     data: bytes, name: str, warnings: list[str], budget: PixelBudget
 ) -> Image.Image | None:
-    """Return an image within the size limits; None, with a line in `warnings`, if it is unusable.
+    """Return an image within the size limits; None and a warning if it is unusable.
 
     Small ones are not decoded yet: see `decode_all`.
     """
@@ -92,7 +92,7 @@ def _open(data: bytes, name: str, warnings: list[str], budget: PixelBudget) -> I
 def decode_all(
     images: dict[str, Image.Image], warnings: list[str]
 ) -> dict[str, Image.Image | None]:
-    """Decode pictures to RGB, all of them smaller if together they would fill the memory.
+    """Decode images to RGB; scale all of them down if they exceed the total pixel limit.
 
     Damaged ones become None, with a line in `warnings`.
     """
@@ -110,7 +110,7 @@ def _decode(image: Image.Image, name: str, scale: float, warnings: list[str]) ->
     kind = image.format
     try:
         if kind is not None and kind not in FOUND_FORMATS:
-            raise ValueError(f"{kind} is not read; valid: {', '.join(FORMATS)}")
+            raise ValueError(f"{kind} is not supported; valid: {', '.join(FORMATS)}")
         if image.mode.startswith("I") or image.mode == "F":
             # Sixteen bits; Pillow would clip them to eight.
             image = Image.fromarray((np.asarray(image).astype(np.int64) >> 8).astype(np.uint8))
@@ -126,6 +126,6 @@ def _decode(image: Image.Image, name: str, scale: float, warnings: list[str]) ->
 
 
 def brief(error: Exception) -> str:
-    """The first line of what an error says, or its type where it says nothing."""
+    """Return the first line of an error's message, or its type if the message is empty."""
     lines = str(error).strip().splitlines()
     return (lines[0][:160] if lines else "") or type(error).__name__

@@ -1,4 +1,4 @@
-"""Reading mesh files (GLB, glTF, OBJ, PLY, STL, OFF) through trimesh into a `Scan`."""
+"""Read mesh files (GLB, glTF, OBJ, PLY, STL, OFF) with trimesh."""
 
 from __future__ import annotations
 
@@ -16,15 +16,13 @@ from trimesh.visual.texture import TextureVisuals
 
 from ...formats.core.errors import FileFormatError
 from ..gltf.checks import check_gltf
-from ..gltf.facts import gltf_facts
-from ..gltf.file import GltfFile
-from ..gltf.textures import with_pictures
+from ..gltf.file import GltfFile, gltf_facts
+from ..gltf.textures import with_images
 from ..labels.categories import category_of_name
-from ..paint.srgb import linear_to_srgb
+from .files import MESH_SUFFIXES
+from .headers import CHECKS
 from .images import brief, decode_all
-from .kinds import MESH_SUFFIXES
-from .mesh_checks import CHECKS
-from .record import DEFAULT_COLOR, Scan, ScanMaterial
+from .record import DEFAULT_COLOR, Scan, ScanMaterial, linear_to_srgb
 from .resolver import ConfinedResolver
 from .soup import Part, merge_parts
 
@@ -41,15 +39,17 @@ def read_mesh(path: Path) -> Scan:
         raise FileFormatError(path, "no such file")
     suffix = path.suffix.lower()
     if suffix not in MESH_SUFFIXES:
-        raise FileFormatError(path, f"unknown kind {suffix!r}; valid: {', '.join(MESH_SUFFIXES)}")
+        raise FileFormatError(
+            path, f"unknown file type {suffix!r}; valid: {', '.join(MESH_SUFFIXES)}"
+        )
     resolver = ConfinedResolver(path.parent)
     if suffix in GLTF:
         file = GltfFile(path, resolver)
         check_gltf(path, file)
-        scene = _load(path, file.without_pictures(), resolver)
+        scene = _load(path, file.without_images(), resolver)
         licence, generator = gltf_facts(file.tree)
         parts = _parts(scene, True, resolver.warnings)
-        parts = with_pictures(parts, file, resolver.warnings)
+        parts = with_images(parts, file, resolver.warnings)
         promise = ("y", "glTF is y up by its specification")
         metres = ("m", "glTF is in metres by its specification")
     else:
@@ -62,10 +62,10 @@ def read_mesh(path: Path) -> Scan:
         parts = _decoded(parts, resolver.warnings)
     warnings = list(dict.fromkeys(resolver.warnings))
     if not parts:
-        raise FileFormatError(path, "; ".join(["holds no triangles", *warnings[:3]]))
+        raise FileFormatError(path, "; ".join(["contains no triangles", *warnings[:3]]))
     scan = merge_parts(parts, warnings, promise, metres)
     if not len(scan.faces):
-        raise FileFormatError(path, "holds no usable triangle: " + "; ".join(warnings[:5]))
+        raise FileFormatError(path, "contains no usable triangle: " + "; ".join(warnings[:5]))
     return replace(scan, licence=licence, generator=generator)
 
 
@@ -88,7 +88,7 @@ def _load(path: Path, stream: IO[bytes], resolver: ConfinedResolver) -> trimesh.
 
 
 def _decoded(parts: list[Part], warnings: list[str]) -> list[Part]:
-    """Parts with their pictures decoded once, or without them where they are damaged."""
+    """Decode the images of parts, each once; parts with damaged images lose them."""
     images = {str(id(i)): i for p in parts if (i := p.material.image) is not None}
     pictures = decode_all(images, warnings)
     return [
@@ -100,7 +100,7 @@ def _decoded(parts: list[Part], warnings: list[str]) -> list[Part]:
 
 
 def _parts(scene: trimesh.Scene, named: bool, warnings: list[str]) -> list[Part]:
-    """One part per node that holds triangles, in scene coordinates."""
+    """Return one part per node with triangles, in scene coordinates."""
     parts = []
     for node in sorted(scene.graph.nodes_geometry):
         transform, geometry_name = scene.graph[node]
@@ -145,7 +145,7 @@ def _parts(scene: trimesh.Scene, named: bool, warnings: list[str]) -> list[Part]
 def _look(
     mesh: trimesh.Trimesh, faces: NDArray[np.int64]
 ) -> tuple[NDArray[np.float32], ScanMaterial, NDArray[np.uint8] | None]:
-    """Corner uv (F, 3, 2), the material, and corner colours (F, 3, 3) if vertices have some."""
+    """Return corner uv (F, 3, 2), the material, and corner colours (F, 3, 3) if there are any."""
     uv = np.zeros((len(faces), 3, 2), dtype=np.float32)
     visual: Any = mesh.visual
     if isinstance(visual, TextureVisuals):

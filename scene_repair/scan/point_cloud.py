@@ -1,4 +1,4 @@
-"""Reading point clouds: a surface through the points; runs in a child, see `reader_child`.
+"""Reconstruct a surface from a point cloud; runs in a child process, see `sandbox`.
 
 Screened Poisson reconstruction (Kazhdan and Hoppe, 2013) as open3d has it, cut back to where points
 are. Everything is seeded and runs on one thread, so that the same file gives the same surface.
@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from ...formats.core.errors import FileFormatError, InputError
-from .pcd_header import check_pcd
-from .ply_header import read_header
+from .headers import check_pcd, read_header
 from .readings import LookRef, RawPart, Readings
 from .record import DEFAULT_COLOR
 
@@ -37,7 +36,7 @@ TRIM_SPACINGS, TRIM_SHARE = 4.0, 0.01
 
 
 def read(path: Path) -> Readings:
-    """A coloured surface through the points of a PLY or PCD file.
+    """Reconstruct a coloured surface from the points of a PLY or PCD file.
 
     Raises:
         FileFormatError: damaged, or too few points for a surface.
@@ -58,7 +57,9 @@ def read(path: Path) -> Readings:
         cloud.normals = o3d.utility.Vector3dVector(normals)
     vertices, faces = _surface(o3d, cloud, points, spacing)
     if not len(faces):
-        raise FileFormatError(path, f"no surface goes through its {len(points):,} points")
+        raise FileFormatError(
+            path, f"no surface could be reconstructed from its {len(points):,} points"
+        )
     warnings.append(
         f"surface of {len(faces):,} triangles through {len(points):,} points, "
         f"typically {spacing:.3g} units apart"
@@ -78,7 +79,7 @@ def _open3d() -> Any:
         raise InputError(INSTALL)
     try:
         import open3d as o3d
-    # What is missing is a library of the system, told as an ImportError or an OSError.
+    # What is missing is a library of the system, raised as an ImportError or an OSError.
     except Exception as error:
         raise InputError(
             f"open3d cannot be loaded ({str(error).splitlines()[0]}); it needs system libraries: "
@@ -92,7 +93,7 @@ def _open3d() -> Any:
 def _points(
     o3d: Any, path: Path, warnings: list[str]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None, NDArray[np.float64] | None]:
-    """Finite points (N, 3), their sRGB colours in 0–1 and their normals, if there are any."""
+    """Return finite points (N, 3), and their sRGB colours in 0–1 and normals if there are any."""
     cloud = o3d.io.read_point_cloud(
         str(path), remove_nan_points=False, remove_infinite_points=False
     )
@@ -103,7 +104,7 @@ def _points(
     if usable.sum() < LEAST_POINTS:
         raise FileFormatError(
             path,
-            f"holds {int(usable.sum())} usable points and no triangles; "
+            f"contains {int(usable.sum())} usable points and no triangles; "
             f"valid: at least {LEAST_POINTS}",
         )
     colors = np.asarray(cloud.colors)[usable] if cloud.has_colors() else None
@@ -124,7 +125,7 @@ def _thinned(
     colors: NDArray[np.float64] | None,
     normals: NDArray[np.float64] | None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None, NDArray[np.float64] | None, float]:
-    """At most `MAX_POINTS` points, and their typical distance.
+    """Thin the points to at most `MAX_POINTS`; return their median spacing, too.
 
     Scanners see what is near many times over: one point is kept per cell of a grid whose cells
     grow until few enough are left.
@@ -154,7 +155,7 @@ def _thinned(
 
 
 def _estimate_normals(o3d: Any, cloud: Any, points: NDArray[np.float64]) -> None:
-    """Normals that agree with their neighbours, and look into the room.
+    """Estimate normals that agree with their neighbours and face the room.
 
     Which side is seen decides the sign: rooms are scanned from inside, so that what lies outermost
     faces the middle.
@@ -172,7 +173,7 @@ def _estimate_normals(o3d: Any, cloud: Any, points: NDArray[np.float64]) -> None
 def _surface(
     o3d: Any, cloud: Any, points: NDArray[np.float64], spacing: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Vertices and faces of the reconstruction, where points support it."""
+    """Return vertices and faces of the reconstruction where points support it."""
     extent = float(np.ptp(points, axis=0).max())
     depth = int(
         np.clip(np.ceil(np.log2(1.1 * extent / (CELL_SPACINGS * spacing))), MIN_DEPTH, MAX_DEPTH)

@@ -1,4 +1,4 @@
-"""What a reader in a child process hands back, and how it crosses over: arrays and a table."""
+"""The output of a reader in a child process, and its exchange format: arrays and a table."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ANSWER = "answer.json"
 
 @dataclass(frozen=True)
 class LookRef:
-    """A material whose picture is only named.
+    """A material that refers to its image by path.
 
     Attributes:
         name, base_color: as in `ScanMaterial`.
@@ -32,7 +32,7 @@ class LookRef:
 
 @dataclass(frozen=True)
 class RawPart:
-    """As `Part`, with `look` an index instead of a material."""
+    """Like `Part`, with `look` an index instead of a material."""
 
     name: str
     category: str
@@ -45,7 +45,7 @@ class RawPart:
 
 @dataclass(frozen=True)
 class Readings:
-    """All that a reader found; `up`, `unit` and `warnings` as in `Scan`."""
+    """The output of a reader; `up`, `unit` and `warnings` as in `Scan`."""
 
     parts: list[RawPart]
     looks: list[LookRef]
@@ -55,7 +55,7 @@ class Readings:
 
 
 def write_readings(readings: Readings, folder: Path) -> None:
-    """Write arrays of all parts in a row, then a table of the parts."""
+    """Write the concatenated arrays of all parts, then a table of the parts."""
     table, ends = [], dict.fromkeys(("vertices", "faces", "colors"), 0)
     parts = readings.parts
     for part in parts:
@@ -82,7 +82,7 @@ def write_readings(readings: Readings, folder: Path) -> None:
 
 
 def load_readings(data: dict[str, Any], folder: Path) -> Readings:
-    """Read what `write_readings` wrote; `data` is its table."""
+    """Read the output of `write_readings`; `data` is its table."""
     vertices, faces, uv, colors = (
         np.load(folder / f"{name}.npy") for name in ("vertices", "faces", "uv", "colors")
     )

@@ -1,4 +1,7 @@
-"""A scan as it was read: one triangle soup with materials and object names per face."""
+"""A scan as read: one triangle soup with a material and an object per face.
+
+Colours are sRGB; the transfer function is below.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ DEFAULT_COLOR = (0.75, 0.74, 0.72)
 
 @dataclass(frozen=True)
 class ScanMaterial:
-    """Surface look of source faces: base colour (sRGB, 0–1) times an optional RGB image."""
+    """Material of source faces: base colour (sRGB, 0–1) times an optional RGB image."""
 
     name: str
     base_color: tuple[float, float, float]
@@ -63,7 +66,17 @@ class Scan:
     warnings: tuple[str, ...] = ()
 
     def object_faces(self) -> list[NDArray[np.int64]]:
-        """The faces of each object, as indices."""
+        """Return the face indices of each object."""
         order = np.argsort(self.face_object, kind="stable")
         ends = np.searchsorted(self.face_object[order], np.arange(len(self.objects) + 1))
         return [order[a:b] for a, b in pairwise(ends)]
+
+
+def srgb_to_linear(srgb: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Apply the sRGB transfer function (IEC 61966-2-1); values in 0–1."""
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+
+
+def linear_to_srgb(linear: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Apply the sRGB transfer function (IEC 61966-2-1); values in 0–1."""
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)

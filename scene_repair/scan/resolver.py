@@ -1,4 +1,4 @@
-"""Where a scan's side files may come from: its own folder, nothing else."""
+"""Resolve a scan's references, confined to its own folder."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 from trimesh.resolvers import Resolver
 
-from .images import PixelBudget, open_picture
+from .images import PixelBudget, open_image
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".gif", ".webp", ".tga")
 MAX_BYTES, MAX_TOTAL_BYTES = 2 << 30, 6 << 30
@@ -30,7 +30,7 @@ class ConfinedResolver(Resolver):
         self._budget = PixelBudget()
 
     def get(self, key: str) -> bytes:
-        """Bytes of the file that `key` names relative to the folder.
+        """Return the bytes of the file `key`, relative to the folder.
 
         Pictures too large to be decoded as they are come scaled down. What is asked for again is
         not read again.
@@ -42,7 +42,7 @@ class ConfinedResolver(Resolver):
         try:
             target = (self.folder / name).resolve()
         except (OSError, ValueError, RuntimeError) as error:
-            return self._refuse(f"reference {name[:100]!r} is no file name: {error}")
+            return self._refuse(f"reference {name[:100]!r} is not a file name: {error}")
         if "://" in name or not target.is_relative_to(self.folder):
             self.refused = f"reference {name!r} leaves the scan's folder"
             return self._refuse(f"{self.refused}; ignored")
@@ -70,7 +70,7 @@ class ConfinedResolver(Resolver):
 
     def _bearable(self, data: bytes, name: str) -> bytes:
         found: list[str] = []
-        image = open_picture(data, name, found, self._budget)
+        image = open_image(data, name, found, self._budget)
         if not found:
             return data
         if image is None:
@@ -86,14 +86,14 @@ class ConfinedResolver(Resolver):
         raise FileNotFoundError(message)
 
     def write(self, name: str, data: Any) -> None:
-        """Refused: a scan is only read."""
+        """Refuse to write: scans are read-only."""
         raise PermissionError(f"a scan's folder is read-only: {name}")
 
     def namespaced(self, namespace: str) -> Resolver:
-        """Refused: none of the kinds that are read here ask for sub-folders."""
-        raise PermissionError(f"sub-folders are not read: {namespace}")
+        """Refuse: no supported file type asks for sub-folders."""
+        raise PermissionError(f"sub-folders are not supported: {namespace}")
 
     def keys(self) -> list[str]:
-        """Names of the files that can be read."""
+        """Return the names of the files that can be read."""
         files = (p for p in self.folder.rglob("*") if p.is_file())
         return [str(p.relative_to(self.folder)) for p in files]

@@ -1,4 +1,4 @@
-"""Reading untrusted files in a child process with limits.
+"""Read untrusted files in a child process with resource limits.
 
 Libraries in C++ crash, hang, or take all memory on damaged files. Here they may: only the child
 ends, and the parent says why.
@@ -30,7 +30,7 @@ ONE_THREAD = ("PXR_WORK_THREAD_LIMIT", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"
 def read_in_child(
     reader: str, path: Path, seconds: float | None = None, memory_bytes: int = MEMORY_BYTES
 ) -> Readings:
-    """Run a reader in a process of its own.
+    """Run a reader in a child process.
 
     Args:
         reader: one of `READERS`.
@@ -62,7 +62,7 @@ def read_in_child(
             _, errors = child.communicate(timeout=seconds)
         except subprocess.TimeoutExpired:
             raise FileFormatError(
-                path, f"not read within {seconds:.0f} s: damaged, or far too large"
+                path, f"not read within {seconds:.0f} s: it is damaged or far too large"
             ) from None
         finally:
             if child.poll() is None:
@@ -76,10 +76,10 @@ def _collect(path: Path, folder: Path, status: int, errors: bytes, memory_bytes:
     if status != 0 or not answer.is_file():
         lines = errors.decode(errors="replace").strip().splitlines()
         why = f"ended by {signal.Signals(-status).name}" if status < 0 else f"status {status}"
-        told = [line.strip() for line in lines if "FATAL" in line] or lines[-1:]
-        last = f": {told[0][:160]}" if told else ""
+        last_lines = [line.strip() for line in lines if "FATAL" in line] or lines[-1:]
+        last = f": {last_lines[0][:160]}" if last_lines else ""
         raise FileFormatError(
-            path, f"its reader failed ({why}; it may use {memory_bytes / 2**30:.3g} GiB){last}"
+            path, f"its reader failed ({why}; memory limit {memory_bytes / 2**30:.3g} GiB){last}"
         )
     data = json.loads(answer.read_text())
     if "missing" in data:
@@ -90,7 +90,7 @@ def _collect(path: Path, folder: Path, status: int, errors: bytes, memory_bytes:
 
 
 def main(reader: str, path: Path, memory_bytes: int) -> None:
-    """The child: read `path` and leave the answer in the working folder."""
+    """Entry point of the child: read `path` and write the answer into the working folder."""
     if reader not in READERS:
         raise ValueError(f"unknown reader {reader!r}; valid: {', '.join(READERS)}")
     resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
@@ -98,7 +98,7 @@ def main(reader: str, path: Path, memory_bytes: int) -> None:
     folder = Path.cwd()
     # Each has large libraries of its own, which the other one and the parent do without.
     if reader == "usd":
-        from ..usd.stage import read
+        from ..usd.read_stage import read
     else:
         from .point_cloud import read
     try:

@@ -1,4 +1,4 @@
-"""Which layers a USD file pulls in, looked at one by one before anything is composed."""
+"""Check every layer that a USD file depends on before the stage is composed."""
 
 # usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
 # pyright: reportAttributeAccessIssue=false
@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath
 from pxr import Sdf
 
 from ...formats.core.errors import FileFormatError
-from ..scan.kinds import USD_SUFFIXES
+from ..scan.files import USD_SUFFIXES
 from .package import check_package
 
 MAX_LAYERS = 20_000
@@ -21,7 +21,7 @@ SIGNATURES = {b"#usda": ".usda", b"#usd ": ".usda", b"PXR-U": ".usdc", b"PK\x03\
 
 
 def check_layers(root: Path) -> list[str]:
-    """Open every layer that `root` depends on, each by itself, and refuse what is not sound.
+    """Open each layer that `root` depends on by itself, and refuse invalid ones.
 
     Returns:
         Warnings: references to files that are missing.
@@ -53,7 +53,7 @@ def check_layers(root: Path) -> list[str]:
 
 
 def _references(path: Path, identifier: str) -> list[str]:
-    """Asset paths that composing the layer `identifier` in the file `path` would open."""
+    """Return the asset paths that composing the layer `identifier` in `path` would open."""
     try:
         layer = Sdf.Layer.FindOrOpen(identifier)
     # Whatever USD raises on damaged bytes, the file is at fault.
@@ -67,10 +67,10 @@ def _references(path: Path, identifier: str) -> list[str]:
 
 
 def _check_inside(path: Path) -> None:
-    """Every layer of a package, whose references must be to other members."""
+    """Check every layer of a package; references must point to other members."""
     members = check_package(path)
     if PurePosixPath(members[0]).suffix.lower() not in USD_SUFFIXES[:3]:
-        raise FileFormatError(path, f"its first member {members[0]!r} is no USD layer")
+        raise FileFormatError(path, f"its first member {members[0]!r} is not a USD layer")
     for member in members:
         suffix = PurePosixPath(member).suffix.lower()
         if suffix == ".usdz":
@@ -86,7 +86,7 @@ def _check_inside(path: Path) -> None:
 
 
 def check_signature(path: Path) -> None:
-    """Look at a layer's first bytes.
+    """Check the file signature of a layer.
 
     Raises:
         FileFormatError: no USD file, or of another kind than its name says.
@@ -96,11 +96,11 @@ def check_signature(path: Path) -> None:
         start = stream.read(5)
     kind = next((k for s, k in SIGNATURES.items() if start.startswith(s)), None)
     if kind is None or suffix not in (".usd", kind):
-        raise FileFormatError(path, f"is no {suffix[1:]} file: it starts with {start!r}")
+        raise FileFormatError(path, f"is not a {suffix[1:]} file: it starts with {start!r}")
 
 
 def _refuse_clips(path: Path, layer: Sdf.Layer) -> None:
-    """Value clips open further files while values are read."""
+    """Refuse value clips, which open further files while values are read."""
     found: list[str] = []
 
     def visit(at: Sdf.Path) -> None:
@@ -111,25 +111,27 @@ def _refuse_clips(path: Path, layer: Sdf.Layer) -> None:
 
     layer.Traverse(Sdf.Path.absoluteRootPath, visit)
     if found:
-        raise FileFormatError(path, f"{found[0]}: value clips are not read; bake them")
+        raise FileFormatError(path, f"{found[0]}: value clips are not supported; bake them")
 
 
 def confined(folder: Path, layer: Path, reference: str) -> Path | None:
-    """The file that `reference` in `layer` names, None if it is missing.
+    """Return the file that `reference` in `layer` points to; None if it is missing.
 
     Raises:
-        FileFormatError: it lies outside `folder` (links followed), or cannot be told before
+        FileFormatError: it lies outside `folder` (links followed), or cannot be resolved before
             composing.
     """
     if reference.startswith("`"):
-        raise FileFormatError(layer, f"reference {reference!r} is an expression; only plain names")
+        raise FileFormatError(
+            layer, f"reference {reference!r} is an expression; valid: plain file names"
+        )
     if "[" in reference or "]" in reference:
         raise FileFormatError(
             layer, f"reference {reference!r} into a package; refer to the .usdz itself"
         )
     name = reference.split(":SDF_FORMAT_ARGS:")[0]
     if "\x00" in name:
-        raise FileFormatError(layer, f"reference {name!r} is no file name")
+        raise FileFormatError(layer, f"reference {name!r} is not a file name")
     windows = re.match(r"[A-Za-z]:", name) or "\\" in name
     if "://" in name or windows or Path(name).is_absolute():
         raise FileFormatError(layer, f"reference {name!r} leaves the scan's folder")
@@ -140,13 +142,13 @@ def confined(folder: Path, layer: Path, reference: str) -> Path | None:
         return None
     if target.suffix.lower() not in USD_SUFFIXES:
         raise FileFormatError(
-            layer, f"reference {name!r} is of an unknown kind; valid: {', '.join(USD_SUFFIXES)}"
+            layer, f"reference {name!r} has an unknown file type; valid: {', '.join(USD_SUFFIXES)}"
         )
     return target
 
 
 def brief(error: Exception) -> str:
-    """What an error says on one line, without the place in USD's own source."""
+    """Return an error's message on one line, without the location in USD's source."""
     try:
         text = " ".join(str(error).split())
     except UnicodeDecodeError:

@@ -1,4 +1,4 @@
-"""USDZ packages: ZIP files whose members lie in them uncompressed."""
+"""USDZ packages: ZIP files with uncompressed members."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MAX_MEMBERS, MAX_MEMBER_BYTES = 100_000, 2 << 30
 
 
 def check_package(path: Path) -> list[str]:
-    """Names of the members, after looking that none is packed, lies, or climbs out.
+    """Return the names of the members; raise if one is compressed, inconsistent or outside.
 
     Raises:
         FileFormatError: not a package that USD may read.
@@ -34,19 +34,19 @@ def check_package(path: Path) -> list[str]:
         if member.flag_bits & 1:
             raise FileFormatError(path, f"member {name!r} is encrypted; USDZ forbids it")
         if member.file_size != member.compress_size:
-            raise FileFormatError(path, f"member {name!r} lies about its size")
+            raise FileFormatError(path, f"member {name!r} has contradictory sizes")
         if PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts or "\\" in name:
             raise FileFormatError(path, f"member {name!r} leaves the package")
     total = sum(member.file_size for member in members)
     if total > size:
         raise FileFormatError(
-            path, f"members of {total:,} bytes together in a file of {size:,} bytes"
+            path, f"members of {total:,} bytes in total in a file of {size:,} bytes"
         )
     return [member.filename for member in members]
 
 
 def read_member(path: Path, name: str) -> bytes:
-    """One member's bytes; the package must have been checked.
+    """Return the bytes of one member; the package must have been checked.
 
     Raises:
         FileFormatError: there is no such member, or it is damaged or larger than 2 GiB.
@@ -55,7 +55,7 @@ def read_member(path: Path, name: str) -> bytes:
         with zipfile.ZipFile(path) as package:
             size = package.getinfo(name).file_size
             if size > MAX_MEMBER_BYTES:
-                raise ValueError(f"{size:,} bytes are too many")
+                raise ValueError(f"{size:,} bytes; valid: up to {MAX_MEMBER_BYTES:,}")
             return package.read(name)
     except Exception as error:
         raise FileFormatError(path, f"member {name!r} cannot be read: {error}") from error

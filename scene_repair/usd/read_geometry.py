@@ -1,4 +1,4 @@
-"""Triangles, texture coordinates and colours of USD's geometric prims."""
+"""Read triangles, texture coordinates and colours of USD's geometric prims."""
 
 # usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
 # pyright: reportAttributeAccessIssue=false
@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from ...formats.core.errors import FileFormatError
-from ..floor.polygons import triangulate
-from ..paint.srgb import linear_to_srgb
 from ..scan.readings import LookRef, RawPart
-from .names import object_of
-from .read_materials import Look, Looks
+from ..scan.record import linear_to_srgb
+from .polygons import triangulate
+from .read_materials import Look, StageMaterials
+from .read_objects import object_of
 from .shapes import simple_shape
 
 MAX_TRIANGLES = 20_000_000
@@ -27,7 +27,7 @@ Matrix = NDArray[np.float64]
 
 
 class PartList:
-    """Parts found so far, and the looks that they point to.
+    """Parts read so far, and the materials that they refer to.
 
     Args:
         path: the file, for errors.
@@ -35,7 +35,7 @@ class PartList:
         warnings: gets a line for what is skipped.
     """
 
-    def __init__(self, path: Path, materials: Looks, warnings: list[str]):
+    def __init__(self, path: Path, materials: StageMaterials, warnings: list[str]):
         self.path, self.materials, self.warnings = path, materials, warnings
         self.parts: list[RawPart] = []
         self.looks: list[LookRef] = []
@@ -43,19 +43,19 @@ class PartList:
         self._triangles = self._prims = 0
 
     def warn(self, line: str) -> None:
-        """Note what was skipped, once."""
+        """Add a warning, once."""
         if line not in self.warnings:
             self.warnings.append(line)
 
     def count_prim(self, limit: int) -> None:
-        """One more prim was visited.
+        """Count a visited prim.
 
         Raises:
             FileFormatError: more than `limit` of them.
         """
         self._prims += 1
         if self._prims > limit:
-            raise FileFormatError(self.path, f"holds more than {limit:,} prims")
+            raise FileFormatError(self.path, f"contains more than {limit:,} prims")
 
     def add(
         self,
@@ -73,7 +73,7 @@ class PartList:
         """
         self._triangles += len(faces)
         if self._triangles > MAX_TRIANGLES:
-            raise FileFormatError(self.path, f"holds more than {MAX_TRIANGLES:,} triangles")
+            raise FileFormatError(self.path, f"contains more than {MAX_TRIANGLES:,} triangles")
         used, faces = np.unique(faces, return_inverse=True)
         look = self._index.setdefault(ref, len(self.looks))
         if look == len(self.looks):
@@ -151,8 +151,8 @@ def _add_mesh(
         corner = corner[:, ::-1]
     world = points @ to_world[:3, :3] + to_world[3, :3]
     colors, interpolation = _display_color(mesh)
-    for look, mine in _by_look(mesh, face, len(counts), parts):
-        where = Corners(corner[mine], face[mine], indices, len(points), len(counts))
+    for look, selected in _by_look(mesh, face, len(counts), parts):
+        where = Corners(corner[selected], face[selected], indices, len(points), len(counts))
         uv = _texture_coordinates(prim, look, where, parts)
         ref, painted = look.ref, None
         one = None
@@ -219,8 +219,8 @@ def _by_look(
     number = np.zeros(polygons, dtype=np.int64)
     looks = [parts.materials.of(_bound(prim))]
     for subset in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets():
-        mine = np.array(subset.GetIndicesAttr().Get(TIME) or [], dtype=np.int64)
-        number[mine[(mine >= 0) & (mine < polygons)]] = len(looks)
+        selected = np.array(subset.GetIndicesAttr().Get(TIME) or [], dtype=np.int64)
+        number[selected[(selected >= 0) & (selected < polygons)]] = len(looks)
         looks.append(parts.materials.of(_bound(subset.GetPrim())))
     if len(looks) == 1:
         return [(looks[0], np.arange(len(owner)))] if len(owner) else []

@@ -1,4 +1,4 @@
-"""Materials of a USD stage: colour and picture of what is bound to a prim."""
+"""Read the materials of a USD stage: colour and image of what is bound to a prim."""
 
 # usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
 # pyright: reportAttributeAccessIssue=false
@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdShade
 
-from ..paint.srgb import linear_to_srgb
 from ..scan.readings import LookRef
-from ..scan.record import DEFAULT_COLOR
+from ..scan.record import DEFAULT_COLOR, linear_to_srgb
 
 CONTEXTS = ("", "mdl")
 # Inputs that carry the colour of a surface, in the order in which they are asked.
@@ -31,7 +30,7 @@ TIME = Usd.TimeCode.EarliestTime()
 
 @dataclass(frozen=True)
 class Look:
-    """A material: where its picture lies, which texture coordinates it takes, and how.
+    """A material: the path of its image, its texture coordinates and their transform.
 
     Attributes:
         ref: colour and picture.
@@ -47,8 +46,8 @@ class Look:
 PLAIN = Look(LookRef("plain", DEFAULT_COLOR), "", np.eye(2, 3))
 
 
-class Looks:
-    """Looks by material, each found out once.
+class StageMaterials:
+    """Materials of a stage, each resolved once.
 
     Args:
         folder: pictures outside of it are not used.
@@ -60,7 +59,7 @@ class Looks:
         self._known: dict[str, Look] = {}
 
     def of(self, material: UsdShade.Material | None) -> Look:
-        """What a bound material looks like; a plain grey without one."""
+        """Return the look of the bound material; plain grey if none is bound."""
         if not material:
             return PLAIN
         path = str(material.GetPath())

@@ -1,4 +1,4 @@
-"""The surfaces of USD's plain shapes: cubes, planes, cylinders, cones, capsules and spheres."""
+"""Triangulate USD's primitive shapes: cubes, planes, cylinders, cones, capsules, spheres."""
 
 # usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
 # pyright: reportAttributeAccessIssue=false
@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
+from ...formats.core.geometry import triangle_areas
+
 SIDES = 24
 TIME = Usd.TimeCode.EarliestTime()
 # Cyclic turns that bring z to the named axis.
@@ -22,7 +24,7 @@ Shape = tuple[NDArray[np.float64], NDArray[np.int64]]
 
 
 def simple_shape(prim: Usd.Prim) -> Shape | None:
-    """Points (P, 3) and outward triangles (T, 3) of a plain shape, None if it is none."""
+    """Return points (P, 3) and outward triangles (T, 3) of a primitive shape; None for others."""
 
     def size(name: str, default: float) -> float:
         value = prim.GetAttribute(name).Get(TIME)
@@ -47,7 +49,7 @@ def simple_shape(prim: Usd.Prim) -> Shape | None:
 def _profile(
     prim: Usd.Prim, size: Callable[[str, float], float]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Heights and radii of the rings of a round shape along its axis, lowest first."""
+    """Return heights and radii of the rings of a round shape along its axis, lowest first."""
     if prim.IsA(UsdGeom.Sphere):
         return _rounded(0.0, size("radius", 1.0), size("radius", 1.0))
     if prim.IsA(UsdGeom.Capsule):
@@ -100,7 +102,7 @@ def _plane(width: float, length: float, axis: str) -> Shape:
 def _turned(
     heights: NDArray[np.float64], radii: NDArray[np.float64], outline: NDArray[np.float64]
 ) -> Shape:
-    """A closed surface of rings (R heights and radii) of one outline (n, 2), counterclockwise."""
+    """Sweep an outline (n, 2), counter-clockwise, over rings (R heights and radii); closed."""
     count, sides = len(heights), len(outline)
     rings = [
         np.column_stack([r * outline, np.full(sides, h)])
@@ -115,5 +117,4 @@ def _turned(
     cap = np.stack([np.zeros(sides - 2, dtype=int), around[1:-1], around[2:]], axis=1)
     faces = np.concatenate([*walls, cap[:, ::-1], cap + sides * (count - 1)])
     # Where a ring is a point, triangles vanish.
-    a, b, c = (points[faces[:, k]] for k in range(3))
-    return points, faces[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 0]
+    return points, faces[triangle_areas(points[faces]) > 0]

@@ -1,4 +1,4 @@
-"""Meshes of the USD scene: visual ones, and colliders of floor and obstacles."""
+"""Write meshes of the USD scene: visual ones, and colliders of floor and obstacles."""
 
 # usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
 # pyright: reportAttributeAccessIssue=false
@@ -79,7 +79,7 @@ def _mesh(
 
 
 def floor_surface(floor: Floor) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """The floor as quads facing up, corner heights averaged from the cells around each corner.
+    """Return the floor as quads facing up; corner heights average the cells around them.
 
     Cells that lie a step higher or lower do not count, so that edges stay sharp. It reaches one
     cell beyond the covered ones: under walls, so that nothing slips in between.
@@ -104,7 +104,7 @@ def floor_surface(floor: Floor) -> tuple[NDArray[np.float64], NDArray[np.int64]]
 
 
 def box_surfaces(obstacles: Obstacles) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """All boxes as quads facing outwards, (8 N, 3) points [m] and (6 N, 4) indices."""
+    """Return boxes as quads facing outwards: (8 N, 3) points [m] and (6 N, 4) indices."""
     bits = np.array([[n >> 2 & 1, n >> 1 & 1, n & 1] for n in range(8)]) * 2 - 1
     points = obstacles.center_m[:, None] + obstacles.half_m[:, None] * bits[None]
     faces = _BOX_QUADS[None] + 8 * np.arange(len(points))[:, None, None]

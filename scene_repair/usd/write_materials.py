@@ -1,4 +1,4 @@
-"""Materials of the USD scene: UsdPreviewSurface for the eye, friction for physics."""
+"""Write materials of the USD scene: UsdPreviewSurface for rendering, friction for physics."""
 
 # usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
 # pyright: reportAttributeAccessIssue=false
@@ -9,7 +9,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdPhysics, UsdShade
 
 from ...formats.scene.bundle import Material
-from ..paint.srgb import srgb_to_linear
+from ..scan.record import srgb_to_linear
 
 # What MuJoCo's level models use by default, too.
 FRICTION = 0.8

@@ -1,1 +1,1 @@
-"""Checks of the files that were written."""
+"""Check the files that were written."""

@@ -1,4 +1,4 @@
-"""What a written scene consists of, read back from its files: the triangles that must carry."""
+"""Read back the triangles of a written scene that must carry."""
 
 # usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
 # pyright: reportAttributeAccessIssue=false
@@ -25,7 +25,7 @@ class Surface:
     added: NDArray[np.bool_]
 
     def between(self, lower_m: NDArray[np.float64], upper_m: NDArray[np.float64]) -> Surface:
-        """The triangles whose bounds meet the box (3,), (3,)."""
+        """Return the triangles whose bounds overlap the box (3,), (3,)."""
         near = np.arange(len(self.triangles_m))
         # Most triangles are far above or below. Comparing corners is much faster than reducing.
         for axis in (2, 0, 1):
@@ -37,14 +37,14 @@ class Surface:
 
 
 def visual_surface(bundle: SceneBundle) -> Surface:
-    """The triangles of `visual.npz`."""
+    """Return the triangles of `visual.npz`."""
     visual = bundle.visual()
     patch = np.array([m.name.startswith(PATCH_MATERIAL) for m in bundle.materials] + [False])
     return Surface(visual.vertices[visual.faces], patch[visual.face_material])
 
 
 def usd_surfaces(path: Path) -> tuple[Surface, Surface]:
-    """The triangles of a USD scene: what is seen, and what collides."""
+    """Return the visible and the colliding triangles of a USD scene."""
     parts: dict[bool, list[NDArray[np.float32]]] = {False: [], True: []}
     added: list[NDArray[np.bool_]] = []
     stage = Usd.Stage.Open(str(path))

@@ -1,4 +1,4 @@
-"""Are all holes closed that were to be, and all gaps that remain accounted for?"""
+"""Check that holes listed as filled are closed, and that remaining gaps are listed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ RIM, RIM_SHARE = 2, 0.6
 def hole_cells(
     hole: dict[str, Any], grid: GridSpec, border: int
 ) -> tuple[Window, NDArray[np.bool_]]:
-    """The cells of a grid whose centres lie in a hole as it stands in `repair.json`.
+    """Return the cells of a grid whose centres lie in a hole of `repair.json`.
 
     Returns:
         A window with a border of so many cells around them, and which of it they are.
@@ -94,14 +94,14 @@ def check_holes(
         at_border |= rows.stop == grid.rows or columns.stop == grid.columns
         if at_border or min(rows.stop - rows.start, columns.stop - columns.start) < least:
             continue
-        mine = parts[rows, columns] == number
-        area = int(mine.sum())
-        if area < least**2 or listed[rows, columns][mine].mean() >= SHARE:
+        selected = parts[rows, columns] == number
+        area = int(selected.sum())
+        if area < least**2 or listed[rows, columns][selected].mean() >= SHARE:
             continue
         wide = grown_window((rows, columns), RIM, grid.shape)
         if not _in_floor(parts[wide] == number, floor[wide]):
             continue
-        inside = np.argwhere(mine)[area // 2] + np.array([rows.start, columns.start])
+        inside = np.argwhere(selected)[area // 2] + np.array([rows.start, columns.start])
         unlisted.append(
             {"xy_m": _rounded(grid.center_of(inside)), "area_m2": round(area * cell_m2, 5)}
         )

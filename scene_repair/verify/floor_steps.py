@@ -1,4 +1,4 @@
-"""Height steps of a written floor, and whether the scan or the repair brought them in."""
+"""Find height steps of a written floor, and whether scan or repair introduced them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MAX_LISTED = 200
 
 
 def find_steps(probes: Probes, walked: NDArray[np.bool_]) -> list[dict[str, Any]]:
-    """Steps over 1.5 cm between neighbouring probes on walkable floor, the highest first.
+    """Return steps over 1.5 cm between neighbouring probes on walkable floor, highest first.
 
     A step is the `scan`'s own if scanned heights around it differ by as much (thresholds, sunken
     areas, rugs), and the `repair`'s if only added floor has it.
@@ -47,14 +47,14 @@ def find_steps(probes: Probes, walked: NDArray[np.bool_]) -> list[dict[str, Any]
     around = round(AROUND_M / cell_m)
     steps = []
     for number, window in enumerate(windows(parts), start=1):
-        mine = (parts[window] == number) & high[window]
-        top = float(rise[window][mine].max())
+        selected = (parts[window] == number) & high[window]
+        top = float(rise[window][selected].max())
         wide = grown_window(window, around, high.shape)
         scanned = height[wide][~probes.added[wide]]
         scanned = scanned[np.isfinite(scanned)]
         own = len(scanned) > 0 and float(np.ptp(scanned)) >= SHARE * top
-        touched = bool(probes.added[window][mine].any())
-        index = np.argwhere(mine) + np.array([window[0].start, window[1].start])
+        touched = bool(probes.added[window][selected].any())
+        index = np.argwhere(selected) + np.array([window[0].start, window[1].start])
         low, most = (probes.grid.center_of(at) for at in (index.min(axis=0), index.max(axis=0)))
         steps.append(
             {

@@ -1,4 +1,4 @@
-"""Balls really dropped onto written triangles, in MuJoCo."""
+"""Drop balls onto written triangles in MuJoCo."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SKIN_M = 1e-4
 def drop_balls(
     triangles_m: NDArray[np.float32], floor_m: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Drop a ball of 2 cm onto each of some points of a floor.
+    """Drop a ball of 2 cm onto each of the given points of a floor.
 
     The triangles are solid from both sides (a rigid MuJoCo flex). Balls do not meet each other.
 
@@ -37,9 +37,9 @@ def drop_balls(
     _, number = np.unique(tile, axis=0, return_inverse=True)
     surface = Surface(triangles_m, np.zeros(len(triangles_m), dtype=bool))
     for k in range(int(number.max(initial=-1)) + 1):
-        mine = np.flatnonzero(number.ravel() == k)
-        for start in range(0, len(mine), BALLS_AT_ONCE):
-            some = mine[start : start + BALLS_AT_ONCE]
+        selected = np.flatnonzero(number.ravel() == k)
+        for start in range(0, len(selected), BALLS_AT_ONCE):
+            some = selected[start : start + BALLS_AT_ONCE]
             lower = floor_m[some].min(axis=0) - np.array([REACH_M, REACH_M, BELOW_M])
             upper = floor_m[some].max(axis=0) + REACH_M
             end[some] = _drop(surface.between(lower, upper).triangles_m, floor_m[some])

@@ -1,4 +1,4 @@
-"""Rays shot down onto a written floor, on a grid of probes finer than its cells."""
+"""Shoot rays down onto a written floor, on a grid of probes finer than its cells."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SHIFTS_M = ((0.0, 0.0), (1e-3, 7e-4), (-8e-4, 6e-4))
 
 @dataclass(frozen=True)
 class Probes:
-    """What rays down onto a level hit, over the probes' grid (rows, columns).
+    """Results of rays down onto a level, over the probes' grid (rows, columns).
 
     Attributes:
         grid: one ray through the centre of each cell.
@@ -39,11 +39,11 @@ class Probes:
 
     @property
     def fell(self) -> NDArray[np.bool_]:
-        """Rays that hit nothing, or only something under the floor."""
+        """Return the rays that hit nothing, or only something below the floor."""
         return np.isnan(self.height_m)
 
     def spread[T: np.generic](self, cells: NDArray[T]) -> NDArray[T]:
-        """A map over the floor's cells as one over the probes."""
+        """Upsample a map over the floor's cells to the probes."""
         return np.repeat(np.repeat(cells, self.per_side, axis=0), self.per_side, axis=1)
 
 
@@ -69,7 +69,7 @@ def shoot_down(surface: Surface, grid: GridSpec, expected_m: NDArray[np.float32]
         rows = max(CHUNK // probes.columns, 1)
         for start in range(0, probes.rows, rows):
             part = slice(start, min(start + rows, probes.rows))
-            _shoot(scene, surface, probes, part, expected_m, height, added)
+            _shoot(scene, surface, probes, part, expected_m=expected_m, height=height, added=added)
     return Probes(probes, per_side, height, added)
 
 
@@ -78,6 +78,7 @@ def _shoot(
     surface: Surface,
     probes: GridSpec,
     part: slice,
+    *,
     expected_m: NDArray[np.float32],
     height: NDArray[np.float32],
     added: NDArray[np.bool_],
@@ -95,9 +96,9 @@ def _shoot(
         hit = scene.run(origin, down, output=1)
         at = z - hit["tfar"].astype(np.float64)
         good = (hit["primID"] >= 0) & (at >= expected[left] - TOLERANCE_M)
-        mine = left[good]
-        height[i[mine], j[mine]] = at[good]
-        added[i[mine], j[mine]] = surface.added[hit["primID"][good]]
+        selected = left[good]
+        height[i[selected], j[selected]] = at[good]
+        added[i[selected], j[selected]] = surface.added[hit["primID"][good]]
         left = left[~good]
         if not len(left):
             return

@@ -1,4 +1,4 @@
-"""Does a USD scene hold what it promises? Topology, assets, colliders, and usd-core's validators.
+"""Validate a USD scene: topology, assets, colliders, and usd-core's validators.
 
 The validators of usd-core look at metadata, schemas and bindings, but not at arrays: face indices
 out of range, points that are no numbers, primvars of the wrong length pass them. So do faces
@@ -22,7 +22,7 @@ EXTENT_TOLERANCE_M = 1e-4
 
 
 def check_usd(path: Path) -> list[str]:
-    """All that is wrong with the scene in `path`, one line each; empty = sound.
+    """Return all problems of the scene in `path`, one line each; empty = valid.
 
     Checked are: the file opens; default prim, z up, metres; every texture and layer it names is
     relative, lies in its folder and exists; per mesh the counts, indices, points, primvars and
@@ -64,7 +64,7 @@ def _stage(stage: Usd.Stage) -> Iterator[str]:
 
 
 def _assets(path: Path) -> Iterator[str]:
-    """Every layer, texture and other file that the layer names must lie beside it or below."""
+    """Check that every file that the layer refers to lies beside it or below."""
     copy = Sdf.Layer.CreateAnonymous()
     copy.TransferContent(Sdf.Layer.FindOrOpen(str(path)))
     named: set[str] = set()
@@ -86,7 +86,7 @@ def _assets(path: Path) -> Iterator[str]:
 
 
 def mesh_problems(mesh: UsdGeom.Mesh) -> Iterator[str]:
-    """What is wrong with a mesh's arrays, one line each."""
+    """Return the problems of a mesh's arrays, one line each."""
     points = np.asarray(mesh.GetPointsAttr().Get() or np.empty((0, 3)), dtype=np.float64)
     counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get() or [], dtype=np.int64)
     index = np.asarray(mesh.GetFaceVertexIndicesAttr().Get() or [], dtype=np.int64)

@@ -1,4 +1,4 @@
-"""What the probes of a level mean: faults that make a scene unsound, and doubts worth a look."""
+"""Judge the probes of a level: faults that make a scene unsound, and doubts."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class Verdict:
     faults: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
 
-    def told(self, prefix: str) -> Verdict:
-        """The same with a prefix before every line."""
+    def prefixed(self, prefix: str) -> Verdict:
+        """Return the same with a prefix before every line."""
         return Verdict([prefix + t for t in self.faults], [prefix + t for t in self.doubts])
 
 

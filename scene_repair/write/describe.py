@@ -1,20 +1,26 @@
-"""The written account of a repair: `repair.json`."""
+"""The record of a repair in `repair.json`, and the doubts that are printed."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.scene.grid import GridSpec
+from ..collide.level_collision import LevelCollision
 from ..floor.holes import Hole
 from ..floor.outline import cell_polygons
 from ..floor.repair_level import RepairedFloor
+from ..orient.scale import ROOM_M
+
+# Rooms are rarely lower or higher than this, and a scene is rarely made for less floor.
+LOW_ROOM_M, HIGH_ROOM_M, LEAST_FLOOR_M2 = 2.0, 6.0, 4.0
 
 
 def describe_level(level: RepairedFloor, probes: dict[str, Any]) -> dict[str, Any]:
-    """JSON values for one level: areas, every hole, every flattened bump, the probes."""
+    """Return JSON values for one level: areas, every hole, every flattened bump, the probes."""
     cell_m2 = level.fine.cell_m**2
     scanned = float(level.scanned.sum()) * cell_m2
     return {
@@ -61,3 +67,28 @@ def _describe_hole(hole: Hole, grid: GridSpec) -> dict[str, Any]:
         "action": "filled" if hole.fill else "left",
         "reason": hole.reason,
     }
+
+
+def doubts(evidence: dict[str, Any], levels: Sequence[LevelCollision]) -> list[str]:
+    """Return one line for each doubt about up axis, unit and floor.
+
+    Args:
+        evidence: of the orientation.
+        levels: the collision of all levels.
+    """
+    found = list(evidence["doubts"])
+    room = evidence["room_height_m"]
+    area = sum(float(level.floor.covered.sum()) * level.floor.grid.cell_m**2 for level in levels)
+    implausible = []
+    if room and not LOW_ROOM_M <= room <= HIGH_ROOM_M:
+        implausible.append(f"rooms of {room:.2f} m height (usual: {ROOM_M:g} m)")
+    if area < LEAST_FLOOR_M2:
+        implausible.append(f"{area:.1f} m² of floor")
+    if implausible:
+        up, unit = evidence["up"], evidence["unit"]
+        found.append(
+            f"{' and '.join(implausible)} are implausible with {up} up in {unit}: look at "
+            "after.png, and set --up (x y z -x -y -z) or --unit if the scan is turned or scaled "
+            "wrongly"
+        )
+    return found

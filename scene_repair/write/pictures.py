@@ -1,4 +1,4 @@
-"""Before and after pictures: a level from above, ceiling cut away, with its holes marked."""
+"""Draw before and after images: a level from above, ceiling removed, holes marked."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ...formats.scene.grid import GridSpec
 from ...formats.scene.sections import inside_solids
 from ..floor.holes import Hole
 from ..grid.world_mesh import WorldMesh
-from ..paint.shading import Looks
+from ..paint.materials import MaterialSampler
 
 # The cut above the floor: under ceilings and lamps, above furniture and people.
 CUT_M = 2.2
@@ -27,13 +27,13 @@ CUT = (0.24, 0.26, 0.30)
 
 def view_from_above(
     mesh: WorldMesh,
-    looks: Looks,
+    looks: MaterialSampler,
     floor_z_m: float,
     pixels: GridSpec,
     first_patch: int,
     walked: NDArray[np.bool_],
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Shaded colours (rows, columns, 3) of a level, looking straight down; row 0 = least y.
+    """Render shaded colours (rows, columns, 3) of a level from above; row 0 = least y.
 
     Args:
         mesh: the repaired scan.
@@ -71,11 +71,11 @@ def view_from_above(
 def _shoot(
     scene: EmbreeScene,
     mesh: WorldMesh,
-    looks: Looks,
+    looks: MaterialSampler,
     floor_z_m: float,
     origin: NDArray[np.float32],
 ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """Colours (N, 3), and height and face (N, 2) of what lies below each origin; −1 = nothing."""
+    """Return colours (N, 3), and height and face (N, 2) below each origin; −1 = nothing."""
     image = np.tile(np.array(BACKGROUND, dtype=np.float32), (len(origin), 1))
     found = np.full((len(origin), 2), -1.0)
     found[:, 0] = np.nan
@@ -112,7 +112,7 @@ def _with_edges(image: NDArray[np.float32], height: NDArray[np.float64]) -> NDAr
 
 
 def mark_holes(
-    image: NDArray[np.float32], holes: list[Hole], fine: GridSpec, pixels: GridSpec, before: bool
+    image: NDArray[np.float32], holes: list[Hole], *, fine: GridSpec, pixels: GridSpec, before: bool
 ) -> NDArray[np.float32]:
     """Overlay holes: hatched red areas before the repair, green outlines after it.
 

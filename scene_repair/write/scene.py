@@ -1,4 +1,4 @@
-"""Writing a repaired scene: every file of the bundle."""
+"""Write a repaired scene: every file of the bundle."""
 
 from __future__ import annotations
 
@@ -10,16 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.core.atomic import write_json
-from ...formats.core.digest import file_digest
+from ...formats.core.atomic import file_digest, write_json
 from ...formats.scene.bundle import (
     UNSOUND,
+    Floor,
+    LabeledObject,
+    Obstacles,
     SceneBundle,
     VisualMesh,
     load_bundle,
     save_bundle,
     save_index,
 )
+from ...formats.scene.freemap import Freemap
 from ...formats.scene.grid import GridSpec
 from ..collide.level_collision import LevelCollision
 from ..config import RepairConfig
@@ -28,12 +31,11 @@ from ..grid.world_mesh import WorldMesh
 from ..labels.files import LabelBox
 from ..labels.semantics import labelled_objects
 from ..orient.transform import Orientation
-from ..paint.shading import Looks
+from ..paint.materials import MaterialSampler
 from ..scan.record import Scan, ScanMaterial
-from ..usd.write_scene import UsdContent, write_usd
-from ..verify.carrying import RECORD_NAME, verify_scene
-from .describe import describe_level
-from .doubts import doubts
+from ..usd.write_stage import UsdContent, write_usd
+from ..verify.scene import RECORD_NAME, verify_scene
+from .describe import describe_level, doubts
 from .pictures import GREEN, GREY, RED, mark_holes, view_from_above, write_picture
 from .textures import write_materials
 
@@ -44,7 +46,7 @@ PICTURE_PIXELS, MIN_PICTURE_PX = 1_800_000, 900
 
 @dataclass(frozen=True)
 class Repaired:
-    """All that a repair found out and made.
+    """The results of a repair.
 
     Attributes:
         source: the scan's file.
@@ -80,27 +82,7 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
     source, way = repaired.source, repaired.way
     materials = write_materials(repaired.materials, out_dir, config.max_texture_px)
     heights = tuple(floor.floor_z_m for floor in repaired.floors)
-    named, index = labelled_objects(
-        repaired.scan,
-        repaired.boxes,
-        repaired.original.vertices,
-        way.source_to_world,
-        heights,
-    )
-
-    # Patches come after the scan's own objects and belong to none of them.
-    def named_thing(own: NDArray[np.int32]) -> NDArray[np.int32]:
-        return np.append(index, np.int32(-1))[np.where(own < len(index), own, -1)]
-
-    visual = replace(repaired.visual, face_object=named_thing(repaired.mesh.face_object))
-    levels = [
-        (
-            level.floor,
-            replace(level.obstacles, box_object=named_thing(level.obstacles.box_object)),
-            level.freemap,
-        )
-        for level in repaired.levels
-    ]
+    named, visual, levels = _by_object(repaired, heights)
     scene_id = config.scene_id or source.stem
     facts = {
         "path": source.name,
@@ -157,8 +139,36 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
     return bundle
 
 
+def _by_object(
+    repaired: Repaired, heights_m: tuple[float, ...]
+) -> tuple[tuple[LabeledObject, ...], VisualMesh, list[tuple[Floor, Obstacles, Freemap]]]:
+    """Return the named objects, and the mesh and levels whose faces and boxes point to them."""
+    named, index = labelled_objects(
+        repaired.scan,
+        repaired.boxes,
+        vertices_world_m=repaired.original.vertices,
+        source_to_world=repaired.way.source_to_world,
+        level_floor_z_m=heights_m,
+    )
+
+    # Patches come after the scan's own objects and belong to none of them.
+    def object_of(own: NDArray[np.int32]) -> NDArray[np.int32]:
+        return np.append(index, np.int32(-1))[np.where(own < len(index), own, -1)]
+
+    visual = replace(repaired.visual, face_object=object_of(repaired.mesh.face_object))
+    levels = [
+        (
+            level.floor,
+            replace(level.obstacles, box_object=object_of(level.obstacles.box_object)),
+            level.freemap,
+        )
+        for level in repaired.levels
+    ]
+    return named, visual, levels
+
+
 def _write_pictures(repaired: Repaired, out_dir: Path, scene_id: str, width_px: int) -> None:
-    looks, floors = Looks(repaired.materials), repaired.floors
+    looks, floors = MaterialSampler(repaired.materials), repaired.floors
     fine = floors[0].fine
     known = np.concatenate([np.argwhere(np.isfinite(f.height_m)) for f in floors])
     low = fine.center_of(known.min(axis=0)) - PICTURE_MARGIN_M
@@ -188,7 +198,7 @@ def _write_pictures(repaired: Repaired, out_dir: Path, scene_id: str, width_px: 
     for k, ((name, caption), legend) in enumerate(zip(captions, legends, strict=True)):
         marked = {
             f"level {n}, floor at {f.floor_z_m:.2f} m": mark_holes(
-                view[k], f.holes, fine, pixels, before=k == 0
+                view[k], f.holes, fine=fine, pixels=pixels, before=k == 0
             )
             for n, (view, f) in enumerate(zip(views, floors, strict=True))
         }

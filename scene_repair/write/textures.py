@@ -1,4 +1,4 @@
-"""Copying the scan's images into the bundle."""
+"""Copy the scan's images into the bundle."""
 
 from __future__ import annotations
 

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import label
 
-from vlnpe.apartments import ApartmentConfig, TrueScene, build_apartment
-from vlnpe.apartments.home.plan import FloorPlan
+from tests.support.homes import exact_freemap, joined
+from vlnpe.apartments import ApartmentConfig, TrueScene, build_scene
 from vlnpe.apartments.home.planner import draw_plan
-from vlnpe.apartments.truth import covered_cells, true_floor
-from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.wayfinding.distance import distance_field
 
 CONFIG = ApartmentConfig()
@@ -21,18 +19,7 @@ SEEDS = (0, 1, 2)
 
 @pytest.fixture(scope="module", params=SEEDS)
 def home(request: pytest.FixtureRequest) -> TrueScene:
-    return build_apartment(np.random.default_rng(request.param), CONFIG)
-
-
-def joined(plan: FloorPlan) -> bool:
-    reached, todo = {0}, [0]
-    while todo:
-        room = todo.pop()
-        for door in plan.doors_of(room):
-            if door.other_room >= 0 and door.other_room not in reached:
-                reached.add(door.other_room)
-                todo.append(door.other_room)
-    return len(reached) == len(plan.rooms)
+    return build_scene(np.random.default_rng(request.param), CONFIG)
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -70,19 +57,8 @@ def test_impossible_area_is_refused() -> None:
         draw_plan(np.random.default_rng(0), ApartmentConfig(area_m2=(700.0, 800.0)))
 
 
-def freemap(home: TrueScene) -> Freemap:
-    """Free space by the exact triangles between 5 cm and 1.9 m above the floor."""
-    grid, floor = true_floor(home.plan, 0.05)
-    corners = home.shape.corners
-    # Walls bound the floor's mask already.
-    walls = [k for k, o in enumerate(home.objects) if o.category in ("wall", "door", "window")]
-    use = (corners[..., 2].max(1) > 0.05) & (corners[..., 2].min(1) < 1.9)
-    blocked = covered_cells(grid, corners[use & ~np.isin(home.face_object, walls)])
-    return Freemap(grid, np.where(floor, 0, np.nan).astype(np.float32), floor & ~blocked)
-
-
 def test_every_room_is_reachable_and_paths_are_long(home: TrueScene) -> None:
-    space = freemap(home)
+    space = exact_freemap(home)
     free = space.free(CONFIG.robot_radius_m)
     groups = np.zeros(free.shape, dtype=np.int32)
     label(free, np.ones((3, 3)), output=groups)
@@ -147,7 +123,7 @@ def test_seeds_give_different_homes() -> None:
 
 
 def test_same_seed_gives_the_same_home() -> None:
-    a, b = (build_apartment(np.random.default_rng(5), CONFIG) for _ in range(2))
+    a, b = (build_scene(np.random.default_rng(5), CONFIG) for _ in range(2))
     assert a.objects == b.objects
     np.testing.assert_array_equal(a.shape.corners, b.shape.corners)
     for left, right in zip(a.materials, b.materials, strict=True):

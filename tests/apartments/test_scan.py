@@ -11,7 +11,7 @@ import pytest
 import trimesh
 from scipy.spatial import KDTree
 
-from vlnpe.apartments import ApartmentConfig, ScanConfig, build_apartment, generate_scan
+from vlnpe.apartments import ApartmentConfig, ScanConfig, build_scene, generate_scan
 from vlnpe.apartments.generate import scan_pose
 from vlnpe.apartments.scanner.depth import DepthCamera
 from vlnpe.apartments.scanner.stations import look
@@ -124,7 +124,7 @@ def test_floor_is_bumpy_but_walkable(loaded: dict[str, Any]) -> None:
 
 def test_nothing_is_hallucinated(loaded: dict[str, Any]) -> None:
     """Every scanned vertex is near the exact surface."""
-    home = build_apartment(np.random.default_rng(SEED), COARSE)
+    home = build_scene(np.random.default_rng(SEED), COARSE)
     corners = home.shape.corners
     area = np.linalg.norm(
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1

@@ -33,7 +33,7 @@ from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.wayfinding.planning import plan_path
 
 RADIUS = 0.3
-LIMITS = CommandLimits((-0.3, 1.0), (-0.3, 0.3), (-1.05, 1.05))
+LIMITS = CommandLimits(vx_m_s=(-0.3, 1.0), vy_m_s=(-0.3, 0.3), yaw_rad_s=(-1.05, 1.05))
 WEST = st.tuples(st.floats(0.6, 3.2), st.floats(0.6, 2.4))
 EAST = st.tuples(st.floats(4.8, 7.4), st.floats(1.6, 3.4))
 YAW = st.floats(-math.pi, math.pi)

@@ -37,7 +37,7 @@ class Track:
         self.data = mujoco.MjData(self.model)
         self.handles = RobotHandles.find(robot, self.model)
         self.gait = gait_for(robot)
-        self.handles.spawn(self.data, 0.0, 0.0, lift_m, 0.0)
+        self.handles.spawn(self.data, floor_z_m=lift_m)
         self.travelled_m = self.turned_rad = 0.0
 
     def drive(self, command: tuple[float, float, float], seconds: float) -> None:

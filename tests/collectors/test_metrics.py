@@ -12,12 +12,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from vlnpe.collectors.metrics import dtw, ndtw, rollout_metrics
-from vlnpe.collectors.polyline import space_evenly
 from vlnpe.formats.core.episode import Episode
+from vlnpe.formats.core.geometry import path_length, space_evenly
 from vlnpe.formats.core.rollout import EndReason
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.wayfinding.distance import distance_field
-from vlnpe.wayfinding.planning import path_length
 
 POINTS = arrays(np.float64, st.tuples(st.integers(1, 12), st.just(2)), elements=st.floats(-9, 9))
 REFERENCE = np.array([[1.0, 1.0, 0], [3.0, 2.0, 0], [5.0, 2.0, 0], [7.0, 3.0, 0]])
@@ -79,15 +78,6 @@ def test_ndtw_of_itself_is_one_at_any_pace(path: np.ndarray, pace: list[int]) ->
 @given(POINTS, POINTS)
 def test_ndtw_lies_between_zero_and_one(path: np.ndarray, reference: np.ndarray) -> None:
     assert 0.0 <= ndtw(path, reference) <= 1.0
-
-
-@settings(max_examples=40, deadline=None)
-@given(POINTS, st.floats(0.05, 2.0))
-def test_resampling_keeps_the_ends_and_never_lengthens(path: np.ndarray, step: float) -> None:
-    dense = space_evenly(path, step)
-    assert dense[0] == pytest.approx(path[0])
-    assert dense[-1] == pytest.approx(path[-1])
-    assert path_length(dense) <= path_length(path) + 1e-9
 
 
 def test_a_perfect_walk(two_rooms: SceneBundle) -> None:

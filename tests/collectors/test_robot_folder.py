@@ -1,5 +1,5 @@
 """A user's own robot: the documented example drives, ours as folders are ours, and every mistake
-is told with file, field and what is valid."""
+raises an error with file, field and valid values."""
 
 from __future__ import annotations
 
@@ -201,7 +201,7 @@ MISTAKES = {
         edit(XML, '"right_wheel" axis="0 1 0"', '"right_wheel" axis="0 -1 0"'),
         r"model.xml: wheel 'right_wheel' turns about \(0, -1, 0\) .*valid: \(0, 1, 0\)",
     ),
-    "no TOML": (edit(TOML, "[camera]", "[camera"), r"robot.toml: no TOML: .* line \d+"),
+    "no TOML": (edit(TOML, "[camera]", "[camera"), r"robot.toml: not valid TOML: .* line \d+"),
     "unknown field": (
         edit(TOML, "roll_deg", "rol_deg"),
         r"fall.rol_deg is unknown \(did you mean roll_deg\?\); valid: com_to_foot_m, roll_deg",
@@ -218,17 +218,20 @@ MISTAKES = {
         r"command_limits.vx_m_s is \[0.8, -0.3\]; valid: \[low, high\] with low ≤ 0 ≤ high",
     ),
     "cannot go forward": (edit(TOML, "[-0.3, 0.8]", "[-0.3, 0]"), r"vx_m_s must reach above 0"),
-    "taken name": (edit(TOML, '"rover"', '"jetbot"'), r"name is 'jetbot', which is taken"),
-    "reserved name": (edit(TOML, '"rover"', '"all"'), r"name is 'all', which is taken"),
+    "taken name": (edit(TOML, '"rover"', '"jetbot"'), r"name is 'jetbot', which is reserved"),
+    "reserved name": (edit(TOML, '"rover"', '"all"'), r"name is 'all', which is reserved"),
     "impossible name": (edit(TOML, '"rover"', '"a/b"'), r"name is 'a/b'; valid: letters, digits"),
-    "joint twice": (edit(TOML, '"right_wheel" }]', '"left_wheel" }]'), r"names 'left_wheel' twice"),
+    "joint twice": (
+        edit(TOML, '"right_wheel" }]', '"left_wheel" }]'),
+        r"contains the name 'left_wheel' twice",
+    ),
     "missing joint": (
         edit(TOML, '[{ name = "left_wheel" }', '[{ name = "left_weel" }'),
         r"joints.left_weel is not in model.xml; valid: left_wheel, right_wheel, root",
     ),
     "unlisted joint": (
         edit(TOML, ', { name = "right_wheel" }]', "]"),
-        r"drive names 'right_wheel'; valid: left_wheel",
+        r"drive contains 'right_wheel'; valid: left_wheel",
     ),
     "foot of another number": (
         edit(TOML, '["caster"]', '["caster", "post"]'),
@@ -237,11 +240,11 @@ MISTAKES = {
     "missing sole": (edit(TOML, '["caster"]', '["cster"]'), r"no geom 'cster'.*feet.back.soles"),
     "sole of a wrong shape": (
         edit(TOML, '["caster"]', '["body"]'),
-        r"feet.back.soles names 'body', a box; valid: spheres",
+        r"feet.back.soles contains 'body', a box; valid: spheres",
     ),
     "sole that nothing touches": (
         edit(XML, 'condim="1"', 'contype="0" conaffinity="0"'),
-        r"feet.back.soles names 'caster', which nothing can touch",
+        r"feet.back.soles contains 'caster', which does not collide",
     ),
     "missing camera": (edit(TOML, '"front"', '"rear"'), r"camera.name is 'rear'; valid: front"),
     "impossible camera": (
@@ -250,18 +253,18 @@ MISTAKES = {
     ),
     "nothing moves it": (edit(TOML, "[drive]", "[fins]"), r"fins is unknown"),
     "no model": (drop(XML), r"model.xml: missing"),
-    "no MJCF": (edit(XML, "</mujoco>", ""), r"model.xml: no XML: .*line \d+"),
-    "bad MJCF": (edit(XML, 'mass="9"', 'mass="-9"'), r"model.xml: MuJoCo refuses it: .*mass"),
+    "no MJCF": (edit(XML, "</mujoco>", ""), r"model.xml: not valid XML: .*line \d+"),
+    "bad MJCF": (edit(XML, 'mass="9"', 'mass="-9"'), r"model.xml: MuJoCo rejects it: .*mass"),
     "a floor in it": (
         edit(XML, "<worldbody>", '<worldbody><geom name="floor" type="plane" size="1 1 1"/>'),
-        r"the world holds a geom \(floor\); valid: one robot and nothing else",
+        r"the worldbody has a geom \(floor\); valid: the robot alone",
     ),
-    "fixed": (edit(XML, "<freejoint/>", ""), r"body 'base' must float"),
+    "fixed": (edit(XML, "<freejoint/>", ""), r"body 'base' must be free"),
     "two robots": (
         edit(
             XML, "</worldbody>", '<body name="b"><freejoint/><geom size=".1"/></body></worldbody>'
         ),
-        r"the world holds 2 bodies; valid: one",
+        r"the worldbody has 2 bodies; valid: one",
     ),
     "wheel with a position servo": (
         edit(XML, '<velocity joint="left_wheel" kv="3"', '<position joint="left_wheel" kp="3"'),
@@ -273,7 +276,7 @@ MISTAKES = {
     ),
     "two servos": (
         edit(XML, '<velocity joint="left_wheel"', '<velocity joint="right_wheel"'),
-        r"joint 'right_wheel' has several actuators; valid: one",
+        r"joint 'right_wheel' has more than one actuator; valid: one",
     ),
     "no torque limit": (
         edit(XML, 'joint="left_wheel" kv="3" forcerange="-8 8"', 'joint="left_wheel" kv="3"'),
@@ -287,10 +290,10 @@ def test_each_mistake_is_told_in_one_line(tmp_path: Path, mistake: str):
     spoil, message = MISTAKES[mistake]
     folder = written_rover(tmp_path / "rover")
     spoil(folder)
-    with pytest.raises(FileFormatError, match=message) as told:
+    with pytest.raises(FileFormatError, match=message) as raised:
         get_robot(str(folder))
-    assert "\n" not in str(told.value)
-    assert str(folder) in str(told.value)
+    assert "\n" not in str(raised.value)
+    assert str(folder) in str(raised.value)
 
 
 def changed_card(**values: object) -> Callable[[Path], None]:
@@ -321,8 +324,14 @@ def network_of(name: str) -> Callable[[Path], None]:
 
 
 WALKING_MISTAKES = {
-    "no network": (drop("policy.onnx"), r"nothing moves this robot; valid: policy.onnx and policy"),
-    "no card": (drop("policy.json"), r"nothing moves this robot; valid: policy.onnx and policy"),
+    "no network": (
+        drop("policy.onnx"),
+        r"nothing drives this robot's joints; valid: policy.onnx and policy",
+    ),
+    "no card": (
+        drop("policy.json"),
+        r"nothing drives this robot's joints; valid: policy.onnx and policy",
+    ),
     "another network": (
         lambda folder: (folder / "policy.onnx").write_bytes(b"noise"),
         r"policy.onnx: is not the network that .*policy.json describes",
@@ -358,7 +367,7 @@ WALKING_MISTAKES = {
             '[drive]\nleft = ["FL_hip_joint"]\nright = ["FR_hip_joint"]\n'
             "wheel_radius_m = 0.1\ntrack_m = 1\n[camera]",
         ),
-        r"has \[drive\], but there is a policy.onnx too|must be a <velocity",
+        r"has \[drive\], but the folder also has policy.onnx|must be a <velocity",
     ),
     "a default out of range": (
         edit(TOML, '"FL_calf_joint", default_rad = -1.5', '"FL_calf_joint", default_rad = 1.5'),
@@ -416,7 +425,7 @@ def test_a_foot_feels_the_floor_however_its_sole_is_placed(tmp_path: Path, place
     robot = get_robot(str(folder))
     model = robot.build_model()
     data, handles = mujoco.MjData(model), RobotHandles.find(robot, model)
-    handles.spawn(data, 0.0, 0.0, 0.0, 0.0)
+    handles.spawn(data)
     mujoco.mj_step(model, data, nstep=200)
     felt = data.sensordata[handles.foot_touch]
     assert felt.sum() == pytest.approx(9.81 * robot.mass_kg, rel=0.05)

@@ -112,14 +112,14 @@ ATTACKS = {
     ),
     "replicate": (
         insert(f'<replicate count="1000000000">{GEOM}</replicate>', "<camera"),
-        r"elements with all its copies; valid: 20,000",
+        r"elements, copies included; valid: up to 20,000",
     ),
     "replicate in replicate": (
         insert(
             '<replicate count="400"><replicate count="400">' + GEOM + "</replicate></replicate>",
             "<camera",
         ),
-        r"valid: 20,000",
+        r"valid: up to 20,000",
     ),
     "texture without end": (
         insert(
@@ -143,10 +143,10 @@ ATTACKS = {
 def test_each_way_out_is_refused_with_file_and_reason(rover: Path, attack: str):
     spoil, reason = ATTACKS[attack]
     spoil(rover)
-    with pytest.raises(FileFormatError, match=reason) as told:
+    with pytest.raises(FileFormatError, match=reason) as raised:
         get_robot(str(rover))
-    assert "\n" not in str(told.value)
-    assert str(rover) in str(told.value)
+    assert "\n" not in str(raised.value)
+    assert str(rover) in str(raised.value)
 
 
 def test_what_stays_inside_is_read(rover: Path, tmp_path: Path):

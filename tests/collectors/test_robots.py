@@ -147,7 +147,7 @@ def standing(robot: RobotSpec) -> tuple[mujoco.MjModel, mujoco.MjData, RobotHand
     model = robot.build_model()
     data = mujoco.MjData(model)
     handles = RobotHandles.find(robot, model)
-    handles.spawn(data, 0.0, 0.0, 0.0, 0.0)
+    handles.spawn(data)
     mujoco.mj_forward(model, data)
     return model, data, handles
 
@@ -347,7 +347,7 @@ def test_found_under_any_prefix(robot: RobotSpec):
     model = in_larger_scene(robot, "scene7/robot/")
     handles = RobotHandles.find(robot, model)
     data = mujoco.MjData(model)
-    handles.spawn(data, 1.0, -2.0, 0.5, 0.7)
+    handles.spawn(data, x_m=1.0, y_m=-2.0, floor_z_m=0.5, yaw_rad=0.7)
     mujoco.mj_forward(model, data)
     position = data.body(f"scene7/robot/{robot.root_body}").xpos
     np.testing.assert_allclose(position, [1.0, -2.0, 0.5 + robot.spawn_height_m])

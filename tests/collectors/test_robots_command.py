@@ -12,7 +12,8 @@ from PIL import Image
 
 from vlnpe.collectors.gait_training.gates import GATES
 from vlnpe.collectors.locomotion.policy import GaitPolicy
-from vlnpe.collectors.rendering.people.studio import Sitter, make_studio, turntable, walking_strip
+from vlnpe.collectors.rendering.people.portraits import StandingRobot, turntable, walking_strip
+from vlnpe.collectors.rendering.people.studio import make_studio
 from vlnpe.collectors.robots import ROBOTS, get_robot
 from vlnpe.collectors.stroll import stroll
 from vlnpe.formats.core.errors import InputError
@@ -20,13 +21,13 @@ from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.robot_sheet import details, sheet_of, table
 
 
-def told(capsys: pytest.CaptureFixture, *arguments: object) -> dict:
+def run_json(capsys: pytest.CaptureFixture, *arguments: object) -> dict:
     assert main(["robots", *map(str, arguments), "--json"]) == 0
     return json.loads(capsys.readouterr().out.splitlines()[-1])
 
 
 def test_it_lists_every_robot_with_its_facts(capsys: pytest.CaptureFixture):
-    rows = {row["name"]: row for row in told(capsys)["robots"]}
+    rows = {row["name"]: row for row in run_json(capsys)["robots"]}
     assert list(rows) == list(ROBOTS)
     for name, row in rows.items():
         robot = get_robot(name)
@@ -92,7 +93,7 @@ def test_unknown_robots_list_the_valid_ones(
 def test_it_writes_pictures_and_says_when_there_is_no_walk(
     capsys: pytest.CaptureFixture, tmp_path: Path
 ):
-    value = told(capsys, "--view", "vlnce", "--out", tmp_path)
+    value = run_json(capsys, "--view", "vlnce", "--out", tmp_path)
     assert value["pictures"] == [str(tmp_path / "vlnce-turntable.png")]
     assert "cannot walk" in value["note"]
     picture = np.asarray(Image.open(tmp_path / "vlnce-turntable.png"))
@@ -142,15 +143,15 @@ def test_what_cannot_walk_does_not():
 
 
 def test_heights_are_those_of_the_real_ones():
-    heights = {name: Sitter.of(robot).height_m for name, robot in ROBOTS.items()}
+    heights = {name: StandingRobot.of(robot).height_m for name, robot in ROBOTS.items()}
     assert heights["h1"] == pytest.approx(1.8, abs=0.08)
     assert heights["g1"] == pytest.approx(1.32, abs=0.05)
-    assert Sitter.of(get_robot("jetbot@1")).height_m == pytest.approx(0.116, abs=0.002)
+    assert StandingRobot.of(get_robot("jetbot@1")).height_m == pytest.approx(0.116, abs=0.002)
 
 
 def test_an_export_never_replaces_a_robot(capsys: pytest.CaptureFixture, tmp_path: Path):
     out = tmp_path / "mycart"
-    told(capsys, "--export", "jetbot", "--out", out)
+    run_json(capsys, "--export", "jetbot", "--out", out)
     facts = out / "robot.toml"
     edited = facts.read_text() + "# mine\n"
     facts.write_text(edited)
@@ -163,7 +164,7 @@ def test_a_robot_that_cannot_be_used_ends_with_code_2(
     capsys: pytest.CaptureFixture, tmp_path: Path
 ):
     out = tmp_path / "mydog"
-    told(capsys, "--export", "aliengo", "--out", out)
+    run_json(capsys, "--export", "aliengo", "--out", out)
     network = out / "policy.onnx"
     network.write_bytes(network.read_bytes()[:1000])
     assert main(["robots", str(out)]) == 2
@@ -172,14 +173,17 @@ def test_a_robot_that_cannot_be_used_ends_with_code_2(
 
 def test_an_exported_robot_is_a_robot(capsys: pytest.CaptureFixture, tmp_path: Path):
     out = tmp_path / "mydog"
-    assert told(capsys, "--export", "aliengo", "--out", out) == {"out": str(out), "robot": "mydog"}
+    assert run_json(capsys, "--export", "aliengo", "--out", out) == {
+        "out": str(out),
+        "robot": "mydog",
+    }
     assert sorted(p.name for p in out.iterdir()) == [
         "model.xml",
         "policy.json",
         "policy.onnx",
         "robot.toml",
     ]
-    (row,) = told(capsys, out)["robots"]
+    (row,) = run_json(capsys, out)["robots"]
     assert row["name"] == "mydog"
     assert row["problem"] == ""
 

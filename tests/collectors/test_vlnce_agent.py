@@ -34,7 +34,7 @@ def test_it_is_a_cylinder_with_a_camera():
     model = robot.build_model()
     data = mujoco.MjData(model)
     handles = RobotHandles.find(robot, model)
-    handles.spawn(data, 0.0, 0.0, 0.0, 0.0)
+    handles.spawn(data)
     mujoco.mj_forward(model, data)
     assert data.cam_xpos[handles.camera, 2] == pytest.approx(1.25, abs=0.002)
     assert -data.cam_xmat[handles.camera].reshape(3, 3)[2, 2] == pytest.approx(0.0, abs=1e-12)
@@ -71,15 +71,15 @@ def test_a_rollout_without_joints_survives_its_file(rollout: Rollout, tmp_path: 
 def test_a_target_inside_furniture_is_flagged(tmp_path: Path):
     # The map knows nothing of this box, which stands in the doorway.
     bundle = with_box(tmp_path, (4.0, 2.0, 0.6), (0.1, 0.5, 0.1))
-    told = replay_episode(bundle, make_episode(bundle), FLASH).events
-    assert {event.kind for event in told} == {"collision_target"}
+    events = replay_episode(bundle, make_episode(bundle), FLASH).events
+    assert {event.kind for event in events} == {"collision_target"}
 
 
 def test_it_is_seen_from_behind_and_not_by_itself(two_rooms: SceneBundle, rollout: Rollout):
     renderer = SceneRenderer(two_rooms)
     samples = np.array([0, 250])
     for kind, seen in (("ego", False), ("chase", True)):
-        view = make_view(kind, "vlnce", 96, 96)
+        view = make_view(kind, "vlnce", width_px=96, height_px=96)
         plan = RolloutFrames.plan(renderer, rollout, view, samples)
         for n, (rgb, _) in enumerate(plan.render(renderer)):
             position, quat = plan.path.position_world_m[n], plan.path.quat_wxyz[n]

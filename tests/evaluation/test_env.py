@@ -35,7 +35,7 @@ def episodes(two_rooms: SceneBundle) -> list[Episode]:
 
 
 def small_view(robot: str = "aliengo"):
-    return make_view("ego", robot, 64, 48)
+    return make_view("ego", robot, width_px=64, height_px=48)
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,7 @@ def test_gymnasium_accepts_it(env: NavigationEnv) -> None:
 def test_a_policy_sees_what_collection_renders_bit_for_bit(two_rooms, episodes, controller) -> None:
     world = open_world(two_rooms, 0, get_robot("aliengo"))
     config = ReplayConfig(controller=controller)
-    view, renderer = small_view(), make_renderer(two_rooms, "embree", "baked")
+    view, renderer = small_view(), make_renderer(two_rooms, "embree", light="baked")
     expert = replay_in(world, episodes[1], config)
     policy = Replayed(span.action for span in expert.actions)
     walked = evaluate_episode(world, episodes[1], config, policy, Eye(world, view, renderer))

@@ -4,8 +4,14 @@ from __future__ import annotations
 
 import json
 import logging
+import signal
+import subprocess
+import sys
+import threading
+import time
 import traceback
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -174,23 +180,72 @@ def test_budget(tmp_path):
 
 
 def test_requests_at_a_time_are_bounded(two_rooms, tmp_path):
-    import time
-
     def script(number, request):
         time.sleep(0.05)
         return completion(texts(*GOOD))
 
     scenes = two_rooms.root.parent
     (scenes / "two_rooms").exists() or (scenes / "two_rooms").symlink_to(two_rooms.root)
-    episodes = [episode_of([(5.2, 0.6 + k / 50), *LEFT[1:]], name=f"p{k}") for k in range(6)]
+    episodes = [episode_of([(5.2, 0.6 + k / 10), *LEFT[1:]], name=f"p{k}") for k in range(6)]
     with Server(script).running() as server:
         config = InstructConfig(writer="llm", count=1, llm=settings_of(server, workers=2))
         made = instruct_episodes(episodes, scenes, config, 0, cache=tmp_path / "c")
     assert len(made.episodes) == 6
     assert server.most == 2
-    assert made.usage()["requests"] >= 6
+    assert made.usage()["requests"] == len(server.requests) >= 5
     told = made.episodes[0].extra["instruction"]
     assert len(told["prompt_sha256"]) == 64 and told["temperature"] == 0.7
+
+
+_RUN = """
+import json, sys
+from pathlib import Path
+from tests.instruction_gen.test_instruct import LEFT, episode_of
+from vlnpe.instruction_gen.instruct import instruct_episodes
+from vlnpe.instruction_gen.llm.settings import LlmSettings
+from vlnpe.instruction_gen.records import InstructConfig
+
+url, scenes, cache = sys.argv[1:]
+llm = LlmSettings(base_url=url, model="scripted", backoff_s=0.0, timeout_s=30.0, workers=2)
+episodes = [episode_of([(5.2, 0.6 + k / 10), *LEFT[1:]], name=f"p{k}") for k in range(6)]
+config = InstructConfig(writer="llm", count=1, llm=llm)
+made = instruct_episodes(episodes, Path(scenes), config, 0, cache=Path(cache))
+print(json.dumps({"texts": [e.instruction for e in made.episodes], **made.usage()}))
+"""
+
+
+def test_a_killed_run_goes_on_and_pays_nothing_twice(two_rooms, tmp_path):
+    scenes = two_rooms.root.parent
+    (scenes / "two_rooms").exists() or (scenes / "two_rooms").symlink_to(two_rooms.root)
+    answered: list[str] = []
+    reached = threading.Event()
+    killed = False
+
+    def script(number, request):
+        body = json.dumps(request["messages"])
+        if number > 3 and not killed:
+            reached.set()
+            return HANG
+        assert body not in answered, "paid for twice"
+        answered.append(body)
+        return completion(texts(GOOD[0]))
+
+    with Server(script).running() as server:
+        command = [sys.executable, "-c", _RUN, server.url, str(scenes), str(tmp_path / "cache")]
+        root = Path(__file__).resolve().parents[2]
+        with subprocess.Popen(command, cwd=root) as first:
+            assert reached.wait(60)
+            time.sleep(0.3)  # let the answers that were sent arrive
+            first.kill()
+        assert first.returncode == -signal.SIGKILL
+        killed = True
+        server.release.set()
+        second = subprocess.run(
+            command, cwd=root, capture_output=True, text=True, timeout=120, check=True
+        )
+    made = json.loads(second.stdout.splitlines()[-1])
+    assert made["texts"] == [GOOD[0]] * 6 and made["requests"] == len(answered)
+    assert len(answered) >= 5
 
 
 def test_wrong_language_and_other_languages(two_rooms, tmp_path):

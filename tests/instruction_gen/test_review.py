@@ -177,3 +177,19 @@ def test_the_page_in_a_browser(review, browser, tmp_path):
         assert browser.save_screenshot(str(picture)) and picture.stat().st_size > 10_000
         errors = [e for e in browser.get_log("browser") if e["level"] == "SEVERE"]
         assert [e for e in errors if "favicon" not in e["message"]] == []
+
+
+def test_a_decision_exports_only_its_own_path_again(review, tmp_path):
+    from vlnpe.formats.vlnce.files import write_episodes
+    from vlnpe.pipeline.stages.export import review_digests
+
+    (tmp_path / "episodes").mkdir()
+    write_episodes(tmp_path / "episodes" / "train.json.gz", list(review.paths.values()))
+    before = {name: review_digests(tmp_path)(name) for name in ("p0", "p1", "elsewhere")}
+    text = review.paths["p0"].extra["instructions"][0]
+    review.file.add(Decision("ann", "p0", 0, "reject", text))
+    after = {name: review_digests(tmp_path)(name) for name in before}
+    assert after["p0"] != before["p0"] and after["p1"] == before["p1"]
+    assert after["elsewhere"] != before["elsewhere"]  # a path that no episode file knows
+    review.file.add(Decision("ann", "p0", 0, "undo", text))
+    assert {name: review_digests(tmp_path)(name) for name in before} == before

@@ -28,6 +28,9 @@ LAYERS = {
     "pipeline": 4.0,
 }
 PACKAGES = sorted(LAYERS)
+MAX_POSITIONAL = 7
+# Packages whose functions still take more.
+LONG_SIGNATURES = {"collectors", "instruction_gen", "pipeline"}
 
 
 def package_folders() -> list[str]:
@@ -99,3 +102,17 @@ def test_packages_import_only_lower_layers():
                     if target != package and LAYERS[target] >= LAYERS[package]:
                         wrong.append(f"{path.relative_to(ROOT)}:{node.lineno} imports {target}")
     assert wrong == []
+
+
+def test_no_function_takes_more_than_seven_positional_parameters():
+    long = []
+    for package in sorted({*PACKAGES, "benchmarks", "examples"} - LONG_SIGNATURES):
+        for path in sorted((ROOT / package).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text())):
+                if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                    continue
+                names = [a.arg for a in (*node.args.posonlyargs, *node.args.args)]
+                count = len(names) - (names[:1] in (["self"], ["cls"]))
+                if count > MAX_POSITIONAL:
+                    long.append(f"{path.relative_to(ROOT)}:{node.lineno} {node.name}: {count}")
+    assert long == []

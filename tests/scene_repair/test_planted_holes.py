@@ -10,17 +10,17 @@ import trimesh
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from benchmarks.scene_repair.cases import Result, load, save
 from benchmarks.scene_repair.cut import cut_exactly
 from benchmarks.scene_repair.decoys import DECOYS
 from benchmarks.scene_repair.glb import Glb, Part
 from benchmarks.scene_repair.plant import Planted, floor_faces, plant
+from benchmarks.scene_repair.report import by_kind, counted, missed, summary
 from benchmarks.scene_repair.scenes import Source, write_planted
 from benchmarks.scene_repair.score import score, score_hole, truth_of
 from benchmarks.scene_repair.shapes import KINDS, Outline, ragged
 from benchmarks.scene_repair.site import survey
 from benchmarks.scene_repair.speed import Run, fit
-from benchmarks.scene_repair.store import Result, load, save
-from benchmarks.scene_repair.tables import by_kind, counted, missed, summary
 from tests.support import scans
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
@@ -115,7 +115,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Source:
     parts["Cupboard_1"] = scans.box((6.2, 3.4, 0.08), (7.6, 4.0, 1.5))
     path = scans.write_named_glb(parts, folder / "scan.glb")
     door = (np.array([3.95, 1.55]), np.array([4.15, 2.45]))
-    return Source(path, survey("two rooms", Glb(path).parts(), 0.0, False, doors=[door]))
+    return Source(path, survey("two rooms", Glb(path).parts(), 0.0, exact=False, doors=[door]))
 
 
 def test_a_changed_glb_differs_by_the_change_alone(scene: Source, tmp_path: Path) -> None:

@@ -28,11 +28,11 @@ from vlnpe.scene_repair.grid.columns import sample_columns
 from vlnpe.scene_repair.scan import images
 from vlnpe.scene_repair.scan.big_png import shrink_png
 from vlnpe.scene_repair.scan.dispatch import read_scan, scan_of
+from vlnpe.scene_repair.scan.headers import read_header
 from vlnpe.scene_repair.scan.mesh import _load, _parts, read_mesh
-from vlnpe.scene_repair.scan.ply_header import read_header
 from vlnpe.scene_repair.scan.record import Scan
 from vlnpe.scene_repair.scan.resolver import ConfinedResolver
-from vlnpe.scene_repair.usd import stage as read_usd
+from vlnpe.scene_repair.usd import read_stage as read_usd
 
 
 def check_sound(scan: Scan) -> None:
@@ -124,12 +124,12 @@ def test_handmade_triangle_is_sound(tmp_path: Path) -> None:
         ({"buffers": [{"byteLength": 42, "uri": "%2e%2e/x.bin"}]}, "leaves the scan's folder"),
         ({"buffers": [{"byteLength": 42, "uri": "none.bin"}]}, "missing"),
         ({"buffers": [{"byteLength": 42, "uri": "data:,!!!"}]}, "base64"),
-        ({"nodes": [{"mesh": 0, "children": [1]}, {"children": [0]}]}, "below itself"),
-        ({"nodes": [{"mesh": 7}]}, "mesh 7 of 1"),
-        ({"nodes": [{"mesh": 0, "children": [9]}]}, "node 9 of 1"),
+        ({"nodes": [{"mesh": 0, "children": [1]}, {"children": [0]}]}, "its own ancestor"),
+        ({"nodes": [{"mesh": 7}]}, "mesh 7; there are 1"),
+        ({"nodes": [{"mesh": 0, "children": [9]}]}, "node 9 does not exist; there are 1"),
         ({"nodes": [{"mesh": 0}] * 60_000, "scenes": [{"nodes": list(range(60_000))}]}, "60,000"),
         ({"nodes": [{"children": [k + 1]} for k in range(2000)] + [{"mesh": 0}]}, "deep"),
-        ({"materials": True}, "no list of objects"),
+        ({"materials": True}, "not a list of objects"),
         ({"asset": {"version": "1.0"}}, "valid: 2"),
         (
             {
@@ -204,7 +204,7 @@ def test_a_buffer_named_often_is_read_once(tmp_path: Path) -> None:
     ("limit", "value", "what"),
     [
         ("MAX_VERTICES", 8, "9 vertices"),
-        ("SPARE_BYTES", -40, "accessors take"),
+        ("SPARE_BYTES", -40, "accessors refer to"),
         ("MAX_REPEATED", 8, "so often that they become 9"),
     ],
 )
@@ -250,7 +250,7 @@ def test_pieces_of_a_shared_buffer_keep_their_own_vertices(tmp_path: Path) -> No
     path = tmp_path / "scan.glb"
     path.write_bytes(glb(tree, data))
     file = GltfFile(path, ConfinedResolver(tmp_path))
-    parts = _parts(_load(path, file.without_pictures(), ConfinedResolver(tmp_path)), True, [])
+    parts = _parts(_load(path, file.without_images(), ConfinedResolver(tmp_path)), True, [])
     assert [len(part.vertices) for part in parts] == [3] * 100
     found = np.concatenate([p.vertices[p.faces].reshape(-1, 3) for p in parts])
     assert sorted(map(tuple, found)) == sorted(map(tuple, places[:300].astype(float)))
@@ -446,7 +446,7 @@ def test_shrinking_while_reading_is_the_mean(mode: str) -> None:
 )
 def test_picture_bombs_and_stumps_are_left_out(data: bytes) -> None:
     warnings: list[str] = []
-    image = images.open_picture(data, "a", warnings, images.PixelBudget())
+    image = images.open_image(data, "a", warnings, images.PixelBudget())
     found = images.decode_all({} if image is None else {"a": image}, warnings)
     assert found.get("a") is None
     assert warnings
@@ -474,7 +474,7 @@ def test_lying_ply_headers_are_refused(kind: str, counts: tuple[int, int], tmp_p
     path = tmp_path / "scan.ply"
     head = PLY.format(kind, counts[0]) + FACES.format(counts[1])
     path.write_bytes(head.encode() + b"0 0 0\n1 0 0\n1 1 0\n3 0 1 2\n")
-    with pytest.raises(FileFormatError, match="promises"):
+    with pytest.raises(FileFormatError, match="declares"):
         read_scan(path)
 
 
@@ -488,14 +488,14 @@ def test_ply_header_without_end(tmp_path: Path) -> None:
 def test_stl_that_promises_too_much(tmp_path: Path) -> None:
     path = tmp_path / "scan.stl"
     path.write_bytes(bytes(80) + struct.pack("<I", 4_000_000_000) + bytes(50))
-    with pytest.raises(FileFormatError, match="promises 4,000,000,000 triangles"):
+    with pytest.raises(FileFormatError, match="declares 4,000,000,000 triangles"):
         read_mesh(path)
 
 
 def test_off_that_promises_too_much(tmp_path: Path) -> None:
     path = tmp_path / "scan.off"
     path.write_text("OFF\n3 4000000000 0\n0 0 0\n1 0 0\n1 1 0\n3 0 1 2\n")
-    with pytest.raises(FileFormatError, match="promises"):
+    with pytest.raises(FileFormatError, match="declares"):
         read_mesh(path)
 
 

@@ -130,10 +130,10 @@ def test_nodes_already_named_are_not_doubled(tmp_path: Path) -> None:
     ("text", "what"),
     [
         ("", "does not begin"),
-        ("ASCII 1.1\n", "neither rooms nor things"),
+        ("ASCII 1.1\n", "neither rooms nor objects"),
         ("ASCII 1.1\nO 0 0 0 1 1\n", "line 2 is damaged"),
         ("ASCII 1.1\nO 0 0 0 a b c 1 0 0 0 1 0 1 1 1\n", "line 2 is damaged"),
-        ("ASCII 1.1\nR 0 0 0 0 k 2 2 0 nan 0 0 5 4 2.6 2.6\n", "impossible numbers"),
+        ("ASCII 1.1\nR 0 0 0 0 k 2 2 0 nan 0 0 5 4 2.6 2.6\n", "out of range"),
         ("ASCII 1.1\nC 0 1 table\n", "line 2 is damaged"),
     ],
 )

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.support import scans
-from vlnpe.apartments.generate import ApartmentConfig, build_apartment
+from vlnpe.apartments.generate import ApartmentConfig, build_scene
 from vlnpe.formats.core.errors import SceneError
 from vlnpe.pipeline.cli import main
 from vlnpe.scene_repair.config import UNIT_M, RepairConfig
@@ -35,7 +35,7 @@ def as_scan(vertices: np.ndarray, faces: np.ndarray) -> Scan:
 @cache
 def apartment(seed: int) -> Scan:
     """A generated home, z up, in metres, without names."""
-    corners = build_apartment(np.random.default_rng(seed), ApartmentConfig()).shape.corners
+    corners = build_scene(np.random.default_rng(seed), ApartmentConfig()).shape.corners
     return as_scan(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
 
 

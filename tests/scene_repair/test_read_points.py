@@ -16,7 +16,7 @@ from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.orient.transform import orient
 from vlnpe.scene_repair.scan import point_cloud as read_points
 from vlnpe.scene_repair.scan.dispatch import read_scan, scan_of
-from vlnpe.scene_repair.scan.pcd_header import check_pcd
+from vlnpe.scene_repair.scan.headers import check_pcd
 
 SIZE = (5.0, 4.0, 2.6)
 needs_open3d = pytest.mark.skipif(
@@ -121,7 +121,7 @@ def test_invalid_points_are_dropped(tmp_path: Path) -> None:
 def test_too_few_points(tmp_path: Path) -> None:
     path = tmp_path / "scan.ply"
     trimesh.PointCloud(np.eye(3)).export(str(path))
-    with pytest.raises(FileFormatError, match=r"scan\.ply: holds 3 usable points"):
+    with pytest.raises(FileFormatError, match=r"scan\.ply: contains 3 usable points"):
         read_points.read(path)
 
 
@@ -159,8 +159,8 @@ HEAD = "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n"
         ("hello\nworld\n", "no PCD header"),
         ("VERSION .7\nFIELDS a\nDATA ascii\n", "damaged PCD header"),
         (HEAD.replace("x y z", "a b c") + "WIDTH 1\nHEIGHT 1\nPOINTS 1\nDATA ascii\n", "x y z"),
-        (HEAD + "WIDTH 4000000000\nHEIGHT 1\nPOINTS 4000000000\nDATA binary\n", "promises"),
-        (HEAD + "WIDTH 1000000\nHEIGHT 1\nPOINTS 1000000\nDATA binary\n", "promises 1,000,000"),
+        (HEAD + "WIDTH 4000000000\nHEIGHT 1\nPOINTS 4000000000\nDATA binary\n", "declares"),
+        (HEAD + "WIDTH 1000000\nHEIGHT 1\nPOINTS 1000000\nDATA binary\n", "declares 1,000,000"),
         (HEAD + "WIDTH 10\nHEIGHT 1\nPOINTS 1000\nDATA ascii\n", "by width and height"),
         (HEAD + "WIDTH 9\nHEIGHT 1\nPOINTS 9\nDATA binary_compressed\n\xff\xff\xff\x7f", "unpacks"),
         (HEAD + "WIDTH 1\nHEIGHT 1\nPOINTS 1\nDATA zip\n", "unknown PCD data"),

@@ -26,7 +26,7 @@ from vlnpe.scene_repair.scan.dispatch import read_scan, scan_of
 from vlnpe.scene_repair.scan.readings import LookRef
 from vlnpe.scene_repair.scan.record import Scan
 from vlnpe.scene_repair.usd import package as usd_package
-from vlnpe.scene_repair.usd import stage as read_usd
+from vlnpe.scene_repair.usd import read_stage as read_usd
 from vlnpe.scene_repair.usd.shapes import simple_shape
 
 SQUARE = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0)]
@@ -422,7 +422,7 @@ def test_references_in_a_circle_are_refused(tmp_path: Path) -> None:
         (tmp_path / f"{one}.usda").write_text(
             f'#usda 1.0\n(defaultPrim = "R")\ndef Xform "R" (references = @./{other}.usda@) {{}}\n'
         )
-    with pytest.raises(FileFormatError, match="circle") as caught:
+    with pytest.raises(FileFormatError, match="circular") as caught:
         read_here(tmp_path / "scene.usda")
     assert "0x" not in str(caught.value)
 
@@ -430,7 +430,7 @@ def test_references_in_a_circle_are_refused(tmp_path: Path) -> None:
 def test_sublayers_in_a_circle_are_refused(tmp_path: Path) -> None:
     for one, other in (("scene", "b"), ("b", "scene")):
         (tmp_path / f"{one}.usda").write_text(f"#usda 1.0\n(subLayers = [@./{other}.usda@])\n")
-    with pytest.raises(FileFormatError, match="circle") as caught:
+    with pytest.raises(FileFormatError, match="circular") as caught:
         read_here(tmp_path / "scene.usda")
     assert "0x" not in str(caught.value)
 
@@ -469,7 +469,7 @@ def test_package_that_lies_about_sizes_is_refused(tmp_path: Path) -> None:
     for offset in (20, 24):
         raw[at + offset : at + offset + 4] = (3_000_000_000).to_bytes(4, "little")
     path.write_bytes(bytes(raw))
-    with pytest.raises(FileFormatError, match="bytes together"):
+    with pytest.raises(FileFormatError, match="bytes in total"):
         read_here(path)
 
 

@@ -184,7 +184,16 @@ def test_voxels_hold_every_surface_point(seed: int) -> None:
     faces = rng.permutation(12).reshape(4, 3)
     grid = GridSpec((0.0, 0.0), 0.1, 20, 20)
     low, high = np.zeros(grid.shape), np.full(grid.shape, 2.0)
-    voxels = voxelise(vertices, faces, np.arange(4, dtype=np.int32), grid, 0.0, 20, low, high)
+    voxels = voxelise(
+        vertices,
+        faces,
+        np.arange(4, dtype=np.int32),
+        grid,
+        z0_m=0.0,
+        layers=20,
+        cut_below_m=low,
+        cut_above_m=high,
+    )
     corner = np.sort(rng.random((500, 2)), axis=1)
     bary = np.stack([corner[:, 0], corner[:, 1] - corner[:, 0], 1 - corner[:, 1]], axis=1)
     points = np.einsum("nk,fkd->fnd", bary, vertices[faces]).reshape(-1, 3)

@@ -15,7 +15,7 @@ from trimesh.transformations import rotation_matrix
 
 from tests.support import scans
 from tests.support.bodies import level_geoms, touched_on_the_way
-from vlnpe.apartments import ApartmentConfig, build_apartment
+from vlnpe.apartments import ApartmentConfig, build_scene
 from vlnpe.formats.scene.bundle import Obstacles, SceneBundle, save_bundle
 from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.scene_repair.collide.level_collision import LevelCollision, build_collision
@@ -179,7 +179,7 @@ def test_every_doorway_of_a_furnished_home_is_passable(
 ) -> None:
     """All rooms of a home, with furniture and door frames, are joined by doors of 75 cm."""
     config = ApartmentConfig(door_width_m=(0.75, 0.75))
-    home = build_apartment(np.random.default_rng(seed), config)
+    home = build_scene(np.random.default_rng(seed), config)
     corners = home.shape.corners.reshape(-1, 3)
     shape = trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False)
     mesh, move = placed([shape], 0.017, 0.041, degrees)

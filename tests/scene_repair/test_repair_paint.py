@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vlnpe.scene_repair.floor.tiles import Tiles
+from vlnpe.scene_repair.floor.patch_region import Tiles
 from vlnpe.scene_repair.paint.inpaint import inpaint
 
 TEXEL_M = 0.01

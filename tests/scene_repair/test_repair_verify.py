@@ -26,8 +26,8 @@ from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.pipeline.commands.look import Verify, run_verify
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
-from vlnpe.scene_repair.verify.carrying import verify_scene
 from vlnpe.scene_repair.verify.probe_balls import drop_balls
+from vlnpe.scene_repair.verify.scene import verify_scene
 
 HOLE = (3.5, 1.0, 0.4)
 Arrays = dict[str, NDArray]

@@ -14,7 +14,7 @@ from vlnpe.scene_repair.labels.attach import label_scan
 from vlnpe.scene_repair.labels.files import read_labels
 from vlnpe.scene_repair.repair import repair_scene
 from vlnpe.scene_repair.scan.dispatch import read_scan
-from vlnpe.scene_repair.scan.side_files import licence_beside, side_file, side_names
+from vlnpe.scene_repair.scan.files import licence_beside, side_file, side_names
 
 
 @pytest.mark.parametrize("name", side_names(Path("home.glb")))

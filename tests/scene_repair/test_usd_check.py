@@ -16,7 +16,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, UsdValidation, Vt
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.scene.bundle import Floor, LabeledObject, Material, Obstacles, VisualMesh
 from vlnpe.formats.scene.grid import GridSpec
-from vlnpe.scene_repair.usd.write_scene import UsdContent, write_usd
+from vlnpe.scene_repair.usd.write_stage import UsdContent, write_usd
 from vlnpe.scene_repair.verify.usd import check_usd
 
 CRATE = "/World/Objects/Crate_1"
@@ -74,7 +74,7 @@ def test_names_that_look_alike_stay_apart(written: Path) -> None:
 
 
 def test_too_many_things_share_a_prim(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vlnpe.scene_repair.usd.write_scene.MAX_THINGS", 1)
+    monkeypatch.setattr("vlnpe.scene_repair.usd.write_stage.MAX_THINGS", 1)
     whole = content()
     visual = replace(whole.visual, face_object=np.array([1, 1, 0], np.int32))
     write_usd(path, content(visual=visual))

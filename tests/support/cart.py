@@ -88,7 +88,7 @@ def make_cart(mast_kg: float = 0.1, mast_m: float = 0.4) -> RobotSpec:
         mass_kg=12.2 + mast_kg,
         link_mass_kg={"mast": mast_kg},
         joints=tuple(
-            JointFacts(name, 0.0, (-1e9, 1e9), 0.0, 3.0, 40.0)
+            JointFacts(name, 0.0, (-1e9, 1e9), kp=0.0, kd=3.0, torque_nm=40.0)
             for name in ("left_wheel", "right_wheel")
         ),
         policy_joints=2,
@@ -99,9 +99,15 @@ def make_cart(mast_kg: float = 0.1, mast_m: float = 0.4) -> RobotSpec:
         base_height_m=WHEEL_M,
         spawn_height_m=WHEEL_M,
         footprint_radius_m=0.28,
-        camera=CameraMount("ego", "base", (0.2, 0.0, 0.2), 0.0, CameraModel("ego", 64, 64, 90.0)),
+        camera=CameraMount(
+            name="ego",
+            body="base",
+            position_body_m=(0.2, 0.0, 0.2),
+            pitch_down_deg=0.0,
+            model=CameraModel("ego", 64, 64, 90.0),
+        ),
         fall=FallThresholds(com_to_foot_m=0.02),
-        command_limits=CommandLimits((-0.3, 1.0), (0.0, 0.0), (-1.5, 1.5)),
+        command_limits=CommandLimits(vx_m_s=(-0.3, 1.0), vy_m_s=(0.0, 0.0), yaw_rad_s=(-1.5, 1.5)),
         sources=(),
         build=partial(build_cart, mast_m=mast_m),
     )

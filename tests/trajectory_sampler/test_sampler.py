@@ -11,6 +11,7 @@ import pytest
 
 from vlnpe.formats.core.errors import InputError, SceneError
 from vlnpe.formats.core.frames import wrap_angle
+from vlnpe.formats.core.geometry import path_length
 from vlnpe.formats.scene.bundle import LabeledObject, load_bundle
 from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
@@ -19,7 +20,7 @@ from vlnpe.trajectory_sampler.sampling import LEAST_GAP_M, sample_episodes
 from vlnpe.trajectory_sampler.similarity import path_gap
 from vlnpe.wayfinding.crossings import crossings
 from vlnpe.wayfinding.distance import AGENT_RADIUS_M, distance_field
-from vlnpe.wayfinding.planning import path_clearance, path_length, segments_free
+from vlnpe.wayfinding.planning import path_clearance, segments_free
 from vlnpe.wayfinding.regions import region_map
 
 CONFIG = SampleConfig(count=2, min_length_m=5.0)

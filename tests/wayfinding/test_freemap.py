@@ -10,16 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.support.rooms import PARTS
+from vlnpe.formats.core.geometry import path_length, resample
 from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.wayfinding.distance import distance_field, nearest_cell
 from vlnpe.wayfinding.geodesic import line_is_free
 from vlnpe.wayfinding.planning import (
     path_clearance,
-    path_length,
     plan_path,
-    point_along,
-    resample,
     segments_free,
     simplify_path,
 )
@@ -139,7 +137,7 @@ def test_planned_paths_keep_their_clearance(two_rooms, seed):
     assert np.array_equal(path[0, :2], start)
     assert np.array_equal(path[-1, :2], goal)
     assert np.linalg.norm(np.diff(path, axis=0), axis=1).max() <= 0.6
-    thin = simplify_path(freemap, path, RADIUS, 1.0, 0.03)
+    thin = simplify_path(freemap, path, radius_m=RADIUS, spacing_m=1.0, tolerance_m=0.03)
     for line in (path, thin):
         assert to_obstacles(resample(line[:, :2], 0.01)).min() >= RADIUS - freemap.grid.cell_m
     geodesic = float(distance_field(freemap, goal, RADIUS).at(start))
@@ -193,9 +191,3 @@ def test_segments_and_clearance_see_a_wall_between_waypoints(two_rooms):
     free = freemap.free(RADIUS)
     assert segments_free(freemap.grid, free, through_wall).tolist() == [False, True]
     assert path_clearance(freemap, through_wall).min() == 0.0
-
-
-def test_point_along_is_clamped():
-    path = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 2.0, 0.0]])
-    assert np.allclose(point_along(path, [-1.0, 0.5, 2.0, 9.0])[:, 0], [0.0, 0.5, 1.0, 1.0])
-    assert np.allclose(point_along(path, 2.0), [1.0, 1.0, 0.0])

@@ -1,1 +1,1 @@
-"""Where cameras are, what rays they cast, and what they record."""
+"""Camera poses, the rays of their pixels, and the videos that they record."""

@@ -1,4 +1,4 @@
-"""A camera that follows a robot from behind and above and never looks through a wall."""
+"""A camera that follows a robot from behind and above and stays inside the room."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from ..interface import Renderer
 
 Array = NDArray[np.float64]
 
-HEADING_TIME_S = 0.6  # gait and corrections must not swing the camera
+HEADING_TIME_S = 0.6  # smooths out the gait and small corrections
 TURN_TIME_S = 0.5
 WALL_GAP_M = 0.15
-# Directions back from the robot's heading, the wished one first: a little to the side shows more of
-# the robot than straight from behind.
+# Directions relative to straight behind the robot, the preferred one first: slightly from the side
+# more of the robot is visible.
 AZIMUTHS_RAD = np.deg2rad([20.0, 0.0, -20.0, 50.0, -50.0, 85.0, -85.0])
 ELEVATIONS_RAD = np.deg2rad([24.0, 38.0, 55.0])
-AZIMUTH_COST = 0.5  # share of the distance that a detour by 1 rad must win
+AZIMUTH_COST = 0.5  # share of the distance that a change of 1 rad must gain
 ELEVATION_COST = 0.5
 
 
@@ -30,11 +30,11 @@ def chase_poses(
     camera: CameraModel,
     renderer: Renderer,
 ) -> tuple[Array, Array]:
-    """Positions (N, 3) [m] and optical quaternions (N, 4) of the camera at `samples` (N,).
+    """Return positions (N, 3) [m] and optical quaternions (N, 4) of the camera at `samples` (N,).
 
-    From a point above the base the free sight backwards is probed by rays; the camera takes the
-    direction that offers most of the wished distance, moves there smoothly and always stays in
-    front of what the ray hits.
+    Rays from a point above the base probe the free distance backwards; the camera takes the
+    direction with the largest share of the preferred distance, moves there smoothly and always
+    stays in front of what the ray hits.
     """
     distance = 1.0 + 1.5 * base_height_m
     yaw = np.unwrap(quat_to_yaw(rollout.quat_wxyz[samples]))
@@ -48,22 +48,22 @@ def chase_poses(
         heading += (1 - np.exp(-step / HEADING_TIME_S)) * (yaw[n] - heading)
         base = rollout.position_world_m[sample]
         pivot = base + np.array([0.0, 0.0, 0.35 * base_height_m])
-        wished = _best_direction(pivot, heading, distance, renderer)
+        best = _best_direction(pivot, renderer, heading=heading, distance=distance)
         if azimuth is None or elevation is None:
-            azimuth, elevation = wished
+            azimuth, elevation = best
         else:
             share = 1 - np.exp(-step / TURN_TIME_S)
-            azimuth += share * float(wrap_angle(wished[0] - azimuth))
-            elevation += share * (wished[1] - elevation)
-        backwards = _direction(azimuth, elevation)
+            azimuth += share * float(wrap_angle(best[0] - azimuth))
+            elevation += share * (best[1] - elevation)
+        backwards = _direction(azimuth=azimuth, elevation=elevation)
         free = renderer.first_hit_m(pivot, backwards) - WALL_GAP_M
         position[n] = pivot + max(min(distance, free), 0.5 * WALL_GAP_M) * backwards
-        quat[n] = look_at(position[n], pivot)
+        quat[n] = look_at(position[n], target_world_m=pivot)
     return position, quat
 
 
-def look_at(position_world_m: ArrayLike, target_world_m: ArrayLike) -> Array:
-    """Optical quaternion (4,) of a level camera at a position (3,) that looks at a target (3,)."""
+def look_at(position_world_m: ArrayLike, *, target_world_m: ArrayLike) -> Array:
+    """Return the optical quaternion (4,) of a level camera at (3,) that looks at a target (3,)."""
     forward = np.asarray(target_world_m, dtype=np.float64) - np.asarray(position_world_m)
     forward /= np.linalg.norm(forward)
     right = np.cross(forward, [0.0, 0.0, 1.0])
@@ -72,20 +72,21 @@ def look_at(position_world_m: ArrayLike, target_world_m: ArrayLike) -> Array:
     return matrix_to_quat(np.column_stack([right, np.cross(forward, right), forward]))
 
 
-def _direction(azimuth: float, elevation: float) -> Array:
+def _direction(*, azimuth: float, elevation: float) -> Array:
     flat = np.cos(elevation)
     return np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
 
 
 def _best_direction(
-    pivot: Array, heading: float, distance: float, renderer: Renderer
+    pivot: Array, renderer: Renderer, *, heading: float, distance: float
 ) -> tuple[float, float]:
-    """Azimuth and elevation [rad], world, of the direction with the best free sight."""
+    """Return azimuth and elevation [rad], world, of the direction with the best free distance."""
     best, best_score = (heading + np.pi, float(ELEVATIONS_RAD[0])), -np.inf
     for elevation in ELEVATIONS_RAD:
         for offset in AZIMUTHS_RAD:
             azimuth = heading + np.pi + offset
-            free = renderer.first_hit_m(pivot, _direction(azimuth, elevation)) - WALL_GAP_M
+            direction = _direction(azimuth=azimuth, elevation=elevation)
+            free = renderer.first_hit_m(pivot, direction) - WALL_GAP_M
             score = min(free, distance) / distance
             score -= AZIMUTH_COST * abs(offset - AZIMUTHS_RAD[0]) + ELEVATION_COST * (
                 elevation - ELEVATIONS_RAD[0]

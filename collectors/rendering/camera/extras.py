@@ -1,4 +1,4 @@
-"""What may be written beside colour and depth: labels, objects, depth in whole millimetres."""
+"""Optional videos beside RGB and depth: labels, objects, depth in whole millimetres."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ....formats.core.camera import DepthRange
 from ....formats.scene.bundle import SceneBundle
 from ....formats.video.depth_codes import MAX_MILLIMETRES_M
 from ....formats.video.id_video import CODEC, MAX_ID, IdVideoWriter
-from ..interface import ROBOT, Frame
+from ..frame import ROBOT, Frame
 
 LABELS_NAME = "labels.json"
 # Codes in the videos: 0 = nothing or unlabelled, 1 = the robot, 2 + k = name k.
@@ -25,11 +25,11 @@ ROBOT_CODE, FIRST_CODE = 1, 2
 
 @dataclass(frozen=True)
 class Extras:
-    """Which videos are wished.
+    """Which optional videos to write.
 
     Attributes:
-        semantic: `semantic.mov`, the label of what each pixel shows.
-        instance: `instance.mov`, the single object.
+        semantic: `semantic.mov`, the label of each pixel.
+        instance: `instance.mov`, the object of each pixel.
         millimetres: `depth_mm.mov`, planar depth in whole millimetres, 0 = invalid.
     """
 
@@ -38,17 +38,21 @@ class Extras:
     millimetres: bool = False
 
     def names(self) -> list[str]:
-        """Names of the wished videos, without suffix."""
-        wished = (self.semantic, "semantic"), (self.instance, "instance")
-        return [name for asked, name in (*wished, (self.millimetres, "depth_mm")) if asked]
+        """Return the names of these videos, without suffix."""
+        chosen = {
+            "semantic": self.semantic,
+            "instance": self.instance,
+            "depth_mm": self.millimetres,
+        }
+        return [name for name, wanted in chosen.items() if wanted]
 
     @property
     def labelled(self) -> bool:
-        """Whether pixels must be named."""
+        """Whether pixels must be labelled."""
         return self.semantic or self.instance
 
     def facts(self) -> dict[str, Any]:
-        """For the frame folder's meta.json."""
+        """Return the entries for the frame folder's meta.json."""
         return {name: {"file": f"{name}.mov", "codec": CODEC} for name in self.names()}
 
 
@@ -60,17 +64,22 @@ def write_extras(
     frames_per_second: int,
     depth_range: DepthRange,
 ) -> Iterator[tuple[NDArray[np.uint8], NDArray[np.float32]]]:
-    """Yield RGB and depth of each frame while the wished videos are written.
+    """Yield RGB and depth of each frame while writing the optional videos.
 
-    Also writes `labels.json`, the names of the codes, if pixels are named.
+    If pixels are labelled, `labels.json` with the names of the codes is written, too.
 
     Raises:
-        ValueError: more names than codes, or a depth range beyond 16 bits of millimetres.
+        ValueError: the scene has more names than codes, or the depth range exceeds 16 bits of
+            millimetres.
     """
     if max(len(bundle.labels), len(bundle.objects)) + FIRST_CODE > MAX_ID:
-        raise ValueError(f"{bundle.scene_id} has more names than {MAX_ID} codes")
+        raise ValueError(
+            f"{bundle.scene_id} has too many labels or objects; valid: up to {MAX_ID - FIRST_CODE}"
+        )
     if extras.millimetres and depth_range.far_m > MAX_MILLIMETRES_M:
-        raise ValueError(f"far limit {depth_range.far_m} m; valid: up to {MAX_MILLIMETRES_M} m")
+        raise ValueError(
+            f"depth range up to {depth_range.far_m} m; valid: up to {MAX_MILLIMETRES_M} m"
+        )
     with contextlib.ExitStack() as stack:
         writers = {
             name: stack.enter_context(IdVideoWriter(folder / f"{name}.mov", frames_per_second))

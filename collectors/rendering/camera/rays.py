@@ -1,4 +1,4 @@
-"""Pixels to rays. Directions have unit length along the optical axis, so that t is planar depth."""
+"""Rays of pixels. Directions have length 1 along the optical axis, so that t is planar depth."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ....formats.core.kernel import kernel
 
-# Around the centre, whose ray is traced anyway: all four differ in row and in column.
+# Samples around the centre, whose ray is traced anyway: all four differ in row and in column.
 SUBPIXELS = np.array([[-0.14, -0.36], [0.38, 0.06], [-0.24, 0.34]], dtype=np.float32)
 
 
@@ -19,7 +19,7 @@ def fill_directions(
     height: int,
     out: NDArray[np.float32],
 ) -> None:
-    """World directions of all pixel centres, row by row.
+    """Write the world directions of all pixel centres, row by row.
 
     Args:
         rotation: (3, 3) optical axes (columns x right, y down, z forward) in the world.
@@ -47,7 +47,7 @@ def subpixel_directions(
     width: int,
     height: int,
 ) -> NDArray[np.float32]:
-    """World directions (K · S, 3) of S samples in each of K pixels.
+    """Return the world directions (K · S, 3) of S samples in each of K pixels.
 
     Args:
         pixels: (K,) row-major pixel indices.
@@ -72,11 +72,16 @@ def subpixel_directions(
     return out
 
 
-def tile_order(width: int, height: int, tile_px: tuple[int, int]) -> NDArray[np.int32]:
-    """Pixels (row-major indices) tile by tile, each of `tile_px` columns and rows; −1 = none.
+def tile_order(size_px: tuple[int, int], *, tile_px: tuple[int, int]) -> NDArray[np.int32]:
+    """Return the pixels (row-major indices) of an image tile by tile, −1 = none.
 
-    Rays of a tile run closest together, so that they make the best packets.
+    The rays of a tile are closest together, so that they make the best packets.
+
+    Args:
+        size_px: width and height of the image.
+        tile_px: columns and rows of a tile.
     """
+    width, height = size_px
     across, down = tile_px
     rows = np.arange(-(-height // down) * down)
     columns = np.arange(-(-width // across) * across)
@@ -87,8 +92,8 @@ def tile_order(width: int, height: int, tile_px: tuple[int, int]) -> NDArray[np.
     return np.ascontiguousarray(tiles.swapaxes(1, 2)).ravel().astype(np.int32)
 
 
-def list_order(count: int, lanes: int) -> NDArray[np.int32]:
-    """Rays 0 … count − 1 in their order, filled up to whole packets with −1."""
+def list_order(count: int, *, lanes: int) -> NDArray[np.int32]:
+    """Return rays 0 … count − 1 in order, padded to whole packets of `lanes` rays with −1."""
     order = np.full(-(-count // lanes) * lanes, -1, dtype=np.int32)
     order[:count] = np.arange(count)
     return order

@@ -1,4 +1,4 @@
-"""A recorded rollout, seen by a camera: videos, camera poses and intrinsics in one folder."""
+"""Rendering of recorded rollouts: videos, camera poses and intrinsics in one folder."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from ....formats.rendered.image_counts import new_depth_counts, new_rgb_counts
 from ....formats.scene.bundle import SceneBundle
 from ....formats.video.mp4 import DEPTH_CODEC, RGB_CODECS, write_depth_video, write_rgb_video
 from ...robots import RobotSpec, get_robot
-from ..interface import Frame, Pose, Renderer
+from ..frame import Frame, Pose
+from ..interface import Renderer
 from ..light.lights import get_light
 from ..scene.robot_body import RobotBody, RobotGeometryPose
 from .extras import Extras, write_extras
@@ -33,9 +34,12 @@ class RolloutFrames:
     """The frames of a rollout before they are rendered.
 
     Attributes:
+        rollout: recorded states.
+        view: camera, light and renderer.
+        body: the robot's body.
         sample_index: (N,) samples of the rollout.
         path: camera poses of the N frames.
-        lamp: the robot's camera at which the light `CL` is; None = at the view's own camera.
+        lamp: robot's camera that carries the lamp of the light `CL`; None = the view's camera.
     """
 
     rollout: Rollout
@@ -54,25 +58,25 @@ class RolloutFrames:
         samples: NDArray[np.int64],
         robot: RobotSpec | None = None,
     ) -> RolloutFrames:
-        """Place the view's camera at `samples` (N,).
+        """Compute the camera poses of a view at `samples` (N,).
 
         Args:
-            renderer: made for the view's renderer and light.
+            renderer: renderer of the view's name and light.
             rollout: recorded states.
-            view: where to look from.
-            samples: of the rollout.
-            robot: who walked; the registry's robot of that name when None.
+            view: camera, light and renderer.
+            samples: indices of samples of the rollout.
+            robot: robot of the rollout; None = the registry's robot of that name.
 
         Raises:
             UnknownNameError: no such view kind or robot; the message lists the valid names.
-            ValueError: the renderer is not the one the view asks for.
+            ValueError: the renderer is not the one that the view names.
         """
         if view.kind not in VIEWS:
             raise UnknownNameError("camera", view.kind, VIEWS)
         if (renderer.name, renderer.light) != (view.renderer, view.light):
             raise ValueError(
-                f"view {view.name} asks for renderer {view.renderer} with light {view.light}, "
-                f"given {renderer.name} with {renderer.light}"
+                f"view {view.name} requires renderer {view.renderer} with light {view.light}, "
+                f"not {renderer.name} with {renderer.light}"
             )
         robot = robot or get_robot(rollout.robot)
         body = RobotBody(robot.build_model(floor=False), rollout.joint_names)
@@ -88,14 +92,14 @@ class RolloutFrames:
             yield renderer.render(self.view.camera, *self._instant(n))
 
     def render_labelled(self, renderer: Renderer) -> Iterator[Frame]:
-        """Yield each frame with the names of what its pixels show."""
+        """Yield each frame with the labels of its pixels."""
         for n in range(len(self.sample_index)):
             yield renderer.render_labelled(self.view.camera, *self._instant(n))
 
     def _instant(
         self, n: int
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], RobotGeometryPose, float, Pose | None]:
-        """What a renderer is told of frame `n`, after the camera."""
+        """Return the arguments of `Renderer.render` for frame `n`, after the camera."""
         sample = self.sample_index[n]
         state = (
             self.rollout.position_world_m[sample],
@@ -118,6 +122,7 @@ def render_rollout(
     view: View,
     out_dir: Path,
     frames_per_second: int = 4,
+    *,
     depth_range: DepthRange | None = None,
     codec: str = "h264",
     robot: RobotSpec | None = None,
@@ -127,25 +132,25 @@ def render_rollout(
 
     Writes `rgb.mp4`, `depth.mp4` (12-bit codes, see `formats/video/depth_codes.py`), `frames.npz`
     (`sample_index` (N,), `time_s` (N,), `camera_position_world_m` (N, 3) and `camera_quat_wxyz`
-    (N, 4) of the optical frame, and how often each value occurs, see
-    `formats/rendered/image_counts.py`)
-    and `meta.json`. Memory does not grow with the rollout's length.
+    (N, 4) of the optical frame, and histograms of the values, see
+    `formats/rendered/image_counts.py`) and `meta.json`. Memory does not grow with the rollout's
+    length.
 
     Args:
         bundle: the scene the renderer was built for.
-        renderer: made for the view's renderer and light.
+        renderer: renderer of the view's name and light.
         rollout: recorded states.
-        view: where to look from, and with which intrinsics.
-        out_dir: made when missing; the caller makes it atomic.
-        frames_per_second: divides the rollout's sample rate.
+        view: camera, light and renderer.
+        out_dir: created if missing; the caller makes it atomic.
+        frames_per_second: a divisor of the rollout's sample rate.
         depth_range: clip range of the stored depth, default `DepthRange()`.
         codec: key of `formats.video.RGB_CODECS`.
-        robot: who walked; the registry's robot of that name when None.
-        extras: further videos (see `extras`), default none.
+        robot: robot of the rollout; None = the registry's robot of that name.
+        extras: optional videos, default none.
 
     Raises:
         UnknownNameError: unknown view kind, robot or codec; the message lists the valid names.
-        ValueError: frame rate that does not divide 100, or renderer and view that do not match.
+        ValueError: the frame rate does not divide 100, or renderer and view do not match.
     """
     if codec not in RGB_CODECS:
         raise UnknownNameError("video codec", codec, RGB_CODECS)
@@ -160,8 +165,16 @@ def render_rollout(
         nothing = np.zeros((0, 0), dtype=np.int32)
         labelled = (Frame(*picture, nothing, nothing) for picture in frames.render(renderer))
     pictures = write_extras(out_dir, labelled, extras, bundle, frames_per_second, limits)
-    counts = new_rgb_counts(), new_depth_counts()
-    count = _write_videos(out_dir, pictures, frames_per_second, limits, codec, *counts)
+    rgb_counts, depth_counts = new_rgb_counts(), new_depth_counts()
+    count = _write_videos(
+        out_dir,
+        pictures,
+        frames_per_second,
+        limits,
+        codec,
+        rgb_counts=rgb_counts,
+        depth_counts=depth_counts,
+    )
     with atomic_file(out_dir / "frames.npz") as temporary:
         np.savez(
             temporary,
@@ -169,12 +182,13 @@ def render_rollout(
             time_s=rollout.time_s[samples],
             camera_position_world_m=frames.path.position_world_m,
             camera_quat_wxyz=frames.path.quat_wxyz,
-            rgb_counts=counts[0],
-            depth_counts=counts[1],
+            rgb_counts=rgb_counts,
+            depth_counts=depth_counts,
         )
     write_json(
         out_dir / "meta.json",
-        _facts(bundle, rollout, view, count, frames_per_second, limits, codec) | extras.facts(),
+        _facts(bundle, rollout, view, limits, frames=count, rate=frames_per_second, codec=codec)
+        | extras.facts(),
     )
     return count
 
@@ -183,9 +197,10 @@ def _facts(
     bundle: SceneBundle,
     rollout: Rollout,
     view: View,
-    count: int,
-    frames_per_second: int,
     depth_range: DepthRange,
+    *,
+    frames: int,
+    rate: int,
     codec: str,
 ) -> dict[str, object]:
     return {
@@ -197,8 +212,8 @@ def _facts(
         "kind": view.kind,
         "renderer": view.renderer,
         "light": view.light,
-        "frames": count,
-        "frames_per_second": frames_per_second,
+        "frames": frames,
+        "frames_per_second": rate,
         "camera": view.camera.to_json(),
         "depth": {
             "meaning": "planar z in metres, 0 = invalid",
@@ -218,16 +233,17 @@ def _write_videos(
     frames_per_second: int,
     depth_range: DepthRange,
     codec: str,
+    *,
     rgb_counts: NDArray[np.int64],
     depth_counts: NDArray[np.int64],
 ) -> int:
-    """Encode both videos from one pass over `frames`, depth in a thread beside RGB."""
+    """Encode both videos in one pass over `frames`, depth in a thread beside RGB."""
     waiting: queue.Queue[NDArray[np.float32] | BaseException | None] = queue.Queue(maxsize=4)
 
     def depth_frames() -> Iterator[NDArray[np.float32]]:
         while (item := waiting.get()) is not None:
             if isinstance(item, BaseException):
-                raise item  # no half video when rendering failed
+                raise item  # so that no truncated video is kept when rendering fails
             yield item
 
     def rgb_frames(depth_writer: Future[int]) -> Iterator[NDArray[np.uint8]]:
@@ -262,7 +278,7 @@ def _put(
     item: NDArray[np.float32] | BaseException | None,
     reader: Future[int],
 ) -> None:
-    """Hand over an item, unless the reader has ended; its own error is raised by `result`."""
+    """Queue an item unless the reader has ended; `result` then raises the reader's own error."""
     while not reader.done():
         try:
             waiting.put(item, timeout=0.5)

@@ -1,4 +1,4 @@
-"""Where cameras are during a rollout: the robot's own, one that follows it, one from above."""
+"""Views of a rollout: from the robot's own camera, from behind it, from above."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class CameraPath:
 
 @dataclass(frozen=True)
 class Shot:
-    """What a view kind may look at to place its camera."""
+    """What a view kind needs to compute its camera poses."""
 
     rollout: Rollout
     samples: NDArray[np.int64]
@@ -50,12 +50,12 @@ class Shot:
 
 @dataclass(frozen=True)
 class ViewKind:
-    """How one kind of view is made.
+    """One kind of view.
 
     Attributes:
-        default_camera: intrinsics for a robot, unless the user says otherwise.
-        path: places the camera.
-        onboard: whether it is the robot's own camera, at which its lamp is.
+        default_camera: function that returns the default intrinsics for a robot.
+        path: function that computes the camera poses.
+        onboard: whether it is the robot's own camera, which carries its lamp.
     """
 
     default_camera: Callable[[RobotSpec], CameraModel]
@@ -65,13 +65,13 @@ class ViewKind:
 
 @dataclass(frozen=True)
 class View:
-    """One way to look at rollouts.
+    """Camera, light and renderer of a rendering.
 
     Attributes:
         kind: key of `VIEWS`.
         camera: intrinsics.
-        light: light name.
-        renderer: renderer name.
+        light: name of the light.
+        renderer: name of the renderer.
     """
 
     kind: str
@@ -86,9 +86,9 @@ class View:
         return f"{self.kind}-{c.width_px}x{c.height_px}-{c.hfov_deg:g}deg-{self.light}"
 
 
-@dataclass(frozen=True)
-class CameraWishes:
-    """Intrinsics to use instead of a camera's own; None = its own."""
+@dataclass(frozen=True, kw_only=True)
+class CameraOverrides:
+    """Intrinsics that replace those of a view kind; None = the kind's default."""
 
     width_px: int | None = None
     height_px: int | None = None
@@ -98,13 +98,14 @@ class CameraWishes:
 def make_view(
     kind: str,
     robot: str | RobotSpec,
+    *,
     width_px: int | None = None,
     height_px: int | None = None,
     hfov_deg: float | None = None,
     light: str = "baked",
     renderer: str = "embree",
 ) -> View:
-    """A view of kind `kind` of a robot or its name; what is None is the kind's default.
+    """Return a view of kind `kind` of a robot or its name; None = the kind's default.
 
     Raises:
         UnknownNameError: no such kind or robot; the message lists the valid names.
@@ -127,20 +128,21 @@ MAX_SIDE_PX = 8192
 
 
 def parse_views(
-    text: str, robot: str | RobotSpec, defaults: CameraWishes, light: str, renderer: str
+    text: str, robot: str | RobotSpec, defaults: CameraOverrides, *, light: str, renderer: str
 ) -> list[View]:
-    """Views from `ego,chase:640x480,top:480x480:50`: kind, size [px], horizontal field of view.
+    """Parse views like `ego,chase:640x480,top:480x480:50`: kind, size [px], horizontal FOV [deg].
 
     Args:
         text: one or more cameras, separated by commas.
-        robot: whose.
-        defaults: for what a camera does not say itself.
-        light: light name.
-        renderer: renderer name.
+        robot: robot or its name.
+        defaults: intrinsics of cameras that do not specify their own.
+        light: name of the light.
+        renderer: name of the renderer.
 
     Raises:
         UnknownNameError: no such kind or robot; the message lists the valid names.
-        InputError: a camera that cannot be read, of a size no video takes, or named twice.
+        InputError: a camera cannot be parsed, has a size that video codecs do not support, or is
+            given twice.
     """
     views = []
     for word in text.split(","):
@@ -149,22 +151,28 @@ def parse_views(
             raise InputError(
                 f"camera {word!r}; valid: KIND[:WIDTHxHEIGHT][:HFOV], e.g. ego:640x480:79"
             )
-        width = int(found["width"]) if found["width"] else defaults.width_px
-        height = int(found["height"]) if found["height"] else defaults.height_px
-        hfov = float(found["hfov"]) if found["hfov"] else defaults.hfov_deg
-        views.append(make_view(found["kind"], robot, width, height, hfov, light, renderer))
-        camera = views[-1].camera
+        view = make_view(
+            found["kind"],
+            robot,
+            width_px=int(found["width"]) if found["width"] else defaults.width_px,
+            height_px=int(found["height"]) if found["height"] else defaults.height_px,
+            hfov_deg=float(found["hfov"]) if found["hfov"] else defaults.hfov_deg,
+            light=light,
+            renderer=renderer,
+        )
+        views.append(view)
+        camera = view.camera
         for side in (camera.width_px, camera.height_px):
             if side % 2 or not 16 <= side <= MAX_SIDE_PX:
                 raise InputError(
-                    f"camera {word!r} of {camera.width_px} x {camera.height_px} px; "
+                    f"camera {word!r} has {camera.width_px} x {camera.height_px} px; "
                     f"valid: even sides from 16 to {MAX_SIDE_PX}"
                 )
         if not 1.0 <= camera.hfov_deg <= 170.0:
-            raise InputError(f"camera {word!r}: {camera.hfov_deg:g}°; valid: HFOV of 1 to 170")
+            raise InputError(f"camera {word!r} has HFOV {camera.hfov_deg:g}°; valid: 1 to 170")
     names = [view.name for view in views]
     if len(set(names)) < len(names):
-        raise InputError(f"camera {text!r}: one of them twice")
+        raise InputError(f"camera {text!r} contains a view twice; valid: each view once")
     return views
 
 
@@ -193,7 +201,7 @@ def _chase_path(shot: Shot) -> CameraPath:
 
 
 TOP_HEIGHT_M = 9.0
-# Below the lintels of most doors, so that one sees through them from above.
+# Below the lintels of most doors, so that doorways are open from above.
 TOP_CUT_M = 2.0
 # Looking straight down, north (+y) up in the image.
 DOWN = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])

@@ -1,17 +1,18 @@
-"""Drawing a MuJoCo model off the screen through EGL: colours and exact depth in one pass."""
+"""Offscreen drawing of a MuJoCo model through EGL: colours and exact depth in one pass."""
 
 from __future__ import annotations
 
 import atexit
 import functools
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ....formats.core.camera import CameraModel
 from ....formats.core.errors import InputError
+from ..frame import RenderRequest
 
 NEAR_M = 0.02
 HIDDEN_GROUP = 5
@@ -19,7 +20,7 @@ F32 = NDArray[np.float32]
 
 
 def open_display() -> tuple[Any, Any]:
-    """A context of MuJoCo's, made current, and PyOpenGL's functions to use in it."""
+    """Return a context of MuJoCo's, made current, and PyOpenGL's functions for it."""
     from mujoco.egl import GLContext
 
     context = GLContext(64, 64)
@@ -29,11 +30,27 @@ def open_display() -> tuple[Any, Any]:
     return context, GL
 
 
+@dataclass(frozen=True)
+class DrawnView:
+    """A camera's view for OpenGL.
+
+    Attributes:
+        request: the frame.
+        near_m, far_m: nothing nearer or farther is drawn [m].
+        cut_above_m: nothing above this world z is drawn, if the camera is above it.
+    """
+
+    request: RenderRequest
+    near_m: float
+    far_m: float
+    cut_above_m: float = np.inf
+
+
 class GlContext:
     """The OpenGL context of this process; see `gl_context`."""
 
     def __init__(self) -> None:
-        """Open it.
+        """Open the context.
 
         Raises:
             InputError: EGL or a driver for it is missing; the message says which.
@@ -51,15 +68,15 @@ class GlContext:
         self.device = bytes(self.gl.glGetString(self.gl.GL_RENDERER) or b"").decode()
 
     def use(self) -> None:
-        """Let this thread draw with it."""
+        """Make the context current in this thread."""
         self._context.make_current()
 
 
 @functools.cache
 def gl_context() -> GlContext:
-    """The one context of this process.
+    """Return the one context of this process.
 
-    There is only one, since MuJoCo frees what a model took in whichever context is current.
+    There is only one because MuJoCo frees a model's resources in whichever context is current.
 
     Raises:
         InputError: EGL or a driver for it is missing; the message says which.
@@ -68,10 +85,10 @@ def gl_context() -> GlContext:
 
 
 class ModelDrawer:
-    """One model, ready to be drawn."""
+    """Draws one model."""
 
     def __init__(self, context: GlContext, model: mujoco.MjModel):
-        """Hand the model's meshes to OpenGL."""
+        """Upload the model's meshes to OpenGL."""
         context.use()
         self._context = context
         self.model = model
@@ -83,12 +100,11 @@ class ModelDrawer:
         self._option.geomgroup[HIDDEN_GROUP] = 0
         self._free = mujoco.MjvCamera()
         self._pixels = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)
-        self._pixels.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR  # as it is stored
-        self._cut = _Cut(context, np.zeros(3), np.eye(3), np.inf)
-        self._scene.flags[:] = 0  # no shadows, fog, reflections; both sides are drawn
+        self._pixels.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR  # depth as stored
+        self._scene.flags[:] = 0  # no shadows, fog or reflections; both sides are drawn
 
     def upload(self, textures: list[list[NDArray[np.uint8]]]) -> None:
-        """Fill the model's textures with mip pyramids, filtered along flat angles too."""
+        """Fill the model's textures with mip pyramids, with anisotropic filtering."""
         gl = self._context.gl
         self._context.use()
         gl.glPixelStorei(gl.GL_UNPACK_ALIGNMENT, 1)
@@ -112,25 +128,10 @@ class ModelDrawer:
             gl.glTexParameterf(gl.GL_TEXTURE_2D, 0x84FE, min(float(sharpest), 16.0))
         gl.glBindTexture(gl.GL_TEXTURE_2D, 0)
 
-    def draw(
-        self,
-        camera: CameraModel,
-        position_m: NDArray[np.float64],
-        rotation: NDArray[np.float64],
-        near_m: float,
-        far_m: float,
-        cut_above_m: float,
-    ) -> tuple[NDArray[np.uint8], F32]:
-        """Colours (H, W, 3) uint8 sRGB and depth (H, W) float32 [m], 0 = nothing.
-
-        Args:
-            camera: intrinsics.
-            position_m: (3,) optical centre.
-            rotation: (3, 3) optical axes (columns x right, y down, z forward) in the world.
-            near_m: nothing nearer is drawn.
-            far_m: nothing farther is drawn.
-            cut_above_m: nothing above this world z is drawn, if the camera is above it.
-        """
+    def draw(self, view: DrawnView) -> tuple[NDArray[np.uint8], F32]:
+        """Return colours (H, W, 3) uint8 sRGB and depth (H, W) float32 [m], 0 = nothing."""
+        camera, near_m, far_m = view.request.camera, view.near_m, view.far_m
+        rotation = view.request.rotation
         context, width, height = self._context, camera.width_px, camera.height_px
         context.use()
         if width > self._pixels.offWidth or height > self._pixels.offHeight:
@@ -145,7 +146,7 @@ class ModelDrawer:
         )  # fmt: skip
         half = near_m * 0.5 * height / camera.focal_px
         for eye in self._scene.camera:
-            eye.pos = position_m
+            eye.pos = view.request.position
             eye.forward = rotation[:, 2]
             eye.up = -rotation[:, 1]
             eye.frustum_near, eye.frustum_far = near_m, far_m
@@ -153,46 +154,41 @@ class ModelDrawer:
             eye.frustum_center = eye.frustum_width = 0.0
         rgb = np.empty((height, width, 3), dtype=np.uint8)
         stored = np.empty((height, width), dtype=np.float32)
-        view = mujoco.MjrRect(0, 0, width, height)
-        self._cut = _Cut(context, position_m, rotation, cut_above_m)
-        with self._cut:
-            mujoco.mjr_render(view, self._scene, self._pixels)
-        mujoco.mjr_readPixels(rgb, stored, view, self._pixels)
+        window = mujoco.MjrRect(0, 0, width, height)
+        with _Cut(context, view):
+            mujoco.mjr_render(window, self._scene, self._pixels)
+        mujoco.mjr_readPixels(rgb, stored, window, self._pixels)
         near, far = np.float32(near_m), np.float32(far_m)
         depth = near * far / (near + stored * (far - near))
         depth[stored <= 0.0] = 0.0
         return np.ascontiguousarray(rgb[::-1]), np.ascontiguousarray(depth[::-1])
 
-    def geoms(self, camera: CameraModel) -> NDArray[np.int64]:
-        """Geom (H, W) seen by each pixel of the view that was drawn last, −1 = none."""
+    def geoms(self, view: DrawnView) -> NDArray[np.int64]:
+        """Return the geom (H, W) that each pixel shows of the view drawn last, −1 = none."""
+        width, height = view.request.camera.width_px, view.request.camera.height_px
         self._context.use()
         flags = self._scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
-        view = mujoco.MjrRect(0, 0, camera.width_px, camera.height_px)
-        with self._cut:
-            mujoco.mjr_render(view, self._scene, self._pixels)
+        window = mujoco.MjrRect(0, 0, width, height)
+        with _Cut(self._context, view):
+            mujoco.mjr_render(window, self._scene, self._pixels)
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
-        rgb = np.empty((camera.height_px, camera.width_px, 3), dtype=np.uint8)
-        mujoco.mjr_readPixels(rgb, None, view, self._pixels)
+        rgb = np.empty((height, width, 3), dtype=np.uint8)
+        mujoco.mjr_readPixels(rgb, None, window, self._pixels)
         code = rgb[::-1].astype(np.int64) @ np.array([1, 256, 65536]) - 1
         known = np.array([g.objid for g in self._scene.geoms[: self._scene.ngeom]] + [-1])
         return known[np.where(code < self._scene.ngeom, code, -1)]
 
 
 class _Cut:
-    """Takes off what lies above a height, while it is entered."""
+    """Clips the scene above a height while it is entered."""
 
-    def __init__(
-        self,
-        context: GlContext,
-        position_m: NDArray[np.float64],
-        rotation: NDArray[np.float64],
-        cut_above_m: float,
-    ):
+    def __init__(self, context: GlContext, view: DrawnView):
         self._gl = context.gl
-        self._wanted = bool(position_m[2] > cut_above_m)
-        down = -rotation[2]  # world down in the optical frame; OpenGL's y and z point the other way
-        self._plane = [down[0], -down[1], -down[2], float(cut_above_m - position_m[2])]
+        height, rotation = view.request.position[2], view.request.rotation
+        self._wanted = bool(height > view.cut_above_m)
+        down = -rotation[2]  # world down in the optical frame; OpenGL's y and z axes are opposite
+        self._plane = [down[0], -down[1], -down[2], float(view.cut_above_m - height)]
 
     def __enter__(self) -> None:
         if self._wanted:

@@ -1,4 +1,4 @@
-"""Triangles and textures as MuJoCo models that are only drawn, never simulated."""
+"""Triangles and textures as MuJoCo models for drawing only."""
 
 from __future__ import annotations
 
@@ -9,26 +9,27 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ....formats.core.geometry import triangle_cross
 from ....formats.scene.bundle import VisualMesh
 from ..kernels.srgb import to_srgb
 from ..scene.robot_body import GeomSurface
 from ..scene.textures import MaterialTable, TexturePack
 
-CHUNK_M = 2.0  # pieces this wide, so that what is out of view is not drawn
-MIN_AREA_M2 = 1e-10  # less is nothing to see, and no mesh for MuJoCo
+CHUNK_M = 2.0  # width of the pieces that are culled when out of view
+MIN_AREA_M2 = 1e-10  # MuJoCo rejects smaller meshes, and they are invisible
 MIN_VERTICES = 4
-EMISSION = 0.7  # MuJoCo adds 0.3 of a colour where there is no light
+EMISSION = 0.7  # MuJoCo adds 0.3 of a colour where there is no light source
 
 
 @dataclass(frozen=True)
 class Pieces:
-    """A model of G geoms that cover a scene.
+    """A model whose G geoms make up a scene.
 
     Attributes:
-        model: compiled.
+        model: the compiled model.
         corners_m: (G, 8, 3) corners of each geom's box, world [m].
         material: (G,) material of each geom.
-        textures: of each texture of the model, its mip levels: (H, W, 3) uint8 sRGB, top row first.
+        textures: mip levels of each texture of the model: (H, W, 3) uint8 sRGB, top row first.
     """
 
     model: mujoco.MjModel
@@ -38,16 +39,14 @@ class Pieces:
 
 
 def scene_pieces(mesh: VisualMesh, materials: MaterialTable) -> Pieces:
-    """Split a mesh by place and material. Textures of the model are empty: see `Pieces.textures`.
+    """Split a mesh by position and material. The model's textures are empty, see `Pieces.textures`.
 
-    Colours are emitted, so that what is drawn is the surfaces' own colour, whatever the light.
+    Materials emit their colour, so that a drawing shows the surfaces' own colours.
     """
     spec = _spec()
     textures = _add_materials(spec, materials)
     corner = mesh.vertices[mesh.faces].astype(np.float64)
-    area = np.linalg.norm(
-        np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=-1
-    )
+    area = np.linalg.norm(triangle_cross(corner), axis=-1)
     cell = np.floor((corner.mean(1) - mesh.vertices.min(0)) / CHUNK_M).astype(np.int64)
     key = (cell @ np.array([1, 1000, 1_000_000])) * len(materials.texture) + mesh.face_material
     order = np.argsort(key, kind="stable")
@@ -60,7 +59,7 @@ def scene_pieces(mesh: VisualMesh, materials: MaterialTable) -> Pieces:
         name = f"piece{len(used)}"
         uv = mesh.corner_uv[faces] if materials.texture[material] >= 0 else None
         _add_mesh(spec, name, corner[faces], uv)
-        _add_geom(spec, name, f"material{material}")
+        _add_geom(spec, name, material=f"material{material}")
         points = corner[faces].reshape(-1, 3)
         boxes.append([points.min(0), points.max(0)])
         used.append(material)
@@ -71,20 +70,20 @@ def scene_pieces(mesh: VisualMesh, materials: MaterialTable) -> Pieces:
 
 
 def robot_model(surfaces: Iterable[GeomSurface]) -> mujoco.MjModel:
-    """A model with one geom per surface, in their order; only drawn."""
+    """Return a model for drawing with one geom per surface, in their order."""
     spec = _spec()
     for k, surface in enumerate(surfaces):
         name = f"part{k}"
         _add_mesh(spec, name, surface.corners.astype(np.float64), None)
         material = spec.add_material(name=name, emission=EMISSION, specular=0.0, shininess=0.0)
         material.rgba = [*to_srgb(surface.color_linear), 1.0]
-        _add_geom(spec, name, name)
+        _add_geom(spec, name, material=name)
     return spec.compile()
 
 
 def _spec() -> mujoco.MjSpec:
     spec = mujoco.MjSpec()
-    spec.visual.quality.offsamples = 0  # the depth of a pixel is that of its centre
+    spec.visual.quality.offsamples = 0  # so that a pixel's depth is that of its centre
     spec.visual.quality.shadowsize = 0
     spec.visual.headlight.active = 0
     return spec
@@ -102,7 +101,7 @@ def _add_mesh(
     if len(vertices) < MIN_VERTICES:
         vertices = np.concatenate([vertices, vertices[:1]])
     mesh = spec.add_mesh(name=name)
-    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # scans are no closed solids
+    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # scans are not closed solids
     mesh.uservert = vertices.astype(np.float32).ravel()
     mesh.userface = faces
     if uv is not None:
@@ -112,14 +111,18 @@ def _add_mesh(
         mesh.userfacetexcoord = faces
 
 
-def _add_geom(spec: mujoco.MjSpec, mesh: str, material: str) -> None:
+def _add_geom(spec: mujoco.MjSpec, mesh: str, *, material: str) -> None:
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh, material=material, contype=0, conaffinity=0
     )
 
 
 def _add_materials(spec: mujoco.MjSpec, materials: MaterialTable) -> list[list[NDArray[np.uint8]]]:
-    """Add all materials, and one tiny texture for each pair of texture and base colour."""
+    """Add all materials, and a 1 × 1 texture for each pair of texture and base colour.
+
+    Returns:
+        Mip levels of those textures.
+    """
     pyramids, index = [], {}
     for m, (texture, base) in enumerate(zip(materials.texture, materials.base_linear, strict=True)):
         material = spec.add_material(

@@ -1,6 +1,6 @@
-"""What OpenGL can do here, asked in a process of its own.
+"""What OpenGL can do on this machine, found out in a separate process.
 
-Drivers may crash, and a context that was made before workers fork cannot be used in them.
+Drivers may crash, and a context that is created before workers fork cannot be used in them.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 
 TIMEOUT_S = 60
 SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software")
-_ASK = """
+_PROBE = """
 import json, os, sys
 try:
     from mujoco.egl import GLContext
@@ -24,17 +24,17 @@ try:
     name = GL.glGetString(GL.GL_RENDERER).decode()
     print(json.dumps({"renderer": name}))
 except BaseException as error:
-    said = str(error).strip().replace(chr(10), " ") or "no EGL device"
-    print(json.dumps({"reason": f"{type(error).__name__}: {said}"}))
+    message = str(error).strip().replace(chr(10), " ") or "no EGL device"
+    print(json.dumps({"reason": f"{type(error).__name__}: {message}"}))
 sys.stdout.flush()
 os._exit(0)
 """
 
 
 def graphics_card() -> str:
-    """Name of the graphics card that EGL draws with; empty when there is none.
+    """Return the name of the graphics card that EGL draws with; empty when there is none.
 
-    Without any card's device file the question is not asked, since it takes a second.
+    Without a card's device file EGL is not started, since that takes a second.
     """
     devices = [*Path("/dev/dri").glob("renderD*"), *Path("/dev").glob("nvidia[0-9]*")]
     if not devices:
@@ -44,7 +44,7 @@ def graphics_card() -> str:
 
 
 def why_no_gl() -> str:
-    """Why nothing can be drawn through EGL here; empty when something can, if only in software."""
+    """Return why EGL cannot draw on this machine; empty when it can, if only in software."""
     return _answer().get("reason", "")
 
 
@@ -53,13 +53,13 @@ def _answer() -> dict[str, str]:
     environment = {**os.environ, "MUJOCO_GL": "egl", "PYOPENGL_PLATFORM": "egl"}
     try:
         done = subprocess.run(
-            [sys.executable, "-c", _ASK],
+            [sys.executable, "-c", _PROBE],
             env=environment, capture_output=True, text=True, timeout=TIMEOUT_S, check=False,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
-        return {"reason": f"EGL does not answer within {TIMEOUT_S} s"}
+        return {"reason": f"EGL does not respond within {TIMEOUT_S} s"}
     try:
         return json.loads(done.stdout.strip().splitlines()[-1])
     except (IndexError, ValueError):
         tail = done.stderr.strip().splitlines()[-1:] or [f"exit code {done.returncode}"]
-        return {"reason": f"EGL ends the process that uses it ({tail[0]})"}
+        return {"reason": f"EGL crashes the process that uses it ({tail[0]})"}

@@ -1,7 +1,4 @@
-"""Kernels that light what is known already: a robot's hits, and pictures that OpenGL drew.
-
-Helpers are inlined from `surface_light`; see `ray_kernel` about numba's cache.
-"""
+"""Kernels that light surfaces already found: a robot's hits, and pictures that OpenGL drew."""
 
 from __future__ import annotations
 
@@ -11,14 +8,7 @@ from numpy.typing import NDArray
 from ....formats.core.kernel import kernel
 from .data import F32, FAST, LightArrays
 from .packets import PacketHits
-from .surface_light import (
-    HORIZON_FROM,
-    HORIZON_TO,
-    SPHERE_STRENGTH,
-    exposed,
-    hidden_share,
-    incident,
-)
+from .surface_light import background, exposed, incident, robot_shadow, viewer_side
 
 f32 = np.float32
 
@@ -63,11 +53,7 @@ def shade_robot(
         ny = rotation[1, 0] * local[0] + rotation[1, 1] * local[1] + rotation[1, 2] * local[2]
         nz = rotation[2, 0] * local[0] + rotation[2, 1] * local[1] + rotation[2, 2] * local[2]
         dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
-        along = nx * dx + ny * dy + nz * dz
-        scale = f32(1.0) / np.sqrt(max(nx * nx + ny * ny + nz * nz, f32(1e-12)))
-        if along > f32(0.0):
-            scale = -scale
-        cosine = np.abs(along * scale) / np.sqrt(dx * dx + dy * dy + dz * dz)
+        scale, cosine = viewer_side(nx, ny, nz, dx, dy, dz, f32(1e-12))
         factor = incident(
             eye[0] + t * dx,
             eye[1] + t * dy,
@@ -102,12 +88,12 @@ def light_pixels(
     """Light a picture of the surfaces' own colours.
 
     The normal of a pixel is that of the plane through it and its nearer neighbours, one in its row
-    and one in its column: on a flat surface exact, and at an edge that of the pixel's own side.
+    and one in its column, which is exact on a flat surface and one-sided at an edge.
 
     Args:
         rgb: (N, 3) sRGB of the surfaces.
         depth: (N,) planar depth [m], 0 = nothing.
-        state: (N,) 0 nothing, 1 shown as it is, 2 lit, 3 the robot.
+        state: (N,) 0 nothing, 1 not lit, 2 lit, 3 the robot.
         width: image width [px].
         height: image height [px].
         directions: (N, 3), world, of unit length along the optical axis.
@@ -121,12 +107,7 @@ def light_pixels(
     for i in range(depth.shape[0]):
         dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
         if state[i] == 0:
-            rise = dz / np.sqrt(dx * dx + dy * dy + dz * dz)
-            up = (rise - HORIZON_FROM) / (HORIZON_TO - HORIZON_FROM)
-            up = min(max(up, f32(0.0)), f32(1.0))
-            for c in range(3):
-                below = light.room[10 + c]
-                out[i, c] = below + up * (light.room[7 + c] - below)
+            out[i, 0], out[i, 1], out[i, 2] = background(dx, dy, dz, light.room)
             continue
         red, green, blue = decode[rgb[i, 0]], decode[rgb[i, 1]], decode[rgb[i, 2]]
         if state[i] > 1 or spheres.shape[0] > 0:
@@ -148,11 +129,7 @@ def light_pixels(
             nx = ay * bz - az * by
             ny = az * bx - ax * bz
             nz = ax * by - ay * bx
-            along = nx * dx + ny * dy + nz * dz
-            flip = f32(1.0) / np.sqrt(max(nx * nx + ny * ny + nz * nz, f32(1e-30)))
-            if along > f32(0.0):
-                flip = -flip
-            cosine = np.abs(along * flip) / np.sqrt(dx * dx + dy * dy + dz * dz)
+            flip, cosine = viewer_side(nx, ny, nz, dx, dy, dz, f32(1e-30))
             nx *= flip
             ny *= flip
             nz *= flip
@@ -164,12 +141,10 @@ def light_pixels(
                 green = exposed(green * factor, light)
                 blue = exposed(blue * factor, light)
             if state[i] != 3 and spheres.shape[0] > 0:
-                hidden = hidden_share(spheres, x, y, z, nx, ny, nz)
-                if hidden > f32(0.0):
-                    factor = np.exp(-f32(SPHERE_STRENGTH) * hidden)
-                    red *= factor
-                    green *= factor
-                    blue *= factor
+                factor = robot_shadow(spheres, x, y, z, nx, ny, nz)
+                red *= factor
+                green *= factor
+                blue *= factor
         out[i, 0] = red
         out[i, 1] = green
         out[i, 2] = blue

@@ -1,4 +1,4 @@
-"""Anti-aliasing: which pixels need more rays, and linear light to sRGB bytes."""
+"""Anti-aliasing: which pixels need more rays, and the mean of a pixel's rays."""
 
 from __future__ import annotations
 
@@ -8,16 +8,6 @@ from numpy.typing import NDArray
 from ....formats.core.kernel import kernel
 
 F32 = NDArray[np.float32]
-
-
-@kernel()
-def encode_srgb(linear: F32, table: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
-    """Linear light (N, 3) to sRGB bytes (N, 3) through `table` (see `srgb.encode_table`)."""
-    steps = np.float32(table.shape[0] - 1)
-    for i in range(linear.shape[0]):
-        for k in range(3):
-            x = min(max(linear[i, k], np.float32(0.0)), np.float32(1.0))
-            out[i, k] = table[np.int32(x * steps + np.float32(0.5))]
 
 
 @kernel()
@@ -39,11 +29,11 @@ def find_edges(
     relative_bend: float,
     min_contrast: int,
 ) -> NDArray[np.bool_]:
-    """Which pixels (N,) lie on a visible geometric edge.
+    """Return which pixels (N,) lie on a visible geometric edge.
 
-    An edge is where neighbours look different and lie on different surfaces, or where inverse
-    depth bends: along a plane it is linear in the image, so that its second difference is zero
-    however flat the angle.
+    An edge is where neighbours differ in colour and lie on different surfaces, or where inverse
+    depth bends: on a plane it is linear in the image, so that its second difference is zero at
+    any viewing angle.
 
     Args:
         rgb: (N, 3) uint8 sRGB of the pixels' centres.
@@ -86,7 +76,7 @@ def find_edges(
 
 @kernel()
 def add_samples(samples: F32, count: int, pixels: NDArray[np.int32], color: F32) -> F32:
-    """Mean (K, 3) of each pixel's own colour in `color` (N, 3) and its `count` samples.
+    """Return the mean (K, 3) of each pixel's own colour in `color` (N, 3) and its `count` samples.
 
     `samples` is (K · count, 3), `pixels` (K,).
     """

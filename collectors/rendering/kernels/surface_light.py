@@ -1,4 +1,4 @@
-"""Light that falls on a point of a surface, to be inlined into kernels."""
+"""Light on a point of a surface: helpers that are inlined into kernels."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from .data import F32, LightArrays
 
 f32 = np.float32
 
-# Sines of the elevations between which the dark of a hole turns into sky.
+# Sines of the elevations between which the background changes from dark to sky.
 HORIZON_FROM, HORIZON_TO = f32(0.05), f32(0.3)
-# Cosines of the angles off the lamp's axis within which it is full, and beyond which it is dark.
+# Cosines of the angles off the lamp's axis: full strength within the first, none beyond the second.
 LAMP_CORE, LAMP_EDGE = 0.95, 0.5
-LAMP_SOFT_M2 = 0.25  # a lamp is no point; nearby things are not burnt out
+LAMP_SOFT_M2 = 0.25  # added to the squared distance, so that nearby surfaces are not overexposed
 # The soft dark spot under a robot; see `contact_shadow`.
 SPHERE_REACH_M = 0.8
 SPHERE_STRENGTH = 3.0
@@ -22,7 +22,7 @@ SPHERE_STRENGTH = 3.0
 
 @njit(inline="always", error_model="numpy")
 def cube_at(grid: CubeGrid, x, y, z, nx, ny, nz):
-    """Value of a grid at a surface point with a unit normal, trilinear.
+    """Return the trilinear value of a grid at a surface point with a unit normal.
 
     Args:
         grid: traced grid.
@@ -70,7 +70,7 @@ def cube_at(grid: CubeGrid, x, y, z, nx, ny, nz):
 
 @njit(inline="always", error_model="numpy")
 def room_light(nx, ny, nz, cosine, light: F32):
-    """Factor of the fixed room shading.
+    """Return the factor of the fixed room shading.
 
     Args:
         nx: unit normal on the viewer's side, x.
@@ -81,7 +81,7 @@ def room_light(nx, ny, nz, cosine, light: F32):
     """
     up = f32(0.5) + f32(0.5) * nz
     facing = nx * light[4] + ny * light[5] + nz * light[6]
-    # Half-Lambert for the key: opposite walls differ, none falls into black.
+    # Half-Lambert for the key light: opposite walls differ and none is black.
     return (
         light[1]
         + (light[0] - light[1]) * up
@@ -92,7 +92,7 @@ def room_light(nx, ny, nz, cosine, light: F32):
 
 @njit(inline="always", error_model="numpy")
 def incident(x, y, z, nx, ny, nz, cosine, corners, light: LightArrays, lamp_gain):
-    """Factor by which light makes a surface's colour brighter or darker.
+    """Return the factor by which the light scales a surface's colour.
 
     Args:
         x: point [m], x.
@@ -128,15 +128,15 @@ def incident(x, y, z, nx, ny, nz, cosine, corners, light: LightArrays, lamp_gain
 
 @njit(inline="always", error_model="numpy")
 def exposed(value, light: LightArrays):
-    """Linear light as the camera records it: what panels and lamps overexpose keeps its shape."""
+    """Return linear light as the camera records it: under panels and lamps with soft highlights."""
     if not light.relit:
         return value
     return f32(1.0) - np.exp(-value)
 
 
 @njit(inline="always", error_model="numpy")
-def hidden_share(spheres: F32, x, y, z, nx, ny, nz):
-    """How much of the light on a surface point the spheres of a robot hide; see `contact_shadow`.
+def robot_shadow(spheres: F32, x, y, z, nx, ny, nz):
+    """Return the factor by which a robot's spheres darken a surface point; see `contact_shadow`.
 
     Args:
         spheres: (S, 4) world centre and radius [m].
@@ -158,4 +158,41 @@ def hidden_share(spheres: F32, x, y, z, nx, ny, nz):
                 square = max(square, radius * radius)
                 fade = f32(1.0) - square * f32(1.0 / (SPHERE_REACH_M * SPHERE_REACH_M))
                 hidden += fade * radius * radius * height / (square * np.sqrt(square))
-    return hidden
+    factor = f32(1.0)
+    if hidden > f32(0.0):
+        factor = np.exp(-f32(SPHERE_STRENGTH) * hidden)
+    return factor
+
+
+@njit(inline="always", error_model="numpy")
+def viewer_side(nx, ny, nz, dx, dy, dz, least):
+    """Return what scales a normal to unit length on the viewer's side, and the viewing cosine.
+
+    Args:
+        nx: normal of any length and side, x.
+        ny: y.
+        nz: z.
+        dx: direction of the view ray, of any length, x.
+        dy: y.
+        dz: z.
+        least: squared length below which a normal counts as zero.
+    """
+    along = nx * dx + ny * dy + nz * dz
+    flip = f32(1.0) / np.sqrt(max(nx * nx + ny * ny + nz * nz, least))
+    if along > f32(0.0):
+        flip = -flip
+    cosine = np.abs(along * flip) / np.sqrt(dx * dx + dy * dy + dz * dz)
+    return flip, cosine
+
+
+@njit(inline="always", error_model="numpy")
+def background(dx, dy, dz, room: F32):
+    """Return red, green and blue where a ray hits nothing; `room` is `Light.parameters()`."""
+    rise = dz / np.sqrt(dx * dx + dy * dy + dz * dz)
+    up = (rise - HORIZON_FROM) / (HORIZON_TO - HORIZON_FROM)
+    up = min(max(up, f32(0.0)), f32(1.0))
+    return (
+        room[10] + up * (room[7] - room[10]),
+        room[11] + up * (room[8] - room[11]),
+        room[12] + up * (room[9] - room[12]),
+    )

@@ -7,7 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ..scene.textures import TexturePack
-from .packets import prefetch
+from .embree_library import prefetch
 
 f32 = np.float32
 
@@ -25,7 +25,7 @@ def _square(texel: np.uint32, shift: int) -> np.float32:
 
 @njit(inline="always", error_model="numpy")
 def bilinear(texels: NDArray[np.uint32], start, width, height, u, v):
-    """Bilinear colour at (u, v) of one mip level, as three sums of squared 10-bit roots.
+    """Return the bilinear colour at (u, v) of one mip level, as sums of squared 10-bit roots.
 
     Args:
         texels: all texels.
@@ -72,11 +72,11 @@ def bilinear(texels: NDArray[np.uint32], start, width, height, u, v):
 
 @njit(inline="always", error_model="numpy")
 def footprint(pack: TexturePack, texture, du_dx, dv_dx, du_dy, dv_dy):
-    """How to filter a texture over a pixel's footprint.
+    """Return how to filter a texture over a pixel's footprint.
 
     The footprint is the parallelogram of the two derivatives. Taps lie along its longer side, the
     mip level follows its shorter one (as graphics hardware does, after McCormack et al., "Feline",
-    1999), so that floors seen at a flat angle stay sharp across and do not shimmer along.
+    1999), so that floors seen at a grazing angle stay sharp across and do not shimmer along.
 
     Args:
         pack: all textures.
@@ -121,7 +121,7 @@ def footprint(pack: TexturePack, texture, du_dx, dv_dx, du_dy, dv_dy):
 
 @njit(inline="always", error_model="numpy")
 def prefetch_texels(pack: TexturePack, texels, texture, lod, u, v):
-    """Fetch the texels around (u, v), which are read soon; `texels` is their address."""
+    """Prefetch the texels around (u, v), which are read soon; `texels` is their address."""
     level = np.int32(lod)
     for _ in range(2):
         width = pack.size_px[texture, level, 0]
@@ -138,7 +138,7 @@ def prefetch_texels(pack: TexturePack, texels, texture, lod, u, v):
 
 @njit(inline="always", error_model="numpy")
 def sample_texture(pack: TexturePack, texture, u, v, taps, lod, step_u, step_v):
-    """Colour of a texture over a footprint: red, green, blue in linear light.
+    """Return the colour of a texture over a footprint: red, green, blue in linear light.
 
     Args:
         pack: all textures.

@@ -1,1 +1,1 @@
-"""Lights, and what of them is computed once per scene."""
+"""Lights, and the parts of their illumination that are computed once per scene."""

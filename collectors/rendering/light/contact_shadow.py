@@ -1,8 +1,8 @@
-"""The soft dark spot under a robot, without which it would seem to float.
+"""Soft contact shadow of a robot, without which it would seem to float.
 
-Its parts are taken as spheres; a sphere of radius r at distance d in direction u hides the share
-r² (n·u) / d² of the light on a surface with normal n (the form factor of a sphere); the kernels in
-`surface_light` add them up.
+Its parts are approximated by spheres. A sphere of radius r at distance d in direction u occludes
+the share r² (n·u) / d² of the light on a surface with normal n (the form factor of a sphere); the
+kernels in `surface_light` add them up.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from ..scene.robot_body import GeomSurface, RobotGeometryPose
 
 F32 = NDArray[np.float32]
 
-MIN_RADIUS_M = 0.012  # thinner parts leave no spot worth its time
+MIN_RADIUS_M = 0.012  # the shadow of thinner parts is not worth its time
 MAX_SPHERES_PER_GEOM = 3
 
 
 class ContactShadow:
-    """The spheres of one robot, prepared once."""
+    """The spheres of one robot, computed once."""
 
     def __init__(self, surfaces: tuple[GeomSurface, ...]):
-        """Choose spheres for each geom."""
+        """Fit spheres to each geom."""
         parts = [_spheres(surface) for surface in surfaces]
         counts = [len(centers) if r >= MIN_RADIUS_M else 0 for centers, r in parts]
         self._geom = np.repeat(np.arange(len(parts)), counts)
@@ -32,10 +32,10 @@ class ContactShadow:
         self._radius = np.repeat([r for _, r in parts], counts)
 
     def posed(self, pose: RobotGeometryPose) -> F32:
-        """Spheres (S, 4) of the posed body: world centre and radius [m]."""
+        """Return the spheres (S, 4) of the posed body: world centre and radius [m]."""
         turned = np.einsum("sij,sj->si", pose.rotation_world[self._geom], self._local)
         center = turned + pose.position_world_m[self._geom]
-        # Shells overlap: a sphere whose centre lies in a larger one adds nothing but time.
+        # Shapes overlap: a sphere whose centre lies in a larger one adds little.
         apart = np.linalg.norm(center[:, None] - center, axis=-1)
         larger = self._radius[:, None] < self._radius
         keep = ~(larger & (apart < self._radius)).any(1)
@@ -43,7 +43,7 @@ class ContactShadow:
 
 
 def _spheres(surface: GeomSurface) -> tuple[NDArray[np.float64], float]:
-    """Centres (K, 3) in the geom's frame along its longest side, and their radius."""
+    """Return centres (K, 3) in the geom's frame along its longest side, and their radius [m]."""
     corners = surface.corners.reshape(-1, 3).astype(np.float64)
     half = 0.5 * (corners.max(0) - corners.min(0))
     longest = int(np.argmax(half))

@@ -1,6 +1,6 @@
-"""Values per place and direction: a coarse grid of ambient cubes over a scene.
+"""A coarse grid of ambient cubes over a scene: values per cell and axis direction.
 
-Per cell and per axis direction one number (McTaggart, "Half-Life 2 / Valve Source shading", 2004),
+One number per cell and axis direction (McTaggart, "Half-Life 2 / Valve Source shading", 2004),
 read by kernels with a trilinear look-up weighted by the squares of the normal.
 """
 
@@ -21,7 +21,7 @@ AXES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0,
 
 
 class CubeGrid(NamedTuple):
-    """Values around the centres of cells.
+    """Values at the centres of cells, per axis direction.
 
     Attributes:
         cube: (Z, Y, X, 6) uint16; directions +x, −x, +y, −y, +z, −z.
@@ -37,15 +37,15 @@ class CubeGrid(NamedTuple):
 
 
 def constant_grid(value: float) -> CubeGrid:
-    """The same value everywhere."""
+    """Return a grid with the same value everywhere."""
     cube = np.full((1, 1, 1, 6), 65535, dtype=np.uint16)
     return CubeGrid(cube, np.zeros(3, dtype=f32), f32(1.0), f32(value / 65535))
 
 
 def cell_centers(vertices: NDArray[np.float32]) -> tuple[NDArray[np.float32], CubeGrid]:
-    """Centres (Z, Y, X, 3) of the cells over the bounds of vertices (V, 3), and their empty grid.
+    """Return cell centres (Z, Y, X, 3) over the bounds of vertices (V, 3) and their empty grid.
 
-    Cells are `CELL_M` wide, or wider where more than `MAX_CELLS` would be needed.
+    Cells are `CELL_M` wide, or wider if more than `MAX_CELLS` would be needed.
     """
     lower, upper = vertices.min(0).astype(np.float64), vertices.max(0).astype(np.float64)
     cell = max(CELL_M, float((np.prod(upper - lower + CELL_M) / MAX_CELLS) ** (1 / 3)))
@@ -59,17 +59,17 @@ def cell_centers(vertices: NDArray[np.float32]) -> tuple[NDArray[np.float32], Cu
 
 
 def filled(grid: CubeGrid, values: NDArray[np.floating], top: float) -> CubeGrid:
-    """`grid` with values (Z, Y, X, 6) from 0 to `top`."""
+    """Return `grid` with values (Z, Y, X, 6) from 0 to `top`."""
     steps = np.round(np.clip(values / top, 0.0, 1.0) * 65535.0).astype(np.uint16)
     return grid._replace(cube=steps, scale=f32(top / 65535.0))
 
 
-def mended(values: NDArray[np.floating], trust: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Replace what cells inside of furniture and walls hold by what is around them.
+def inpainted(values: NDArray[np.floating], *, trust: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Replace values of cells inside furniture and walls by those of the cells around them.
 
     Args:
         values: (Z, Y, X, K).
-        trust: (Z, Y, X) from 0 (inside of things) to 1 (free).
+        trust: (Z, Y, X) from 0 (inside objects) to 1 (free).
     """
     spread = gaussian_filter(trust, 0.8, mode="nearest")
     mean = np.stack(

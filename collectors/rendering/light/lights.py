@@ -1,4 +1,4 @@
-"""Lights by name, as the few numbers that the shading kernels need."""
+"""Registry of lights, as the parameters that the shading kernels need."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from ....formats.core.errors import UnknownNameError
 class Light:
     """How surfaces are lit.
 
-    Under `baked`, a texture of a scan already holds the light of its room, so it is shown as it is.
-    A surface with a plain colour would be a flat patch in which no shape can be seen; it gets the
-    mild fixed shading of a room: brighter from above than from below (`sky`, `ground`), a soft
-    directional part (`key`) that tells walls apart, and a little light from the viewer (`head`).
+    Under `baked`, a scan's textures already contain the light of the room and are shown unchanged.
+    Surfaces of a plain colour would look flat, so they get a mild fixed shading: brighter from
+    above than from below (`sky`, `ground`), a soft directional part (`key`) that distinguishes
+    walls, and a little light from the viewer (`head`).
 
-    The other lights take every surface's texture for its own colour and light it: by panels under
-    the ceilings (see `panels.py`), by a lamp on the robot, and by a little light from everywhere.
+    The other lights treat every texture as the surface's own colour and light it by panels under
+    the ceilings (see `panels.py`), a lamp on the robot, and ambient light.
 
     Attributes:
         name: registry name.
         relit: whether panels and the lamp light the scene; otherwise the room shading does.
-        panels: strength of the panel lights; 1 is a day's light on the floor.
+        panels: strength of the panel lights; 1 = daylight level on the floor.
         lamp: irradiance of the robot's lamp on a wall 1 m ahead.
-        around: light from everywhere that is open.
+        around: ambient light from all open directions.
         sky, ground: irradiance on plain surfaces facing straight up and down.
         key: strength of the directional part.
-        key_direction: (3,) towards it, world; normalised when used.
+        key_direction: (3,) direction towards it, world; need not be normalised.
         head: strength of the part that falls off with the angle between surface and view ray.
         corner: how much closed corners are darkened, 0–1 (see `openness.py`).
         outside_up: colour (linear light) where nothing is hit above the horizon: the sky over a
             scene without a ceiling.
-        outside_down: colour where nothing is hit towards or below the horizon: the dark of a hole.
+        outside_down: colour where nothing is hit at or below the horizon: the dark of a hole.
     """
 
     name: str
@@ -53,7 +53,7 @@ class Light:
     outside_down: tuple[float, float, float] = (0.05, 0.05, 0.055)
 
     def parameters(self) -> NDArray[np.float32]:
-        """(14,) float32: sky, ground, key, head, key direction, outside up and down, corner."""
+        """Return (14,) float32: sky, ground, key, head, key direction, outside up, down, corner."""
         direction = np.asarray(self.key_direction) / np.linalg.norm(self.key_direction)
         return np.array(
             [
@@ -70,8 +70,8 @@ class Light:
         )
 
 
-# The three of VLN-PE's lighting study, and the scan's own. `DL300` has 300 / 5000 of the light of
-# `DL5000` at the same exposure; the picture's sRGB curve lifts that 6 % to about a quarter.
+# The scan's own light and the three of VLN-PE's lighting study. `DL300` has 300 / 5000 of the light
+# of `DL5000` at the same exposure; the sRGB curve maps these 6 % to about a quarter of the value.
 NIGHT = 300 / 5000
 NIGHT_SKY, NO_SKY = (0.012, 0.014, 0.022), (0.002, 0.002, 0.003)
 LIGHTS: dict[str, Light] = {
@@ -93,10 +93,10 @@ LIGHTS: dict[str, Light] = {
 
 
 def get_light(name: str) -> Light:
-    """The light called `name`.
+    """Return the light called `name`.
 
     Raises:
-        UnknownNameError: there is none; the message lists the valid names.
+        UnknownNameError: no such light; the message lists the valid names.
     """
     if name not in LIGHTS:
         raise UnknownNameError("light", name, LIGHTS)

@@ -1,8 +1,7 @@
-"""Panel lights under the ceilings, and the light they leave at every place of a scene.
+"""Panel lights under the ceilings, and their irradiance everywhere in a scene.
 
-Where a person would hang them: over open floor, a few metres apart. Their light with its shadows is
-traced once per scene into a `CubeGrid`; light that floor and walls throw back is added as a smooth
-share of it.
+Panels hang over open floor, a few metres apart. Their light with its shadows is traced once per
+scene into a `CubeGrid`; light reflected by floor and walls is added as a smooth share of it.
 """
 
 from __future__ import annotations
@@ -20,22 +19,22 @@ Array = NDArray[np.float64]
 
 SPACING_M = 2.4
 STEP_M = 0.2  # of the search for open floor
-EYE_M = 1.2  # above floors: there ceilings are looked for from
-LOW_M, HIGH_M = 0.7, 4.0  # a ceiling is this far above the eyes; if none is found,
-HUNG_M = 1.5  # a panel hangs this far above them
-DROP_M = 0.06  # panels hang so far under the ceiling
-CLEAR_M = 0.35  # from what stands as high as the eyes
+EYE_M = 1.2  # height above the floor from which ceilings are searched
+LOW_M, HIGH_M = 0.7, 4.0  # range of a ceiling's height above that
+HUNG_M = 1.5  # height of a panel above that where no ceiling is found
+DROP_M = 0.06  # distance of a panel from the ceiling
+CLEAR_M = 0.35  # distance of a panel from objects at that height
 REACH_M = 7.0
-# Brightness: a panel 2.5 m above the floor gives 1 there.
+# A panel 2.5 m above the floor gives irradiance 1 there.
 STRENGTH = 2.5**2
-SIDEWAYS = 0.25  # share of its light that a panel sends in all directions, not only down
-BOUNCE = 0.5  # how much light comes back from surfaces
+SIDEWAYS = 0.25  # share of a panel's light that goes in all directions, not only down
+BOUNCE = 0.5  # share of light that surfaces reflect
 BOUNCE_M = 1.2
-TOP = 8.0  # brightest value kept
+TOP = 8.0  # largest value stored
 
 
 def place_panels(scene: PacketScene, vertices: NDArray[np.float32], floors_z_m: Array) -> Array:
-    """Centres (P, 3) [m] of panels, one per `SPACING_M` tile of open floor of each storey.
+    """Return the centres (P, 3) [m] of panels, one per `SPACING_M` tile of open floor.
 
     Args:
         scene: ray structure.
@@ -50,8 +49,8 @@ def place_panels(scene: PacketScene, vertices: NDArray[np.float32], floors_z_m: 
     panels = []
     for floor_z in floors_z_m:
         eyes = np.stack([gx, gy, np.full_like(gx, floor_z + EYE_M)], -1).reshape(-1, 3).astype(f32)
-        below = _distance(scene, eyes, -1.0, EYE_M + 0.3).reshape(gx.shape)
-        above = _distance(scene, eyes, 1.0, HIGH_M).reshape(gx.shape)
+        below = _distance(scene, eyes, up=-1.0, reach_m=EYE_M + 0.3).reshape(gx.shape)
+        above = _distance(scene, eyes, up=1.0, reach_m=HIGH_M).reshape(gx.shape)
         inside = (below < EYE_M + 0.3) & (above > LOW_M)
         padded = np.asarray(distance_transform_edt(np.pad(inside, 1)))
         clear = padded[1:-1, 1:-1] * STEP_M
@@ -64,10 +63,10 @@ def place_panels(scene: PacketScene, vertices: NDArray[np.float32], floors_z_m: 
 
 
 def trace_panels(scene: PacketScene, openness: Openness, panels_m: Array) -> CubeGrid:
-    """Irradiance of panels (P, 3) [m] on surfaces at each cell, per direction they face.
+    """Return the irradiance of panels (P, 3) [m] at each cell, per direction that a surface faces.
 
-    A panel is Lambert's disc that shines down: what it gives falls with the cosine at the panel,
-    the cosine at the surface and the square of the distance.
+    A panel is a Lambertian disc that shines down: its irradiance falls with the cosine at the
+    panel, the cosine at the surface and the square of the distance.
     """
     centers = openness.center_m.reshape(-1, 3)
     direct = np.zeros((len(centers), 6), dtype=f32)
@@ -78,10 +77,10 @@ def trace_panels(scene: PacketScene, openness: Openness, panels_m: Array) -> Cub
         if not len(near):
             continue
         step, square = step[near], np.maximum(square[near], f32(0.15))
-        seen = ~scene.hidden(np.ascontiguousarray(centers[near]), step)
+        seen = ~scene.occluded(origins=np.ascontiguousarray(centers[near]), directions=step)
         toward = step / np.sqrt(square)[:, None]
         down = SIDEWAYS + (1 - SIDEWAYS) * np.maximum(toward[:, 2], 0.0)
-        # Fades to nothing where the search for panels ends.
+        # Fades to zero at the largest distance considered.
         fade = (1.0 - square / REACH_M**2) ** 2
         strength = np.where(seen, STRENGTH * down * fade / square, 0.0).astype(f32)
         direct[near] += strength[:, None] * np.maximum(toward @ AXES.T.astype(f32), 0.0)
@@ -97,9 +96,11 @@ def trace_panels(scene: PacketScene, openness: Openness, panels_m: Array) -> Cub
     return filled(openness.grid, light, TOP)
 
 
-def _distance(scene: PacketScene, origins: NDArray[np.float32], up: float, far: float) -> Array:
-    """(N,) free way straight up or down [m], at most `far`."""
+def _distance(
+    scene: PacketScene, origins: NDArray[np.float32], *, up: float, reach_m: float
+) -> Array:
+    """Return the free distance (N,) straight up (1) or down (−1) [m], at most `reach_m`."""
     directions = np.tile(np.array([0.0, 0.0, up], dtype=f32), (len(origins), 1))
-    return scene.trace(origins, directions, np.full(len(origins), far, dtype=f32)).depth.astype(
-        np.float64
-    )
+    far = np.full(len(origins), reach_m, dtype=f32)
+    hits = scene.trace(origins=origins, directions=directions, far=far)
+    return hits.depth.astype(np.float64)

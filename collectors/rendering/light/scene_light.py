@@ -1,4 +1,4 @@
-"""A light in a scene: the part of it that can be precomputed independently of the camera."""
+"""A light in a scene: what can be computed once, independently of the camera."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from .panels import place_panels, trace_panels
 def light_arrays(
     light: Light, bundle: SceneBundle, mesh: VisualMesh, scene: PacketScene, any_shaded: bool
 ) -> LightArrays:
-    """Trace what a light needs to know of a scene.
+    """Return the light of a scene as arrays, with openness or irradiance traced.
 
     Args:
-        light: which.
+        light: the light.
         bundle: the scene, for the heights of its floors.
         mesh: its triangles.
         scene: their ray structure.
@@ -37,16 +37,23 @@ def light_arrays(
 def with_lamp(
     arrays: LightArrays,
     strength: float,
-    eye_world_m: ArrayLike,
-    quat_wxyz: ArrayLike,
-    lamp_pose: tuple[ArrayLike, ArrayLike] | None,
+    pose: tuple[ArrayLike, ArrayLike],
+    *,
+    apart: bool,
 ) -> LightArrays:
-    """`arrays` with the lamp at its pose (position, optical quaternion), or at the eye's."""
+    """Return `arrays` with the lamp placed.
+
+    Args:
+        arrays: the light.
+        strength: of the lamp; 0 = no lamp.
+        pose: position (3,) [m] and optical quaternion (4,) of the lamp in the world.
+        apart: whether that is not the eye's pose.
+    """
     if strength <= 0.0:
         return arrays
-    position, quat = (eye_world_m, quat_wxyz) if lamp_pose is None else lamp_pose
+    position, quat = pose
     lamp = np.array([*np.asarray(position), *quat_to_matrix(quat)[:, 2], strength, 0.0])
-    return arrays._replace(lamp=lamp.astype(np.float32), lamp_apart=lamp_pose is not None)
+    return arrays._replace(lamp=lamp.astype(np.float32), lamp_apart=apart)
 
 
 def _grid(light: Light, bundle: SceneBundle, mesh: VisualMesh, scene: PacketScene) -> CubeGrid:

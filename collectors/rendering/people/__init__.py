@@ -1,1 +1,1 @@
-"""Pictures for people: film strips, portraits, maps."""
+"""Pictures for people: film strips, portraits of robots, maps."""

@@ -1,4 +1,4 @@
-"""Pictures for people: film strips, maps from above, third-person clips."""
+"""Film strips, third-person clips and videos of rollouts, for people."""
 
 from __future__ import annotations
 
@@ -30,51 +30,46 @@ def film_strip(
     path: Path,
     renderer: Renderer,
     rollout: Rollout,
+    *,
     columns: int = 6,
     tile_px: int = 240,
     robot: RobotSpec | None = None,
 ) -> Picture:
-    """Write one picture of a rollout: `columns` moments from start to end, side by side.
+    """Write a film strip of a rollout: `columns` moments from start to end, side by side.
 
-    Rows: what the robot sees, its depth (warm = near), and the robot seen from behind.
+    Its rows are the robot's own view, its depth (warm = near), and the robot from behind.
 
     Args:
         path: `.png` or `.jpg`.
-        renderer: of the rollout's scene.
+        renderer: renderer of the rollout's scene.
         rollout: recorded states.
         columns: number of moments.
         tile_px: width of a moment [px].
-        robot: who walked; the registry's robot of that name when None.
+        robot: robot of the rollout; None = the registry's robot of that name.
 
     Returns:
         The picture, (H, W, 3) uint8 sRGB.
     """
     samples = np.linspace(0, len(rollout.time_s) - 1, columns).round().astype(np.int64)
     rows: list[list[Picture]] = []
-    who = robot or get_robot(rollout.robot)
-    ego = make_view("ego", who, light=renderer.light, renderer=renderer.name)
-    aspect = ego.camera.height_px / ego.camera.width_px
-    ego = make_view(
-        "ego",
-        who,
-        width_px=tile_px,
-        height_px=round(tile_px * aspect),
-        light=renderer.light,
-        renderer=renderer.name,
-    )
-    frames = list(RolloutFrames.plan(renderer, rollout, ego, samples, who).render(renderer))
+    spec = robot or get_robot(rollout.robot)
+
+    def frames_of(kind: str, aspect: float) -> RolloutFrames:
+        view = make_view(
+            kind,
+            spec,
+            width_px=tile_px,
+            height_px=round(tile_px * aspect),
+            light=renderer.light,
+            renderer=renderer.name,
+        )
+        return RolloutFrames.plan(renderer, rollout, view, samples, spec)
+
+    own = spec.camera.model
+    frames = list(frames_of("ego", own.height_px / own.width_px).render(renderer))
     rows.append([rgb for rgb, _ in frames])
     rows.append([depth_picture(depth) for _, depth in frames])
-    chase = make_view(
-        "chase",
-        who,
-        width_px=tile_px,
-        height_px=round(tile_px * 0.75),
-        light=renderer.light,
-        renderer=renderer.name,
-    )
-    seen = RolloutFrames.plan(renderer, rollout, chase, samples, who)
-    rows.append([rgb for rgb, _ in seen.render(renderer)])
+    rows.append([rgb for rgb, _ in frames_of("chase", 0.75).render(renderer)])
     for tile, sample in zip(rows[0], samples, strict=True):
         _stamp(tile, f"{rollout.time_s[sample]:.1f} s")
     picture = _grid(rows)
@@ -87,22 +82,23 @@ def third_person_clip(
     renderer: Renderer,
     rollout: Rollout,
     last_s: float = math.inf,
+    *,
     frames_per_second: int = 10,
     width_px: int = 320,
     height_px: int = 240,
     robot: RobotSpec | None = None,
 ) -> Picture:
-    """Write a small `.mp4` of how a rollout ended, seen from behind the robot.
+    """Write a small `.mp4` of the end of a rollout, seen from behind the robot.
 
     Args:
-        path: where to.
-        renderer: of the rollout's scene.
+        path: output file.
+        renderer: renderer of the rollout's scene.
         rollout: recorded states.
-        last_s: how much of its end is shown.
-        frames_per_second: divides 100.
-        width_px: even.
-        height_px: even.
-        robot: who walked; the registry's robot of that name when None.
+        last_s: duration of the clip [s].
+        frames_per_second: a divisor of 100.
+        width_px: width, even.
+        height_px: height, even.
+        robot: robot of the rollout; None = the registry's robot of that name.
 
     Returns:
         The last frame, (H, W, 3) uint8 sRGB.
@@ -110,24 +106,24 @@ def third_person_clip(
     Raises:
         ValueError: the frame rate does not divide 100.
     """
-    who = robot or get_robot(rollout.robot)
+    spec = robot or get_robot(rollout.robot)
     view = make_view(
         "chase",
-        who,
+        spec,
         width_px=width_px,
         height_px=height_px,
         light=renderer.light,
         renderer=renderer.name,
     )
-    pictures = _stamped(renderer, rollout, view, frames_per_second, who, last_s)
+    pictures = _stamped(renderer, rollout, view, frames_per_second, spec, last_s)
     last: list[Picture] = []
 
-    def remembered() -> Iterator[Picture]:
+    def keeping_last() -> Iterator[Picture]:
         for picture in pictures:
             last[:] = [picture]
             yield picture
 
-    write_rgb_video(path, remembered(), frames_per_second, CLIP_CODEC)
+    write_rgb_video(path, keeping_last(), frames_per_second, CLIP_CODEC)
     return last[0]
 
 
@@ -139,15 +135,15 @@ def watchable_video(
     frames_per_second: int = 25,
     robot: RobotSpec | None = None,
 ) -> int:
-    """Write an `.mp4` of a whole rollout that plays at the robot's own pace.
+    """Write an `.mp4` of a whole rollout that plays in real time.
 
     Args:
-        path: where to.
-        renderer: made for the view's renderer and light.
+        path: output file.
+        renderer: renderer of the view's name and light.
         rollout: recorded states.
-        view: where to look from.
-        frames_per_second: divides 100.
-        robot: who walked; the registry's robot of that name when None.
+        view: camera, light and renderer.
+        frames_per_second: a divisor of 100.
+        robot: robot of the rollout; None = the registry's robot of that name.
 
     Returns:
         The number of frames.
@@ -155,8 +151,8 @@ def watchable_video(
     Raises:
         ValueError: the frame rate does not divide 100, or the renderer is not the view's.
     """
-    who = robot or get_robot(rollout.robot)
-    pictures = _stamped(renderer, rollout, view, frames_per_second, who)
+    spec = robot or get_robot(rollout.robot)
+    pictures = _stamped(renderer, rollout, view, frames_per_second, spec)
     return write_rgb_video(path, pictures, frames_per_second, WATCH_CODEC)
 
 
@@ -168,7 +164,7 @@ def _stamped(
     robot: RobotSpec,
     last_s: float = math.inf,
 ) -> Iterator[Picture]:
-    """Frames with their time in a corner."""
+    """Yield frames with their time in a corner."""
     samples = rollout.frame_samples(frames_per_second)
     samples = samples[rollout.time_s[samples] >= rollout.time_s[-1] - last_s]
     plan = RolloutFrames.plan(renderer, rollout, view, samples, robot)
@@ -178,7 +174,7 @@ def _stamped(
 
 
 def depth_picture(depth_m: NDArray[np.float32], far_m: float = DEPTH_SHOWN_M) -> Picture:
-    """Colour depth (H, W) [m]: warm is near, dark blue is `far_m` or more, black is invalid."""
+    """Return depth (H, W) [m] as colours: warm near, dark blue from `far_m` on, black invalid."""
     level = np.round(255 * (1.0 - np.clip(depth_m / far_m, 0.0, 1.0))).astype(np.uint8)
     colors = cv2.applyColorMap(level, cv2.COLORMAP_TURBO)[..., ::-1].copy()
     colors[depth_m <= 0] = 0
@@ -186,7 +182,7 @@ def depth_picture(depth_m: NDArray[np.float32], far_m: float = DEPTH_SHOWN_M) ->
 
 
 def save_picture(path: Path, picture: Picture) -> None:
-    """Write (H, W, 3) uint8 as PNG or JPEG, by the path's suffix."""
+    """Write (H, W, 3) uint8 as PNG or JPEG, depending on the path's suffix."""
     with atomic_file(path) as temporary:
         Image.fromarray(picture).save(temporary, quality=88)
 

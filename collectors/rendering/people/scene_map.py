@@ -1,4 +1,4 @@
-"""A level from above with the ceiling taken off, and where world points lie in the picture."""
+"""A level from above without its ceiling, and the mapping of world points to the picture."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from ....formats.scene.sections import inside_solids
 from ..camera.views import DOWN
 from ..interface import Renderer
 
-# So far away that a wall as high as the cut leans by less than a centimetre at 5 m from the centre.
+# So far that the top of a wall shifts by less than 1 cm at 5 m from the centre.
 HEIGHT_M = 1000.0
 CUT_M = 1.9
 MARGIN_M = 0.4
 MAX_SIDE_PX = 2000
 PAPER = 250
-# What fills a cut wall of a CAD model.
+# Fills the cut walls of a CAD model.
 CUT_RGB = (62, 66, 77)
 
 
 @dataclass(frozen=True)
 class SceneMap:
-    """A picture of a level from above, +y up.
+    """Picture of a level from above, +y up.
 
     Attributes:
-        image: (H, W, 3) uint8 sRGB; blank where there is nothing.
+        image: (H, W, 3) uint8 sRGB; blank where nothing is.
         left_m: world x of the picture's left border [m].
         top_m: world y of the picture's upper border [m].
         px_per_m: scale.
@@ -42,7 +42,7 @@ class SceneMap:
     px_per_m: float
 
     def to_pixel(self, xy_world_m: ArrayLike) -> NDArray[np.float64]:
-        """World points (..., 2) [m] to (column, row) (..., 2); pixel centres at integer + 0.5."""
+        """Convert world points (..., 2) [m] to (column, row); pixel centres at integer + 0.5."""
         xy = np.asarray(xy_world_m, dtype=np.float64)
         return np.stack([xy[..., 0] - self.left_m, self.top_m - xy[..., 1]], -1) * self.px_per_m
 
@@ -50,16 +50,16 @@ class SceneMap:
 def top_down_map(
     bundle: SceneBundle, renderer: Renderer, level: int = 0, px_per_m: float = 50.0
 ) -> SceneMap:
-    """Render a level from above, cut open at `CUT_M` over its floor.
+    """Render a level from above, cut at `CUT_M` above its floor.
 
     Args:
         bundle: the scene.
-        renderer: of that scene.
-        level: which level.
-        px_per_m: scale; less when a side would exceed `MAX_SIDE_PX`.
+        renderer: renderer of that scene.
+        level: index of the level.
+        px_per_m: scale; reduced if a side would exceed `MAX_SIDE_PX`.
 
     Raises:
-        ValueError: no such level, or a level without any floor.
+        ValueError: no such level, or the level has no floor.
     """
     floor = bundle.floor(level)
     cells = np.argwhere(floor.covered)
@@ -72,7 +72,7 @@ def top_down_map(
     width, height = (int(side) for side in np.ceil((upper - lower) * scale))
     center = 0.5 * (lower + upper)
     floor_z = bundle.level_floor_z_m[level]
-    # Seen from HEIGHT_M over the floor, a pixel spans 1 / scale there.
+    # At a distance of HEIGHT_M, a pixel spans 1 / scale.
     camera = CameraModel(
         "map", width, height, float(2 * np.rad2deg(np.arctan(0.5 * width / scale / HEIGHT_M)))
     )

@@ -1,1 +1,1 @@
-"""The scene and the robot as arrays for the kernels."""
+"""Scene and robot as arrays for the kernels."""

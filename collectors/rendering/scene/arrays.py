@@ -1,28 +1,29 @@
-"""From a scene's mesh and materials to the arrays that kernels read."""
+"""Conversion of a scene's mesh and materials to arrays for kernels."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ....formats.core.geometry import triangle_areas
 from ....formats.scene.bundle import VisualMesh
 from ..kernels.data import SceneArrays
 from ..kernels.packets import aligned
 from .textures import MaterialTable
 
-# A scan's atlas shows each texel at one place, so that its triangles cover at most the whole
-# texture once; the slack is for overlapping borders.
+# A scan's atlas uses each texel at one place, so that its triangles cover the texture at most once;
+# the margin allows for overlapping borders.
 MAX_ATLAS_COVER = 1.5
 FLATNESS_SAMPLES = 50_000
 
 
 def scene_arrays(mesh: VisualMesh, materials: MaterialTable, relit: bool = False) -> SceneArrays:
-    """Gather the arrays and decide which materials the renderer lights.
+    """Build the arrays and decide which materials are lit.
 
-    A light that relights a scene lights everything. Otherwise plain colours are always lit, and
-    textures hold the light of a scanned room and are shown as they are, unless most of the scene's
-    textured area cannot hold any: then it is a drawn scene whose textures are bare colours, and all
-    of it is lit.
+    A light that relights a scene lights everything. Otherwise plain colours are always lit, while
+    textures contain the light of the scanned room and are shown unchanged. If most of the scene's
+    textured area cannot contain light, the scene was drawn rather than scanned, its textures are
+    surface colours, and all of it is lit.
     """
     textured = materials.texture >= 0
     drawn = relit or drawn_share(mesh, materials) > 0.5
@@ -36,7 +37,7 @@ def scene_arrays(mesh: VisualMesh, materials: MaterialTable, relit: bool = False
 
 
 def _face_records(mesh: VisualMesh) -> NDArray[np.float32]:
-    """(F, 16); see `SceneArrays.face`."""
+    """Return (F, 16) as described at `SceneArrays.face`."""
     records = aligned((len(mesh.faces), 16))
     corner = mesh.vertices[mesh.faces]
     uv = mesh.corner_uv
@@ -45,7 +46,7 @@ def _face_records(mesh: VisualMesh) -> NDArray[np.float32]:
     square = np.einsum("fi,fi->f", normal, normal)[:, None]
     with np.errstate(divide="ignore"):
         scale = np.where(square > 0.0, 1.0 / square, 0.0)
-    # Gradients of the barycentrics on the triangle's plane.
+    # Gradients of the barycentric coordinates on the triangle's plane.
     along_u, along_v = np.cross(g, normal) * scale, np.cross(normal, e) * scale
     for k in range(2):
         steps = (uv[:, corner_, k] - uv[:, 0, k] for corner_ in (1, 2))
@@ -59,15 +60,13 @@ def _face_records(mesh: VisualMesh) -> NDArray[np.float32]:
 
 
 def drawn_share(mesh: VisualMesh, materials: MaterialTable) -> float:
-    """Share of the textured area (0–1) whose textures cannot hold a room's light.
+    """Return the share of the textured area (0–1) whose textures cannot contain a room's light.
 
-    That is where the same texel shows at several places (tiles, repeated parts, several objects on
-    one picture), or where a triangle's texture is one flat colour.
+    There the same texel is used at several places (tiles, repeated parts, several objects with one
+    image), or the texture is a single flat colour.
     """
     corner = mesh.vertices[mesh.faces].astype(np.float64)
-    area = 0.5 * np.linalg.norm(
-        np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=-1
-    )
+    area = triangle_areas(corner)
     texture = materials.texture[mesh.face_material]
     area = np.where(texture >= 0, area, 0.0)
     if area.sum() == 0.0:
@@ -85,7 +84,7 @@ def _uv_area(mesh: VisualMesh) -> NDArray[np.float64]:
 
 
 def _is_flat(materials: MaterialTable) -> NDArray[np.bool_]:
-    """(T,) whether a texture has one colour only, up to compression noise."""
+    """Return (T,) whether a texture has a single colour, up to compression noise."""
     pack = materials.pack
     flat = np.zeros(max(len(pack.levels), 1), dtype=bool)
     for t in range(len(pack.levels)):

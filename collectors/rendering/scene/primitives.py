@@ -1,4 +1,4 @@
-"""MuJoCo's primitive shapes as triangles with normals, in the geom's own frame."""
+"""Tessellation of MuJoCo's primitive shapes: triangles with normals, in the geom's frame."""
 
 from __future__ import annotations
 
@@ -8,16 +8,18 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ....formats.core.geometry import triangle_cross, triangle_normals
+
 Array = NDArray[np.floating]
 # Corners (F, 3, 3) and unit normals at the corners (F, 3, 3).
 Surface = tuple[Array, Array]
 
-AROUND = 28  # segments around an axis; normals are smooth, so only silhouettes show them
+AROUND = 28  # segments around an axis; normals are smooth, so they show only in silhouettes
 ALONG = 7  # rings per quarter of a meridian
 
 
-def _grid_surface(points: Array, normals: Array) -> Surface:
-    """Triangles of a (rows, columns, 3) grid of points, wound so that fronts face the normals."""
+def _grid_surface(points: Array, *, normals: Array) -> Surface:
+    """Return triangles of a (rows, columns, 3) grid of points; front faces face the normals."""
     corners, corner_normals = [], []
     for source, target in ((points, corners), (normals, corner_normals)):
         a, b = source[:-1, :-1], source[:-1, 1:]
@@ -25,20 +27,14 @@ def _grid_surface(points: Array, normals: Array) -> Surface:
         target.append(np.stack([a, c, d], axis=-2).reshape(-1, 3, 3))
         target.append(np.stack([a, d, b], axis=-2).reshape(-1, 3, 3))
     triangles, smooth = np.concatenate(corners), np.concatenate(corner_normals)
-    area = np.linalg.norm(_cross(triangles), axis=-1)
-    keep = area > 1e-12  # poles collapse one side of their quads
+    # Poles collapse one side of their quads.
+    keep = np.linalg.norm(triangle_cross(triangles), axis=-1) > 1e-12
     return triangles[keep], smooth[keep]
 
 
-def _cross(triangles: Array) -> Array:
-    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-
-
 def flat(triangles: Array) -> Surface:
-    """Triangles (F, 3, 3) with their own face normals."""
-    normal = _cross(triangles)
-    normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
-    return triangles, np.repeat(normal[:, None], 3, axis=1)
+    """Return triangles (F, 3, 3) with their face normals."""
+    return triangles, np.repeat(triangle_normals(triangles)[:, None], 3, axis=1)
 
 
 def _unit_rings() -> tuple[Array, Array]:
@@ -47,18 +43,18 @@ def _unit_rings() -> tuple[Array, Array]:
     return polar, angle
 
 
-def _revolve(radius: Array, height: Array, normal_r: Array, normal_z: Array) -> Surface:
-    """Surface of revolution about z of a profile from top to bottom, each (R,)."""
+def _revolve(*, radius: Array, height: Array, normal_r: Array, normal_z: Array) -> Surface:
+    """Return the surface of revolution about z of a profile (R,) from top to bottom."""
     angle = np.linspace(0.0, 2 * np.pi, AROUND + 1)
     circle = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], -1)
     up = np.array([0.0, 0.0, 1.0])
     points = radius[:, None, None] * circle + height[:, None, None] * up
     normals = normal_r[:, None, None] * circle + normal_z[:, None, None] * up
-    return _grid_surface(points, normals)
+    return _grid_surface(points, normals=normals)
 
 
 def box(size: Array) -> Surface:
-    """Half sides (3,) [m]."""
+    """Return a box of half sides (3,) [m]."""
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
     quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     corners = signs * size
@@ -68,7 +64,7 @@ def box(size: Array) -> Surface:
 
 
 def ellipsoid(size: Array) -> Surface:
-    """Half axes (3,) [m]."""
+    """Return an ellipsoid of half axes (3,) [m]."""
     polar, angle = _unit_rings()
     unit = np.stack(
         [
@@ -79,32 +75,39 @@ def ellipsoid(size: Array) -> Surface:
         axis=-1,
     )
     normals = unit / size
-    return _grid_surface(unit * size, normals / np.linalg.norm(normals, axis=-1, keepdims=True))
+    return _grid_surface(
+        unit * size, normals=normals / np.linalg.norm(normals, axis=-1, keepdims=True)
+    )
 
 
 def sphere(size: Array) -> Surface:
-    """Radius first [m]."""
+    """Return a sphere; `size` starts with its radius [m]."""
     return ellipsoid(np.full(3, size[0]))
 
 
 def capsule(size: Array) -> Surface:
-    """Radius and half length of the cylindrical part [m], along z."""
+    """Return a capsule along z; `size` is radius and half length of the cylindrical part [m]."""
     polar, _ = _unit_rings()
-    # Both caps share the equator's angle; the wall lies between its two copies.
+    # The equator appears twice, with the wall between its two copies.
     polar = np.concatenate([polar[: ALONG + 1], polar[ALONG:]])
     shift = np.repeat([size[1], -size[1]], ALONG + 1)
     return _revolve(
-        size[0] * np.sin(polar), size[0] * np.cos(polar) + shift, np.sin(polar), np.cos(polar)
+        radius=size[0] * np.sin(polar),
+        height=size[0] * np.cos(polar) + shift,
+        normal_r=np.sin(polar),
+        normal_z=np.cos(polar),
     )
 
 
 def cylinder(size: Array) -> Surface:
-    """Radius and half length [m], along z."""
+    """Return a cylinder along z; `size` is radius and half length [m]."""
     radius, half = size[0], size[1]
     one, zero = np.ones(2), np.zeros(2)
-    wall = _revolve(radius * one, np.array([half, -half]), one, zero)
-    top = _revolve(np.array([0.0, radius]), half * one, zero, one)
-    bottom = _revolve(np.array([radius, 0.0]), -half * one, zero, -one)
+    ends = np.array([half, -half])
+    wall = _revolve(radius=radius * one, height=ends, normal_r=one, normal_z=zero)
+    rim = np.array([0.0, radius])
+    top = _revolve(radius=rim, height=half * one, normal_r=zero, normal_z=one)
+    bottom = _revolve(radius=rim[::-1], height=-half * one, normal_r=zero, normal_z=-one)
     parts = (wall, top, bottom)
     return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
 
@@ -120,10 +123,10 @@ SHAPES: dict[int, Callable[[Array], Surface]] = {
 
 
 def geom_surface(model: mujoco.MjModel, geom: int) -> Surface:
-    """Triangles and corner normals of a compiled model's geom, in the geom's frame.
+    """Return triangles and corner normals of a compiled model's geom, in the geom's frame.
 
     Raises:
-        ValueError: the geom's type has no surface to draw (plane, height field, …).
+        ValueError: the geom's type is not supported (plane, height field, …).
     """
     kind = int(model.geom_type[geom])
     if kind == int(_GEOM.mjGEOM_MESH):

@@ -1,4 +1,4 @@
-"""The robot's own body for the renderer: tessellated once, posed per frame."""
+"""A robot's body for the renderers: tessellated once, posed per frame."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ....formats.core.frames import OPTICAL_TO_OPENGL, matrix_to_quat
+from ....formats.core.geometry import triangle_normals
 from .primitives import geom_surface
 
 # MuJoCo draws groups 0 to 2 by default; collision shapes are kept in 3 and above.
@@ -21,11 +22,11 @@ class GeomSurface:
     """Triangles of one visible geom, in its own frame.
 
     Attributes:
-        geom: id in the model.
+        geom: id of the geom in the model.
         corners, normals: (F, 3, 3) float32 corner positions [m] and unit normals.
         plane: (F, 4) float64 unit face normal and its distance from the geom's origin [m].
-        center_m, radius_m: bounding sphere.
-        color_linear: (3,) float32.
+        center_m, radius_m: bounding sphere [m].
+        color_linear: (3,) float32 linear RGB.
     """
 
     geom: int
@@ -37,18 +38,18 @@ class GeomSurface:
     color_linear: NDArray[np.float32]
 
     def holds(self, point_m: NDArray[np.float64], margin_m: float) -> bool:
-        """Whether a point (3,) in the geom's frame lies inside, up to a margin; convex geoms."""
+        """Return whether a point (3,) in the frame of a convex geom lies inside, up to a margin."""
         return bool((self.plane[:, :3] @ point_m < self.plane[:, 3] + margin_m).all())
 
 
 @dataclass(frozen=True)
 class RobotGeometryPose:
-    """The body at one instant.
+    """A robot's body in one pose.
 
     Attributes:
-        surfaces: the G geoms that are posed.
-        position_world_m: (G, 3) of each geom [m].
-        rotation_world: (G, 3, 3) geom to world.
+        surfaces: surfaces of the G geoms.
+        position_world_m: (G, 3) position of each geom [m].
+        rotation_world: (G, 3, 3) rotation of each geom to world.
     """
 
     surfaces: tuple[GeomSurface, ...]
@@ -57,23 +58,23 @@ class RobotGeometryPose:
 
 
 def tessellate(model: mujoco.MjModel) -> tuple[GeomSurface, ...]:
-    """Surfaces of a model's visible geoms (groups 0–2, not fully transparent).
-
-    Geoms of the world body are the ground a robot-alone model may stand on, no part of the robot.
-    """
+    """Return the surfaces of a model's visible geoms; see `visible_geoms`."""
     rgba = geom_colors(model)
     return tuple(_surface(model, int(geom), rgba[geom, :3]) for geom in visible_geoms(model))
 
 
 def visible_geoms(model: mujoco.MjModel) -> NDArray[np.int64]:
-    """Ids of the robot's geoms that are seen (groups 0–2, not fully transparent)."""
+    """Return the ids of the robot's visible geoms: groups 0–2, not fully transparent.
+
+    Geoms of the world body are the floor that a robot-alone model may have, no part of the robot.
+    """
     seen = (model.geom_group < VISIBLE_GROUPS) & (geom_colors(model)[:, 3] > 0)
     seen &= model.geom_bodyid > 0
     return np.flatnonzero(seen)
 
 
 def geom_colors(model: mujoco.MjModel) -> NDArray[np.float32]:
-    """(G, 4) RGBA of each geom: its own, or its material's where it was given none."""
+    """Return the RGBA (G, 4) of each geom: its own, or its material's where it has none."""
     own, material = model.geom_rgba, model.geom_matid
     unset = (material >= 0) & (own == np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)).all(axis=1)
     rgba = own.copy()
@@ -83,8 +84,7 @@ def geom_colors(model: mujoco.MjModel) -> NDArray[np.float32]:
 
 def _surface(model: mujoco.MjModel, geom: int, color: NDArray[np.float32]) -> GeomSurface:
     corners, normals = geom_surface(model, geom)
-    face_normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    face_normal /= np.linalg.norm(face_normal, axis=-1, keepdims=True)
+    face_normal = triangle_normals(corners).astype(np.float64)
     center = 0.5 * (corners.min((0, 1)) + corners.max((0, 1)))
     return GeomSurface(
         geom=geom,
@@ -97,14 +97,25 @@ def _surface(model: mujoco.MjModel, geom: int, color: NDArray[np.float32]) -> Ge
     )
 
 
+def bounding_boxes(surfaces: Sequence[GeomSurface]) -> NDArray[np.float64]:
+    """Return the corners (G, 8, 3) [m] of each geom's box in its own frame.
+
+    Corners are numbered by the bits x, y, z, x the highest.
+    """
+    signs = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    bounds = [(c.min(0), c.max(0)) for c in (s.corners.reshape(-1, 3) for s in surfaces)]
+    boxes = [np.where(signs, high, low) for low, high in bounds]
+    return np.array(boxes, dtype=np.float64).reshape(-1, 8, 3)
+
+
 class RobotBody:
-    """A robot-alone model, posed by recorded states through MuJoCo's kinematics."""
+    """A robot-alone model, posed from recorded states by MuJoCo's kinematics."""
 
     def __init__(self, model: mujoco.MjModel, joint_names: Sequence[str]):
-        """Prepare `model`, which has one free joint and the named hinge or slide joints.
+        """Prepare a model with one free joint and the named hinge or slide joints.
 
         Raises:
-            ValueError: not exactly one free joint, or a name the model does not have.
+            ValueError: the model does not have exactly one free joint, or lacks a named joint.
         """
         free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
         if len(free) != 1:
@@ -125,7 +136,7 @@ class RobotBody:
     def pose(
         self, position_world_m: ArrayLike, quat_wxyz: ArrayLike, joint_position: ArrayLike
     ) -> RobotGeometryPose:
-        """Place the base (3,), (4,) and the joints (J,) [rad or m]."""
+        """Return the body with its base at (3,) [m], (4,) and its joints at (J,) [rad or m]."""
         self._move(position_world_m, quat_wxyz, joint_position)
         return RobotGeometryPose(
             self.surfaces,
@@ -140,7 +151,7 @@ class RobotBody:
         quat_wxyz: ArrayLike,
         joint_position: ArrayLike,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Position (3,) [m] and optical-frame quaternion (4,) of the model's camera."""
+        """Return position (3,) [m] and optical-frame quaternion (4,) of a camera of the model."""
         self._move(position_world_m, quat_wxyz, joint_position)
         index = self.model.camera(camera).id
         rotation = self._data.cam_xmat[index].reshape(3, 3) @ OPTICAL_TO_OPENGL

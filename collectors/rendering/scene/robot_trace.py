@@ -1,7 +1,7 @@
-"""The robot's body in a frame: one small static Embree scene per geom, rays moved to its frame.
+"""Ray tracing of a robot's body: one small static Embree scene per geom, in the geom's frame.
 
-A geom never changes its shape, so that nothing is rebuilt when the robot moves; a frame costs only
-the rays in the image rectangles of the geoms it can see.
+Rays are transformed to the geoms, so that nothing is rebuilt when the robot moves; a frame costs
+only the rays in the image rectangles of its visible geoms.
 """
 
 from __future__ import annotations
@@ -13,20 +13,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....formats.core.camera import CameraModel
-from ..kernels.data import LightArrays
+from ..frame import RenderRequest
+from ..kernels.data import Hits, LightArrays
 from ..kernels.drawn import shade_robot
 from ..kernels.packets import PacketHits, PacketScene
 from ..light.contact_shadow import ContactShadow
-from .robot_body import GeomSurface, RobotGeometryPose
+from .robot_body import GeomSurface, RobotGeometryPose, bounding_boxes
 
 F32 = NDArray[np.float32]
 
 # Surface ids of robot geoms start here, downwards; scene materials are ≥ 0 and −1 is nothing.
 FIRST_ROBOT_SURFACE = -2
-# A lens sits on the skin of its housing: geoms that hold the camera up to this are not drawn.
+# A lens sits on the surface of its housing: geoms that contain the camera, up to this margin, are
+# not drawn.
 HOUSING_MARGIN_M = 0.005
 NEAR_M = 0.001
-# Corners are numbered by the bits of x, y, z; an edge joins two that differ in one bit.
+# Corners as `bounding_boxes` numbers them; an edge joins two that differ in one bit.
 BOX_EDGES = np.array([[i, i | bit] for bit in (1, 2, 4) for i in range(8) if not i & bit])
 
 
@@ -35,10 +37,11 @@ class VisibleGeom:
     """A geom that may cover pixels of the current view.
 
     Attributes:
-        index: of the geom among the robot's surfaces.
+        index: index of the geom in the robot's surfaces.
         rotation_world: (3, 3) geom to world.
         camera_in_geom_m: (3,) optical centre in the geom's frame [m].
-        rectangle_px: left, top, right, bottom of what it can cover; right and bottom excluded.
+        rectangle_px: left, top, right, bottom of the pixels that it can cover, the latter two
+            exclusive.
     """
 
     index: int
@@ -51,40 +54,25 @@ class RobotTracer:
     """The ray structures of one robot's geoms."""
 
     def __init__(self, surfaces: tuple[GeomSurface, ...]):
-        """Build a scene per geom."""
+        """Build one scene per geom."""
         self.surfaces = surfaces
         self.shadow = ContactShadow(surfaces)
-        signs = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-        bounds = [(c.min(0), c.max(0)) for c in (g.corners.reshape(-1, 3) for g in surfaces)]
-        self._box = np.array([np.where(signs, high, low) for low, high in bounds], np.float64)
-        self._box = self._box.reshape(-1, 8, 3)
+        self._box = bounding_boxes(surfaces)
         self._scenes = []
         for surface in surfaces:
             corners = surface.corners.reshape(-1, 3)
             faces = np.arange(len(corners)).reshape(-1, 3)
             self._scenes.append(PacketScene(corners, faces))
 
-    def visible(
-        self,
-        pose: RobotGeometryPose,
-        position_world_m: NDArray[np.float64],
-        rotation_world: NDArray[np.float64],
-        camera: CameraModel,
-    ) -> list[VisibleGeom]:
-        """Geoms a camera can see, without those that hold it.
-
-        Args:
-            pose: the body.
-            position_world_m: (3,) optical centre [m].
-            rotation_world: (3, 3) optical frame to world.
-            camera: intrinsics.
-        """
+    def visible(self, pose: RobotGeometryPose, request: RenderRequest) -> list[VisibleGeom]:
+        """Return the geoms that the camera of `request` can see, without those that contain it."""
+        position_world_m, rotation_world = request.position, request.rotation
         offset = position_world_m - pose.position_world_m
         inside = np.einsum("gji,gj->gi", pose.rotation_world, offset)
         into_view = np.einsum("gji,jk->gik", pose.rotation_world, rotation_world)
         view = (self._box - inside[:, None]) @ into_view
         seen = []
-        for index, rectangle in _rectangles(view, camera):
+        for index, rectangle in _rectangles(view, request.camera):
             surface = self.surfaces[index]
             distance = np.linalg.norm(inside[index] - surface.center_m)
             near = distance < surface.radius_m + HOUSING_MARGIN_M
@@ -105,57 +93,46 @@ class RobotTracer:
         geom: VisibleGeom,
         rays: NDArray[np.int64],
         directions: F32,
-        eye: F32,
+        eye_m: NDArray[np.float64],
         light: LightArrays,
-        color: F32,
-        depth: F32,
-        surface: NDArray[np.int32],
+        hits: Hits,
     ) -> None:
-        """Put a geom in front of what is farther.
+        """Add a geom to the hits of rays that it is nearer than.
 
         Args:
             geom: from `visible`.
-            rays: (K,) indices of the rays that can meet it.
+            rays: (K,) indices of the rays that can hit it.
             directions: (N, 3) of all rays, world.
-            eye: (3,) optical centre [m].
-            light: what lights it.
-            color: (N, 3) colours so far, updated.
-            depth: (N,) depths so far, updated.
-            surface: (N,) surface ids so far, updated.
+            eye_m: (3,) optical centre [m].
+            light: the light.
+            hits: of all rays so far, updated.
         """
         local = directions[rays] @ geom.rotation_world
         origins = np.empty_like(local)
         origins[:] = geom.camera_in_geom_m
-        limits = np.minimum(depth[rays], np.float32(1e30))
-        met = self._scenes[geom.index].trace(origins, local, limits)
+        far = np.minimum(hits.depth[rays], np.float32(1e30))
+        met = self._scenes[geom.index].trace(origins=origins, directions=local, far=far)
         found = np.flatnonzero(met.prim >= 0)
         if not len(found):
             return
         rays = rays[found]
-        shape = self.surfaces[geom.index]
-        hits = PacketHits(*(values[found] for values in met))
+        surface = self.surfaces[geom.index]
+        met = PacketHits(*(values[found] for values in met))
         shade_robot(
-            rays,
-            directions,
-            eye,
-            hits,
-            shape.normals,
-            geom.rotation_world,
-            shape.color_linear,
-            light,
-            color,
-        )
-        depth[rays] = hits.depth
-        surface[rays] = FIRST_ROBOT_SURFACE - geom.index
+            rays, directions, eye_m.astype(np.float32), met, surface.normals, geom.rotation_world,
+            surface.color_linear, light, hits.color,
+        )  # fmt: skip
+        hits.depth[rays] = met.depth
+        hits.surface[rays] = FIRST_ROBOT_SURFACE - geom.index
 
 
 def _rectangles(
     view: NDArray[np.float64], camera: CameraModel
 ) -> Iterator[tuple[int, tuple[int, int, int, int]]]:
-    """Geoms in view and the pixels (left, top, right, bottom) their boxes can cover.
+    """Yield the geoms in view and the pixels (left, top, right, bottom) their boxes can cover.
 
-    `view` holds the boxes' corners (G, 8, 3) in the optical frame. Edges that pass the camera are
-    cut at the near plane, so that parts beside or behind the camera cover nothing.
+    `view` contains the boxes' corners (G, 8, 3) in the optical frame. Edges that pass the camera
+    are cut at the near plane, so that parts beside or behind the camera cover nothing.
     """
     start, stop = view[:, BOX_EDGES[:, 0]], view[:, BOX_EDGES[:, 1]]
     z0, z1 = start[..., 2:], stop[..., 2:]

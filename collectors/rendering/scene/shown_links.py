@@ -1,4 +1,4 @@
-"""A robot's links and visible shapes as MCAP files show them."""
+"""A robot's links and visible shapes for MCAP files."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ GEOM = mujoco.mjtGeom
 
 
 def robot_links(model: mujoco.MjModel, rollout: Rollout, every: int) -> RobotLinks:
-    """The links of every `every`-th sample of a rollout of the robot-alone `model`.
+    """Return the links at every `every`-th sample of a rollout of the robot-alone `model`.
 
     Raises:
-        ValueError: not exactly one free joint, or a joint that the model does not have.
+        ValueError: the model does not have exactly one free joint.
+        KeyError: the model lacks a joint of the rollout.
     """
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
     if len(free) != 1:
@@ -63,7 +64,7 @@ def _shapes(model: mujoco.MjModel, geom: int, rgba: NDArray[np.float32]) -> list
     red, green, blue, alpha = (float(v) for v in rgba)
     color = (red, green, blue, alpha)
 
-    def shape(kind: str, extent: NDArray, at: NDArray = position) -> LinkShape:
+    def shape(kind: str, extent: NDArray, *, at: NDArray = position) -> LinkShape:
         return LinkShape(kind, at, quat, np.asarray(extent, float), color)
 
     match model.geom_type[geom]:
@@ -80,7 +81,7 @@ def _shapes(model: mujoco.MjModel, geom: int, rgba: NDArray[np.float32]) -> list
             mujoco.mju_quat2Mat(axis, quat)
             along = size[1] * axis.reshape(3, 3)[:, 2]
             ball = np.full(3, 2 * size[0])
-            ends = [shape(SPHERE, ball, position + sign * along) for sign in (-1, 1)]
+            ends = [shape(SPHERE, ball, at=position + sign * along) for sign in (-1, 1)]
             return [shape(CYLINDER, 2 * size[[0, 0, 1]]), *ends]
     corners, _ = geom_surface(model, geom)
     return [LinkShape(TRIANGLES, position, quat, np.ones(3), color, corners.astype(np.float64))]

@@ -1,4 +1,4 @@
-"""All textures of a scene as mip pyramids in one flat array, for numba kernels."""
+"""Textures of a scene as mip pyramids in one flat array for kernels."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class TexturePack(NamedTuple):
 
     Attributes:
         texels: (N,) uint32, row 0 = top of the image; 10 bits each of red (lowest), green and blue,
-            the square root of linear light. It keeps every sRGB byte apart, decodes by one
-            multiplication and fetches a texel in one read.
+            the square root of linear light. It distinguishes all sRGB bytes, is decoded by one
+            multiplication and read in one access.
         offset: (T, MAX_LEVELS) int64 index into `texels` of each level.
         size_px: (T, MAX_LEVELS, 2) int32 width and height of each level.
         levels: (T,) int32 number of levels.
@@ -44,7 +44,7 @@ class TexturePack(NamedTuple):
 
 @dataclass(frozen=True)
 class MaterialTable:
-    """What kernels need of M materials.
+    """M materials as arrays.
 
     Attributes:
         base_linear: (M, 3) float32 base colour in linear light.
@@ -58,13 +58,13 @@ class MaterialTable:
 
 
 def load_materials(bundle: SceneBundle, max_texels: int = MAX_TEXELS) -> MaterialTable:
-    """Read a bundle's materials and textures; a texture named twice is stored once.
+    """Read a bundle's materials and textures; a texture used twice is stored once.
 
-    Textures of scenes with more than `max_texels` texels are halved, the largest first, until the
-    rest fits: memory must allow several renderers beside each other.
+    If a scene has more than `max_texels` texels, its textures are halved, the largest first, until
+    they fit, because several renderers must fit into memory.
 
     Raises:
-        FileFormatError: a texture is missing or no image.
+        FileFormatError: a texture is missing or not an image.
     """
     paths = sorted({m.texture for m in bundle.materials if m.texture is not None})
     index = {path: i for i, path in enumerate(paths)}
@@ -72,7 +72,7 @@ def load_materials(bundle: SceneBundle, max_texels: int = MAX_TEXELS) -> Materia
     files = [bundle.root / path for path in paths]
     skips = levels_to_skip([_image_size(file) for file in files], max_texels)
     if any(skips):
-        log.warning("%s: %d of %d textures are halved to fit", bundle.scene_id,
+        log.warning("%s: %d of %d textures reduced to fit into memory", bundle.scene_id,
                     sum(skip > 0 for skip in skips), len(skips))  # fmt: skip
     return MaterialTable(
         base_linear=to_linear(base),
@@ -87,7 +87,7 @@ def load_materials(bundle: SceneBundle, max_texels: int = MAX_TEXELS) -> Materia
 
 
 def levels_to_skip(sizes_px: list[tuple[int, int]], max_texels: int) -> list[int]:
-    """How often to halve each texture so that all together have at most `max_texels` texels."""
+    """Return how often to halve each texture so that all have at most `max_texels` texels."""
     skips = [0] * len(sizes_px)
     texels = [width * height for width, height in sizes_px]
     while sum(texels) > max_texels and max(texels) > 1:
@@ -100,7 +100,7 @@ def levels_to_skip(sizes_px: list[tuple[int, int]], max_texels: int) -> list[int
 
 
 def pack_textures(pyramids: Iterable[list[NDArray[np.uint32]]]) -> TexturePack:
-    """Lay out pyramids, each as `mip_pyramid` makes them, one after the other."""
+    """Pack pyramids from `mip_pyramid` one after the other."""
     offsets, sizes, levels = [], [], []
     chunks: list[NDArray[np.uint32]] = []
     position = 0
@@ -145,7 +145,7 @@ def _halve(linear: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _halve_bytes(image: NDArray[np.uint8], decode: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The first halving, in strips of rows: a whole page in floats takes four times its bytes."""
+    """Halve an image in strips of rows, because as floats it takes four times the memory."""
     if image.shape[0] % 2:
         return _halve(decode[image])
     strips = [_halve(decode[image[r : r + STRIP_ROWS]]) for r in range(0, len(image), STRIP_ROWS)]
@@ -162,7 +162,7 @@ def _packed(linear: NDArray[np.float32]) -> NDArray[np.uint32]:
 
 def _image_size(path: Path) -> tuple[int, int]:
     if not path.is_file():
-        raise FileFormatError(path, "missing texture; the scene's repair is incomplete")
+        raise FileFormatError(path, "missing texture; repair the scene again")
     try:
         with Image.open(path) as image:  # reads the header only
             return image.size
@@ -173,5 +173,5 @@ def _image_size(path: Path) -> tuple[int, int]:
 def _read_rgb(path: Path) -> NDArray[np.uint8]:
     image = cv2.imdecode(np.fromfile(path, dtype=np.uint8), cv2.IMREAD_COLOR)
     if image is None:
-        raise FileFormatError(path, "a damaged image; valid: PNG or JPEG")
+        raise FileFormatError(path, "damaged image; valid: PNG or JPEG")
     return np.ascontiguousarray(image[..., ::-1], dtype=np.uint8)

@@ -7,6 +7,7 @@ from types import MappingProxyType
 import mujoco
 
 from ....formats.core.camera import CameraModel
+from ..parts import CameraMount, CommandLimits, FallThresholds, Foot, JointFacts
 from ..shapes import (
     add_camera,
     add_collision,
@@ -17,7 +18,7 @@ from ..shapes import (
     set_inertia,
     start_robot,
 )
-from ..spec import CameraMount, CommandLimits, FallThresholds, Foot, JointFacts, RobotSpec
+from ..spec import RobotSpec
 from .shell import dress_calf, dress_hip, dress_thigh, dress_trunk
 
 LEGS = ("FL", "FR", "RL", "RR")
@@ -31,18 +32,22 @@ FRICTIONLOSS_NM = 0.2
 
 
 def _leg_joints(leg: str) -> tuple[JointFacts, ...]:
+    upper = {"kp": 40.0, "kd": 2.0, "torque_nm": 35.3, "speed_rad_s": 20.0}
+    lower = {"kp": 40.0, "kd": 2.0, "torque_nm": 44.4, "speed_rad_s": 15.9}
     return (
-        JointFacts(f"{leg}_hip_joint", 0.0, (-1.22, 1.22), 40.0, 2.0, 35.3, 20.0),
-        # The published thigh joint turns freely; one turn of freedom keeps simulation honest.
-        JointFacts(f"{leg}_thigh_joint", 0.8, (-3.14, 3.14), 40.0, 2.0, 35.3, 20.0),
-        JointFacts(f"{leg}_calf_joint", -1.5, (-2.775, -0.646), 40.0, 2.0, 44.4, 15.9),
+        JointFacts(f"{leg}_hip_joint", 0.0, (-1.22, 1.22), **upper),
+        # The published thigh joint has no limits; here it is limited to one full turn.
+        JointFacts(f"{leg}_thigh_joint", 0.8, (-3.14, 3.14), **upper),
+        JointFacts(f"{leg}_calf_joint", -1.5, (-2.775, -0.646), **lower),
     )
 
 
 def build_aliengo(robot: RobotSpec) -> mujoco.MjSpec:
-    """The robot alone; collision, visual shapes, servos, sensors and the ego camera."""
+    """Return the robot alone: collision and visual shapes, servos, sensors, ego camera."""
     spec, base = start_robot(robot)
-    set_inertia(base, robot.link_mass_kg["base"], (0.0, 0.0, 0.0), (0.55, 0.2, 0.112))
+    set_inertia(
+        base, robot.link_mass_kg["base"], center_m=(0.0, 0.0, 0.0), box_m=(0.55, 0.2, 0.112)
+    )
     add_collision(base, "trunk", "box", (0.3, 0.085, 0.056))
     add_collision(base, "head", "capsule", (0.05,), ends=((0.31, -0.03, 0.01), (0.31, 0.03, 0.01)))
     dress_trunk(base)
@@ -67,13 +72,19 @@ def _add_leg(
     left = 1.0 if leg[1] == "L" else -1.0
 
     def joint(body: mujoco.MjsBody, part: str, axis: tuple[float, float, float]) -> None:
-        add_joint(body, facts[f"{leg}_{part}_joint"], axis, ARMATURE_KG_M2, FRICTIONLOSS_NM)
+        add_joint(
+            body,
+            facts[f"{leg}_{part}_joint"],
+            axis,
+            armature_kg_m2=ARMATURE_KG_M2,
+            frictionloss_nm=FRICTIONLOSS_NM,
+        )
 
     hip = base.add_body(name=f"{leg}_hip", pos=[front * HIP_X_M, left * HIP_Y_M, 0.0])
     joint(hip, "hip", (1.0, 0.0, 0.0))
     # The abduction motor sits on the trunk's end, the thigh motor in the hip: both near the axis.
     hip_center = (-0.02 * front, 0.035 * left, 0.0)
-    set_inertia(hip, robot.link_mass_kg[f"{leg}_hip"], hip_center, (0.12, 0.1, 0.1))
+    set_inertia(hip, robot.link_mass_kg[f"{leg}_hip"], center_m=hip_center, box_m=(0.12, 0.1, 0.1))
     add_collision(
         hip,
         f"{leg}_hip",
@@ -81,12 +92,14 @@ def _add_leg(
         (0.046,),
         ends=((0.0, left * 0.05, 0.0), (0.0, left * 0.06, 0.0)),
     )
-    dress_hip(hip, front, left)
+    dress_hip(hip, front=front, left=left)
 
     thigh = hip.add_body(name=f"{leg}_thigh", pos=[0.0, left * ABDUCTION_M, 0.0])
     joint(thigh, "thigh", (0.0, 1.0, 0.0))
     thigh_center = (0.0, 0.0, -0.1)
-    set_inertia(thigh, robot.link_mass_kg[f"{leg}_thigh"], thigh_center, (0.05, 0.04, 0.26))
+    set_inertia(
+        thigh, robot.link_mass_kg[f"{leg}_thigh"], center_m=thigh_center, box_m=(0.05, 0.04, 0.26)
+    )
     add_collision(
         thigh, f"{leg}_thigh", "capsule", (0.024,), ends=((0.0, 0.0, -0.03), (0.0, 0.0, -0.23))
     )
@@ -94,7 +107,12 @@ def _add_leg(
 
     calf = thigh.add_body(name=f"{leg}_calf", pos=[0.0, 0.0, -LINK_M])
     joint(calf, "calf", (0.0, 1.0, 0.0))
-    set_inertia(calf, robot.link_mass_kg[f"{leg}_calf"], (0.0, 0.0, -0.135), (0.02, 0.02, 0.25))
+    set_inertia(
+        calf,
+        robot.link_mass_kg[f"{leg}_calf"],
+        center_m=(0.0, 0.0, -0.135),
+        box_m=(0.02, 0.02, 0.25),
+    )
     add_collision(
         calf, f"{leg}_calf", "capsule", (0.014,), ends=((0.0, 0.0, -0.03), (0.0, 0.0, -0.21))
     )
@@ -134,7 +152,7 @@ ALIENGO = RobotSpec(
         model=CameraModel("ego", 256, 256, 90.0),
     ),
     fall=FallThresholds(com_to_foot_m=0.18),
-    command_limits=CommandLimits((-0.3, 1.0), (-0.3, 0.3), (-1.05, 1.05)),
+    command_limits=CommandLimits(vx_m_s=(-0.3, 1.0), vy_m_s=(-0.3, 0.3), yaw_rad_s=(-1.05, 1.05)),
     sources=(
         "masses, link lengths, joint, torque and speed limits: Unitree's published robot "
         "description (unitree_ros, aliengo.urdf)",

@@ -1,4 +1,4 @@
-"""What the Aliengo looks like: visual shapes only, no mass and no contact."""
+"""Visual shapes of the Aliengo, without mass or contacts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ACCENT: Color = (0.15, 0.55, 0.85)
 
 
 def dress_trunk(base: mujoco.MjsBody) -> None:
-    """Rounded silver hull, dark belly and deck, head with a glass face, camera on top."""
+    """Add a rounded silver hull, dark belly and deck, a head with a glass face and a camera."""
     for y in (-0.062, 0.062):
         add_visual(base, "capsule", (0.05,), SILVER, ends=((-0.25, y, 0.006), (0.25, y, 0.006)))
         # Carrying rails along the deck's edges.
@@ -51,8 +51,8 @@ def _dress_head(base: mujoco.MjsBody) -> None:
         add_visual(base, "cylinder", (0.006,), GLASS, ends=((0.35, y, 0.088), (0.3605, y, 0.088)))
 
 
-def dress_hip(hip: mujoco.MjsBody, front: float, left: float) -> None:
-    """The abduction motor lies along x at the trunk's end, the thigh motor across it."""
+def dress_hip(hip: mujoco.MjsBody, *, front: float, left: float) -> None:
+    """Add the abduction motor, along x at the end of the trunk, and the thigh motor across it."""
     add_visual(
         hip, "cylinder", (0.044,), GRAPHITE, ends=((-0.055 * front, 0, 0), (0.035 * front, 0, 0))
     )
@@ -61,7 +61,7 @@ def dress_hip(hip: mujoco.MjsBody, front: float, left: float) -> None:
 
 
 def dress_thigh(thigh: mujoco.MjsBody, left: float) -> None:
-    """A dark tapering thigh under a large knee-motor disc."""
+    """Add a dark tapering thigh under a large disc, the knee motor."""
     add_visual(thigh, "cylinder", (0.05,), DARK, ends=((0, -0.021 * left, 0), (0, 0.03 * left, 0)))
     add_visual(
         thigh, "cylinder", (0.036,), SILVER, ends=((0, 0.03 * left, 0), (0, 0.034 * left, 0))
@@ -75,7 +75,7 @@ def dress_thigh(thigh: mujoco.MjsBody, left: float) -> None:
 
 
 def dress_calf(calf: mujoco.MjsBody) -> None:
-    """A slim calf with a rubber ball foot."""
+    """Add a slim calf with a rubber ball foot."""
     add_visual(calf, "capsule", (0.017,), GRAPHITE, ends=((0.0, 0, -0.005), (0.008, 0, -0.09)))
     add_visual(calf, "capsule", (0.0125,), SILVER, ends=((0.008, 0, -0.085), (0.0, 0, -0.225)))
     add_visual(calf, "capsule", (0.0145,), DARK, ends=((0.002, 0, -0.185), (0.0, 0, -0.24)))

@@ -1,4 +1,4 @@
-"""Write a robot as a folder: a start for one's own, and proof that a folder holds all there is."""
+"""Export a robot as a folder, to start a user's own robot from."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from .model import MODEL_NAME
 
 
 def export_robot(robot: RobotSpec, out: Path, policy: tuple[Path, Path] | None) -> RobotSpec:
-    """Write `robot` as a folder that moves exactly like it; its name is the folder's.
+    """Write `robot` as a folder with identical dynamics; the folder's name becomes the robot's.
 
     Args:
-        robot: Robot to export.
-        out: the folder; replaced whole.
+        robot: robot to export.
+        out: output folder; replaced as a whole.
         policy: network and card of a robot that walks.
 
     Returns:
-        The robot as read back from there.
+        The robot as read back from the folder.
 
     Raises:
-        InputError: the folder's name cannot be a robot's.
+        InputError: the folder's name is not a valid robot name.
     """
     if not NAME_PATTERN.fullmatch(out.name):
         raise InputError(
@@ -50,7 +50,7 @@ def export_robot(robot: RobotSpec, out: Path, policy: tuple[Path, Path] | None) 
 
 
 def facts_text(robot: RobotSpec, name: str) -> str:
-    """A robot's facts as the text of a robot.toml, with a word on each."""
+    """Return a robot's facts as the text of a commented robot.toml."""
 
     def numbers(values: Sequence[float]) -> str:
         return "[" + ", ".join(f"{v!r}" for v in values) + "]"
@@ -62,13 +62,13 @@ def facts_text(robot: RobotSpec, name: str) -> str:
     lines = [
         f"name = {json.dumps(name)}",
         f"title = {json.dumps(robot.title, ensure_ascii=False)}",
-        f"footprint_radius_m = {robot.footprint_radius_m!r}  # the disc that planners keep free",
-        f"base_height_m = {robot.base_height_m!r}  # above the floor, standing at rest",
-        f"spawn_height_m = {robot.spawn_height_m!r}  # where the default pose touches the floor",
+        f"footprint_radius_m = {robot.footprint_radius_m!r}  # disc that planners keep free",
+        f"base_height_m = {robot.base_height_m!r}  # of the base above the floor, standing settled",
+        f"spawn_height_m = {robot.spawn_height_m!r}  # at which the default pose touches the floor",
     ]
     if robot.policy_joints:
         lines += [
-            f"policy_joints = {robot.policy_joints}  # the first so many joints are the policy's",
+            f"policy_joints = {robot.policy_joints}  # number of joints that the policy controls",
             f"action_scale_rad = {robot.action_scale_rad!r}  # target = default + scale × action",
         ]
     lines += ["sources = [", *(f"  {json.dumps(s, ensure_ascii=False)}," for s in robot.sources)]
@@ -88,7 +88,7 @@ def facts_text(robot: RobotSpec, name: str) -> str:
         f"height_px = {camera.model.height_px}",
         f"hfov_deg = {camera.model.hfov_deg!r}",
         "",
-        "[fall]  # leaning or sinking beyond these is a fall",
+        "[fall]  # the robot has fallen when it leans or sinks beyond these",
         f"com_to_foot_m = {fall.com_to_foot_m!r}",
         f"roll_deg = {_degrees(fall.roll_rad)!r}",
         f"pitch_deg = {_degrees(fall.pitch_rad)!r}",
@@ -114,14 +114,14 @@ def facts_text(robot: RobotSpec, name: str) -> str:
 
 
 def _degrees(angle_rad: float) -> float:
-    """The shortest decimal that reads back as the very same angle."""
+    """Return the shortest decimal number of degrees that converts back to exactly this angle."""
     exact = math.degrees(angle_rad)
     tries = (float(f"{exact:.{digits}g}") for digits in range(2, 17))
     return next((d for d in tries if math.radians(d) == angle_rad), exact)
 
 
 def exact_mjcf(spec: mujoco.MjSpec) -> str:
-    """MJCF of a spec with every digit; MuJoCo's own writer keeps six of them."""
+    """Return the MJCF of a spec in full precision; MuJoCo's own writer keeps six digits."""
     model = spec.compile()
     root = ElementTree.fromstring(spec.to_xml())
     for tag, columns in _columns(model).items():
@@ -136,7 +136,7 @@ def exact_mjcf(spec: mujoco.MjSpec) -> str:
 
 
 def _write_exactly(element: ElementTree.Element, exact: dict[str, NDArray[np.floating]]) -> None:
-    """Replace the rounded numbers of an element's attributes by the exact ones they stand for."""
+    """Replace the rounded numbers in an element's attributes by the exact ones."""
     for key, values in exact.items():
         if key not in element.attrib:
             continue
@@ -147,12 +147,12 @@ def _write_exactly(element: ElementTree.Element, exact: dict[str, NDArray[np.flo
 
 
 def _shortest(value: np.floating) -> str:
-    """The fewest digits that read back as the same number, e.g. 0.5, 1e-05, 3."""
+    """Return the shortest text that reads back as the same number, e.g. 0.5, 1e-05, 3."""
     return np.format_float_positional(value, trim="-") if abs(value) > 1e-4 else repr(float(value))
 
 
 def _columns(model: mujoco.MjModel) -> dict[str, dict[str, NDArray[np.floating]]]:
-    """Arrays of the compiled model by MJCF tag and attribute, a row for each element in order."""
+    """Return arrays of the compiled model by MJCF tag and attribute, one row for each element."""
     m, joints = model, model.jnt_dofadr
     return {
         "body": {"pos": m.body_pos[1:], "quat": m.body_quat[1:]},

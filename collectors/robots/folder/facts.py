@@ -1,4 +1,4 @@
-"""robot.toml: what is to be known of a user's own robot beside its model, read strictly."""
+"""Strict reader of robot.toml, the facts of a user's own robot that are not in its model."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ from typing import Any
 
 from ....formats.core.camera import CameraModel
 from ....formats.core.errors import FileFormatError
-from ..drive import WheelDrive
-from ..spec import CommandLimits, FallThresholds, Foot
+from ..parts import CommandLimits, FallThresholds, Foot, WheelDrive
 
 FACTS_NAME = "robot.toml"
 NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
@@ -24,8 +23,8 @@ NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 class FolderFacts:
     """The content of a robot.toml; see docs/robots.md for what each field means.
 
-    What is None is taken from the model: heights from its default pose, the number of policy
-    joints from the number of joints.
+    Fields that are None are derived from the model: the heights from its default pose, the number
+    of policy joints from the number of joints.
     """
 
     name: str
@@ -49,20 +48,20 @@ def read_facts(path: Path) -> FolderFacts:
     """Read a robot.toml.
 
     Raises:
-        FileFormatError: missing, no TOML, or a field that is missing, unknown or of the wrong
-            kind; the message names the field and what is valid.
+        FileFormatError: the file is missing or no TOML, or a field is missing, unknown or of the
+            wrong type; the message names the field and what is valid.
     """
     try:
         raw = tomllib.loads(path.read_text())
     except FileNotFoundError:
-        raise FileFormatError(path, "missing; every robot folder needs one") from None
+        raise FileFormatError(path, "missing; every robot folder must have one") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise FileFormatError(path, f"no TOML: {error}") from error
+        raise FileFormatError(path, f"not valid TOML: {error}") from error
     return _Table(path, "", raw).facts()
 
 
 class _Table:
-    """One table of the file, whose keys are asked for one by one; what is left over is unknown."""
+    """One table of the file; keys that nobody has read by the end are unknown."""
 
     def __init__(self, path: Path, name: str, raw: dict[str, Any]):
         self.path, self.name, self.raw = path, name, raw
@@ -94,7 +93,7 @@ class _Table:
         return result
 
     def error(self, key: str, reason: str) -> FileFormatError:
-        """Args: key: the field; reason: what is wrong with it and what is valid."""
+        """Return the error for the field `key`; `reason` says what is wrong and what is valid."""
         field = f"{self.name}.{key}" if self.name else key
         return FileFormatError(self.path, f"{field} {reason}")
 
@@ -113,14 +112,14 @@ class _Table:
     def text(self, key: str, default: str | None = None) -> str:
         value = self.get(key, default)
         if not isinstance(value, str) or not value:
-            raise self.error(key, _complaint(value, "a text in quotes"))
+            raise self.error(key, _complaint(value, "a string in quotes"))
         return value
 
     def texts(self, key: str, default: Sequence[str] | None = None) -> Sequence[str]:
         value = self.get(key, default)
         good = isinstance(value, list | tuple) and all(isinstance(v, str) and v for v in value)
         if not good or (default is None and not value):
-            raise self.error(key, _complaint(value, 'a list of texts, e.g. ["a", "b"]'))
+            raise self.error(key, _complaint(value, 'a list of strings, e.g. ["a", "b"]'))
         return value
 
     def number(self, key: str, default: float | None = None) -> float:
@@ -170,7 +169,7 @@ class _Table:
         names = [v.get("name") for v in value]
         twice = next((n for n in names if n is not None and names.count(n) > 1), None)
         if twice is not None:
-            raise self.error(key, f"names {twice!r} twice")
+            raise self.error(key, f"contains the name {twice!r} twice; valid: unique names")
         return [
             _Table(self.path, f"{key}.{n}" if isinstance(n, str) else f"{key}[{k}]", v)
             for k, (n, v) in enumerate(zip(names, value, strict=True))
@@ -218,7 +217,11 @@ def _fall(table: _Table) -> FallThresholds:
 
 
 def _limits(table: _Table) -> CommandLimits:
-    limits = CommandLimits(table.pair("vx_m_s"), table.pair("vy_m_s"), table.pair("yaw_rad_s"))
+    limits = CommandLimits(
+        vx_m_s=table.pair("vx_m_s"),
+        vy_m_s=table.pair("vy_m_s"),
+        yaw_rad_s=table.pair("yaw_rad_s"),
+    )
     table.refuse_unknown()
     return limits
 
@@ -234,6 +237,6 @@ def _drive(table: _Table) -> WheelDrive:
     )
     both = sorted(set(drive.left) & set(drive.right))
     if both:
-        raise table.error("right", f"names {both[0]!r}, which is on the left already")
+        raise table.error("right", f"contains {both[0]!r}, which is also in left; valid: one side")
     table.refuse_unknown()
     return drive

@@ -14,7 +14,8 @@ from pathlib import Path
 import mujoco
 
 from ....formats.core.errors import FileFormatError
-from ..spec import Foot, RobotSpec
+from ..parts import Foot
+from ..spec import RobotSpec
 from .facts import FACTS_NAME, FolderFacts, read_facts
 from .model import MODEL_NAME, ModelReader, compile_model, load_model
 from .safety import check_model, folder_files
@@ -24,10 +25,11 @@ SPAWN_GAP_M = 0.001
 
 
 def load_robot_folder(folder: Path) -> RobotSpec:
-    """Read a robot's folder and check everything in it but the policy, which loading it checks.
+    """Read a robot's folder and check all of it but the policy, which is checked when loaded.
 
     Raises:
-        FileFormatError: anything is missing or wrong; names the file, the field and what is valid.
+        FileFormatError: a file or field is missing or invalid; the message names it and what is
+            valid.
     """
     folder = folder.resolve()
     folder_files(folder)
@@ -81,24 +83,24 @@ def _build(robot: RobotSpec, folder: Path, feet: tuple[Foot, ...]) -> mujoco.MjS
 
 
 def _check_mover(folder: Path, facts: FolderFacts) -> None:
-    """A robot with joints has either wheels or a policy, and can go forward.
+    """Check that a robot with joints has either wheels or a policy, and can move forward.
 
     Raises:
-        FileFormatError: it has both or none, or lacks what belongs to it.
+        FileFormatError: it has both or neither, or lacks what belongs to it.
     """
     path = folder / FACTS_NAME
     policy = [name for name in (POLICY_NAME, CARD_NAME) if (folder / name).is_file()]
     if facts.drive is not None:
         if policy:
             raise FileFormatError(
-                path, f"has [drive], but there is a {policy[0]} too; valid: either of them"
+                path, f"has [drive], but the folder also has {policy[0]}; valid: one of them"
             )
     elif facts.joints:
         if len(policy) < 2:
             raise FileFormatError(
                 folder,
-                f"nothing moves this robot; valid: {POLICY_NAME} and {CARD_NAME} for one that "
-                f"walks, [drive] in {FACTS_NAME} for one on wheels",
+                f"nothing drives this robot's joints; valid: {POLICY_NAME} and {CARD_NAME} for one "
+                f"that walks, [drive] in {FACTS_NAME} for one on wheels",
             )
         if facts.action_scale_rad is None:
             raise FileFormatError(
@@ -109,7 +111,7 @@ def _check_mover(folder: Path, facts: FolderFacts) -> None:
 
 
 def folder_digest(folder: Path) -> str:
-    """SHA-256 hex over the names and contents of a robot's files."""
+    """Return the SHA-256 hex over the names and contents of a robot's files."""
     state = hashlib.sha256()
     for path in folder_files(folder):
         content = hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,6 +1,6 @@
-"""model.xml: a user's MJCF, completed by the sensors that replay reads and checked against facts.
+"""model.xml, the MJCF of a user's own robot: sensors are added and it is checked against the facts.
 
-Whatever shapes motion stays as the user wrote it; only names and sensors are added.
+Everything that affects motion stays as the user wrote it; only names and sensors are added.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from ....formats.core.errors import FileFormatError
 from ..handles import sole_radius_m
+from ..parts import CameraMount, Foot, JointFacts
 from ..shapes import POSITION_INPUT
-from ..spec import CameraMount, Foot, JointFacts
 from .facts import FACTS_NAME, FolderFacts
 
 MODEL_NAME = "model.xml"
@@ -30,15 +30,15 @@ _SOLES = (
 
 
 def load_model(folder: Path, feet: Iterable[Foot]) -> mujoco.MjSpec:
-    """The robot alone, its base at the origin, with named actuators, an IMU and touch sensors.
+    """Return the robot alone, its base at the origin, with actuator names, IMU and touch sensors.
 
     Raises:
-        FileFormatError: model.xml is missing, is no MJCF, holds more or less than one free body,
+        FileFormatError: model.xml is missing or no MJCF, does not contain exactly one free body,
             or lacks a foot's soles.
     """
     path = folder / MODEL_NAME
     if not path.is_file():
-        raise FileFormatError(path, "missing; every robot folder needs an MJCF model")
+        raise FileFormatError(path, "missing; every robot folder must have an MJCF model")
     try:
         spec = mujoco.MjSpec.from_file(str(path))
     except ValueError as error:
@@ -52,17 +52,17 @@ def load_model(folder: Path, feet: Iterable[Foot]) -> mujoco.MjSpec:
     targets = [actuator.target for actuator in driven]
     for actuator, target in zip(driven, targets, strict=True):
         if targets.count(target) > 1:
-            raise FileFormatError(path, f"joint {target!r} has several actuators; valid: one")
+            raise FileFormatError(path, f"joint {target!r} has more than one actuator; valid: one")
         actuator.name = target
     _add_sensors(path, spec, root, feet)
     return spec
 
 
 def compile_model(folder: Path, spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Compile what `load_model` gave.
+    """Compile the spec from `load_model`.
 
     Raises:
-        FileFormatError: MuJoCo refuses the model.
+        FileFormatError: MuJoCo rejects the model.
     """
     try:
         return spec.compile()
@@ -71,25 +71,28 @@ def compile_model(folder: Path, spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 
 def _refused(path: Path, error: ValueError) -> FileFormatError:
-    return FileFormatError(path, f"MuJoCo refuses it: {' '.join(str(error).split())}")
+    return FileFormatError(path, f"MuJoCo rejects it: {' '.join(str(error).split())}")
 
 
 def _root(path: Path, spec: mujoco.MjSpec) -> mujoco.MjsBody:
     if spec.worldbody.geoms:
         name = spec.worldbody.geoms[0].name or "without a name"
         raise FileFormatError(
-            path, f"the world holds a geom ({name}); valid: one robot and nothing else, no floor"
+            path, f"the worldbody has a geom ({name}); valid: the robot alone, without a floor"
         )
     bodies = list(spec.worldbody.bodies)
     if len(bodies) != 1:
-        raise FileFormatError(path, f"the world holds {len(bodies)} bodies; valid: one, the robot")
+        raise FileFormatError(
+            path, f"the worldbody has {len(bodies)} bodies; valid: one, the robot"
+        )
     root = bodies[0]
     if not root.name:
         raise FileFormatError(path, "the robot's base body has no name; give it one")
     kinds = [joint.type for joint in root.joints]
     if kinds != [_FREE] or sum(joint.type == _FREE for joint in spec.joints) != 1:
         raise FileFormatError(
-            path, f"body {root.name!r} must float: valid: a <freejoint/> there and nowhere else"
+            path,
+            f"body {root.name!r} must be free; valid: a <freejoint/> in it alone",
         )
     return root
 
@@ -140,9 +143,9 @@ def _add_sensors(
 
 
 def _places(path: Path, spec: mujoco.MjSpec) -> dict[str, tuple[NDArray[np.float64], float]]:
-    """Position in its body [m] and radius [m] of every geom by name.
+    """Return the position in its body [m] and the bounding radius [m] of every geom by name.
 
-    Only the compiler knows where frames and `fromto` put a geom.
+    The model is compiled because frames and `fromto` are resolved by the compiler.
     """
     model = compile_model(path.parent, spec)
     return {
@@ -152,7 +155,7 @@ def _places(path: Path, spec: mujoco.MjSpec) -> dict[str, tuple[NDArray[np.float
 
 
 class ModelReader:
-    """Reads what the compiled model knows; every complaint names file, field and valid values."""
+    """Reads facts from the compiled model; every error names file, field and valid values."""
 
     def __init__(self, folder: Path, model: mujoco.MjModel, facts: FolderFacts):
         self.model, self.facts = model, facts
@@ -172,10 +175,10 @@ class ModelReader:
         return FileFormatError(self.facts_path, f"{field} {reason}")
 
     def joints(self) -> tuple[JointFacts, ...]:
-        """Limits and servos of the joints, in the facts' order.
+        """Return limits and servos of the joints, in the order of robot.toml.
 
         Raises:
-            FileFormatError: a joint without a fitting servo, or a servo of an unlisted joint.
+            FileFormatError: a joint lacks a suitable servo, or an unlisted joint has one.
         """
         model, facts = self.model, self.facts
         wheels = (
@@ -184,20 +187,20 @@ class ModelReader:
         listed = [name for name, _ in facts.joints]
         for name in wheels:
             if name not in listed:
-                raise self._wrong("drive", f"names {name!r}; valid: {_names(listed)}")
+                raise self._wrong("drive", f"contains {name!r}; valid: {_names(listed)}")
         for i in range(model.nu):
             if model.actuator(i).name not in listed:
                 raise FileFormatError(
                     self.path,
-                    f"actuator {model.actuator(i).name!r} moves a joint that is not among joints "
-                    f"in {FACTS_NAME}; valid: {_names(listed)}",
+                    f"the joint of actuator {model.actuator(i).name!r} is not listed in joints "
+                    f"of {FACTS_NAME}; valid: {_names(listed)}",
                 )
         return tuple(self._joint(name, value, name in wheels) for name, value in facts.joints)
 
     def _joint(self, name: str, default_rad: float, wheel: bool) -> JointFacts:
         model, joint = self.model, self.model.joint(name)
         if joint.type[0] != _HINGE:
-            raise FileFormatError(self.path, f"joint {name!r} is no hinge; valid: hinges")
+            raise FileFormatError(self.path, f"joint {name!r} is not a hinge; valid: hinges")
         limits = (-math.inf, math.inf)
         if model.jnt_limited[joint.id]:
             limits = float(joint.range[0]), float(joint.range[1])
@@ -231,8 +234,8 @@ class ModelReader:
         if wheel and y < 0.99:
             raise FileFormatError(
                 self.path,
-                f"wheel {name!r} turns about ({x:.2g}, {y:.2g}, {z:.2g}) of the robot; valid: "
-                "(0, 1, 0), which is forward",
+                f"wheel {name!r} turns about ({x:.2g}, {y:.2g}, {z:.2g}) of the base; valid: "
+                "(0, 1, 0), which drives forward",
             )
         limit = math.inf
         if servo.forcelimited[0]:
@@ -241,12 +244,21 @@ class ModelReader:
             limit = min(limit, float(model.jnt_actfrcrange[joint.id, 1]))
         if not math.isfinite(limit):
             raise FileFormatError(
-                self.path, f"the actuator of joint {name!r} has no forcerange; give its torque [Nm]"
+                self.path,
+                f"the actuator of joint {name!r} has no forcerange; add it [Nm]",
             )
-        return JointFacts(name, default_rad, limits, float(kp), float(kd), limit, speed)
+        return JointFacts(
+            name,
+            default_rad,
+            limits,
+            kp=float(kp),
+            kd=float(kd),
+            torque_nm=limit,
+            speed_rad_s=speed,
+        )
 
     def check_feet(self) -> None:
-        """Raises FileFormatError: soles of a wrong shape or number."""
+        """Raise FileFormatError if the soles have a wrong shape or number."""
         feet = self.facts.feet
         if not feet or len({len(foot.soles) for foot in feet}) != 1:
             raise self._wrong("feet", "valid: one or more, each with the same number of soles")
@@ -258,25 +270,26 @@ class ModelReader:
                     kind = shape.name.removeprefix("mjGEOM_").lower()
                     raise self._wrong(
                         f"feet.{foot.name}.soles",
-                        f"names {sole!r}, a {kind}; valid: spheres (for wheels also cylinders and "
-                        "ellipsoids)",
+                        f"contains {sole!r}, a {kind}; valid: spheres (for wheels also cylinders "
+                        "and ellipsoids)",
                     )
                 if not (geom.contype[0] or geom.conaffinity[0]):
                     raise self._wrong(
-                        f"feet.{foot.name}.soles", f"names {sole!r}, which nothing can touch"
+                        f"feet.{foot.name}.soles",
+                        f"contains {sole!r}, which does not collide; set contype or conaffinity",
                     )
 
     def standing_m(self, root_body: str) -> float:
-        """Height of the base above the lowest sole in the default pose [m]."""
+        """Return the height of the base above the lowest sole in the default pose [m]."""
         ids = np.array([self.model.geom(s).id for foot in self.facts.feet for s in foot.soles])
         lowest = self.data.geom_xpos[ids, 2] - sole_radius_m(self.model, ids)
         return float(self.data.body(root_body).xpos[2] - lowest.min())
 
     def camera(self) -> CameraMount:
-        """Where the model's camera is mounted.
+        """Return the mount of the ego camera.
 
         Raises:
-            FileFormatError: no camera of that name.
+            FileFormatError: the model has no camera of that name.
         """
         model, name = self.model, self.facts.camera_name
         names = [model.camera(i).name for i in range(model.ncam)]
@@ -289,7 +302,7 @@ class ModelReader:
             name=name,
             body=model.body(int(model.cam_bodyid[camera.id])).name,
             position_body_m=(float(camera.pos[0]), float(camera.pos[1]), float(camera.pos[2])),
-            # A camera looks along its −z: where its +z points up, it looks down.
+            # A camera looks along its −z: if its +z points up, it looks down.
             pitch_down_deg=round(math.degrees(math.asin(down)), 6),
             model=self.facts.camera,
         )

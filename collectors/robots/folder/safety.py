@@ -1,7 +1,7 @@
-"""A user's robot folder reads nothing outside itself and cannot fill the memory.
+"""Checks that a user's robot folder reads no file outside itself and cannot exhaust memory.
 
-Checked before MuJoCo sees a file: all links, the paths in all MJCF files, how many elements
-`<replicate>` and its like make, and that numbers are numbers.
+They run before MuJoCo reads a file and cover symbolic links, the paths in all MJCF files, the
+number of elements that `<replicate>` and the like create, and numbers that are not finite.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ _FREE_TEXT = ("name", "model", "info", "user")
 
 
 def folder_files(folder: Path) -> list[Path]:
-    """All files that belong to a robot, in a fixed order; hidden ones do not.
+    """Return all files of a robot except hidden ones, sorted.
 
     Raises:
-        FileFormatError: a symbolic link that leads out of the folder or to a folder, or a file
-            that is no regular one.
+        FileFormatError: a symbolic link leads out of the folder or to a folder, or a file is not a
+            regular file.
     """
     inside = folder.resolve()
     files = []
@@ -39,7 +39,9 @@ def folder_files(folder: Path) -> list[Path]:
             if name.startswith("."):
                 continue
             if path.is_symlink() and not path.resolve().is_relative_to(inside):
-                raise FileFormatError(path, "a symbolic link that leads out of the robot's folder")
+                raise FileFormatError(
+                    path, "a symbolic link that leads out of the robot's folder; valid: files in it"
+                )
             if path.is_symlink() and path.is_dir():
                 raise FileFormatError(path, "a symbolic link to a folder; valid: folders and files")
             if name in others:
@@ -50,29 +52,29 @@ def folder_files(folder: Path) -> list[Path]:
 
 
 def check_model(path: Path) -> None:
-    """Refuse an MJCF file that reaches out of its folder or is no robot's by its sheer size.
+    """Check an MJCF file and all files that it includes.
 
     Raises:
-        FileFormatError: what is wrong, and in which file.
+        FileFormatError: a path leads out of the folder, or the model is too large.
     """
     count = _Checker(path.parent).count(path, path.name)
     if count > MAX_ELEMENTS:
         raise FileFormatError(
-            path, f"describes {count:,} elements with all its copies; valid: {MAX_ELEMENTS:,}"
+            path, f"creates {count:,} elements, copies included; valid: up to {MAX_ELEMENTS:,}"
         )
 
 
 class _Checker:
-    """Walks through a model and the files that it includes or attaches."""
+    """Counts the elements of a model and of the files that it includes or attaches."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder.resolve()
         self.open: list[Path] = []
 
-    def count(self, path: Path, told: str) -> int:
-        """Elements that a file makes; `told` is how it was referred to."""
+    def count(self, path: Path, reference: str) -> int:
+        """Return the number of elements that a file creates; `reference` is the path as written."""
         if path.resolve() in self.open:
-            raise FileFormatError(path, f"{told!r} includes itself")
+            raise FileFormatError(path, f"{reference!r} includes itself")
         root = _parsed(path)
         places = {self.folder, path.parent.resolve()}
         for element in root.iter("compiler"):
@@ -100,50 +102,52 @@ class _Checker:
     def _confined(
         self, path: Path, places: set[Path], tag: str, key: str, value: str
     ) -> list[Path]:
-        """The files that a reference may mean, by whichever folder MuJoCo joins it to.
+        """Return the files that a reference may mean, whichever folder MuJoCo joins it to.
 
         Raises:
-            FileFormatError: one of them lies outside the folder.
+            FileFormatError: one of them lies outside the folder or is hidden.
         """
         what = f"<{tag} {key}={value!r}>"
         if "\\" in value or ":" in value:
-            raise FileFormatError(path, f"{what} has a backslash or colon; valid: relative, with /")
+            raise FileFormatError(path, f"{what} has a backslash or colon; valid: relative with /")
         for place in places:
             if not (place / value).resolve().is_relative_to(self.folder):
                 raise FileFormatError(
                     path, f"{what} leads out of the robot's folder; valid: files in it"
                 )
         if any(part.startswith(".") and part not in (".", "..") for part in Path(value).parts):
-            raise FileFormatError(path, f"{what} is hidden; hidden files do not belong to a robot")
+            raise FileFormatError(path, f"{what} is hidden; valid: files that are not hidden")
         return sorted({t for place in places if (t := (place / value).resolve()).is_file()})
 
     def _check_number(self, path: Path, element: ElementTree.Element, key: str, value: str) -> None:
         what = f"<{element.tag} {key}={value[:60]!r}>"
         if key not in _FREE_TEXT and not all(map(math.isfinite, _numbers(value))):
-            raise FileFormatError(path, f"{what} holds numbers that are not finite")
+            raise FileFormatError(path, f"{what} contains numbers that are not finite")
         sized = element.tag in ("texture", "hfield") and key in _PIXELS
         if sized and any(number > MAX_PIXELS for number in _numbers(value)):
-            raise FileFormatError(path, f"{what} is too large; valid: up to {MAX_PIXELS}")
+            raise FileFormatError(path, f"{what} is too large; valid: up to {MAX_PIXELS} pixels")
         if element.tag == "size":
-            raise FileFormatError(path, f"{what}: sizes are found by themselves; remove <size>")
+            raise FileFormatError(
+                path, f"{what} is not allowed; MuJoCo computes sizes itself, so remove <size>"
+            )
 
 
 def _parsed(path: Path) -> ElementTree.Element:
-    """The root of an XML file without a document type, whose entities others read differently."""
+    """Return the root of an XML file; document types are refused, as parsers differ on them."""
     if path.stat().st_size > MAX_MODEL_BYTES:
-        raise FileFormatError(path, f"larger than {MAX_MODEL_BYTES // 1024**2} MiB")
+        raise FileFormatError(path, f"too large; valid: up to {MAX_MODEL_BYTES // 1024**2} MiB")
     content = path.read_bytes()
     if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
-        raise FileFormatError(path, "holds a document type or entities; valid: plain MJCF")
+        raise FileFormatError(path, "contains a document type or entities; valid: plain MJCF")
     try:
         content.decode("utf-8")
         return ElementTree.fromstring(content, ElementTree.XMLParser(encoding="utf-8"))
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
-        raise FileFormatError(path, f"no XML: {error}") from error
+        raise FileFormatError(path, f"not valid XML: {error}") from error
 
 
 def _copies(element: ElementTree.Element) -> int:
-    """How often an element makes what it holds."""
+    """Return how many copies of its content an element creates."""
     if element.tag not in ("replicate", "composite", "flexcomp"):
         return 1
     counts = [max(int(n), 1) for n in _numbers(element.get("count", "1"))]
@@ -151,7 +155,7 @@ def _copies(element: ElementTree.Element) -> int:
 
 
 def _numbers(value: str) -> Iterator[float]:
-    """The numbers of an attribute that holds nothing else."""
+    """Yield the numbers of an attribute that contains only numbers."""
     words = value.replace(",", " ").split()
     try:
         yield from [float(word) for word in words]

@@ -1,11 +1,10 @@
-"""What the G1 looks like: visual shapes only, no mass and no contact."""
+"""Visual shapes of the G1, without mass or contacts."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import mujoco
 
+from ..humanoid import SIDES, Bodies
 from ..shapes import Color, add_visual
 
 SILVER: Color = (0.66, 0.68, 0.71)
@@ -16,23 +15,30 @@ GLASS: Color = (0.008, 0.009, 0.014)
 RUBBER: Color = (0.022, 0.022, 0.024)
 LIGHT: Color = (0.25, 0.65, 0.95)
 
-Bodies = Mapping[str, mujoco.MjsBody]
+
+def dress(bodies: Bodies) -> None:
+    """Add the visual shapes to all bodies."""
+    _dress_pelvis(bodies["pelvis"])
+    _dress_waist(bodies)
+    _dress_torso(bodies["torso"])
+    for side, sign in SIDES:
+        _dress_side(bodies, side, sign)
 
 
-def dress_pelvis(pelvis: mujoco.MjsBody) -> None:
-    """A dark block between the hip motors with a light plate in front."""
+def _dress_pelvis(pelvis: mujoco.MjsBody) -> None:
+    """Add a dark block between the hip motors with a light plate in front."""
     add_visual(pelvis, "capsule", (0.0565,), DARK, ends=((0, -0.032, -0.065), (0, 0.032, -0.065)))
     add_visual(pelvis, "ellipsoid", (0.03, 0.055, 0.05), SILVER, position=(0.038, 0.0, -0.055))
 
 
-def dress_waist(bodies: Bodies) -> None:
-    """A slim dark column that turns and tilts."""
+def _dress_waist(bodies: Bodies) -> None:
+    """Add a slim dark column that turns and tilts."""
     add_visual(bodies["waist_yaw"], "cylinder", (0.048,), DARK, ends=((0, 0, -0.03), (0, 0, 0.03)))
     add_visual(bodies["waist_roll"], "sphere", (0.047,), GREY)
 
 
-def dress_torso(torso: mujoco.MjsBody) -> None:
-    """Light armour, broad at the shoulders, over an oval dark waist; a pack on the back."""
+def _dress_torso(torso: mujoco.MjsBody) -> None:
+    """Add light armour, broad at the shoulders, over an oval dark waist; a pack on the back."""
     add_visual(torso, "cylinder", (0.05,), DARK, ends=((0, 0, 0), (0, 0, 0.06)))
     add_visual(torso, "box", (0.0625, 0.04, 0.09), GREY, position=(0.0, 0.0, 0.13))
     for y in (-0.04, 0.04):
@@ -52,24 +58,24 @@ def _dress_head(torso: mujoco.MjsBody) -> None:
     add_visual(torso, "ellipsoid", (0.0495, 0.0605, 0.0885), GLASS, position=(0.024, 0.0, 0.4))
 
 
-def dress_side(bodies: Bodies, side: str, left: float) -> None:
-    """One leg and one arm; `left` is 1 for the left side and -1 for the right."""
-    _dress_thigh(bodies, side, left)
+def _dress_side(bodies: Bodies, side: str, sign: float) -> None:
+    """Add one leg and one arm; `sign` is 1 for the left side and −1 for the right."""
+    _dress_thigh(bodies, side, sign)
     _dress_shank(bodies, side)
-    _dress_arm(bodies, side, left)
+    _dress_arm(bodies, side, sign)
 
 
-def _dress_thigh(bodies: Bodies, side: str, left: float) -> None:
+def _dress_thigh(bodies: Bodies, side: str, sign: float) -> None:
     pitch = bodies[f"{side}_hip_pitch"]
-    add_visual(pitch, "cylinder", (0.05,), DARK, ends=((0, -0.02 * left, 0), (0, 0.03 * left, 0)))
-    y, z = 0.052 * left, -0.0305
+    add_visual(pitch, "cylinder", (0.05,), DARK, ends=((0, -0.02 * sign, 0), (0, 0.03 * sign, 0)))
+    y, z = 0.052 * sign, -0.0305
     add_visual(pitch, "cylinder", (0.047,), GREY, ends=((-0.05, y, z), (0.052, y, z)))
     roll = bodies[f"{side}_hip_roll"]
     add_visual(roll, "capsule", (0.0475,), SILVER, ends=((0.0, 0, -0.02), (0.025, 0, -0.11)))
     thigh = bodies[f"{side}_hip_yaw"]
     add_visual(thigh, "cylinder", (0.056,), DARK, ends=((-0.008, 0, -0.022), (-0.008, 0, 0.022)))
     add_visual(thigh, "capsule", (0.0505,), SILVER, ends=((-0.025, 0, -0.01), (-0.065, 0, -0.12)))
-    x, y, z = -0.0783, 0.0021 * left, -0.1773
+    x, y, z = -0.0783, 0.0021 * sign, -0.1773
     add_visual(thigh, "cylinder", (0.053,), DARK, ends=((x, y - 0.046, z), (x, y + 0.046, z)))
     add_visual(thigh, "cylinder", (0.036,), SILVER, ends=((x, y - 0.052, z), (x, y + 0.052, z)))
 
@@ -87,9 +93,9 @@ def _dress_shank(bodies: Bodies, side: str) -> None:
     add_visual(foot, "ellipsoid", (0.075, 0.03, 0.03), GREY, position=(0.025, 0.0, -0.008))
 
 
-def _dress_arm(bodies: Bodies, side: str, left: float) -> None:
+def _dress_arm(bodies: Bodies, side: str, sign: float) -> None:
     pitch = bodies[f"{side}_shoulder_pitch"]
-    add_visual(pitch, "cylinder", (0.042,), DARK, ends=((0, -0.03 * left, 0), (0, 0.03 * left, 0)))
+    add_visual(pitch, "cylinder", (0.042,), DARK, ends=((0, -0.03 * sign, 0), (0, 0.03 * sign, 0)))
     roll = bodies[f"{side}_shoulder_roll"]
     add_visual(roll, "cylinder", (0.044,), SILVER, ends=((-0.044, 0, 0), (0.044, 0, 0)))
     arm = bodies[f"{side}_shoulder_yaw"]

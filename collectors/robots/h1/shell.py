@@ -1,11 +1,10 @@
-"""What the H1 looks like: visual shapes only, no mass and no contact."""
+"""Visual shapes of the H1, without mass or contacts."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import mujoco
 
+from ..humanoid import SIDES, Bodies
 from ..shapes import Color, add_visual
 
 SHELL: Color = (0.105, 0.108, 0.118)
@@ -17,19 +16,25 @@ RUBBER: Color = (0.02, 0.02, 0.022)
 RING: Color = (0.34, 0.35, 0.37)
 LIGHT: Color = (0.75, 0.85, 0.95)
 
-Bodies = Mapping[str, mujoco.MjsBody]
+
+def dress(bodies: Bodies) -> None:
+    """Add the visual shapes to all bodies."""
+    _dress_pelvis(bodies["pelvis"])
+    _dress_torso(bodies["torso"])
+    for side, sign in SIDES:
+        _dress_side(bodies, side, sign)
 
 
-def dress_pelvis(pelvis: mujoco.MjsBody) -> None:
-    """A bridge between the two upright motors that turn the legs, under the waist's motor."""
+def _dress_pelvis(pelvis: mujoco.MjsBody) -> None:
+    """Add a bridge between the two upright motors that turn the legs, under the waist's motor."""
     add_visual(pelvis, "capsule", (0.071,), SHELL, ends=((0, -0.06, -0.05), (0, 0.06, -0.05)))
     add_visual(pelvis, "cylinder", (0.066,), DARK, ends=((0, 0, -0.02), (0, 0, 0.09)))
     for y in (-0.0875, 0.0875):
         add_visual(pelvis, "cylinder", (0.064,), DARK, ends=((0, y, -0.135), (0, y, -0.04)))
 
 
-def dress_torso(torso: mujoco.MjsBody) -> None:
-    """A flat trunk, rounded in front, with a lighter chest plate and a battery on the back."""
+def _dress_torso(torso: mujoco.MjsBody) -> None:
+    """Add a flat trunk, rounded in front, with a lighter chest plate and a battery on the back."""
     add_visual(torso, "box", (0.0685, 0.1205, 0.2005), SHELL, position=(-0.017, 0.0, 0.28))
     add_visual(torso, "box", (0.02, 0.086, 0.2005), SHELL, position=(0.0655, 0.0, 0.28))
     for y in (-0.0865, 0.0865):
@@ -52,21 +57,21 @@ def _dress_head(torso: mujoco.MjsBody) -> None:
     add_visual(torso, "capsule", (0.011,), SHELL, ends=((0.106, -0.03, 0.68), (0.106, 0.03, 0.68)))
 
 
-def dress_side(bodies: Bodies, side: str, left: float) -> None:
-    """One leg and one arm; `left` is 1 for the left side and -1 for the right."""
-    _dress_hip(bodies, side, left)
+def _dress_side(bodies: Bodies, side: str, sign: float) -> None:
+    """Add one leg and one arm; `sign` is 1 for the left side and −1 for the right."""
+    _dress_hip(bodies, side, sign)
     _dress_leg(bodies, side)
-    _dress_arm(bodies, side, left)
+    _dress_arm(bodies, side, sign)
 
 
-def _dress_hip(bodies: Bodies, side: str, left: float) -> None:
-    """Below the upright motor one along the robot, then the big one across it."""
+def _dress_hip(bodies: Bodies, side: str, sign: float) -> None:
+    """Add a motor along the robot below the upright one, then the large one across it."""
     yaw = bodies[f"{side}_hip_yaw"]
     add_visual(yaw, "cylinder", (0.06,), DARK, ends=((-0.1, 0, 0), (0.09, 0, 0)))
     add_visual(yaw, "cylinder", (0.042,), STEEL, ends=((-0.104, 0, 0), (0.094, 0, 0)))
     pitch = bodies[f"{side}_hip_pitch"]
-    add_visual(pitch, "cylinder", (0.078,), DARK, ends=((0, -0.06 * left, 0), (0, 0.06 * left, 0)))
-    cap = ((0, 0.06 * left, 0), (0, 0.066 * left, 0))
+    add_visual(pitch, "cylinder", (0.078,), DARK, ends=((0, -0.06 * sign, 0), (0, 0.06 * sign, 0)))
+    cap = ((0, 0.06 * sign, 0), (0, 0.066 * sign, 0))
     add_visual(pitch, "cylinder", (0.052,), STEEL, ends=cap)
 
 
@@ -84,9 +89,9 @@ def _dress_leg(bodies: Bodies, side: str) -> None:
     add_visual(foot, "ellipsoid", (0.105, 0.042, 0.04), SHELL, position=(0.045, 0.0, -0.035))
 
 
-def _dress_arm(bodies: Bodies, side: str, left: float) -> None:
+def _dress_arm(bodies: Bodies, side: str, sign: float) -> None:
     pitch = bodies[f"{side}_shoulder_pitch"]
-    add_visual(pitch, "cylinder", (0.053,), DARK, ends=((0, -0.04 * left, 0), (0, 0.03 * left, 0)))
+    add_visual(pitch, "cylinder", (0.053,), DARK, ends=((0, -0.04 * sign, 0), (0, 0.03 * sign, 0)))
     roll = bodies[f"{side}_shoulder_roll"]
     add_visual(roll, "cylinder", (0.056,), SHELL, ends=((-0.056, 0, 0), (0.056, 0, 0)))
     add_visual(roll, "cylinder", (0.037,), STEEL, ends=((-0.06, 0, 0), (0.06, 0, 0)))

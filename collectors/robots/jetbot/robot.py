@@ -9,7 +9,14 @@ import mujoco
 
 from ....formats.core.camera import CameraModel
 from ....formats.core.errors import InputError
-from ..drive import WheelDrive
+from ..parts import (
+    CameraMount,
+    CommandLimits,
+    FallThresholds,
+    Foot,
+    JointFacts,
+    WheelDrive,
+)
 from ..shapes import (
     add_camera,
     add_collision,
@@ -19,7 +26,7 @@ from ..shapes import (
     set_inertia,
     start_robot,
 )
-from ..spec import CameraMount, CommandLimits, FallThresholds, Foot, JointFacts, RobotSpec
+from ..spec import RobotSpec
 from .shell import dress_camera, dress_chassis, dress_mast, dress_wheel
 
 DEFAULT_SCALE = 5.0  # VLN-PE's
@@ -29,13 +36,13 @@ WHEEL_RADIUS_M, TRACK_M = 0.03, 0.1125
 WHEEL_HALF_WIDTH_M = 0.0095
 BALL_RADIUS_M = 0.01
 CASTER_M = (-0.054, 0.0, BALL_RADIUS_M - WHEEL_RADIUS_M)
-CENTER_M = (-0.02, 0.0, 0.01)  # of the chassis' mass: behind the axle, so that braking is safe
+CENTER_M = (-0.02, 0.0, 0.01)  # of the chassis' mass: behind the axle, so that it brakes safely
 MOTOR_NM = 0.08  # stall torque of such a gear motor
 ROTOR_KG_M2 = 3.2e-5  # its rotor's inertia, seen through gears of 1:48
-SERVO_S = 0.4  # servo gain over torque at the default scale: soft enough not to make wheels hop
+SERVO_S = 0.4  # servo gain over torque at the default scale; a higher gain makes wheels hop
 SPEED_M_S, BACKWARDS_M_S, YAW_RAD_S = 1.0, 0.3, 1.5  # at the default scale
 MAST_X_M = 0.026
-# A thumb's size, and a truck's: beyond, shapes vanish in the floor's own roughness or in no room.
+# Smaller ones vanish in the floor's roughness, larger ones fit into no building.
 LEAST_SCALE, MOST_SCALE = 0.2, 50.0
 MAST_CAMERA_M = 0.24  # above the floor: 1.2 m at the default scale
 BRACKET_CAMERA_M = (0.046, 0.0, 0.0575)
@@ -44,13 +51,13 @@ WHEELS = {"left": 1.0, "right": -1.0}
 
 
 def jetbot(scale: float) -> RobotSpec:
-    """The Jetbot grown `scale` times; 1 is the toy.
+    """Return the Jetbot enlarged `scale` times; 1 is the toy.
 
-    Lengths grow with s, masses with s³. Torques grow with s⁴, as weights times lengths do, and
-    speeds with √s, so that all sizes move alike (Froude's law).
+    Lengths scale with s, masses with s³, torques with s⁴ (weight times length) and speeds with √s,
+    so that all sizes are dynamically similar (Froude's law).
 
     Raises:
-        InputError: the scale is not within its limits.
+        InputError: the scale is outside its limits.
     """
     if not LEAST_SCALE <= scale <= MOST_SCALE:
         raise InputError(f"jetbot@{scale:g}: valid scales are {LEAST_SCALE:g} to {MOST_SCALE:g}")
@@ -82,12 +89,12 @@ def jetbot(scale: float) -> RobotSpec:
         spawn_height_m=1.001 * WHEEL_RADIUS_M * scale,
         footprint_radius_m=0.076 * scale,
         camera=_camera(scale),
-        # On wheels it stands firmly up to 45°: it has fallen when it lies, not when it leans.
+        # It stands on its wheels up to 45°, so a slight lean is no fall.
         fall=FallThresholds(com_to_foot_m=0.022 * scale, roll_rad=math.radians(30.0)),
         command_limits=CommandLimits(
-            (-BACKWARDS_M_S * slower, SPEED_M_S * slower),
-            (0.0, 0.0),
-            (-YAW_RAD_S / slower, YAW_RAD_S / slower),
+            vx_m_s=(-BACKWARDS_M_S * slower, SPEED_M_S * slower),
+            vy_m_s=(0.0, 0.0),
+            yaw_rad_s=(-YAW_RAD_S / slower, YAW_RAD_S / slower),
         ),
         drive=WheelDrive(
             left=("left_wheel_joint",),
@@ -117,18 +124,24 @@ CASTER = Foot("caster", ("caster",))
 def _camera(scale: float) -> CameraMount:
     x, y, z = (scale * v for v in camera_m(scale))
     pitch = MAST_PITCH_DEG if scale > 1 else BRACKET_PITCH_DEG
-    return CameraMount("ego", "base", (x, y, z), pitch, CameraModel("ego", 256, 256, 90.0))
+    return CameraMount(
+        name="ego",
+        body="base",
+        position_body_m=(x, y, z),
+        pitch_down_deg=pitch,
+        model=CameraModel("ego", 256, 256, 90.0),
+    )
 
 
 def camera_m(scale: float) -> tuple[float, float, float]:
-    """Where the toy's lens is [m] when it is to be grown `scale` times."""
+    """Return the lens position (x, y, z) [m], at the size of the toy, for a robot of that scale."""
     if scale > 1:
         return (MAST_X_M + 0.015, 0.0, MAST_CAMERA_M - WHEEL_RADIUS_M)
     return BRACKET_CAMERA_M
 
 
 def build_jetbot(robot: RobotSpec) -> mujoco.MjSpec:
-    """The robot alone; collision, visual shapes, servos, sensors and the ego camera."""
+    """Return the robot alone: collision and visual shapes, servos, sensors, ego camera."""
     assert robot.drive is not None
     scale = robot.drive.wheel_radius_m / WHEEL_RADIUS_M
 
@@ -137,7 +150,7 @@ def build_jetbot(robot: RobotSpec) -> mujoco.MjSpec:
 
     spec, base = start_robot(robot)
     size = grown(0.1, 0.075, 0.06)
-    set_inertia(base, robot.link_mass_kg["base"], grown(*CENTER_M), size)
+    set_inertia(base, robot.link_mass_kg["base"], center_m=grown(*CENTER_M), box_m=size)
     # Chassis with motors and computer, rounded by capsules where it would catch on corners.
     add_collision(base, "chassis", "box", grown(0.046, 0.0385, 0.0165), grown(-0.016, 0.0, 0.0015))
     add_collision(base, "computer", "box", grown(0.046, 0.037, 0.014), grown(-0.016, 0.0, 0.034))
@@ -157,7 +170,7 @@ def build_jetbot(robot: RobotSpec) -> mujoco.MjSpec:
     if scale > 1:
         foot, top = (MAST_X_M, 0.0, 0.018), (MAST_X_M, 0.0, lens[2] + 0.003)
         add_collision(base, "mast", "capsule", grown(0.005), ends=(grown(*foot), grown(*top)))
-        dress_mast(base, scale, foot, top)
+        dress_mast(base, scale, foot=foot, top=top)
         dress_camera(base, scale, lens, MAST_PITCH_DEG)
     dress_camera(base, scale, BRACKET_CAMERA_M, BRACKET_PITCH_DEG)
     add_imu(spec, base)
@@ -166,13 +179,18 @@ def build_jetbot(robot: RobotSpec) -> mujoco.MjSpec:
         name = f"{side}_wheel"
         wheel = base.add_body(name=name, pos=list(grown(0.0, 0.5 * left * TRACK_M, 0.0)))
         width, across = grown(2 * WHEEL_HALF_WIDTH_M, 2 * WHEEL_RADIUS_M)
-        set_inertia(wheel, robot.link_mass_kg[name], (0.0, 0.0, 0.0), (across, width, across))
+        set_inertia(
+            wheel,
+            robot.link_mass_kg[name],
+            center_m=(0.0, 0.0, 0.0),
+            box_m=(across, width, across),
+        )
         add_wheel(spec, wheel, facts, ROTOR_KG_M2 * scale**5)
         # A tyre with a round tread: it stands on the middle of its width on any slope.
         tread = grown(WHEEL_RADIUS_M, WHEEL_HALF_WIDTH_M, WHEEL_RADIUS_M)
         add_collision(wheel, name, "ellipsoid", tread, foot=True)
         add_touch(spec, wheel, name, (0.0, 0.0, 0.0), 1.05 * scale * WHEEL_RADIUS_M)
-        dress_wheel(wheel, scale, WHEEL_RADIUS_M, left)
+        dress_wheel(wheel, scale, radius_m=WHEEL_RADIUS_M, side=left)
     return spec
 
 

@@ -1,6 +1,6 @@
-"""What the Jetbot looks like: visual shapes only, no mass and no contact.
+"""Visual shapes of the Jetbot, without mass or contacts.
 
-Positions are those of the toy [m], about the middle of its axle, and grow with the robot.
+Positions are those of the toy [m], relative to the middle of its axle; they scale with the robot.
 """
 
 from __future__ import annotations
@@ -30,25 +30,35 @@ Part = Callable[..., None]
 
 
 def _parts(body: mujoco.MjsBody, scale: float) -> Part:
-    def grown(values: Vector | None) -> list[float] | None:
-        return None if values is None else [scale * v for v in values]
+    """Return `add_visual` for that body, with lengths scaled."""
+
+    def grown(values: Vector) -> list[float]:
+        return [scale * v for v in values]
 
     def part(
         shape: str,
         size: Vector,
         color: Color,
         position: Vector | None = None,
+        *,
         ends: tuple[Vector, Vector] | None = None,
         euler_deg: Vector | None = None,
     ) -> None:
-        both = None if ends is None else (grown(ends[0]) or (), grown(ends[1]) or ())
-        add_visual(body, shape, grown(size) or (), color, grown(position), both, euler_deg)
+        add_visual(
+            body,
+            shape,
+            grown(size),
+            color,
+            None if position is None else grown(position),
+            ends=None if ends is None else (grown(ends[0]), grown(ends[1])),
+            euler_deg=euler_deg,
+        )
 
     return part
 
 
 def dress_chassis(base: mujoco.MjsBody, scale: float, caster: Vector, ball_m: float) -> None:
-    """Printed chassis with motors and caster below, computer, antennas and camera bracket above."""
+    """Add the printed chassis, motors and caster; computer, antennas and camera bracket on top."""
     part = _parts(base, scale)
     # The printed tub: floor, rounded front and rear, side walls with windows, a deck on top.
     part("box", (0.046, 0.036, 0.0015), PRINT, (-0.016, 0.0, -0.0135))
@@ -83,7 +93,7 @@ def dress_chassis(base: mujoco.MjsBody, scale: float, caster: Vector, ball_m: fl
 
 
 def _dress_computer(part: Part) -> None:
-    """The Jetson Nano: green carrier on stand-offs, module, finned heat sink, ports to the rear."""
+    """Add the Jetson Nano: carrier board on stand-offs, module, heat sink, ports to the rear."""
     for x in (-0.058, 0.026):
         for y in (-0.032, 0.032):
             part("cylinder", (0.0022,), GOLD, ends=((x, y, 0.0165), (x, y, 0.026)))
@@ -112,7 +122,7 @@ def _dress_computer(part: Part) -> None:
 
 
 def _dress_bracket(part: Part) -> None:
-    """The printed camera bracket at the front, tilted, with its little camera board."""
+    """Add the tilted camera bracket at the front with its small camera board."""
     for y in (-0.014, 0.014):
         part("box", (0.0022, 0.0022, 0.0245), PRINT, (0.0335, y, 0.04), euler_deg=(0, -6, 0))
         part("box", (0.008, 0.0022, 0.0022), PRINT, (0.0285, y, 0.019))
@@ -120,7 +130,7 @@ def _dress_bracket(part: Part) -> None:
 
 
 def dress_camera(base: mujoco.MjsBody, scale: float, lens: Vector, pitch_deg: float) -> None:
-    """A camera board whose lens ends at `lens` (x, y, z) of the toy [m], tilted down."""
+    """Add a camera board whose lens ends at `lens` (x, y, z) of the toy [m], tilted down."""
     part = _parts(base, scale)
     x, y, z = lens
     tilt = (0.0, pitch_deg, 0.0)
@@ -130,8 +140,8 @@ def dress_camera(base: mujoco.MjsBody, scale: float, lens: Vector, pitch_deg: fl
     part("cylinder", (0.0026,), GLASS, ends=((x - 0.002, y, z), (x - 0.0009, y, z)))
 
 
-def dress_mast(base: mujoco.MjsBody, scale: float, foot: Vector, top: Vector) -> None:
-    """A slim aluminium mast from the deck up to the camera of an enlarged Jetbot."""
+def dress_mast(base: mujoco.MjsBody, scale: float, *, foot: Vector, top: Vector) -> None:
+    """Add a slim aluminium mast from the deck up to the camera of an enlarged Jetbot."""
     part = _parts(base, scale)
     part("cylinder", (0.0034,), STEEL, ends=(foot, top))
     x, y, z = foot
@@ -142,8 +152,8 @@ def dress_mast(base: mujoco.MjsBody, scale: float, foot: Vector, top: Vector) ->
     part("box", (0.005, 0.006, 0.007), PRINT, (top[0] + 0.001, y, top[2] - 0.002))
 
 
-def dress_wheel(wheel: mujoco.MjsBody, scale: float, radius_m: float, side: float) -> None:
-    """A dark tyre around a yellow hub with spokes, so that one sees it turn."""
+def dress_wheel(wheel: mujoco.MjsBody, scale: float, *, radius_m: float, side: float) -> None:
+    """Add a dark tyre around a yellow hub with spokes, which make its rotation visible."""
     part = _parts(wheel, scale)
     half = 0.0095
     part("cylinder", (radius_m,), TYRE, ends=((0, -0.6 * half, 0), (0, 0.6 * half, 0)))
@@ -157,7 +167,7 @@ def dress_wheel(wheel: mujoco.MjsBody, scale: float, radius_m: float, side: floa
         x, z = 0.33 * radius_m * math.sin(turn), 0.33 * radius_m * math.cos(turn)
         tilt = (0.0, math.degrees(turn), 0.0)
         part("box", (0.0022, 0.0008, 0.33 * radius_m), YELLOW, (x, face, z), euler_deg=tilt)
-    # The valve, by which one sees how far it has turned.
+    # The valve, which shows how far the wheel has turned.
     part(
         "cylinder",
         (0.0028,),

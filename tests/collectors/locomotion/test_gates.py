@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from vlnpe.collectors.controllers import SpeedConfig
-from vlnpe.collectors.gait_training.action_errors import action_errors, displacements
 from vlnpe.collectors.gait_training.driven import (
     StartedAction,
+    action_errors,
+    displacements,
     distance_to,
     follow_paths,
     random_path,

@@ -43,7 +43,7 @@ class Walk:
     def __init__(self, policy: GaitPolicy, model: mujoco.MjModel):
         self.policy, self.model, self.data = policy, model, mujoco.MjData(model)
         self.handles = RobotHandles.find(policy.robot, model)
-        self.handles.spawn(self.data, 0.0, 0.0, 0.0, 0.0)
+        self.handles.spawn(self.data)
         mujoco.mj_forward(model, self.data)
         policy.reset()
         self.tilt = 0.0

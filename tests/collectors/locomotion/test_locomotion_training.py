@@ -14,12 +14,12 @@ import pytest
 pytest.importorskip("rsl_rl", reason="extra `train` is not installed")
 
 import torch
+from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
 
-from vlnpe.collectors.gait_training import train, warm_start
+from vlnpe.collectors.gait_training import export, train
 from vlnpe.collectors.gait_training.blend import blended
-from vlnpe.collectors.gait_training.commands import command_bounds, sample_commands
-from vlnpe.collectors.gait_training.config import PHASES, TrainingConfig
+from vlnpe.collectors.gait_training.config import PHASES, TrainingConfig, refinement_config
 from vlnpe.collectors.gait_training.env import GaitEnv
 from vlnpe.collectors.gait_training.export import actor_to_onnx
 from vlnpe.collectors.gait_training.gaits import GAITS
@@ -29,6 +29,7 @@ from vlnpe.collectors.gait_training.mirror import (
     mirror_observation,
     mirrored,
 )
+from vlnpe.collectors.gait_training.randomize import command_bounds, sample_commands
 from vlnpe.collectors.gait_training.terrain import Terrain, noise_terrain, rough_terrain
 from vlnpe.collectors.locomotion import GaitPolicy
 from vlnpe.collectors.locomotion.card import POLICY_FOLDER
@@ -120,7 +121,7 @@ def test_exported_with_its_mirror_image_it_is_symmetric(robot):
 
 
 def test_a_refinement_starts_as_the_gait_it_starts_from(robot, tmp_path: Path, monkeypatch):
-    monkeypatch.setattr(warm_start, "LOOK_STEPS", 20)
+    monkeypatch.setattr(export, "LOOK_STEPS", 20)
     monkeypatch.setattr(train, "CRITIC_ITERATIONS", 1)
     monkeypatch.setattr(train, "REFINEMENTS", {robot.name: ((tiny(robot), 1),)})
     started = []
@@ -187,6 +188,44 @@ def test_mirrored_batches_are_appended(robot):
     # The first joint, abduction or hip yaw, changes sides; a G1's hip pitch does not.
     sign = 1.0 if "pitch" in robot.joint_names[0] else -1.0
     assert actions[8:, 0].tolist() == [sign] * 8
+
+
+def test_a_refined_actor_is_the_exported_network_and_symmetric(robot):
+    env = GaitEnv(robot, tiny(robot), Terrain(), np.random.default_rng(0), threads=1)
+    ppo = refinement_config(tiny(robot), 0, env.symmetry)
+    torch.manual_seed(0)
+    actor: Any = OnPolicyRunner(env, {**ppo, "multi_gpu": None}).alg.actor
+    actor.eval()
+    observation = env.get_observations()
+    both, _ = mirrored(env, observation, None)
+    assert both is not None
+    with torch.no_grad():
+        action = actor(both)
+    _, twice = mirrored(env, None, action[:8])
+    assert twice is not None
+    # What it does in the mirror image is the mirror image of what it does.
+    torch.testing.assert_close(action, twice)
+    exported = actor_to_onnx(actor, env.symmetry)
+    found = act(exported, both["policy"].numpy())
+    np.testing.assert_allclose(found, action.numpy(), atol=1e-4)
+
+
+def test_the_critic_knows_the_next_command_before_it_comes(robot):
+    config = replace(tiny(robot), command_s=(0.1, 0.3))
+    env = GaitEnv(robot, config, Terrain(), np.random.default_rng(0), threads=1)
+    future = slice(-16, -9)  # present command, next command times nearness, nearness
+    came = 0
+    before = env.get_observations()["privileged"].numpy()[:, future]
+    for _ in range(40):
+        _, _, done, _ = env.step(torch.zeros(8, robot.policy_joints))
+        now = env.get_observations()["privileged"].numpy()[:, future]
+        changed = ~done.numpy() & (now[:, :3] != before[:, :3]).any(axis=1)
+        np.testing.assert_allclose(
+            now[changed, :3], before[changed, 3:6] / before[changed, 6:], atol=1e-4
+        )
+        came += int(changed.sum())
+        before = now
+    assert came > 10
 
 
 @pytest.mark.parametrize("terrain", ["flat", "rough"])

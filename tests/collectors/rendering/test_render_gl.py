@@ -9,9 +9,10 @@ import pytest
 
 from tests.support.render_scenes import ball_robot, facing, write_covered_floor, write_wall
 from vlnpe.collectors.rendering import registry
+from vlnpe.collectors.rendering.frame import NOTHING, ROBOT
 from vlnpe.collectors.rendering.gl import draw as gl_draw
 from vlnpe.collectors.rendering.gl.probe import why_no_gl
-from vlnpe.collectors.rendering.interface import NOTHING, ROBOT, Renderer
+from vlnpe.collectors.rendering.interface import Renderer
 from vlnpe.collectors.rendering.light.lights import LIGHTS
 from vlnpe.collectors.rendering.registry import chosen_renderer, make_renderer
 from vlnpe.collectors.rendering.scene.robot_body import RobotBody
@@ -35,7 +36,7 @@ def needs_gl() -> None:
 
 @pytest.fixture(scope="module")
 def embree(two_rooms: SceneBundle) -> dict[str, Renderer]:
-    return {light: make_renderer(two_rooms, "embree", light) for light in LIGHTS}
+    return {light: make_renderer(two_rooms, "embree", light=light) for light in LIGHTS}
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +52,7 @@ def psnr(a: np.ndarray, b: np.ndarray) -> float:
 def test_both_renderers_show_the_same(
     needs_gl: None, two_rooms: SceneBundle, embree: dict[str, Renderer], ball: RobotBody, light: str
 ) -> None:
-    drawn = make_renderer(two_rooms, "gl", light)
+    drawn = make_renderer(two_rooms, "gl", light=light)
     for eye, quat in VIEWS:
         pose = ball.pose([2.5, 2.2, 0.5], [1.0, 0.0, 0.0, 0.0], [0.0])
         lamp = ([2.0, 1.0, 0.5], facing(0.3))

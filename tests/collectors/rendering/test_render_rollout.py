@@ -15,7 +15,7 @@ from vlnpe.collectors.rendering.camera.extras import ROBOT_CODE, Extras
 from vlnpe.collectors.rendering.camera.rollout_views import RolloutFrames, render_rollout
 from vlnpe.collectors.rendering.camera.views import (
     VIEWS,
-    CameraWishes,
+    CameraOverrides,
     View,
     make_view,
     parse_views,
@@ -176,7 +176,7 @@ def test_light_leaves_depth_and_poses_as_they_are(
 ) -> None:
     lit = make_renderer(two_rooms, light=light)
     for which, folder in ((renderer, "a"), (lit, "b"), (lit, "c")):
-        view = make_view("top", "aliengo", 64, 48, light=which.light)
+        view = make_view("top", "aliengo", width_px=64, height_px=48, light=which.light)
         render_rollout(two_rooms, which, rollout, view, tmp_path / folder, 4)
     a, b, c = (tmp_path / folder for folder in "abc")
     with np.load(a / "frames.npz") as one, np.load(b / "frames.npz") as other:
@@ -191,7 +191,7 @@ def test_light_leaves_depth_and_poses_as_they_are(
 def test_a_video_to_watch_plays_at_the_robots_pace(
     renderer: Renderer, rollout: Rollout, tmp_path: Path
 ) -> None:
-    view = make_view("chase", "aliengo", 64, 48)
+    view = make_view("chase", "aliengo", width_px=64, height_px=48)
     count = watchable_video(tmp_path / "walk.mp4", renderer, rollout, view, 10)
     facts = probe_video(tmp_path / "walk.mp4")
     assert (facts.frames, facts.frames_per_second) == (count, 10)
@@ -199,8 +199,10 @@ def test_a_video_to_watch_plays_at_the_robots_pace(
 
 
 def test_cameras_say_their_size_and_field_of_view() -> None:
-    wishes = CameraWishes(width_px=96)
-    views = parse_views("ego,chase:64x48,top:80x80:50", "aliengo", wishes, "CL", "gl")
+    wishes = CameraOverrides(width_px=96)
+    views = parse_views(
+        "ego,chase:64x48,top:80x80:50", "aliengo", wishes, light="CL", renderer="gl"
+    )
     assert [view.name for view in views] == [
         "ego-96x256-90deg-CL",
         "chase-64x48-75deg-CL",
@@ -224,18 +226,21 @@ def test_cameras_say_their_size_and_field_of_view() -> None:
 )
 def test_unusable_cameras_are_refused(text: str, reason: str) -> None:
     with pytest.raises(InputError, match=reason):
-        parse_views(text, "aliengo", CameraWishes(), "baked", "embree")
+        parse_views(text, "aliengo", CameraOverrides(), light="baked", renderer="embree")
 
 
 def test_views_are_named_after_what_they_are() -> None:
     assert make_view("ego", "aliengo").name == "ego-256x256-90deg-baked"
-    assert make_view("chase", "aliengo", 320, 240, 60.0).name == "chase-320x240-60deg-baked"
+    assert (
+        make_view("chase", "aliengo", width_px=320, height_px=240, hfov_deg=60.0).name
+        == "chase-320x240-60deg-baked"
+    )
 
 
 def test_wrong_names_and_rates_are_refused(
     two_rooms: SceneBundle, renderer: Renderer, rollout: Rollout, tmp_path: Path
 ) -> None:
-    view = make_view("ego", "aliengo", 64, 48)
+    view = make_view("ego", "aliengo", width_px=64, height_px=48)
     out = tmp_path / "out"
     with pytest.raises(UnknownNameError, match="camera 'drone'; valid: chase, ego, top"):
         make_view("drone", "aliengo")
@@ -270,7 +275,7 @@ class BrokenAfterThree:
 def test_a_failure_leaves_no_half_video(
     two_rooms: SceneBundle, renderer: Renderer, rollout: Rollout, tmp_path: Path
 ) -> None:
-    view = make_view("ego", "aliengo", 64, 48)
+    view = make_view("ego", "aliengo", width_px=64, height_px=48)
     with pytest.raises(RuntimeError, match="out of light"):
         render_rollout(two_rooms, BrokenAfterThree(renderer), rollout, view, tmp_path)
     assert list(tmp_path.iterdir()) == []
@@ -287,7 +292,7 @@ def test_a_depth_encoder_that_fails_ends_the_rendering(
         raise OSError("no space left on device")
 
     monkeypatch.setattr(rollout_views, "write_depth_video", full_disk)
-    view = make_view("ego", "aliengo", 64, 48)
+    view = make_view("ego", "aliengo", width_px=64, height_px=48)
     with pytest.raises(OSError, match="no space left"):
         render_rollout(two_rooms, renderer, rollout, view, tmp_path)
     assert list(tmp_path.iterdir()) == []
@@ -297,7 +302,15 @@ def test_film_strip_and_clip(renderer: Renderer, rollout: Rollout, tmp_path: Pat
     strip = film_strip(tmp_path / "strip.jpg", renderer, rollout, columns=3, tile_px=64)
     assert strip.shape == (64 + 64 + 48 + 2 * 4, 3 * 64 + 2 * 4, 3)
     assert (tmp_path / "strip.jpg").stat().st_size > 1000
-    last = third_person_clip(tmp_path / "clip.mp4", renderer, rollout, 1.0, 10, 64, 48)
+    last = third_person_clip(
+        tmp_path / "clip.mp4",
+        renderer,
+        rollout,
+        1.0,
+        frames_per_second=10,
+        width_px=64,
+        height_px=48,
+    )
     shown = read_rgb_video(tmp_path / "clip.mp4")
     assert shown.shape == (11, 48, 64, 3) or shown.shape == (10, 48, 64, 3)
     assert np.abs(shown[-1].astype(int) - last).mean() < 12  # it ends with the end

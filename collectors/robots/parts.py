@@ -1,0 +1,116 @@
+"""Facts of a robot's parts: joints, feet, wheels, camera and limits, as frozen records."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import KW_ONLY, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...formats.core.camera import CameraModel
+
+
+@dataclass(frozen=True)
+class JointFacts:
+    """One actuated joint: limits, default pose and servo.
+
+    Attributes:
+        name: name of the joint and of its actuator.
+        default_rad: default joint position [rad], the zero of the policy's action.
+        range_rad: lower and upper limit [rad].
+        kp, kd: PD gains of the position servo [Nm/rad], [Nm·s/rad]. A wheel's velocity servo has
+            kp = 0 and the gain kd.
+        torque_nm: torque limit [Nm].
+        speed_rad_s: no-load speed of the motor, at which it has no torque left [rad/s]; inf for a
+            servo whose torque does not depend on speed. See `shapes.add_servo`.
+    """
+
+    name: str
+    default_rad: float
+    range_rad: tuple[float, float]
+    _: KW_ONLY
+    kp: float
+    kd: float
+    torque_nm: float
+    speed_rad_s: float = math.inf
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraMount:
+    """A camera fixed to a body of the robot.
+
+    Attributes:
+        name: name of the camera in the model.
+        body: name of the body that carries it.
+        position_body_m: (x, y, z) of the optical centre in that body's frame [m].
+        pitch_down_deg: downward tilt of the optical axis [deg].
+        model: intrinsics.
+    """
+
+    name: str
+    body: str
+    position_body_m: tuple[float, float, float]
+    pitch_down_deg: float
+    model: CameraModel
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommandLimits:
+    """Range of velocity commands in the base frame (x forward, y left), [m/s] and [rad/s]."""
+
+    vx_m_s: tuple[float, float]
+    vy_m_s: tuple[float, float]
+    yaw_rad_s: tuple[float, float]
+
+    def clip(self, command: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return commands (…, 3) of vx, vy and yaw rate, clipped to the limits."""
+        limits = np.array([self.vx_m_s, self.vy_m_s, self.yaw_rad_s])
+        return np.clip(command, limits[:, 0], limits[:, 1])
+
+
+@dataclass(frozen=True, kw_only=True)
+class FallThresholds:
+    """Limits beyond which a robot counts as fallen (rule of the VLN-PE paper).
+
+    Attributes:
+        com_to_foot_m: smallest height of the centre of mass above the lowest foot [m].
+        roll_rad, pitch_rad: largest absolute roll and pitch of the base [rad].
+    """
+
+    com_to_foot_m: float
+    roll_rad: float = float(np.deg2rad(15.0))
+    pitch_rad: float = float(np.deg2rad(35.0))
+
+
+@dataclass(frozen=True)
+class Foot:
+    """A foot or a wheel that the robot stands on.
+
+    Attributes:
+        name: name of the foot; its touch sensor is `<name>_touch`.
+        soles: names of the geoms that touch the ground, the same number for every foot.
+    """
+
+    name: str
+    soles: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class WheelDrive:
+    """A differential drive: wheels on two sides, turned by velocity servos.
+
+    Attributes:
+        left, right: names of the wheel joints on either side; positive speed drives forward.
+        wheel_radius_m: radius of all wheels [m].
+        track_m: distance between the contact points of the two sides [m].
+        ramp_m_s2, ramp_rad_s2: rate limits of speed and turn rate, low enough that the robot
+            neither slips nor tips.
+    """
+
+    left: tuple[str, ...]
+    right: tuple[str, ...]
+    wheel_radius_m: float
+    track_m: float
+    ramp_m_s2: float
+    ramp_rad_s2: float

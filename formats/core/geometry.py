@@ -1,0 +1,97 @@
+"""Normals and areas of triangles, lengths along polylines."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def triangle_cross[S: np.floating[Any]](corners: NDArray[S]) -> NDArray[S]:
+    """Return the cross product of two edges of each triangle: along its normal, twice its area.
+
+    Args:
+        corners: (F, 3, 3) corners, counter-clockwise seen from the front.
+
+    Returns:
+        (F, 3), in the dtype of `corners`.
+    """
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return cast("NDArray[S]", cross)
+
+
+def triangle_normals_and_areas[S: np.floating[Any]](
+    corners: NDArray[S],
+) -> tuple[NDArray[S], NDArray[S]]:
+    """Return unit normals (F, 3) and areas (F,) of triangles (F, 3, 3).
+
+    The normal of a triangle without area is zero.
+    """
+    cross = triangle_cross(corners)
+    doubled = np.linalg.norm(cross, axis=1)
+    length = doubled[:, None]
+    return np.divide(cross, length, out=np.zeros_like(cross), where=length > 0), 0.5 * doubled
+
+
+def triangle_normals[S: np.floating[Any]](corners: NDArray[S]) -> NDArray[S]:
+    """Return unit normals (F, 3) of triangles (F, 3, 3); zero for triangles without area."""
+    return triangle_normals_and_areas(corners)[0]
+
+
+def triangle_areas[S: np.floating[Any]](corners: NDArray[S]) -> NDArray[S]:
+    """Return areas (F,) of triangles (F, 3, 3)."""
+    return 0.5 * np.linalg.norm(triangle_cross(corners), axis=1)
+
+
+def arc_length(path_m: ArrayLike) -> NDArray[np.float64]:
+    """Return the distances (P,) [m] of the points of a path (P, D) [m] from its start, along it."""
+    path = np.asarray(path_m, dtype=np.float64)
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+
+
+def path_length(path_m: ArrayLike) -> float:
+    """Return the length [m] of a path (P, D) [m]."""
+    return float(np.linalg.norm(np.diff(np.asarray(path_m), axis=0), axis=1).sum())
+
+
+def point_along(path_m: ArrayLike, along_m: ArrayLike) -> NDArray[np.float64]:
+    """Return points (..., D) at distances (...) [m] along a path (P, D) [m]; clamped to ends."""
+    path = np.asarray(path_m, dtype=np.float64)
+    at, along = arc_length(path), np.asarray(along_m, dtype=np.float64)
+    return np.stack([np.interp(along, at, path[:, k]) for k in range(path.shape[1])], axis=-1)
+
+
+def resample(path_m: ArrayLike, spacing_m: float) -> NDArray[np.float64]:
+    """Divide each segment of a path (P, D) [m] evenly so that none is longer than `spacing_m`.
+
+    All given points are kept, so the shape is unchanged; repeated points are dropped.
+    """
+    path = np.asarray(path_m, dtype=np.float64)
+    pieces = [path[:1]]
+    for a, b in pairwise(path):
+        length = float(np.linalg.norm(b - a))
+        if length > 0:
+            count = int(np.ceil(length / spacing_m - 1e-9))
+            pieces.append(a + (b - a) * (np.arange(1, count + 1) / count)[:, None])
+    result = np.concatenate(pieces)
+    if len(result) == 1:
+        return np.repeat(result, 2, axis=0)
+    result[-1] = path[-1]
+    return result
+
+
+def space_evenly(path_m: ArrayLike, step_m: float) -> NDArray[np.float64]:
+    """Return points (M, D), M ≥ 1, equally spaced along a path (P, D) [m].
+
+    Keeps the ends but, unlike `resample`, cuts corners. The spacing is the largest one not above
+    `step_m` that divides the length evenly.
+    """
+    path = np.asarray(path_m, dtype=np.float64)
+    length = arc_length(path)[-1]
+    if length == 0.0:
+        return path[:1]
+    count = max(math.ceil(length / step_m - 1e-9), 1)
+    return point_along(path, np.linspace(0.0, length, count + 1))

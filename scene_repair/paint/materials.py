@@ -1,0 +1,65 @@
+"""Sample colours of surface points: base colour times texture."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scan.record import ScanMaterial
+
+ROW = 4096
+
+
+class MaterialSampler:
+    """Materials with their images as arrays, decoded once.
+
+    Args:
+        materials: as the mesh's `face_material` numbers them.
+    """
+
+    def __init__(self, materials: tuple[ScanMaterial, ...]):
+        self.colors = np.array([m.base_color for m in materials], dtype=np.float32)
+        self.materials = materials
+        self._images: dict[int, NDArray[np.uint8]] = {}
+
+    def _image(self, index: int) -> NDArray[np.uint8] | None:
+        image = self.materials[index].image
+        if image is None:
+            return None
+        if index not in self._images:
+            self._images[index] = np.ascontiguousarray(image.convert("RGB"))
+        return self._images[index]
+
+    def at(self, material: NDArray[np.int32], uv: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return sRGB colours (N, 3) in 0–1, bilinear, repeating.
+
+        Args:
+            material: (N,) material of each point.
+            uv: (N, 2), v up.
+        """
+        if not len(material):
+            return np.zeros((0, 3), dtype=np.float32)
+        used = np.flatnonzero(np.bincount(material))
+        result = self.colors[material]
+        for index in used.tolist():
+            pixels = self._image(index)
+            if pixels is None:
+                continue
+            selected = slice(None) if len(used) == 1 else np.flatnonzero(material == index)
+            result[selected] *= _bilinear(pixels, uv[selected]) * np.float32(1 / 255)
+        return result
+
+
+def _bilinear(pixels: NDArray[np.uint8], uv: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Return colours (N, 3) at (N, 2), interpolated to 1/32 pixel."""
+    height, width = pixels.shape[:2]
+    # Wrapped first: far from zero single precision would blur.
+    at = uv - np.floor(uv)
+    x = at[:, 0] * width - 0.5
+    y = (1 - at[:, 1]) * height - 0.5
+    # In rows, as a picture's sides are limited.
+    rows = -(-len(uv) // ROW)
+    x, y = (np.resize(a, (rows, ROW)) for a in (x, y))
+    found = cv2.remap(pixels, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
+    return np.asarray(found, dtype=np.uint8).reshape(-1, 3)[: len(uv)]

@@ -1,0 +1,109 @@
+"""Which files are scans, and which files beside a scan are read with it.
+
+Light to import: the command line asks, too.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ...formats.core.errors import FileFormatError
+
+MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off")
+USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+CLOUD_SUFFIXES = (".pcd",)  # a .ply without faces is one, too
+SUFFIXES = (*MESH_SUFFIXES, *USD_SUFFIXES, *CLOUD_SUFFIXES)
+# What is not read, and what turns it into something that is.
+_CLOUD = "a point cloud's exchange format"
+CONVERTERS = {
+    ".ifc": "a building model (IFC); convert it with IfcOpenShell: IfcConvert {name} {stem}.glb",
+    ".e57": f"{_CLOUD}; convert it with CloudCompare (File > Save as PLY) or pye57",
+    ".las": f"{_CLOUD}; convert it with PDAL: pdal translate {{name}} {{stem}}.ply",
+    ".laz": f"{_CLOUD}; convert it with PDAL: pdal translate {{name}} {{stem}}.ply",
+    ".xyz": f"{_CLOUD}; convert it with CloudCompare (File > Save as PLY)",
+    ".pts": f"{_CLOUD}; convert it with CloudCompare (File > Save as PLY)",
+    ".dae": "Collada; convert it with Assimp: assimp export {name} {stem}.glb",
+    ".fbx": "Autodesk FBX; convert it with Blender (File > Export > glTF 2.0) or Assimp: "
+    "assimp export {name} {stem}.glb",
+    ".3ds": "3D Studio; convert it with Assimp: assimp export {name} {stem}.glb",
+    ".blend": "a Blender file; convert it in Blender: File > Export > glTF 2.0",
+    ".skp": "a SketchUp file; convert it in SketchUp: File > Export > GLB or OBJ",
+    ".rvt": "a Revit file; export IFC from Revit, then IfcConvert model.ifc model.glb",
+    ".step": "a CAD file (STEP); convert it with FreeCAD: File > Export > glTF",
+    ".stp": "a CAD file (STEP); convert it with FreeCAD: File > Export > glTF",
+}
+_SPLATS = "Gaussian splats ({kind}), which have no surface; splats are not supported yet"
+SPLAT_SUFFIXES = (".splat", ".ksplat", ".spz", ".sog")
+LICENCE_NAMES = ("LICENSE.{stem}", "{stem}.LICENSE", "{stem}.license.txt", "LICENSE")
+MAX_LICENCE_BYTES = 1 << 20
+LABELS_NAME, MAX_LABELS_BYTES = "{stem}.labels.json", 64 << 20
+HOUSE_NAME, MAX_HOUSE_BYTES = "{stem}.house", 256 << 20
+
+
+def why_not(name: str) -> str:
+    """Return in one line why a file of this name is not supported, and how to convert it."""
+    stem, dot, ending = name.rpartition(".")
+    suffix = (dot + ending).lower() if dot else ""
+    valid = f"valid: {', '.join(SUFFIXES)}"
+    if suffix in SPLAT_SUFFIXES:
+        return f"{splats(suffix)}; {valid}"
+    if suffix in CONVERTERS:
+        return f"is {CONVERTERS[suffix].format(name=name, stem=stem)}; {valid}"
+    return f"unknown file type {suffix!r}; {valid}"
+
+
+def splats(kind: str) -> str:
+    """Return why Gaussian splats of this kind are not supported."""
+    return f"contains {_SPLATS.format(kind=kind)}: use a mesh or a point cloud of the same place"
+
+
+def side_names(source: Path) -> list[str]:
+    """Return the names of all files beside the scan `source` that are read with it if present."""
+    stem = source.stem
+    return [LABELS_NAME.format(stem=stem), HOUSE_NAME.format(stem=stem), *licence_names(stem)]
+
+
+def licence_names(stem: str) -> list[str]:
+    """Return file names of a licence, most specific first: `LICENSE.quest` covers `quest_room`."""
+    own = [pattern.format(stem=stem) for pattern in LICENCE_NAMES]
+    ends = [k for k, letter in enumerate(stem) if letter in "_-" and k > 0]
+    family = [LICENCE_NAMES[0].format(stem=stem[:k]) for k in reversed(ends)]
+    return [*own[:-1], *family, own[-1]]
+
+
+def side_file(folder: Path, name: str, max_bytes: int) -> bytes | None:
+    """Return the bytes of the file `name` in `folder`; None if there is none.
+
+    Raises:
+        FileFormatError: a link out of the folder, larger than `max_bytes`, or unreadable.
+    """
+    path = folder / name
+    try:
+        if not path.is_file():
+            return None
+        target = path.resolve()
+        if not target.is_relative_to(folder.resolve()):
+            raise FileFormatError(path, "is a link that leaves the scan's folder")
+        size = target.stat().st_size
+        if size > max_bytes:
+            raise FileFormatError(path, f"is larger than {max_bytes >> 20} MiB ({size:,} bytes)")
+        return target.read_bytes()
+    except (OSError, RuntimeError) as error:
+        raise FileFormatError(path, f"cannot be read: {error}") from error
+
+
+def licence_beside(source: Path) -> str:
+    """Return the text of the licence file beside the source; empty if there is none.
+
+    Raises:
+        FileFormatError: not UTF-8 text, too large, or a link out of the folder.
+    """
+    for name in licence_names(source.stem):
+        data = side_file(source.parent, name, MAX_LICENCE_BYTES)
+        if data is not None:
+            try:
+                return data.decode()
+            except UnicodeDecodeError as error:
+                path = source.with_name(name)
+                raise FileFormatError(path, "the licence is not UTF-8 text") from error
+    return ""
