@@ -14,8 +14,8 @@ from vlnpe.formats.scene.bundle import Floor, SceneBundle
 from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
-from vlnpe.scene_repair.verify.carrying import _balls_lost
 from vlnpe.scene_repair.verify.exported import Surface
+from vlnpe.scene_repair.verify.scene import _balls_lost
 
 QUICK = RepairConfig(picture_px=200)
 
