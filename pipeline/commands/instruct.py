@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
+from ...collectors.robots import get_robot
+from ...formats.core.episode import Episode
+from ...formats.scene.bundle import LabeledObject
 from ...formats.vlnce.files import read_episodes, write_episodes
 from ...instruction_gen.instruct import instruct_episodes
 from ...instruction_gen.records import MIXED, InstructConfig
@@ -45,6 +49,9 @@ class Instruct:
     robot: str = "aliengo"
     """Robot whose camera determines which landmarks are visible along the path, or `none` to use
     the map alone, which is faster."""
+    vision: bool = False
+    """In scenes without labels, let a vision-language model name what the camera sees (same
+    environment variables as --writer llm)."""
     max_tokens: int = 0
     """Stop querying the language model after this many tokens; 0 means no limit."""
     max_cost: float = 0.0
@@ -75,7 +82,10 @@ def run(options: Instruct) -> int:
     if options.robot != "none":
         sight = looked(asked, options.scenes, options.robot, config.replace)
     cache = options.cache or options.out.parent / instruct.CACHE
-    told = instruct_episodes(asked, options.scenes, config, options.seed, sight, cache=cache)
+    objects = _seen_objects(options, asked, cache) if options.vision else None
+    told = instruct_episodes(
+        asked, options.scenes, config, options.seed, sight, cache=cache, objects=objects
+    )
     write_episodes(options.out, told.episodes)
     if options.facts is not None:
         instruct.write_facts(options.facts, told.facts)
@@ -89,3 +99,22 @@ def run(options: Instruct) -> int:
     facts = instruct.summary(told)
     tell(options, facts, f"{options.out}: {facts['episodes']} episodes, {facts['texts']} texts")
     return int(len(told.failed) > options.max_failed)
+
+
+def _seen_objects(
+    options: Instruct, episodes: Sequence[Episode], cache: Path
+) -> dict[str, list[LabeledObject]]:
+    # Only now: most calls need neither a client nor a renderer.
+    from ...instruction_gen.llm.client import Client, openai_backend
+    from ...instruction_gen.llm.settings import settings_from
+    from ...instruction_gen.llm.sight import Sights
+    from ..jobs.name_things import named_objects
+
+    settings = settings_from(max_tokens=options.max_tokens, max_cost=options.max_cost)
+    client = Client(settings, cache, openai_backend(settings, form=Sights))
+    robot = get_robot("aliengo" if options.robot == "none" else options.robot)
+    found = named_objects(episodes, options.scenes, robot, client)
+    if not options.json:
+        for scene, things in found.items():
+            sys.stdout.write(f"{scene}: {len(things)} things named by {settings.model}\n")
+    return found
