@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -14,7 +14,7 @@ import numpy as np
 
 from ..formats.core.episode import Episode
 from ..formats.core.errors import InputError
-from ..formats.scene.bundle import load_bundle
+from ..formats.scene.bundle import LabeledObject, load_bundle
 from ..formats.scene.visibility import Visibility
 from ..formats.vlnce.files import scene_stem
 from .checker import Ground
@@ -57,9 +57,9 @@ class InstructResult:
 class Levels:
     """Levels of repaired scenes, opened when they are asked for."""
 
-    def __init__(self, scenes: Path):
-        """Remember the folder of repaired scenes, one folder each."""
-        self._scenes = scenes
+    def __init__(self, scenes: Path, objects: Mapping[str, Sequence[LabeledObject]] | None = None):
+        """Remember the folder of repaired scenes, one folder each, and further objects in them."""
+        self._scenes, self._objects = scenes, objects or {}
         self._open: dict[tuple[str, int], LevelFacts] = {}
 
     def of(self, episode: Episode) -> LevelFacts:
@@ -73,6 +73,8 @@ class Levels:
         key = (scene, episode.level)
         if key not in self._open:
             bundle = load_bundle(self._scenes / scene)
+            more = self._objects.get(scene, ())
+            bundle = replace(bundle, objects=(*bundle.objects, *more)) if more else bundle
             if not 0 <= episode.level < len(bundle.level_floor_z_m):
                 raise InputError(
                     f"episode {episode.episode_id} is on level {episode.level} of {scene}; "
@@ -98,6 +100,8 @@ def instruct_episodes(
     visibility: Visibility | None = None,
     writer: Writer | None = None,
     cache: Path = Path("llm_cache"),
+    *,
+    objects: Mapping[str, Sequence[LabeledObject]] | None = None,
 ) -> InstructResult:
     """Write the instructions of each path whose episodes have none.
 
@@ -113,6 +117,7 @@ def instruct_episodes(
         visibility: what the robot's camera sees along the paths; without it, walls alone decide.
         writer: writes a path's texts; by default the one that `config` names.
         cache: folder of a language model's answers.
+        objects: further objects, by scene, where a scan has no labels.
 
     Raises:
         FileFormatError: a scene is missing.
@@ -120,7 +125,7 @@ def instruct_episodes(
         ModelDownError: a language model fails again and again; what it wrote is in the cache.
         BudgetError: no more may be spent on one.
     """
-    levels = Levels(scenes)
+    levels = Levels(scenes, objects)
     taken: set[str] = set()
     skeletons: dict[str, int] = {}
     result = InstructResult([], skeletons=skeletons)

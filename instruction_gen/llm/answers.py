@@ -33,8 +33,8 @@ class AnswerError(ValueError):
     """What came back is no answer; the message is one short line without the answer itself."""
 
 
-def read_answer(content: str | None) -> Answer:
-    """Validate a model's content.
+def read_answer[Form: BaseModel](content: str | None, form: type[Form]) -> Form:
+    """Validate a model's content, which should be JSON of a form such as `Answer`.
 
     Raises:
         AnswerError: no JSON, another schema, or too long.
@@ -47,7 +47,7 @@ def read_answer(content: str | None) -> Answer:
     if start < 0 or stop < start:
         raise AnswerError("no JSON in the answer")
     try:
-        return Answer.model_validate(json.loads(content[start : stop + 1]))
+        return form.model_validate(json.loads(content[start : stop + 1]))
     except ValidationError as error:
         where = ".".join(str(part) for part in error.errors()[0]["loc"])
         raise AnswerError(f"the answer has another form ({where})") from None
@@ -55,6 +55,7 @@ def read_answer(content: str | None) -> Answer:
         raise AnswerError("the answer is broken JSON") from None
 
 
-def answer_schema() -> dict[str, Any]:
-    """JSON Schema of `Answer`, as servers with structured output take it."""
-    return {"name": "instructions", "schema": Answer.model_json_schema()}
+def answer_schema(form: type[BaseModel] = Answer) -> dict[str, Any]:
+    """JSON Schema of a form, as servers with structured output take it."""
+    name = "instructions" if form is Answer else form.__name__.lower()
+    return {"name": name, "schema": form.model_json_schema()}

@@ -13,6 +13,8 @@ from email.utils import parsedate_to_datetime
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel
+
 from ...formats.core.atomic import write_bytes
 from ...formats.core.errors import InputError, VlnpeError
 from .answers import Answer, AnswerError, answer_schema, read_answer
@@ -84,7 +86,15 @@ class Client:
         self._lock = threading.Lock()
 
     def ask(self, messages: Messages) -> Answer:
+        """The instructions that answer some messages; raises what `ask_for` raises."""
+        return self.ask_for(messages, Answer)
+
+    def ask_for[Form: BaseModel](self, messages: Messages, form: type[Form]) -> Form:
         """The answer to some messages, from the cache if it is there.
+
+        Args:
+            messages: the request.
+            form: what the answer must be; the backend asks for it.
 
         Raises:
             ModelError: no usable answer after all tries.
@@ -92,10 +102,10 @@ class Client:
             BudgetError: no more may be spent.
             InputError: the server refuses the request for good (wrong key, unknown model, …).
         """
-        path = self._cache / f"{self.key(messages)}.json"
+        path = self._cache / f"{self.key(messages, form)}.json"
         if path.is_file():
             try:
-                return read_answer(json.loads(path.read_text())["content"])
+                return read_answer(json.loads(path.read_text())["content"], form)
             except (AnswerError, ValueError, KeyError):
                 path.unlink(missing_ok=True)
         reason = ""
@@ -104,7 +114,7 @@ class Client:
             self.budget.check()
             try:
                 reply = self._backend(messages)
-                answer = self._kept(path, reply)
+                answer = self._kept(path, reply, form)
             except RetryableError as error:
                 reason = str(error)
                 self._wait(attempt, error.wait_s)
@@ -119,23 +129,28 @@ class Client:
         self._check_up(reason)
         raise ModelError(f"no usable answer in {self.settings.attempts} tries; the last: {reason}")
 
-    def _kept(self, path: Path, reply: Reply) -> Answer:
+    def _kept[Form: BaseModel](self, path: Path, reply: Reply, form: type[Form]) -> Form:
         """The answer in a reply, cached before it is counted: a kill in between pays nothing twice.
 
         Raises:
             AnswerError: there is none; the reply is counted all the same.
         """
         try:
-            answer = read_answer(reply.content)
+            answer = read_answer(reply.content, form)
             record = {"content": reply.content, "usage": asdict(reply.usage)}
             write_bytes(path, json.dumps(record).encode())
         finally:
             self.budget.add(reply.usage)
         return answer
 
-    def key(self, messages: Messages) -> str:
+    def key(self, messages: Messages, form: type[BaseModel] = Answer) -> str:
         """What an answer is cached under."""
-        parts = [self.settings.model, self.settings.temperature, list(messages), answer_schema()]
+        parts = [
+            self.settings.model,
+            self.settings.temperature,
+            list(messages),
+            answer_schema(form),
+        ]
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
     def _check_up(self, reason: str = "") -> None:
@@ -154,12 +169,15 @@ class Client:
         self._sleep(min(asked_s if asked_s is not None else wait, self.settings.longest_wait_s))
 
 
-def openai_backend(settings: LlmSettings, *, structured: bool = True) -> Backend:
+def openai_backend(
+    settings: LlmSettings, *, structured: bool = True, form: type[BaseModel] = Answer
+) -> Backend:
     """Return requests through the OpenAI SDK; it reads the key from the environment and keeps it.
 
     Args:
         settings: how the model is reached.
-        structured: ask for JSON in the form of an `Answer`, if the server can; else for text.
+        structured: ask for JSON, if the server can; else for text.
+        form: of the JSON.
     """
     import openai
 
@@ -169,7 +187,7 @@ def openai_backend(settings: LlmSettings, *, structured: bool = True) -> Backend
     )
     forms: list[dict[str, Any]] = [{}]
     if structured:
-        schema = {"type": "json_schema", "json_schema": answer_schema()}
+        schema = {"type": "json_schema", "json_schema": answer_schema(form)}
         forms = [{"response_format": schema}, {"response_format": {"type": "json_object"}}, {}]
 
     def send(messages: Messages) -> Reply:

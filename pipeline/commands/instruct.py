@@ -42,6 +42,12 @@ def run(options: Instruct) -> int:
         by_scene.setdefault(scene_stem(episode.scene_id), []).append(episode)
     repair.demand(by_scene, rows, options.scenes)
     out, scenes = options.out.resolve(), options.scenes.resolve()
+    vision = None
+    if options.vision:
+        vision = settings_from(
+            asked_by="--vision", max_tokens=options.max_tokens, max_cost=options.max_cost
+        )
+    camera = "aliengo" if options.robot == "none" else options.robot
     with open_single(out, options.workers) as context:
         root = context.ledger.root
         keys = [digest(asked), *(rows[scene].key for scene in sorted(by_scene))]
@@ -69,8 +75,9 @@ def run(options: Instruct) -> int:
             config=config,
             seed=options.seed,
             per_instruction=options.per_instruction,
+            vision=(vision, camera) if vision else None,
         )
-        keys.append(str(options.per_instruction))
+        keys += [str(options.per_instruction), digest(job.vision)]
         made = run_output(context, out, instruct.STAGE, instruct.item(out.name, job, *keys)).facts
     failed = lost | made["quarantined"]
     if options.facts is not None:
@@ -78,6 +85,8 @@ def run(options: Instruct) -> int:
     if not options.json:
         _show(read_episodes(out), job, options.show)
         sys.stdout.writelines(f"no true text for {k}: {v}\n" for k, v in failed.items())
+        for scene, count in made["named_things"].items():
+            sys.stdout.write(f"{scene}: {count} things named by the vision-language model\n")
         for label, count in made["unnamed_labels"].items():
             sys.stdout.write(f"no noun is known for the label {label!r} ({count} objects)\n")
     text = f"{options.out}: {made['episodes']} episodes, {made['texts']} texts"

@@ -38,6 +38,9 @@ class Instruct:
     robot: str = "aliengo"
     """Robot whose camera determines which landmarks are visible along the path, or `none` to use
     the map alone, which is faster."""
+    vision: bool = False
+    """In scenes without labels, let a vision-language model name what the camera sees (the same
+    environment variables as --writer llm)."""
     max_tokens: int = 0
     """Stop querying the language model after this many tokens; 0 means no limit."""
     max_cost: float = 0.0

@@ -1,0 +1,127 @@
+"""Names of things and rooms by a vision-language model, for scans without labels.
+
+A model gets frames of the robot's camera, one at a time, and answers with boxes in the image; the
+depth image says where they are. Its names are data like any label: one that is no noun of the
+lexicon names nothing.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from ...formats.scene.bundle import LabeledObject
+from ..language.nouns import noun_of
+from .brief import prompt
+from .client import Client, ModelDownError, ModelError
+
+_MIN_POINTS = 12
+_TRIM = (10.0, 90.0)  # percentiles of a box's points: edges see what is behind
+_SAME_M = 0.8  # two sights of one kind, this near to each other, are one thing
+_MIN_SIGHTS = 2
+
+
+class Sight(BaseModel):
+    """One thing in a frame; its box is in pixels: left, top, right, bottom."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    name: str = Field(max_length=40)
+    box: tuple[float, float, float, float]
+
+
+class Sights(BaseModel):
+    """All things in a frame."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    things: list[Sight] = Field(max_length=40)
+
+
+@dataclass(frozen=True)
+class View:
+    """A frame to look at.
+
+    Attributes:
+        png: the picture.
+        points_m: (H, W, 3) where each pixel's surface is in the world [m]; NaN = unknown.
+        level: of the scene.
+    """
+
+    png: bytes
+    points_m: NDArray[np.float64]
+    level: int
+
+
+def name_things(client: Client, views: Sequence[View]) -> list[LabeledObject]:
+    """Objects that a model sees in at least two frames, as boxes in the world.
+
+    A frame that the model gives no usable answer to is left out. The client's backend asks for
+    `Sights`: `openai_backend(settings, form=Sights)`.
+
+    Raises:
+        ModelDownError: the model fails again and again.
+        BudgetError: no more may be spent.
+    """
+    found: list[tuple[str, int, NDArray[np.float64]]] = []
+    for view in views:
+        try:
+            answer = client.ask_for(_messages(view.png), Sights)
+        except ModelDownError:
+            raise
+        except ModelError:
+            continue
+        for sight in answer.things:
+            noun = noun_of(sight.name)
+            box = _box_m(sight, view.points_m)
+            if noun and box is not None:
+                found.append((noun, view.level, box))
+    return _merged(found)
+
+
+def _messages(png: bytes) -> list[dict[str, Any]]:
+    address = "data:image/png;base64," + base64.b64encode(png).decode()
+    picture = {"type": "image_url", "image_url": {"url": address}}
+    return [
+        {"role": "system", "content": prompt("sight")},
+        {"role": "user", "content": [picture]},
+    ]
+
+
+def _box_m(sight: Sight, points_m: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Corners (2, 3) [m] of what a box in the image shows; None when that is nothing."""
+    high, wide = points_m.shape[:2]
+    left, top, right, bottom = sight.box
+    rows = slice(int(np.clip(top, 0, high)), int(np.clip(bottom, 0, high)))
+    columns = slice(int(np.clip(left, 0, wide)), int(np.clip(right, 0, wide)))
+    points = points_m[rows, columns].reshape(-1, 3)
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points) < _MIN_POINTS:
+        return None
+    return np.percentile(points, _TRIM, axis=0)
+
+
+def _merged(found: Sequence[tuple[str, int, NDArray[np.float64]]]) -> list[LabeledObject]:
+    groups: list[tuple[str, int, list[NDArray[np.float64]]]] = []
+    for noun, level, box in found:
+        for name, where, boxes in groups:
+            near = np.linalg.norm(box.mean(axis=0) - np.mean(boxes, axis=(0, 1))) <= _SAME_M
+            if name == noun and where == level and near:
+                boxes.append(box)
+                break
+        else:
+            groups.append((noun, level, [box]))
+    result = []
+    for noun, level, boxes in groups:
+        if len(boxes) < _MIN_SIGHTS:
+            continue
+        low, high = np.median(boxes, axis=0)
+        name = f"seen-{len(result) + 1}"
+        result.append(LabeledObject(name, noun, tuple(low.tolist()), tuple(high.tolist()), level))
+    return result
