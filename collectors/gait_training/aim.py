@@ -73,7 +73,8 @@ def _mean_velocity(
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Mean velocities (N, 3) under constant commands (N, 3), and who is still up, (N,)."""
     n = len(commands)
-    anything = CommandLimits(*((-math.inf, math.inf),) * 3)
+    free_axis = (-math.inf, math.inf)
+    anything = CommandLimits(vx_m_s=free_axis, vy_m_s=free_axis, yaw_rad_s=free_axis)
     free = policy.changed(
         replace(policy.robot, command_limits=anything), replace(policy.card, gait=gait)
     )
