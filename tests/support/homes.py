@@ -21,8 +21,12 @@ SHELL |= {"railing"}
 _SEATS = {"chair", "office chair"}
 _TABLES = {"dining table", "conference table", "desk", "partition"}
 _HANGING = {"curtain", "curtain rod", "picture", "mirror", "clock", "ceiling lamp", "coat rack"}
-# Made to stand on or beside each other.
-_SETS = ({"tv stand", "television"}, {"wall cupboard", "range hood"})
+# Made to stand on or beside each other; a book on a nightstand may jut out over the bed.
+_SETS = (
+    {"tv stand", "television"},
+    {"wall cupboard", "range hood"},
+    {"bed", "nightstand"},
+)
 _LEAST_FREE_M2 = 0.4
 
 
