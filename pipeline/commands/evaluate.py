@@ -171,6 +171,9 @@ def _tell(options: Evaluate, out: Path, value: dict[str, Any], scenes: Path) -> 
         count = len(value["quarantined"])
         reason = next(iter(value["quarantined"].values()))
         sys.stdout.write(f"{count} episodes without a result, counted apart: {reason}\n")
+    unclear = sum(episode.get("unclear", 0) for episode in value["episodes"])
+    if unclear:
+        sys.stdout.write(f"{unclear} answers of the model were no clear action and asked again\n")
     sys.stdout.write(f"results: {out / RESULTS_NAME}\n")
     sys.stdout.write(
         f"films:   vlnpe render {out} --scenes {scenes} --video --camera chase --out {out}/films\n"

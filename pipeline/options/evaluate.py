@@ -21,7 +21,8 @@ class Evaluate:
     """Run folder of `collect`, or an episode file (.json.gz) together with --scenes."""
     policy: str = "random"
     """Policy: random (R2R's action proportions), forward, stop, oracle (the expert, which knows the
-    path), or the address of a policy server (ws://HOST:PORT, see docs/evaluation.md)."""
+    path), vlm (a vision-language model, see docs/evaluation.md), or the address of a policy server
+    (ws://HOST:PORT)."""
     scenes: Path | None = None
     """Folder of repaired scenes; defaults to the run's own."""
     robot: str = "aliengo"

@@ -11,7 +11,7 @@ from vlnpe.formats.core.errors import InputError
 from vlnpe.pipeline.builtin import BuiltIn, parse_builtin
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.commands.collect import Collect, run
-from vlnpe.pipeline.stages import scans
+from vlnpe.pipeline.stages import repair
 
 
 def names(text: str, seed: int = 0) -> list[str]:
@@ -73,5 +73,6 @@ def test_scan_refuses_an_unknown_kind(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 def test_buildings_have_keys_of_their_own(tmp_path: Path) -> None:
-    keys = {scans.item(BuiltIn(kind, seed), tmp_path).key for kind in BUILDINGS for seed in (0, 1)}
+    buildings = [BuiltIn(kind, seed) for kind in BUILDINGS for seed in (0, 1)]
+    keys = {repair.scan_item(building, tmp_path).key for building in buildings}
     assert len(keys) == 2 * len(BUILDINGS)
