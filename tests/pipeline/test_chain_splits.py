@@ -47,7 +47,8 @@ def start(root: Path, two_rooms, per_instruction: bool = False) -> tuple[Chain, 
 
 def collect(chain: Chain, asked, scenes) -> Path:
     robot = get_robot("aliengo")
-    (view,) = chosen_views("ego", "baked", "embree", robot, CameraOverrides(width_px=64, height_px=64))
+    small = CameraOverrides(width_px=64, height_px=64)
+    (view,) = chosen_views("ego", "baked", "embree", robot, small)
     product = Product(4, Extras(False, False), False, "h264", "video")
     chain.collected(asked, scenes, "aliengo", "flash", [view], product, {})
     return chain.folder.root / "lerobot" / f"aliengo-flash-{view.name}"
