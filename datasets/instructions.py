@@ -32,11 +32,12 @@ class Telling:
 
     def text(self, entry: EpisodeEntry) -> str:
         """The instruction of an episode; the same for every robot, worker and order of items."""
-        if self.choice == OWN or len(entry.instructions) < 2:
-            return entry.instructions[0]
+        texts = list(entry.instructions)
+        if self.choice == OWN or len(texts) < 2:
+            return texts[0]
         name = f"{self.seed}/{self.epoch}/{entry.uid}".encode()
         drawn = int.from_bytes(hashlib.blake2b(name, digest_size=8).digest())
-        return entry.instructions[drawn % len(entry.instructions)]
+        return texts[drawn % len(texts)]
 
 
 OWN_TEXT = Telling()

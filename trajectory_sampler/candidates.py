@@ -241,7 +241,7 @@ def _judge(
     return Candidate(level.index, split, reference, geodesic, turned, crossed, names, ends)
 
 
-def _least(rooms: NDArray[np.int64], used: Counter[int], rng: np.random.Generator) -> int:
+def _least(rooms: NDArray[np.integer], used: Counter[int], rng: np.random.Generator) -> int:
     """One of the values used least so far, at random."""
     counts = np.array([used[int(r)] for r in rooms])
     return int(rng.choice(rooms[counts == counts.min()]))

@@ -38,7 +38,7 @@ class BadEpisodeError(FileFormatError):
         where = f"episode {name!r}" if name is not None else "an episode without id"
         super().__init__(path, f"{where} (number {bad.index}): {bad.reason}")
 
-    def __reduce__(self):
+    def __reduce__(self) -> Any:
         """Support pickling, so that the error can be raised in a worker process."""
         return type(self), (self.path, self.bad)
 
