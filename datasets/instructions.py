@@ -32,12 +32,12 @@ class Telling:
 
     def text(self, entry: EpisodeEntry) -> str:
         """The instruction of an episode; the same for every robot, worker and order of items."""
-        own, *others = entry.instructions
-        if self.choice == OWN or not others:
-            return own
+        texts = list(entry.instructions)
+        if self.choice == OWN or len(texts) < 2:
+            return texts[0]
         name = f"{self.seed}/{self.epoch}/{entry.uid}".encode()
         drawn = int.from_bytes(hashlib.blake2b(name, digest_size=8).digest())
-        return entry.instructions[drawn % len(entry.instructions)]
+        return texts[drawn % len(texts)]
 
 
 OWN_TEXT = Telling()

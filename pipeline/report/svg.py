@@ -22,7 +22,7 @@ class Plot:
 
 
 _WIDTH, _HEIGHT = 540, 300
-_LEFT, _RIGHT, _TOP, _BOTTOM = 52, 12, 34, 44
+_LEFT, _RIGHT, _TOP, _BOTTOM = 64, 12, 34, 44
 _SPIRAL = 2500  # places tried for a word
 
 
@@ -39,7 +39,8 @@ def step_histogram(
         values: numbers by group.
         label: of the horizontal axis, with the unit.
         what: is counted.
-        width: of a bin; None chooses one for about fifteen bins.
+        width: of a bin; those of width 1 stand about whole numbers. None chooses one for about
+            fifteen bins.
         marks: vertical lines by name.
     """
     everything = [v for group in values.values() for v in group]
@@ -47,8 +48,10 @@ def step_histogram(
         return _figure(['<text x="270" y="150" text-anchor="middle">no data</text>'])
     low, high = min(everything), max(everything)
     width = width or _round_step(max(high - low, 1e-9) / 15)
-    first = math.floor(low / width)
-    edges = width * np.arange(first, math.floor(high / width) + 2)
+    whole = width == 1.0 and all(float(v).is_integer() for v in everything)
+    shift = 0.5 if whole else 0.0  # bins of whole numbers stand about them
+    first = math.floor(low / width + shift)
+    edges = width * (np.arange(first, math.floor(high / width + shift) + 2) - shift)
     shares = {
         name: np.histogram(group, edges)[0] / len(group) for name, group in values.items() if group
     }
@@ -116,7 +119,7 @@ def word_cloud(counts: Mapping[str, int], most: int = 60) -> str:
     parts = []
     for number, (word, count) in enumerate(words):
         size = 10 + 26 * (count / largest)
-        half_x, half_y = 0.3 * size * len(word) + 2, 0.5 * size
+        half_x, half_y = 0.28 * size * len(word) + 2, 0.5 * size
         for k in range(_SPIRAL):
             angle, radius = 0.35 * k, math.sqrt(k / _SPIRAL)
             x = _WIDTH / 2 * (1 + radius * math.cos(angle))
@@ -152,6 +155,7 @@ def _axes(
     ]
     if ticks:
         step = _round_step((high - low) / 8)
+        step = 1.0 if step < 1 and low % 1 == 0.5 else step
         for k in range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1):
             x = _x(k * step, low, high)
             parts.append(

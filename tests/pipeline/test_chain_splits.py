@@ -47,7 +47,8 @@ def start(root: Path, two_rooms, per_instruction: bool = False) -> tuple[Chain, 
 
 def collect(chain: Chain, asked, scenes) -> Path:
     robot = get_robot("aliengo")
-    (view,) = chosen_views("ego", "baked", "embree", robot, CameraOverrides(64, 64, None))
+    small = CameraOverrides(width_px=64, height_px=64)
+    (view,) = chosen_views("ego", "baked", "embree", robot, small)
     product = Product(4, Extras(False, False), False, "h264", "video")
     chain.collected(asked, scenes, "aliengo", "flash", [view], product, {})
     return chain.folder.root / "lerobot" / f"aliengo-flash-{view.name}"
@@ -55,7 +56,8 @@ def collect(chain: Chain, asked, scenes) -> Path:
 
 def columns(dataset: Path) -> dict:
     names = ["episode_id", "split", "instructions", "instruction_episode_ids", "tasks"]
-    return pq.read_table(dataset / "meta/episodes/chunk-000/file-000.parquet", names).to_pydict()
+    file = dataset / "meta/episodes/chunk-000/file-000.parquet"
+    return pq.read_table(file, columns=names).to_pydict()
 
 
 @pytest.fixture(scope="module")
