@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from hashlib import sha256
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 from uuid import uuid4
 
 import numpy as np
@@ -13,7 +13,11 @@ import numpy as np
 from ..formats.core.episode import Episode
 from ..formats.core.errors import InputError, UnknownNameError, VlnpeError
 from ..formats.core.rollout import Action
+from ..instruction_gen.llm.settings import settings_from
 from .observation import Observation
+
+if TYPE_CHECKING:
+    from .vlm import VlmPolicy
 
 
 class PolicyError(VlnpeError):
@@ -115,6 +119,7 @@ class Random:
 
 
 ORACLE = "oracle"
+VLM = "vlm"  # a vision-language model; the environment says where
 SERVER_SCHEMES = ("ws://", "wss://")
 # By name, made from the seed. The oracle is not among them: it is the expert, which knows the path.
 POLICIES: dict[str, Callable[[int], Policy]] = {
@@ -126,7 +131,7 @@ POLICIES: dict[str, Callable[[int], Policy]] = {
 
 def valid_policies() -> list[str]:
     """Return what `check_policy` takes."""
-    return [*POLICIES, ORACLE, "ws://HOST:PORT"]
+    return [*POLICIES, ORACLE, VLM, "ws://HOST:PORT"]
 
 
 def check_policy(name: str) -> None:
@@ -135,7 +140,7 @@ def check_policy(name: str) -> None:
     Raises:
         UnknownNameError: it is neither; the message lists the valid names.
     """
-    if name not in POLICIES and name != ORACLE and not name.startswith(SERVER_SCHEMES):
+    if name not in (*POLICIES, ORACLE, VLM) and not name.startswith(SERVER_SCHEMES):
         raise UnknownNameError("policy", name, valid_policies())
 
 
@@ -145,8 +150,11 @@ def policy_identity(name: str, timeout_s: float) -> str:
     For a policy server that is the `version` it states; one that states none is never the same.
 
     Raises:
-        InputError: the server cannot be reached, or its client's libraries are missing.
+        InputError: the server cannot be reached, its client's libraries are missing, or the
+            environment does not say where the vision-language model is.
     """
+    if name == VLM:
+        return f"{name} {_vlm().version}"
     if not name.startswith(SERVER_SCHEMES):
         return name
     from .remote import RemotePolicy
@@ -170,13 +178,22 @@ def make_policy(name: str, seed: int, timeout_s: float) -> Policy:
 
     Raises:
         UnknownNameError: there is no such policy.
-        InputError: it is the oracle, which is no policy, or the server's libraries are missing.
+        InputError: it is the oracle, which is no policy, the server's libraries are missing, or the
+            environment does not say where the vision-language model is.
     """
     check_policy(name)
     if name == ORACLE:
         raise InputError("the oracle knows the path and is run by the replay itself")
+    if name == VLM:
+        return _vlm()
     if name.startswith(SERVER_SCHEMES):
         from .remote import RemotePolicy
 
         return RemotePolicy(name, timeout_s)
     return POLICIES[name](seed)
+
+
+def _vlm() -> VlmPolicy:
+    from .vlm import VlmPolicy
+
+    return VlmPolicy(settings_from(asked_by="--policy vlm"))

@@ -18,7 +18,7 @@ from .answers import Answer, AnswerError, answer_schema, read_answer
 from .budget import Budget, Usage
 from .settings import API_KEY, LlmSettings
 
-Messages = Sequence[dict[str, str]]
+Messages = Sequence[dict[str, Any]]
 
 
 class ModelError(VlnpeError):
@@ -153,19 +153,23 @@ class Client:
         self._sleep(min(asked_s if asked_s is not None else wait, self.settings.longest_wait_s))
 
 
-def openai_backend(settings: LlmSettings) -> Backend:
-    """Requests through the OpenAI SDK; the key is read from the environment and kept by the SDK."""
+def openai_backend(settings: LlmSettings, *, structured: bool = True) -> Backend:
+    """Return requests through the OpenAI SDK; it reads the key from the environment and keeps it.
+
+    Args:
+        settings: how the model is reached.
+        structured: ask for JSON in the form of an `Answer`, if the server can; else for text.
+    """
     import openai
 
     key = os.environ.get(API_KEY) or "none"
     sdk = openai.OpenAI(
         base_url=settings.base_url, api_key=key, timeout=settings.timeout_s, max_retries=0
     )
-    structured: list[dict[str, Any]] = [
-        {"response_format": {"type": "json_schema", "json_schema": answer_schema()}},
-        {"response_format": {"type": "json_object"}},
-        {},
-    ]
+    forms: list[dict[str, Any]] = [{}]
+    if structured:
+        schema = {"type": "json_schema", "json_schema": answer_schema()}
+        forms = [{"response_format": schema}, {"response_format": {"type": "json_object"}}, {}]
 
     def send(messages: Messages) -> Reply:
         try:
@@ -173,11 +177,11 @@ def openai_backend(settings: LlmSettings) -> Backend:
                 model=settings.model,
                 messages=list(messages),  # type: ignore[arg-type]
                 temperature=settings.temperature,
-                **structured[0],
+                **forms[0],
             )
             content = done.choices[0].message.content
         except openai.APIStatusError as error:
-            raise _status(error, structured, key) from None
+            raise _status(error, forms, key) from None
         except openai.APITimeoutError:
             raise RetryableError(f"no answer within {settings.timeout_s:g} s") from None
         except openai.APIConnectionError:
@@ -189,13 +193,13 @@ def openai_backend(settings: LlmSettings) -> Backend:
     return send
 
 
-def _status(error: Any, structured: list[dict[str, Any]], key: str) -> Exception:
+def _status(error: Any, forms: list[dict[str, Any]], key: str) -> Exception:
     """What to raise for a bad status; never the server's own words, which may repeat the key."""
     status = error.status_code
     if status in (408, 409, 429) or status >= 500:
         return RetryableError(f"status {status}", _retry_after(error.response.headers))
-    if status in (400, 422) and len(structured) > 1:
-        structured.pop(0)  # a server without structured output
+    if status in (400, 422) and len(forms) > 1:
+        forms.pop(0)  # a server without structured output
         return RetryableError(f"status {status}", 0.0)
     hints = {401: f"check {API_KEY}", 403: f"check {API_KEY}", 404: "check the address and model"}
     return InputError(

@@ -53,10 +53,18 @@ def settings_from(
     environment: Mapping[str, str] = os.environ,
     *,
     local: bool = False,
+    asked_by: str = "--writer llm",
     max_tokens: int = 0,
     max_cost: float = 0.0,
 ) -> LlmSettings:
     """Read the settings from the environment.
+
+    Args:
+        environment: variables.
+        local: a GGUF file instead of a server.
+        asked_by: option that asks for a model, for the message.
+        max_tokens: that may be used in all; 0 = any.
+        max_cost: that may be spent in all; 0 = any.
 
     Raises:
         InputError: something is missing or cannot be used; the message names the variable.
@@ -70,7 +78,7 @@ def settings_from(
         return LlmSettings(model=path, workers=1, max_tokens=max_tokens)
     missing = [name for name in (BASE_URL, MODEL) if not environment.get(name)]
     if missing:
-        raise InputError(f"--writer llm needs {' and '.join(missing)} in the environment")
+        raise InputError(f"{asked_by} needs {' and '.join(missing)} in the environment")
     url = environment[BASE_URL]
     parts = urlsplit(url)
     if parts.scheme not in ("http", "https") or not parts.hostname:

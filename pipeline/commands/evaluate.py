@@ -52,7 +52,8 @@ class Evaluate:
     """Run folder of `collect`, or an episode file (.json.gz) together with --scenes."""
     policy: str = "random"
     """Policy: random (R2R's action proportions), forward, stop, oracle (the expert, which knows the
-    path), or the address of a policy server (ws://HOST:PORT, see docs/evaluation.md)."""
+    path), vlm (a vision-language model, see docs/evaluation.md), or the address of a policy server
+    (ws://HOST:PORT)."""
     scenes: Path | None = None
     """Folder of repaired scenes; defaults to the run's own."""
     robot: str = "aliengo"
@@ -239,6 +240,9 @@ def _tell(options: Evaluate, out: Path, value: dict[str, Any], scenes: Path) -> 
         count = len(value["quarantined"])
         reason = next(iter(value["quarantined"].values()))
         sys.stdout.write(f"{count} episodes without a result, counted apart: {reason}\n")
+    unclear = sum(episode.get("unclear", 0) for episode in value["episodes"])
+    if unclear:
+        sys.stdout.write(f"{unclear} answers of the model were no clear action and asked again\n")
     sys.stdout.write(f"results: {out / RESULTS_NAME}\n")
     sys.stdout.write(
         f"films:   vlnpe render {out} --scenes {scenes} --video --camera chase --out {out}/films\n"

@@ -11,6 +11,7 @@ from ...collectors.replay import ReplayConfig
 from ...evaluation.episode import evaluate_episode
 from ...evaluation.observation import Eye
 from ...evaluation.policy import ORACLE, Policy, make_policy
+from ...evaluation.vlm import VlmPolicy
 from ...formats.core.episode import Episode
 from ..engine.work import ItemResult
 from .render import scene_renderer
@@ -66,6 +67,8 @@ class EvaluateJob:
             "instruction": self.episode.instruction,
             "taken": [int(span.action) for span in rollout.actions],
         }
+        if isinstance(policy, VlmPolicy):
+            more["unclear"] = policy.unclear
         return replace(result, facts={**result.facts, **more})
 
 

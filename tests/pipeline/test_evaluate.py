@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.collectors.test_replay import make_episode
+from tests.support.misbehaving_server import Server, completion
 from tests.support.rooms import write_two_rooms
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.vlnce.files import write_episodes
@@ -126,6 +127,19 @@ def test_a_server_that_fails_costs_its_episodes_and_no_more(
     assert [e["taken"] for e in results["episodes"]] == [[1, 1, 1, 1, 0]] * (2 - lost)
     printed = capsys.readouterr().out
     assert f"{lost} episodes without a result" in printed and reason in printed
+
+
+def test_a_vision_language_model_drives(run, tmp_path, capsys, monkeypatch) -> None:
+    answers = ["move forward 50 cm", "Hm.", "stop"]
+    monkeypatch.setenv("VLNPE_LLM_MODEL", "scripted")
+    with Server(lambda n, request: completion(answers[(n - 1) % 3])).running() as server:
+        monkeypatch.setenv("VLNPE_LLM_BASE_URL", server.url)
+        found = evaluated(run, "--policy", "vlm", "--controller", "flash", "--camera", "ego:64x48",
+                          "--out", str(tmp_path))  # fmt: skip
+    assert [e["taken"] for e in found["episodes"]] == [[1, 1, 0]] * 2
+    assert "Go through the door." in server.requests[0]["messages"][0]["content"][0]["text"]
+    assert "2 answers of the model were no clear action" in capsys.readouterr().out
+    assert found["setting"]["policy_version"].startswith("vlm scripted t=")
 
 
 def test_an_episode_file_needs_its_scenes_and_results_must_be_results(run, tmp_path, capsys):

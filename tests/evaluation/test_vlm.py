@@ -1,0 +1,126 @@
+"""Actions in words, and a vision-language model over HTTP that answers well, badly, or not."""
+
+from __future__ import annotations
+
+import base64
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.support.misbehaving_server import Server, completion
+from vlnpe.evaluation.observation import Observation
+from vlnpe.evaluation.policy import Assignment, PolicyError, policy_identity
+from vlnpe.evaluation.text_actions import parse_actions
+from vlnpe.evaluation.vlm import HISTORY, VlmPolicy, evenly
+from vlnpe.formats.core.errors import InputError
+from vlnpe.formats.core.rollout import Action
+from vlnpe.instruction_gen.llm.settings import LlmSettings
+
+F, L, R, S = Action.FORWARD, Action.LEFT, Action.RIGHT, Action.STOP
+
+
+@pytest.mark.parametrize(
+    ("text", "actions"),
+    [
+        ("move forward 75 cm", [F, F, F]),
+        ("The next action is move forward 25 cm.", [F]),
+        ("Move forward 0.5 meters.", [F, F]),
+        ("Go 50 centimeters forward", None),  # "go" is no order of its own
+        ("50 centimeters forward", [F, F]),
+        ("turn left 30 degrees", [L, L]),
+        ("Turn to the right by 15°", [R]),
+        ("rotate 45 degrees to the left", [L, L, L]),
+        ("turn left 10 degrees", [L]),
+        ("stop", [S]),
+        ("Stop.", [S]),
+        ("turn right 15 degrees, then move forward 50 cm", [R, F, F]),
+        ("move forward 25 cm and stop, turn left 15 degrees", [F, S]),
+        ("do not stop", None),
+        ("turn left or right 15 degrees", None),
+        ("turn left", None),
+        ("move forward", None),
+        ("move forward 75", None),
+        ("move forward 900 cm", None),
+        ("move forward 0 cm", None),
+        ("turn left 30 degrees and walk to the sofa", None),
+        ("move backwards 25 cm", None),
+        ("If you see the table, stop", None),
+        ("I see a kitchen.", None),
+        ("", None),
+    ],
+)
+def test_actions_in_words(text: str, actions: list[Action] | None) -> None:
+    if actions is None:
+        with pytest.raises(ValueError):
+            parse_actions(text)
+    else:
+        assert parse_actions(text) == actions
+
+
+def test_history_is_spread_evenly() -> None:
+    assert evenly(1, 8) == [0] and evenly(3, 8) == [0, 1, 2]
+    chosen = evenly(100, 8)
+    assert len(chosen) == 8 and (chosen[0], chosen[-1]) == (0, 99)
+    assert set(np.diff(chosen)) <= {14, 15}
+
+
+def seen(value: int, step: int) -> Observation:
+    rgb = np.full((48, 64, 3), value, np.uint8)
+    return Observation(rgb, np.zeros((48, 64), np.float32), "", np.zeros(3), np.zeros(9), -1, step)
+
+
+def policy_at(url: str) -> VlmPolicy:
+    return VlmPolicy(LlmSettings(url, "model-x", attempts=3, timeout_s=5.0), sleep=lambda s: None)
+
+
+def test_it_is_shown_the_way_and_its_words_are_taken_one_by_one(monkeypatch) -> None:
+    monkeypatch.setenv("VLNPE_LLM_API_KEY", "sk-sentinel")
+    answers = ["move forward 75 cm", "turn left 15 degrees", "stop"]
+    with Server(lambda number, request: completion(answers[number - 1])).running() as server:
+        policy = policy_at(server.url)
+        policy.reset(Assignment("e", "s", "Go {to} $the sofa.", "h1", "speed"))
+        taken = [policy.act(seen(40 * k, k)) for k in range(5)]
+    assert taken == [F, F, F, L, S] and policy.unclear == 0
+    content = server.requests[1]["messages"][0]["content"]
+    assert "Go {to} $the sofa." in content[0]["text"]
+    assert "response_format" not in server.requests[0]
+    images = [part["image_url"]["url"] for part in content[1:]]
+    assert len(images) == 4 <= HISTORY
+    last = Image.open(io.BytesIO(base64.b64decode(images[-1].split(",")[1])))
+    assert last.size == (64, 48) and abs(int(np.asarray(last)[0, 0, 0]) - 120) <= 2
+    assert server.authorizations[0] == "Bearer sk-sentinel"
+
+
+def test_unclear_answers_are_counted_and_asked_again_then_given_up() -> None:
+    answers = ["I am not sure.", "turn left 15 degrees", *["left"] * 3]
+    with Server(lambda number, request: completion(answers[number - 1])).running() as server:
+        policy = policy_at(server.url)
+        policy.reset(Assignment("e", "s", "Go.", "h1", "speed"))
+        assert policy.act(seen(0, 0)) is L and policy.unclear == 1
+        with pytest.raises(PolicyError, match=r"model-x gave 3 unclear answers.*'left'"):
+            policy.act(seen(0, 1))
+    assert policy.unclear == 4 and len(server.requests) == 5
+
+
+def test_a_server_that_fails_is_asked_again_then_told_of() -> None:
+    broken = (503, {}, "busy")
+    with Server(
+        lambda number, request: broken if number < 3 else completion("stop")
+    ).running() as server:
+        policy = policy_at(server.url)
+        policy.reset(Assignment("e", "s", "Go.", "h1", "speed"))
+        assert policy.act(seen(0, 0)) is S
+    with Server(lambda number, request: broken).running() as server:
+        policy = policy_at(server.url)
+        policy.reset(Assignment("e", "s", "Go.", "h1", "speed"))
+        with pytest.raises(PolicyError, match="model-x: status 503"):
+            policy.act(seen(0, 0))
+
+
+def test_where_the_model_is_must_be_said(monkeypatch) -> None:
+    for name in ("VLNPE_LLM_BASE_URL", "VLNPE_LLM_MODEL"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(InputError, match="--policy vlm needs VLNPE_LLM_BASE_URL"):
+        policy_identity("vlm", 1.0)
