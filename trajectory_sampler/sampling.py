@@ -231,7 +231,7 @@ def _warn(
     if result.missing and config.relax:
         logger.warning(
             "%s: %s. It holds no more paths of %g … %g m that differ by %g m; shorter or fewer "
-            "ones may be had: --min-length-m, --count",
+            "ones may be had: --min-length-m, or ask for fewer",
             bundle.scene_id,
             result.summary,
             config.min_length_m,
