@@ -110,7 +110,8 @@ def filter_notes(facts: Mapping[str, Any]) -> list[str]:
     counts, split = facts["counts"], facts["split"]
 
     def told(pair: Sequence[int]) -> str:
-        return f"{pair[0]} episodes ({pair[1]} paths)"
+        episodes, paths = ("" if count == 1 else "s" for count in pair)
+        return f"{pair[0]} episode{episodes} ({pair[1]} path{paths})"
 
     notes = [f"{split}: {told(counts['kept'])} kept, {told(counts['dropped'])} dropped for stairs"]
     notes += [f"by {rule}: {told(pair)}" for rule, pair in counts["by_rule"].items() if pair[0]]

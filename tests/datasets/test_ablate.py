@@ -137,7 +137,7 @@ def test_an_interrupted_training_ends_as_if_it_had_not_been(
 
 
 def test_training_fits_what_it_sees(episodes: CachedSequences, tmp_path: Path) -> None:
-    config = train_config({**TINY, "steps": 40, "learning_rate": 0.01, "unknown": 0.0})
+    config = train_config({**TINY, "steps": 100, "learning_rate": 0.01, "unknown": 0.0})
     tokens = episodes.sequences.tokens
     agent = train_agent([episodes], [1.0], tokens, config, 0, tmp_path / "a.pt", lambda _: None)
     fitted = Summary.of(score_agent(agent, episodes))

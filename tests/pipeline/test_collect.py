@@ -216,7 +216,7 @@ def test_vlnce_episodes_are_filtered_aligned_and_walked(run_root, tmp_path):
     assert set(reasons) == {"episode 3", "episode 4"}
     assert "attic" in reasons["episode 4"]
     page = (tmp_path / "run" / "report" / "index.html").read_text()
-    assert "1 dropped for stairs" in page
+    assert "1 episode (1 path) dropped for stairs" in page
     assert "attic" in page
 
 

@@ -217,7 +217,7 @@ def test_cameras_say_their_size_and_field_of_view() -> None:
         ("ego:33x32", "valid: even sides from 16"),
         ("ego:0x0", "valid: even sides"),
         ("ego:99999x64", "to 8192"),
-        ("ego:64x64:179", "valid: HFOV of 1 to 170"),
+        ("ego:64x64:179", "HFOV 179°; valid: 1 to 170"),
         ("ego:wide", "valid: KIND"),
         ("", "valid: KIND"),
         ("ego,ego", "twice"),
@@ -250,7 +250,7 @@ def test_wrong_names_and_rates_are_refused(
         render_rollout(two_rooms, renderer, rollout, view, out, codec="vp3")
     with pytest.raises(ValueError, match="frame rate 3 does not divide 100"):
         render_rollout(two_rooms, renderer, rollout, view, out, 3)
-    with pytest.raises(ValueError, match="light night, given embree with baked"):
+    with pytest.raises(ValueError, match="light night, not embree with baked"):
         render_rollout(two_rooms, renderer, rollout, View("ego", view.camera, "night"), out)
     assert not out.exists()
 

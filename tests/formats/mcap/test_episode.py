@@ -335,7 +335,7 @@ def test_the_layout_shows_only_what_exists(written: tuple[Path, Rollout, Path]) 
         ("no codec", "damaged"),
         ("short video", r"rgb\.mp4: 3 frames"),
         ("cut video", r"depth\.mp4"),
-        ("other rollout", "not of this rollout"),
+        ("other rollout", "do not belong to this rollout"),
     ],
 )
 def test_damaged_frames_are_named_and_nothing_is_left(
