@@ -45,15 +45,15 @@ train-gait:  ## Train a locomotion policy: make train-gait ROBOT=aliengo [OUT=fo
 test:  ## Run all tests, about 12 minutes on 2 cores (installs the full environment with torch and lerobot)
 	@$(SETUP) full
 	@echo "all tests: about 12 minutes on 2 cores; make test-fast leaves out torch, lerobot and slow tests"
-	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
+	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 test-fast:  ## Run the fast tests of the core, without torch and lerobot
 	@$(SETUP) test
-	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --core -m "not slow"
+	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder --core -m "not slow"
 
 test-slow:  ## Run only the tests that test-fast leaves out as slow
 	@$(SETUP) full
-	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile -m slow
+	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder -m slow
 
 docs:  ## Write the API reference to build/docs
 	@$(SETUP) full

@@ -7,9 +7,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
-import gymnasium as gym
 import numpy as np
-from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ..collectors.rendering.camera.views import View, make_view
@@ -26,6 +24,14 @@ from .episode import closed_loop, evaluate_episode
 from .observation import NO_ACTION, Eye, Observation, proprioception, relative_pose
 from .policy import Assignment
 from .walk import Walk
+
+try:
+    import gymnasium as gym
+    from gymnasium import spaces
+except ModuleNotFoundError as missing:
+    raise ModuleNotFoundError(
+        "NavigationEnv needs the extra evaluate; `vlnpe doctor` prints the command that installs it"
+    ) from missing
 
 SUCCESS_REWARD = 2.5
 

@@ -17,6 +17,7 @@ from ..instruction_gen.llm.settings import settings_from
 from .observation import Observation
 
 if TYPE_CHECKING:
+    from .remote import RemotePolicy
     from .vlm import VlmPolicy
 
 
@@ -157,9 +158,7 @@ def policy_identity(name: str, timeout_s: float) -> str:
         return f"{name} {_vlm().version}"
     if not name.startswith(SERVER_SCHEMES):
         return name
-    from .remote import RemotePolicy
-
-    server = RemotePolicy(name, timeout_s)
+    server = _server(name, timeout_s)
     try:
         server.connect()
     except PolicyError as error:
@@ -187,10 +186,19 @@ def make_policy(name: str, seed: int, timeout_s: float) -> Policy:
     if name == VLM:
         return _vlm()
     if name.startswith(SERVER_SCHEMES):
-        from .remote import RemotePolicy
-
-        return RemotePolicy(name, timeout_s)
+        return _server(name, timeout_s)
     return POLICIES[name](seed)
+
+
+def _server(url: str, timeout_s: float) -> RemotePolicy:
+    try:
+        from .remote import RemotePolicy
+    except ModuleNotFoundError as error:
+        raise InputError(
+            f"{url}: a policy server needs the extra evaluate ({error.name} is not installed); "
+            "`vlnpe doctor` prints the command that installs it"
+        ) from error
+    return RemotePolicy(url, timeout_s)
 
 
 def _vlm() -> VlmPolicy:

@@ -9,7 +9,9 @@ from contextlib import ExitStack
 from dataclasses import asdict
 from typing import Any, NoReturn
 
-from ..formats.core.errors import InputError
+from websockets.exceptions import WebSocketException
+from websockets.sync.client import connect
+
 from .observation import Observation
 from .policy import Assignment, PolicyError
 from .server import PROTOCOL, decode, encode
@@ -31,17 +33,7 @@ class RemotePolicy:
         Args:
             url: `ws://host:port`.
             timeout_s: how long it may take for one answer.
-
-        Raises:
-            InputError: websockets or msgpack are not installed.
         """
-        try:
-            import msgpack  # noqa: F401
-            import websockets  # noqa: F401
-        except ImportError as error:
-            raise InputError(
-                f"{url}: {error.name} is not installed; run: uv sync --inexact --extra evaluate"
-            ) from error
         self.url, self._timeout_s = url, timeout_s
         self._connection: Any = None
         self._open = ExitStack()
@@ -79,9 +71,6 @@ class RemotePolicy:
         Raises:
             PolicyError: the server cannot be reached, or speaks another protocol.
         """
-        from websockets.exceptions import WebSocketException
-        from websockets.sync.client import connect
-
         try:
             self._connection = self._open.enter_context(
                 connect(
@@ -101,8 +90,6 @@ class RemotePolicy:
         self.version = str(hello.get("version") or "")
 
     def _ask(self, message: dict[str, Any]) -> dict[str, Any]:
-        from websockets.exceptions import WebSocketException
-
         try:
             self._connection.send(encode(message))
             answer = decode(self._connection.recv(timeout=self._timeout_s))

@@ -28,7 +28,8 @@ COLUMNS: dict[str, tuple[str, Callable[[Mapping[str, Any]], float]]] = {
     "CR": ("%", lambda e: 100.0 * bool(e["contacts"])),
     "time": ("s", lambda e: _number(e["metrics"]["duration_s"])),
 }
-RATES = frozenset({"FR", "StR", "OS", "SR", "CR"})  # 0 or 100 in each episode
+# 0 or 100 in each episode; SPL is so wherever all are failures, or all are perfect.
+RATES = frozenset({"FR", "StR", "OS", "SR", "SPL", "CR"})
 
 
 def _number(value: float | None) -> float:

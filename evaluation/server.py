@@ -82,13 +82,18 @@ def serve(make_policy: Callable[[], Any], host: str = "127.0.0.1", port: int = 8
         host: address to listen on.
         port: port to listen on; 0 takes a free one. It is printed.
     """
+    from websockets.exceptions import ConnectionClosed
     from websockets.sync.server import serve as listen
 
     def handle(connection: Any) -> None:
         policy = make_policy()
         hello = {"protocol": PROTOCOL, "images": getattr(policy, "images", True)}
         connection.send(encode(hello | {"version": getattr(policy, "version", "")}))
-        for data in connection:
+        while True:
+            try:
+                data = connection.recv()
+            except ConnectionClosed:
+                return  # the client has finished, or is gone
             try:
                 message = decode(data)
                 if message["type"] == "reset":

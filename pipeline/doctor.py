@@ -51,6 +51,7 @@ def examine(out: Path) -> list[Finding]:
         _guarded("video", _codecs),
         _extra("train", ["torch", "lerobot", "rsl_rl", "onnx"]),
         _extra("scan", ["open3d"]),
+        _extra("evaluate", ["gymnasium", "msgpack", "websockets"]),
         Finding("uv", uv is not None, uv or "not found"),
     ]
 

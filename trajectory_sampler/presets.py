@@ -100,8 +100,8 @@ def choose_seen(
     if unseen and len(chosen) >= len(scenes):
         split = next(split for split in splits if not is_seen(split))
         raise InputError(
-            f"{split} needs a scene that is not trained in: {len(scenes)} scenes are given and "
-            f"{len(chosen)} are trained in; valid: more scenes, or no {split}"
+            f"{split} needs a scene outside the training scenes: of {len(scenes)} given, "
+            f"{len(chosen)} are training scenes; give more scenes, or ask for val_seen instead"
         )
     return chosen
 

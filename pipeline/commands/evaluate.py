@@ -120,7 +120,7 @@ def run_compare(options: Compare) -> int:
         f"only {names[1]} succeeds: {len(found.won)}  {', '.join(found.won[:10])}",
         f"McNemar's exact test: p = {found.p_value:.3g}",
         "",
-        "second minus first, mean and 95 % interval of the paired difference",
+        "second minus first, mean and 95 % interval of the paired difference (% are points)",
     ]
     lines += [
         f"  {name:<5} {value.mean:+8.2f} {COLUMNS[name][0]:<2} ({value.low:+.2f} to "
@@ -134,6 +134,8 @@ def run_compare(options: Compare) -> int:
 def _asked(options: Evaluate) -> tuple[list[Episode], Path]:
     """Return the episodes to walk and the folder of their scenes."""
     given = options.episodes
+    if not given.exists():
+        raise InputError(f"{given}: no such file or folder")
     files = sorted((given / "episodes").glob("*.json.gz")) if given.is_dir() else [given]
     if not files:
         raise InputError(f"{given}: contains no episodes/*.json.gz; give a run or an episode file")

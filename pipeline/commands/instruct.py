@@ -18,14 +18,17 @@ from ..engine.context import open_single, run_output
 from ..engine.keys import digest
 from ..engine.ledger import Row
 from ..engine.runner import Context, StageSummary, run_stage
+from ..engine.work import work_item
 from ..jobs.instruct import CACHE, InstructJob, read_facts, read_sights
+from ..jobs.name_things import NameThingsJob
 from ..options.collect import Collect
 from ..options.instructions import Instruct
 from ..stages import instruct, repair, visibility
 from ..summary import tell
 
 # In the ledger's folder.
-EPISODES, FACTS = "episodes.json.gz", "facts.json.gz"
+EPISODES, FACTS, OBJECTS = "episodes.json.gz", "facts.json.gz", "objects.json"
+NAMING = "name things"
 
 
 def run(options: Instruct) -> int:
@@ -65,19 +68,28 @@ def run(options: Instruct) -> int:
                 for episode in by_scene[row.item]
             }
         write_episodes(root / EPISODES, [e for e in asked if e.episode_id not in lost])
+        cache = (options.cache or out.parent / CACHE).resolve()
+        named: Path | None = None
+        things: dict[str, int] = {}
+        if vision is not None:
+            named = root / OBJECTS
+            naming = NameThingsJob(scenes, root / EPISODES, vision, camera, cache, named)
+            item = work_item(NAMING, out.name, naming, (named,), *keys, vision, camera)
+            (row,) = run_stage(context, NAMING, [item], required=True).rows
+            things, keys = row.facts["named_things"], [*keys, row.key]
         job = InstructJob(
             scenes=scenes,
             episodes=root / EPISODES,
             seen=seen,
             out=out,
             facts=root / FACTS,
-            cache=(options.cache or out.parent / CACHE).resolve(),
+            cache=cache,
             config=config,
             seed=options.seed,
             per_instruction=options.per_instruction,
-            vision=(vision, camera) if vision else None,
+            objects=named,
         )
-        keys += [str(options.per_instruction), digest(job.vision)]
+        keys.append(str(options.per_instruction))
         made = run_output(context, out, instruct.STAGE, instruct.item(out.name, job, *keys)).facts
     failed = lost | made["quarantined"]
     if options.facts is not None:
@@ -85,7 +97,7 @@ def run(options: Instruct) -> int:
     if not options.json:
         _show(read_episodes(out), job, options.show)
         sys.stdout.writelines(f"no true text for {k}: {v}\n" for k, v in failed.items())
-        for scene, count in made["named_things"].items():
+        for scene, count in things.items():
             sys.stdout.write(f"{scene}: {count} things named by the vision-language model\n")
         for label, count in made["unnamed_labels"].items():
             sys.stdout.write(f"no noun is known for the label {label!r} ({count} objects)\n")

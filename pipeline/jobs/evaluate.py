@@ -69,7 +69,9 @@ class EvaluateJob:
         }
         if isinstance(policy, VlmPolicy):
             more["unclear"] = policy.unclear
-        return replace(result, facts={**result.facts, **more})
+        # A success is VLN's here, a stop within 3 m; collection asks for 0.25 m.
+        failed = not rollout.metrics.success
+        return replace(result, facts={**result.facts, **more}, failed=failed)
 
 
 @lru_cache(maxsize=1)

@@ -10,20 +10,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ...collectors.robots import get_robot
 from ...formats.core.atomic import write_bytes
-from ...formats.core.episode import Episode
 from ...formats.scene.bundle import LabeledObject
 from ...formats.scene.visibility import Visibility, read_visibility
 from ...formats.vlnce.files import read_episodes, write_episodes
 from ...formats.vlnce.groups import group_by_path, per_instruction
 from ...instruction_gen.instruct import InstructResult, instruct_episodes
-from ...instruction_gen.llm.client import Client, openai_backend
-from ...instruction_gen.llm.settings import LlmSettings
-from ...instruction_gen.llm.sight import Sights
 from ...instruction_gen.records import InstructConfig
 from ..engine.work import ItemResult
-from .name_things import named_objects
 
 CACHE = "llm_cache"  # name of the folder of a language model's answers, which were paid for
 
@@ -43,8 +37,7 @@ class InstructJob:
         config: How to write.
         seed: Random seed of the phrasing.
         per_instruction: Write one episode per instruction; a path then has several.
-        vision: The vision-language model that names things in scenes without labels, and the
-            robot whose camera it sees through; None leaves them unnamed.
+        objects: Objects that a vision-language model named in scenes without labels; or None.
     """
 
     scenes: Path
@@ -56,14 +49,14 @@ class InstructJob:
     config: InstructConfig
     seed: int
     per_instruction: bool = False
-    vision: tuple[LlmSettings, str] | None = None
+    objects: Path | None = None
 
     def run(self) -> ItemResult:
         """Instruct one file's episodes."""
         started = time.process_time()
         asked = read_episodes(self.episodes)
         sight = read_sights(self.seen)
-        objects = self._named_things(asked) if self.vision else None
+        objects = read_objects(self.objects) if self.objects else None
         result = instruct_episodes(
             asked, self.scenes, self.config, self.seed, sight, cache=self.cache, objects=objects
         )
@@ -72,15 +65,21 @@ class InstructJob:
             made = [one for path in group_by_path(made) for one in per_instruction(path)]
         write_episodes(self.out, made)
         write_facts(self.facts, result.facts)
-        things = {scene: len(found) for scene, found in (objects or {}).items()}
-        seconds = round(time.process_time() - started, 2)
-        return ItemResult({**summary(result), "named_things": things, "cpu_s": seconds})
+        return ItemResult({**summary(result), "cpu_s": round(time.process_time() - started, 2)})
 
-    def _named_things(self, episodes: Sequence[Episode]) -> dict[str, list[LabeledObject]]:
-        assert self.vision is not None
-        settings, robot = self.vision
-        client = Client(settings, self.cache, openai_backend(settings, form=Sights))
-        return named_objects(episodes, self.scenes, get_robot(robot), client)
+
+def read_objects(path: Path) -> dict[str, list[LabeledObject]]:
+    """Read the objects by scene that `NameThingsJob` wrote."""
+    scenes = json.loads(path.read_text()).items()
+    return {scene: [_object(**values) for values in objects] for scene, objects in scenes}
+
+
+def _object(
+    name: str, category: str, lower_m: list[float], upper_m: list[float], level: int
+) -> LabeledObject:
+    x0, y0, z0 = lower_m
+    x1, y1, z1 = upper_m
+    return LabeledObject(name, category, (x0, y0, z0), (x1, y1, z1), level)
 
 
 def read_sights(paths: Sequence[Path]) -> Visibility | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import cv2
@@ -10,19 +11,57 @@ import numpy as np
 
 from ...collectors.rendering.registry import make_renderer
 from ...collectors.rendering.scene.robot_body import RobotBody
-from ...collectors.robots import RobotSpec
+from ...collectors.robots import RobotSpec, get_robot
+from ...formats.core.atomic import write_json
 from ...formats.core.camera import CameraModel
 from ...formats.core.episode import Episode
 from ...formats.core.frames import quat_to_matrix, yaw_to_quat
 from ...formats.scene.bundle import LabeledObject, SceneBundle, load_bundle
-from ...formats.vlnce.files import scene_stem
+from ...formats.vlnce.files import read_episodes, scene_stem
 from ...instruction_gen.language.nouns import noun_of
-from ...instruction_gen.llm.client import Client
-from ...instruction_gen.llm.sight import View, name_things
+from ...instruction_gen.llm.client import Client, openai_backend
+from ...instruction_gen.llm.settings import LlmSettings
+from ...instruction_gen.llm.sight import Sights, View, name_things
+from ..engine.work import ItemResult
 from .visibility import looks_along
 
 WIDTH_PX, HEIGHT_PX = 320, 240
 EVERY = 4  # looks of `looks_along` from one frame to the next: two metres
+
+
+@dataclass(frozen=True)
+class NameThingsJob:
+    """Name what the camera sees along the paths of one episode file.
+
+    Attributes:
+        scenes: Folder of the repaired scenes.
+        episodes: Episode file.
+        settings: The vision-language model.
+        robot: Name or folder of the robot whose camera looks.
+        cache: Folder of the model's answers.
+        out: JSON file to write: objects by scene.
+    """
+
+    scenes: Path
+    episodes: Path
+    settings: LlmSettings
+    robot: str
+    cache: Path
+    out: Path
+
+    def run(self) -> ItemResult:
+        """Name the things of the scenes that have no labels.
+
+        Raises:
+            ModelDownError: The model fails again and again.
+            BudgetError: No more may be spent.
+        """
+        client = Client(self.settings, self.cache, openai_backend(self.settings, form=Sights))
+        robot = get_robot(self.robot)
+        found = named_objects(read_episodes(self.episodes), self.scenes, robot, client)
+        written = {scene: [asdict(one) for one in objects] for scene, objects in found.items()}
+        write_json(self.out, written)
+        return ItemResult({"named_things": {scene: len(v) for scene, v in found.items()}})
 
 
 def named_objects(

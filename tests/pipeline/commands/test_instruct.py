@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from tests.support.episodes import episode_along
+from tests.support.misbehaving_server import Server, completion
 from tests.support.work import InlineWorkers
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
@@ -99,3 +100,31 @@ def test_missing_scenes_are_named(
     assert main([*map(str, given)]) == 2
     assert "no repaired scene elsewhere" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_things_of_a_scene_without_labels_are_named_once(
+    scenes: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    index = scenes / "two_rooms" / "scene.json"
+    index.write_text(json.dumps({**json.loads(index.read_text()), "objects": []}))
+    write_episodes(tmp_path / "asked.json.gz", [episode_along(EAST, "a")])
+    out = tmp_path / "out.json.gz"
+    given = (tmp_path / "asked.json.gz", "--scenes", scenes, "--out", out, "--robot", "none")
+    for name in ("VLNPE_LLM_BASE_URL", "VLNPE_LLM_MODEL"):
+        monkeypatch.delenv(name, raising=False)
+    assert main(["instruct", *map(str, given), "--vision"]) == 2
+    assert "--vision needs VLNPE_LLM_BASE_URL" in capsys.readouterr().err
+    sofa = {"things": [{"name": "sofa", "box": [0, 0, 319, 239]}]}
+    with Server(lambda number, request: completion(sofa)).running() as server:
+        monkeypatch.setenv("VLNPE_LLM_BASE_URL", server.url)
+        monkeypatch.setenv("VLNPE_LLM_MODEL", "eyes")
+        assert main(["instruct", *map(str, given), "--vision"]) == 0
+        assert "things named by the vision-language model" in capsys.readouterr().out
+        asked = len(server.requests)
+        assert asked and "image_url" in json.dumps(server.requests[0])
+        assert main(["instruct", *map(str, given), "--vision"]) == 0
+        assert len(server.requests) == asked
+    assert read_episodes(out)[0].instruction
