@@ -58,7 +58,7 @@ test-slow:  ## Run only the tests that test-fast leaves out as slow
 docs:  ## Write the API reference to build/docs
 	@$(SETUP) full
 	@PDOC_ALLOW_EXEC=1 $(BIN)/python -m pdoc -d google -o build/docs vlnpe.formats vlnpe.wayfinding vlnpe.apartments vlnpe.scene_repair \
-	    vlnpe.trajectory_sampler vlnpe.instruction_gen vlnpe.collectors vlnpe.datasets vlnpe.pipeline
+	    vlnpe.trajectory_sampler vlnpe.instruction_gen vlnpe.collectors vlnpe.datasets vlnpe.evaluation vlnpe.pipeline
 
 lint:  ## Check formatting, style and types
 	@$(SETUP) full
