@@ -115,8 +115,8 @@ class Sample(Sampling):
     count: int = 6
     """Number of paths to sample per scene, without --splits or --preset."""
     preset: str = ""
-    """Published sizes: gru_vln10 (147, 37 and 429 paths over ten scenes, three of them trained in)
-    or lab_3dgs (40 and 160 paths in one scene)."""
+    """Sizes inferred from VLN-PE's: gru_vln10 (147, 37 and 429 paths over ten scenes, three of them
+    for training) or lab_3dgs (40 and 160 paths in one scene)."""
     robot: str = ""
     """Robots that will walk the paths, comma-separated; paths keep clear for the widest one.
     Without it, --robot-radius-m decides."""
