@@ -42,9 +42,9 @@ train-gait:  ## Train a locomotion policy: make train-gait ROBOT=aliengo [OUT=fo
 	@$(SETUP) full
 	@$(BIN)/python -m vlnpe.collectors.gait_training.train "$(ROBOT)" $(if $(OUT),--out "$(OUT)")
 
-test:  ## Run all tests, about 12 minutes on 2 cores (installs the full environment with torch and lerobot)
+test:  ## Run all tests, about 14 minutes on 2 cores (installs the full environment with torch and lerobot)
 	@$(SETUP) full
-	@echo "all tests: about 12 minutes on 2 cores; make test-fast leaves out torch, lerobot and slow tests"
+	@echo "all tests: about 14 minutes on 2 cores; make test-fast leaves out torch, lerobot and slow tests"
 	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 test-fast:  ## Run the fast tests of the core, without torch and lerobot
