@@ -19,7 +19,7 @@ class Telling:
     Attributes:
         choice: `own` is the episode's first text, always; `any` draws one of all its texts.
         seed: of the draws.
-        epoch: another one draws anew; `replace` it between passes over the data.
+        epoch: another one draws other instructions; `replace` it between passes over the data.
     """
 
     choice: str = OWN

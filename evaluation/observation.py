@@ -12,7 +12,7 @@ from ..collectors.rendering.camera.views import View
 from ..collectors.rendering.interface import Renderer
 from ..collectors.rendering.scene.robot_body import RobotBody
 from ..collectors.world import World
-from ..formats.core.frames import quat_to_matrix
+from ..formats.core.frames import quat_to_matrix, wrap_angle
 from ..formats.core.rollout import Action
 
 NO_ACTION = -1  # previous action before the first one
@@ -79,7 +79,7 @@ def relative_pose(world: World, start: tuple[float, float, float]) -> NDArray[np
     pose = world.pose
     dx, dy = pose.x_m - start[0], pose.y_m - start[1]
     cos, sin = np.cos(start[2]), np.sin(start[2])
-    yaw = (pose.yaw_rad - start[2] + np.pi) % (2 * np.pi) - np.pi
+    yaw = wrap_angle(pose.yaw_rad - start[2])
     return np.array([cos * dx + sin * dy, -sin * dx + cos * dy, yaw])
 
 

@@ -110,7 +110,7 @@ def align_episodes(
     that is free for the robot and connected with the others; an inner waypoint that has none within
     reach is bypassed. Where the straight way between two waypoints is blocked, planned points go in
     between. `extra` keeps the source's keys and, under `alignment`, all that was changed. The
-    geodesic distance is measured anew. Episodes of one path are fitted once.
+    geodesic distance is measured again. Episodes of one path are fitted once.
 
     Args:
         file: the episodes.

@@ -53,19 +53,31 @@ def items(
         models: folder where compiled models are kept.
         config: the robot, its controller, and how.
     """
-    robot = get_robot(config.robot)
-    # A user's own robot is known by what is in its folder, not by where that lies.
-    who = digest(replace(config, robot=robot.name), robot.content_sha256)
-    # Each robot's replays depend on its own gait alone.
-    gait = [file_digest(path) for path in policy_files(robot)] if robot.policy_joints else None
-    result = []
-    for episode, own in zip(episodes, item_names(episodes), strict=True):
-        name = f"{robot.name}/{config.controller}/{own}"
+    who, result = walker(config), []
+    for episode, name in zip(episodes, walk_names(episodes, config), strict=True):
         out = rollouts / f"{name}.mcap"
         job = ReplayJob(scenes_folder / episode.scene_id, episode, config, models, out)
-        inputs = (episode, scenes[episode.scene_id].key, who, gait)
+        inputs = (episode, scenes[episode.scene_id].key, *who)
         result.append(work_item(STAGE, name, job, (out,), *inputs))
     return result
+
+
+def walker(config: ReplayConfig) -> tuple[str, list[str] | None]:
+    """Return what of a robot and its settings decides a rollout, for keys.
+
+    A user's own robot is known by what is in its folder, not by where that lies; each robot's
+    rollouts depend on its own gait alone.
+    """
+    robot = get_robot(config.robot)
+    who = digest(replace(config, robot=robot.name), robot.content_sha256)
+    gait = [file_digest(path) for path in policy_files(robot)] if robot.policy_joints else None
+    return who, gait
+
+
+def walk_names(episodes: Sequence[Episode], config: ReplayConfig) -> list[str]:
+    """Return the name of each episode's item: robot, controller, and `item_names`."""
+    folder = f"{get_robot(config.robot).name}/{config.controller}"
+    return [f"{folder}/{name}" for name in item_names(episodes)]
 
 
 def item_names(episodes: Sequence[Episode]) -> list[str]:

@@ -16,7 +16,7 @@ from tests.collectors.test_replay import make_episode
 from tests.support.misbehaving_server import Server, completion
 from tests.support.rooms import write_two_rooms
 from vlnpe.formats.mcap.rollout import read_rollout
-from vlnpe.formats.vlnce.files import write_episodes
+from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.pipeline.cli import main
 
 
@@ -67,6 +67,18 @@ def test_a_second_call_reuses_and_a_seed_does_not(run, tmp_path, capsys) -> None
     assert first == second and "reused 2" in capsys.readouterr().err
     other = evaluated(run, *out, "--seed", "1")
     assert [e["taken"] for e in other["episodes"]] != [e["taken"] for e in first["episodes"]]
+
+
+def test_the_same_id_in_two_splits_is_two_episodes(run, tmp_path) -> None:
+    shutil.copytree(run, tmp_path / "run")
+    seen = read_episodes(run / "episodes" / "val.json.gz")
+    unseen = [replace(e, split="val_unseen") for e in seen]
+    write_episodes(tmp_path / "run" / "episodes" / "unseen.json.gz", unseen)
+    out = ("--policy", "stop", "--controller", "flash", "--out", str(tmp_path / "out"))
+    found = evaluated(tmp_path / "run", *out)["episodes"]
+    assert sorted((e["split"], e["episode"]) for e in found) == [
+        (split, name) for split in ("val_seen", "val_unseen") for name in ("e0", "e1")
+    ]
 
 
 @pytest.mark.parametrize(
