@@ -13,6 +13,9 @@ from pathlib import Path
 from typing import Any
 
 
+MAX_SHOWN = 100  # names in an error message
+
+
 class VlnpeError(Exception):
     """Base class of all errors raised by vlnpe."""
 
@@ -53,7 +56,8 @@ class UnknownNameError(InputError):
 
     def __init__(self, kind: str, name: str, valid: Iterable[str]):
         self.kind, self.name, self.valid = kind, name, sorted(valid)
-        super().__init__(f"unknown {kind} {name!r}; valid: {', '.join(self.valid)}")
+        shown = self.valid if len(self.valid) <= MAX_SHOWN else [*self.valid[:MAX_SHOWN], "…"]
+        super().__init__(f"unknown {kind} {brief(name)}; valid: {', '.join(shown)}")
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
         """Support pickling, so that the error can be raised in a worker process."""

@@ -1,4 +1,4 @@
-"""VLN-CE episode files: bombs, counts, recursion, numbers that are none, and scene ids that climb."""
+"""VLN-CE episode files: bombs, counts, recursion, numbers that are none, climbing scene ids."""
 
 from __future__ import annotations
 
