@@ -67,7 +67,8 @@ def parse_json(
     Args:
         path: its file, for errors.
         data: its text.
-        max_values, max_depth: instead of `json_values` and `depth` of the limits.
+        max_values: instead of `json_values` of the limits.
+        max_depth: instead of `depth` of the limits.
         scanner: one that has seen all of `data`; by default it is scanned here.
 
     Raises:

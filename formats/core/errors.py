@@ -12,7 +12,6 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-
 MAX_SHOWN = 100  # names in an error message
 
 

@@ -1,6 +1,6 @@
 """What a file from somebody else may cost to read: the caps of all readers in one place.
 
-No honest file comes near them. `VLNPE_LIMITS="vlnce_episodes=1000000 mcap_bytes=17179869184"` in the
+No honest file comes near them. `VLNPE_LIMITS="vlnce_episodes=1000000 labels=50000"` in the
 environment raises (or lowers) some; docs/security.md lists them all.
 """
 
@@ -32,7 +32,8 @@ class Limits:
         mcap_bytes: an MCAP file, and all its chunks together, decompressed.
         array_bytes: a file of arrays (.npz), decompressed.
         table_bytes: a Parquet table in memory.
-        folder_files: files of a robot's folder.
+        robot_files: files in a robot's folder.
+        robot_file_bytes: each of them.
     """
 
     scan_bytes: int = 4 << 30
@@ -48,7 +49,8 @@ class Limits:
     mcap_bytes: int = 4 << 30
     array_bytes: int = 4 << 30
     table_bytes: int = 8 << 30
-    folder_files: int = 10_000
+    robot_files: int = 10_000
+    robot_file_bytes: int = 256 << 20
 
 
 DEFAULTS = Limits()

@@ -69,8 +69,8 @@ def read_vlnce(
         if isinstance(raw, dict) and unsafe_scene_id(raw.get("scene_id")):
             raise FileFormatError(
                 path,
-                f"episode number {index}: scene_id {brief(raw['scene_id'])} leads out of the folder "
-                "of scenes; valid: a relative path without '..'",
+                f"episode number {index}: scene_id {brief(raw['scene_id'])} leads out of the "
+                "folder of scenes; valid: a relative path without '..'",
             )
         try:
             reader = EpisodeReader(path, index, raw)
