@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 MAX_SHOWN = 100  # names in an error message
+MAX_REASON = 800  # characters
 
 
 class VlnpeError(Exception):
@@ -33,6 +34,8 @@ class FileFormatError(InputError):
 
     def __init__(self, path: Path | str, reason: str):
         self.path = Path(path)
+        # Reasons may quote the file.
+        reason = reason if len(reason) <= MAX_REASON else f"{reason[:MAX_REASON]}…"
         self.reason = reason
         # A name that is not UTF-8 could not be printed.
         name = str(self.path).encode(errors="backslashreplace").decode()

@@ -48,7 +48,7 @@ class Limits:
     labels: int = 20_000
     mcap_bytes: int = 4 << 30
     array_bytes: int = 4 << 30
-    table_bytes: int = 8 << 30
+    table_bytes: int = 2 << 30
     robot_files: int = 10_000
     robot_file_bytes: int = 256 << 20
 

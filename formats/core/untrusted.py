@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import stat
 from collections.abc import Iterator
-from pathlib import Path
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import BinaryIO
 
 from .errors import FileFormatError
@@ -117,6 +117,13 @@ def require_inside(path: Path, root: Path) -> None:
     blobs = [p.parent / "blobs" for p in inside.parents if p.name == "snapshots"]
     if not any(target.is_relative_to(folder) for folder in (inside, *blobs)):
         raise FileFormatError(path, f"leads out of {root}; valid: files in it")
+
+
+def is_relative(name: str) -> bool:
+    """Return whether a path leads neither up nor to an absolute place, on any system."""
+    windows = PureWindowsPath(name)
+    absolute = PurePosixPath(name).is_absolute() or windows.anchor
+    return not absolute and ".." not in windows.parts and "\0" not in name
 
 
 def _check(path: Path, found: os.stat_result, root: Path | None, max_bytes: int | None) -> int:
