@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any, Union
 
 from ..formats.core.errors import InputError, VlnpeError
+from ..formats.core.untrusted import is_text
 
 
 @dataclass(frozen=True)
@@ -139,7 +140,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one subcommand and return the exit code."""
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(message)s")
     os.environ.setdefault("MPLCONFIGDIR", str(FONT_LIST_FOLDER))
-    verb, options = parse(sys.argv[1:] if arguments is None else arguments)
+    arguments = sys.argv[1:] if arguments is None else arguments
+    for argument in arguments:
+        if not is_text(Path(argument)):
+            _complain(f"{argument!a} is not UTF-8; rename the file or folder")
+            return 2
+    verb, options = parse(arguments)
     try:
         return verb.run()(options)
     except InputError as error:
