@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ..formats.core.errors import InputError
-from ..formats.scene.freemap import FULL_HEIGHT_M
+from ..formats.scene import FULL_HEIGHT_M
 from ..trajectory_sampler.config import SampleConfig
 from ..trajectory_sampler.presets import (
     choose_seen,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import tyro
 
-from ...formats.scene.freemap import FULL_HEIGHT_M
+from ...formats.scene import FULL_HEIGHT_M
 from ...trajectory_sampler.config import SampleConfig
 from . import Json
 
