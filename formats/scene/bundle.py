@@ -187,9 +187,12 @@ class SceneBundle:
     def freemap(self, level: int) -> Freemap:
         """Load a level's planning map."""
         path = self.level_folder(level) / "freemap.npz"
-        return _record(
-            path, lambda data: Freemap(_grid(data), data["floor_z_m"], data["traversable"])
-        )
+
+        def make(data: dict[str, NDArray[Any]]) -> Freemap:
+            names = ("floor_z_m", "traversable", *(k for k in ("headroom_m",) if k in data))
+            return Freemap(_grid(data), **{name: data[name] for name in names})
+
+        return _record(path, make)
 
 
 def save_bundle(
@@ -213,6 +216,7 @@ def save_bundle(
             **_grid_arrays(freemap.grid),
             floor_z_m=freemap.floor_z_m,
             traversable=freemap.traversable,
+            headroom_m=freemap.headroom_m,
         )
     save_index(bundle)
 
