@@ -18,7 +18,6 @@ from pathlib import Path
 import mujoco
 
 from benchmarks import chain, closed_loop, labels, load, mcap, physics, render, write
-from benchmarks.fuzz import report as fuzz
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.pipeline.engine.executors import available_cores
 
