@@ -236,6 +236,7 @@ def test_a_zero_command_is_braked_to_and_the_last_steps_are_taken_to_their_ends(
     gait = replace(GAITS["h1"], brake_m_s2=2.0, brake_rad_s2=4.0, last_steps=2)
     state, dt = ClockState.standing(1), 0.02
     walk, stop = np.array([[1.0, 0.0, 0.5]]), np.zeros((1, 3))
+    stepping = np.array([False])
     for _ in range(20):
         state, stepping = gait.tick(state, walk, dt)
     # What rises is followed at once.

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from tests.support.work import InlineWorkers
 from vlnpe.formats.core.errors import InputError
@@ -100,7 +101,7 @@ def test_bad_options_are_refused(scenes, options, words, capsys, tmp_path, monke
 PATH = np.array([(1.0, 1.0, 0.0), (2.0, 2.0, 0.0), (4.0, 2.0, 0.0), (6.5, 2.0, 0.0)])
 
 
-def told(scene: str, number: int, points=PATH) -> VlnceEpisode:
+def told(scene: str, number: int, points: ArrayLike = PATH) -> VlnceEpisode:
     path = world_to_habitat_position(np.asarray(points, dtype=float))
     return VlnceEpisode(
         episode_id=number,

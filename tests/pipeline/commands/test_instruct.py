@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
@@ -30,9 +31,9 @@ class CountedWorkers(InlineWorkers):
 
     count_submitted = 0
 
-    def submit(self, *arguments: Any) -> Future[Any]:
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         CountedWorkers.count_submitted += 1
-        return super().submit(*arguments)
+        return super().submit(function, *arguments)
 
 
 @pytest.fixture
