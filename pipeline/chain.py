@@ -219,8 +219,8 @@ class Chain:
                 folder.scenes,
                 dataset,
                 {"options": dict(facts), "language_model": self._model_usage()},
-                product.depth_storage,
-                self.per_instruction,
+                depth_storage=product.depth_storage,
+                per_instruction=self.per_instruction,
             )
 
     def _instructed(self, source: StageSummary, parts: Mapping[str, Path]) -> list[Episode]:

@@ -122,8 +122,16 @@ def run_export(options: Export) -> int:
     with open_context(options.out, options.workers) as context:
         for (robot, controller, view), rows in groups.items():
             dataset = export.Dataset.under(context.ledger.root, robot, controller, view)
-            how = (options.depth, options.per_instruction)
-            summaries += export.run(context, rows, root, folder, dataset, {}, *how)
+            summaries += export.run(
+                context,
+                rows,
+                root,
+                folder,
+                dataset,
+                {},
+                depth_storage=options.depth,
+                per_instruction=options.per_instruction,
+            )
     return _tell(options, summaries)
 
 

@@ -76,6 +76,7 @@ def run(
     scenes: Path,
     dataset: Dataset,
     facts: Mapping[str, Any],
+    *,
     depth_storage: str = "video",
     per_instruction: bool = False,
 ) -> list[StageSummary]:
