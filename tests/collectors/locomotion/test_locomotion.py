@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 
 from tests.collectors.test_robots import in_larger_scene
-from vlnpe.collectors.gait_training.evaluate import (
+from vlnpe.collectors.gait_training.gaits import GAITS
+from vlnpe.collectors.gait_trials.evaluate import (
     command_grid,
     follow_paths,
     pushes,
     standing,
     velocity_errors,
 )
-from vlnpe.collectors.gait_training.gaits import GAITS
-from vlnpe.collectors.gait_training.terrain import noise_terrain
-from vlnpe.collectors.gait_training.trial import Conditions
+from vlnpe.collectors.gait_trials.terrain import noise_terrain
+from vlnpe.collectors.gait_trials.trial import Conditions
 from vlnpe.collectors.locomotion import GaitPolicy, PolicyMismatchError
 from vlnpe.collectors.locomotion.card import POLICY_FOLDER
 from vlnpe.collectors.locomotion.gait import ClockState
