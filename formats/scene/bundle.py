@@ -15,8 +15,10 @@ The index is written last: a folder with one is complete.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import zipfile
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -155,15 +157,12 @@ class SceneBundle:
         """Load the visual mesh; bundles without `face_object` give −1 for every face.
 
         Raises:
-            FileFormatError: the file is missing, or lacks another array.
+            FileFormatError: the file is missing or damaged, or lacks another array.
         """
         path = self.root / "visual.npz"
         with _npz(path) as data:
             known = [key for key in VisualMesh.__dataclass_fields__ if key in data.files]
-            try:
-                return VisualMesh(**{key: data[key] for key in known})
-            except TypeError as error:
-                raise FileFormatError(path, f"not a visual mesh: {error}") from error
+            return VisualMesh(**{key: data[key] for key in known})
 
     def level_folder(self, level: int) -> Path:
         """Return the folder of a level.
@@ -177,18 +176,30 @@ class SceneBundle:
         return self.root / "levels" / str(level)
 
     def floor(self, level: int) -> Floor:
-        """Load a level's floor."""
+        """Load a level's floor.
+
+        Raises:
+            FileFormatError: the file is missing or damaged.
+        """
         with _npz(self.level_folder(level) / "floor.npz") as data:
             return Floor(_grid(data), data["height_m"], data["covered"])
 
     def obstacles(self, level: int) -> Obstacles:
-        """Load a level's collision boxes."""
+        """Load a level's collision boxes.
+
+        Raises:
+            FileFormatError: the file is missing or damaged.
+        """
         with _npz(self.level_folder(level) / "obstacles.npz") as data:
             known = [key for key in Obstacles.__dataclass_fields__ if key in data.files]
             return Obstacles(**{key: data[key] for key in known})
 
     def freemap(self, level: int) -> Freemap:
-        """Load a level's planning map."""
+        """Load a level's planning map.
+
+        Raises:
+            FileFormatError: the file is missing or damaged.
+        """
         with _npz(self.level_folder(level) / "freemap.npz") as data:
             return Freemap(_grid(data), data["floor_z_m"], data["traversable"])
 
@@ -272,14 +283,23 @@ def load_bundle(root: Path) -> SceneBundle:
             level_floor_z_m=tuple(index["level_floor_z_m"]),
             generator=index["generator"],
         )
-    except (KeyError, TypeError, json.JSONDecodeError) as error:
+    except (AttributeError, KeyError, RecursionError, TypeError, ValueError) as error:
         raise FileFormatError(path, f"not a scene index: {error!r}") from error
 
 
-def _npz(path: Path) -> Any:
+@contextlib.contextmanager
+def _npz(path: Path) -> Iterator[Any]:
+    """Open an archive; whatever is wrong with what is read from it raises FileFormatError."""
     if not path.is_file():
         raise FileFormatError(path, "missing; the scene's repair is incomplete")
-    return np.load(path, allow_pickle=False)
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            yield data
+    except FileFormatError:
+        raise
+    # NumPy, zipfile and zlib raise a dozen types on damaged bytes.
+    except Exception as error:
+        raise FileFormatError(path, f"damaged: {error!r}") from error
 
 
 def _save_npz(path: Path, **arrays: Any) -> None:

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.flips import flipped
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.vlnce.files import (
     VlnceEpisode,
@@ -166,20 +167,16 @@ def test_running_again_does_nothing_and_one_option_redoes_what_depends_on_it(run
     assert redone == {"render", "export", "mcap", "dataset", "report"}
 
 
-def test_verify_finds_a_flipped_bit(run_root):
+def test_verify_finds_a_flipped_byte_in_every_file(run_root):
     sound = vlnpe("verify", run_root, cwd=run_root)
     assert sound.returncode == 0, sound.stdout
-    victim = sorted((run_root / "rollouts").rglob("*.mcap"))[0]
-    content = bytearray(victim.read_bytes())
-    content[len(content) // 2] ^= 0xFF
-    saved = victim.read_bytes()
-    try:
-        victim.write_bytes(content)
+    rng = np.random.default_rng(3)
+    with flipped(run_root, rng, spare=("manifest.json",)) as damaged:
         broken = vlnpe("verify", run_root, cwd=run_root)
-    finally:
-        victim.write_bytes(saved)
-    assert broken.returncode == 1
-    assert victim.name in broken.stdout
+    names = [path.relative_to(run_root).as_posix() for path in damaged]
+    assert any(name.endswith("scan.glb") for name in names)
+    assert [name for name in names if f"BAD  {name}: " not in broken.stdout] == []
+    assert broken.returncode == 1 and "Traceback" not in broken.stderr
 
 
 def foreign(episode: VlnceEpisode, **changes: object) -> VlnceEpisode:
