@@ -24,7 +24,7 @@ from ...formats.core.atomic import write_json
 from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError, UnknownNameError
 from ...formats.vlnce.files import read_episodes
-from ..crews import action_timing, chosen_robots, keep
+from ..crews import action_timing, chosen_robots, keep_all
 from ..engine.context import open_context
 from ..engine.keys import digest
 from ..engine.run_folder import safe_name
@@ -65,9 +65,8 @@ def run_evaluate(options: Evaluate) -> int:
     actions = action_timing(options.action_steps, options.closed_loop)
     with open_context(out, options.workers) as context:
         root = context.ledger.root
-        config = closed_loop(
-            replay.config(keep(robot, root), options.controller, options.seed, actions)
-        )
+        found = keep_all([robot], context.ledger)[robot.name]
+        config = closed_loop(replay.config(found, options.controller, options.seed, actions))
         items = evaluate.items(
             episodes,
             scenes,
@@ -81,24 +80,28 @@ def run_evaluate(options: Evaluate) -> int:
         )
         scope = f"{robot.name}/{options.controller}/"
         summary = run_stage(context, evaluate.STAGE, items, scope)
-    rows = sorted(summary.good().values(), key=lambda row: row.item)
-    results = [{k: v for k, v in row.facts.items() if k != "actions"} for row in rows]
-    failed = {r.item: str(r.error.get("reason", "")) for r in summary.rows if r.status != "done"}
-    setting = {
-        "policy": options.policy,
-        "policy_version": identity,
-        "robot": robot.name,
-        "controller": options.controller,
-        "view": view.name,
-        "renderer": view.renderer,
-        "seed": options.seed,
-        "action_steps": options.action_steps,
-        "closed_loop": options.closed_loop,
-        "splits": sorted({e.split for e in episodes}),
-        "episodes_sha256": digest([(e.split, e.scene_id, e.episode_id) for e in episodes]),
-    }
-    value = results_json(setting, results, failed)
-    write_json(out / RESULTS_NAME, value)
+        rows = sorted(summary.good().values(), key=lambda row: row.item)
+        results = [{k: v for k, v in row.facts.items() if k != "actions"} for row in rows]
+        failed = {
+            r.item: str(r.error.get("reason", "")) for r in summary.rows if r.status != "done"
+        }
+        setting = {
+            "policy": options.policy,
+            "policy_version": identity,
+            "robot": robot.name,
+            "controller": options.controller,
+            "view": view.name,
+            "renderer": view.renderer,
+            "seed": options.seed,
+            "action_steps": options.action_steps,
+            "closed_loop": options.closed_loop,
+            "splits": sorted({e.split for e in episodes}),
+            "episodes_sha256": digest([(e.split, e.scene_id, e.episode_id) for e in episodes]),
+        }
+        value = results_json(setting, results, failed)
+        write_json(out / RESULTS_NAME, value)
+        context.ledger.record([root / RESULTS_NAME])
+        context.ledger.record_new(root / "models")
     _tell(options, out, value, scenes_folder)
     return int(len(failed) > options.max_failed)
 

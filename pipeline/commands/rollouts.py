@@ -13,7 +13,7 @@ from ...formats.core.errors import FileFormatError
 from ...formats.video.mp4 import check_rgb_codec
 from ...formats.vlnce.files import read_episodes
 from ...formats.vlnce.groups import group_by_path
-from ..crews import action_timing, chosen_robots, crews, keep, kept
+from ..crews import action_timing, chosen_robots, crews, keep_all, kept
 from ..engine.context import open_context
 from ..engine.ledger import Ledger, Row
 from ..engine.runner import StageSummary, run_stage
@@ -41,13 +41,14 @@ def run_replay(options: Replay) -> int:
     summaries = []
     with open_context(options.out, options.workers) as context:
         root = context.ledger.root
-        found_by = {robot.name: keep(robot, root) for robot in robots}
+        found_by = keep_all(robots, context.ledger)
         for robot, controller in pairs:
             config = replay.config(found_by[robot], controller, options.seed, actions)
             items = replay.items(
                 asked, scenes, options.scenes.resolve(), root, root / "models", config
             )
             summaries.append(run_stage(context, replay.STAGE, items, f"{robot}/{controller}/"))
+        context.ledger.record_new(root / "models")
     return _tell(options, summaries)
 
 
