@@ -56,7 +56,8 @@ def run(options: Collect) -> int:
         options.mcap,
     )
     looks = (options.camera, options.light, options.renderer)
-    views = {r.name: chosen_views(*looks, r, CameraOverrides()) for r in robots}
+    wishes = CameraOverrides(height_m=options.camera_height, pitch_down_deg=options.camera_pitch)
+    views = {r.name: chosen_views(*looks, r, wishes) for r in robots}
     check_frame_rate(options.frames_per_second)
     check_rgb_codec(options.rgb_codec)
     check_depth_storage(options.depth)

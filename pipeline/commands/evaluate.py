@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ...collectors.controllers import CONTROLLERS, controller_for
-from ...collectors.rendering.camera.views import CameraOverrides
+from ...collectors.rendering.camera.views import CameraOverrides, View
 from ...evaluation.episode import closed_loop
 from ...evaluation.policy import check_policy, policy_identity
 from ...evaluation.results import (
@@ -50,7 +50,8 @@ def run_evaluate(options: Evaluate) -> int:
         raise InputError(f"--robot {options.robot}: an evaluation has one robot")
     (robot,) = robots
     controller_for(robot, options.controller)
-    views = chosen_views(options.camera, options.light, options.renderer, robot, CameraOverrides())
+    wishes = CameraOverrides(height_m=options.camera_height, pitch_down_deg=options.camera_pitch)
+    views = chosen_views(options.camera, options.light, options.renderer, robot, wishes)
     if len(views) != 1 or views[0].kind != "ego":
         raise InputError(
             f"--camera {options.camera} --light {options.light}: a policy has one camera, the "
@@ -61,7 +62,7 @@ def run_evaluate(options: Evaluate) -> int:
     scenes = repair.rows_of(scenes_folder)
     repair.demand({e.scene_id for e in episodes}, scenes, scenes_folder)
     identity = policy_identity(options.policy, options.timeout_s)
-    out = options.out or _default_out(options, robot.name)
+    out = options.out or _default_out(options, robot.name, view)
     actions = action_timing(options.action_steps, options.closed_loop)
     with open_context(out, options.workers) as context:
         root = context.ledger.root
@@ -151,8 +152,8 @@ def _asked(options: Evaluate) -> tuple[list[Episode], Path]:
     return episodes[: options.limit], scenes
 
 
-def _default_out(options: Evaluate, robot: str) -> Path:
-    name = f"{options.policy}-{robot}-{options.controller}-{options.light}"
+def _default_out(options: Evaluate, robot: str, view: View) -> Path:
+    name = f"{options.policy}-{robot}-{options.controller}{view.moved}-{options.light}"
     base = options.episodes if options.episodes.is_dir() else Path("runs")
     return base / "evaluations" / safe_name(name)
 

@@ -35,6 +35,11 @@ class Evaluate:
     """Evaluate only the first so many episodes."""
     camera: str = "ego"
     """Camera of the policy, with an optional size and field of view (ego:224x224:79)."""
+    camera_height: float | None = None
+    """Height of the robot's own camera above the floor [m], standing; defaults to the robot's. A
+    moved camera does not see the robot's body."""
+    camera_pitch: float | None = None
+    """Downward tilt of the robot's own camera [deg]; defaults to the robot's."""
     light: str = "baked"
     """Lighting: baked, DL5000, DL300 or CL."""
     renderer: str = "auto"
