@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from tests.support import scans
-from vlnpe.formats.core.frames import world_to_habitat_position, world_to_habitat_rotation
 from tests.support.flips import flipped
+from vlnpe.formats.core.frames import world_to_habitat_position, world_to_habitat_rotation
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.vlnce.files import (
     VlnceEpisode,

@@ -1,4 +1,4 @@
-"""The training loss."""
+"""The training losses."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from .config import TrainConfig
+from .models import Model
+from .rdp import Rdp
 
 NEAR_END_STEPS = 4  # "stop" means that the episode ends within these steps, 1 m
 
@@ -20,7 +22,14 @@ def near_end(batch: Mapping[str, Tensor]) -> Tensor:
     return (left <= NEAR_END_STEPS) & (left >= 0) & ~batch["cut"][:, None]
 
 
-def loss_of(
+def training_loss(model: Model, batch: Mapping[str, Tensor], config: TrainConfig) -> Tensor:
+    """Return a model's loss on a batch of `collate_sequences`."""
+    if isinstance(model, Rdp):
+        return model.loss(batch, config.stop_progress_weight)
+    return imitation_loss(model(batch), batch, config)
+
+
+def imitation_loss(
     predicted: Mapping[str, Tensor], batch: Mapping[str, Tensor], config: TrainConfig
 ) -> Tensor:
     """Return the loss over real steps: inflection-weighted imitation, waypoints, end, progress."""

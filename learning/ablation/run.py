@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,24 +14,23 @@ from typing import Any
 import numpy as np
 import torch
 
+from ...datasets.episode_index import episode_tables
+from ...datasets.mixture.plan import Library, MixturePlan, choose, plan_mixture
+from ...datasets.mixture.recipe import NO_HOLDOUT, Recipe
+from ...datasets.selection import Selection
+from ...datasets.sequences import EpisodeSequences, SequenceConfig
+from ...datasets.tokens import Tokens, training_tokens
 from ...formats.core.atomic import file_digest, write_json
-from ...formats.core.errors import InputError
+from ...formats.core.errors import InputError, UnknownNameError
 from ...formats.core.progress import progress_bar
 from ...formats.core.source import code_digest
 from ...formats.lerobot.layout import STATS_PATH
-from ...formats.lerobot.splits import is_published_holdout
-from ..episode_index import episode_tables
-from ..mixture.plan import Library, MixturePlan, choose, plan_mixture
-from ..mixture.recipe import Recipe
-from ..selection import Selection
-from ..sequences import EpisodeSequences, SequenceConfig
-from ..tokens import Tokens, training_tokens
-from .agent import FUTURE
-from .cache import CachedSequences
-from .config import TrainConfig, train_config
-from .evaluate import EpisodeScore, score_agent, score_constant, score_repeat
-from .holdout import Holdout, hold_out
-from .train import train_agent
+from ..cache import CachedSequences
+from ..config import DISCRETE, TrainConfig, train_config
+from ..heads import FUTURE
+from ..holdout import Holdout, hold_out, published_holdout
+from ..train import Watcher, train_model
+from .evaluate import EpisodeScore, score_constant, score_model, score_repeat
 
 _TRAINING_SAMPLE = 16  # training episodes that are predicted, too: does the agent fit them?
 
@@ -100,12 +99,16 @@ def run_ablation(
         InputError: settings or data that are not valid.
     """
     config = train_config({**recipe.train, **changes})
+    if config.model.name not in DISCRETE:
+        raise UnknownNameError("model of an ablation", config.model.name, DISCRETE)
+    if recipe.holdout == NO_HOLDOUT:
+        raise InputError("holdout none: an ablation predicts episodes that are held out")
     library = Library(data)
     evaluated = recipe.evaluate or tuple(recipe.sources)
     used = {n for m in recipe.mixtures.values() for n in m.weights} | set(evaluated)
     found = {name: choose(recipe.sources[name], name, library)[0] for name in sorted(used)}
     paths = [t for chosen in found.values() for t in chosen.trajectories()]
-    holdout = hold_out(recipe, paths, _published(found.values()))
+    holdout = hold_out(recipe, paths, published_holdout(found.values()))
     held = {name: _held_out(name, found[name], holdout) for name in evaluated}
     plans = {
         name: plan_mixture(recipe, name, library, "episodes", holdout.trajectories)
@@ -127,16 +130,6 @@ def run_ablation(
         rows,
         {name: score_constant(episodes) for name, episodes in baselines.items()},
         {name: score_repeat(episodes) for name, episodes in baselines.items()},
-    )
-
-
-def _published(found: Iterable[Selection]) -> frozenset[str]:
-    """The trajectories of splits that their publisher holds out."""
-    return frozenset(
-        trajectory
-        for chosen in found
-        for trajectory, split in zip(chosen.trajectories(), chosen.labels("split"), strict=True)
-        if is_published_holdout(split)
     )
 
 
@@ -193,12 +186,17 @@ def _row(
         before = bar.n
         if not job.result.is_file():
             bar.set_postfix_str(f"{plan.name}, seed {seed}")
-            progress = partial(_show, bar, before)
-            agent = train_agent(
-                sources, plan.shares.tolist(), tokens, config, seed, job.checkpoint, progress
+            model = train_model(
+                sources,
+                plan.shares.tolist(),
+                tokens,
+                config,
+                seed=seed,
+                state=job.checkpoint,
+                watcher=Watcher(partial(_show, bar, before)),
             )
-            value = {name: score_agent(agent, test) for name, test in tests.items()}
-            seen = [score for episodes in some for score in score_agent(agent, episodes)]
+            value = {name: score_model(model, test) for name, test in tests.items()}
+            seen = [score for episodes in some for score in score_model(model, episodes)]
             written = {name: [s.to_json() for s in run] for name, run in value.items()}
             write_json(job.result, {"scores": written, "training": [s.to_json() for s in seen]})
             job.checkpoint.unlink()
@@ -211,7 +209,7 @@ def _row(
     return Row(plan, scores, training, constant)
 
 
-def _show(bar: Any, before: int, done: int) -> None:
+def _show(bar: Any, before: int, done: int, _loss: float | None) -> None:
     bar.update(before + done - bar.n)
 
 
@@ -246,7 +244,7 @@ def training_job(
         "sources": [[s.name, s.share, episodes(s.selection)] for s in plan.sources],
         "held": {name: episodes(selection) for name, selection in held.items()},
         "seed": seed,
-        "code": code_digest("datasets.ablation.train", "datasets.ablation.evaluate"),
+        "code": code_digest("learning.train", "learning.ablation.evaluate"),
         "torch": torch.__version__,
     }
     digest = hashlib.blake2b(json.dumps(facts, sort_keys=True).encode(), digest_size=6).hexdigest()

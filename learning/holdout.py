@@ -6,8 +6,10 @@ import hashlib
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
-from ...formats.core.errors import InputError
-from ..mixture.recipe import Recipe
+from ..datasets.mixture.recipe import NO_HOLDOUT, Recipe
+from ..datasets.selection import Selection
+from ..formats.core.errors import InputError
+from ..formats.lerobot.splits import is_published_holdout
 
 
 @dataclass(frozen=True)
@@ -15,7 +17,7 @@ class Holdout:
     """What is held out.
 
     Attributes:
-        by: `split`, `scene` or `trajectory`.
+        by: `split`, `scene`, `trajectory`, or `none`.
         scenes: whole scenes held out; empty when it goes by trajectory.
         trajectories: all that are held out, as `scene/trajectory`.
     """
@@ -43,6 +45,8 @@ def hold_out(
     Raises:
         InputError: too few scenes or trajectories to hold any out.
     """
+    if recipe.holdout == NO_HOLDOUT:
+        return Holdout(NO_HOLDOUT, (), frozenset())
     everything = sorted(set(trajectories))
     scenes = sorted({scene_of(t) for t in everything})
     by = recipe.holdout
@@ -63,6 +67,16 @@ def hold_out(
         return Holdout(by, (), frozenset(chosen))
     held = frozenset(t for t in everything if scene_of(t) in chosen)
     return Holdout(by, tuple(sorted(chosen)), held)
+
+
+def published_holdout(found: Iterable[Selection]) -> frozenset[str]:
+    """Return the trajectories of splits that their publisher holds out."""
+    return frozenset(
+        trajectory
+        for chosen in found
+        for trajectory, split in zip(chosen.trajectories(), chosen.labels("split"), strict=True)
+        if is_published_holdout(split)
+    )
 
 
 def scene_of(trajectory: str) -> str:

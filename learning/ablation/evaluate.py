@@ -10,10 +10,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from ..sequences import ACTIONS, collate_sequences
-from .agent import Agent
-from .cache import CachedSequences
-from .losses import near_end
+from ...datasets.sequences import ACTIONS, collate_sequences
+from ..cache import CachedSequences
+from ..losses import near_end
+from ..models import Model
 
 _BATCH = 8
 
@@ -79,14 +79,14 @@ class Summary:
 
 
 @torch.no_grad()
-def score_agent(agent: Agent, episodes: CachedSequences) -> list[EpisodeScore]:
+def score_model(model: Model, episodes: CachedSequences) -> list[EpisodeScore]:
     """Predict each step's action, waypoints and end, given the true steps before it."""
-    device = next(agent.parameters()).device
+    device = next(model.parameters()).device
     trajectories = episodes.sequences.selection.trajectories()
     result = []
     for first, batch in _batches(episodes):
         moved = {k: v.to(device) if torch.is_tensor(v) else v for k, v in batch.items()}
-        predicted = {k: v.cpu() for k, v in agent(moved).items()}
+        predicted = {k: v.cpu() for k, v in model(moved).items()}
         action = predicted["action"].argmax(-1).numpy()
         stop = (predicted["stop"] > 0).numpy()
         walk = predicted["waypoints"].numpy()

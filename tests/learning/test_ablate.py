@@ -14,39 +14,31 @@ import torch
 from numpy.typing import NDArray
 
 from tests.support.training_data import WORDS, write_dataset
-from vlnpe.datasets.ablation.agent import FUTURE, Agent
-from vlnpe.datasets.ablation.cache import CachedSequences
-from vlnpe.datasets.ablation.config import ModelConfig, TrainConfig, train_config
-from vlnpe.datasets.ablation.evaluate import (
-    EpisodeScore,
-    Summary,
-    score_agent,
-    score_constant,
-    score_repeat,
-)
-from vlnpe.datasets.ablation.holdout import hold_out
-from vlnpe.datasets.ablation.intervals import over_seeds, paired_differences
-from vlnpe.datasets.ablation.run import training_job
-from vlnpe.datasets.ablation.train import learning_rate_factor, train_agent
 from vlnpe.datasets.mixture.plan import Library, plan_mixture
 from vlnpe.datasets.mixture.recipe import recipe_of
 from vlnpe.datasets.selection import select_all
 from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig, collate_sequences
 from vlnpe.datasets.tokens import training_tokens
 from vlnpe.formats.core.errors import InputError, UnknownNameError
+from vlnpe.learning.ablation.evaluate import (
+    EpisodeScore,
+    Summary,
+    score_constant,
+    score_model,
+    score_repeat,
+)
+from vlnpe.learning.ablation.intervals import over_seeds, paired_differences
+from vlnpe.learning.ablation.run import training_job
+from vlnpe.learning.cache import CachedSequences
+from vlnpe.learning.config import ModelConfig, TrainConfig, train_config
+from vlnpe.learning.heads import FUTURE
+from vlnpe.learning.holdout import hold_out
+from vlnpe.learning.models import MODELS, Model
+from vlnpe.learning.train import Watcher, learning_rate_factor, train_model
 from vlnpe.pipeline.cli import main
 
 MODEL = {"channels": [4, 8], "hidden": 16, "words": 8}
 TINY = {"steps": 6, "seeds": 2, "batch": 2, "size_px": 16, "model": MODEL, "device": "cpu"}
-
-
-@pytest.fixture(autouse=True)
-def one_thread() -> Any:
-    """Threads that wait for each other take long on a busy machine."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 @pytest.fixture(scope="module")
@@ -119,12 +111,13 @@ def test_an_interrupted_training_ends_as_if_it_had_not_been(
     config = train_config({**TINY, "steps": 7, "checkpoint_every": 2})
     tokens = episodes.sequences.tokens
 
-    def train(path: Path, stop: int | None = None) -> Agent:
-        def progress(done: int) -> None:
+    def train(path: Path, stop: int | None = None) -> Model:
+        def step(done: int, loss: float | None) -> None:
             if done == stop:
                 raise KeyboardInterrupt
 
-        return train_agent([episodes, episodes], [0.7, 0.3], tokens, config, 1, path, progress)
+        sources, watcher = [episodes, episodes], Watcher(step)
+        return train_model(sources, [0.7, 0.3], tokens, config, seed=1, state=path, watcher=watcher)
 
     before = torch.get_rng_state()
     whole = train(tmp_path / "whole.pt").state_dict()
@@ -139,17 +132,20 @@ def test_an_interrupted_training_ends_as_if_it_had_not_been(
 def test_training_fits_what_it_sees(episodes: CachedSequences, tmp_path: Path) -> None:
     config = train_config({**TINY, "steps": 100, "learning_rate": 0.01, "unknown": 0.0})
     tokens = episodes.sequences.tokens
-    agent = train_agent([episodes], [1.0], tokens, config, 0, tmp_path / "a.pt", lambda _: None)
-    fitted = Summary.of(score_agent(agent, episodes))
+    agent = train_model([episodes], [1.0], tokens, config, seed=0, state=tmp_path / "a.pt")
+    fitted = Summary.of(score_model(agent, episodes))
     constant = Summary.of(score_constant(episodes))
     assert fitted.action > constant.action + 0.1
     assert fitted.stop > constant.stop + 0.1
 
 
-def test_the_agent_knows_neither_the_future_nor_the_padding(episodes: CachedSequences) -> None:
+@pytest.mark.parametrize("name", ["cma", "seq2seq"])
+def test_the_agent_knows_neither_the_future_nor_the_padding(
+    name: str, episodes: CachedSequences
+) -> None:
     torch.manual_seed(0)
     words = len(episodes.sequences.tokens.vocabulary.words)
-    agent = Agent(words, ModelConfig(channels=(4, 8), hidden=16)).eval()
+    agent = MODELS[name](words, ModelConfig(channels=(4, 8), hidden=16)).eval()
     batch = collate_sequences([episodes[0], episodes[3]])
     steps = int(batch["length"][0])
     with torch.no_grad():
@@ -163,9 +159,10 @@ def test_the_agent_knows_neither_the_future_nor_the_padding(episodes: CachedSequ
     assert not torch.equal(both["action"][0, steps - 2], other["action"][0, steps - 2])
 
 
-def test_short_instructions_are_read_as_if_alone(episodes: CachedSequences) -> None:
+@pytest.mark.parametrize("name", ["cma", "seq2seq"])
+def test_short_instructions_are_read_as_if_alone(name: str, episodes: CachedSequences) -> None:
     torch.manual_seed(0)
-    agent = Agent(40, ModelConfig(channels=(4, 8), hidden=16)).eval()
+    agent = MODELS[name](40, ModelConfig(channels=(4, 8), hidden=16)).eval()
     short, long = dict(episodes[0]), dict(episodes[3])
     for item, words in ((short, 3), (long, 77)):
         item["tokens"] = torch.zeros(80, dtype=torch.int64)
@@ -198,9 +195,9 @@ def test_the_learning_rate_rises_and_falls_whatever_the_steps(steps: int) -> Non
 def test_few_steps_are_enough_to_run(steps: int, episodes: CachedSequences, tmp_path: Path) -> None:
     config = train_config({**TINY, "steps": steps})
     done: list[int] = []
-    train_agent(
-        [episodes], [1.0], episodes.sequences.tokens, config, 0, tmp_path / "a.pt", done.append
-    )
+    watcher = Watcher(lambda step, loss: done.append(step))
+    tokens, state = episodes.sequences.tokens, tmp_path / "a.pt"
+    train_model([episodes], [1.0], tokens, config, seed=0, state=state, watcher=watcher)
     assert done == list(range(1, steps + 1))
 
 
@@ -343,21 +340,21 @@ def test_pretrained_encoders_come_from_a_file(episodes: CachedSequences, tmp_pat
     model = ModelConfig(
         encoder="resnet18", encoder_weights=str(path), train_encoder=False, channels=(4, 8)
     )
-    agent = Agent(20, model).eval()
-    first = next(iter(agent.rgb.state_dict().values()))
+    agent = MODELS["cma"](20, model).eval()
+    first = next(iter(agent.senses.rgb.state_dict().values()))
     torch.testing.assert_close(first, weights["conv1.weight"])
     assert agent(collate_sequences([episodes[0]]))["action"].shape[-1] == 4
     agent.train()
-    before = {k: v.clone() for k, v in agent.rgb.state_dict().items()}
+    before = {k: v.clone() for k, v in agent.senses.rgb.state_dict().items()}
     optimizer = torch.optim.AdamW(agent.parameters(), 0.1, weight_decay=0.5)
     agent(collate_sequences([episodes[0]]))["action"].square().sum().backward()
     optimizer.step()
-    for name, value in agent.rgb.state_dict().items():  # buffers, too
+    for name, value in agent.senses.rgb.state_dict().items():  # buffers, too
         assert torch.equal(value, before[name]), name
-    assert agent.depth.training and not agent.rgb.stages.training
+    assert agent.senses.depth.training and not agent.senses.rgb.stages.training
     path.write_bytes(b"no weights")
     with pytest.raises(InputError, match=r"resnet\.pt"):
-        Agent(20, model)
+        MODELS["cma"](20, model)
 
 
 def test_defaults_are_valid() -> None:

@@ -11,8 +11,8 @@ import numpy as np
 import torch
 from torch.utils.data import Dataset
 
-from ...formats.core.atomic import atomic_file
-from ..sequences import EpisodeSequences
+from ..datasets.sequences import EpisodeSequences
+from ..formats.core.atomic import atomic_file
 
 _DEPTH_STEP_M = 0.001  # depth is kept in whole millimetres
 
@@ -31,7 +31,12 @@ class CachedSequences(Dataset[dict[str, Any]]):
             sequences.tokens,
             replace(sequences.config, images=False),
         )
+        self._rows.telling = sequences.telling
         folder.mkdir(parents=True, exist_ok=True)
+
+    def begin_pass(self, epoch: int) -> None:
+        """Draw other instructions from the next item on, where paths have several."""
+        self._rows.telling = replace(self.sequences.telling, epoch=epoch)
 
     def __len__(self) -> int:
         return len(self.sequences)

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vlnpe.datasets.ablation.config import train_config
-from vlnpe.datasets.ablation.evaluate import EpisodeScore
-from vlnpe.datasets.ablation.holdout import Holdout
-from vlnpe.datasets.ablation.page import plot_png, report_html
-from vlnpe.datasets.ablation.report import differences, estimates, report_markdown
-from vlnpe.datasets.ablation.run import Ablation, Row
 from vlnpe.datasets.mixture.recipe import recipe_of
+from vlnpe.learning.ablation.evaluate import EpisodeScore
+from vlnpe.learning.ablation.page import plot_png, report_html
+from vlnpe.learning.ablation.report import differences, estimates, report_markdown
+from vlnpe.learning.ablation.run import Ablation, Row
+from vlnpe.learning.config import train_config
+from vlnpe.learning.holdout import Holdout
 
 ROBOTS = ["humanoid", "small_humanoid", "quadruped", "wheeled_robot", "vlnce_style"]
 LONG = "three robots and the VLN-CE-style agent together"

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ..mixture.table import plan_json
+from ...datasets.mixture.table import plan_json
+from ..holdout import scene_of
 from .evaluate import EpisodeScore, Summary
 from .fit import training_fit
-from .holdout import scene_of
 from .intervals import Difference, Estimate, caution, over_seeds, paired_differences
 from .run import Ablation, Row
 

@@ -7,18 +7,19 @@ from pickle import UnpicklingError
 from typing import Self
 
 import torch
+from safetensors import SafetensorError
+from safetensors.torch import load_file
 from torch import Tensor, nn
 
-from ...formats.core.errors import FileFormatError
+from ..formats.core.errors import FileFormatError
 from .config import ModelConfig
 
 # Of the images that torchvision's networks were trained on.
 _MEAN, _STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
-DEPTH_SCALE_M = 10.0  # farther away all walls are alike
 
 
 class CompactEncoder(nn.Module):
-    """Convolutions of stride 2; (N, C_in, H, W) to (N, S, C) for S places in the image."""
+    """Convolutions of stride 2; (N, C_in, H, W) to (N, C, H / 2^stages, W / 2^stages)."""
 
     def __init__(self, inputs: int, channels: tuple[int, ...]):
         """Build it for images of `inputs` channels."""
@@ -35,15 +36,15 @@ class CompactEncoder(nn.Module):
         self.features = inputs
 
     def forward(self, images: Tensor) -> Tensor:
-        """Features of each place."""
-        return self.stages(images).flatten(2).transpose(1, 2)
+        """Return the map of features."""
+        return self.stages(images)
 
 
 class TorchvisionEncoder(nn.Module):
-    """A ResNet without its last layers; (N, 3, H, W) in 0 … 1 to (N, S, C)."""
+    """A ResNet without its last layers; (N, 3, H, W) in 0 … 1 to (N, C, H / 32, W / 32)."""
 
-    def __init__(self, config: ModelConfig):
-        """Build it.
+    def __init__(self, config: ModelConfig, *, pretrained: bool = True):
+        """Build it; without `pretrained`, its weights will be loaded with a checkpoint's.
 
         Raises:
             FileFormatError: its weights are missing or of another network.
@@ -52,11 +53,18 @@ class TorchvisionEncoder(nn.Module):
         from torchvision.models import get_model
 
         network = get_model(config.encoder, weights=None)
-        if config.encoder_weights:
+        if config.encoder_weights and pretrained:
             path = Path(config.encoder_weights)
             try:
-                network.load_state_dict(torch.load(path, weights_only=True, map_location="cpu"))
-            except (OSError, RuntimeError, ValueError, KeyError, UnpicklingError) as error:
+                network.load_state_dict(_read_weights(path))
+            except (
+                OSError,
+                RuntimeError,
+                ValueError,
+                KeyError,
+                UnpicklingError,
+                SafetensorError,
+            ) as error:
                 raise FileFormatError(
                     path, f"no weights of {config.encoder}: {str(error).splitlines()[0]}"
                 ) from error
@@ -73,13 +81,21 @@ class TorchvisionEncoder(nn.Module):
         return self
 
     def forward(self, images: Tensor) -> Tensor:
-        """Features of each place."""
+        """Return the map of features."""
         mean, std = (images.new_tensor(v)[:, None, None] for v in (_MEAN, _STD))
-        return self.stages((images - mean) / std).flatten(2).transpose(1, 2)
+        return self.stages((images - mean) / std)
 
 
-def rgb_encoder(config: ModelConfig) -> CompactEncoder | TorchvisionEncoder:
-    """The encoder of RGB images that the configuration names."""
+def rgb_encoder(
+    config: ModelConfig, *, pretrained: bool = True
+) -> CompactEncoder | TorchvisionEncoder:
+    """Return the encoder of RGB images that the configuration names."""
     if config.encoder == "compact":
         return CompactEncoder(3, config.channels)
-    return TorchvisionEncoder(config)
+    return TorchvisionEncoder(config, pretrained=pretrained)
+
+
+def _read_weights(path: Path) -> dict[str, Tensor]:
+    if path.suffix == ".safetensors":
+        return load_file(path)
+    return torch.load(path, weights_only=True, map_location="cpu")
