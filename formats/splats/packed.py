@@ -45,7 +45,7 @@ def read_dot_splat(path: Path) -> GaussianCloud:
         raise FileFormatError(path, f"{size:,} bytes are no multiple of {SPLAT_ROW.itemsize}")
     check_count(path, count, 0)
     rows = np.fromfile(path, SPLAT_ROW)
-    color = rows["rgba"].astype(np.float32) / 255
+    color = (rows["rgba"] / 255).astype(np.float32)
     with np.errstate(invalid="ignore", over="ignore"):
         unlikely = (~np.isfinite(rows["scale"]) | (rows["scale"] <= 0)).any(1).mean()
     if unlikely > 0.5:
@@ -55,7 +55,7 @@ def read_dot_splat(path: Path) -> GaussianCloud:
         GaussianCloud(
             position=rows["position"].copy(),
             scale=rows["scale"].copy(),
-            quat_wxyz=(rows["quat"].astype(np.float32) - 128) / 128,
+            quat_wxyz=(rows["quat"] / 128 - 1).astype(np.float32),
             opacity=color[:, 3].copy(),
             harmonics=((color[:, None, :3] - 0.5) / np.float32(C0)).astype(np.float32),
         ),
