@@ -94,7 +94,9 @@ def run_evaluate(options: Evaluate) -> int:
             "robot": robot.name,
             "controller": options.controller,
             "view": view.name,
-            "renderer": view.renderer,
+            "renderer": ",".join(
+                sorted(set(evaluate.renderers(episodes, scenes_folder, view.renderer).values()))
+            ),
             "seed": options.seed,
             "action_steps": options.action_steps,
             "closed_loop": options.closed_loop,

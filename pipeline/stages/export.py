@@ -79,7 +79,6 @@ def run(
     *,
     depth_storage: str = "video",
     per_instruction: bool = False,
-    *,
     mcap: bool = True,
 ) -> list[StageSummary]:
     """Export one robot's rendered episodes: units, MCAP files, and the dataset of the units.
