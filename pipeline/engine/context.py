@@ -6,12 +6,12 @@ import contextlib
 import json
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 from ...formats.core.atomic import TEMPORARY_PREFIX, sweep, write_bytes
 from ...formats.core.errors import InputError, VlnpeError
-from .executors import Workers, available_cores
+from .executors import Execution, make_executor
 from .ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger, Row
 from .run_folder import open_run_folder
 from .runner import Context, run_stage
@@ -22,18 +22,16 @@ OUTPUT_NAME = "output.json"
 
 
 @contextmanager
-def open_context(root: Path, workers: int) -> Iterator[Context]:
-    """Open an output folder with its ledger, and start worker processes.
+def open_context(root: Path, execution: Execution) -> Iterator[Context]:
+    """Open an output folder with its ledger, and start what runs its items.
 
     Args:
         root: Output folder; created if it does not exist.
-        workers: Number of worker processes; 0 starts one per core.
+        execution: Where the items run.
 
     Raises:
-        InputError: If the folder cannot be used, or `workers` is negative.
+        InputError: If the folder or the executor cannot be used.
     """
-    if workers < 0:
-        raise InputError(f"WORKERS={workers}: valid: 0 (one per core) and above")
     new = not root.exists()
     ours = any((root / name).is_file() for name in (MANIFEST_NAME, JOURNAL_NAME))
     if root.is_dir() and any(root.iterdir()) and not ours:
@@ -45,8 +43,8 @@ def open_context(root: Path, workers: int) -> Iterator[Context]:
     ledger = Ledger(folder.root)
     ledger.save()
     try:
-        with Workers(workers or available_cores()) as pool:
-            yield Context(ledger, pool)
+        with closing(make_executor(execution, folder.root)) as executor:
+            yield Context(ledger, executor)
     except InputError:
         left = {p.name for p in folder.root.rglob("*") if p.is_file()}
         if new and left <= {MANIFEST_NAME, QUARANTINE_NAME}:
@@ -68,8 +66,7 @@ def open_single(out: Path, workers: int = 1) -> Iterator[Context]:
     Raises:
         InputError: If nothing can be written beside `out`, or `workers` is negative.
     """
-    if workers < 0:
-        raise InputError(f"WORKERS={workers}: valid: 0 (one per core) and above")
+    execution = Execution(workers=workers)
     parent = open_run_folder(out.parent).root
     for unfinished in parent.glob(f"{TEMPORARY_PREFIX}*"):  # of a killed process
         if unfinished.is_dir() and unfinished.name.startswith(f"{TEMPORARY_PREFIX}{out.name}."):
@@ -81,8 +78,8 @@ def open_single(out: Path, workers: int = 1) -> Iterator[Context]:
     ledger = Ledger(root)
     ledger.save()
     try:
-        with Workers(workers or available_cores()) as pool:
-            yield Context(ledger, pool)
+        with closing(make_executor(execution, root)) as executor:
+            yield Context(ledger, executor)
     except VlnpeError:
         if new and not any(row.status == "done" for row in ledger.rows()):
             shutil.rmtree(root)

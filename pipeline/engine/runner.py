@@ -10,14 +10,13 @@ import pickle
 import time
 import traceback
 from collections.abc import Generator, Iterable, Sequence
-from concurrent.futures import Future, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import BrokenExecutor, Future, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from ...formats.core.errors import InputError, VlnpeError
 from ...formats.core.progress import progress_bar
-from .executors import Workers
+from .executors import Executor
 from .ledger import Ledger, Row
 from .work import ItemResult, Job, WorkItem
 
@@ -78,12 +77,12 @@ class Context:
 
     Attributes:
         ledger: of the run folder (or of a single stage's output folder).
-        workers: process pool shared by all stages.
+        workers: run the items of all stages.
         progress: show progress bars.
     """
 
     ledger: Ledger
-    workers: Workers
+    workers: Executor
     progress: bool = True
 
 
@@ -199,7 +198,7 @@ def _row(
 
 
 def _outcomes(
-    workers: Workers, items: Sequence[WorkItem]
+    workers: Executor, items: Sequence[WorkItem]
 ) -> Iterable[tuple[WorkItem, ItemResult | BaseException, float]]:
     """Results as they come.
 
@@ -218,23 +217,24 @@ def _outcomes(
 
 
 def _attempt(
-    workers: Workers, items: Sequence[WorkItem]
+    workers: Executor, items: Sequence[WorkItem]
 ) -> Generator[tuple[WorkItem, ItemResult | BaseException, float], None, list[WorkItem]]:
     """Run items in the pool; return those that were lost because the pool broke."""
     lost: list[WorkItem] = []
     futures: dict[Future[tuple[ItemResult, float]], WorkItem] = {}
     # A lone item (a big scene) may use all the cores that its idle neighbours leave.
-    threads = max(1, workers.count // max(1, len(items)))
+    threads = max(1, workers.cores // max(1, len(items)))
     for item in items:
         try:
             futures[workers.submit(_timed, item.job, threads)] = item
-        except BrokenProcessPool:
+        except BrokenExecutor:
             lost.append(item)
+    workers.flush()
     for future in as_completed(futures):
         item = futures[future]
         try:
             result, seconds = future.result()
-        except BrokenProcessPool:
+        except BrokenExecutor:
             lost.append(item)
         except Exception as error:
             yield item, error, 0.0
