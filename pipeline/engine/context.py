@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ...formats.core.atomic import sweep_beside, write_bytes
 from ...formats.core.errors import InputError, VlnpeError
-from .executors import Workers, available_cores
+from .executors import Execution, make_executor
 from .files import records_of
 from .ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger, Row
 from .lock import LOCK_NAME, lock, sweep_unlocked
@@ -25,19 +25,17 @@ OUTPUT_NAME = "output.json"
 
 
 @contextmanager
-def open_context(root: Path, workers: int, *, wait: bool = False) -> Iterator[Context]:
-    """Open an output folder with its ledger, lock it, and start worker processes.
+def open_context(root: Path, execution: Execution, *, wait: bool = False) -> Iterator[Context]:
+    """Open an output folder with its ledger, lock it, and start what runs its items.
 
     Args:
         root: Output folder; created if it does not exist.
-        workers: Number of worker processes; 0 starts one per core.
+        execution: Where the items run.
         wait: Wait for another process that works in the folder, instead of raising.
 
     Raises:
-        InputError: If the folder cannot be used, another process works in it, or `workers` is
-            negative.
+        InputError: If the folder or the executor cannot be used, or another process works in it.
     """
-    _check_workers(workers)
     new = not root.exists()
     ours = any((root / name).is_file() for name in (MANIFEST_NAME, JOURNAL_NAME, LOCK_NAME))
     if root.is_dir() and any(root.iterdir()) and not ours:
@@ -48,7 +46,7 @@ def open_context(root: Path, workers: int, *, wait: bool = False) -> Iterator[Co
     with lock(folder.root, wait=wait):
         sweep_unlocked(folder.root)
         try:
-            with _working(folder.root, workers) as context:
+            with _working(folder.root, execution) as context:
                 yield context
         except InputError:
             left = {p.name for p in folder.root.rglob("*") if p.is_file()}
@@ -75,7 +73,7 @@ def open_single(out: Path, workers: int = 1) -> Iterator[Context]:
         InputError: If nothing can be written beside `out`, another process is writing it, or
             `workers` is negative.
     """
-    _check_workers(workers)
+    execution = Execution(workers=workers)
     parent = open_run_folder(out.parent).root
     root = parent / LEDGERS / out.name
     new = not root.exists()
@@ -84,7 +82,7 @@ def open_single(out: Path, workers: int = 1) -> Iterator[Context]:
         sweep_beside([parent / out.name])
         sweep_unlocked(root)
         try:
-            with _working(root, workers) as context:
+            with _working(root, execution) as context:
                 yield context
         except VlnpeError:
             if new and not any(row.status == "done" for row in Ledger(root).rows()):
@@ -97,17 +95,12 @@ def open_single(out: Path, workers: int = 1) -> Iterator[Context]:
             raise
 
 
-def _check_workers(workers: int) -> None:
-    if workers < 0:
-        raise InputError(f"WORKERS={workers}: valid: 0 (one per core) and above")
-
-
 @contextmanager
-def _working(root: Path, workers: int) -> Iterator[Context]:
+def _working(root: Path, execution: Execution) -> Iterator[Context]:
     ledger = Ledger(root)
     ledger.save()
-    with Workers(workers or available_cores()) as pool, ended_first(pool.kill_processes):
-        yield Context(ledger, pool)
+    with make_executor(execution, root) as executor, ended_first(executor.kill_processes):
+        yield Context(ledger, executor)
     if (root / JOURNAL_NAME).is_file():
         ledger.save()
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from ...formats.core.errors import InputError, VlnpeError
 from ...formats.core.progress import progress_bar
 from .attempts import Outcome, run_items
-from .executors import Workers
+from .executors import Executor
 from .files import Records
 from .ledger import Ledger, Row
 from .work import WorkItem
@@ -76,12 +76,12 @@ class Context:
 
     Attributes:
         ledger: of the run folder (or of a single stage's output folder).
-        workers: process pool shared by all stages.
+        workers: run the items of all stages.
         progress: show progress bars.
     """
 
     ledger: Ledger
-    workers: Workers
+    workers: Executor
     progress: bool = True
 
 
@@ -185,6 +185,7 @@ def _row(stage: str, item: WorkItem, outcome: Outcome, root: Path) -> Row:
             failed=outcome.result.failed,
             outputs=tuple(os.path.relpath(p, root) for p in item.outputs),
             seconds=outcome.seconds,
+            cpu_seconds=outcome.cpu_seconds,
             facts=outcome.result.facts,
         )
     if isinstance(error, OSError) and error.errno in FATAL_ERRNO:

@@ -23,7 +23,7 @@ from vlnpe.formats.vlnce.files import (
     write_vlnce,
 )
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.engine import context
+from vlnpe.pipeline.engine import executors
 from vlnpe.pipeline.stages.replay import item_names
 
 COMMON = ("--min-length-m", "4", "--min-gap-m", "0.8", "--family-gap-m", "1.0")
@@ -31,7 +31,7 @@ COMMON = ("--min-length-m", "4", "--min-gap-m", "0.8", "--family-gap-m", "1.0")
 
 @pytest.fixture(autouse=True)
 def inline(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(context, "Workers", InlineWorkers)
+    monkeypatch.setattr(executors, "Workers", InlineWorkers)
 
 
 @pytest.fixture(scope="module")
