@@ -203,7 +203,7 @@ class SlurmExecutor:
         """Use as a context manager: it is closed with the block."""
         return self
 
-    def __exit__(self, *exception: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
         """Close."""
         self.close()
 

@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -56,27 +57,25 @@ class TestRay:
             initialize_head=True,
             head_node_args={"num_cpus": 1, "object_store_memory": 80 * 2**20},
         )
-        cluster.second = cluster.add_node(num_cpus=1, object_store_memory=80 * 2**20)
+        second = cluster.add_node(num_cpus=1, object_store_memory=80 * 2**20)
         cluster.wait_for_nodes()
-        yield cluster
+        yield cluster, second
         cluster.shutdown()
 
     def test_a_killed_node_loses_nothing(self, cluster, tmp_path):
-        todo = items(tmp_path, 12, seconds=0.4)
-        execution = Execution("ray", ray_address=cluster.address)
+        head, second = cluster
+        execution = Execution("ray", ray_address=head.address)
         started = tmp_path / "started"
-        todo[0] = WorkItem(
-            "000", "k", todo[0].outputs, work.Call(work.write_late, (*_call(todo[0]), started))
-        )
+        first = tmp_path / "000.txt"
+        late = work.Call(work.write_late, (first, "000", 0.4, started))
+        todo = [WorkItem("000", "k", (first,), late), *items(tmp_path, 12, seconds=0.4)[1:]]
         executor = make_executor(execution, tmp_path)
         assert executor.count == 2
 
         def kill() -> None:
             while not started.exists():
                 time.sleep(0.05)
-            cluster.remove_node(cluster.second, allow_graceful=False)
-
-        import threading
+            head.remove_node(second, allow_graceful=False)
 
         thread = threading.Thread(target=kill)
         thread.start()
@@ -90,7 +89,8 @@ class TestRay:
         assert [p.read_text() for p in sorted(tmp_path.glob("*.txt"))] == [i.name for i in todo]
 
     def test_errors_and_deaths_are_quarantined_by_name(self, cluster, tmp_path):
-        execution = Execution("ray", ray_address=cluster.address)
+        head, _ = cluster
+        execution = Execution("ray", ray_address=head.address)
         todo = [*items(tmp_path, 2), bad(tmp_path, work.refuse)]
         dead = tmp_path / "dead.txt"
         todo.append(WorkItem("dead", "k", (dead,), work.Call(work.die, (dead,))))
@@ -104,10 +104,6 @@ class TestRay:
         pytest.importorskip("ray")
         with pytest.raises(InputError, match=r"no Ray cluster at 127\.0\.0\.1:1"):
             make_executor(Execution("ray", ray_address="127.0.0.1:1"), tmp_path)
-
-
-def _call(item: WorkItem):
-    return item.job.arguments
 
 
 class TestSlurm:
