@@ -15,6 +15,7 @@ from typing import Annotated, Any, Union
 
 from ..formats.core.errors import InputError, VlnpeError
 from ..formats.core.untrusted import is_text
+from .engine.signals import Interrupted, interruptible
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,7 @@ _TABLE = (
     Verb("restore", "convert.Restore", "convert.run_restore"),
     Verb("robots", "robots.Robots", "robots.run_robots"),
     Verb("mix", "training.Mix", "mix.run"),
+    Verb("train", "training.Train", "train.run"),
     Verb("ablate", "training.Ablate", "ablate.run"),
     Verb("evaluate", "evaluate.Evaluate", "evaluate.run_evaluate"),
     Verb("compare", "evaluate.Compare", "evaluate.run_compare"),
@@ -84,7 +86,8 @@ VERBS = {verb.name: verb for verb in _TABLE}
 DESCRIPTION = """Turn scanned buildings into cross-embodiment VLN datasets with simulated robots.
 
 `vlnpe collect` runs the whole pipeline; every stage can also be run on its own. Exit codes:
-0 success, 1 more items quarantined than --max-failed allows, 2 invalid input."""
+0 success, 1 more items quarantined than --max-failed allows, 2 invalid input, 128 + N ended by
+signal N (130 Ctrl-C, 143 SIGTERM)."""
 
 
 # Next to the bytecode of Python and numba; matplotlib's default is the user's home directory.
@@ -138,9 +141,16 @@ def _overview() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one subcommand and return the exit code."""
+    try:
+        with interruptible():
+            return _run(sys.argv[1:] if arguments is None else arguments)
+    except Interrupted as stop:
+        return stop.exit_code
+
+
+def _run(arguments: Sequence[str]) -> int:
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(message)s")
     os.environ.setdefault("MPLCONFIGDIR", str(FONT_LIST_FOLDER))
-    arguments = sys.argv[1:] if arguments is None else arguments
     for argument in arguments:
         if not is_text(Path(argument)):
             _complain(f"{argument!a} is not UTF-8; rename the file or folder")
@@ -157,9 +167,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except VlnpeError as error:
         _complain(error)
         return 1
-    except KeyboardInterrupt:
-        _complain("interrupted; run the same command again to resume")
-        return 130
 
 
 def _complain(message: object) -> None:

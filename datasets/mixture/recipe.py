@@ -28,7 +28,8 @@ from ...formats.core.yaml_document import read_yaml
 VERSION = 1
 OUTCOMES = tuple(str(reason) for reason in EndReason)
 SHARES = ("size", "equal")
-HOLDOUTS = ("auto", "split", "scene", "trajectory")
+NO_HOLDOUT = "none"
+HOLDOUTS = ("auto", "split", "scene", "trajectory", NO_HOLDOUT)
 EVERYTHING = ("**/lerobot/*",)
 OWN_VIEW = "ego"
 
@@ -85,10 +86,10 @@ class Recipe:
         compare: pairs of mixtures whose difference is of interest: (with, without).
         holdout: what an ablation holds out: published splits (`val_seen`, `val_unseen`), whole
             scenes, trajectories, or `auto`: published splits where there are any, else scenes
-            where there are several.
+            where there are several. `none` trains on everything.
         holdout_fraction: how much of it.
         seed: of the order of the draws, and the first of an ablation's.
-        train: settings of an ablation's training, see `ablation.config`.
+        train: settings of an ablation's training, see `vlnpe.learning.config`.
     """
 
     title: str

@@ -187,12 +187,7 @@ class SceneBundle:
     def freemap(self, level: int) -> Freemap:
         """Load a level's planning map."""
         path = self.level_folder(level) / "freemap.npz"
-
-        def make(data: dict[str, NDArray[Any]]) -> Freemap:
-            names = ("floor_z_m", "traversable", *(k for k in ("headroom_m",) if k in data))
-            return Freemap(_grid(data), **{name: data[name] for name in names})
-
-        return _record(path, make)
+        return _record(path, lambda data: Freemap(_grid(data), **_known(Freemap, data)))
 
 
 def save_bundle(
