@@ -211,7 +211,9 @@ def read_info(root: Path) -> dict[str, Any]:
     info = info_module.read_info(root)
     version = info.get("codebase_version")
     if version != CODEBASE_VERSION:
-        raise FileFormatError(path, f"LeRobot {brief(version)}, this code reads {CODEBASE_VERSION}")
+        raise FileFormatError(
+            path, f"LeRobot {str(version)[:40]}, this code reads {CODEBASE_VERSION}"
+        )
     for key, kind in _NEEDED.items():
         if not isinstance(info.get(key), kind):
             raise FileFormatError(path, f"not a LeRobot dataset: {key} is {brief(info.get(key))}")
@@ -260,8 +262,8 @@ def _facts(root: Path, info: dict[str, Any]) -> DatasetFacts:
         value = read_json_object(provenance, root=root) if provenance.exists() else {}
         file_limits = FileLimits(
             int(info["chunks_size"]),
-            float(info["data_files_size_in_mb"]),
-            float(info["video_files_size_in_mb"]),
+            _megabytes(info["data_files_size_in_mb"]),
+            _megabytes(info["video_files_size_in_mb"]),
         )
         depth_storage = info["features"][DEPTH_KEY]["dtype"]
     except (ValueError, KeyError, TypeError, OverflowError) as error:
@@ -274,6 +276,13 @@ def _facts(root: Path, info: dict[str, Any]) -> DatasetFacts:
         file_limits,
         depth_storage,
     )
+
+
+def _megabytes(value: Any) -> float:
+    """Return a size as it is written, so that it is written back alike."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e9:
+        raise ValueError(f"a size of {brief(value)} MB")
+    return value
 
 
 def _card_front(path: Path) -> dict[str, str]:
