@@ -60,7 +60,7 @@ ASSEMBLY: dict[str, Any] = {
 
 @pytest.fixture
 def inline(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vlnpe.pipeline.engine.context.Workers", InlineWorkers)
+    monkeypatch.setattr("vlnpe.pipeline.engine.executors.Workers", InlineWorkers)
 
 
 def files(root: Path) -> dict[str, bytes]:
@@ -454,7 +454,7 @@ def test_the_command_refuses_what_it_cannot_use(
     for source, to, words in [
         (first.parent, "lerobot", [str(second), "h1", "another robot", str(first), "aliengo"]),
         (first.parent, "mcap", ["already mcap"]),
-        (tmp_path / "none", "mcap", ["not a folder and not an .mcap file"]),
+        (tmp_path / "none", "mcap", ["no such file"]),
         (tmp_path / "frames-a", "mcap", ["nothing to convert"]),
     ]:
         assert cli.main(["convert", str(source), "--to", to, "--out", out]) == 2
