@@ -119,6 +119,15 @@ def require_inside(path: Path, root: Path) -> None:
         raise FileFormatError(path, f"leads out of {root}; valid: files in it")
 
 
+def is_text(path: Path) -> bool:
+    """Return whether a path is valid UTF-8; others can be neither printed nor put into a file."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def is_relative(name: str) -> bool:
     """Return whether a path leads neither up nor to an absolute place, on any system."""
     windows = PureWindowsPath(name)

@@ -9,6 +9,8 @@ from typing import Any
 
 from ...formats.core.atomic import file_digest
 from ...formats.core.errors import FileFormatError, InputError
+from ...formats.core.limits import limits
+from ...formats.core.untrusted import check_input
 from ...formats.scene.bundle import INDEX_NAME
 from ...scene_repair.config import RepairConfig
 from ...scene_repair.scan.files import USD_SUFFIXES, side_names
@@ -112,10 +114,9 @@ def source_digest(source: Path) -> str:
     Raises:
         FileFormatError: missing, not a file, or among very many others.
     """
-    if not source.exists():
-        raise FileFormatError(source, "no such file")
-    if not source.is_file():
+    if source.is_dir():
         raise FileFormatError(source, "is a folder; valid: one scan, or SCENES=<folder>")
+    check_input(source, max_bytes=limits().scan_bytes)
     parts: list[object] = [source.name, file_digest(source)]
     for name in side_names(source):
         beside = source.with_name(name)

@@ -7,6 +7,8 @@ from pathlib import Path
 from PIL import Image
 
 from ...formats.core.errors import FileFormatError
+from ...formats.core.limits import limits
+from ...formats.core.untrusted import check_input, is_text, read_input
 from ..usd.package import read_member
 from .files import CLOUD_SUFFIXES, SUFFIXES, USD_SUFFIXES, splats, why_not
 from .headers import has_faces, splat_kind
@@ -27,8 +29,9 @@ def read_scan(path: Path) -> Scan:
             or without any usable triangle.
         InputError: a point cloud, and open3d is not installed.
     """
-    if not path.is_file():
-        raise FileFormatError(path, "no such file")
+    check_input(path, max_bytes=limits().scan_bytes)
+    if not is_text(path):
+        raise FileFormatError(path, "its name, or that of a folder above, is not UTF-8; rename it")
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise FileFormatError(path, why_not(path.name))
@@ -88,10 +91,10 @@ def _picture(
         warnings.append(f"reference {look.texture!r} leaves the scan's folder; ignored")
         return None
     try:
-        if not look.member and path.stat().st_size > MAX_BYTES:
-            warnings.append(f"picture {path.name} is larger than {MAX_BYTES >> 30} GiB")
-            return None
-        data = read_member(path, look.member) if look.member else path.read_bytes()
+        if look.member:
+            data = read_member(path, look.member)
+        else:
+            data = read_input(path, root=folder, max_bytes=MAX_BYTES)
     except (OSError, FileFormatError) as error:
         warnings.append(f"picture {look.member or path.name} cannot be read: {error}")
         return None
