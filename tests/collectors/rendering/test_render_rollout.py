@@ -86,7 +86,7 @@ def test_a_moved_camera_is_another_view_and_bad_mountings_are_refused() -> None:
     ego, top = views(height_m=1.2, pitch_down_deg=20)
     assert ego.name == "ego-32x32-90deg-1.2m-pitch20-baked"
     assert (top.height_m, top.pitch_down_deg) == (None, None)
-    with pytest.raises(InputError, match="camera height 9 m; valid: 0.05 to 3"):
+    with pytest.raises(InputError, match=r"camera height 9 m; valid: 0\.05 to 3"):
         views(height_m=9.0)
     with pytest.raises(InputError, match="camera pitch 120"):
         views(pitch_down_deg=120.0)
