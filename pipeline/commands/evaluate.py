@@ -8,10 +8,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ...collectors.controllers import CONTROLLERS, controller_for
+from ...collectors.controllers import controller_for, get_controller
 from ...collectors.rendering.camera.views import CameraOverrides, View
 from ...evaluation.episode import closed_loop
-from ...evaluation.policy import check_policy, checkpoint_path, policy_identity
+from ...evaluation.motions import DISCRETE, check_kind
+from ...evaluation.policy import SERVER_SCHEMES, check_policy, checkpoint_path, policy_identity
 from ...evaluation.results import (
     COLUMNS,
     RESULTS_NAME,
@@ -34,8 +35,6 @@ from ..options.evaluate import Compare, Evaluate
 from ..stages import evaluate, repair, replay
 from ..views import chosen_views
 
-DISCRETE = tuple(name for name, entry in CONTROLLERS.items() if entry.discrete)
-
 
 def run_evaluate(options: Evaluate) -> int:
     """Evaluate a policy.
@@ -44,8 +43,13 @@ def run_evaluate(options: Evaluate) -> int:
         InputError: If a name is unknown, or a file or folder cannot be used.
     """
     check_policy(options.policy)
-    if options.controller not in DISCRETE:
-        raise UnknownNameError("controller of an evaluation", options.controller, DISCRETE)
+    if options.actions != DISCRETE and not options.policy.startswith(SERVER_SCHEMES):
+        raise InputError(
+            f"--actions {options.actions}: only a policy server gives such actions, not "
+            f"{options.policy}; valid: {DISCRETE}, or --policy ws://HOST:PORT"
+        )
+    get_controller(options.controller)
+    check_kind(options.actions, options.controller)
     robots = chosen_robots(options.robot)
     if len(robots) != 1:
         raise InputError(f"--robot {options.robot}: an evaluation has one robot")
@@ -80,9 +84,10 @@ def run_evaluate(options: Evaluate) -> int:
             identity=identity,
             timeout_s=options.timeout_s,
             view=view,
+            actions=options.actions,
         )
         scope = f"{robot.name}/{options.controller}/"
-        summary = run_stage(context, evaluate.STAGE, items, scope)
+        summary = run_stage(context, evaluate.STAGE, items, scope, label="evaluate")
         rows = sorted(summary.good().values(), key=lambda row: row.item)
         results = [{k: v for k, v in row.facts.items() if k != "actions"} for row in rows]
         failed = {
@@ -93,6 +98,7 @@ def run_evaluate(options: Evaluate) -> int:
             "policy_version": identity,
             "robot": robot.name,
             "controller": options.controller,
+            "actions": options.actions,
             "view": view.name,
             "renderer": ",".join(
                 sorted(set(evaluate.renderers(episodes, scenes_folder, view.renderer).values()))

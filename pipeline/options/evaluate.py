@@ -29,7 +29,11 @@ class Evaluate(Executed):
     robot: str = "aliengo"
     """Robot: a name (see `vlnpe robots`), or the folder of your own robot."""
     controller: str = "speed"
-    """How actions are carried out: speed (physics), or flash (placed without physics)."""
+    """How actions are carried out: speed (physics), flash (placed without physics), or path for
+    --actions waypoints."""
+    actions: str = "discrete"
+    """Actions of a policy server: discrete (controller speed or flash), velocity (speed) or
+    waypoints (path)."""
     split: str | None = None
     """Evaluate only this split, for example val_unseen; all by default."""
     limit: int | None = None
