@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -182,7 +181,8 @@ class _Log:
             row |= self._request.validate(model, self._card)
         model.train()
         self._losses.clear()
-        self.rows = [*self.rows, {k: round(v, 6) for k, v in row.items()}]
+        finite = {k: round(float(v), 6) for k, v in row.items() if np.isfinite(v)}
+        self.rows = [*self.rows, finite | {"step": done}]
         _write_curves(self._curves, self.rows)
         self.chosen = self._best()
         if self.chosen == done:
@@ -282,7 +282,7 @@ def _read_curves(path: Path) -> list[dict[str, Any]]:
         return []
     try:
         rows = list(csv.DictReader(io.StringIO(path.read_text())))
-        values = [{k: json.loads(v) for k, v in row.items() if v} for row in rows]
-        return [row for row in values if isinstance(row["step"], int)]
+        values = [{k: float(v) for k, v in row.items() if v} for row in rows]
+        return [row | {"step": int(row["step"])} for row in values]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise FileFormatError(path, f"no curves of a training ({error})") from error

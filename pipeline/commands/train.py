@@ -80,10 +80,12 @@ def _changes(options: Train, train: Any) -> dict[str, Any]:
 
 def _validation(options: Train) -> Validation | None:
     """Return what scores a model in closed loop; SR counts stops within 3 m, as in `evaluate`."""
-    if options.validate is None:
+    if options.validate < 0:
+        raise InputError(f"--validate {options.validate}; valid: 0 or more")
+    if not options.validate:
         return None
-    if options.validate_episodes < 1:
-        raise InputError(f"--validate-episodes {options.validate_episodes}; valid: 1 or more")
+    if options.run is None:
+        raise InputError("--validate walks the episodes of a run; name it with --run FOLDER")
     from ...collectors.controllers import controller_for
     from ...collectors.rendering.camera.views import CameraOverrides
     from ...collectors.replay import ReplayConfig
@@ -98,9 +100,9 @@ def _validation(options: Train) -> Validation | None:
 
     (robot,) = chosen_robots(options.robot)
     controller_for(robot, options.controller)
-    episodes, scenes = asked_episodes(options.validate, None, options.validate_split)
-    chosen = spread(episodes, options.validate_episodes)
-    config = ReplayConfig(robot=str(robot.name), controller=options.controller)
+    episodes, scenes = asked_episodes(options.run, None, options.validate_split)
+    chosen = spread(episodes, options.validate)
+    config = ReplayConfig(robot=options.robot, controller=options.controller)
 
     def validate(model: Model, card: Card) -> dict[str, float]:
         light = card.lights[0] if len(card.lights) == 1 else "baked"

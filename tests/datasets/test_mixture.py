@@ -245,7 +245,7 @@ def test_a_larger_fraction_contains_a_smaller_one_for_every_robot(runs: Path) ->
         ({"evaluate": ["dog"]}, "unknown source to evaluate 'dog'"),
         ({"compare": [["all"]]}, "pairs"),
         ({"compare": [["all", "none"]]}, "'none'; valid: all, alone, even"),
-        ({"holdout": "room"}, "'room'; valid: auto, scene, split, trajectory"),
+        ({"holdout": "room"}, "'room'; valid: auto, none, scene, split, trajectory"),
         ({"holdout_fraction": 1.0}, "between 0 and 1"),
     ],
 )
@@ -268,7 +268,7 @@ def test_what_is_no_recipe_is_refused(text: str, tmp_path: Path) -> None:
 
 def test_shipped_recipes_are_valid() -> None:
     found = {path.stem: read_recipe(path) for path in FOLDER.glob("*.yaml")}
-    assert set(found) == {"cross_embodiment", "controller", "lighting"}
+    assert set(found) == {"starter", "cross_embodiment", "controller", "lighting"}
     table: Recipe = found["cross_embodiment"]
     assert len(table.mixtures) >= 6
 
