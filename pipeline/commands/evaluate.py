@@ -8,10 +8,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ...collectors.controllers import CONTROLLERS, controller_for
-from ...collectors.rendering.camera.views import CameraOverrides
+from ...collectors.controllers import controller_for, get_controller
+from ...collectors.rendering.camera.views import CameraOverrides, View
 from ...evaluation.episode import closed_loop
-from ...evaluation.policy import check_policy, checkpoint_path, policy_identity
+from ...evaluation.motions import DISCRETE, check_kind
+from ...evaluation.policy import SERVER_SCHEMES, check_policy, checkpoint_path, policy_identity
 from ...evaluation.results import (
     COLUMNS,
     RESULTS_NAME,
@@ -34,8 +35,6 @@ from ..options.evaluate import Compare, Evaluate
 from ..stages import evaluate, repair, replay
 from ..views import chosen_views
 
-DISCRETE = tuple(name for name, entry in CONTROLLERS.items() if entry.discrete)
-
 
 def run_evaluate(options: Evaluate) -> int:
     """Evaluate a policy.
@@ -44,15 +43,20 @@ def run_evaluate(options: Evaluate) -> int:
         InputError: If a name is unknown, or a file or folder cannot be used.
     """
     check_policy(options.policy)
-    if options.controller not in DISCRETE:
-        raise UnknownNameError("controller of an evaluation", options.controller, DISCRETE)
+    if options.actions != DISCRETE and not options.policy.startswith(SERVER_SCHEMES):
+        raise InputError(
+            f"--actions {options.actions}: only a policy server gives such actions, not "
+            f"{options.policy}; valid: {DISCRETE}, or --policy ws://HOST:PORT"
+        )
+    get_controller(options.controller)
+    check_kind(options.actions, options.controller)
     robots = chosen_robots(options.robot)
     if len(robots) != 1:
         raise InputError(f"--robot {options.robot}: an evaluation has one robot")
     (robot,) = robots
     controller_for(robot, options.controller)
-    camera = _camera(options)
-    views = chosen_views(camera, options.light, options.renderer, robot, CameraOverrides())
+    wishes = CameraOverrides(height_m=options.camera_height, pitch_down_deg=options.camera_pitch)
+    views = chosen_views(_camera(options), options.light, options.renderer, robot, wishes)
     if len(views) != 1 or views[0].kind != "ego":
         raise InputError(
             f"--camera {options.camera} --light {options.light}: a policy has one camera, the "
@@ -64,7 +68,7 @@ def run_evaluate(options: Evaluate) -> int:
     scenes = repair.rows_of(scenes_folder)
     repair.demand({e.scene_id for e in episodes}, scenes, scenes_folder)
     identity = policy_identity(options.policy, options.timeout_s)
-    out = options.out or _default_out(options, robot.name)
+    out = options.out or _default_out(options, robot.name, view)
     actions = action_timing(options.action_steps, options.closed_loop)
     with open_context(out, options.workers) as context:
         root = context.ledger.root
@@ -81,9 +85,10 @@ def run_evaluate(options: Evaluate) -> int:
             identity=identity,
             timeout_s=options.timeout_s,
             view=view,
+            actions=options.actions,
         )
         scope = f"{robot.name}/{options.controller}/"
-        summary = run_stage(context, evaluate.STAGE, items, scope)
+        summary = run_stage(context, evaluate.STAGE, items, scope, label="evaluate")
     rows = sorted(summary.good().values(), key=lambda row: row.item)
     results = [{k: v for k, v in row.facts.items() if k != "actions"} for row in rows]
     failed = {r.item: str(r.error.get("reason", "")) for r in summary.rows if r.status != "done"}
@@ -92,6 +97,7 @@ def run_evaluate(options: Evaluate) -> int:
         "policy_version": identity,
         "robot": robot.name,
         "controller": options.controller,
+        "actions": options.actions,
         "view": view.name,
         "renderer": view.renderer,
         "seed": options.seed,
@@ -172,10 +178,10 @@ def _camera(options: Evaluate) -> str:
     return read_card(path)[0].view.camera(options.camera)
 
 
-def _default_out(options: Evaluate, robot: str) -> Path:
+def _default_out(options: Evaluate, robot: str, view: View) -> Path:
     path = checkpoint_path(options.policy)
     policy = f"{path.stem}-{file_digest(path)[:6]}" if path else options.policy
-    name = f"{policy}-{robot}-{options.controller}-{options.light}"
+    name = f"{policy}-{robot}-{options.controller}{view.moved}-{options.light}"
     base = options.episodes if options.episodes.is_dir() else Path("runs")
     return base / "evaluations" / safe_name(name)
 

@@ -70,7 +70,11 @@ def run_render(options: Render) -> int:
             robot, controller, _ = row.item.split("/", 2)
             groups.setdefault((robot, controller), {})[row.item] = row
     wishes = CameraOverrides(
-        width_px=options.width_px, height_px=options.height_px, hfov_deg=options.hfov_deg
+        width_px=options.width_px,
+        height_px=options.height_px,
+        hfov_deg=options.hfov_deg,
+        height_m=options.camera_height,
+        pitch_down_deg=options.camera_pitch,
     )
     views = {
         robot: chosen_views(

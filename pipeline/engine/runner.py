@@ -93,6 +93,8 @@ def run_stage(
     items: Sequence[WorkItem],
     scope: str = "",
     required: bool = False,
+    *,
+    label: str = "",
 ) -> StageSummary:
     """Run the items that are not done yet.
 
@@ -103,6 +105,7 @@ def run_stage(
         scope: earlier rows whose item starts with it and is not among `items` are no longer
             current (the same stage may run once per robot; each run is its own scope).
         required: without a single good item there is nothing left to do, and the run ends.
+        label: name on the progress bar; that of the stage by default.
 
     Raises:
         InputError: a file cannot be written, or all items of a required stage failed for a reason
@@ -125,7 +128,7 @@ def run_stage(
             waiting.append(item)
     ledger.forget(stage, [item.name for item in waiting])
     bar = progress_bar(
-        f"{' '.join([stage, *scope.split('/')[:2]]):<{BAR_LABEL}}",
+        f"{' '.join([label or stage, *scope.split('/')[:2]]):<{BAR_LABEL}}",
         len(items),
         initial=len(items) - len(waiting),
         note=_note(summary),

@@ -53,6 +53,11 @@ class Collect(Sampling):
     camera: str = "ego"
     """Cameras to render: ego, chase, top, or a comma-separated list (ego,chase), each with an
     optional size and field of view (ego:640x480:79). Each camera becomes a separate dataset."""
+    camera_height: float | None = None
+    """Height of the robot's own camera above the floor [m], standing; defaults to the robot's. A
+    moved camera does not see the robot's body."""
+    camera_pitch: float | None = None
+    """Downward tilt of the robot's own camera [deg]; defaults to the robot's."""
     light: str = "baked"
     """Lighting: baked (as scanned), DL5000 (panel lights, day), DL300 (night), CL (a lamp on the
     robot), a comma-separated list (DL5000,CL), or `all`. Each becomes a separate dataset."""

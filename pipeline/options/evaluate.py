@@ -28,7 +28,11 @@ class Evaluate:
     robot: str = "aliengo"
     """Robot: a name (see `vlnpe robots`), or the folder of your own robot."""
     controller: str = "speed"
-    """How actions are carried out: speed (physics), or flash (placed without physics)."""
+    """How actions are carried out: speed (physics), flash (placed without physics), or path for
+    --actions waypoints."""
+    actions: str = "discrete"
+    """Actions of a policy server: discrete (controller speed or flash), velocity (speed) or
+    waypoints (path)."""
     split: str | None = None
     """Evaluate only this split, for example val_unseen; all by default."""
     limit: int | None = None
@@ -36,6 +40,11 @@ class Evaluate:
     camera: str = "ego"
     """Camera of the policy, with an optional size and field of view (ego:224x224:79); a learned
     policy by default has the one of its training data."""
+    camera_height: float | None = None
+    """Height of the robot's own camera above the floor [m], standing; defaults to the robot's. A
+    moved camera does not see the robot's body."""
+    camera_pitch: float | None = None
+    """Downward tilt of the robot's own camera [deg]; defaults to the robot's."""
     light: str = "baked"
     """Lighting: baked, DL5000, DL300 or CL."""
     renderer: str = "auto"

@@ -26,6 +26,7 @@ def items(
     identity: str,
     timeout_s: float,
     view: View,
+    actions: str,
 ) -> list[WorkItem]:
     """One item per episode.
 
@@ -39,12 +40,14 @@ def items(
         identity: what the policy is now; see `policy_identity`.
         timeout_s: how long a policy server may take for one action.
         view: the camera that the policy sees through.
+        actions: kind of the policy's actions.
     """
     who, result = walker(config), []
     for episode, name in zip(episodes, walk_names(episodes, config), strict=True):
         out = root / f"{name}.mcap"
         scene = scenes_folder / episode.scene_id
-        job = EvaluateJob(scene, episode, config, policy, timeout_s, view, root / "models", out)
-        inputs = (episode, scenes[episode.scene_id].key, *who, identity, view)
+        models = root / "models"
+        job = EvaluateJob(scene, episode, config, policy, timeout_s, view, actions, models, out)
+        inputs = (episode, scenes[episode.scene_id].key, *who, identity, view, actions)
         result.append(work_item("evaluate", name, job, (out,), *inputs))
     return result

@@ -28,10 +28,11 @@ def config(robot: str, controller: str, seed: int, actions: SpeedConfig) -> Repl
     plain = ReplayConfig(robot=robot, controller=controller, seed=seed)
     if controller != "speed":
         return plain
-    if actions.end_on_displacement:
-        return replace(plain, speed=actions)
     # VLN-PE calls stuck what gets nowhere in 50 actions; in closed loop these have no fixed length.
-    outcome = replace(plain.outcome, stuck_steps=STUCK_ACTIONS * actions.steps_per_action)
+    if actions.end_on_displacement:
+        outcome = replace(plain.outcome, stuck_actions=STUCK_ACTIONS)
+    else:
+        outcome = replace(plain.outcome, stuck_steps=STUCK_ACTIONS * actions.steps_per_action)
     return replace(plain, speed=actions, outcome=outcome)
 
 

@@ -51,6 +51,7 @@ def test_the_oracle_arrives_the_idle_do_not_and_compare_says_so(run, tmp_path, c
     assert taken == [int(span.action) for span in rollout.actions] and taken[-1] == 0
     printed = capsys.readouterr().out
     assert "SPL [%]" in printed and "val_seen" in printed
+    assert max(map(len, printed.split("results:")[0].splitlines())) <= 120
     assert main(["compare", str(a), str(b), "--json"]) == 0
     found = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert found["common"] == 2 and found["differences"]["TL"]["mean"] < -1.0
@@ -85,7 +86,8 @@ def test_the_same_id_in_two_splits_is_two_episodes(run, tmp_path) -> None:
     ("options", "message"),
     [
         (["--policy", "cma"], "policy 'cma'.*valid: .*random.*ws://"),
-        (["--controller", "path"], "valid: flash, speed"),
+        (["--controller", "path"], "'path' does not carry out discrete.*valid: speed, flash"),
+        (["--actions", "waypoints"], "only a policy server gives such actions"),
         (["--split", "train"], "split 'train'.*valid: .*val_seen"),
         (["--camera", "chase"], "one camera"),
         (["--robot", "h1,g1"], "one robot"),
