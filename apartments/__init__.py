@@ -1,7 +1,7 @@
 """The built-in scenes: procedurally furnished buildings, virtually scanned."""
 
 from .config import BUILDINGS, ApartmentConfig, ScanConfig, building_config
-from .generate import generate_scan
+from .generate import generate_scan, generate_splats
 from .home.building import build_scene
 from .home.true_scene import TrueScene
 
@@ -13,4 +13,5 @@ __all__ = [
     "build_scene",
     "building_config",
     "generate_scan",
+    "generate_splats",
 ]

@@ -10,7 +10,7 @@ from ..options.scenes import Repair, Scan
 from ..stages import repair
 from ..summary import tell
 
-SCAN_NAMES = frozenset({"scan.glb", "scan.labels.json", "truth.npz", "LICENSE.scan"})
+SCAN_NAMES = frozenset({"scan.glb", "scan.ply", "scan.labels.json", "truth.npz", "LICENSE.scan"})
 SCENE_NAMES = frozenset(
     {"scene.json", "scene.usdc", "visual.npz", "textures", "levels"}
     | {"repair.json", "before.png", "after.png"}
@@ -26,10 +26,9 @@ def run_scan(options: Scan) -> int:
     check_kind(options.kind)
     refuse_to_replace(options.out, SCAN_NAMES)
     out = options.out.resolve()
-    facts = run_single(
-        out, repair.SCAN_STAGE, repair.scan_item(BuiltIn(options.kind, options.seed), out)
-    ).facts
-    return tell(options, facts, f"{options.out / 'scan.glb'}: {options.kind} {options.seed}")
+    item = repair.scan_item(BuiltIn(options.kind, options.seed), out, options.splats)
+    facts = run_single(out, repair.SCAN_STAGE, item).facts
+    return tell(options, facts, f"{options.out / facts['scan']}: {options.kind} {options.seed}")
 
 
 def run_repair(options: Repair) -> int:

@@ -17,19 +17,22 @@ class ScanJob:
         seed: of the building.
         folder: output.
         kind: key of `apartments.BUILDINGS`.
+        splats: capture Gaussian splats instead of a mesh.
     """
 
     seed: int
     folder: Path
     kind: str = "apartment"
+    splats: bool = False
 
     def run(self) -> ItemResult:
         """Generate one scan."""
         # Takes long to import: only where the work is done.
-        from ...apartments import building_config, generate_scan
+        from ...apartments import building_config, generate_scan, generate_splats
 
         with atomic_folder(self.folder) as temporary:
-            scan = generate_scan(self.seed, temporary, building_config(self.kind))
+            generate = generate_splats if self.splats else generate_scan
+            scan = generate(self.seed, temporary, building_config(self.kind))
             size = scan.stat().st_size
             # The scan is made by this project, so that the data made from it may be used as freely.
             (temporary / "LICENSE.scan").write_text("Apache-2.0\n")

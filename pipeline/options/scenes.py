@@ -18,8 +18,10 @@ class Scan:
     """Random seed of the building; the same seed gives the same building."""
     kind: str = "apartment"
     """Kind of building: apartment, villa, house (two storeys) or office."""
+    splats: bool = False
+    """Capture the building as Gaussian splats (scan.ply) instead of a textured mesh (scan.glb)."""
     out: Path = Path("scan")
-    """Output folder for scan.glb, its labels and the ground-truth floor."""
+    """Output folder for the scan, its labels and the ground-truth floor."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""
 

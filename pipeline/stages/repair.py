@@ -30,10 +30,11 @@ MAX_BESIDE = 100_000
 SIDE_FILES = {".mtl", ".mdl", ".bin", *PICTURES, *USD_SUFFIXES}
 
 
-def scan_item(building: BuiltIn, folder: Path) -> WorkItem:
-    """Generate a built-in scene and scan it virtually into `folder`."""
-    job = ScanJob(building.seed, folder, building.kind)
-    return work_item(SCAN_STAGE, building.name, job, (folder,), building.seed, building.kind)
+def scan_item(building: BuiltIn, folder: Path, splats: bool = False) -> WorkItem:
+    """Generate a built-in scene and scan it virtually into `folder`, as mesh or as splats."""
+    job = ScanJob(building.seed, folder, building.kind, splats)
+    what = (building.seed, building.kind, *(("splats",) if splats else ()))
+    return work_item(SCAN_STAGE, building.name, job, (folder,), *what)
 
 
 def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> list[WorkItem]:
