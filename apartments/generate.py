@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..formats.core.frames import HABITAT_TO_WORLD, quat_to_matrix, world_to_habitat_position
+from ..formats.fusion.surface import ScanMesh, extract
 from ..formats.splats.ply import write_ply_splats
 from ..formats.splats.record import GaussianCloud
 from .config import ApartmentConfig
@@ -24,7 +25,6 @@ from .scanner.fusion import fuse
 from .scanner.lookup import label_faces
 from .scanner.splat_faults import with_faults
 from .scanner.splats import place_splats
-from .scanner.surface import ScanMesh, extract
 from .scanner.tracing import Tracer
 from .truth import write_truth
 

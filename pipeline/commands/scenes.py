@@ -12,7 +12,7 @@ from ..summary import tell
 
 SCAN_NAMES = frozenset({"scan.glb", "scan.ply", "scan.labels.json", "truth.npz", "LICENSE.scan"})
 SCENE_NAMES = frozenset(
-    {"scene.json", "scene.usdc", "visual.npz", "textures", "levels"}
+    {"scene.json", "scene.usdc", "visual.npz", "textures", "levels", "splats.npz"}
     | {"repair.json", "before.png", "after.png"}
 )
 
@@ -38,7 +38,9 @@ def run_repair(options: Repair) -> int:
         InputError: If the scan cannot be used, or `out` contains unrelated files.
     """
     out = options.out.resolve()
-    item = repair.item(options.scan, out, RepairConfig(up=options.up, unit=options.unit))
+    collision = str(options.collision.resolve()) if options.collision else ""
+    config = RepairConfig(up=options.up, unit=options.unit, collision=collision)
+    item = repair.item(options.scan, out, config)
     refuse_to_replace(options.out, SCENE_NAMES)
     facts = run_single(out, repair.STAGE, item).facts
     end = "repaired" if facts["sound"] else "repaired, but NOT SOUND (collect refuses it)"

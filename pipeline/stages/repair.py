@@ -56,7 +56,10 @@ def item(source: Path, out: Path, config: RepairConfig) -> WorkItem:
         FileFormatError: If the source does not exist or is not a file.
     """
     job = RepairJob(source, out, config)
-    return work_item(STAGE, out.name, job, (out,), config, source_digest(source))
+    inputs = [config, source_digest(source)]
+    if config.collision:
+        inputs.append(source_digest(Path(config.collision)))
+    return work_item(STAGE, out.name, job, (out,), *inputs)
 
 
 def decisions(facts: Mapping[str, Any]) -> list[str]:
