@@ -32,10 +32,16 @@ MAX_BESIDE = 100_000
 SIDE_FILES = {".mtl", ".mdl", ".bin", *PICTURES, *USD_SUFFIXES}
 
 
-def scan_item(building: BuiltIn, folder: Path) -> WorkItem:
-    """Generate a built-in scene into `folder`, and scan it virtually unless it is to be exact."""
-    job = ScanJob(building.seed, folder, building.kind, building.scanned)
-    inputs = (building.seed, building.kind, building.scanned)
+def scan_item(building: BuiltIn, folder: Path, splats: bool = False) -> WorkItem:
+    """Generate a built-in scene into `folder`, and scan it virtually unless it is to be exact.
+
+    Args:
+        building: which one.
+        folder: output.
+        splats: capture it as Gaussian splats instead of a mesh.
+    """
+    job = ScanJob(building.seed, folder, building.kind, building.scanned, splats)
+    inputs = (building.seed, building.kind, building.scanned, splats)
     return work_item(SCAN_STAGE, building.name, job, (folder,), *inputs)
 
 
@@ -58,7 +64,10 @@ def item(source: Path, out: Path, config: RepairConfig) -> WorkItem:
         FileFormatError: If the source does not exist or is not a file.
     """
     job = RepairJob(source, out, config)
-    return work_item(STAGE, out.name, job, (out,), config, source_digest(source))
+    inputs = [config, source_digest(source)]
+    if config.collision:
+        inputs.append(source_digest(Path(config.collision)))
+    return work_item(STAGE, out.name, job, (out,), *inputs)
 
 
 def decisions(facts: Mapping[str, Any]) -> list[str]:

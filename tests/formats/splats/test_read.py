@@ -43,7 +43,7 @@ def test_ply_of_every_degree(degree: int, tmp_path: Path) -> None:
     assert splat_kind(path) == "PLY of 3D Gaussian splatting"
     read = read_splats(path)
     same(read, cloud, 1e-5)
-    assert read.licence == "License CC0"
+    assert read.licence == "CC0"
     # trimesh keeps the properties as the file names them: channel by channel for f_rest.
     raw = trimesh.load(path, process=False).metadata["_ply_raw"]["vertex"]["data"]
     each = (degree + 1) ** 2 - 1

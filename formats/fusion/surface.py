@@ -15,8 +15,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from skimage.measure import marching_cubes
 
-from ...formats.core.geometry import triangle_normals_and_areas
-from .fusion import DistanceVolume
+from ..core.geometry import triangle_normals_and_areas
+from .volume import DistanceVolume
 
 _LEAST_WEIGHT = 0.06
 # A true surface changes the field by at most √3 / 3 across a cell; more is two views that
