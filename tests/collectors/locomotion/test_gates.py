@@ -89,6 +89,7 @@ def test_nothing_measured_passes_nothing():
     assert [r.passed for r in gate_results({})] == [False] * len(GATES)
 
 
+@pytest.mark.slow
 def test_a_table_answers_every_gate_and_survives_json(policy: GaitPolicy):
     table = json.loads(json.dumps(evaluation_table(policy, scale=0.01)))
     results = gate_results(table)
