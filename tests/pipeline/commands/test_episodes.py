@@ -68,7 +68,7 @@ def test_splits_over_several_scenes_are_exact_and_reused(scenes, tmp_path, capsy
     assert {path: path.read_bytes() for path in out.glob("*.json.gz")} == before
 
 
-def test_what_does_not_fit_is_told_with_advice_that_holds(scenes, tmp_path, capsys):
+def test_what_does_not_fit_is_reported_with_advice_that_holds(scenes, tmp_path, capsys):
     call = ["sample", scenes / "a", "--splits", "train=30", "--min-length-m", "4"]
     out = tmp_path / "mine"
     assert main([str(a) for a in (*call, "--min-gap-m", "2", "--out", out)]) == 2
