@@ -286,7 +286,8 @@ class _Aligner:
                 return "the text does not say where to stop"
             return "that is not where the path ends"
         if following is not None and not self._reachable(claim, made):
-            return f"{claim.reason} comes after a turn that is not mentioned: {self._skipped(following)}"
+            skipped = self._skipped(following)
+            return f"{claim.reason} comes after a turn that is not mentioned: {skipped}"
         return f"{claim.reason} is not in the order of the path"
 
     def _reachable(self, claim: Claim, made: int) -> bool:
