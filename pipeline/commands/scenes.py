@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ...formats.core.errors import InputError
 from ...scene_repair.config import RepairConfig
 from ..builtin import BuiltIn, check_kind
 from ..engine.context import run_single
