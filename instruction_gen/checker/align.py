@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..facts.records import TurnFact
+from ..language.lexicon import DOORS
 from .claim import Claim
 from .ground import Ground, Mask, spread
 
@@ -26,6 +27,7 @@ _PLAIN_DEG = 33.0  # "turn left" is no smaller turn
 _IMPLIED_M = 1.4  # a room entered this near to a turn tells that turn
 _IMPLIED_DEG = 70.0
 _IMPLIED_AFTER_M = 0.1
+_AT_DOOR_M = 0.3
 _OTHER_SIDE_DEG = 35.0  # a door told on one side hides no turn to the other
 _SIDED_M = 2.2  # so does a door on that side
 _BARE_STOP_M = 2.6
@@ -33,6 +35,8 @@ _ORDER_M = 1.5  # things passed this near to each other may be told in either or
 _MEANWHILE_M = 4.0
 _ROUND_DEG = 75.0
 _ROUND_M = 1.5  # a turn made this near to a thing that is walked around
+
+_NAMELESS = DOORS | {"room"}
 
 States = dict[int, Mask]
 
@@ -118,7 +122,7 @@ class _Aligner:
             for k in self._implied(made, claim):
                 here = claim.mask & (self.along >= first)
                 here &= self.along <= self._limit(k) + _LATE_M
-                if k > made and not claim.bends:
+                if k > made and not claim.bends and not self._only_way_out(claim):
                     turn = self.turns[k - 1]
                     here &= np.abs(self.along - turn.along_m) <= _IMPLIED_M + 1.0
                 if claim.still and here.any() and k == made:
@@ -229,6 +233,11 @@ class _Aligner:
         options = [made]
         if claim.bends:
             return self._rounded(made, claim)
+        if self._only_way_out(claim):
+            # Nobody needs to be told how to turn to the only door of the room one stands in.
+            out_m = self.ground.facts.passages[0].along_m
+            inside = [k for k, t in enumerate(self.turns) if t.along_m <= out_m + _AT_DOOR_M]
+            options += [k + 1 for k in inside if k >= made]
         if claim.kind != "door" and not (claim.kind == "exit" and claim.side):
             return options
         for k in range(made, len(self.turns)):
@@ -240,7 +249,7 @@ class _Aligner:
                 for p in self.ground.facts.passages
                 if (claim.mask & self._between(p.along_m - 0.4, p.along_m + 0.4)).any()
             )
-            named = claim.reason not in ("the room", "the door") or sided
+            named = claim.reason.removeprefix("the ") not in _NAMELESS or sided
             against = bool(claim.side) and not sided and abs(turn.angle_deg) > _OTHER_SIDE_DEG
             if near and named and not against and (abs(turn.angle_deg) <= _IMPLIED_DEG or sided):
                 if claim.turned and self.required[k]:
@@ -248,7 +257,15 @@ class _Aligner:
                 options.append(k + 1)
             elif self.required[k]:
                 break
-        return options
+        return sorted(set(options))
+
+    def _only_way_out(self, claim: Claim) -> bool:
+        """Whether a claim is that the first room is left, by the only opening it has."""
+        facts = self.ground.facts
+        if claim.kind != "exit" or claim.side or not facts.passages or facts.visits[0].exits != 1:
+            return False
+        out_m = facts.passages[0].along_m
+        return bool((claim.mask & self._between(out_m - 0.4, out_m + 0.4)).any())
 
     def _rounded(self, made: int, claim: Claim) -> list[int]:
         """Numbers of turns that may be made on the way around a thing."""

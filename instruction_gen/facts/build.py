@@ -106,9 +106,21 @@ def _visits(
     passages: Sequence[PassageFact],
     length: float,
 ) -> tuple[VisitFact, ...]:
-    if not passages:
-        region = int(shared.regions.at(path[-1]))
-        return (VisitFact(shared.names[region] if region >= 0 else "", 0.0, round(length, 2)),)
     knots = [0.0, *(p.along_m for p in passages), round(length, 2)]
+    ends = [*(c.from_region for c in crossings(shared.regions, path)), -1]
+    ends[-1] = int(shared.regions.at(path[-1]))
+    rooms = _rooms(shared, ends, passages)
+    return tuple(
+        VisitFact(name, a, b, shared.exits[region] if region >= 0 else 0)
+        for (name, region), (a, b) in zip(rooms, pairwise(knots), strict=True)
+    )
+
+
+def _rooms(
+    shared: LevelFacts, regions: Sequence[int], passages: Sequence[PassageFact]
+) -> list[tuple[str, int]]:
+    """Return name and region of each room visited."""
+    if not passages:
+        return [(shared.names[regions[0]] if regions[0] >= 0 else "", regions[0])]
     names = [passages[0].from_room, *(p.to_room for p in passages)]
-    return tuple(VisitFact(name, a, b) for name, (a, b) in zip(names, pairwise(knots), strict=True))
+    return list(zip(names, regions, strict=True))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-FACTS_VERSION = 2
+FACTS_VERSION = 3
 
 
 @dataclass(frozen=True)
@@ -64,11 +64,13 @@ class VisitFact:
     Attributes:
         room: canonical name, "" when unknown.
         from_m, to_m: distances along the path [m].
+        exits: by how many openings the room can be left; 0 = unknown.
     """
 
     room: str
     from_m: float
     to_m: float
+    exits: int = 0
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 VERBS = {
     "turn": """turn turning bearing veering veer bear angle swing rotate pivot curve bend hook hang
-        spin face bends curves""",
+        spin face bends curves drift slant swerve lean""",
     "move": """walk go head move continue proceed step keep follow cross travel advance come carry
         stay get march stroll start begin set make take traverse cut run return heading walking
         going moving continuing keeping following leads lead round""",
@@ -71,11 +71,15 @@ BY_YOU = {
     ("beside", "you"): "beside",
 }
 KEEP = frozenset("keep stay keeping staying".split())
-BEND_WORDS = frozenset("bear bearing veer veering curve curves bend bends angle keep".split())
+BEND_WORDS = frozenset(
+    "bear bearing veer veering curve curves bend bends angle keep drift slant lean".split()
+)
 TURN_PLACE = frozenset("at in into through by past between along out".split())
-SEVERAL = frozenset("both all which each".split())
+SEVERAL = frozenset("both all which each also".split())
+OPENERS = frozenset("there here then next that".split())
 RIGHT_ADVERB = frozenset(
-    "there here next in by beside before after away where past behind between at through".split()
+    """there here next in by beside before after away where past behind between at through up
+    outside inside""".split()
 )
 FILLERS = frozenset(
     """the a an you your will be it its that which who this these those to straight ahead forward
