@@ -23,17 +23,17 @@ _LATE_M = 1.6  # how far beyond an untold turn a claim may already lie
 _ONE_BEND_M = 2.0
 _SPOT_M = 0.6
 _ONE_TURN_DEG = 130.0  # more than this, not on the spot, is two turns
-_PLAIN_DEG = 33.0  # "turn left" is no smaller turn
+_PLAIN_DEG = 30.0  # "turn left" is no smaller turn
 _IMPLIED_M = 1.4  # a room entered this near to a turn tells that turn
 _IMPLIED_DEG = 70.0
 _IMPLIED_AFTER_M = 0.1
-_AT_DOOR_M = 0.3
 _OTHER_SIDE_DEG = 35.0  # a door told on one side hides no turn to the other
 _SIDED_M = 2.2  # so does a door on that side
 _BARE_STOP_M = 2.6
 _ORDER_M = 1.5  # things passed this near to each other may be told in either order
 _MEANWHILE_M = 4.0
 _ROUND_DEG = 75.0
+_INSIDE_DEG = 130.0  # with the thing known to lie on the inside of the bend
 _ROUND_M = 1.5  # a turn made this near to a thing that is walked around
 
 _NAMELESS = DOORS | {"room"}
@@ -236,7 +236,7 @@ class _Aligner:
         if self._only_way_out(claim):
             # Nobody needs to be told how to turn to the only door of the room one stands in.
             out_m = self.ground.facts.passages[0].along_m
-            inside = [k for k, t in enumerate(self.turns) if t.along_m <= out_m + _AT_DOOR_M]
+            inside = [k for k, t in enumerate(self.turns) if t.along_m <= out_m]
             options += [k + 1 for k in inside if k >= made]
         if claim.kind != "door" and not (claim.kind == "exit" and claim.side):
             return options
@@ -245,9 +245,9 @@ class _Aligner:
             sided = bool(claim.side) and claim.side == turn.side
             early = -_SIDED_M if sided else -_IMPLIED_M
             near = any(
-                early <= turn.along_m - p.along_m <= _IMPLIED_AFTER_M
-                for p in self.ground.facts.passages
-                if (claim.mask & self._between(p.along_m - 0.4, p.along_m + 0.4)).any()
+                early <= turn.along_m - p <= _IMPLIED_AFTER_M
+                for p in self.ground.passages_m
+                if (claim.mask & self._between(p - 0.4, p + 0.4)).any()
             )
             named = claim.reason.removeprefix("the ") not in _NAMELESS or sided
             against = bool(claim.side) and not sided and abs(turn.angle_deg) > _OTHER_SIDE_DEG
@@ -274,7 +274,8 @@ class _Aligner:
             turn = self.turns[k]
             near = claim.mask & self._between(turn.along_m - _ROUND_M, turn.along_m + _ROUND_M)
             against = claim.side in ("left", "right") and turn.side != claim.side
-            if not near.any() or against or abs(turn.angle_deg) > _ROUND_DEG:
+            most = _INSIDE_DEG if claim.side == turn.side else _ROUND_DEG
+            if not near.any() or against or abs(turn.angle_deg) > most:
                 break
             options.append(k + 1)
         return options

@@ -182,11 +182,8 @@ class Things:
         if noun.side:
             here = here & self._sided(chosen, noun.side)
             if not here.any():
-                where = (
-                    f"on the {noun.side}"
-                    if noun.side in ("left", "right")
-                    else f"{noun.side} the walker"
-                )
+                beside = noun.side in ("left", "right")
+                where = f"on the {noun.side}" if beside else f"{noun.side} the walker"
                 return Found(nothing, f"the {name} is not {where}")
         if noun.ordinal:
             keep = self._ordinal(chosen, noun)
@@ -211,6 +208,8 @@ class Things:
         return [n for n, m in marks if m.room in names and answers_to(m, kind)]
 
     def _sided(self, chosen: list[int], side: str) -> Mask:
+        if side == "ahead":
+            return np.minimum(np.abs(self.facing[chosen]), np.abs(self.bearing[chosen])) <= 50.0
         if side == "behind":
             return np.abs(self.facing[chosen]) >= 80.0
         if side == "beside":

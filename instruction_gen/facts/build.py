@@ -26,9 +26,11 @@ from .records import (
     TurnFact,
     VisitFact,
 )
+from .rooms import rooms_near
 
 SMALL_TURN_RAD = np.deg2rad(20.0)
 _BEFORE_DOOR_M = 1.5
+_THRESHOLD_M, _NEAR_M = 0.7, 2.5
 
 
 def path_facts(
@@ -49,6 +51,7 @@ def path_facts(
         TurnFact(round(t.along_m, 2), round(float(np.rad2deg(t.angle_rad)), 1)) for t in found
     )
     passages = _passages(shared, path, track)
+    visits = _visits(shared, path, passages, length)
     sight = visibility.paths.get(episode.trajectory_id) if visibility else None
     landmarks = landmarks_of(shared, track, sight)
     return PathFacts(
@@ -59,12 +62,22 @@ def path_facts(
         turns=turns,
         segments=_segments(path, turns, length),
         passages=passages,
-        visits=_visits(shared, path, passages, length),
+        visits=visits,
         landmarks=landmarks,
         level_nouns=tuple(sorted({n for n in shared.nouns if n != DOOR})),
         level_rooms=tuple(sorted({n for n in shared.names if n})),
+        start_rooms=_others(shared, path[0], _THRESHOLD_M, visits[0].room),
+        goal_rooms=_others(shared, path[-1], _THRESHOLD_M, visits[-1].room),
+        goal_near_rooms=_others(shared, path[-1], _NEAR_M, visits[-1].room),
         camera=LookFact(**asdict(visibility.camera)) if visibility and sight else None,
     )
+
+
+def _others(
+    shared: LevelFacts, xy_m: NDArray[np.float64], reach_m: float, room: str
+) -> tuple[str, ...]:
+    """Return the names of rooms near a point other than the one said, in order."""
+    return tuple(sorted(rooms_near(shared.regions, shared.names, xy_m, reach_m) - {room}))
 
 
 def _segments(

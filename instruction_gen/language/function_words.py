@@ -30,6 +30,7 @@ PREPOSITIONS = {
     **dict.fromkeys("near beside against".split(), "near"),
     **dict.fromkeys("behind opposite facing under".split(), "near"),
     "before": "before",
+    "outside": "before",
     "between": "between",
     "around": "around",
     "round": "around",
@@ -67,6 +68,8 @@ THERE = frozenset("there here now done immediately".split())
 SECOND = frozenset("going walking moving heading straight following".split())
 BY_YOU = {
     ("behind", "you"): "behind",
+    ("in", "front", "of", "you"): "ahead",
+    ("ahead", "of", "you"): "ahead",
     ("next", "to", "you"): "beside",
     ("beside", "you"): "beside",
 }
@@ -89,5 +92,6 @@ FILLERS = frozenset(
     for of one where first well another off until and or some is are little bit once inside through
     behind at in by within from other same far close long short past with side do does need want
     facing let yourself into opposite both after before very too even half upon continuing onward
-    onwards itself whose until while past keep exactly eventually instead""".split()
+    onwards itself whose until while past keep exactly eventually instead clockwise counterclockwise
+    anticlockwise""".split()
 )

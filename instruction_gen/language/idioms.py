@@ -29,6 +29,8 @@ _IDIOMS = (
     ("at|to|on the side of", "beside"),
     ("at the front of", "in front of"),
     ("adjacent to?", "next to"),
+    ("outside of", "outside"),
+    ("circle|circling|round|rounding|circumvent the|it|this|that", "go around {1}"),
     ("a|one step|moment before|after|past", "{2}"),
     ("on|to the|your other|opposite|far side of", "past"),
     ("with the? your? back to|toward|towards", "away from"),

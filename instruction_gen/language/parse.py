@@ -214,6 +214,11 @@ class _Reader:
             self._take(k)
             return True
         pointing = draft.empty or (draft.verb == "see" and not draft.nouns)
+        it = [t.text for t in self.tokens[max(0, self.k - 2) : self.k]]
+        if prep == "to" and it in (["around", "it"], ["around", "this"], ["around", "that"]):
+            draft.side = side
+            self._take(k)
+            return True
         if prep in ("on", "to", "at") and pointing and self._side_of_last(side, k):
             return True
         # "Veer right between the chair to the left and …": the side of the chair.
@@ -221,7 +226,8 @@ class _Reader:
         if prep in ("on", "at", "in", "off") or (
             prep == "to" and draft.nouns and (draft.verb != "turn" or told)
         ):
-            if draft.nouns and not draft.nouns[-1].side and draft.nouns[-1].kind != "generic":
+            open_ = bool(draft.nouns) and draft.nouns[-1].side in ("", "ahead")
+            if open_ and draft.nouns[-1].kind != "generic":
                 draft.nouns[-1] = replace(draft.nouns[-1], side=side)
             elif draft.verb in ("move", "turn") and not draft.nouns and prep == "to":
                 draft.side = side
@@ -246,11 +252,14 @@ class _Reader:
 
     def _by_you(self) -> bool:
         """`behind you` and `next to you` say where the thing named before is."""
-        words = [t.text for t in self.tokens[self.k : self.k + 3]]
+        words = [t.text for t in self.tokens[self.k : self.k + 4]]
         for said, place in BY_YOU.items():
             if tuple(words[: len(said)]) == said and self.draft.nouns:
                 last = self.draft.nouns[-1]
-                self.draft.nouns[-1] = replace(last, side=last.side or place)
+                # "Once the bed on your left is behind you": behind is where it is then.
+                self.draft.nouns[-1] = replace(
+                    last, side=place if place == "behind" else last.side or place
+                )
                 self._take(len(said))
                 return True
         return False
@@ -260,9 +269,12 @@ class _Reader:
         before = self.tokens[self.k - 1].text if self.k else "."
         if before in ("then", "and", ".", ";"):
             return True
+        if before == "," and self.tokens[self.k].text == "left":
+            return True  # "right at the sofa" may be an adverb, "left at the sofa" is none
         if before == "," and self.k > 1 and self.tokens[self.k - 2].text in OPENERS:
             return True
-        return before == "," and bool(self.clauses) and self.clauses[-1].verb == "turn"
+        moving = ("turn", "move", "enter", "leave", "")
+        return before == "," and bool(self.clauses) and self.clauses[-1].verb in moving
 
     def _side_of_last(self, side: str, count: int) -> bool:
         """`…, both on the right` and `…, on your right,` say the side of what was just named."""
@@ -357,6 +369,8 @@ class _Reader:
         if found is None:
             return False
         noun, stop = found
+        if not self.prep and noun.kind == "object" and self._goes_on(stop):
+            self.prep = "past"
         noun = replace(noun, prep=self.prep or noun.prep, side=noun.side or self.draft.pending_side)
         self.draft.pending_side = ""
         if noun.kind == "generic" and noun.head in ("left", "right"):
@@ -385,6 +399,15 @@ class _Reader:
             self._close()
         self.prep = ""
         self.k += 1
+
+    def _goes_on(self, stop: int) -> bool:
+        """Whether a noun that ends at token `stop` goes on a list: `past the bed, the desk`."""
+        before = [t.text for t in self.tokens[max(0, self.k - 2) : self.k]]
+        listed = before[-1:] == [","] or before == [",", "and"]
+        after = self.tokens[stop].text if stop < len(self.tokens) else "."
+        last = self.clauses[-1] if self.clauses else None
+        past = last is not None and bool(last.nouns) and last.nouns[-1].prep == "past"
+        return listed and past and self.draft.empty and after not in ("is", "are", "will", "on")
 
     def _noun_after_and(self) -> bool:
         """`the sofa and the chair` goes on the phrase; `and the hallway is …` does not."""
