@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any, Union
 
 from ..formats.core.errors import InputError, VlnpeError
-from .engine.signals import Interrupted, interruptible
+from .engine.signals import Interrupted, OnlyDone, interruptible
 
 
 @dataclass(frozen=True)
@@ -152,6 +152,8 @@ def _run(arguments: Sequence[str]) -> int:
     verb, options = parse(arguments)
     try:
         return verb.run()(options)
+    except OnlyDone as only:
+        return int(not only.good)
     except InputError as error:
         _complain(error)
         return 2

@@ -7,10 +7,11 @@ from pathlib import Path
 
 from . import Json
 from .episodes import Sampling
+from .running import Running
 
 
 @dataclass(frozen=True)
-class Collect(Sampling):
+class Collect(Running, Sampling):
     """Collect a dataset: repair, sample, instruct, replay, render, export, report.
 
     All outputs go into one run folder. Finished work is reused, and changing an option redoes only
@@ -95,9 +96,5 @@ class Collect(Sampling):
     """Codec of RGB videos: h264, or av1 (royalty-free)."""
     depth: str = "video"
     """Depth storage in LeRobot datasets: video (lossless, 12-bit codes) or image (16-bit, mm)."""
-    workers: int = 0
-    """Number of worker processes; 0 uses one per core."""
-    max_failed: int = 0
-    """Maximum number of quarantined items; exit with code 1 above it."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""

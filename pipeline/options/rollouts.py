@@ -8,10 +8,11 @@ from pathlib import Path
 import tyro
 
 from . import Json
+from .running import Running
 
 
 @dataclass(frozen=True)
-class Replay:
+class Replay(Running):
     """Execute episodes with a physically simulated robot; records states, no images."""
 
     episodes: tyro.conf.Positional[Path]
@@ -33,16 +34,12 @@ class Replay:
     of for a fixed number of steps."""
     seed: int = 0
     """Random seed."""
-    workers: int = 0
-    """Number of worker processes; 0 uses one per core."""
-    max_failed: int = 0
-    """Maximum number of quarantined episodes; exit with code 1 above it."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""
 
 
 @dataclass(frozen=True)
-class Render:
+class Render(Running):
     """Render rollouts: RGB and depth from any camera, or preview videos."""
 
     rollouts: tyro.conf.Positional[Path]
@@ -78,16 +75,12 @@ class Render:
     """Write one preview video (.mp4) per episode instead of data."""
     rgb_codec: str = "h264"
     """Codec of RGB videos: h264, or av1 (royalty-free)."""
-    workers: int = 0
-    """Number of worker processes; 0 uses one per core."""
-    max_failed: int = 0
-    """Maximum number of quarantined episodes; exit with code 1 above it."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""
 
 
 @dataclass(frozen=True)
-class Export:
+class Export(Running):
     """Export rendered rollouts as LeRobot v3 datasets and as MCAP files."""
 
     frames: tyro.conf.Positional[Path]
@@ -103,9 +96,5 @@ class Export:
     """Export only successful episodes. By default all are exported, each with its end reason."""
     depth: str = "video"
     """Depth storage in LeRobot datasets: video (lossless, 12-bit codes) or image (16-bit, mm)."""
-    workers: int = 0
-    """Number of worker processes; 0 uses one per core."""
-    max_failed: int = 0
-    """Maximum number of quarantined episodes; exit with code 1 above it."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""

@@ -33,7 +33,8 @@ SIDE_FILES = {".mtl", ".mdl", ".bin", *PICTURES, *USD_SUFFIXES}
 def scan_item(building: BuiltIn, folder: Path) -> WorkItem:
     """Generate a built-in scene and scan it virtually into `folder`."""
     job = ScanJob(building.seed, folder, building.kind)
-    return work_item(SCAN_STAGE, building.name, job, (folder,), building.seed, building.kind)
+    built = {"seed": building.seed, "kind": building.kind}
+    return work_item(SCAN_STAGE, building.name, job, (folder,), **built)
 
 
 def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> list[WorkItem]:
@@ -55,7 +56,7 @@ def item(source: Path, out: Path, config: RepairConfig) -> WorkItem:
         FileFormatError: If the source does not exist or is not a file.
     """
     job = RepairJob(source, out, config)
-    return work_item(STAGE, out.name, job, (out,), config, source_digest(source))
+    return work_item(STAGE, out.name, job, (out,), config, scan=source_digest(source))
 
 
 def decisions(facts: Mapping[str, Any]) -> list[str]:
@@ -79,8 +80,10 @@ def check_items(repaired: Mapping[str, Row], scenes: Path, allow_unsound: bool) 
     result = []
     for scene_id, row in repaired.items():
         job = SoundnessJob(scene_id, tuple(row.facts["problems"]), allow_unsound)
-        inputs = (row.key, allow_unsound)
-        result.append(work_item(CHECK_STAGE, scene_id, job, (scenes / scene_id,), *inputs))
+        allowed = {"allow_unsound": allow_unsound}
+        result.append(
+            work_item(CHECK_STAGE, scene_id, job, (scenes / scene_id,), row.key, **allowed)
+        )
     return result
 
 
