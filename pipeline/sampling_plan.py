@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ..formats.core.errors import InputError
+from ..formats.scene import FULL_HEIGHT_M
 from ..trajectory_sampler.config import SampleConfig
 from ..trajectory_sampler.presets import (
     choose_seen,
@@ -63,13 +64,45 @@ class SamplingPlan:
         return SamplingPlan(splits, tuple(seen), quotas, count)
 
 
-def sample_config(options: Sampling, count: int, radius_m: float, strict: bool) -> SampleConfig:
+def chosen_free_height(robots: str, asked_m: float) -> float:
+    """Return the free height [m] that paths need: `asked_m`, or for 0 that of the tallest robot.
+
+    Args:
+        robots: comma-separated names, as in `ROBOT=`; empty if none is named.
+        asked_m: the option's value [m].
+
+    Raises:
+        InputError: a robot is taller than asked, or 0 without robots.
+    """
+    if asked_m >= FULL_HEIGHT_M:
+        return asked_m
+    if not robots:
+        if asked_m == 0:
+            raise InputError("--free-height-m 0 takes the robots' own height; name them: --robot")
+        return asked_m
+    from ..collectors.physics import free_height
+    from .crews import chosen_robots
+
+    needed = {robot.name: free_height(robot) for robot in chosen_robots(robots)}
+    tallest = max(needed, key=lambda name: needed[name])
+    if 0 < asked_m < needed[tallest]:
+        raise InputError(
+            f"--free-height-m {asked_m:g}: {tallest} needs {needed[tallest]:g} m; valid: that, up "
+            f"to {FULL_HEIGHT_M:g}, or 0 for what the tallest of the robots needs"
+        )
+    return asked_m or needed[tallest]
+
+
+def sample_config(
+    options: Sampling, count: int, radius_m: float, free_height_m: float, strict: bool
+) -> SampleConfig:
     """What to sample in each scene.
 
     Args:
         options: of the command.
         count: paths per scene, where no plan says how many.
         radius_m: footprint of the widest robot [m].
+        free_height_m: free height above every path [m].
         strict: never take paths that are more similar than asked for.
 
     Raises:
@@ -78,6 +111,7 @@ def sample_config(options: Sampling, count: int, radius_m: float, strict: bool) 
     return SampleConfig(
         count=count,
         robot_radius_m=radius_m,
+        free_height_m=free_height_m,
         end_clearance_m=max(SampleConfig.end_clearance_m, radius_m),
         min_length_m=options.min_length_m,
         max_length_m=options.max_length_m,

@@ -201,7 +201,9 @@ class SceneBundle:
             FileFormatError: the file is missing or damaged.
         """
         with _npz(self.level_folder(level) / "freemap.npz") as data:
-            return Freemap(_grid(data), data["floor_z_m"], data["traversable"])
+            known = [key for key in ("headroom_m",) if key in data.files]
+            arrays = {key: data[key] for key in ("floor_z_m", "traversable", *known)}
+            return Freemap(_grid(data), **arrays)
 
 
 def save_bundle(
@@ -225,6 +227,7 @@ def save_bundle(
             **_grid_arrays(freemap.grid),
             floor_z_m=freemap.floor_z_m,
             traversable=freemap.traversable,
+            headroom_m=freemap.headroom_m,
         )
     save_index(bundle)
 

@@ -27,7 +27,7 @@ from ..engine.ledger import Ledger
 from ..engine.run_folder import RunFolder, safe_name
 from ..folders import find_scans
 from ..options.collect import Collect
-from ..sampling_plan import SamplingPlan, sample_config
+from ..sampling_plan import SamplingPlan, chosen_free_height, sample_config
 from ..stages import align, repair, report, visibility
 from ..stages.export import check_depth_storage
 from ..summary import show_summary
@@ -59,7 +59,10 @@ def run(options: Collect) -> int:
     instructing = instruct_config(options)
     sources = _sources(options, episode_files)
     plan = None if episode_files else SamplingPlan.of(options, preset, list(sources))
-    sampling = sample_config(options, count, SampleConfig.robot_radius_m, strict=plan is not None)
+    height_m = chosen_free_height(options.robot, options.free_height_m)
+    sampling = sample_config(
+        options, count, SampleConfig.robot_radius_m, height_m, strict=plan is not None
+    )
     if plan and plan.instructions and options.count == Collect.count:
         instructing = replace(instructing, count=plan.instructions)
     rules = StairRules(tuple(name.strip() for name in options.stair_rules.split(",")))
@@ -76,7 +79,9 @@ def run(options: Collect) -> int:
         )
         scenes = chain.scenes(sources, repairing, options.allow_unsound)
         sampling = _roomy(sampling, robots, context.ledger)
-        fitting = AlignConfig(robot_radius_m=_fitting_radius(robots, context.ledger))
+        fitting = AlignConfig(
+            robot_radius_m=_fitting_radius(robots, context.ledger), free_height_m=height_m
+        )
         if episode_files:
             asked = chain.aligned(episode_files, scenes, rules, fitting)
         else:

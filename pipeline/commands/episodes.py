@@ -19,7 +19,7 @@ from ..engine.ledger import Row
 from ..engine.runner import Context, StageSummary, run_stage
 from ..folders import scenes_in
 from ..options.episodes import Align, Filter, Sample
-from ..sampling_plan import SamplingPlan, sample_config
+from ..sampling_plan import SamplingPlan, chosen_free_height, sample_config
 from ..stages import align, episodes, repair
 from ..summary import tell
 
@@ -35,6 +35,7 @@ def run_align(options: Align) -> int:
     out = _out(options.out, "aligned", len(options.episodes) > 1)
     config = AlignConfig(
         robot_radius_m=_radius(options.robot, options.robot_radius_m),
+        free_height_m=chosen_free_height(options.robot, options.free_height_m),
         max_start_nudge_m=options.max_start_nudge_m,
         max_goal_nudge_m=options.max_goal_nudge_m,
         max_waypoint_nudge_m=options.max_waypoint_nudge_m,
@@ -152,7 +153,8 @@ def run_sample(options: Sample) -> int:
     scenes = scene_rows(folders)
     radius_m = _radius(options.robot, options.robot_radius_m)
     plan = SamplingPlan.of(options, options.preset, list(scenes))
-    config = sample_config(options, options.count, radius_m, strict=plan is not None)
+    height_m = chosen_free_height(options.robot, options.free_height_m)
+    config = sample_config(options, options.count, radius_m, height_m, strict=plan is not None)
     out = _out(options.out, "episodes", plan is not None)
     with open_single(out, options.workers) as context:
         parts = _parts(context, list(scenes))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import tyro
 
+from ...formats.scene import FULL_HEIGHT_M
 from ...trajectory_sampler.config import SampleConfig
 from . import Json
 
@@ -20,6 +21,9 @@ class Sampling:
     never shorter. Lower it for a single-room scan."""
     max_length_m: float = SampleConfig.max_length_m
     """Maximum length of a sampled reference path [m]; the geodesic distance is never longer."""
+    free_height_m: float = FULL_HEIGHT_M
+    """Free height above every path [m]. The default suits every robot; less lets paths for low
+    robots lead under tables, and 0 takes what the tallest of the robots needs."""
     min_crossings: int = SampleConfig.min_crossings
     """Minimum number of room-to-room transitions per sampled path; use 0 for a single-room scan."""
     similarity: str = SampleConfig.similarity
@@ -61,6 +65,9 @@ class Align:
     Without it, --robot-radius-m decides."""
     robot_radius_m: float = 0.30
     """Clearance that starts, goals and paths need [m], if no robot is named."""
+    free_height_m: float = FULL_HEIGHT_M
+    """Free height above every path [m]. The default suits every robot; less lets paths for low
+    robots lead under tables, and 0 takes what the tallest of the robots needs."""
     max_start_nudge_m: float = 0.5
     """Farthest that a start in collision may be moved [m]."""
     max_goal_nudge_m: float = 0.5
