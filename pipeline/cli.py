@@ -15,7 +15,7 @@ from typing import Annotated, Any, Union
 
 from ..formats.core.errors import InputError, VlnpeError
 from ..formats.core.untrusted import is_text
-from .engine.signals import Interrupted, interruptible
+from .engine.signals import Interrupted, OnlyDone, interruptible
 
 
 @dataclass(frozen=True)
@@ -158,6 +158,8 @@ def _run(arguments: Sequence[str]) -> int:
     verb, options = parse(arguments)
     try:
         return verb.run()(options)
+    except OnlyDone as only:
+        return int(not only.good)
     except InputError as error:
         _complain(error)
         return 2

@@ -74,7 +74,7 @@ def run(options: Collect) -> int:
     rules = StairRules(tuple(name.strip() for name in options.stair_rules.split(",")))
     repairing = RepairConfig(up=options.up, unit=options.unit)
     with open_context(
-        options.out or Path("runs") / _run_name(options, sources), options.execution()
+        options.out or Path("runs") / _run_name(options, sources), options
     ) as context:
         folder = RunFolder(context.ledger.root)
         keep_all(robots, context.ledger)

@@ -8,11 +8,11 @@ from pathlib import Path
 import tyro
 
 from . import Json
-from .execution import Executed
+from .running import Running
 
 
 @dataclass(frozen=True)
-class Evaluate(Executed):
+class Evaluate(Running):
     """Let a policy walk episodes in closed loop and score it: TL, NE, FR, StR, OS, SR, SPL, nDTW.
 
     Example: vlnpe evaluate runs/apartment-0 --policy random --robot h1
@@ -60,8 +60,6 @@ class Evaluate(Executed):
     """Random seed."""
     out: Path | None = None
     """Output folder; defaults to <run>/evaluations/<policy>-<robot>-<controller>-<light>."""
-    max_failed: int = 0
-    """Maximum number of quarantined episodes; exit with code 1 above it."""
     json: Json = False
     """Print one JSON object with the results' summary as the last line."""
 

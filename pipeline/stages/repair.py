@@ -41,8 +41,8 @@ def scan_item(building: BuiltIn, folder: Path, splats: bool = False) -> WorkItem
         splats: capture it as Gaussian splats instead of a mesh.
     """
     job = ScanJob(building.seed, folder, building.kind, building.scanned, splats)
-    inputs = (building.seed, building.kind, building.scanned, splats)
-    return work_item(SCAN_STAGE, building.name, job, (folder,), *inputs)
+    built = {"seed": building.seed, "kind": building.kind, "scanned": building.scanned}
+    return work_item(SCAN_STAGE, building.name, job, (folder,), **built, splats=splats)
 
 
 def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> list[WorkItem]:
@@ -64,10 +64,10 @@ def item(source: Path, out: Path, config: RepairConfig) -> WorkItem:
         FileFormatError: If the source does not exist or is not a file.
     """
     job = RepairJob(source, out, config)
-    inputs = [config, source_digest(source)]
+    named = {"scan": source_digest(source)}
     if config.collision:
-        inputs.append(source_digest(Path(config.collision)))
-    return work_item(STAGE, out.name, job, (out,), *inputs)
+        named["collision"] = source_digest(Path(config.collision))
+    return work_item(STAGE, out.name, job, (out,), config, **named)
 
 
 def decisions(facts: Mapping[str, Any]) -> list[str]:
@@ -91,8 +91,10 @@ def check_items(repaired: Mapping[str, Row], scenes: Path, allow_unsound: bool) 
     result = []
     for scene_id, row in repaired.items():
         job = SoundnessJob(scene_id, tuple(row.facts["problems"]), allow_unsound)
-        inputs = (row.key, allow_unsound)
-        result.append(work_item(CHECK_STAGE, scene_id, job, (scenes / scene_id,), *inputs))
+        allowed = {"allow_unsound": allow_unsound}
+        result.append(
+            work_item(CHECK_STAGE, scene_id, job, (scenes / scene_id,), row.key, **allowed)
+        )
     return result
 
 

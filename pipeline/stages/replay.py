@@ -13,9 +13,8 @@ from ...collectors.replay import ReplayConfig
 from ...collectors.robots import get_robot
 from ...formats.core.atomic import file_digest
 from ...formats.core.episode import Episode
-from ..engine.keys import digest
 from ..engine.ledger import Row
-from ..engine.run_folder import safe_name
+from ..engine.run_folder import file_names
 from ..engine.work import WorkItem, work_item
 from ..jobs.replay import ReplayJob
 
@@ -63,16 +62,15 @@ def items(
     return result
 
 
-def walker(config: ReplayConfig) -> tuple[str, list[str] | None]:
+def walker(config: ReplayConfig) -> tuple[ReplayConfig, str | None, list[str] | None]:
     """Return what of a robot and its settings decides a rollout, for keys.
 
     A user's own robot is known by what is in its folder, not by where that lies; each robot's
     rollouts depend on its own gait alone.
     """
     robot = get_robot(config.robot)
-    who = digest(replace(config, robot=robot.name), robot.content_sha256)
     gait = [file_digest(path) for path in policy_files(robot)] if robot.policy_joints else None
-    return who, gait
+    return replace(config, robot=robot.name), robot.content_sha256, gait
 
 
 def walk_names(episodes: Sequence[Episode], config: ReplayConfig) -> list[str]:
@@ -82,10 +80,20 @@ def walk_names(episodes: Sequence[Episode], config: ReplayConfig) -> list[str]:
 
 
 def item_names(episodes: Sequence[Episode]) -> list[str]:
-    """A file name for each episode: its id, with its split where several splits use the same id."""
-    names = [safe_name(episode.episode_id) for episode in episodes]
-    count = Counter(names)
-    return [
-        name if count[name] == 1 else safe_name(f"{episode.split}-{name}")
-        for name, episode in zip(names, episodes, strict=True)
+    """Return a file name of its own for each episode: its id, where that is unique.
+
+    Episodes of the same id have their split before it, those of the same split their scene, too,
+    and those of the same scene are counted.
+    """
+    count = Counter(episode.episode_id for episode in episodes)
+    labels = [
+        e.episode_id if count[e.episode_id] == 1 else f"{e.split}-{e.episode_id}" for e in episodes
     ]
+    for further in (lambda e, label: f"{e.scene_id}-{label}", None):
+        count = Counter(labels)
+        seen: Counter[str] = Counter()
+        for k, label in enumerate(labels):
+            if count[label] > 1:
+                seen[label] += 1
+                labels[k] = further(episodes[k], label) if further else f"{label}~{seen[label]}"
+    return file_names(labels)

@@ -32,7 +32,7 @@ def write(folder: RunFolder, context: Context, summaries: list[StageSummary]) ->
     shown = [row for row in ledger.rows() if row.stage != STAGE]
     # The page shows outcomes, not only what was done: a mended item keeps its key.
     content = [replace(row, seconds=0.0) for row in shown]
-    item = work_item(STAGE, PAGE, ReportJob(folder.root, made, page), (page,), content)
+    item = work_item(STAGE, PAGE, ReportJob(folder.root, made, page), (page,), content=content)
     summaries += [summary, run_stage(context, STAGE, [item])]
     return page
 
@@ -68,7 +68,9 @@ def _map_items(folder: RunFolder, ledger: Ledger) -> dict[str, WorkItem]:
             out = folder.report / "maps" / f"{row.item}-{level}.png"
             job = MapJob(folder.scenes / row.item, level, out)
             outputs = (out, out.with_suffix(".json"))
-            result[name] = work_item(PICTURES_STAGE, f"map {name}", job, outputs, row.key, level)
+            result[name] = work_item(
+                PICTURES_STAGE, f"map {name}", job, outputs, row.key, level=level
+            )
     return result
 
 
@@ -100,7 +102,7 @@ def _clip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict[
     for row in rows:
         if not row.failed:
             continue
-        out = folder.report / "clips" / f"{row.item.replace('/', '-')}.mp4"
+        out = folder.report / "clips" / f"{row.item}.mp4"
         job = ClipJob(*_paths(folder, row), CLIP_S, out)
         outputs = (out, out.with_suffix(".jpg"))
         inputs = (row.key, _scene_key(ledger, row), CLIP_S)
