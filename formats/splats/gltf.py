@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import base64
 import binascii
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,9 +15,10 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from ..core.documents import parse_json, read_json
 from ..core.errors import FileFormatError
 from ..core.frames import quat_to_matrix
-from ..core.glb import MAX_JSON_BYTES, read_glb
+from ..core.glb import read_glb
 from .packed import spz_cloud
 from .record import F32, GaussianCloud, check_count, cleaned
 
@@ -43,17 +43,13 @@ def gltf_tree(path: Path) -> tuple[dict[str, Any], memoryview]:
 
     Raises:
         ValueError: damaged.
+        FileFormatError: not JSON, or beyond a limit.
     """
     if path.suffix.lower() == ".glb":
         text, body = read_glb(path)
+        tree = parse_json(path, text)
     else:
-        if path.stat().st_size > MAX_JSON_BYTES:
-            raise ValueError(f"more than {MAX_JSON_BYTES:,} bytes of JSON")
-        text, body = path.read_bytes(), memoryview(b"")
-    try:
-        tree = json.loads(text)
-    except RecursionError as error:
-        raise ValueError("nested too deeply") from error
+        tree, body = read_json(path), memoryview(b"")
     if not isinstance(tree, dict):
         raise ValueError("no JSON object")
     return tree, body
@@ -65,7 +61,7 @@ def declares_splats(path: Path) -> bool:
         tree, _ = gltf_tree(path)
         used = tree.get("extensionsUsed", [])
         return isinstance(used, list) and EXTENSION in used and bool(_splat_primitives(tree))
-    except (ValueError, OSError, TypeError, AttributeError):
+    except (FileFormatError, ValueError, OSError, TypeError, AttributeError):
         return False
 
 
