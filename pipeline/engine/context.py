@@ -18,6 +18,7 @@ from .executors import Execution, make_executor
 from .files import records_of
 from .ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger, Row
 from .lock import LOCK_NAME, lock, sweep_unlocked
+from .quarantine import FOLDER as QUARANTINE_FOLDER
 from .run_folder import open_run_folder
 from .runner import Context, run_stage
 from .signals import ended_first
@@ -63,7 +64,9 @@ def open_context(root: Path, options: Running) -> Iterator[Context]:
             if options.only:
                 raise InputError(f"--only {options.only}: the command has no such item")
         except InputError:
-            left = {p.name for p in folder.root.rglob("*") if p.is_file()}
+            tracebacks = folder.root / QUARANTINE_FOLDER
+            files = (p for p in folder.root.rglob("*") if p.is_file())
+            left = {p.name for p in files if not p.is_relative_to(tracebacks)}
             if new and left <= {MANIFEST_NAME, QUARANTINE_NAME, LOCK_NAME}:
                 shutil.rmtree(folder.root)
             raise
