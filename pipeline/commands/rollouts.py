@@ -44,10 +44,11 @@ def run_replay(options: Replay) -> int:
         found_by = keep_all(robots, context.ledger)
         for robot, controller in pairs:
             config = replay.config(found_by[robot], controller, options.seed, actions)
+            label = replay.label_of(context.ledger, config)
             items = replay.items(
-                asked, scenes, options.scenes.resolve(), root, root / "models", config
+                asked, scenes, options.scenes.resolve(), root, root / "models", config, label
             )
-            summaries.append(run_stage(context, replay.STAGE, items, f"{robot}/{controller}/"))
+            summaries.append(run_stage(context, replay.STAGE, items, f"{robot}/{label}/"))
         context.ledger.record_new(root / "models")
     return _tell(options, summaries)
 

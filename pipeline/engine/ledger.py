@@ -122,6 +122,10 @@ class Ledger:
         found = [self._rows[k] for k in sorted(self._rows) if stage in (None, k[0])]
         return [row for row in found if row.current]
 
+    def all_rows(self, stage: str) -> list[Row]:
+        """Return the rows of a stage, those of earlier options too, in item order."""
+        return [self._rows[key] for key in sorted(self._rows) if key[0] == stage]
+
     def select(self, stage: str, scope: str, names: Collection[str]) -> None:
         """Make `names` the current items of a stage among those that start with `scope`."""
         for (row_stage, item), row in self._rows.items():

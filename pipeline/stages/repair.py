@@ -16,7 +16,8 @@ from ...scene_repair.config import RepairConfig
 from ...scene_repair.scan.files import USD_SUFFIXES, side_names
 from ..builtin import BuiltIn
 from ..engine.keys import digest
-from ..engine.ledger import Row
+from ..engine.ledger import JOURNAL_NAME, MANIFEST_NAME, Row
+from ..engine.lock import LOCK_NAME
 from ..engine.work import WorkItem, work_item
 from ..folders import scenes_in
 from ..jobs.repair import RepairJob, SoundnessJob
@@ -29,6 +30,7 @@ CHECK_STAGE = "soundness"
 MULTI_FILE = {".gltf", ".obj", ".ply", ".glb", ".usd", ".usda", ".usdc"}
 PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
 MAX_BESIDE = 100_000
+LEDGER_FILES = (MANIFEST_NAME, JOURNAL_NAME, LOCK_NAME)
 SIDE_FILES = {".mtl", ".mdl", ".bin", *PICTURES, *USD_SUFFIXES}
 
 
@@ -146,7 +148,14 @@ def _beside(source: Path) -> list[Path]:
     found: list[Path] = []
     looked = 0
     for folder, folders, files in source.parent.walk():
-        folders[:] = [name for name in folders if not name.startswith(".") and name != "runs"]
+        # What a run wrote beside its scan must not make the scan another one.
+        folders[:] = [
+            name
+            for name in folders
+            if not name.startswith(".")
+            and name != "runs"
+            and not any((folder / name / own).is_file() for own in LEDGER_FILES)
+        ]
         looked += len(folders) + len(files)
         if looked > MAX_BESIDE:
             raise FileFormatError(
