@@ -18,7 +18,7 @@ COLLECT = --robot "$(ROBOT)" --controller "$(CONTROLLER)" --scene "$(SCENE)" --e
           $(if $(WORKERS),--workers "$(WORKERS)") $(ARGS)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup collect dataset-bench evaluate train-gait test test-fast test-slow lint docs bench report verify doctor clean
+.PHONY: help setup collect dataset-bench evaluate train-gait test test-fast test-slow lint audit docs bench report verify doctor clean
 
 help:  ## Show this help
 	@echo "usage: make <target> [VARIABLE=value …]"
@@ -73,6 +73,10 @@ lint:  ## Check formatting, style and types
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/pyright
+
+audit:  ## Check licences of all packages and, online, their known vulnerabilities
+	@$(SETUP) full
+	@$(BIN)/python -m vlnpe.pipeline.audit
 
 bench:  ## Run the benchmarks and write benchmarks/README.md: make bench [ONLY="render write"]
 	@$(SETUP) full

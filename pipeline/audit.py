@@ -18,9 +18,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 SECONDS = 300
 PERMISSIVE = re.compile(
-    r"\b(MIT|MIT-0|MIT-CMU|X11|BSD|0BSD|[1-4]-Clause|Apache|ISCL?|PSF(-2\.0)?|PSFL|CNRI"
-    r"|Python Software|MPL|Mozilla|Unlicense|zlib|zlib-acknowledgement|HPND|CC0|BSL|Boost|NCSA|TOST"
-    r"|FTL|libpng|UIUC|Historical Permission|Public Domain"
+    r"\b(MIT|MIT-0|MIT-CMU|X11|BSD|0BSD|[1-4]-Clause|Apache|ISCL?|PSF|PSFL|CNRI|Python Software"
+    r"|MPL|Mozilla|Unlicense|zlib|zlib-acknowledgement|HPND|CC0|BSL|Boost|NCSA|TOST|FTL|libpng|UIUC"
+    r"|Historical Permission|Public Domain"
     # The BSD licence's first words, where a package has its text alone.
     r"|Redistribution and use in source and binary forms)",
     re.IGNORECASE,

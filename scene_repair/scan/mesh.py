@@ -148,6 +148,8 @@ def _parts(scene: trimesh.Scene, named: bool, warnings: list[str]) -> list[Part]
             dropped = int((~sound).sum())
             warnings.append(f"{node}: {dropped} faces with indices out of range dropped")
             faces = faces[sound]
+            if not len(faces):
+                continue
         corner_uv, material, colors = _look(mesh, faces)
         # Pieces may share one buffer of vertices, of which each takes few.
         used, inverse = np.unique(faces, return_inverse=True)

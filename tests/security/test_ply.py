@@ -136,6 +136,17 @@ def test_faces_that_lie_are_dropped_or_refused(face: str, tmp_path: Path) -> Non
         assert ((scan.faces >= 0) & (scan.faces < len(scan.vertices))).all()
 
 
+def test_coloured_points_whose_faces_are_all_dropped_are_refused(tmp_path: Path) -> None:
+    """Found by fuzzing."""
+    data = ply(face="3 0 1 99").replace(
+        b"float s\nproperty float t", b"uchar red\nproperty uchar green"
+    )
+    error = refusal(
+        lambda: scan_of(tmp_path, data.replace(b"green", b"green\nproperty uchar blue"))
+    )
+    assert error.path == tmp_path / "scan.ply"
+
+
 @pytest.mark.parametrize("number", ["nan", "inf", "1e400", "x"])
 def test_numbers_that_are_none_are_dropped_or_refused(number: str, tmp_path: Path) -> None:
     refusal(
