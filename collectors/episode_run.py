@@ -221,6 +221,8 @@ class EpisodeRun:
         pose = world.pose
         for _ in range(config.outcome.timeout_actions + 1):
             jump = teleporter.jump(pose)
+            for note in self.task.chooser.notes() if self.task.chooser else ():
+                self._note(*note)
             self.actions.append((jump.action, len(self.recorder)))
             self.recorder.sample(STOPPED)
             self.recorder.repeat(hold - 1)
