@@ -162,8 +162,9 @@ class EpisodeRun:
                     self._note(kind, detail)
                 if decision.action is not None:
                     self.actions.append((decision.action, tick))
-                    self.watch.acted()
                 self.motions += decision.chosen
+                if decision.chosen or decision.action is not None:
+                    self.watch.acted()
                 if decision.done:
                     command = STOPPED
                     self._note("stop", "")

@@ -97,14 +97,19 @@ def _titled(views: Picture, rollout: Rollout, sample: int, ended: bool) -> Pictu
     draw = ImageDraw.Draw(image)
     for k, line in enumerate(lines):
         draw.text((6, 4 + 16 * k), line, (230, 233, 238), font)
-    what = f"ended: {str(rollout.end_reason).replace('_', ' ')}" if ended else ""
-    text = "   ".join(filter(None, (_action_at(rollout, sample), what)))
+    text = "   ".join(filter(None, (_action_at(rollout, sample), _end(rollout) if ended else "")))
     time = f"{rollout.time_s[sample]:6.1f} s  "
     draw.text((6, views.shape[0] + head + 4), time + text, (240, 205, 110), font)
     said = _latest(rollout, sample, (SAID,))
     if said:
         draw.text((6, views.shape[0] + head + 21), said[: width // 7], (160, 190, 240), font)
     return np.asarray(image)
+
+
+def _end(rollout: Rollout) -> str:
+    metrics = rollout.metrics
+    what = "success" if metrics.success else str(rollout.end_reason).replace("_", " ")
+    return f"ended: {what}, {metrics.navigation_error_euclidean_m:.1f} m from the goal"
 
 
 def _action_at(rollout: Rollout, sample: int) -> str:
