@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ...collectors.rendering.camera.views import View
+from ...collectors.rendering.registry import scene_renderer_name
 from ...formats.core.atomic import atomic_file
 from ..crews import kept
 from ..engine.ledger import Row
@@ -45,6 +47,7 @@ def write(
     page = context.ledger.root / PAGE_NAME
     with atomic_file(page) as temporary:
         temporary.write_text(policy_page(results, rows, clips), encoding="utf-8")
+    context.ledger.record([page])
     return page
 
 
@@ -58,9 +61,10 @@ def film_items(
             out = root / "films" / f"{row.item.replace('/', '-')}.mp4"
             robot = kept(str(row.facts["robot"]), root)
             scene, rollout = scenes / str(row.facts["scene"]), root / row.outputs[0]
-            job = PolicyFilmJob(scene, rollout, robot, view, out)
+            seen = replace(view, renderer=scene_renderer_name(scene, view.renderer))
+            job = PolicyFilmJob(scene, rollout, robot, seen, out)
             outputs = (out, out.with_suffix(".jpg"))
-            result[row.item] = work_item(STAGE, row.item, job, outputs, row.key, view)
+            result[row.item] = work_item(STAGE, row.item, job, outputs, row.key, seen)
     return result
 
 
