@@ -12,7 +12,7 @@ from ..collectors.rendering.camera.views import View
 from ..collectors.rendering.registry import make_renderer
 from ..collectors.replay import ReplayConfig
 from ..collectors.robots import get_robot
-from ..collectors.world import open_world
+from ..collectors.world import World, open_world
 from ..formats.core.episode import Episode
 from ..formats.core.rollout import Rollout
 from ..formats.scene.bundle import load_bundle
@@ -45,6 +45,16 @@ class Round:
             FileFormatError: a scene is missing or damaged.
         """
         config = closed_loop(self.config)
+        for world, eye, episode in self.starts():
+            yield evaluate_episode(world, episode, config, policy, eye)
+
+    def starts(self) -> Iterator[tuple[World, Eye, Episode]]:
+        """Yield every episode with the world and the camera it takes place in, scene by scene.
+
+        Raises:
+            FileFormatError: a scene is missing or damaged.
+        """
+        config = self.config
         for scene, level in sorted({(e.scene_id, e.level) for e in self.episodes}):
             bundle = load_bundle(self.scenes / scene)
             world = open_world(bundle, level, get_robot(config.robot), None, config.physics, None)
@@ -52,7 +62,7 @@ class Round:
             eye = Eye(world, self.view, renderer)
             for episode in self.episodes:
                 if (episode.scene_id, episode.level) == (scene, level):
-                    yield evaluate_episode(world, episode, config, policy, eye)
+                    yield world, eye, episode
 
 
 def spread(episodes: Sequence[Episode], count: int) -> tuple[Episode, ...]:

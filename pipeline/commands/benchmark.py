@@ -23,6 +23,7 @@ from ...formats.core.source import ROOT, code_digest
 from ...formats.vlnce.files import read_episodes, write_episodes
 from ..benchmark_sets import SETS, BenchmarkSet, episodes_digest
 from ..crews import chosen_robots
+from ..engine.context import open_context
 from ..options.benchmark import Benchmark
 from ..options.collect import Collect
 from ..options.evaluate import Evaluate
@@ -72,6 +73,9 @@ def run(options: Benchmark) -> int:
         write_json(folder / FOLDER / RESULT_NAME, value)
         with atomic_file(folder / FOLDER / PAGE_NAME) as temporary:
             temporary.write_text(_page(value))
+    with open_context(folder, options.workers) as context:
+        made = (asked, folder / FOLDER / RESULT_NAME, folder / FOLDER / PAGE_NAME)
+        context.ledger.record(made)
     if options.json:
         sys.stdout.write(json.dumps(value) + "\n")
     else:
