@@ -16,6 +16,7 @@ from typing import Any
 from ...collectors.controllers import CONTROLLERS, valid_controllers
 from ...evaluation.policy import check_policy
 from ...evaluation.results import COLUMNS, read_results
+from ...evaluation.rounds import spread
 from ...formats.core.atomic import atomic_file, file_digest, write_json
 from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError, UnknownNameError
@@ -24,6 +25,7 @@ from ...formats.vlnce.files import read_episodes, write_episodes
 from ..benchmark_sets import SETS, BenchmarkSet, episodes_digest
 from ..crews import chosen_robots
 from ..engine.context import open_context
+from ..engine.ledger import MANIFEST_NAME
 from ..options.benchmark import Benchmark
 from ..options.collect import Collect
 from ..options.evaluate import Evaluate
@@ -62,7 +64,7 @@ def run(options: Benchmark) -> int:
     asked = folder / FOLDER / "asked"
     kept: dict[str, list[Episode]] = {}
     for split, episodes in splits.items():
-        kept[split] = episodes[: options.limit]
+        kept[split] = list(spread(episodes, options.limit or len(episodes)))
         write_episodes(asked / f"{split}.json.gz", kept[split])
     code, results = 0, {}
     for cell in cells:
@@ -73,9 +75,10 @@ def run(options: Benchmark) -> int:
         write_json(folder / FOLDER / RESULT_NAME, value)
         with atomic_file(folder / FOLDER / PAGE_NAME) as temporary:
             temporary.write_text(_page(value))
-    with open_context(folder, options.workers) as context:
-        made = (asked, folder / FOLDER / RESULT_NAME, folder / FOLDER / PAGE_NAME)
-        context.ledger.record(made)
+    if (folder / MANIFEST_NAME).is_file():
+        with open_context(folder, options.execution()) as context:
+            made = (asked, folder / FOLDER / RESULT_NAME, folder / FOLDER / PAGE_NAME)
+            context.ledger.record(made)
     if options.json:
         sys.stdout.write(json.dumps(value) + "\n")
     else:
@@ -112,8 +115,8 @@ def _prepare(known: BenchmarkSet, folder: Path, options: Benchmark) -> None:
         seed=known.seed,
         only_episodes=True,
         out=folder,
-        workers=options.workers,
         json=True,
+        **vars(options.execution()),
     )
     with contextlib.redirect_stdout(io.StringIO()):
         collect.run(settings)
@@ -148,8 +151,8 @@ def _evaluate(cell: Cell, options: Benchmark, folder: Path, asked: Path) -> int:
         camera=options.camera,
         seed=options.seed,
         out=folder / FOLDER / cell.name,
-        workers=options.workers,
         json=True,
+        **vars(options.execution()),
     )
     with contextlib.redirect_stdout(io.StringIO()):
         return run_evaluate(settings)

@@ -8,10 +8,11 @@ from pathlib import Path
 import tyro
 
 from . import Json
+from .execution import Executed
 
 
 @dataclass(frozen=True)
-class Benchmark:
+class Benchmark(Executed):
     """Evaluate several policies with several robots on the same episodes, in one table.
 
     Example: vlnpe benchmark vlnpe-10, or vlnpe benchmark runs/r2r --split val_unseen
@@ -28,14 +29,12 @@ class Benchmark:
     split: str = ""
     """Splits to evaluate, comma-separated; by default those that the benchmark reports, or all."""
     limit: int | None = None
-    """Evaluate only the first so many episodes of each split."""
+    """Evaluate only so many episodes of each split, evenly spread over it."""
     camera: str = "ego"
     """Camera of the policies, with an optional size and field of view (ego:224x224:79)."""
     seed: int = 0
     """Random seed of policies and physics."""
     out: Path | None = None
     """Run folder of vlnpe-10, runs/vlnpe-10 by default. The results go to its benchmark/."""
-    workers: int = 0
-    """Number of worker processes; 0 uses one per core."""
     json: Json = False
     """Print one JSON object with the results as the last line."""
