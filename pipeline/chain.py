@@ -204,6 +204,7 @@ class Chain:
         scope = f"{robot}/{controller}/"
         items = self._walks(asked, scenes, robot, controller, self.seed, self.actions)
         rollouts = self._stage(replay.STAGE, items, scope).good()
+        self.context.ledger.record_new(folder.models)
         recorded = render.Recorded(rollouts, folder.root, scenes, folder.scenes)
         for view in views:
             items = render.items(
@@ -224,8 +225,8 @@ class Chain:
                 folder.scenes,
                 dataset,
                 {"options": dict(facts), "language_model": self._model_usage()},
-                product.depth_storage,
-                self.per_instruction,
+                depth_storage=product.depth_storage,
+                per_instruction=self.per_instruction,
                 mcap=product.mcap,
             )
 
@@ -258,9 +259,11 @@ class Chain:
         ]
         done = self._stage(instruct.STAGE, items)
         instruct.record_failed(self.context.ledger, done)
-        paths, _ = episodes.merge(
+        paths, files = episodes.merge(
             [told[s] for s in done.good()], folder.episodes, self.per_instruction
         )
+        self.context.ledger.record(files.values())
+        self.context.ledger.record_new(folder.root / CACHE)
         return paths
 
     def _model_usage(self) -> dict[str, Any]:

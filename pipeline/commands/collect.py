@@ -21,7 +21,7 @@ from ...trajectory_sampler.presets import PRESETS
 from ...trajectory_sampler.stairs import StairRules
 from ..builtin import BuiltIn, parse_builtin
 from ..chain import Chain, Product
-from ..crews import action_timing, chosen_robots, crews, keep, kept
+from ..crews import action_timing, chosen_robots, crews, keep_all, kept
 from ..engine.context import open_context
 from ..engine.ledger import Ledger
 from ..engine.run_folder import RunFolder, safe_name
@@ -74,11 +74,10 @@ def run(options: Collect) -> int:
     rules = StairRules(tuple(name.strip() for name in options.stair_rules.split(",")))
     repairing = RepairConfig(up=options.up, unit=options.unit)
     with open_context(
-        options.out or Path("runs") / _run_name(options, sources), options.workers
+        options.out or Path("runs") / _run_name(options, sources), options.execution()
     ) as context:
         folder = RunFolder(context.ledger.root)
-        for robot in robots:
-            keep(robot, folder.root)
+        keep_all(robots, context.ledger)
         widest = max(robots, key=lambda robot: robot.footprint_radius_m)
         eye = _eye(context.ledger) or kept(widest.name, folder.root)
         chain = Chain(

@@ -26,7 +26,7 @@ from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError, UnknownNameError
 from ...formats.vlnce.files import read_episodes
 from ...learning.card import read_card
-from ..crews import action_timing, chosen_robots, keep
+from ..crews import action_timing, chosen_robots, keep_all
 from ..engine.context import open_context
 from ..engine.keys import digest
 from ..engine.run_folder import safe_name
@@ -70,11 +70,10 @@ def run_evaluate(options: Evaluate) -> int:
     identity = policy_identity(options.policy, options.timeout_s)
     out = options.out or _default_out(options, robot.name, view)
     actions = action_timing(options.action_steps, options.closed_loop)
-    with open_context(out, options.workers) as context:
+    with open_context(out, options.execution()) as context:
         root = context.ledger.root
-        config = closed_loop(
-            replay.config(keep(robot, root), options.controller, options.seed, actions)
-        )
+        found = keep_all([robot], context.ledger)[robot.name]
+        config = closed_loop(replay.config(found, options.controller, options.seed, actions))
         items = evaluate.items(
             episodes,
             scenes,
@@ -89,25 +88,31 @@ def run_evaluate(options: Evaluate) -> int:
         )
         scope = f"{robot.name}/{options.controller}/"
         summary = run_stage(context, evaluate.STAGE, items, scope, label="evaluate")
-    rows = sorted(summary.good().values(), key=lambda row: row.item)
-    results = [{k: v for k, v in row.facts.items() if k != "actions"} for row in rows]
-    failed = {r.item: str(r.error.get("reason", "")) for r in summary.rows if r.status != "done"}
-    setting = {
-        "policy": options.policy,
-        "policy_version": identity,
-        "robot": robot.name,
-        "controller": options.controller,
-        "actions": options.actions,
-        "view": view.name,
-        "renderer": view.renderer,
-        "seed": options.seed,
-        "action_steps": options.action_steps,
-        "closed_loop": options.closed_loop,
-        "splits": sorted({e.split for e in episodes}),
-        "episodes_sha256": digest([(e.split, e.scene_id, e.episode_id) for e in episodes]),
-    }
-    value = results_json(setting, results, failed)
-    write_json(out / RESULTS_NAME, value)
+        rows = sorted(summary.good().values(), key=lambda row: row.item)
+        results = [{k: v for k, v in row.facts.items() if k != "actions"} for row in rows]
+        failed = {
+            r.item: str(r.error.get("reason", "")) for r in summary.rows if r.status != "done"
+        }
+        setting = {
+            "policy": options.policy,
+            "policy_version": identity,
+            "robot": robot.name,
+            "controller": options.controller,
+            "actions": options.actions,
+            "view": view.name,
+            "renderer": ",".join(
+                sorted(set(evaluate.renderers(episodes, scenes_folder, view.renderer).values()))
+            ),
+            "seed": options.seed,
+            "action_steps": options.action_steps,
+            "closed_loop": options.closed_loop,
+            "splits": sorted({e.split for e in episodes}),
+            "episodes_sha256": digest([(e.split, e.scene_id, e.episode_id) for e in episodes]),
+        }
+        value = results_json(setting, results, failed)
+        write_json(out / RESULTS_NAME, value)
+        context.ledger.record([root / RESULTS_NAME])
+        context.ledger.record_new(root / "models")
     _tell(options, out, value, scenes_folder)
     return int(len(failed) > options.max_failed)
 

@@ -8,10 +8,11 @@ from pathlib import Path
 from ...trajectory_sampler.config import SampleConfig
 from . import Json
 from .episodes import Sampling
+from .execution import Executed
 
 
 @dataclass(frozen=True)
-class Collect(Sampling):
+class Collect(Sampling, Executed):
     """Collect a dataset: repair, sample, instruct, replay, render, export, report.
 
     All outputs go into one run folder. Finished work is reused, and changing an option redoes only
@@ -107,8 +108,6 @@ class Collect(Sampling):
     """Also write one MCAP file with images per episode, for Foxglove."""
     depth: str = "video"
     """Depth storage in LeRobot datasets: video (lossless, 12-bit codes) or image (16-bit, mm)."""
-    workers: int = 0
-    """Number of worker processes; 0 uses one per core."""
     max_failed: int = 0
     """Maximum number of quarantined items; exit with code 1 above it."""
     json: Json = False

@@ -8,10 +8,11 @@ from pathlib import Path
 import tyro
 
 from . import Json
+from .execution import Executed
 
 
 @dataclass(frozen=True)
-class Evaluate:
+class Evaluate(Executed):
     """Let a policy walk episodes in closed loop and score it: TL, NE, FR, StR, OS, SR, SPL, nDTW.
 
     Example: vlnpe evaluate runs/apartment-0 --policy random --robot h1
@@ -59,8 +60,6 @@ class Evaluate:
     """Random seed."""
     out: Path | None = None
     """Output folder; defaults to <run>/evaluations/<policy>-<robot>-<controller>-<light>."""
-    workers: int = 0
-    """Number of worker processes; 0 uses one per core."""
     max_failed: int = 0
     """Maximum number of quarantined episodes; exit with code 1 above it."""
     json: Json = False

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from ...collectors.rendering.camera.views import View
+from ...collectors.rendering.registry import scene_renderer_name
 from ...collectors.replay import ReplayConfig
 from ...formats.core.episode import Episode
 from ..engine.ledger import Row
@@ -43,11 +45,19 @@ def items(
         actions: kind of the policy's actions.
     """
     who, result = walker(config), []
+    drawn_by = renderers(episodes, scenes_folder, view.renderer)
     for episode, name in zip(episodes, walk_names(episodes, config), strict=True):
         out = root / f"{name}.mcap"
         scene = scenes_folder / episode.scene_id
+        seen = replace(view, renderer=drawn_by[episode.scene_id])
         models = root / "models"
-        job = EvaluateJob(scene, episode, config, policy, timeout_s, view, actions, models, out)
-        inputs = (episode, scenes[episode.scene_id].key, *who, identity, view, actions)
+        job = EvaluateJob(scene, episode, config, policy, timeout_s, seen, actions, models, out)
+        inputs = (episode, scenes[episode.scene_id].key, *who, identity, seen, actions)
         result.append(work_item("evaluate", name, job, (out,), *inputs))
     return result
+
+
+def renderers(episodes: Sequence[Episode], scenes_folder: Path, renderer: str) -> dict[str, str]:
+    """Return the renderer of each scene of the episodes by scene id; see `scene_renderer_name`."""
+    names = sorted({episode.scene_id for episode in episodes})
+    return {name: scene_renderer_name(scenes_folder / name, renderer) for name in names}

@@ -76,9 +76,9 @@ def run(
     scenes: Path,
     dataset: Dataset,
     facts: Mapping[str, Any],
+    *,
     depth_storage: str = "video",
     per_instruction: bool = False,
-    *,
     mcap: bool = True,
 ) -> list[StageSummary]:
     """Export one robot's rendered episodes: units, MCAP files, and the dataset of the units.

@@ -155,7 +155,7 @@ def test_batches_are_the_same_with_workers_and_after_going_on(runs: Path) -> Non
     batches = [*alone, *alone]  # two epochs
     assert [len(b["uid"]) for b in batches] == [4, 4, 4, 2] * 2
     assert {r for b in batches for r in b["robot"]} == set(EPISODES)
-    helped = loader(runs, workers=1)
+    helped, state = loader(runs, workers=1), {}
     for number, batch in enumerate(helped):
         assert batch["uid"] == batches[number]["uid"]
         torch.testing.assert_close(batch["depth"], batches[number]["depth"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -301,14 +302,14 @@ class BrokenAfterThree:
         self.name, self.light = inner.name, inner.light
         self._inner, self._count = inner, 0
 
-    def first_hit_m(self, *args: object) -> float:
-        return self._inner.first_hit_m(*args)  # type: ignore[arg-type]
+    def first_hit_m(self, *args: Any) -> float:
+        return self._inner.first_hit_m(*args)
 
-    def render(self, *args: object) -> tuple[np.ndarray, np.ndarray]:
+    def render(self, *args: Any) -> tuple[np.ndarray, np.ndarray]:
         self._count += 1
         if self._count > 3:
             raise RuntimeError("out of light")
-        return self._inner.render(*args)  # type: ignore[arg-type]
+        return self._inner.render(*args)
 
 
 def test_a_failure_leaves_no_half_video(
@@ -316,7 +317,9 @@ def test_a_failure_leaves_no_half_video(
 ) -> None:
     view = make_view("ego", "aliengo", width_px=64, height_px=48)
     with pytest.raises(RuntimeError, match="out of light"):
-        render_rollout(two_rooms, BrokenAfterThree(renderer), rollout, view, tmp_path)
+        render_rollout(
+            two_rooms, cast(Renderer, BrokenAfterThree(renderer)), rollout, view, tmp_path
+        )
     assert list(tmp_path.iterdir()) == []
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from tests.support.work import InlineWorkers
 from vlnpe.formats.core.errors import InputError
@@ -22,7 +23,7 @@ from vlnpe.formats.vlnce.files import (
     write_vlnce,
 )
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.engine import context
+from vlnpe.pipeline.engine import executors
 from vlnpe.pipeline.stages.replay import item_names
 
 COMMON = ("--min-length-m", "4", "--min-gap-m", "0.8", "--family-gap-m", "1.0")
@@ -30,7 +31,7 @@ COMMON = ("--min-length-m", "4", "--min-gap-m", "0.8", "--family-gap-m", "1.0")
 
 @pytest.fixture(autouse=True)
 def inline(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(context, "Workers", InlineWorkers)
+    monkeypatch.setattr(executors, "Workers", InlineWorkers)
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +115,7 @@ def test_bad_options_are_refused(scenes, options, words, capsys, tmp_path, monke
 PATH = np.array([(1.0, 1.0, 0.0), (2.0, 2.0, 0.0), (4.0, 2.0, 0.0), (6.5, 2.0, 0.0)])
 
 
-def told(scene: str, number: int, points=PATH) -> VlnceEpisode:
+def told(scene: str, number: int, points: ArrayLike = PATH) -> VlnceEpisode:
     path = world_to_habitat_position(np.asarray(points, dtype=float))
     return VlnceEpisode(
         episode_id=number,

@@ -1,6 +1,6 @@
 """How well a gait walks: the table that goes into its card, and the gates it must pass.
 
-`python -m vlnpe.collectors.gait_training.evaluate aliengo` measures the installed policy;
+`python -m vlnpe.collectors.gait_trials.evaluate aliengo` measures the installed policy;
 `--policy runs/gait-aliengo` the one in a training's folder, `--publish` installs that one with its
 table.
 """

@@ -12,12 +12,11 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..locomotion.gait import GaitClock, monomials
 from ..locomotion.policy import GaitPolicy
 from ..robots import CommandLimits
-from .randomize import command_bounds
 from .trial import STEP_S, Conditions, Trial
 
 Array = NDArray[np.float64]
@@ -25,6 +24,14 @@ POINTS, SECONDS, WARM_UP_S, ROUNDS = 5, 5.0, 2.0, 5
 # Late actions cost more than early ones gain: between none and 20 ms, nearer to the latter.
 LATENCY_SUBSTEPS = 3
 STRIDE = 0.7  # share of the remaining error that a round corrects
+
+
+def command_bounds(
+    limits: CommandLimits, margin: float = 1.0, beyond: ArrayLike = (0.0, 0.0, 0.0)
+) -> Array:
+    """(3, 2) least and greatest vx, vy and yaw: the limits times `margin`, and `beyond` more."""
+    bounds = margin * np.array([limits.vx_m_s, limits.vy_m_s, limits.yaw_rad_s])
+    return bounds + np.asarray(beyond)[:, None] * (-1.0, 1.0)
 
 
 def calibrated(policy: GaitPolicy) -> GaitPolicy:
