@@ -43,7 +43,7 @@ dataset-bench:  ## Collect the training data of the baselines: make dataset-benc
 	    $(if $(WORKERS),--workers "$(WORKERS)") $(ARGS)
 
 evaluate:  ## Evaluate a policy in closed loop: make evaluate POLICY=random ROBOT=h1 [OUT=runs/<name>]
-	@$(SETUP) core
+	@$(SETUP) $(if $(filter %.safetensors,$(POLICY)),full,core)
 	@$(BIN)/vlnpe evaluate "$(or $(OUT),runs/apartment-$(SEED))" --policy "$(POLICY)" --robot "$(ROBOT)" $(ARGS)
 
 train-gait:  ## Train a locomotion policy: make train-gait ROBOT=aliengo [OUT=folder]

@@ -162,8 +162,9 @@ class EpisodeRun:
                     self._note(kind, detail)
                 if decision.action is not None:
                     self.actions.append((decision.action, tick))
-                    self.watch.acted()
                 self.motions += decision.chosen
+                if decision.chosen or decision.action is not None:
+                    self.watch.acted()
                 if decision.done:
                     command = STOPPED
                     self._note("stop", "")
@@ -221,6 +222,8 @@ class EpisodeRun:
         pose = world.pose
         for _ in range(config.outcome.timeout_actions + 1):
             jump = teleporter.jump(pose)
+            for note in self.task.chooser.notes() if self.task.chooser else ():
+                self._note(*note)
             self.actions.append((jump.action, len(self.recorder)))
             self.recorder.sample(STOPPED)
             self.recorder.repeat(hold - 1)

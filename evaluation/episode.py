@@ -26,6 +26,9 @@ from .observation import (
 )
 from .policy import Assignment, Policy, PolicyError
 
+SAID = "said"  # kind of the events that keep a policy's own words
+LONGEST_SAID = 500  # characters
+
 
 @dataclass
 class PolicyChooser:
@@ -110,8 +113,12 @@ class PolicyChooser:
         return np.zeros(3 if self.kind == VELOCITY else (self.waypoints, 3))
 
     def notes(self) -> list[tuple[str, str]]:
-        """Return nothing: all that a policy says are its actions."""
-        return []
+        """Return what the policy said since the last call, if it says anything."""
+        said = getattr(self.policy, "said", None)
+        if not said:
+            return []
+        words, said[:] = [str(text)[:LONGEST_SAID] for text in said], []
+        return [(SAID, text) for text in words]
 
 
 def _nothing(world: World) -> tuple[np.ndarray, np.ndarray]:

@@ -59,6 +59,9 @@ class Assignment:
 class Policy(Protocol):
     """Chooses one action after another.
 
+    A policy may have a list `said`: texts in it are taken out after each action and kept among the
+    rollout's events.
+
     Attributes:
         blind: it looks at no images, so that none need be rendered.
     """

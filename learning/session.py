@@ -118,7 +118,9 @@ def train_recipe(request: Request, *, show: bool = True) -> Result:
         config=config,
         words=tokens.vocabulary.words,
         view=view_of([s.selection for s in plan.sources]),
-        **_labels(plan),
+        robots=_every(plan, "robot"),
+        controllers=_every(plan, "controller"),
+        lights=_every(plan, "light"),
         seed=seed,
         recipe={"title": recipe.title, "mixture": name, "sha256": request.recipe_sha256},
         data=tuple(
@@ -277,12 +279,8 @@ def _decode(episodes: list[CachedSequences], show: bool) -> None:
                 bar.update()
 
 
-def _labels(plan: MixturePlan) -> dict[str, tuple[str, ...]]:
-    def every(label: str) -> tuple[str, ...]:
-        return tuple(sorted({str(v) for s in plan.sources for v in s.selection.labels(label)}))
-
-    names = {"robots": "robot", "controllers": "controller", "lights": "light"}
-    return {name: every(label) for name, label in names.items()}
+def _every(plan: MixturePlan, label: str) -> tuple[str, ...]:
+    return tuple(sorted({str(v) for s in plan.sources for v in s.selection.labels(label)}))
 
 
 def _write_curves(path: Path, rows: list[dict[str, Any]]) -> None:

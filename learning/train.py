@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from pickle import UnpicklingError
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import torch
 from torch import Tensor
+from torch.utils.data import Dataset
 
 from ..datasets.mixture.loader import MixtureLoader
 from ..datasets.mixture.sampler import MixtureSampler
@@ -102,7 +103,8 @@ def train_model(
         config.steps * config.batch,
         content="-".join(source.digest for source in sources),
     )
-    loader = MixtureLoader(list(sources), sampler, config.batch, collate=collate_sequences)
+    datasets = cast(Sequence[Dataset[Any]], sources)  # map-style by what they can do
+    loader = MixtureLoader(datasets, sampler, config.batch, collate=collate_sequences)
     per_pass = max(sum(len(source) for source in sources) // config.batch, 1)
     # Dropout and initial weights draw from torch's own generator; the caller's is left alone.
     with torch.random.fork_rng():

@@ -75,6 +75,7 @@ _TABLE = (
     Verb("train", "training.Train", "train.run"),
     Verb("ablate", "training.Ablate", "ablate.run"),
     Verb("evaluate", "evaluate.Evaluate", "evaluate.run_evaluate"),
+    Verb("benchmark", "benchmark.Benchmark", "benchmark.run"),
     Verb("compare", "evaluate.Compare", "evaluate.run_compare"),
     Verb("push", "results.Push", "push.run_push"),
     Verb("verify", "results.Verify", "look.run_verify"),

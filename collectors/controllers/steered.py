@@ -48,6 +48,10 @@ class Steerer(Protocol):
         """Return what to do from `pose` on; None stops the robot for good."""
         ...
 
+    def notes(self) -> list[tuple[str, str]]:
+        """Return (kind, detail) of what happened since the last call."""
+        ...
+
 
 @dataclass(frozen=True)
 class SteeredConfig:
@@ -108,9 +112,10 @@ class SteeredController:
         chosen = not self._ahead and (self._velocity is None or time_s >= self._until_s - 1e-9)
         if chosen:
             motion = self._steerer.next_motion(pose)
+            notes = tuple(self._steerer.notes())
             if motion is None:
-                return Decision(STOPPED, done=True, chosen=True)
-            notes = (self._begin(motion, time_s, pose),)
+                return Decision(STOPPED, done=True, notes=notes, chosen=True)
+            notes = (*notes, self._begin(motion, time_s, pose))
         wanted = self._towards(self._ahead[0][0], pose) if self._ahead else self._velocity
         self._command = self._ramped(wanted or STOPPED)
         return Decision(self._command, chosen=chosen, notes=notes)

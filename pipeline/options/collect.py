@@ -100,6 +100,8 @@ class Collect(Running, Sampling):
     """Also render instance segmentation (instance.mov, and in MCAP)."""
     frames_per_second: int = 4
     """Rendered frames per second: 4, 5, 10, 20, 25 or 50."""
+    only_episodes: bool = False
+    """Stop when scenes and instructed episodes are there; no robot walks."""
     only_success: bool = False
     """Export only successful episodes. By default all are exported, each with its end reason."""
     rgb_codec: str = "h264"

@@ -58,6 +58,11 @@ class Evaluate(Running):
     """Longest time a policy server may take for one action [s]; physics stands still meanwhile."""
     seed: int = 0
     """Random seed."""
+    films: int = 0
+    """Write report.html with films of so many successes and of each kind of failure: the policy's
+    view and one from behind, with the instruction and the chosen actions."""
+    mcap: bool = False
+    """Also write one MCAP file per episode with the images that the policy saw, for Foxglove."""
     out: Path | None = None
     """Output folder; defaults to <run>/evaluations/<policy>-<robot>-<controller>-<light>."""
     json: Json = False

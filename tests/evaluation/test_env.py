@@ -20,13 +20,15 @@ from vlnpe.collectors.replay import ReplayConfig, replay_in
 from vlnpe.collectors.robots import get_robot
 from vlnpe.collectors.world import open_world
 from vlnpe.evaluation.env import SUCCESS_REWARD, NavigationEnv
-from vlnpe.evaluation.episode import evaluate_episode
+from vlnpe.evaluation.episode import closed_loop, evaluate_episode
 from vlnpe.evaluation.observation import Eye, checked_action
 from vlnpe.evaluation.policy import Assignment, Forward, PolicyError, Random, Stop
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.core.rollout import Action, EndReason
 from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.pipeline.crews import action_timing
+from vlnpe.pipeline.stages import replay
 
 
 @pytest.fixture(scope="module")
@@ -123,6 +125,28 @@ def test_what_is_no_action_is_refused_and_ends_the_walk(env: NavigationEnv) -> N
             env.step(wrong)
     with pytest.raises(InputError, match="valid: 0 to 1"):
         env.reset(options={"episode": 2})
+
+
+class LookAround:
+    """Turns left and right on the spot, and never stops."""
+
+    blind = True
+
+    def reset(self, assignment: Assignment) -> None:
+        pass
+
+    def act(self, observation):
+        return (Action.LEFT, Action.RIGHT)[observation.step % 2]
+
+
+@pytest.mark.parametrize("timing", [(50, False), (100, False), (50, True)])
+def test_stuck_is_judged_over_fifty_actions_under_every_timing(two_rooms, episodes, timing) -> None:
+    # On wheels: a gait's drift in heading can add up to 15° in fifty actions.
+    world = open_world(two_rooms, 0, get_robot("jetbot"))
+    config = closed_loop(replay.config("jetbot", "speed", 0, action_timing(*timing)))
+    rollout = evaluate_episode(world, episodes[1], config, LookAround(), None)
+    assert rollout.end_reason is EndReason.STUCK
+    assert 50 <= len(rollout.actions) <= 54
 
 
 def run_out(env: NavigationEnv, choose, most: int = 60):
