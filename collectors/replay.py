@@ -49,7 +49,8 @@ def replay_episode(
     """
     robot = get_robot(config.robot)
     controller_for(robot, config.controller)
-    world = open_world(bundle, episode.level, robot, None, config.physics, cache_dir)
+    physics = config.physics.for_episode(episode)
+    world = open_world(bundle, episode.level, robot, None, physics, cache_dir)
     return replay_in(world, episode, config)
 
 

@@ -148,6 +148,7 @@ def open_world(
         ValueError: no such level.
         FileFormatError: the level's or the policy's files are missing or broken.
     """
+    config = config or LevelModelConfig()
     model = level_model(bundle, level, robot, config, cache_dir)
     data = mujoco.MjData(model)
     handles = RobotHandles.find(robot, model)
@@ -162,7 +163,7 @@ def open_world(
         base=data.qpos[handles.root_qpos : handles.root_qpos + 7],
         gait=gait or gait_for(robot),
         surface=surface,
-        freemap=bundle.freemap(level),
+        freemap=bundle.freemap(level).for_height(config.free_height_m),
         obstacles=int(np.count_nonzero(model.geom_bodyid == 0)),
         gate=ObstacleGate(model, data, handles.root_body, surface.floor.grid),
         physics_hash=robot.physics_hash(),

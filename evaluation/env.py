@@ -93,9 +93,9 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
         self._config = closed_loop(replace(base, robot=robot, controller=controller))
         spec = get_robot(robot)
         self._bundle = load_bundle(Path(scene))
-        self.world: World = open_world(
-            self._bundle, episodes[0].level, spec, None, base.physics, cache_dir
-        )
+        lowest = min(episodes, key=lambda episode: episode.free_height_m or np.inf)
+        physics = base.physics.for_episode(lowest)
+        self.world: World = open_world(self._bundle, lowest.level, spec, None, physics, cache_dir)
         self._view = view or make_view("ego", spec, renderer=scene_renderer_name(Path(scene)))
         self._eye: Eye | None = None
         if images:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..formats.core.errors import UnknownNameError
+from ..formats.scene import FULL_HEIGHT_M
 
 UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
 UNIT_M = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
@@ -40,7 +41,7 @@ class RepairConfig:
     unit: str = "auto"
     cell_m: float = 0.05
     fine_m: float = 0.025
-    robot_height_m: float = 2.0
+    robot_height_m: float = FULL_HEIGHT_M
     floor_clearance_m: float = 0.03
     blocked_above_m: float = 0.05
     bump_height_m: float = 0.06

@@ -16,12 +16,15 @@ from ..formats.core.episode import Episode
 from ..formats.core.errors import InputError
 from ..formats.core.frames import HABITAT_TO_WORLD, habitat_to_world_yaw, transform_points
 from ..formats.core.geometry import path_length
+from ..formats.scene import FULL_HEIGHT_M
 from ..formats.scene.bundle import SceneBundle
 from ..formats.scene.freemap import Freemap
 from ..formats.vlnce.files import VlnceEpisode, VlnceFile
 from ..wayfinding.distance import AGENT_RADIUS_M, distance_field, nearest_cell
 from ..wayfinding.planning import floor_z, plan_path, segments_free, simplify_path
+from .config import check_free_height
 from .levels import level_gaps
+from .record import low_passage
 
 Array = NDArray[np.float64]
 
@@ -34,6 +37,8 @@ class AlignConfig:
         split: name written into the episodes; None takes it from the file's name.
         robot_radius_m: clearance that starts, goals and paths need: the footprint of the widest
             robot that will walk them [m].
+        free_height_m: free height that they need; less than `FULL_HEIGHT_M` lets low robots pass
+            under tables [m].
         max_start_nudge_m: farthest that a start in collision may be moved [m].
         max_goal_nudge_m: farthest that a goal may be moved; no farther than a start [m].
         max_waypoint_nudge_m: farthest that an inner waypoint may be moved; one that would need more
@@ -46,6 +51,7 @@ class AlignConfig:
 
     split: str | None = None
     robot_radius_m: float = 0.30
+    free_height_m: float = FULL_HEIGHT_M
     max_start_nudge_m: float = 0.5
     max_goal_nudge_m: float = 0.5
     max_waypoint_nudge_m: float = 0.5
@@ -62,6 +68,7 @@ class AlignConfig:
             )
         if not self.robot_radius_m > 0:
             raise InputError(f"robot radius {self.robot_radius_m:g} m; valid: above 0")
+        check_free_height(self.free_height_m)
 
 
 @dataclass(frozen=True)
@@ -132,7 +139,9 @@ def align_episodes(
                     raise _RejectedError(f"scene {raw.scene_id!r} is not at hand; at hand: {known}")
                 if scene not in freemaps:
                     levels = range(len(bundles[scene].level_floor_z_m))
-                    freemaps[scene] = [bundles[scene].freemap(k) for k in levels]
+                    freemaps[scene] = [
+                        bundles[scene].freemap(k).for_height(config.free_height_m) for k in levels
+                    ]
                 fits[key] = fitted = _fit(raw, bundles[scene], freemaps[scene], config)
                 changed.update(_kinds(fitted.changes))
             except _RejectedError as error:
@@ -141,7 +150,7 @@ def align_episodes(
         if isinstance(fitted, _RejectedError):
             result.rejected.append((raw.episode_id, str(fitted)))
             continue
-        result.episodes.append(_episode(raw, fitted, split))
+        result.episodes.append(_episode(raw, fitted, split, low_passage(config.free_height_m)))
         moved = fitted.changes["start_moved_m"]
         if moved > 0:
             result.moved.append((raw.episode_id, moved))
@@ -169,7 +178,7 @@ def _kinds(changes: Mapping[str, Any]) -> list[str]:
     return [kind for kind, is_so in found.items() if is_so]
 
 
-def _episode(raw: VlnceEpisode, fitted: _Fitted, split: str) -> Episode:
+def _episode(raw: VlnceEpisode, fitted: _Fitted, split: str, low: Mapping[str, float]) -> Episode:
     return Episode(
         episode_id=str(raw.episode_id),
         trajectory_id=str(raw.trajectory_id),
@@ -187,6 +196,7 @@ def _episode(raw: VlnceEpisode, fitted: _Fitted, split: str) -> Episode:
             **_source_keys(raw),
             "source_scene_id": raw.scene_id,
             "alignment": fitted.changes,
+            **low,
         },
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..formats.core.errors import InputError, UnknownNameError
+from ..formats.scene import FULL_HEIGHT_M
 
 FRECHET, DTW = "frechet", "dtw"
 MEASURES = (FRECHET, DTW)
@@ -22,6 +23,8 @@ class SampleConfig:
         robot_radius_m: clearance that every point of a path has [m].
         roomy_radius_m: clearance asked for at first; only when the scene does not hold enough
             such paths, tighter ones down to `robot_radius_m` are taken [m].
+        free_height_m: free height above every point of a path; less than `FULL_HEIGHT_M` lets
+            paths for low robots lead under tables [m].
         end_clearance_m: clearance of starts and goals, room to turn on the spot [m].
         clearance_preference: how many times longer a metre feels when it grazes an obstacle.
         comfort_m: clearance beyond the radius from which on more is no better [m].
@@ -50,6 +53,7 @@ class SampleConfig:
     split: str = "train"
     robot_radius_m: float = 0.30
     roomy_radius_m: float = 0.38
+    free_height_m: float = FULL_HEIGHT_M
     end_clearance_m: float = 0.45
     clearance_preference: float = 3.0
     comfort_m: float = 0.35
@@ -86,6 +90,7 @@ class SampleConfig:
                 f"robot radius {self.robot_radius_m} m and end clearance {self.end_clearance_m} m; "
                 "valid: 0 < radius ≤ end clearance"
             )
+        check_free_height(self.free_height_m)
         if not (self.min_gap_m > 0 and self.family_gap_m > 0):
             raise InputError(
                 f"gaps {self.min_gap_m} m and {self.family_gap_m} m between paths; valid: above 0"
@@ -95,3 +100,11 @@ class SampleConfig:
                 f"detour {self.max_detour}, turning {self.max_turning_deg}°; valid: from 1 and "
                 "from 0 on"
             )
+
+
+def check_free_height(free_height_m: float) -> None:
+    """Raise InputError unless `free_height_m` is above 0 and at most `FULL_HEIGHT_M`."""
+    if not 0 < free_height_m <= FULL_HEIGHT_M:
+        raise InputError(
+            f"free height {free_height_m:g} m; valid: above 0, up to {FULL_HEIGHT_M:g} m"
+        )

@@ -56,7 +56,7 @@ def open_level(
     Every connected part of its free floor counts that holds a way of `min_length_m`. On a level
     that is a single room no path can pass between rooms, so none is asked to.
     """
-    freemap = bundle.freemap(index)
+    freemap = bundle.freemap(index).for_height(config.free_height_m)
     # Diagonal steps need both side cells, so neighbours by edges are what can be walked.
     parts = np.asarray(label(freemap.free(radius_m), connectivity=1))
     ends = freemap.free(config.end_clearance_m)

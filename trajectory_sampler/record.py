@@ -11,6 +11,7 @@ from scipy.ndimage import map_coordinates
 from ..formats.core.episode import Episode
 from ..formats.core.frames import wrap_angle
 from ..formats.core.geometry import path_length, point_along
+from ..formats.scene import FULL_HEIGHT_M
 from ..formats.scene.bundle import SceneBundle
 from ..formats.scene.freemap import Freemap
 from ..wayfinding.crossings import DOORWAY_M
@@ -46,7 +47,7 @@ def episode_of(
         yaw = drawn * np.pi
     yaw = float(wrap_angle(yaw))
     name = f"{bundle.scene_id}-{number:04d}"
-    freemap = bundle.freemap(candidate.level)
+    freemap = bundle.freemap(candidate.level).for_height(config.free_height_m)
     waypoints = evenly(path, WAYPOINT_M)
     clearance = clearance_at(freemap, waypoints)
     return Episode(
@@ -79,8 +80,14 @@ def episode_of(
                 "clearance_m": np.round(clearance, 3).tolist(),
             },
             "actions": ideal_actions(path, yaw),
+            **low_passage(config.free_height_m),
         },
     )
+
+
+def low_passage(free_height_m: float) -> dict[str, float]:
+    """Return the keys that an episode planned for low robots has in its `extra`."""
+    return {} if free_height_m >= FULL_HEIGHT_M else {"free_height_m": round(free_height_m, 3)}
 
 
 def similarity_groups(paths: Sequence[tuple[int, Array]], config: SampleConfig) -> list[int]:

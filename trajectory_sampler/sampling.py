@@ -192,10 +192,9 @@ def _episodes(
 
 
 def _nothing(bundle: SceneBundle, config: SampleConfig, result: SampleResult) -> str:
-    found = [
-        longest_way(bundle.freemap(k), config.robot_radius_m, config.end_clearance_m)
-        for k in range(len(bundle.level_floor_z_m))
-    ]
+    levels = range(len(bundle.level_floor_z_m))
+    maps = [bundle.freemap(k).for_height(config.free_height_m) for k in levels]
+    found = [longest_way(one, config.robot_radius_m, config.end_clearance_m) for one in maps]
     area, longest = max(found, key=lambda one: one[1], default=(0.0, 0.0))
     return (
         f"{bundle.scene_id}: no episode of {config.min_length_m:g} … {config.max_length_m:g} m "

@@ -2,7 +2,7 @@
 
 from .config import LevelModelConfig
 from .floor_surface import FloorSurface
-from .level_model import build_level_model, level_model
+from .level_model import build_level_model, free_height, level_model
 from .obstacle_boxes import robot_obstacles
 from .obstacle_gate import ObstacleGate
 
@@ -11,6 +11,7 @@ __all__ = [
     "LevelModelConfig",
     "ObstacleGate",
     "build_level_model",
+    "free_height",
     "level_model",
     "robot_obstacles",
 ]

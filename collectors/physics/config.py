@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+from ...formats.core.episode import Episode
+from ...formats.scene import FULL_HEIGHT_M
 
 
 @dataclass(frozen=True)
@@ -14,6 +17,8 @@ class LevelModelConfig:
         floor_error_m: a height field may be this much coarser than the floor record.
         void_depth_m: how far the floor drops where there is none.
         friction: sliding friction of floor and obstacles; feet bring their own, with priority.
+        free_height_m: free height of the places that robots may walk to; see
+            `Freemap.for_height` [m].
         headroom_m: how far the robot may rise above its standing height and still be stopped.
     """
 
@@ -21,4 +26,9 @@ class LevelModelConfig:
     floor_error_m: float = 0.001
     void_depth_m: float = 1.0
     friction: float = 0.8
+    free_height_m: float = FULL_HEIGHT_M
     headroom_m: float = 0.15
+
+    def for_episode(self, episode: Episode) -> LevelModelConfig:
+        """Return this with the free height that the episode's path was planned for."""
+        return replace(self, free_height_m=episode.free_height_m or FULL_HEIGHT_M)

@@ -20,6 +20,7 @@ import mujoco
 import numpy as np
 
 from ...formats.core.source import code_digest
+from ...formats.scene import FULL_HEIGHT_M
 from ...formats.scene.bundle import Obstacles, SceneBundle
 from ..robots import RobotSpec, apply_physics_options
 from .config import LevelModelConfig
@@ -32,6 +33,8 @@ from .obstacle_gate import OBSTACLE_BIT
 log = logging.getLogger(__name__)
 
 ROBOT_PREFIX = "robot/"
+# Planned above a robot's standing height: a gait lifts the body by less.
+HEAD_MARGIN_M = 0.06
 REACH_MARGIN_M = 0.25
 
 
@@ -74,7 +77,8 @@ def build_level_model(
         FileFormatError: the level's files are missing.
     """
     config = config or LevelModelConfig()
-    surface, freemap = FloorSurface(bundle.floor(level)), bundle.freemap(level)
+    surface = FloorSurface(bundle.floor(level))
+    freemap = bundle.freemap(level).for_height(config.free_height_m)
     reach_m, height_m = _extent(robot)
     scene = mujoco.MjSpec()
     scene.modelname = f"{bundle.scene_id}-{level}-{robot.name}"
@@ -101,6 +105,12 @@ def build_level_model(
         len(bundle.obstacles(level).center_m),
     )
     return model
+
+
+def free_height(robot: RobotSpec) -> float:
+    """Return the free height [m] that a robot needs, at most `FULL_HEIGHT_M`."""
+    _, height_m = _extent(robot)
+    return min(round(height_m + HEAD_MARGIN_M, 2), FULL_HEIGHT_M)
 
 
 def _add_boxes(scene: mujoco.MjSpec, boxes: Obstacles, config: LevelModelConfig) -> None:

@@ -46,6 +46,11 @@ class Episode:
     extra: dict[str, Any] = field(default_factory=dict)
 
     @property
+    def free_height_m(self) -> float | None:
+        """Return the free height [m] that the path needs; None where any robot can walk it."""
+        return self.extra.get("free_height_m")
+
+    @property
     def reference_length_m(self) -> float:
         """Return the length of the reference path [m]."""
         steps = np.diff(self.reference_path_world_m, axis=0)

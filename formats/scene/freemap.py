@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter
+from skimage.measure import label
 
+from ..core.errors import SceneError
+from . import FULL_HEIGHT_M
 from .grid import GridSpec
 
 
@@ -19,13 +22,40 @@ class Freemap:
     Attributes:
         grid: the cells.
         floor_z_m: (rows, columns) float32 floor height [m]; NaN where there is no floor.
-        traversable: (rows, columns) bool: floor, and nothing a robot of up to 2 m height could
-            hit above the cell.
+        traversable: (rows, columns) bool: floor, and nothing that a robot of up to
+            `FULL_HEIGHT_M` could hit above the cell.
+        headroom_m: (rows, columns) float32 height above the floor of the lowest thing that a robot
+            could hit [m], infinite where there is none up to `FULL_HEIGHT_M`; (0, 0) in scenes
+            repaired before there were headrooms.
     """
 
     grid: GridSpec
     floor_z_m: NDArray[np.float32]
     traversable: NDArray[np.bool_]
+    headroom_m: NDArray[np.float32] = field(
+        default_factory=lambda: np.empty((0, 0), dtype=np.float32)
+    )
+
+    def for_height(self, height_m: float) -> Freemap:
+        """Return the map of a robot that needs `height_m` [m] of free height.
+
+        Low robots pass under tables. What only they can reach counts where it is connected with
+        floor for all robots.
+
+        Raises:
+            SceneError: a height below `FULL_HEIGHT_M` in a scene without headrooms.
+        """
+        if height_m >= FULL_HEIGHT_M:
+            return self
+        if self.headroom_m.shape != self.traversable.shape:
+            raise SceneError(
+                "the scene was repaired before free heights were kept; repair it again to plan "
+                f"for robots lower than {FULL_HEIGHT_M:g} m"
+            )
+        low = self.traversable | (np.isfinite(self.floor_z_m) & (self.headroom_m >= height_m))
+        parts = np.asarray(label(low, connectivity=1))
+        reached = low & np.isin(parts, np.unique(parts[self.traversable]))
+        return Freemap(self.grid, self.floor_z_m, reached, self.headroom_m)
 
     @cached_property
     def clearance_m(self) -> NDArray[np.float64]:

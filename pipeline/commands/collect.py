@@ -21,13 +21,13 @@ from ...trajectory_sampler.presets import PRESETS
 from ...trajectory_sampler.stairs import StairRules
 from ..builtin import BuiltIn, parse_builtin
 from ..chain import Chain, Product
-from ..crews import action_timing, chosen_robots, crews, keep, kept
+from ..crews import action_timing, chosen_robots, crews, keep_all, kept
 from ..engine.context import open_context
 from ..engine.ledger import Ledger
 from ..engine.run_folder import RunFolder, safe_name
 from ..folders import find_scans
 from ..options.collect import Collect
-from ..sampling_plan import SamplingPlan, sample_config
+from ..sampling_plan import SamplingPlan, chosen_free_height, sample_config
 from ..stages import align, repair, report, visibility
 from ..stages.export import check_depth_storage
 from ..summary import show_summary
@@ -48,10 +48,16 @@ def run(options: Collect) -> int:
     actions = action_timing(options.action_steps, options.closed_loop)
     extras = Extras(options.semantic, options.instance)
     product = Product(
-        options.frames_per_second, extras, options.only_success, options.rgb_codec, options.depth
+        options.frames_per_second,
+        extras,
+        options.only_success,
+        options.rgb_codec,
+        options.depth,
+        options.mcap,
     )
     looks = (options.camera, options.light, options.renderer)
-    views = {r.name: chosen_views(*looks, r, CameraOverrides()) for r in robots}
+    wishes = CameraOverrides(height_m=options.camera_height, pitch_down_deg=options.camera_pitch)
+    views = {r.name: chosen_views(*looks, r, wishes) for r in robots}
     check_frame_rate(options.frames_per_second)
     check_rgb_codec(options.rgb_codec)
     check_depth_storage(options.depth)
@@ -59,18 +65,20 @@ def run(options: Collect) -> int:
     instructing = instruct_config(options)
     sources = _sources(options, episode_files)
     plan = None if episode_files else SamplingPlan.of(options, preset, list(sources))
-    sampling = sample_config(options, count, SampleConfig.robot_radius_m, strict=plan is not None)
+    height_m = chosen_free_height(options.robot, options.free_height_m)
+    sampling = sample_config(
+        options, count, options.robot_radius_m, height_m, strict=plan is not None
+    )
     if plan and plan.instructions and options.count == Collect.count:
         instructing = replace(instructing, count=plan.instructions)
     rules = StairRules(tuple(name.strip() for name in options.stair_rules.split(",")))
     collision = str(options.collision.resolve()) if options.collision else ""
     repairing = RepairConfig(up=options.up, unit=options.unit, collision=collision)
     with open_context(
-        options.out or Path("runs") / _run_name(options, sources), options.workers
+        options.out or Path("runs") / _run_name(options, sources), options.execution()
     ) as context:
         folder = RunFolder(context.ledger.root)
-        for robot in robots:
-            keep(robot, folder.root)
+        keep_all(robots, context.ledger)
         widest = max(robots, key=lambda robot: robot.footprint_radius_m)
         eye = _eye(context.ledger) or kept(widest.name, folder.root)
         chain = Chain(
@@ -78,11 +86,14 @@ def run(options: Collect) -> int:
         )
         scenes = chain.scenes(sources, repairing, options.allow_unsound)
         sampling = _roomy(sampling, robots, context.ledger)
-        fitting = AlignConfig(robot_radius_m=_fitting_radius(robots, context.ledger))
+        fitting = AlignConfig(
+            robot_radius_m=_fitting_radius(robots, context.ledger), free_height_m=height_m
+        )
         if episode_files:
             asked = chain.aligned(episode_files, scenes, rules, fitting)
         else:
-            asked = chain.sampled(sampling, scenes, plan.quotas if plan else None)
+            quotas, exact = (plan.quotas, plan.exact) if plan else (None, True)
+            asked = chain.sampled(sampling, scenes, quotas, exact=exact)
         chain.keep(asked, scenes, pairs)
         for robot, controller in pairs:
             chain.collected(
@@ -197,5 +208,8 @@ def _run_name(options: Collect, sources: Mapping[str, Path | BuiltIn]) -> str:
     if options.scenes is not None:
         return safe_name(options.scenes.resolve().name)
     first, *others = sources
-    # All of several built-in scenes are of one kind: villa-0-to-9.
-    return f"{first}-to-{others[-1].rsplit('-')[-1]}" if others else first
+    if not others:
+        return first
+    kind, last = others[-1].rsplit("-", 1)
+    # villa-0-to-9, or apartment-0-to-villa-9.
+    return f"{first}-to-{last if first.startswith(f'{kind}-') else others[-1]}"

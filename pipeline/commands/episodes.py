@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from ...formats.core.atomic import file_digest
 from ...formats.core.errors import InputError
 from ...formats.scene.bundle import INDEX_NAME
 from ...formats.vlnce.files import read_vlnce, write_episodes
@@ -18,7 +19,7 @@ from ..engine.ledger import Row
 from ..engine.runner import Context, StageSummary, run_stage
 from ..folders import scenes_in
 from ..options.episodes import Align, Filter, Sample
-from ..sampling_plan import SamplingPlan, sample_config
+from ..sampling_plan import SamplingPlan, chosen_free_height, sample_config
 from ..stages import align, episodes, repair
 from ..summary import tell
 
@@ -34,6 +35,7 @@ def run_align(options: Align) -> int:
     out = _out(options.out, "aligned", len(options.episodes) > 1)
     config = AlignConfig(
         robot_radius_m=_radius(options.robot, options.robot_radius_m),
+        free_height_m=chosen_free_height(options.robot, options.free_height_m),
         max_start_nudge_m=options.max_start_nudge_m,
         max_goal_nudge_m=options.max_goal_nudge_m,
         max_waypoint_nudge_m=options.max_waypoint_nudge_m,
@@ -42,7 +44,7 @@ def run_align(options: Align) -> int:
     )
     scenes = repair.rows_of(options.scenes)
     files = {read_vlnce(path).path: "" for path in options.episodes}
-    files = {path: digest(path, path.stat().st_size, path.stat().st_mtime_ns) for path in files}
+    files = {path: digest(path, file_digest(path)) for path in files}
     with open_single(out, options.workers) as context:
         parts = _parts(context, [
             align.part_name(read_vlnce(f).split, s, len(files)) for f in files for s in scenes
@@ -151,7 +153,8 @@ def run_sample(options: Sample) -> int:
     scenes = scene_rows(folders)
     radius_m = _radius(options.robot, options.robot_radius_m)
     plan = SamplingPlan.of(options, options.preset, list(scenes))
-    config = sample_config(options, options.count, radius_m, strict=plan is not None)
+    height_m = chosen_free_height(options.robot, options.free_height_m)
+    config = sample_config(options, options.count, radius_m, height_m, strict=plan is not None)
     out = _out(options.out, "episodes", plan is not None)
     with open_single(out, options.workers) as context:
         parts = _parts(context, list(scenes))
@@ -169,7 +172,7 @@ def run_sample(options: Sample) -> int:
         ]
         summary = run_stage(context, episodes.STAGE, items, required=True)
         if plan:
-            episodes.check_complete(summary.rows, plan.quotas)
+            episodes.check_complete(summary.rows, plan.quotas, exact=plan.exact)
         made = [parts[name] for name in summary.good()]
         paths, written = episodes.merge(made, _file_of(out, plan is not None))
     by_split = {s: sum(p.split == s for p in paths) for s in written}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ...formats.core.errors import InputError
 from ...scene_repair.config import RepairConfig
 from ..builtin import BuiltIn, check_kind
 from ..engine.context import run_single
@@ -26,7 +27,10 @@ def run_scan(options: Scan) -> int:
     check_kind(options.kind)
     refuse_to_replace(options.out, SCAN_NAMES)
     out = options.out.resolve()
-    item = repair.scan_item(BuiltIn(options.kind, options.seed), out, options.splats)
+    if options.exact and options.splats:
+        raise InputError("--exact and --splats exclude each other")
+    building = BuiltIn(options.kind, options.seed, not options.exact)
+    item = repair.scan_item(building, out, options.splats)
     facts = run_single(out, repair.SCAN_STAGE, item).facts
     return tell(options, facts, f"{options.out / facts['scan']}: {options.kind} {options.seed}")
 

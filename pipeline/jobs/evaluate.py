@@ -49,7 +49,7 @@ class EvaluateJob:
             PolicyError: the policy failed, or what it answered is no action.
             DivergedError: physics exploded.
         """
-        world = open_level(self.scene, self.episode.level, self.config, self.models)
+        world = open_level(self.scene, self.episode, self.config, self.models)
         policy: Policy | None = None
         eye: Eye | None = None
         if self.policy != ORACLE:

@@ -14,6 +14,7 @@ from ...formats.mcap.robot_links import robot_topics
 from ...formats.mcap.rollout import SHOW_EVERY
 from ...formats.mcap.shown import map_topic
 from ...formats.rendered.folder import read_frame_folder
+from ...formats.scene import FULL_HEIGHT_M
 from ...formats.scene.bundle import load_bundle
 from ..engine.work import ItemResult
 from ..provenance import encoding_facts, scene_provenance
@@ -59,12 +60,15 @@ class McapJob:
             depth_storage=self.depth_storage,
         )
         recorded = reviewed_rollout(self.rollout, self.review)
+        episode = recorded.episode
+        height_m = episode.free_height_m or FULL_HEIGHT_M
+        freemap = bundle.freemap(episode.level).for_height(height_m)
         links = robot_links(get_robot(self.robot).build_model(floor=False), recorded, SHOW_EVERY)
         write_episode_mcap(
             self.out,
             recorded,
             self.frames,
-            shown=(map_topic(bundle.freemap(recorded.episode.level)), *robot_topics(links)),
+            shown=(map_topic(freemap), *robot_topics(links)),
             dataset=facts.to_json(),
         )
         return ItemResult({"bytes": self.out.stat().st_size})

@@ -8,6 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from ...collectors.physics import LevelModelConfig
 from ...collectors.replay import ReplayConfig, replay_in
 from ...collectors.robots import get_robot
 from ...collectors.world import World, open_world
@@ -47,7 +48,7 @@ class ReplayJob:
         Raises:
             DivergedError: physics exploded; the last state lies beside where the rollout would be.
         """
-        world = open_level(self.scene, self.episode.level, self.config, self.models)
+        world = open_level(self.scene, self.episode, self.config, self.models)
         rollout = replay_in(world, self.episode, self.config)
         return store(rollout, self.scene.name, self.config, self.out)
 
@@ -112,9 +113,12 @@ def actions(config: ReplayConfig) -> dict[str, Any]:
     }
 
 
+def open_level(scene: Path, episode: Episode, config: ReplayConfig, models: Path) -> World:
+    """Return the opened level of an episode; `models` keeps compiled models."""
+    return _opened(scene, episode.level, config.robot, config.physics.for_episode(episode), models)
+
+
 # Opening a level takes as long as a tenth of an episode; a worker keeps the last ones.
 @lru_cache(maxsize=4)
-def open_level(scene: Path, level: int, config: ReplayConfig, models: Path) -> World:
-    """Return the opened level of a repaired scene; `models` keeps compiled models."""
-    robot = get_robot(config.robot)
-    return open_world(load_bundle(scene), level, robot, None, config.physics, models)
+def _opened(scene: Path, level: int, robot: str, physics: LevelModelConfig, models: Path) -> World:
+    return open_world(load_bundle(scene), level, get_robot(robot), None, physics, models)

@@ -1,4 +1,4 @@
-"""Generate a building and scan it virtually."""
+"""Generate a building, and scan it virtually."""
 
 from __future__ import annotations
 
@@ -11,29 +11,39 @@ from ..engine.work import ItemResult
 
 @dataclass(frozen=True)
 class ScanJob:
-    """Write the scan of one generated building.
+    """Write the scan of one generated building, or its exact geometry in the place of a scan.
 
     Attributes:
         seed: of the building.
         folder: output.
         kind: key of `apartments.BUILDINGS`.
-        splats: capture Gaussian splats instead of a mesh.
+        scanned: scan it virtually.
+        splats: capture Gaussian splats instead.
     """
 
     seed: int
     folder: Path
     kind: str = "apartment"
+    scanned: bool = True
     splats: bool = False
 
     def run(self) -> ItemResult:
         """Generate one scan."""
         # Takes long to import: only where the work is done.
-        from ...apartments import building_config, generate_scan, generate_splats
+        from ...apartments import (
+            building_config,
+            generate_exact,
+            generate_scan,
+            generate_splats,
+        )
 
         with atomic_folder(self.folder) as temporary:
-            generate = generate_splats if self.splats else generate_scan
+            generate = generate_scan if self.scanned else generate_exact
+            if self.splats:
+                generate = generate_splats
             scan = generate(self.seed, temporary, building_config(self.kind))
             size = scan.stat().st_size
             # The scan is made by this project, so that the data made from it may be used as freely.
             (temporary / "LICENSE.scan").write_text("Apache-2.0\n")
-        return ItemResult({"kind": self.kind, "seed": self.seed, "scan": scan.name, "bytes": size})
+        facts = {"kind": self.kind, "seed": self.seed, "scanned": self.scanned}
+        return ItemResult({**facts, "scan": scan.name, "bytes": size})

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import tyro
 
+from ...formats.scene import FULL_HEIGHT_M
 from ...trajectory_sampler.config import SampleConfig
 from . import Json
 
@@ -20,6 +21,9 @@ class Sampling:
     never shorter. Lower it for a single-room scan."""
     max_length_m: float = SampleConfig.max_length_m
     """Maximum length of a sampled reference path [m]; the geodesic distance is never longer."""
+    free_height_m: float = FULL_HEIGHT_M
+    """Free height above every path [m]. The default suits every robot; less lets paths for low
+    robots lead under tables, and 0 takes what the tallest of the robots needs."""
     min_crossings: int = SampleConfig.min_crossings
     """Minimum number of room-to-room transitions per sampled path; use 0 for a single-room scan."""
     similarity: str = SampleConfig.similarity
@@ -39,10 +43,14 @@ class Sampling:
     """Number of paths per split over all scenes, e.g. train=147,val_seen=37,val_unseen=429.
     val_seen shares scenes with train, but no similar paths; val_unseen has scenes of its own."""
     train_scenes: str = ""
-    """Comma-separated scenes to train in, for --splits and presets; default: the first ones."""
+    """Scenes to train in, for --splits and presets: comma-separated names, or a number, which takes
+    the first so many; by default as many as the splits' sizes ask for."""
     quota: str = ""
     """Total number of paths in single scenes, for --splits and presets: home_1=40,home_2=80; the
     other scenes share the rest."""
+    allow_fewer: bool = False
+    """With --splits and presets: take what a scene holds instead of failing where it holds fewer
+    paths than asked for."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +69,9 @@ class Align:
     Without it, --robot-radius-m decides."""
     robot_radius_m: float = 0.30
     """Clearance that starts, goals and paths need [m], if no robot is named."""
+    free_height_m: float = FULL_HEIGHT_M
+    """Free height above every path [m]. The default suits every robot; less lets paths for low
+    robots lead under tables, and 0 takes what the tallest of the robots needs."""
     max_start_nudge_m: float = 0.5
     """Farthest that a start in collision may be moved [m]."""
     max_goal_nudge_m: float = 0.5

@@ -18,6 +18,9 @@ class Scan:
     """Random seed of the building; the same seed gives the same building."""
     kind: str = "apartment"
     """Kind of building: apartment, villa, house (two storeys) or office."""
+    exact: bool = False
+    """Write the building's exact, textured geometry instead of a virtual scan: no noise, no holes,
+    no baked light, and a tenth of the time."""
     splats: bool = False
     """Capture the building as Gaussian splats (scan.ply) instead of a textured mesh (scan.glb)."""
     out: Path = Path("scan")

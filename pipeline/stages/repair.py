@@ -31,10 +31,10 @@ SIDE_FILES = {".mtl", ".mdl", ".bin", *PICTURES, *USD_SUFFIXES}
 
 
 def scan_item(building: BuiltIn, folder: Path, splats: bool = False) -> WorkItem:
-    """Generate a built-in scene and scan it virtually into `folder`, as mesh or as splats."""
-    job = ScanJob(building.seed, folder, building.kind, splats)
-    what = (building.seed, building.kind, *(("splats",) if splats else ()))
-    return work_item(SCAN_STAGE, building.name, job, (folder,), *what)
+    """Generate a built-in scene into `folder`: scanned virtually, exact, or as Gaussian splats."""
+    job = ScanJob(building.seed, folder, building.kind, building.scanned, splats)
+    inputs = (building.seed, building.kind, building.scanned, *(("splats",) if splats else ()))
+    return work_item(SCAN_STAGE, building.name, job, (folder,), *inputs)
 
 
 def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> list[WorkItem]:

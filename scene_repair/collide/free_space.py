@@ -19,15 +19,20 @@ SLIVER = 0.25
 SPREAD = 3
 
 
-def blocked_cells(
-    voxels: Voxels, height_m: NDArray[np.float64], above_m: float
-) -> NDArray[np.bool_]:
-    """Return (rows, columns) cells with anything more than `above_m` above the floor."""
+def headroom(voxels: Voxels, height_m: NDArray[np.float64], above_m: float) -> NDArray[np.float32]:
+    """Return the free height (rows, columns) [m] above the floor, infinite where all is free.
+
+    What ends at most `above_m` above the floor is stepped over and does not count.
+    """
     side = voxels.grid.cell_m
     layers = voxels.upper.shape[2]
     bottom = voxels.z0_m + side * np.arange(layers)
     top = bottom + side * (voxels.upper[..., 2] / STEPS)
-    return np.any(voxels.occupied & (top > height_m[..., None] + above_m), axis=2)
+    in_the_way = voxels.occupied & (top > height_m[..., None] + above_m)
+    lowest = np.argmax(in_the_way, axis=2)[..., None]
+    lower = np.take_along_axis(voxels.lower[..., 2], lowest, axis=2)[..., 0] / STEPS
+    free = np.maximum(bottom[lowest[..., 0]] + side * lower - height_m, 0.0)
+    return np.where(in_the_way.any(axis=2), free, np.inf).astype(np.float32)
 
 
 def places(free: NDArray[np.bool_], cell_m: float) -> NDArray[np.bool_]:

@@ -16,7 +16,7 @@ from ..floor.repair_level import RepairedFloor
 from ..grid.morphology import grown_window
 from ..grid.world_mesh import WorldMesh
 from .boxes import cover_with_boxes
-from .free_space import blocked_cells, places, touchable
+from .free_space import headroom, places, touchable
 from .voxels import voxelise
 
 # Kept around the floor: walls, and what leans over them.
@@ -62,11 +62,11 @@ def build_collision(
         cut_below_m=height + config.floor_clearance_m,
         cut_above_m=height + config.robot_height_m,
     )
-    blocked = blocked_cells(voxels, height, config.blocked_above_m)
-    place = places(floor.covered & ~blocked, grid.cell_m)
+    free_height = headroom(voxels, height, config.blocked_above_m)
+    place = places(floor.covered & np.isinf(free_height), grid.cell_m)
     obstacles = cover_with_boxes(voxels, touchable(voxels, place, height))
     floor_z = np.where(floor.covered, floor.height_m, np.float32(np.nan)).astype(np.float32)
-    return LevelCollision(floor, obstacles, Freemap(grid, floor_z, place))
+    return LevelCollision(floor, obstacles, Freemap(grid, floor_z, place, free_height))
 
 
 def _cropped(floor: Floor) -> Floor:
