@@ -41,6 +41,8 @@ CONVERTERS = {
 LICENCE_NAMES = ("LICENSE.{stem}", "{stem}.LICENSE", "{stem}.license.txt", "LICENSE")
 MAX_LICENCE_BYTES = 1 << 20
 LABELS_NAME, MAX_LABELS_BYTES = "{stem}.labels.json", 64 << 20
+# As InteriorGS has it beside its splats.
+INTERIOR_NAME = "labels.json"
 HOUSE_NAME, MAX_HOUSE_BYTES = "{stem}.house", 256 << 20
 
 
@@ -57,7 +59,8 @@ def why_not(name: str) -> str:
 def side_names(source: Path) -> list[str]:
     """Return the names of all files beside the scan `source` that are read with it if present."""
     stem = source.stem
-    return [LABELS_NAME.format(stem=stem), HOUSE_NAME.format(stem=stem), *licence_names(stem)]
+    names = [LABELS_NAME.format(stem=stem), INTERIOR_NAME, HOUSE_NAME.format(stem=stem)]
+    return [*names, *licence_names(stem)]
 
 
 def licence_names(stem: str) -> list[str]:

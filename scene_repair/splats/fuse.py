@@ -14,6 +14,7 @@ from scipy import ndimage, sparse
 from scipy.spatial import KDTree
 
 from ...formats.core.camera import CameraModel
+from ...formats.core.errors import SceneError
 from ...formats.fusion.surface import ScanMesh, extract
 from ...formats.fusion.volume import DistanceVolume
 from ...formats.splats.harmonics import C0
@@ -32,6 +33,8 @@ RANGE_M, NEAR_M = (0.12, 5.0), 0.06
 # Where more light than this gets through there is no surface.
 MAX_LIGHT = 0.35
 TARGET_FACES = 320_000
+# Of a voxel: about that of a view from two metres; what is seen less often is ragged.
+LEAST_WEIGHT = 0.3
 SMOOTHING_ROUNDS, SMOOTHING_STEPS = 6, (0.5, -0.53)
 SIDES = tuple(
     np.stack([np.cross(down, ahead), down, ahead], axis=1)
@@ -44,7 +47,11 @@ SIDES = tuple(
 def fuse_splats(
     cloud: GaussianCloud, solid: Solid, tell: Callable[[str], None]
 ) -> tuple[ScanMesh, NDArray[np.uint8]]:
-    """Return the surface in units of the file, and sRGB colours (V, 3) of its vertices."""
+    """Return the surface in units of the file, and sRGB colours (V, 3) of its vertices.
+
+    Raises:
+        SceneError: the Gaussians enclose no space to look from, or show no surface.
+    """
     volume_units = float(np.prod(solid.upper - solid.lower))
     factor = VOXEL_M / (volume_units / VOXELS) ** (1 / 3)
     similarity = np.diag([factor, factor, factor, 1.0])
@@ -55,6 +62,8 @@ def fuse_splats(
         factor * solid.lower - margin, factor * solid.upper + margin, VOXEL_M
     )
     places = stations(solid, factor)
+    if not len(places):
+        raise SceneError("its Gaussians enclose no space: an object, not a room")
     tell(f"looking from {len(places)} places at {len(surfaces):,} Gaussians")
     camera = CameraModel("virtual", SIDE_PX, SIDE_PX, HFOV_DEG)
     for eye in _eyes(camera, places):
@@ -66,7 +75,9 @@ def fuse_splats(
             rotation=eye.rotation_world,
         )
     tell("meshing")
-    mesh = smoothed(extract(volume, TARGET_FACES))
+    if not ((volume.value < 0) & (volume.weight > LEAST_WEIGHT)).any():
+        raise SceneError("no surface could be fused from its Gaussians")
+    mesh = smoothed(extract(volume, TARGET_FACES, LEAST_WEIGHT))
     color = _colors(surfaces, mesh.vertices)
     return ScanMesh(mesh.vertices / factor, mesh.faces), color
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...formats.core.errors import FileFormatError
+from ...formats.core.errors import FileFormatError, SceneError
 from ...formats.splats.read import read_splats, splat_kind
 from ...formats.splats.record import GaussianCloud
 from ..scan.record import Scan, ScanMaterial
@@ -40,13 +40,9 @@ def read_splat_scan(
         return replace(surface, licence=licence, warnings=(*notes, *surface.warnings)), cloud
     try:
         solid = find_solid(cloud)
-    except FileFormatError as error:
-        raise FileFormatError(path, error.reason) from error
-    if not (solid.clearance > 0).any():
-        raise FileFormatError(
-            path, f"its {len(cloud):,} Gaussians enclose no space: an object, not a room"
-        )
-    mesh, color = fuse_splats(cloud, solid, tell)
+        mesh, color = fuse_splats(cloud, solid, tell)
+    except SceneError as error:
+        raise FileFormatError(path, str(error)) from error
     if len(mesh.faces) < LEAST_FACES:
         raise FileFormatError(path, f"no surface could be fused from its {len(cloud):,} Gaussians")
     warnings = [

@@ -13,13 +13,13 @@ from scipy import ndimage
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from ...formats.core.errors import FileFormatError
+from ...formats.core.errors import SceneError
 from ...formats.splats.record import GaussianCloud
 
 # Gaussians fainter than this never make a surface on their own.
 MIN_OPACITY = 0.08
 # Cells along the diagonal of the middle nine tenths of all Gaussians, for finding the main part.
-COARSE_CELLS = 60
+COARSE_CELLS = 30
 # A part of the capture with less than this share of its Gaussians is background.
 MIN_SHARE = 0.02
 # Cells of the volume in which free space is found.
@@ -59,18 +59,19 @@ def find_solid(cloud: GaussianCloud) -> Solid:
     """Find surfaces and the free space that they enclose.
 
     Raises:
-        FileFormatError: too few Gaussians for a scene; the caller names the file.
+        SceneError: too few Gaussians for a scene.
     """
     visible = cloud.opacity >= MIN_OPACITY
     main = visible.copy()
     main[visible] = _main_part(cloud.position[visible].astype(np.float64))
     if main.sum() < LEAST_GAUSSIANS:
-        raise FileFormatError("splats", f"only {int(main.sum())} Gaussians lie close together")
+        raise SceneError(f"only {int(main.sum())} Gaussians lie close together")
     position = cloud.position.astype(np.float64)
     lower, upper = (np.quantile(position[main], q, axis=0) for q in (0.002, 0.998))
     margin = 0.02 * float((upper - lower).max())
     lower, upper = lower - margin, upper + margin
-    inside = main & ((position > lower) & (position < upper)).all(1)
+    boxed = ((position > lower) & (position < upper)).all(1)
+    inside = main & boxed
     cell = float((np.prod(upper - lower) / CELLS) ** (1 / 3))
     shape = np.ceil((upper - lower) / cell).astype(int)
     index = np.clip(((position - lower) / cell).astype(np.int64), 0, shape - 1)
@@ -94,8 +95,8 @@ def find_solid(cloud: GaussianCloud) -> Solid:
         cell,
         lower + 0.5 * cell,
         clearance,
-        floaters=int((visible & inside & ~keep).sum()),
-        background=int((visible & ~inside).sum()),
+        floaters=int((visible & boxed & ~keep).sum()),
+        background=int((visible & ~boxed).sum()),
     )
 
 
