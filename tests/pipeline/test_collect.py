@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from tests.support import scans
+from tests.support.flips import flipped
 from vlnpe.formats.core.frames import world_to_habitat_position, world_to_habitat_rotation
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.vlnce.files import (
@@ -170,21 +171,16 @@ def test_running_again_does_nothing_and_one_option_redoes_what_depends_on_it(run
     assert redone == {"render", "export", "mcap", "dataset", "report"}
 
 
-def test_verify_finds_a_flipped_bit(run_root, capsys):
-    code = main(["verify", str(run_root)])
-    assert code == 0, capsys.readouterr().out
-    victim = sorted((run_root / "rollouts").rglob("*.mcap"))[0]
-    content = bytearray(victim.read_bytes())
-    content[len(content) // 2] ^= 0xFF
-    saved = victim.read_bytes()
-    try:
-        victim.write_bytes(content)
-        capsys.readouterr()
-        code = main(["verify", str(run_root)])
-    finally:
-        victim.write_bytes(saved)
-    assert code == 1
-    assert victim.name in capsys.readouterr().out
+def test_verify_finds_a_flipped_byte_in_every_file(run_root):
+    sound = vlnpe("verify", run_root, cwd=run_root)
+    assert sound.returncode == 0, sound.stdout
+    rng = np.random.default_rng(3)
+    with flipped(run_root, rng, spare=("manifest.json",)) as damaged:
+        broken = vlnpe("verify", run_root, cwd=run_root)
+    names = [path.relative_to(run_root).as_posix() for path in damaged]
+    assert any(name.endswith("scan.glb") for name in names)
+    assert [name for name in names if f"BAD  {name}: " not in broken.stdout] == []
+    assert broken.returncode == 1 and "Traceback" not in broken.stderr
 
 
 def foreign(number: int, path_world_m: np.ndarray, scene: str = "rooms") -> VlnceEpisode:

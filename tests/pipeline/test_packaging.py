@@ -24,6 +24,7 @@ LAYERS = {
     "instruction_gen": 2.0,
     "scene_repair": 2.0,
     "trajectory_sampler": 2.0,
+    "learning": 2.5,
     "evaluation": 3.0,
     "pipeline": 4.0,
 }
@@ -78,7 +79,7 @@ def wheel(tmp_path_factory) -> set[str]:
 
 
 def test_the_wheel_holds_every_source_and_data_file(wheel):
-    suffixes = {".py", ".xml", ".onnx", ".json", ".j2", ".yaml"}
+    suffixes = {".py", ".xml", ".onnx", ".safetensors", ".json", ".j2", ".yaml"}
     missing = [
         path.relative_to(ROOT).as_posix()
         for package in PACKAGES

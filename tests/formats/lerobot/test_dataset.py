@@ -309,7 +309,7 @@ def test_large_images_are_thinned_as_lerobot_does(tmp_path: Path) -> None:
     ("damage", "reason"),
     [
         ("no index", "unit.json"),
-        ("half an index", "not an episode unit"),
+        ("half an index", "not JSON"),
         ("no video", "missing"),
         ("half a video", "rgb"),
         ("half the rows", "not readable"),

@@ -169,7 +169,7 @@ def test_other_files_are_refused(tmp_path: Path, content: bytes) -> None:
     path.write_bytes(content)
     with pytest.raises(FileFormatError, match=r"other\.mcap"):
         read_rollout(path)
-    with pytest.raises(FileFormatError, match="No such file"):
+    with pytest.raises(FileFormatError, match="no such file"):
         read_rollout(tmp_path / "none.mcap")
 
 

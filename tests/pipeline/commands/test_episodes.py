@@ -23,7 +23,7 @@ from vlnpe.formats.vlnce.files import (
     write_vlnce,
 )
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.engine import context
+from vlnpe.pipeline.engine import executors
 from vlnpe.pipeline.stages.replay import item_names
 
 COMMON = ("--min-length-m", "4", "--min-gap-m", "0.8", "--family-gap-m", "1.0")
@@ -31,7 +31,7 @@ COMMON = ("--min-length-m", "4", "--min-gap-m", "0.8", "--family-gap-m", "1.0")
 
 @pytest.fixture(autouse=True)
 def inline(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(context, "Workers", InlineWorkers)
+    monkeypatch.setattr(executors, "Workers", InlineWorkers)
 
 
 @pytest.fixture(scope="module")
@@ -66,6 +66,20 @@ def test_splits_over_several_scenes_are_exact_and_reused(scenes, tmp_path, capsy
     before = {path: path.read_bytes() for path in out.glob("*.json.gz")}
     run(capsys, *call, "--out", out)
     assert {path: path.read_bytes() for path in out.glob("*.json.gz")} == before
+
+
+def test_fewer_paths_can_be_allowed(scenes, tmp_path, capsys, caplog):
+    sizes = ("--splits", "train=30,val_unseen=2", "--train-scenes", "1", "--min-length-m", "4")
+    call = ("sample", scenes / "a", scenes / "b", *sizes, "--min-gap-m", "2", "--allow-fewer")
+    code, told = run(capsys, *call, "--out", tmp_path / "mine")
+    assert code == 0
+    assert 0 < told["splits"]["train"] < 30
+    assert told["splits"]["val_unseen"] == 2
+    assert "of 30 paths" in caplog.text
+    (path, _) = sorted((tmp_path / "mine").glob("*.json.gz"))
+    assert {e.scene_id for e in read_episodes(path)} == {"a"}
+    assert main([str(a) for a in ("sample", scenes / "a", "--allow-fewer")]) == 2
+    assert "only with --splits" in capsys.readouterr().err
 
 
 def test_what_does_not_fit_is_reported_with_advice_that_holds(scenes, tmp_path, capsys):

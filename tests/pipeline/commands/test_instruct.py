@@ -21,7 +21,7 @@ from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.instruction_gen.instruct import instruct_episodes
 from vlnpe.instruction_gen.records import InstructConfig
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.engine import context
+from vlnpe.pipeline.engine import executors
 
 EAST = np.array([[1.0, 1.0], [3.0, 1.0], [6.5, 1.2]])
 
@@ -38,7 +38,7 @@ class CountedWorkers(InlineWorkers):
 
 @pytest.fixture
 def scenes(two_rooms: SceneBundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(context, "Workers", CountedWorkers)
+    monkeypatch.setattr(executors, "Workers", CountedWorkers)
     CountedWorkers.count_submitted = 0
     folder = tmp_path / "scenes"
     shutil.copytree(two_rooms.root, folder / "two_rooms")
