@@ -2,8 +2,8 @@
 
 `earlier` and `tuning` were looked at while the checker was written, `held_out` was set aside
 until then, `later` was written afterwards about two more apartments. `fresh` was written from maps
-and boxes alone about four more apartments and a villa, before the checker was worked on again, `last` about
-one more apartment after its failures were mended.
+and boxes alone about four more apartments and a villa, before the checker was worked on again,
+`last` about one more apartment after its failures were mended.
 """
 
 from __future__ import annotations

@@ -23,6 +23,7 @@ _IDIOMS = (
     ("bring yourself to a stop|halt", "stop"),
     ("once|when|after you have|are done|finished with? that|this|so", "then"),
     ("after|having doing|done that|this|so", "then"),
+    ("make|take|do a u-turn to? the|your? left|right?", "turn around"),
     ("after which", "then"),
     ("prior to", "before"),
     ("in the direction of", "toward"),
