@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any, Union
 
 from ..formats.core.errors import InputError, VlnpeError
+from .engine.signals import Interrupted, interruptible
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,7 @@ _TABLE = (
     Verb("restore", "convert.Restore", "convert.run_restore"),
     Verb("robots", "robots.Robots", "robots.run_robots"),
     Verb("mix", "training.Mix", "mix.run"),
+    Verb("train", "training.Train", "train.run"),
     Verb("ablate", "training.Ablate", "ablate.run"),
     Verb("evaluate", "evaluate.Evaluate", "evaluate.run_evaluate"),
     Verb("compare", "evaluate.Compare", "evaluate.run_compare"),
@@ -83,7 +85,8 @@ VERBS = {verb.name: verb for verb in _TABLE}
 DESCRIPTION = """Turn scanned buildings into cross-embodiment VLN datasets with simulated robots.
 
 `vlnpe collect` runs the whole pipeline; every stage can also be run on its own. Exit codes:
-0 success, 1 more items quarantined than --max-failed allows, 2 invalid input."""
+0 success, 1 more items quarantined than --max-failed allows, 2 invalid input, 128 + N ended by
+signal N (130 Ctrl-C, 143 SIGTERM)."""
 
 
 # Next to the bytecode of Python and numba; matplotlib's default is the user's home directory.
@@ -137,9 +140,17 @@ def _overview() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one subcommand and return the exit code."""
+    try:
+        with interruptible():
+            return _run(sys.argv[1:] if arguments is None else arguments)
+    except Interrupted as stop:
+        return stop.exit_code
+
+
+def _run(arguments: Sequence[str]) -> int:
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(message)s")
     os.environ.setdefault("MPLCONFIGDIR", str(FONT_LIST_FOLDER))
-    verb, options = parse(sys.argv[1:] if arguments is None else arguments)
+    verb, options = parse(arguments)
     try:
         return verb.run()(options)
     except InputError as error:
@@ -151,9 +162,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except VlnpeError as error:
         _complain(error)
         return 1
-    except KeyboardInterrupt:
-        _complain("interrupted; run the same command again to resume")
-        return 130
 
 
 def _complain(message: object) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from ..collectors.controllers import CONTROLLERS, SpeedConfig, get_controller, valid_controllers
@@ -14,6 +14,7 @@ from ..collectors.robots.folder.safety import folder_files
 from ..formats.core.atomic import atomic_folder
 from ..formats.core.errors import InputError
 from ..formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD
+from .engine.ledger import Ledger
 
 ALL, AUTO = "all", "auto"
 USUAL = "path"  # what `auto` means for whatever has a body
@@ -113,6 +114,17 @@ def keep(robot: RobotSpec, root: Path) -> str:
                     target.parent.mkdir(parents=True, exist_ok=True)
                     shutil.copyfile(path, target)
     return kept(robot.name, root)
+
+
+def keep_all(robots: Sequence[RobotSpec], ledger: Ledger) -> dict[str, str]:
+    """Keep robots in a run's folder, with records of their files; see `keep`.
+
+    Returns:
+        What to pass to `get_robot` from now on, by name.
+    """
+    found = {robot.name: keep(robot, ledger.root) for robot in robots}
+    ledger.record(ledger.root / FOLDER / r.name for r in robots if r.folder is not None)
+    return found
 
 
 def kept(name: str, root: Path) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..formats.core.errors import UnknownNameError
-from ..formats.scene.freemap import FULL_HEIGHT_M
+from ..formats.scene import FULL_HEIGHT_M
 
 UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
 UNIT_M = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}

@@ -16,8 +16,9 @@ from ..formats.core.episode import Episode
 from ..formats.core.errors import InputError
 from ..formats.core.frames import HABITAT_TO_WORLD, habitat_to_world_yaw, transform_points
 from ..formats.core.geometry import path_length
+from ..formats.scene import FULL_HEIGHT_M
 from ..formats.scene.bundle import SceneBundle
-from ..formats.scene.freemap import FULL_HEIGHT_M, Freemap
+from ..formats.scene.freemap import Freemap
 from ..formats.vlnce.files import VlnceEpisode, VlnceFile
 from ..wayfinding.distance import AGENT_RADIUS_M, distance_field, nearest_cell
 from ..wayfinding.planning import floor_z, plan_path, segments_free, simplify_path

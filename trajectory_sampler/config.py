@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..formats.core.errors import InputError, UnknownNameError
-from ..formats.scene.freemap import FULL_HEIGHT_M
+from ..formats.scene import FULL_HEIGHT_M
 
 FRECHET, DTW = "frechet", "dtw"
 MEASURES = (FRECHET, DTW)

@@ -11,8 +11,9 @@ from scipy.ndimage import map_coordinates
 from ..formats.core.episode import Episode
 from ..formats.core.frames import wrap_angle
 from ..formats.core.geometry import path_length, point_along
+from ..formats.scene import FULL_HEIGHT_M
 from ..formats.scene.bundle import SceneBundle
-from ..formats.scene.freemap import FULL_HEIGHT_M, Freemap
+from ..formats.scene.freemap import Freemap
 from ..wayfinding.crossings import DOORWAY_M
 from .candidates import Candidate
 from .config import ALONG_PATH, SampleConfig

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from ...formats.core.episode import Episode
-from ...formats.scene.freemap import FULL_HEIGHT_M
+from ...formats.scene import FULL_HEIGHT_M
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,8 @@ import mujoco
 import numpy as np
 
 from ...formats.core.source import code_digest
+from ...formats.scene import FULL_HEIGHT_M
 from ...formats.scene.bundle import Obstacles, SceneBundle
-from ...formats.scene.freemap import FULL_HEIGHT_M
 from ..robots import RobotSpec, apply_physics_options
 from .config import LevelModelConfig
 from .floor_geom import add_floor, walked_heights

@@ -8,7 +8,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +18,31 @@ TEMPORARY_PREFIX = ".vlnpe-tmp-"
 def sweep(root: Path) -> None:
     """Remove unfinished files of killed processes under `root`; no one else may be writing."""
     for path in [*root.rglob(f"{TEMPORARY_PREFIX}*")]:
-        if path.is_dir():
-            shutil.rmtree(path, ignore_errors=True)
-        else:
-            path.unlink(missing_ok=True)
+        _remove(path)
+
+
+def sweep_beside(outputs: Iterable[Path]) -> None:
+    """Remove unfinished files and folders of dead processes that were writing `outputs`."""
+    known: dict[Path, set[tuple[str, str]]] = {}
+    for path in outputs:
+        # As `atomic_file` and `atomic_folder` name them, around a random part.
+        names = {(path.stem, "".join(path.suffixes)), (path.name, ""), (f"{path.name}.old", "")}
+        known.setdefault(path.parent, set()).update(names)
+    for folder, names in known.items():
+        for path in [*folder.glob(f"{TEMPORARY_PREFIX}*")]:
+            parts = path.name.removeprefix(TEMPORARY_PREFIX).split(".")
+            for k in range(1, len(parts)):
+                rest = "".join(f".{part}" for part in parts[k + 1 :])
+                if (".".join(parts[:k]), rest) in names:
+                    _remove(path)
+                    break
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def fsync_path(path: Path) -> None:

@@ -1,1 +1,5 @@
 """The repaired scene on disk: bundle, grids and planning maps."""
+
+# Free height [m] above every traversable cell: no robot is taller. Here, because settings and
+# options need it without the numerical libraries that the modules below load.
+FULL_HEIGHT_M = 2.0

@@ -11,10 +11,8 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter
 from skimage.measure import label
 
 from ..core.errors import SceneError
+from . import FULL_HEIGHT_M
 from .grid import GridSpec
-
-# Free height above every traversable cell: no robot is taller.
-FULL_HEIGHT_M = 2.0
 
 
 @dataclass(frozen=True)

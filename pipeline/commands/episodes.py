@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from ...formats.core.atomic import file_digest
 from ...formats.core.errors import InputError
 from ...formats.scene.bundle import INDEX_NAME
 from ...formats.vlnce.files import read_vlnce, write_episodes
@@ -43,7 +44,7 @@ def run_align(options: Align) -> int:
     )
     scenes = repair.rows_of(options.scenes)
     files = {read_vlnce(path).path: "" for path in options.episodes}
-    files = {path: digest(path, path.stat().st_size, path.stat().st_mtime_ns) for path in files}
+    files = {path: digest(path, file_digest(path)) for path in files}
     with open_single(out, options.workers) as context:
         parts = _parts(context, [
             align.part_name(read_vlnce(f).split, s, len(files)) for f in files for s in scenes
@@ -171,7 +172,7 @@ def run_sample(options: Sample) -> int:
         ]
         summary = run_stage(context, episodes.STAGE, items, required=True)
         if plan:
-            episodes.check_complete(summary.rows, plan.quotas)
+            episodes.check_complete(summary.rows, plan.quotas, exact=plan.exact)
         made = [parts[name] for name in summary.good()]
         paths, written = episodes.merge(made, _file_of(out, plan is not None))
     by_split = {s: sum(p.split == s for p in paths) for s in written}

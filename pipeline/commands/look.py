@@ -13,7 +13,7 @@ from ..engine.run_folder import RunFolder
 from ..engine.runner import Context
 from ..options.results import Doctor, Report, Verify
 from ..stages import report
-from ..verify import verify_run
+from ..verify.run import verify_run
 
 
 def run_verify(options: Verify) -> int:

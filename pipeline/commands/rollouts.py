@@ -13,7 +13,7 @@ from ...formats.core.errors import FileFormatError
 from ...formats.video.mp4 import check_rgb_codec
 from ...formats.vlnce.files import read_episodes
 from ...formats.vlnce.groups import group_by_path
-from ..crews import action_timing, chosen_robots, crews, keep, kept
+from ..crews import action_timing, chosen_robots, crews, keep_all, kept
 from ..engine.context import open_context
 from ..engine.ledger import Ledger, Row
 from ..engine.runner import StageSummary, run_stage
@@ -39,15 +39,16 @@ def run_replay(options: Replay) -> int:
     scenes = repair.rows_of(options.scenes)
     repair.demand({e.scene_id for e in asked}, scenes, options.scenes)
     summaries = []
-    with open_context(options.out, options.workers) as context:
+    with open_context(options.out, options.execution()) as context:
         root = context.ledger.root
-        found_by = {robot.name: keep(robot, root) for robot in robots}
+        found_by = keep_all(robots, context.ledger)
         for robot, controller in pairs:
             config = replay.config(found_by[robot], controller, options.seed, actions)
             items = replay.items(
                 asked, scenes, options.scenes.resolve(), root, root / "models", config
             )
             summaries.append(run_stage(context, replay.STAGE, items, f"{robot}/{controller}/"))
+        context.ledger.record_new(root / "models")
     return _tell(options, summaries)
 
 
@@ -70,7 +71,11 @@ def run_render(options: Render) -> int:
             robot, controller, _ = row.item.split("/", 2)
             groups.setdefault((robot, controller), {})[row.item] = row
     wishes = CameraOverrides(
-        width_px=options.width_px, height_px=options.height_px, hfov_deg=options.hfov_deg
+        width_px=options.width_px,
+        height_px=options.height_px,
+        hfov_deg=options.hfov_deg,
+        height_m=options.camera_height,
+        pitch_down_deg=options.camera_pitch,
     )
     views = {
         robot: chosen_views(
@@ -85,7 +90,7 @@ def run_render(options: Render) -> int:
     extras = Extras(options.semantic, options.instance, options.depth_mm)
     root, folder = source.root.resolve(), options.scenes.resolve()
     summaries = []
-    with open_context(options.out, options.workers) as context:
+    with open_context(options.out, options.execution()) as context:
         out = context.ledger.root
         for (robot, controller), rows in groups.items():
             recorded = render.Recorded(rows, root, scenes, folder)
@@ -119,11 +124,19 @@ def run_export(options: Export) -> int:
     if not any(groups.values()):
         raise FileFormatError(options.frames, "contains no successful rendered episode")
     summaries = []
-    with open_context(options.out, options.workers) as context:
+    with open_context(options.out, options.execution()) as context:
         for (robot, controller, view), rows in groups.items():
             dataset = export.Dataset.under(context.ledger.root, robot, controller, view)
-            how = (options.depth, options.per_instruction)
-            summaries += export.run(context, rows, root, folder, dataset, {}, *how)
+            summaries += export.run(
+                context,
+                rows,
+                root,
+                folder,
+                dataset,
+                {},
+                depth_storage=options.depth,
+                per_instruction=options.per_instruction,
+            )
     return _tell(options, summaries)
 
 

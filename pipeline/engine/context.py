@@ -9,12 +9,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ...formats.core.atomic import TEMPORARY_PREFIX, sweep, write_bytes
+from ...formats.core.atomic import sweep_beside, write_bytes
 from ...formats.core.errors import InputError, VlnpeError
-from .executors import Workers, available_cores
+from .executors import Execution, make_executor
+from .files import records_of
 from .ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger, Row
+from .lock import LOCK_NAME, lock, sweep_unlocked
 from .run_folder import open_run_folder
 from .runner import Context, run_stage
+from .signals import ended_first
 from .work import WorkItem
 
 LEDGERS = ".vlnpe"  # folder of the ledgers of single outputs, beside them
@@ -22,41 +25,42 @@ OUTPUT_NAME = "output.json"
 
 
 @contextmanager
-def open_context(root: Path, workers: int) -> Iterator[Context]:
-    """Open an output folder with its ledger, and start worker processes.
+def open_context(root: Path, execution: Execution, *, wait: bool = False) -> Iterator[Context]:
+    """Open an output folder with its ledger, lock it, and start what runs its items.
 
     Args:
         root: Output folder; created if it does not exist.
-        workers: Number of worker processes; 0 starts one per core.
+        execution: Where the items run.
+        wait: Wait for another process that works in the folder, instead of raising.
 
     Raises:
-        InputError: If the folder cannot be used, or `workers` is negative.
+        InputError: If the folder or the executor cannot be used, or another process works in it.
     """
-    if workers < 0:
-        raise InputError(f"WORKERS={workers}: valid: 0 (one per core) and above")
     new = not root.exists()
-    ours = any((root / name).is_file() for name in (MANIFEST_NAME, JOURNAL_NAME))
+    ours = any((root / name).is_file() for name in (MANIFEST_NAME, JOURNAL_NAME, LOCK_NAME))
     if root.is_dir() and any(root.iterdir()) and not ours:
         raise InputError(
             f"output folder {root}: not empty and not an earlier run; choose another OUT"
         )
     folder = open_run_folder(root)
-    sweep(folder.root)
-    ledger = Ledger(folder.root)
-    ledger.save()
-    try:
-        with Workers(workers or available_cores()) as pool:
-            yield Context(ledger, pool)
-    except InputError:
-        left = {p.name for p in folder.root.rglob("*") if p.is_file()}
-        if new and left <= {MANIFEST_NAME, QUARANTINE_NAME}:
-            shutil.rmtree(folder.root)
-        raise
+    with lock(folder.root, wait=wait):
+        sweep_unlocked(folder.root)
+        try:
+            with _working(folder.root, execution) as context:
+                yield context
+        except InputError:
+            left = {p.name for p in folder.root.rglob("*") if p.is_file()}
+            if new and left <= {MANIFEST_NAME, QUARANTINE_NAME, LOCK_NAME}:
+                shutil.rmtree(folder.root)
+            raise
+        except BaseException:
+            sweep_unlocked(folder.root)  # of the workers that were ended
+            raise
 
 
 @contextmanager
 def open_single(out: Path, workers: int = 1) -> Iterator[Context]:
-    """Open the ledger of one output, and start worker processes.
+    """Open the ledger of one output, lock it, and start worker processes.
 
     For commands that run one stage and write the file or folder that the user names. The ledger
     lies beside it, in `.vlnpe/<name>/`, where a stage may also keep files to resume from.
@@ -66,29 +70,39 @@ def open_single(out: Path, workers: int = 1) -> Iterator[Context]:
         workers: Number of worker processes; 0 starts one per core.
 
     Raises:
-        InputError: If nothing can be written beside `out`, or `workers` is negative.
+        InputError: If nothing can be written beside `out`, another process is writing it, or
+            `workers` is negative.
     """
-    if workers < 0:
-        raise InputError(f"WORKERS={workers}: valid: 0 (one per core) and above")
+    execution = Execution(workers=workers)
     parent = open_run_folder(out.parent).root
-    for unfinished in parent.glob(f"{TEMPORARY_PREFIX}*"):  # of a killed process
-        if unfinished.is_dir() and unfinished.name.startswith(f"{TEMPORARY_PREFIX}{out.name}."):
-            shutil.rmtree(unfinished)
     root = parent / LEDGERS / out.name
     new = not root.exists()
     root.mkdir(parents=True, exist_ok=True)
-    sweep(root)
+    with lock(root):
+        sweep_beside([parent / out.name])
+        sweep_unlocked(root)
+        try:
+            with _working(root, execution) as context:
+                yield context
+        except VlnpeError:
+            if new and not any(row.status == "done" for row in Ledger(root).rows()):
+                shutil.rmtree(root)
+                with contextlib.suppress(OSError):  # not empty: ledgers of other outputs
+                    root.parent.rmdir()
+            raise
+        except BaseException:
+            sweep_beside([parent / out.name])
+            raise
+
+
+@contextmanager
+def _working(root: Path, execution: Execution) -> Iterator[Context]:
     ledger = Ledger(root)
     ledger.save()
-    try:
-        with Workers(workers or available_cores()) as pool:
-            yield Context(ledger, pool)
-    except VlnpeError:
-        if new and not any(row.status == "done" for row in ledger.rows()):
-            shutil.rmtree(root)
-            with contextlib.suppress(OSError):  # not empty: ledgers of other outputs
-                root.parent.rmdir()
-        raise
+    with make_executor(execution, root) as executor, ended_first(executor.kill_processes):
+        yield Context(ledger, executor)
+    if (root / JOURNAL_NAME).is_file():
+        ledger.save()
 
 
 def run_single(out: Path, stage: str, item: WorkItem) -> Row:
@@ -123,7 +137,8 @@ def run_output(context: Context, out: Path, stage: str, item: WorkItem) -> Row:
 
 
 def _state(key: str, out: Path) -> str:
-    """Return what tells whether `out` is still what the item with this key wrote, as JSON."""
-    paths = sorted(p for p in (out, *out.rglob("*")) if p.is_file())
-    stats = [(str(p.relative_to(out)), p.stat().st_size, p.stat().st_mtime_ns) for p in paths]
-    return json.dumps({"key": key, "files": stats})
+    """Return what tells whether `out` is still what the item with this key wrote, as JSON.
+
+    Content counts, not times: some file systems keep times of two seconds, and clocks jump.
+    """
+    return json.dumps({"key": key, "files": records_of(out)}, sort_keys=True)

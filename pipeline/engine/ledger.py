@@ -1,22 +1,26 @@
 """What a run has done: one row per work item, safe against being killed at any moment.
 
-`manifest.json` holds the rows; while a run is going, each finished item is appended to
-`manifest.journal.jsonl` at once (rewriting the manifest per item would cost quadratic time), and
-folded into the manifest at the next `save`.
+`manifest.json` holds the rows, and the size and SHA-256 of every file that they name; while a run
+is going, each finished item is appended to `manifest.journal.jsonl` at once (rewriting the manifest
+per item would cost quadratic time), and folded into the manifest at the next `save`. The manifest
+and each line of the journal carry a checksum of their own.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
-from collections.abc import Collection
+import zlib
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from ...formats.core.atomic import write_json
+from ...formats.core.atomic import write_bytes
 from ...formats.core.errors import FileFormatError
+from .files import FileRecord, Records, files_in, records_of
 
 MANIFEST_NAME = "manifest.json"
 JOURNAL_NAME = "manifest.journal.jsonl"
@@ -36,6 +40,7 @@ class Row:
         failed: done, but with a bad outcome (a fall, a stuck robot): data, and counted apart.
         outputs: produced files and folders, relative to the ledger's folder.
         seconds: wall time it took.
+        cpu_seconds: CPU time it took, of all threads; 0 in rows written before it was kept.
         facts: whatever later stages and the report want to know (JSON values).
         error: `type` and `reason` of a quarantined item.
         current: whether the latest run asked for it. Rows of earlier options stay, so that going
@@ -49,37 +54,52 @@ class Row:
     failed: bool = False
     outputs: tuple[str, ...] = ()
     seconds: float = 0.0
+    cpu_seconds: float = 0.0
     facts: dict[str, Any] = field(default_factory=dict)
     error: dict[str, str] = field(default_factory=dict)
     current: bool = True
 
 
 class Ledger:
-    """Rows of one folder, by (stage, item)."""
+    """Rows of one folder, by (stage, item), and records of its files, by output.
+
+    Attributes:
+        root: The folder.
+        damaged_lines: Numbers of the journal's lines that cannot be used, from 1. A killed run
+            leaves one at most, the last; the items of all of them run again.
+        hashed: Whether the manifest was written by a version that keeps records of files.
+    """
 
     def __init__(self, root: Path):
         """Open the ledger in `root`; a missing one is empty.
 
         Raises:
-            FileFormatError: the manifest is not one of ours.
+            FileFormatError: If the manifest is damaged or not one of ours.
         """
         self.root = root
         self._rows: dict[tuple[str, str], Row] = {}
+        self._files: dict[str, Records] = {}
+        self.hashed = True
+        self.damaged_lines: list[int] = []
         manifest = root / MANIFEST_NAME
         if manifest.exists():
             try:
-                rows = json.loads(manifest.read_text())["rows"]
-                for row in rows:
+                content = _checked(manifest)
+                for row in content["rows"]:
                     self._keep(_row(row))
-            except (KeyError, TypeError, ValueError) as error:
+                self.hashed = "files" in content
+                self._files = dict(content.get("files", {}))
+            except (AttributeError, KeyError, RecursionError, TypeError, ValueError) as error:
                 raise FileFormatError(manifest, f"not a vlnpe manifest: {error!r}") from error
         journal = root / JOURNAL_NAME
         if journal.exists():
-            for line in journal.read_text().splitlines():
+            lines = journal.read_bytes().split(b"\n")
+            for number, line in enumerate(lines, start=1):
                 try:
-                    self._replay(json.loads(line))
-                except (KeyError, TypeError, ValueError):
-                    continue  # a killed run's last line may be cut short: its item runs again
+                    if line:
+                        self._replay(_journal_line(line))
+                except (AttributeError, KeyError, RecursionError, TypeError, ValueError):
+                    self.damaged_lines.append(number)
 
     @staticmethod
     def existing(root: Path) -> Ledger:
@@ -118,10 +138,49 @@ class Ledger:
             and all((self.root / path).exists() for path in row.outputs)
         )
 
-    def add(self, row: Row) -> None:
-        """Record a finished item durably."""
+    def add(self, row: Row, files: Mapping[str, Records] | None = None) -> None:
+        """Record a finished item durably.
+
+        Args:
+            row: The item.
+            files: Records of the files of its outputs, by output.
+        """
         self._keep(row)
-        self._append([asdict(row)])
+        self._files.update(files or {})
+        self._append([{**asdict(row), **({"files": dict(files)} if files else {})}])
+
+    def record(self, outputs: Iterable[Path]) -> None:
+        """Record files and folders that were written beside the items, durably."""
+        files = {os.path.relpath(path, self.root): records_of(path) for path in outputs}
+        changed = {name: records for name, records in files.items() if records}
+        if any(self._files.get(name) != records for name, records in changed.items()):
+            self._files.update(changed)
+            self._append([{"record": changed}])
+
+    def record_new(self, folder: Path) -> None:
+        """Record the files in a folder that have no record yet, durably.
+
+        For caches that workers add files to, and never change one.
+        """
+        paths = files_in(folder)
+        self.record(p for p in paths if os.path.relpath(p, self.root) not in self._files)
+
+    def files(self) -> dict[str, FileRecord]:
+        """Return the record of every file, by its path relative to `root`.
+
+        Raises:
+            FileFormatError: If the manifest holds something else in their place.
+        """
+        try:
+            return {
+                os.path.normpath(f"{output}/{name}"): FileRecord.parse(record)
+                for output, records in self._files.items()
+                for name, record in records.items()
+            }
+        except (AttributeError, TypeError, ValueError) as error:
+            raise FileFormatError(
+                self.root / MANIFEST_NAME, f"not records of files: {error!r}"
+            ) from error
 
     def forget(self, stage: str, items: Collection[str]) -> None:
         """Drop rows durably before their outputs are replaced.
@@ -130,10 +189,9 @@ class Ledger:
         the old key, and going back to the old options would take it for theirs.
         """
         known = [item for item in items if (stage, item) in self._rows]
-        for item in known:
-            del self._rows[(stage, item)]
+        self._drop(stage, known)
         if known:
-            self._append([{"forget": [stage, item]} for item in known])
+            self._append([{"forget": [stage, known]}])
 
     def discard(self, stage: str, scope: str) -> None:
         """Delete rows and files of a stage's items that are not current and start with `scope`.
@@ -158,14 +216,19 @@ class Ledger:
     def save(self) -> None:
         """Fold the journal into the manifest, and list what is quarantined."""
         rows = [asdict(self._rows[k]) for k in sorted(self._rows)]
-        write_json(self.root / MANIFEST_NAME, {"rows": rows})
+        body = _text({"files": self._files, "rows": rows})
+        write_bytes(self.root / MANIFEST_NAME, _signed(body))
+        write_bytes(self.root / QUARANTINE_NAME, self.quarantine_text())
+        (self.root / JOURNAL_NAME).unlink(missing_ok=True)
+
+    def quarantine_text(self) -> bytes:
+        """Return the content of the list of quarantined items."""
         bad = [
             {"stage": r.stage, "item": r.item, **r.error}
             for r in self.rows()
             if r.status == "quarantined"
         ]
-        write_json(self.root / QUARANTINE_NAME, {"count": len(bad), "items": bad})
-        (self.root / JOURNAL_NAME).unlink(missing_ok=True)
+        return _text({"count": len(bad), "items": bad})
 
     def _append(self, lines: list[dict[str, Any]]) -> None:
         with (self.root / JOURNAL_NAME).open("a+b") as stream:
@@ -174,16 +237,35 @@ class Ledger:
                 if stream.read(1) != b"\n":
                     stream.write(b"\n")  # after a line that a kill cut short
             for line in lines:
-                stream.write(json.dumps(line, allow_nan=False).encode() + b"\n")
+                text = json.dumps(line, allow_nan=False).encode()
+                stream.write(b"%s\t%08x\n" % (text, zlib.crc32(text)))
             stream.flush()
             os.fsync(stream.fileno())
 
     def _replay(self, line: dict[str, Any]) -> None:
         if "forget" in line:
-            stage, item = line["forget"]
-            self._rows.pop((stage, item), None)
+            stage, items = line["forget"]
+            self._drop(stage, [items] if isinstance(items, str) else items)
+        elif "record" in line:
+            self._files.update(line["record"])
         else:
+            files = line.pop("files", {})
             self._keep(_row(line))
+            self._files.update(files)
+
+    def _drop(self, stage: str, items: Iterable[str]) -> None:
+        """Remove rows, and the records of outputs that no other row has."""
+        outputs = {
+            path
+            for item in items
+            if (row := self._rows.pop((stage, item), None))
+            for path in row.outputs
+        }
+        if outputs:
+            for row in self._rows.values():
+                outputs.difference_update(row.outputs)
+        for path in outputs:
+            self._files.pop(path, None)
 
     def _keep(self, row: Row) -> None:
         self._rows[(row.stage, row.item)] = row
@@ -191,3 +273,48 @@ class Ledger:
 
 def _row(value: dict[str, Any]) -> Row:
     return Row(**{**value, "outputs": tuple(value["outputs"])})
+
+
+def _text(value: Any) -> bytes:
+    return (json.dumps(value, indent=2, sort_keys=True) + "\n").encode()
+
+
+_OPEN = b"{\n"
+
+
+def _signed(body: bytes) -> bytes:
+    """Return a JSON object, as `_text` writes it, with a first member that is its SHA-256."""
+    digest = hashlib.sha256(body).hexdigest()
+    return _OPEN + f'  "sha256": "{digest}",\n'.encode() + body.removeprefix(_OPEN)
+
+
+def _checked(path: Path) -> dict[str, Any]:
+    """Return the JSON object in a file that `_signed` made; older files are not signed.
+
+    Raises:
+        FileFormatError: If anything in it has changed.
+        ValueError: If it is not JSON.
+    """
+    raw = path.read_bytes()
+    content = json.loads(raw)
+    # A damaged name of the first member must not pass for an older file.
+    first, _, rest = raw.removeprefix(_OPEN).partition(b"\n")
+    if raw != _signed(_OPEN + rest) and not first.startswith((b'  "rows"', b'  "files"')):
+        raise FileFormatError(
+            path,
+            "its content does not match its own SHA-256: it was damaged or edited. Restore it "
+            "from a copy, or delete its second line to use it as it is",
+        )
+    return content
+
+
+def _journal_line(line: bytes) -> dict[str, Any]:
+    """Return a line of the journal; lines of older versions have no checksum.
+
+    Raises:
+        ValueError: If it is damaged or cut short.
+    """
+    text, separator, checksum = line.rpartition(b"\t")
+    if separator and int(checksum, 16) != zlib.crc32(text):
+        raise ValueError("checksum")
+    return json.loads(text if separator else line)

@@ -6,20 +6,18 @@ import contextlib
 import errno
 import logging
 import os
-import pickle
 import time
-import traceback
-from collections.abc import Generator, Iterable, Sequence
-from concurrent.futures import Future, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from ...formats.core.errors import InputError, VlnpeError
 from ...formats.core.progress import progress_bar
-from .executors import Workers
+from .attempts import Outcome, run_items
+from .executors import Executor
+from .files import Records
 from .ledger import Ledger, Row
-from .work import ItemResult, Job, WorkItem
+from .work import WorkItem
 
 log = logging.getLogger(__name__)
 
@@ -78,12 +76,12 @@ class Context:
 
     Attributes:
         ledger: of the run folder (or of a single stage's output folder).
-        workers: process pool shared by all stages.
+        workers: run the items of all stages.
         progress: show progress bars.
     """
 
     ledger: Ledger
-    workers: Workers
+    workers: Executor
     progress: bool = True
 
 
@@ -133,15 +131,15 @@ def run_stage(
     )
     errors: list[BaseException] = []
     try:
-        for item, outcome, seconds in _outcomes(context.workers, waiting):
-            row = _row(stage, item, outcome, seconds, ledger.root)
-            ledger.add(row)
+        for item, outcome in run_items(context.workers, waiting):
+            row = _row(stage, item, outcome, ledger.root)
+            ledger.add(row, _files(outcome, ledger.root))
             summary.rows.append(row)
             summary.done += row.status == "done"
             summary.failed += row.failed
-            if isinstance(outcome, BaseException):
+            if outcome.error is not None:
                 summary.quarantined += 1
-                errors.append(outcome)
+                errors.append(outcome.error)
             bar.set_postfix_str(_note(summary), refresh=False)
             bar.update()
     except BaseException:
@@ -176,90 +174,27 @@ def _note(summary: StageSummary) -> str:
     )
 
 
-def _row(
-    stage: str, item: WorkItem, outcome: ItemResult | BaseException, seconds: float, root: Path
-) -> Row:
-    if isinstance(outcome, ItemResult):
+def _row(stage: str, item: WorkItem, outcome: Outcome, root: Path) -> Row:
+    error = outcome.error
+    if error is None:
         return Row(
             stage,
             item.name,
             item.key,
             "done",
-            failed=outcome.failed,
+            failed=outcome.result.failed,
             outputs=tuple(os.path.relpath(p, root) for p in item.outputs),
-            seconds=seconds,
-            facts=outcome.facts,
+            seconds=outcome.seconds,
+            cpu_seconds=outcome.cpu_seconds,
+            facts=outcome.result.facts,
         )
-    if isinstance(outcome, OSError) and outcome.errno in FATAL_ERRNO:
-        raise InputError(f"cannot use {outcome.filename or root}: {outcome.strerror}")
-    log.debug("%s %s", item.name, "".join(traceback.format_exception(outcome)))
-    reason = str(outcome) if isinstance(outcome, VlnpeError) else repr(outcome)
-    error = {"type": type(outcome).__name__, "reason": reason}
-    return Row(stage, item.name, item.key, "quarantined", seconds=seconds, error=error)
+    if isinstance(error, OSError) and error.errno in FATAL_ERRNO:
+        raise InputError(f"cannot use {error.filename or root}: {error.strerror}")
+    log.debug("%s %s", item.name, outcome.traceback)
+    reason = str(error) if isinstance(error, VlnpeError) else repr(error)
+    described = {"type": type(error).__name__, "reason": reason}
+    return Row(stage, item.name, item.key, "quarantined", error=described)
 
 
-def _outcomes(
-    workers: Workers, items: Sequence[WorkItem]
-) -> Iterable[tuple[WorkItem, ItemResult | BaseException, float]]:
-    """Results as they come.
-
-    A dying worker breaks the whole pool, and it is unknown which item killed it. So all items that
-    were lost are tried together once more; those lost again are tried alone, which finds the one.
-    """
-    orphans = yield from _attempt(workers, items)
-    if orphans:
-        workers.restart()
-        orphans = yield from _attempt(workers, orphans)
-    for item in orphans:
-        workers.restart()
-        if (yield from _attempt(workers, [item])):
-            workers.restart()
-            yield item, VlnpeError("its worker process died (out of memory?)"), 0.0
-
-
-def _attempt(
-    workers: Workers, items: Sequence[WorkItem]
-) -> Generator[tuple[WorkItem, ItemResult | BaseException, float], None, list[WorkItem]]:
-    """Run items in the pool; return those that were lost because the pool broke."""
-    lost: list[WorkItem] = []
-    futures: dict[Future[tuple[ItemResult, float]], WorkItem] = {}
-    # A lone item (a big scene) may use all the cores that its idle neighbours leave.
-    threads = max(1, workers.count // max(1, len(items)))
-    for item in items:
-        try:
-            futures[workers.submit(_timed, item.job, threads)] = item
-        except BrokenProcessPool:
-            lost.append(item)
-    for future in as_completed(futures):
-        item = futures[future]
-        try:
-            result, seconds = future.result()
-        except BrokenProcessPool:
-            lost.append(item)
-        except Exception as error:
-            yield item, error, 0.0
-        else:
-            yield item, result, seconds
-    return lost
-
-
-def _timed(job: Job, threads: int) -> tuple[ItemResult, float]:
-    import numba
-
-    most = numba.config.NUMBA_NUM_THREADS  # pyright: ignore
-    numba.set_num_threads(min(threads, most))
-    started = time.perf_counter()
-    try:
-        result = job.run()
-    except Exception as error:
-        raise _portable(error) from None
-    return result, time.perf_counter() - started
-
-
-def _portable(error: Exception) -> Exception:
-    """Return an error that can be pickled; any other would break the worker pool."""
-    try:
-        pickle.loads(pickle.dumps(error))
-    except Exception:
-        return VlnpeError(f"{type(error).__name__}: {error}")
-    return error
+def _files(outcome: Outcome, root: Path) -> dict[str, Records]:
+    return {os.path.relpath(path, root): records for path, records in outcome.files.items()}

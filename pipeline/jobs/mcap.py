@@ -14,8 +14,8 @@ from ...formats.mcap.robot_links import robot_topics
 from ...formats.mcap.rollout import SHOW_EVERY
 from ...formats.mcap.shown import map_topic
 from ...formats.rendered.folder import read_frame_folder
+from ...formats.scene import FULL_HEIGHT_M
 from ...formats.scene.bundle import load_bundle
-from ...formats.scene.freemap import FULL_HEIGHT_M
 from ..engine.work import ItemResult
 from ..provenance import encoding_facts, scene_provenance
 from .reviewed import reviewed_rollout

@@ -8,10 +8,11 @@ from pathlib import Path
 import tyro
 
 from . import Json
+from .execution import Executed
 
 
 @dataclass(frozen=True)
-class Evaluate:
+class Evaluate(Executed):
     """Let a policy walk episodes in closed loop and score it: TL, NE, FR, StR, OS, SR, SPL, nDTW.
 
     Example: vlnpe evaluate runs/apartment-0 --policy random --robot h1
@@ -21,8 +22,8 @@ class Evaluate:
     """Run folder of `collect`, or an episode file (.json.gz) together with --scenes."""
     policy: str = "random"
     """Policy: random (R2R's action proportions), forward, stop, oracle (the expert, which knows the
-    path), vlm (a vision-language model, see docs/evaluation.md), or the address of a policy server
-    (ws://HOST:PORT)."""
+    path), vlm (a vision-language model, see docs/evaluation.md), a checkpoint of `vlnpe train`
+    (FILE.safetensors), or the address of a policy server (ws://HOST:PORT)."""
     scenes: Path | None = None
     """Folder of repaired scenes; defaults to the run's own."""
     robot: str = "aliengo"
@@ -34,7 +35,13 @@ class Evaluate:
     limit: int | None = None
     """Evaluate only the first so many episodes."""
     camera: str = "ego"
-    """Camera of the policy, with an optional size and field of view (ego:224x224:79)."""
+    """Camera of the policy, with an optional size and field of view (ego:224x224:79); a learned
+    policy by default has the one of its training data."""
+    camera_height: float | None = None
+    """Height of the robot's own camera above the floor [m], standing; defaults to the robot's. A
+    moved camera does not see the robot's body."""
+    camera_pitch: float | None = None
+    """Downward tilt of the robot's own camera [deg]; defaults to the robot's."""
     light: str = "baked"
     """Lighting: baked, DL5000, DL300 or CL."""
     renderer: str = "auto"
@@ -49,8 +56,6 @@ class Evaluate:
     """Random seed."""
     out: Path | None = None
     """Output folder; defaults to <run>/evaluations/<policy>-<robot>-<controller>-<light>."""
-    workers: int = 0
-    """Number of worker processes; 0 uses one per core."""
     max_failed: int = 0
     """Maximum number of quarantined episodes; exit with code 1 above it."""
     json: Json = False

@@ -8,10 +8,11 @@ from pathlib import Path
 import tyro
 
 from . import Json
+from .execution import Executed
 
 
 @dataclass(frozen=True)
-class Replay:
+class Replay(Executed):
     """Execute episodes with a physically simulated robot; records states, no images."""
 
     episodes: tyro.conf.Positional[Path]
@@ -33,8 +34,6 @@ class Replay:
     of for a fixed number of steps."""
     seed: int = 0
     """Random seed."""
-    workers: int = 0
-    """Number of worker processes; 0 uses one per core."""
     max_failed: int = 0
     """Maximum number of quarantined episodes; exit with code 1 above it."""
     json: Json = False
@@ -42,7 +41,7 @@ class Replay:
 
 
 @dataclass(frozen=True)
-class Render:
+class Render(Executed):
     """Render rollouts: RGB and depth from any camera, or preview videos."""
 
     rollouts: tyro.conf.Positional[Path]
@@ -60,6 +59,11 @@ class Render:
     """Image height [px]; defaults to the camera's own."""
     hfov_deg: float | None = None
     """Horizontal field of view [deg]; defaults to the camera's own."""
+    camera_height: float | None = None
+    """Height of the robot's own camera above the floor [m], standing; defaults to the robot's. A
+    moved camera does not see the robot's body."""
+    camera_pitch: float | None = None
+    """Downward tilt of the robot's own camera [deg]; defaults to the robot's."""
     light: str = "baked"
     """Lighting: baked (as scanned), DL5000 (panel lights, day), DL300 (night), CL (a lamp on the
     robot), a comma-separated list (DL5000,CL), or `all`."""
@@ -78,8 +82,6 @@ class Render:
     """Write one preview video (.mp4) per episode instead of data."""
     rgb_codec: str = "h264"
     """Codec of RGB videos: h264, or av1 (royalty-free)."""
-    workers: int = 0
-    """Number of worker processes; 0 uses one per core."""
     max_failed: int = 0
     """Maximum number of quarantined episodes; exit with code 1 above it."""
     json: Json = False
@@ -87,7 +89,7 @@ class Render:
 
 
 @dataclass(frozen=True)
-class Export:
+class Export(Executed):
     """Export rendered rollouts as LeRobot v3 datasets and as MCAP files."""
 
     frames: tyro.conf.Positional[Path]
@@ -103,8 +105,6 @@ class Export:
     """Export only successful episodes. By default all are exported, each with its end reason."""
     depth: str = "video"
     """Depth storage in LeRobot datasets: video (lossless, 12-bit codes) or image (16-bit, mm)."""
-    workers: int = 0
-    """Number of worker processes; 0 uses one per core."""
     max_failed: int = 0
     """Maximum number of quarantined episodes; exit with code 1 above it."""
     json: Json = False

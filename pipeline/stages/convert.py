@@ -50,6 +50,7 @@ def run(
             last = _mcap_items(rows, root, folder)
         else:
             last = _scene_items(rows, root, folder, name, options)
+            context.ledger.record([folder / layout.VOCABULARY_NAME])
         summaries.append(run_stage(context, str(target), last, f"{name}/"))
         context.ledger.discard(str(target), f"{name}/")
         written.append(folder)

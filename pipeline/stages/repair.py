@@ -31,9 +31,10 @@ SIDE_FILES = {".mtl", ".mdl", ".bin", *PICTURES, *USD_SUFFIXES}
 
 
 def scan_item(building: BuiltIn, folder: Path) -> WorkItem:
-    """Generate a built-in scene and scan it virtually into `folder`."""
-    job = ScanJob(building.seed, folder, building.kind)
-    return work_item(SCAN_STAGE, building.name, job, (folder,), building.seed, building.kind)
+    """Generate a built-in scene into `folder`, and scan it virtually unless it is to be exact."""
+    job = ScanJob(building.seed, folder, building.kind, building.scanned)
+    inputs = (building.seed, building.kind, building.scanned)
+    return work_item(SCAN_STAGE, building.name, job, (folder,), *inputs)
 
 
 def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> list[WorkItem]:

@@ -11,8 +11,9 @@ from vlnpe.collectors.replay import ReplayConfig, replay_episode
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.errors import InputError, SceneError
 from vlnpe.formats.core.rollout import EndReason
+from vlnpe.formats.scene import FULL_HEIGHT_M
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
-from vlnpe.formats.scene.freemap import FULL_HEIGHT_M, Freemap
+from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.pipeline.sampling_plan import chosen_free_height
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene

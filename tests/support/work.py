@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -79,3 +80,10 @@ def die(path: Path) -> ItemResult:
 
 def fill_disk(path: Path) -> ItemResult:
     raise OSError(28, "No space left on device", str(path))
+
+
+def write_late(path: Path, text: str, seconds: float, started: Path | None = None) -> ItemResult:
+    if started is not None:
+        started.touch()
+    time.sleep(seconds)
+    return write(path, text)

@@ -181,7 +181,8 @@ from vlnpe.pipeline.engine.runner import Context, run_stage
 from vlnpe.pipeline.engine.work import WorkItem
 
 if __name__ == "__main__":
-    root = Path({str(tmp_path)!r})
+    root = Path({str(tmp_path / "run")!r})
+    root.mkdir()
     paths = [root / f"{{n}}.txt" for n in range(200)]
     calls = [work.Call(work.write, (p, "fell" if n < 9 else "hello")) for n, p in enumerate(paths)]
     items = [WorkItem(p.stem, "k", (p,), c) for p, c in zip(paths, calls)]
@@ -205,7 +206,7 @@ if __name__ == "__main__":
     assert lines[10].endswith("done 200, reused 0, failed 9, quarantined 0")
     assert "200/200" in lines[11] and "done 0, reused 200, failed 9" in lines[11]
     # `verify` reads the same run with the same helper.
-    command = [sys.executable, "-m", "vlnpe.pipeline.cli", "verify", str(tmp_path)]
+    command = [sys.executable, "-m", "vlnpe.pipeline.cli", "verify", str(tmp_path / "run")]
     verified = subprocess.run(command, check=True, capture_output=True, text=True, timeout=300)
     told = [line for line in verified.stderr.splitlines() if line.startswith("verify")]
     assert len(told) == 11 and "200/200" in told[-1]

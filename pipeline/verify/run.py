@@ -1,0 +1,87 @@
+"""`vlnpe verify`: hash every file of a run, open every output, and compare what they say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ...formats.core.errors import FileFormatError
+from ...formats.core.progress import progress_bar
+from ...formats.scene.bundle import INDEX_NAME
+from ..engine.context import LEDGERS
+from ..engine.ledger import MANIFEST_NAME, Ledger
+from ..engine.lock import refuse_if_locked
+from .coverage import check_coverage
+from .integrity import Check, check_files, check_ledger, nested_runs, problem_of
+from .outputs import check_output, check_scene
+
+UNRECORDED_RUN = (
+    "was written by a version that kept no hashes of files. Its outputs were opened, but damage "
+    "inside them may go unnoticed; hashes are kept of what `vlnpe collect` makes from now on"
+)
+UNRECORDED_SCENE = (
+    "no record of its files lies beside it, so that damage inside them may go unnoticed"
+)
+
+
+def verify_run(root: Path) -> list[Check]:
+    """Check every file and every current output of a run, or the one repaired scene in `root`.
+
+    Args:
+        root: Run folder, a folder in one, or the folder of a scene.
+
+    Returns:
+        One check per file and per output.
+
+    Raises:
+        FileFormatError: If there is no run.
+        InputError: If the run is being written.
+    """
+    if (root / INDEX_NAME).is_file():
+        return _verify_scene(root)
+    try:
+        ledger = Ledger.existing(root)
+    except FileFormatError as error:
+        if error.path.name != MANIFEST_NAME:
+            raise
+        return [Check(MANIFEST_NAME, error.reason)]
+    refuse_if_locked(ledger.root)
+    checks = [*_verify_ledger(ledger), *check_coverage(ledger)]
+    for folder in nested_runs(ledger.root):
+        name = folder.relative_to(ledger.root)
+        checks += [Check(f"{name}: {c.what}", c.problem) for c in verify_run(folder)]
+    return checks
+
+
+def _verify_ledger(ledger: Ledger) -> list[Check]:
+    checks = check_ledger(ledger)
+    if ledger.hashed:
+        checks += check_files(ledger)
+    else:
+        checks.append(Check(MANIFEST_NAME, UNRECORDED_RUN))
+    # A reader need not survive a damaged file, and would only say less about it.
+    damaged = {check.what for check in checks if check.problem}
+    rows = [row for row in ledger.rows() if row.status == "done"]
+    for row in progress_bar("verify", len(rows), items=rows):
+        for output in row.outputs:
+            if any(Path(name).is_relative_to(output) for name in damaged):
+                continue
+            path, stage = ledger.root / output, row.stage
+            problem = problem_of(lambda path=path, stage=stage: check_output(stage, path))
+            named = f"{output}: {problem}" if problem else ""
+            checks.append(Check(f"{row.stage} {row.item}", named))
+    return checks
+
+
+def _verify_scene(root: Path) -> list[Check]:
+    beside = root.absolute().parent / LEDGERS / root.absolute().name
+    run = root.absolute().parent.parent
+    checks: list[Check] = []
+    if (beside / MANIFEST_NAME).is_file():
+        checks = check_files(Ledger(beside), f"../../{root.absolute().name}")
+    elif (run / MANIFEST_NAME).is_file() and Ledger(run).hashed:
+        checks = check_files(Ledger(run), root.absolute().relative_to(run).as_posix())
+    else:
+        checks = [Check(f"scene {root.name}", UNRECORDED_SCENE)]
+    if not any(check.problem for check in checks if check.problem != UNRECORDED_SCENE):
+        checks.append(Check(f"scene {root.name}", problem_of(lambda: check_scene(root))))
+    return checks
