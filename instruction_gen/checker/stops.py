@@ -24,7 +24,8 @@ def last_stop(parse: Parse) -> int | None:
         return None
     if parse.clauses[-2].verb in ("turn", "see", "") or parse.clauses[-2].side:
         return None
-    arrives = last.verb in ("pass", "reach", "enter") or any(n.prep or n.side for n in last.nouns)
+    arrives = last.verb in ("", "pass", "reach", "enter")
+    arrives = arrives or any(n.prep or n.side for n in last.nouns)
     return len(parse.clauses) - 1 if last.nouns and arrives else None
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...formats.scene.bundle import LabeledObject, SceneBundle
 from ...wayfinding.regions import ROOM_PREFIX, RegionMap, region_map
 from ..facts.doors import DOOR, doorways
-from ..facts.geometry import no_wall_between
+from ..facts.geometry import no_wall_between, skin_of
 from ..facts.rooms import room_names
 from ..language.lexicon import ROOM_PHRASES
 from ..language.nouns import called, noun_of
@@ -139,7 +139,9 @@ class World:
             edge = np.clip(self.centers_m, thing.low_m, thing.high_m)
             gap = np.linalg.norm(self.centers_m - edge, axis=-1)
             near = self.free & (gap <= SIGHT_M)
-            open_ = no_wall_between(self.centers_m[near], edge[near], gap[near], self._regions)
+            open_ = no_wall_between(
+                self.centers_m[near], edge[near], gap[near], self._regions, skin_of(thing.noun)
+            )
             gap[~near] = np.inf
             gap[near] = np.where(open_ | (gap[near] < 0.3), gap[near], np.inf)
             self._gaps[k] = gap

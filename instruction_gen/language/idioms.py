@@ -23,6 +23,7 @@ _IDIOMS = (
     ("bring yourself to a stop|halt", "stop"),
     ("once|when|after you have|are done|finished with? that|this|so", "then"),
     ("after|having doing|done that|this|so", "then"),
+    ("make|take|do a u-turn to? the|your? left|right?", "turn around"),
     ("after which", "then"),
     ("prior to", "before"),
     ("in the direction of", "toward"),
@@ -65,7 +66,17 @@ def plainer(tokens: Sequence[Token]) -> list[Token]:
         else:
             result.append(tokens[k])
             k += 1
-    return _stops(result)
+    return _stops(_openers(result))
+
+
+def _openers(tokens: list[Token]) -> list[Token]:
+    """`…, next stop by the bed`: a `next` after a comma or full stop is a `then`."""
+    result = list(tokens)
+    for k, token in enumerate(tokens):
+        opens = k == 0 or not tokens[k - 1].is_word
+        if token.text == "next" and opens and tokens[k + 1 : k + 2] and tokens[k + 1].text != "to":
+            result[k] = replace(token, text="then")
+    return result
 
 
 @cache
