@@ -18,7 +18,7 @@ COLLECT = --robot "$(ROBOT)" --controller "$(CONTROLLER)" --scene "$(SCENE)" --e
           $(if $(WORKERS),--workers "$(WORKERS)") $(ARGS)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup collect evaluate train-gait test test-fast test-slow lint docs bench report verify doctor clean
+.PHONY: help setup collect dataset-bench evaluate train-gait test test-fast test-slow lint docs bench report verify doctor clean
 
 help:  ## Show this help
 	@echo "usage: make <target> [VARIABLE=value …]"
@@ -33,6 +33,14 @@ setup:  ## Install the core environment into .venv (collect does this automatica
 collect:  ## Collect a dataset: make collect ROBOT=aliengo [SCENE=scan.glb EPISODES=8 OUT=…]
 	@$(SETUP) core
 	@$(BIN)/vlnpe collect $(COLLECT)
+
+dataset-bench:  ## Collect the training data of the baselines: make dataset-bench [TRAIN=40 UNSEEN=10 PATHS=36 IMAGE=128]
+	@$(SETUP) core
+	@$(BIN)/python -m benchmarks.dataset $(if $(TRAIN),--train "$(TRAIN)") $(if $(UNSEEN),--unseen "$(UNSEEN)") \
+	    $(if $(PATHS),--paths "$(PATHS)") $(if $(IMAGE),--image "$(IMAGE)") $(if $(OUT),--out "$(OUT)") \
+	    $(if $(filter-out file,$(origin ROBOT)),--robot "$(ROBOT)") \
+	    $(if $(filter-out file,$(origin CONTROLLER)),--controller "$(CONTROLLER)") \
+	    $(if $(WORKERS),--workers "$(WORKERS)") $(ARGS)
 
 evaluate:  ## Evaluate a policy in closed loop: make evaluate POLICY=random ROBOT=h1 [OUT=runs/<name>]
 	@$(SETUP) core

@@ -1,6 +1,7 @@
 """The built-in scenes: procedurally furnished buildings, virtually scanned."""
 
 from .config import BUILDINGS, ApartmentConfig, ScanConfig, building_config
+from .exact import generate_exact
 from .generate import generate_scan
 from .home.building import build_scene
 from .home.true_scene import TrueScene
@@ -12,5 +13,6 @@ __all__ = [
     "TrueScene",
     "build_scene",
     "building_config",
+    "generate_exact",
     "generate_scan",
 ]

@@ -71,16 +71,14 @@ def generate_scan(
     light = baker.vertex_light(mesh, split)
     tell("painting")
     pages = [
-        _encode(baker.page(mesh, charts, split, light, packing, k), config.scan.jpeg_quality)
+        encode_page(baker.page(mesh, charts, split, light, packing, k), config.scan.jpeg_quality)
         for k in range(len(packing.page_size))
     ]
     tell("writing")
     pose = scan_pose(config)
     nodes = _nodes(scene, mesh, label, charts, packing, split, pose)
     write_glb(out_dir / "scan.glb", nodes, pages, {"seed": seed, "licence": "Apache-2.0"})
-    (out_dir / "scan.labels.json").write_text(
-        json.dumps({"frame": "source", "objects": _labels(scene, pose)}, indent=1) + "\n"
-    )
+    write_labels(out_dir / "scan.labels.json", scene, pose)
     write_truth(out_dir / "truth.npz", scene.storeys, mesh, pose)
     return out_dir / "scan.glb"
 
@@ -104,7 +102,8 @@ def _texel_sizes(scene: TrueScene, config: ApartmentConfig) -> NDArray[np.float6
     )
 
 
-def _encode(image: NDArray[np.uint8], quality: int) -> bytes:
+def encode_page(image: NDArray[np.uint8], quality: int) -> bytes:
+    """Return an RGB image (rows, columns, 3) as JPEG of the given quality (0–100)."""
     done, data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
     if not done:
         raise ValueError(f"cannot encode a texture page of shape {image.shape} as JPEG")
@@ -145,6 +144,18 @@ def _nodes(
             )
         )
     return nodes
+
+
+def write_labels(path: Path, scene: TrueScene, pose: NDArray[np.float64]) -> None:
+    """Write the bounds of every object and room, in the coordinates of the scan.
+
+    Args:
+        path: file to write.
+        scene: the building.
+        pose: (4, 4) from world to the scanner's frame; see `scan_pose`.
+    """
+    content = {"frame": "source", "objects": _labels(scene, pose)}
+    path.write_text(json.dumps(content, indent=1) + "\n")
 
 
 def _labels(scene: TrueScene, pose: NDArray[np.float64]) -> list[dict]:

@@ -16,11 +16,12 @@ from ..formats.core.glb import glb_bytes
 
 _FLOAT, _UINT = 5126, 5125
 _ARRAY, _ELEMENTS = 34962, 34963
+_REPEAT, _CLAMP = 10497, 33071
 
 
 @dataclass(frozen=True)
 class GlbNode:
-    """A mesh with one texture.
+    """Triangles with one texture; consecutive ones of one name become one node of the file.
 
     Attributes:
         name: of the node and its mesh.
@@ -65,10 +66,21 @@ class _Buffer:
         return len(self.accessors) - 1
 
 
-def write_glb(path: Path, nodes: list[GlbNode], pages: list[bytes], extras: dict) -> None:
-    """Write `nodes` with JPEG `pages` to `path`; `extras` go into the asset's header."""
+def write_glb(
+    path: Path, nodes: list[GlbNode], pages: list[bytes], extras: dict, *, tiled: bool = False
+) -> None:
+    """Write `nodes` with JPEG `pages` to `path`.
+
+    Args:
+        path: file to write.
+        nodes: what it shows.
+        pages: images, encoded as JPEG.
+        extras: goes into the asset's header.
+        tiled: images repeat beyond their borders; otherwise they are clamped.
+    """
+    wrap = _REPEAT if tiled else _CLAMP
     buffer = _Buffer()
-    meshes = []
+    meshes: list[dict] = []
     for node in nodes:
         position = buffer.accessor(node.vertices.astype("<f4"), "VEC3", _FLOAT, _ARRAY)
         uv = buffer.accessor(node.uv.astype("<f4"), "VEC2", _FLOAT, _ARRAY)
@@ -78,7 +90,10 @@ def write_glb(path: Path, nodes: list[GlbNode], pages: list[bytes], extras: dict
             "indices": index,
             "material": node.page,
         }
-        meshes.append({"name": node.name, "primitives": [primitive]})
+        if meshes and meshes[-1]["name"] == node.name:
+            meshes[-1]["primitives"].append(primitive)
+        else:
+            meshes.append({"name": node.name, "primitives": [primitive]})
     images = [{"bufferView": buffer.view(page), "mimeType": "image/jpeg"} for page in pages]
     materials = [
         {
@@ -95,12 +110,12 @@ def write_glb(path: Path, nodes: list[GlbNode], pages: list[bytes], extras: dict
     tree = {
         "asset": {"version": "2.0", "generator": "vlnpe", "extras": extras},
         "scene": 0,
-        "scenes": [{"nodes": list(range(len(nodes)))}],
-        "nodes": [{"name": node.name, "mesh": k} for k, node in enumerate(nodes)],
+        "scenes": [{"nodes": list(range(len(meshes)))}],
+        "nodes": [{"name": mesh["name"], "mesh": k} for k, mesh in enumerate(meshes)],
         "meshes": meshes,
         "materials": materials,
         "textures": [{"source": k, "sampler": 0} for k in range(len(pages))],
-        "samplers": [{"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}],
+        "samplers": [{"magFilter": 9729, "minFilter": 9987, "wrapS": wrap, "wrapT": wrap}],
         "images": images,
         "accessors": buffer.accessors,
         "bufferViews": buffer.views,

@@ -46,8 +46,8 @@ class Walk:
     @staticmethod
     def of(rollout: Rollout) -> Walk:
         at = rollout.frame_samples(4)
-        yaw = np.unwrap(quat_to_yaw(rollout.quat_wxyz[at]))
-        poses = np.column_stack([rollout.position_world_m[at, :2], yaw])
+        yaw = np.unwrap(quat_to_yaw(rollout.quat_wxyz[at])).astype(np.float64)
+        poses = np.column_stack([rollout.position_world_m[at, :2], yaw]).astype(np.float64)
         steps = discrete_steps(poses)
         end = execute(steps.action, poses[0])[-1]
         turned = TURN_STEP_RAD * float(np.isin(steps.action, TURNS).sum())

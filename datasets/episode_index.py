@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,11 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from ..formats.core.errors import FileFormatError
+from ..formats.core.tables import read_schema, read_table
+from ..formats.core.untrusted import check_links
 from ..formats.lerobot.episode_columns import EDITED_ADVICE
-from ..formats.lerobot.layout import DATA_PATH, INFO_PATH, RGB_KEY, VIDEO_PATH, FilePlace
+from ..formats.lerobot.info import PLACE_FIELDS, fill_template, read_info, video_start_s
+from ..formats.lerobot.layout import DATA_PATH, RGB_KEY, VIDEO_PATH
 
 log = logging.getLogger(__name__)
 
@@ -125,13 +126,14 @@ class DatasetIndex:
         """The episode in row `row`."""
         values: dict[str, Any] = self.table.slice(row, 1).to_pylist()[0]
 
-        def place(prefix: str) -> FilePlace:
-            return FilePlace(values[f"{prefix}/chunk_index"], values[f"{prefix}/file_index"])
+        def place(template: str, prefix: str, **names: str) -> Path:
+            indices = {name: values[f"{prefix}/{name}"] for name in PLACE_FIELDS}
+            return fill_template(self.root, template, **indices, **names)
 
         videos = {
             key: VideoPlace(
-                self.root / place(f"videos/{key}").path(VIDEO_PATH, video_key=key),
-                values[f"videos/{key}/from_timestamp"],
+                place(VIDEO_PATH, f"videos/{key}", video_key=key),
+                video_start_s(self.root, values[f"videos/{key}/from_timestamp"]),
             )
             for key, (dtype, _) in self.shapes.items()
             if dtype == "video"
@@ -140,7 +142,7 @@ class DatasetIndex:
             number=values["episode_index"],
             length=values["length"],
             first_frame=values["dataset_from_index"],
-            rows=self.root / place("data").path(DATA_PATH),
+            rows=place(DATA_PATH, "data"),
             videos=videos,
             uid=values["episode_uid"],
             trajectory=f"{values['scene_id']}/{values['trajectory_id']}",
@@ -162,18 +164,12 @@ def read_index(root: Path) -> DatasetIndex:
     Raises:
         FileFormatError: no LeRobot v3 dataset, or one without the columns that vlnpe adds.
     """
-    path = root / INFO_PATH
-    try:
-        info = json.loads(path.read_text())
-        videos = [key for key, f in info["features"].items() if f["dtype"] == "video"]
-        float(info["fps"])
-    except FileNotFoundError as error:
-        raise FileFormatError(path, "missing; not a LeRobot dataset") from error
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise FileFormatError(path, f"not the info of a LeRobot dataset: {error!r}") from error
+    info = read_info(root)
+    videos = [key for key, f in info["features"].items() if f["dtype"] == "video"]
     columns = [*_PLACES, *_LABELS]
     for key in videos:
         columns += [f"videos/{key}/{n}" for n in ("chunk_index", "file_index", "from_timestamp")]
+    check_links(root)
     files = episode_tables(root)
     if not files:
         raise FileFormatError(root / "meta" / "episodes", "holds no Parquet file")
@@ -187,19 +183,16 @@ def episode_tables(root: Path) -> list[Path]:
 
 
 def _read(file: Path, columns: list[str], info: dict[str, Any]) -> pa.Table:
-    try:
-        missing = sorted(set(columns) - set(pq.read_schema(file).names))
-        if set(missing) & set(_LABELS) and set(info["features"]) >= _OURS:
-            log.warning("%s: lacks vlnpe's episode columns; %s", file, EDITED_ADVICE)
-            columns = [key for key in columns if key not in _LABELS]
-            missing = sorted(set(missing) - set(_LABELS))
-            if not missing:
-                return _with_what_is_left(pq.read_table(file, columns=[*columns, "tasks"]), info)
-        if missing:
-            raise FileFormatError(file, f"lacks the columns {missing}; not collected by vlnpe?")
-        return pq.read_table(file, columns=columns).replace_schema_metadata(None)
-    except (OSError, pa.ArrowException) as error:
-        raise FileFormatError(file, f"not readable ({error})") from error
+    missing = sorted(set(columns) - set(read_schema(file).names))
+    if set(missing) & set(_LABELS) and set(info["features"]) >= _OURS:
+        log.warning("%s: lacks vlnpe's episode columns; %s", file, EDITED_ADVICE)
+        columns = [key for key in columns if key not in _LABELS]
+        missing = sorted(set(missing) - set(_LABELS))
+        if not missing:
+            return _with_what_is_left(read_table(file, [*columns, "tasks"]), info)
+    if missing:
+        raise FileFormatError(file, f"lacks the columns {missing}; not collected by vlnpe?")
+    return read_table(file, columns).replace_schema_metadata(None)
 
 
 def _with_what_is_left(table: pa.Table, info: dict[str, Any]) -> pa.Table:

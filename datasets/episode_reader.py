@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from ..formats.core.camera import DepthRange
 from ..formats.core.errors import FileFormatError
+from ..formats.core.tables import check_size
+from ..formats.core.untrusted import check_input
 from ..formats.lerobot.layout import DEPTH_KEY, RGB_KEY
 from ..formats.video.depth_codes import (
     DEPTH_PIXEL_FORMAT,
@@ -171,8 +173,10 @@ def _depth_range(index: DatasetIndex) -> DepthRange:
 def _episode_table(entry: EpisodeEntry, keys: Sequence[str]) -> pa.Table:
     """Only the row groups that hold the episode are read; ours has one per episode."""
     path: Path = entry.rows
+    check_input(path)
     try:
         with pq.ParquetFile(path) as file:
+            check_size(path, file, ["index", *keys])
             groups = _groups(file, entry)
             table = file.read_row_groups(groups, columns=["index", *keys])
     except (OSError, pa.ArrowException) as error:

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..formats.core.errors import FileFormatError, InputError
+from ..formats.core.untrusted import check_links
+from ..formats.lerobot.info import read_info
 
 if TYPE_CHECKING:
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
@@ -21,11 +23,14 @@ def open_dataset(root: Path, **options: Any) -> LeRobotDataset:
         options: passed on to `LeRobotDataset`, e.g. `delta_timestamps`, `episodes`.
 
     Raises:
-        FileFormatError: no dataset there.
+        FileFormatError: no dataset there, or one that leads out of its folder.
         InputError: the extra `train` is not installed.
     """
     if not (root / "meta" / "info.json").is_file():
         raise FileFormatError(root, "no LeRobot dataset here (meta/info.json is missing)")
+    # LeRobot fills in the templates of info.json and follows links without looking.
+    read_info(root)
+    check_links(root)
     # LeRobot asks the hub for a dataset's version even when all its files are here.
     os.environ.setdefault("HF_HUB_OFFLINE", "1")
     try:

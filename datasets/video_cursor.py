@@ -13,6 +13,7 @@ from av.error import FFmpegError
 from av.video.stream import VideoStream
 
 from ..formats.core.errors import FileFormatError
+from ..formats.core.untrusted import check_input
 
 # Decoding on over this many unwanted frames is cheaper than seeking: key frames are 2 apart.
 _NEAR = 2
@@ -28,8 +29,10 @@ class VideoCursor:
             FileFormatError: missing or damaged.
         """
         self._path, self._rate = path, frames_per_second
+        check_input(path)
         try:
-            self._container = av.open(str(path))
+            # As MP4 whatever it says: playlists would have the decoder open other files and hosts.
+            self._container = av.open(str(path.absolute()), format="mp4")
             self._stream = cast(VideoStream, self._container.streams.video[0])
         except (FFmpegError, OSError, IndexError) as error:
             raise FileFormatError(path, f"not a readable video ({error})") from error

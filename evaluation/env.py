@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..collectors.rendering.camera.views import View, make_view
-from ..collectors.rendering.registry import chosen_renderer, make_renderer
+from ..collectors.rendering.registry import make_renderer, scene_renderer_name
 from ..collectors.replay import ReplayConfig
 from ..collectors.robots import get_robot
 from ..collectors.world import World, open_world
@@ -96,7 +96,7 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
         lowest = min(episodes, key=lambda episode: episode.free_height_m or np.inf)
         physics = base.physics.for_episode(lowest)
         self.world: World = open_world(self._bundle, lowest.level, spec, None, physics, cache_dir)
-        self._view = view or make_view("ego", spec, renderer=chosen_renderer("auto"))
+        self._view = view or make_view("ego", spec, renderer=scene_renderer_name(Path(scene)))
         self._eye: Eye | None = None
         if images:
             renderer = make_renderer(self._bundle, self._view.renderer, light=self._view.light)

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..collectors.rendering.camera.mounting import body_for
 from ..collectors.rendering.camera.views import View
 from ..collectors.rendering.interface import Renderer
-from ..collectors.rendering.scene.robot_body import RobotBody
 from ..collectors.world import World
 from ..formats.core.frames import quat_to_matrix, wrap_angle
 from ..formats.core.rollout import Action
@@ -63,14 +63,14 @@ class Eye:
             renderer: of the world's scene, made for the view's renderer and light.
         """
         self._world, self._view, self._renderer = world, view, renderer
-        self._body = RobotBody(world.robot.build_model(floor=False), world.robot.joint_names)
+        self._body = body_for(world.robot, world.robot.joint_names, view)
 
     def look(self) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """Return RGB (H, W, 3) uint8 and depth (H, W) float32 [m] of the state now."""
         world = self._world
         state = (world.base[:3], world.base[3:], world.data.qpos[world.handles.joint_qpos])
         position, quat = self._body.camera_pose(world.robot.camera.name, *state)
-        body = self._body.pose(*state)
+        body = self._body.pose(*state) if self._view.shows_robot else None
         return self._renderer.render(self._view.camera, position, quat, body)
 
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from hashlib import sha256
+from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 from uuid import uuid4
 
 import numpy as np
 
+from ..formats.core.atomic import file_digest
 from ..formats.core.episode import Episode
 from ..formats.core.errors import InputError, UnknownNameError, VlnpeError
 from ..formats.core.rollout import Action
@@ -17,6 +20,7 @@ from ..instruction_gen.llm.settings import settings_from
 from .observation import Observation
 
 if TYPE_CHECKING:
+    from .learned import LearnedPolicy
     from .remote import RemotePolicy
     from .vlm import VlmPolicy
 
@@ -122,6 +126,10 @@ class Random:
 ORACLE = "oracle"
 VLM = "vlm"  # a vision-language model; the environment says where
 SERVER_SCHEMES = ("ws://", "wss://")
+CHECKPOINT_SUFFIX = ".safetensors"
+_NEEDS_TRAIN = (
+    "a learned policy needs the extra train; `vlnpe doctor` prints the command that installs it"
+)
 # By name, made from the seed. The oracle is not among them: it is the expert, which knows the path.
 POLICIES: dict[str, Callable[[int], Policy]] = {
     "stop": lambda seed: Stop(),
@@ -132,7 +140,31 @@ POLICIES: dict[str, Callable[[int], Policy]] = {
 
 def valid_policies() -> list[str]:
     """Return what `check_policy` takes."""
-    return [*POLICIES, ORACLE, VLM, "ws://HOST:PORT"]
+    checkpoint = f"a checkpoint of `vlnpe train` (FILE{CHECKPOINT_SUFFIX})"
+    return [*POLICIES, ORACLE, VLM, *shipped_policies(), checkpoint, "ws://HOST:PORT"]
+
+
+def shipped_policies() -> dict[str, Path]:
+    """Return the checkpoints that come with vlnpe, by name."""
+    folder = Path(__file__).resolve().parents[1] / "learning" / "policies"
+    return {path.stem: path for path in sorted(folder.glob(f"*{CHECKPOINT_SUFFIX}"))}
+
+
+def checkpoint_path(name: str) -> Path | None:
+    """Return the file of a learned policy, or None if `name` is that of another policy.
+
+    Raises:
+        InputError: there is no such file.
+    """
+    if name in shipped_policies():
+        return shipped_policies()[name]
+    if not name.endswith(CHECKPOINT_SUFFIX):
+        return None
+    path = Path(name).resolve()
+    for part in (path, path.with_suffix(".json")):
+        if not part.is_file():
+            raise InputError(f"{part}: no such file; a checkpoint is weights and their card")
+    return path
 
 
 def check_policy(name: str) -> None:
@@ -141,7 +173,9 @@ def check_policy(name: str) -> None:
     Raises:
         UnknownNameError: it is neither; the message lists the valid names.
     """
-    if name not in (*POLICIES, ORACLE, VLM) and not name.startswith(SERVER_SCHEMES):
+    if checkpoint_path(name) is not None or name.startswith(SERVER_SCHEMES):
+        return
+    if name not in (*POLICIES, ORACLE, VLM):
         raise UnknownNameError("policy", name, valid_policies())
 
 
@@ -156,6 +190,11 @@ def policy_identity(name: str, timeout_s: float) -> str:
     """
     if name == VLM:
         return f"{name} {_vlm().version}"
+    if (path := checkpoint_path(name)) is not None:
+        if find_spec("torch") is None:
+            raise InputError(f"{path.name}: {_NEEDS_TRAIN}")
+        card = file_digest(path.with_suffix(".json"))
+        return f"{path.stem} {file_digest(path)} {card}"
     if not name.startswith(SERVER_SCHEMES):
         return name
     server = _server(name, timeout_s)
@@ -171,7 +210,7 @@ def make_policy(name: str, seed: int, timeout_s: float) -> Policy:
     """Return a policy by name, or a client of the policy server at that address.
 
     Args:
-        name: key of `POLICIES`, or `ws://host:port`.
+        name: key of `POLICIES`, name or file of a checkpoint, or `ws://host:port`.
         seed: of policies that draw.
         timeout_s: how long a server may take for one action.
 
@@ -185,6 +224,8 @@ def make_policy(name: str, seed: int, timeout_s: float) -> Policy:
         raise InputError("the oracle knows the path and is run by the replay itself")
     if name == VLM:
         return _vlm()
+    if (path := checkpoint_path(name)) is not None:
+        return _learned(path, seed)
     if name.startswith(SERVER_SCHEMES):
         return _server(name, timeout_s)
     return POLICIES[name](seed)
@@ -199,6 +240,15 @@ def _server(url: str, timeout_s: float) -> RemotePolicy:
             "`vlnpe doctor` prints the command that installs it"
         ) from error
     return RemotePolicy(url, timeout_s)
+
+
+def _learned(path: Path, seed: int) -> LearnedPolicy:
+    try:
+        from ..learning.stepper import Choice
+        from .learned import LearnedPolicy
+    except ModuleNotFoundError as error:
+        raise InputError(f"{path.name}: {_NEEDS_TRAIN} ({error.name} is not installed)") from error
+    return LearnedPolicy.load(path, Choice(seed=seed))
 
 
 def _vlm() -> VlmPolicy:

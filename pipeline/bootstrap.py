@@ -163,6 +163,14 @@ def digest():
     return state.hexdigest()
 
 
+def link_package():
+    """Make the package importable for pyright: it is the checkout, whatever its folder's name."""
+    link = os.path.join(ROOT, ".venv", "types", "vlnpe")
+    if os.name == "posix" and not os.path.islink(link):
+        os.makedirs(os.path.dirname(link))
+        os.symlink(os.path.join("..", ".."), link)
+
+
 def main(arguments):
     if len(arguments) != 1 or arguments[0] not in SYNC:
         say("usage: python pipeline/bootstrap.py " + "|".join(sorted(SYNC)))
@@ -186,6 +194,8 @@ def main(arguments):
         say("syncing the %s environment (%s)" % (kind, python or "Python fetched by uv"))
         command = [uv, "sync", "--project", ROOT, "--frozen"] + SYNC[kind]
         code = subprocess.call(command, env=environment)
+        if code == 0:
+            link_package()
     except (RuntimeError, EnvironmentError) as error:
         say("failed: %s" % error)
         return 1

@@ -1,4 +1,4 @@
-"""Names of the built-in scenes: `builtin`, `builtin:house`, `builtin:villa*10`."""
+"""Names of the built-in scenes: `builtin`, `builtin:house`, `builtin-exact:villa*10@100`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from ..formats.core.errors import InputError, UnknownNameError
 
 BUILTIN = "builtin"
 _DEFAULT_KIND = "apartment"
-_FORM = re.compile(rf"{BUILTIN}(?::(?P<kind>[^*]*))?(?:\*(?P<count>.*))?")
+_FORM = re.compile(
+    rf"{BUILTIN}(?P<exact>-exact)?(?::(?P<kind>[^*@]*))?(?:\*(?P<count>[^@]*))?(?:@(?P<seed>.*))?"
+)
 _MOST = 1000
 
 
@@ -20,40 +22,70 @@ class BuiltIn:
     Attributes:
         kind: key of `apartments.BUILDINGS`.
         seed: of the building.
+        scanned: scan it virtually; otherwise its exact, textured geometry is used as the scan.
     """
 
     kind: str
     seed: int
+    scanned: bool = True
 
     @property
     def name(self) -> str:
         """Name of the scene; the same building has the same name in every run."""
-        return f"{self.kind}-{self.seed}"
+        return f"{'' if self.scanned else 'exact-'}{self.kind}-{self.seed}"
 
 
 def parse_builtin(text: str, seed: int) -> list[BuiltIn]:
-    """The buildings that a scene's name asks for; none if it names a file.
+    """Return the buildings that a scene's name asks for; none if it names a file.
 
-    `builtin` is the apartment of `seed`, `builtin:KIND` another kind of building, and
-    `builtin:KIND*N` the N buildings of `seed`, `seed` + 1, ….
+    `builtin` is the apartment of `seed`, `builtin:KIND` another kind of building, `builtin:KIND*N`
+    the N buildings of `seed`, `seed` + 1, …, and `builtin:KIND*N@S` those of S, S + 1, ….
+    `builtin-exact…` are the same buildings without the virtual scan. Several, comma-separated,
+    follow one another.
 
     Raises:
-        InputError: the kind is unknown, or the number is not one from 1 to 1,000.
+        InputError: the kind is unknown, the number is not one from 1 to 1,000, a seed is not a
+            whole number, a building is asked for twice, or built-in scenes are listed with files.
     """
-    found = _FORM.fullmatch(text)
-    if not found:
+    parts = [part.strip() for part in text.split(",")]
+    found = [_FORM.fullmatch(part) for part in parts]
+    if not any(found):
         return []
+    result: list[BuiltIn] = []
+    for part, match in zip(parts, found, strict=True):
+        if match is None:
+            raise InputError(
+                f"scene {text!r}: {part!r} is no built-in scene; valid: one file, or {BUILTIN}…"
+            )
+        result += _buildings(part, match, seed)
+    names = [building.name for building in result]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(f"scene {text!r}: {twice} is asked for twice; valid: each building once")
+    return result
+
+
+def _buildings(text: str, found: re.Match[str], seed: int) -> list[BuiltIn]:
     kind = _DEFAULT_KIND if found["kind"] is None else found["kind"]
     check_kind(kind)
-    count = found["count"]
-    if count is None:
-        return [BuiltIn(kind, seed)]
-    if not (count.isascii() and count.isdigit() and 1 <= int(count) <= _MOST):
+    count, first = found["count"], found["seed"]
+    if count is not None and not (_is_number(count) and 1 <= int(count) <= _MOST):
         raise InputError(
             f"scene {text!r}: {count!r} is not a number of buildings; valid: 1 to {_MOST:,}, "
             f"for example {BUILTIN}:{kind}*10"
         )
-    return [BuiltIn(kind, seed + k) for k in range(int(count))]
+    if first is not None and not _is_number(first):
+        raise InputError(
+            f"scene {text!r}: {first!r} is not a seed; valid: a whole number, for example "
+            f"{BUILTIN}:{kind}*10@100"
+        )
+    start = seed if first is None else int(first)
+    numbers = range(start, start + (1 if count is None else int(count)))
+    return [BuiltIn(kind, number, not found["exact"]) for number in numbers]
+
+
+def _is_number(text: str) -> bool:
+    return text.isascii() and text.isdigit()
 
 
 def check_kind(kind: str) -> None:

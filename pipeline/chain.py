@@ -37,6 +37,7 @@ class Product:
         only_success: leave failures out of the export; they are rendered in any case.
         rgb_codec: key of `formats.video.RGB_CODECS`.
         depth_storage: what `export.check_depth_storage` takes.
+        mcap: write MCAP files, too.
     """
 
     frames_per_second: int
@@ -44,6 +45,7 @@ class Product:
     only_success: bool
     rgb_codec: str
     depth_storage: str
+    mcap: bool = True
 
 
 class Chain:
@@ -107,14 +109,17 @@ class Chain:
         config: SampleConfig,
         scenes: Mapping[str, Row],
         quotas: Mapping[str, Mapping[str, int]] | None = None,
+        *,
+        exact: bool = True,
     ) -> list[Episode]:
         """Sample paths in every scene and instruct them.
 
         Args:
             config: what to sample.
             scenes: rows of the repair stage by scene id.
-            quotas: paths by split, by scene; they must be filled. Without them, every scene gives
-                the count of `config`.
+            quotas: paths by split, by scene. Without them, every scene gives the count of
+                `config`.
+            exact: the quotas must be filled.
 
         Raises:
             InputError: a scene cannot hold its share.
@@ -130,7 +135,7 @@ class Chain:
         self._unselect(align.FILTER_STAGE, align.STAGE)
         sampled = self._stage(episodes.STAGE, items, required=True)
         if quotas is not None:
-            episodes.check_complete(sampled.rows, quotas)
+            episodes.check_complete(sampled.rows, quotas, exact=exact)
         return self._instructed(sampled, parts)
 
     def aligned(
@@ -227,8 +232,9 @@ class Chain:
                 folder.scenes,
                 dataset,
                 {"options": dict(facts), "language_model": self._model_usage()},
-                product.depth_storage,
-                self.per_instruction,
+                depth_storage=product.depth_storage,
+                per_instruction=self.per_instruction,
+                mcap=product.mcap,
             )
 
     def _instructed(self, source: StageSummary, parts: Mapping[str, Path]) -> list[Episode]:

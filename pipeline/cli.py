@@ -71,6 +71,7 @@ _TABLE = (
     Verb("restore", "convert.Restore", "convert.run_restore"),
     Verb("robots", "robots.Robots", "robots.run_robots"),
     Verb("mix", "training.Mix", "mix.run"),
+    Verb("train", "training.Train", "train.run"),
     Verb("ablate", "training.Ablate", "ablate.run"),
     Verb("evaluate", "evaluate.Evaluate", "evaluate.run_evaluate"),
     Verb("compare", "evaluate.Compare", "evaluate.run_compare"),

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..collectors.controllers import valid_controllers
-from ..collectors.gait_training.gates import GateResult, gate_results
+from ..collectors.gait_trials.gates import GateResult, gate_results
 from ..collectors.locomotion.card import PolicyCard
 from ..collectors.locomotion.policy import GaitPolicy
 from ..collectors.rendering.people.portraits import StandingRobot

@@ -27,12 +27,14 @@ class SamplingPlan:
         train_scenes: the scenes that are trained in.
         quotas: paths by split, by scene.
         instructions: per path; 0 if the user did not ask for a published set.
+        exact: a scene that holds fewer paths is an error.
     """
 
     splits: Mapping[str, int]
     train_scenes: tuple[str, ...]
     quotas: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     instructions: int = 0
+    exact: bool = True
 
     @staticmethod
     def of(options: Sampling, preset: str, scenes: Sequence[str]) -> SamplingPlan | None:
@@ -44,10 +46,11 @@ class SamplingPlan:
         if preset and options.splits:
             raise InputError(f"--splits {options.splits} and the preset {preset}: give one of them")
         if not preset and not options.splits:
-            for name in ("quota", "train_scenes"):
+            for name in ("quota", "train_scenes", "allow_fewer"):
                 if value := getattr(options, name):
-                    flag = name.replace("_", "-")
-                    raise InputError(f"--{flag} {value}: only with --splits or a preset")
+                    flag = f"--{name.replace('_', '-')}"
+                    given = flag if value is True else f"{flag} {value}"
+                    raise InputError(f"{given}: only with --splits or a preset")
             return None
         published = get_preset(preset) if preset else None
         if published and len(scenes) != published.scenes:
@@ -58,10 +61,19 @@ class SamplingPlan:
             )
         splits = dict(published.splits) if published else parse_splits(options.splits)
         named = [name.strip() for name in options.train_scenes.split(",") if name.strip()]
-        seen = choose_seen(splits, scenes, published.seen if published else 0, named)
+        first = published.seen if published else 0
+        if len(named) == 1 and named[0].isdecimal() and named[0] not in scenes:
+            first, named = _first(named[0], scenes), []
+        seen = choose_seen(splits, scenes, first, named)
         quotas = plan_quotas(splits, scenes, seen, parse_quotas(options.quota))
         count = published.instructions if published else 0
-        return SamplingPlan(splits, tuple(seen), quotas, count)
+        return SamplingPlan(splits, tuple(seen), quotas, count, not options.allow_fewer)
+
+
+def _first(number: str, scenes: Sequence[str]) -> int:
+    if not 1 <= int(number) <= len(scenes):
+        raise InputError(f"--train-scenes {number}; valid: 1 to {len(scenes)} scenes, or names")
+    return int(number)
 
 
 def chosen_free_height(robots: str, asked_m: float) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..collectors.rendering.camera.views import CameraOverrides, View, parse_views
 from ..collectors.rendering.light.lights import LIGHTS
-from ..collectors.rendering.registry import chosen_renderer
+from ..collectors.rendering.registry import AUTO, chosen_renderer
 from ..collectors.robots import RobotSpec
 from ..formats.core.errors import InputError, UnknownNameError
 from ..formats.core.rollout import STATE_RATE_HZ
@@ -34,7 +34,8 @@ def chosen_views(
         UnknownNameError: no such camera, light, renderer or robot; the message lists valid names.
         InputError: a camera that cannot be read, or `gl` where nothing can be drawn with it.
     """
-    drawn_by = chosen_renderer(renderer)
+    # What `auto` means is up to each scene: see `scene_renderer_name`.
+    drawn_by = AUTO if renderer == AUTO else chosen_renderer(renderer)
     return [
         view
         for name in chosen_lights(light)

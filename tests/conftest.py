@@ -20,7 +20,7 @@ NOT_CORE = re.compile(
     r"|rsl_rl|huggingface_hub|open3d|pyvista|setuptools|gymnasium"
     r"|vlnpe\.evaluation\.(?:env|remote|server)"
     r"|vlnpe\.collectors\.gait_training\.(?:env|export|mirror|train))\b"
-    r"|vlnpe\.datasets\.ablation",
+    r"|vlnpe\.learning|vlnpe\.evaluation\.learned",
     re.MULTILINE,
 )
 SUPPORT = re.compile(r"^from tests\.support\.(\w+) import", re.MULTILINE)

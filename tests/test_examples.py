@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import subprocess
+import runpy
 import sys
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,19 +13,30 @@ from PIL import Image
 
 from tests.support.episodes import episode_along
 from tests.support.rollouts import make_rollout
+from vlnpe.collectors.controllers import CONTROLLERS
 from vlnpe.formats.lerobot import assemble_dataset
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.vlnce.files import write_episodes
 from vlnpe.wayfinding.planning import plan_path
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+Run = Callable[..., str]
 
 
-def run(name: str, *arguments: object) -> str:
-    command = [sys.executable, str(EXAMPLES / name), *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Iterator[Run]:
+    """Run a script as `python examples/NAME ARGUMENTS` does and return what it prints."""
+    registered = set(CONTROLLERS)
+
+    def run(name: str, *arguments: object) -> str:
+        monkeypatch.setattr(sys, "argv", [name, *map(str, arguments)])
+        capsys.readouterr()
+        runpy.run_path(str(EXAMPLES / name), run_name="__main__")
+        return capsys.readouterr().out
+
+    yield run
+    for name in CONTROLLERS.keys() - registered:
+        del CONTROLLERS[name]
 
 
 @pytest.fixture(scope="module")
@@ -37,17 +49,19 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root / "data"
 
 
-def test_load_dataset(dataset: Path) -> None:
+def test_load_dataset(run: Run, dataset: Path) -> None:
     lines = run("load_dataset.py", dataset).splitlines()
     assert [line.split(":")[0] for line in lines] == ["episode 0", "episode 1"]
     assert "(1, 64, 64, 3)" in lines[0]
 
 
-def test_own_robot(tmp_path: Path) -> None:
+def test_own_robot(run: Run, tmp_path: Path) -> None:
     assert "myrobot: My own robot" in run("own_robot.py", tmp_path / "myrobot")
 
 
-def test_own_policy_reaches_a_goal_in_the_same_room(two_rooms: SceneBundle, tmp_path: Path) -> None:
+def test_own_policy_reaches_a_goal_in_the_same_room(
+    run: Run, two_rooms: SceneBundle, tmp_path: Path
+) -> None:
     path = plan_path(two_rooms.freemap(0), (1.0, 1.0), (3.0, 2.0), 0.3)
     assert path is not None
     episode = replace(episode_along(path), start_yaw_rad=0.0)
@@ -56,12 +70,12 @@ def test_own_policy_reaches_a_goal_in_the_same_room(two_rooms: SceneBundle, tmp_
     assert text.startswith("e0: success"), text
 
 
-def test_convert(dataset: Path, tmp_path: Path) -> None:
+def test_convert(run: Run, dataset: Path, tmp_path: Path) -> None:
     run("convert.py", dataset, 1, tmp_path / "one.mcap")
     assert (tmp_path / "one.mcap").read_bytes().startswith(b"\x89MCAP")
 
 
-def test_custom_camera(two_rooms: SceneBundle, tmp_path: Path) -> None:
+def test_custom_camera(run: Run, two_rooms: SceneBundle, tmp_path: Path) -> None:
     text = run("custom_camera.py", two_rooms.root, tmp_path / "seen.png")
     assert Image.open(tmp_path / "seen.png").size == (160, 120)
     # From (1, 2) through the doorway at x = 4 to the inner face of the east wall, x = 8.

@@ -214,7 +214,7 @@ def _placed(
 def _haunts(site: Site, kind: str, floor: Mask) -> Mask:
     """Cells in whose neighbourhood holes of a kind lie."""
     if kind == "at a wall":
-        near = ndimage.distance_transform_edt(~site.wall) * site.grid.cell_m
+        near = np.asarray(ndimage.distance_transform_edt(~site.wall)) * site.grid.cell_m
         return floor & (near < 0.12)
     if kind == "under furniture":
         return floor & site.furniture & ~site.wall

@@ -25,9 +25,9 @@ NEAR_FLOOR_M = 0.15
 # Heights above the floor between which furniture is looked for, and where ceilings begin.
 FURNITURE_M = (0.12, 1.7)
 HEADROOM_M = 1.9
-WALL_SLICES_M = np.linspace(0.3, 2.0, 9)
+WALL_SLICES_M = np.linspace(0.3, 2.0, 9, dtype=np.float64)
 # Where walls are known by name, those under windows are found at their feet.
-WALL_FOOT_M = np.linspace(0.1, 0.5, 5)
+WALL_FOOT_M = np.linspace(0.1, 0.5, 5, dtype=np.float64)
 # A wall's two faces stand at most this far apart.
 WALL_THICKNESS_M = 0.28
 

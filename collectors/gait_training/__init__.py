@@ -1,1 +1,1 @@
-"""Training, evaluation and export of gaits."""
+"""Training and export of gaits."""

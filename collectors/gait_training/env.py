@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
+from ..gait_trials.aim import command_bounds
+from ..gait_trials.terrain import Terrain
+from ..gait_trials.trial import STEP_S, TargetPipe
 from ..locomotion.gait import ClockState, joint_targets
 from ..locomotion.observation import RobotState, layout, observe, states_of
 from ..robots import POLICY_DECIMATION, RobotHandles, RobotSpec, apply_physics_options
@@ -20,15 +23,12 @@ from .gaits import GAITS
 from .mirror import Symmetry
 from .randomize import (
     ACTION_S,
-    command_bounds,
     draw_latency,
     randomize_models,
     sample_actions,
     sample_commands,
 )
 from .rewards import SMOOTHNESS_TERMS, BodyFacts, StepFacts, reward_terms
-from .terrain import Terrain
-from .trial import STEP_S, TargetPipe
 
 Array = NDArray[np.float64]
 NEAR_S = 0.4  # what comes later than this hardly matters to the critic yet

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from mujoco.batch import Batch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from ..robots import CommandLimits, RobotHandles
+from ..robots import RobotHandles
 from .config import TrainingConfig
 
 Array = NDArray[np.float64]
@@ -17,14 +17,6 @@ KINDS = {"any": 0.40, "straight": 0.17, "turn": 0.17, "arc": 0.12, "stand": 0.14
 
 ACTION_S = 0.25  # of a discrete action in VLN-PE's timing
 ACTIONS = np.array([(1.0, 0.0, 0.0), (0.0, 0.0, np.pi / 3), (0.0, 0.0, -np.pi / 3)])
-
-
-def command_bounds(
-    limits: CommandLimits, margin: float = 1.0, beyond: ArrayLike = (0.0, 0.0, 0.0)
-) -> Array:
-    """(3, 2) least and greatest vx, vy and yaw: the limits times `margin`, and `beyond` more."""
-    bounds = margin * np.array([limits.vx_m_s, limits.vy_m_s, limits.yaw_rad_s])
-    return bounds + np.asarray(beyond)[:, None] * (-1.0, 1.0)
 
 
 def sample_commands(rng: np.random.Generator, count: int, bounds: Array) -> Array:

@@ -23,13 +23,13 @@ from rsl_rl.runners import OnPolicyRunner
 
 from ...formats.core.atomic import atomic_file
 from ...formats.core.errors import UnknownNameError, VlnpeError
+from ..gait_trials.terrain import Terrain, rough_terrain
 from ..locomotion.card import POLICY_FOLDER, load_card
 from ..locomotion.policy import policy_files
 from ..robots import RobotSpec, get_robot
 from .config import PHASES, REFINEMENTS, ppo_config, refinement_config
 from .env import GaitEnv
 from .export import start_from, write_policy
-from .terrain import Terrain, rough_terrain
 
 log = logging.getLogger(__name__)
 CRITIC_ITERATIONS = 25  # of a refinement, before the actor learns
@@ -82,7 +82,7 @@ def run(arguments: Arguments) -> None:
     )
     if arguments.publish:
         # Late, because it needs more than training does.
-        from .evaluate import publish
+        from ..gait_trials.evaluate import publish
 
         publish(robot, out, POLICY_FOLDER)
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import json
+import math
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
 from ...formats.core.atomic import write_json
-from ...formats.core.errors import FileFormatError
+from ...formats.core.documents import read_json_object
+from ...formats.core.errors import FileFormatError, brief
 from ..robots import POLICY_DECIMATION, TIMESTEP_S, RobotSpec
 from .gait import FACTORS, GaitClock
 from .observation import layout
@@ -125,8 +126,8 @@ def load_card(path: Path) -> PolicyCard:
     """
     if not path.is_file():
         raise FileFormatError(path, "no policy card here; train one (make train-gait)")
+    values = read_json_object(path)
     try:
-        values = json.loads(path.read_text())
         values.setdefault("speed_rad_s", ())
         values = {f.name: values[f.name] for f in fields(PolicyCard)}
         gait = values["gait"]
@@ -146,9 +147,23 @@ def load_card(path: Path) -> PolicyCard:
         values["observation"] = [(str(n), int(w)) for n, w in values["observation"]]
         for key in ("joints", "default_joint_rad", "kp", "kd", "torque_nm", "speed_rad_s"):
             values[key] = tuple(values[key])
-        return PolicyCard(**values)
+        card = PolicyCard(**values)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise FileFormatError(path, f"not a policy card: {error!r}") from error
+        raise FileFormatError(path, f"not a policy card: {brief(error)}") from error
+    _check_finite(path, {**asdict(card), "training": None, "evaluation": None})
+    return card
+
+
+def _check_finite(path: Path, value: Any, name: str = "") -> None:
+    """Check that no number is NaN or infinite: it would end in the physics."""
+    if isinstance(value, float) and not math.isfinite(value):
+        raise FileFormatError(path, f"{name} is {value}; valid: finite numbers")
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            _check_finite(path, inner, f"{name}.{key}".lstrip("."))
+    elif isinstance(value, list | tuple):
+        for inner in value:
+            _check_finite(path, inner, name)
 
 
 def save_card(card: PolicyCard, path: Path) -> None:

@@ -19,7 +19,7 @@ from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorP
 from google.protobuf.message import DecodeError
 from numpy.typing import NDArray
 
-from ...formats.core.errors import FileFormatError
+from ...formats.core.errors import FileFormatError, brief
 
 # Message → field → (number, type). A `*` marks a repeated field; capitals are messages from here.
 _MESSAGES: Mapping[str, Mapping[str, tuple[int, str]]] = {
@@ -37,7 +37,15 @@ _MESSAGES: Mapping[str, Mapping[str, tuple[int, str]]] = {
         "attribute": (5, "Attribute*"),
         "domain": (7, "string"),
     },
-    "Attribute": {"name": (1, "string"), "f": (2, "float"), "i": (3, "int64"), "t": (5, "Tensor")},
+    "Attribute": {
+        "name": (1, "string"),
+        "f": (2, "float"),
+        "i": (3, "int64"),
+        "t": (5, "Tensor"),
+        "g": (6, "Graph"),
+        "tensors": (10, "Tensor*"),
+        "graphs": (11, "Graph*"),
+    },
     "Tensor": {
         "dims": (1, "int64*"),
         "data_type": (2, "int32"),
@@ -53,6 +61,7 @@ _MESSAGES: Mapping[str, Mapping[str, tuple[int, str]]] = {
     "Dimension": {"dim_value": (1, "int64"), "dim_param": (2, "string")},
 }
 _FLOAT, _EXTERNAL = 1, 1
+_ENDLESS = ("Loop",)
 
 
 @dataclass(frozen=True)
@@ -112,6 +121,7 @@ class OnnxFile:
         if not model.graph.node:
             raise FileFormatError(path, "not an ONNX file: it holds no graph")
         self.path = path
+        self._check_graph(model.graph)
         self._tensors = {tensor.name: tensor for tensor in model.graph.initializer}
         nodes = []
         for node in model.graph.node:
@@ -121,12 +131,32 @@ class OnnxFile:
             else:
                 nodes.append(_node(node))
         self.nodes = tuple(nodes)
-        for name, tensor in self._tensors.items():
-            if tensor.data_location == _EXTERNAL:
-                raise FileFormatError(path, f"weights {name!r} lie in another file; valid: in this")
         # Old files list their weights among the inputs.
         self.inputs = [_port(v) for v in model.graph.input if v.name not in self._tensors]
         self.outputs = [_port(v) for v in model.graph.output]
+
+    def _check_graph(self, graph: Any) -> None:
+        """Refuse, at any depth, weights in another file, endless loops and wild attributes."""
+        tensors = list(graph.initializer)
+        for node in graph.node:
+            if node.op_type in _ENDLESS:
+                raise FileFormatError(
+                    self.path, f"operator {node.op_type} may never end; unroll it"
+                )
+            for attribute in node.attribute:
+                if not math.isfinite(attribute.f):
+                    raise FileFormatError(
+                        self.path, f"{node.op_type}: {brief(attribute.name)} is {attribute.f}"
+                    )
+                tensors += [attribute.t, *attribute.tensors]
+                for inner in (attribute.g, *attribute.graphs):
+                    if inner.ByteSize():
+                        self._check_graph(inner)
+        for tensor in tensors:
+            if tensor.data_location == _EXTERNAL:
+                raise FileFormatError(
+                    self.path, f"weights {brief(tensor.name)} lie in another file; valid: in this"
+                )
 
     def is_constant(self, name: str) -> bool:
         """Whether `constant` knows it."""

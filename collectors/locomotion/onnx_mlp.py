@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 
 # Slopes below zero, where an activation has one.
 _ALPHAS = {"Elu": 1.0, "LeakyRelu": 0.01}
+MAX_WIDTH = 8192
 _KINDS = (*ACTIVATIONS, "Add", "Sub", "Mul", "Div", "Gemm", "MatMul")
 
 
@@ -79,6 +80,11 @@ def _product(file: OnnxFile, node: Node, constants: list[str], width: int) -> tu
     # ONNX multiplies rows: x W. A Gemm may have stored W the other way round.
     if not node.attributes.get("transB"):
         factor = factor.T
+    if len(factor) > MAX_WIDTH:
+        raise FileFormatError(
+            file.path,
+            f"weights {constants[0]!r} give {len(factor):,} numbers; valid: {MAX_WIDTH:,}",
+        )
     if factor.shape[1] != width:
         raise FileFormatError(
             file.path, f"weights {constants[0]!r} take {factor.shape[1]} numbers, given {width}"

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...formats.core.errors import FileFormatError
+from ...formats.core.untrusted import read_input
 from ..robots import CARD_NAME, POLICY_NAME, RobotHandles, RobotSpec
 from .card import POLICY_FOLDER, PolicyCard, PolicyMismatchError, load_card
 from .network import Network
@@ -20,6 +21,8 @@ from .onnx_runtime import load_network
 from .quick import QuickStep
 
 __all__ = ["GaitPolicy", "PolicyMismatchError"]
+
+MAX_NETWORK_BYTES = 256 << 20
 
 
 class GaitPolicy:
@@ -50,7 +53,7 @@ class GaitPolicy:
         card.check(robot, card_path)
         if not onnx_path.is_file():
             raise FileFormatError(onnx_path, "the policy's network is missing")
-        content = onnx_path.read_bytes()
+        content = read_input(onnx_path, max_bytes=MAX_NETWORK_BYTES)
         if hashlib.sha256(content).hexdigest() != card.onnx_sha256:
             raise PolicyMismatchError(onnx_path, f"is not the network that {card_path} describes")
         file = OnnxFile(onnx_path, content)

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from pathlib import Path
 
 from ...formats.core.errors import InputError, UnknownNameError
 from ...formats.scene.bundle import SceneBundle
+from ...formats.splats.store import has_splats
 from .embree import SceneRenderer
 from .gl.probe import graphics_card, why_no_gl
 from .gl.renderer import GlRenderer
 from .interface import Renderer
+from .splat import SplatRenderer
 
 RENDERERS: dict[str, Callable[[SceneBundle, str], Renderer]] = {
     "embree": SceneRenderer,
     "gl": GlRenderer,
+    "splat": SplatRenderer,
 }
 AUTO = "auto"
 
@@ -39,13 +43,24 @@ def chosen_renderer(name: str) -> str:
     return name
 
 
+def scene_renderer_name(scene: Path, name: str = AUTO) -> str:
+    """Return the name of the renderer to use in a repaired scene; `auto` means `splat` if it can.
+
+    Raises:
+        UnknownNameError: as `chosen_renderer`.
+        InputError: as `chosen_renderer`.
+    """
+    return SplatRenderer.name if name == AUTO and has_splats(scene) else chosen_renderer(name)
+
+
 def make_renderer(bundle: SceneBundle, name: str = "embree", *, light: str = "baked") -> Renderer:
     """Build the renderer `name` for a scene under a light; it takes seconds, so reuse it.
 
     Raises:
         UnknownNameError: no such renderer or light; the message lists the valid names.
         FileFormatError: the scene's mesh or a texture cannot be read.
-        InputError: `gl`, but no OpenGL context can be created; the message says why.
+        InputError: `gl`, but no OpenGL context can be created, or `splat`, but the scene has no
+            splats or the light is not baked; the message says why.
     """
     if name not in RENDERERS:
         raise UnknownNameError("renderer", name, RENDERERS)

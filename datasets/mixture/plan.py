@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.core.errors import InputError
+from ...formats.core.errors import InputError, brief
 from ...formats.lerobot.layout import INFO_PATH
 from ...formats.lerobot.splits import is_published_holdout
 from ..episode_index import DatasetIndex, read_index
@@ -143,9 +143,14 @@ class Library:
 
     def _folders(self, pattern: str) -> list[Path]:
         path = Path(pattern)
-        if path.is_absolute():
-            return sorted(Path(path.anchor).glob(str(path.relative_to(path.anchor))))
-        return sorted(self.root.glob(pattern))
+        root = Path(path.anchor) if path.is_absolute() else self.root
+        relative = str(path.relative_to(path.anchor))
+        if relative == ".":
+            return [root]
+        try:
+            return sorted(root.glob(relative))
+        except (OSError, ValueError, NotImplementedError) as error:
+            raise InputError(f"data: {brief(pattern)} is no pattern ({error})") from error
 
 
 def plan_mixture(

@@ -21,15 +21,15 @@ from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from ...formats.core.errors import FileFormatError, InputError, UnknownNameError
+from ...formats.core.errors import FileFormatError, InputError, UnknownNameError, brief
 from ...formats.core.rollout import EndReason
+from ...formats.core.yaml_document import read_yaml
 
 VERSION = 1
 OUTCOMES = tuple(str(reason) for reason in EndReason)
 SHARES = ("size", "equal")
-HOLDOUTS = ("auto", "split", "scene", "trajectory")
+NO_HOLDOUT = "none"
+HOLDOUTS = ("auto", "split", "scene", "trajectory", NO_HOLDOUT)
 EVERYTHING = ("**/lerobot/*",)
 OWN_VIEW = "ego"
 
@@ -86,10 +86,10 @@ class Recipe:
         compare: pairs of mixtures whose difference is of interest: (with, without).
         holdout: what an ablation holds out: published splits (`val_seen`, `val_unseen`), whole
             scenes, trajectories, or `auto`: published splits where there are any, else scenes
-            where there are several.
+            where there are several. `none` trains on everything.
         holdout_fraction: how much of it.
         seed: of the order of the draws, and the first of an ablation's.
-        train: settings of an ablation's training, see `ablation.config`.
+        train: settings of an ablation's training, see `vlnpe.learning.config`.
     """
 
     title: str
@@ -132,15 +132,10 @@ def read_recipe(path: Path) -> Recipe:
     """Read a recipe.
 
     Raises:
-        FileFormatError: not readable, or no YAML mapping; a key, name or value that is not valid,
-            with the valid ones.
+        FileFormatError: not readable, no YAML mapping, or beyond a limit; a key, name or value that
+            is not valid, with the valid ones.
     """
-    try:
-        value = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileFormatError(path, f"not readable ({error})") from error
-    except yaml.YAMLError as error:
-        raise FileFormatError(path, f"not YAML: {' '.join(str(error).split())}") from error
+    value = read_yaml(path)
     try:
         return recipe_of(value)
     except FileFormatError:
@@ -158,9 +153,9 @@ def recipe_of(value: Any) -> Recipe:
     top = _mapping("a recipe", value)
     version = top.pop("recipe", None)
     if version != VERSION:
-        raise InputError(f"recipe: {version}; valid: {VERSION}")
+        raise InputError(f"recipe: {brief(version)}; valid: {VERSION}")
     sources = {
-        str(name): _record(Source, f"source {name!r}", entry)
+        str(name): _record(Source, f"source {brief(name)}", entry)
         for name, entry in _mapping("sources", top.pop("sources", None)).items()
     }
     mixtures = {
@@ -185,14 +180,19 @@ def _mixture(name: str, value: Any) -> Mixture:
         extra = set(value) - {"sources", "shares"}
         if extra:
             raise UnknownNameError(
-                f"key in the mixture {name!r}:", str(min(extra, key=str)), ("sources", "shares")
+                f"key in the mixture {brief(name)}:",
+                str(min(extra, key=str)),
+                ("sources", "shares"),
             )
         value, shares = value["sources"], value.get("shares", shares)
     if isinstance(value, list):
-        value = dict.fromkeys(value, 1.0)
-    weights = _mapping(f"mixture {name!r}", value)
+        value = dict.fromkeys(map(str, value), 1.0)
+    weights = _mapping(f"mixture {brief(name)}", value)
     return Mixture(
-        {str(k): _number(f"mixture {name!r}: weight of {k!r}", v) for k, v in weights.items()},
+        {
+            str(k): _number(f"mixture {brief(name)}: weight of {brief(k)}", v)
+            for k, v in weights.items()
+        },
         str(shares),
     )
 
@@ -212,9 +212,9 @@ def _record[T](kind: type[T], what: str, value: Any) -> T:
             given[key] = _number(where, entry)
         elif isinstance(default, int):
             if not isinstance(entry, int) or isinstance(entry, bool) or entry < 0:
-                raise InputError(f"{where}: {entry!r}; valid: a whole number of at least 0")
+                raise InputError(f"{where}: {brief(entry)}; valid: a whole number of at least 0")
         elif (isinstance(default, str) or key == "title") and not isinstance(entry, str):
-            raise InputError(f"{where}: {entry!r}; valid: text")
+            raise InputError(f"{where}: {brief(entry)}; valid: text")
     missing = [n for n, f in known.items() if f.default is MISSING and n not in given]
     needed = [n for n in missing if known[n].default_factory is MISSING]
     if needed:
@@ -224,20 +224,20 @@ def _record[T](kind: type[T], what: str, value: Any) -> T:
 
 def _mapping(what: str, value: Any) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise InputError(f"{what}: {value!r}; valid: a mapping of names to values")
+        raise InputError(f"{what}: {brief(value)}; valid: a mapping of names to values")
     return dict(value)
 
 
 def _strings(what: str, value: Any) -> tuple[str, ...]:
     entries: Sequence[Any] = value if isinstance(value, list) else [value]
     if not all(isinstance(entry, str) and entry for entry in entries):
-        raise InputError(f"{what}: {value!r}; valid: a name, or a list of names")
+        raise InputError(f"{what}: {brief(value)}; valid: a name, or a list of names")
     return tuple(entries)
 
 
 def _number(what: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{what}: {value!r}; valid: a number")
+        raise InputError(f"{what}: {brief(value)}; valid: a number")
     return float(value)
 
 

@@ -9,10 +9,15 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
-from ..core.errors import FileFormatError
+from ..core.documents import read_json_object
+from ..core.errors import FileFormatError, brief
+from ..core.limits import limits
+from ..core.tables import read_schema, read_table
+from ..core.untrusted import check_input, check_links, read_input
+from ..lerobot import info as info_module
 from ..lerobot.episode_columns import EDITED_ADVICE, EPISODE_COLUMNS, LATER_COLUMNS
+from ..lerobot.info import PLACE_FIELDS, fill_template, video_start_s
 from ..lerobot.layout import (
     CODEBASE_VERSION,
     DATASET_ROWS,
@@ -27,6 +32,14 @@ from ..lerobot.unit_rows import unit_schema
 from ..video.mux import copy_frames
 from .units import UnitParts, write_unit
 
+MAX_CARD_BYTES = 16 << 20
+_NEEDED = {
+    "total_episodes": int,
+    "robot_type": str,
+    "data_path": str,
+    "video_path": str,
+    "chunks_size": int,
+}
 PICTURES = ("video", "image")
 EPISODES_GLOB = "meta/episodes/chunk-*/file-*.parquet"
 # Whole rollouts of the episodes, where a converter had them; LeRobot does not look there.
@@ -99,19 +112,18 @@ def open_dataset(root: Path) -> Dataset:
         FileFormatError: no LeRobot v3.0 dataset, damaged, or without vlnpe's episode columns.
     """
     info = read_info(root)
+    check_links(root)
     numbers: list[int] = []
     for path in episode_files(root):
-        try:
-            schema = pq.read_schema(path)
-            missing = sorted(set(EPISODE_COLUMNS) - set(LATER_COLUMNS) - set(schema.names))
-            if missing:
-                raise FileFormatError(
-                    path, f"lacks vlnpe's episode columns ({missing[0]}, …); {EDITED_ADVICE}"
-                )
-            numbers += pq.read_table(path, columns=["episode_index"])[0].to_pylist()
-        except (OSError, ValueError, pa.ArrowException) as error:
-            raise FileFormatError(path, f"not readable ({error})") from error
-    if not numbers or sorted(numbers) != list(range(info["total_episodes"])):
+        schema = read_schema(path, root=root)
+        missing = sorted(set(EPISODE_COLUMNS) - set(LATER_COLUMNS) - set(schema.names))
+        if missing:
+            raise FileFormatError(
+                path, f"lacks vlnpe's episode columns ({missing[0]}, …); {EDITED_ADVICE}"
+            )
+        numbers += read_table(path, ["episode_index"], root=root)[0].to_pylist()
+    expected = info["total_episodes"] == len(numbers) > 0 and None not in numbers
+    if not expected or sorted(numbers) != list(range(len(numbers))):
         raise FileFormatError(
             root, f"{len(numbers)} episodes listed, {INFO_PATH} says {info['total_episodes']}"
         )
@@ -156,13 +168,20 @@ def extract_unit(root: Path, number: int, folder: Path) -> None:
         rows = _frame_rows(root, info, row, number, length)
         videos = {
             key: (
-                root / _place(info["video_path"], row, f"videos/{key}", video_key=key),
-                round(row[f"videos/{key}/from_timestamp"] * rate),
+                _place(root, info["video_path"], row, f"videos/{key}", video_key=key),
+                round(video_start_s(root, row[f"videos/{key}/from_timestamp"]) * rate),
             )
             for key, feature in features.items()
             if feature["dtype"] == "video"
         }
-    except (KeyError, IndexError, TypeError, ValueError, pa.ArrowException) as error:
+    except (
+        KeyError,
+        IndexError,
+        TypeError,
+        ValueError,
+        OverflowError,
+        pa.ArrowException,
+    ) as error:
         raise FileFormatError(root, f"episode {number} is damaged: {error!r}") from error
 
     def make(temporary: Path) -> tuple[UnitParts, pa.Table]:
@@ -176,7 +195,10 @@ def extract_unit(root: Path, number: int, folder: Path) -> None:
 def kept_rollout(root: Path, number: int) -> Path | None:
     """The episode's whole rollout that the dataset keeps, if it does."""
     path = root / ROLLOUTS_PATH.format(episode_index=number)
-    return path if path.is_file() else None
+    if not path.exists():
+        return None
+    check_input(path, root=root, max_bytes=limits().mcap_bytes)
+    return path
 
 
 def read_info(root: Path) -> dict[str, Any]:
@@ -186,19 +208,14 @@ def read_info(root: Path) -> dict[str, Any]:
         FileFormatError: no LeRobot v3.0 dataset, or damaged.
     """
     path = root / INFO_PATH
-    try:
-        info = json.loads(path.read_text())
-        if info["codebase_version"] != CODEBASE_VERSION:
-            raise FileFormatError(
-                path, f"LeRobot {info['codebase_version']}, this code reads {CODEBASE_VERSION}"
-            )
-        for key in ("fps", "features", "total_episodes", "robot_type", "data_path", "video_path"):
-            info[key]
-        return info
-    except FileNotFoundError as error:
-        raise FileFormatError(path, "missing; not a LeRobot dataset") from error
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise FileFormatError(path, f"not a LeRobot dataset: {error!r}") from error
+    info = info_module.read_info(root)
+    version = info.get("codebase_version")
+    if version != CODEBASE_VERSION:
+        raise FileFormatError(path, f"LeRobot {brief(version)}, this code reads {CODEBASE_VERSION}")
+    for key, kind in _NEEDED.items():
+        if not isinstance(info.get(key), kind):
+            raise FileFormatError(path, f"not a LeRobot dataset: {key} is {brief(info.get(key))}")
+    return info
 
 
 def episode_files(root: Path) -> list[Path]:
@@ -215,10 +232,7 @@ def episode_files(root: Path) -> list[Path]:
 
 def _episode_row(root: Path, number: int) -> dict[str, Any]:
     for path in episode_files(root):
-        try:
-            rows = pq.read_table(path, filters=[("episode_index", "=", number)]).to_pylist()
-        except (OSError, ValueError, pa.ArrowException) as error:
-            raise FileFormatError(path, f"not readable ({error})") from error
+        rows = read_table(path, filters=[("episode_index", "=", number)], root=root).to_pylist()
         if rows:
             return rows[0]
     raise FileFormatError(root, f"has no episode {number}")
@@ -227,48 +241,48 @@ def _episode_row(root: Path, number: int) -> dict[str, Any]:
 def _frame_rows(
     root: Path, info: dict[str, Any], row: dict[str, Any], number: int, length: int
 ) -> pa.Table:
-    path = root / _place(info["data_path"], row, "data")
+    path = _place(root, info["data_path"], row, "data")
     schema = unit_schema(info["features"])
-    try:
-        table = pq.read_table(path, filters=[("episode_index", "=", number)], columns=schema.names)
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise FileFormatError(path, f"not readable ({error})") from error
+    table = read_table(path, schema.names, filters=[("episode_index", "=", number)], root=root)
     if table.num_rows != length:
         raise FileFormatError(path, f"episode {number} has {table.num_rows} of {length} rows")
     return table.cast(schema).replace_schema_metadata(schema.metadata)
 
 
-def _place(template: str, row: dict[str, Any], prefix: str, **names: str) -> str:
-    return template.format(
-        chunk_index=row[f"{prefix}/chunk_index"], file_index=row[f"{prefix}/file_index"], **names
-    )
+def _place(root: Path, template: str, row: dict[str, Any], prefix: str, **names: str) -> Path:
+    indices = {name: row[f"{prefix}/{name}"] for name in PLACE_FIELDS}
+    return fill_template(root, template, **indices, **names)
 
 
 def _facts(root: Path, info: dict[str, Any]) -> DatasetFacts:
     provenance = root / PROVENANCE_PATH
     try:
-        value = json.loads(provenance.read_text()) if provenance.is_file() else {}
-        limits = FileLimits(
-            int(info["chunks_size"]), info["data_files_size_in_mb"], info["video_files_size_in_mb"]
+        value = read_json_object(provenance, root=root) if provenance.exists() else {}
+        file_limits = FileLimits(
+            int(info["chunks_size"]),
+            float(info["data_files_size_in_mb"]),
+            float(info["video_files_size_in_mb"]),
         )
-    except (OSError, ValueError, KeyError) as error:
-        raise FileFormatError(provenance, f"damaged: {error!r}") from error
+        depth_storage = info["features"][DEPTH_KEY]["dtype"]
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
+        raise FileFormatError(root / INFO_PATH, f"damaged: {error!r}") from error
     front = _card_front(root / "README.md")
     return DatasetFacts(
         front.get("pretty_name", root.name),
         front.get("license", "unknown"),
         value,
-        limits,
-        info["features"][DEPTH_KEY]["dtype"],
+        file_limits,
+        depth_storage,
     )
 
 
 def _card_front(path: Path) -> dict[str, str]:
     """Text values of a card's front matter, as `dataset_card` writes them."""
-    if not path.is_file():
+    if not path.exists():
         return {}
     found = {}
-    for line in path.read_text(errors="replace").partition("\n---")[0].splitlines():
+    text = read_input(path, root=path.parent, max_bytes=MAX_CARD_BYTES).decode(errors="replace")
+    for line in text.partition("\n---")[0].splitlines():
         key, _, value = line.partition(": ")
         if key in ("license", "pretty_name"):
             try:

@@ -19,6 +19,7 @@ import numpy as np
 import pyarrow as pa
 
 from ..core.atomic import atomic_file, atomic_folder
+from ..core.documents import read_json_object
 from ..core.errors import FileFormatError
 from ..core.rollout import Rollout
 from ..lerobot import DatasetSummary, assemble_dataset, read_episode_unit, write_episode_unit
@@ -39,6 +40,7 @@ from ..mcap.facts import METADATA_NAME
 from ..mcap.id_images import extract_id_videos
 from ..mcap.recording import read_recording
 from ..mcap.shown import extract_shown
+from ..rendered.folder import video_name
 from ..rendered.table import build_frame_table
 from .dataset import ROLLOUTS_PATH, DatasetFacts, extract_unit, kept_rollout, read_facts
 from .stored_depth import depth_video
@@ -104,9 +106,9 @@ def mcap_from_unit(folder: Path, path: Path) -> None:
     _check_rollout(unit, rollout, arrays, blind)
     with tempfile.TemporaryDirectory(dir=_parent(path), prefix=".vlnpe-tmp-") as temporary:
         frames = Path(temporary)
-        shutil.copyfile(unit.video(RGB_KEY), frames / view["rgb"]["file"])
+        shutil.copyfile(unit.video(RGB_KEY), frames / video_name(view, "rgb", blind))
         with depth_video(unit) as depth:
-            shutil.copyfile(depth, frames / view["depth"]["file"])
+            shutil.copyfile(depth, frames / video_name(view, "depth", blind))
         extract_id_videos(contents, blind, frames, view, unit.length)
         write_frame_records(frames, view, arrays)
         write_episode_mcap(
@@ -155,8 +157,8 @@ def unit_dataset(folder: Path) -> DatasetFacts | None:
     if not path.is_file():
         return None
     try:
-        return DatasetFacts.from_json(json.loads(path.read_text()))
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        return DatasetFacts.from_json(read_json_object(path))
+    except (ValueError, KeyError, TypeError) as error:
         raise FileFormatError(path, f"damaged: {error!r}") from error
 
 

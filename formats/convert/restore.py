@@ -20,6 +20,8 @@ import pyarrow.parquet as pq
 
 from ..core.atomic import atomic_file, write_bytes, write_json
 from ..core.errors import FileFormatError
+from ..core.tables import read_table
+from ..core.untrusted import check_input
 from ..lerobot.card import FILM_STRIP, CameraFacts, CardFacts, dataset_card
 from ..lerobot.episode_columns import EPISODE_COLUMNS, camera_of
 from ..lerobot.layout import PROVENANCE_PATH, SPLITS_PATH
@@ -51,7 +53,7 @@ def restore(root: Path, originals: Sequence[Path]) -> Restored:
         names = ["episode_index", *EPISODE_COLUMNS]
         digests = _digests(original)
         for path in episode_files(original):
-            for row in pq.read_table(path, columns=names).to_pylist():
+            for row in read_table(path, names, root=original).to_pylist():
                 known[digests[row.pop("episode_index")]] = (original, row)
     own = _digests(root)
     lost = sorted(number for number, digest in own.items() if digest not in known)
@@ -73,10 +75,7 @@ def _digests(root: Path) -> dict[int, str]:
     """A digest of each episode's states and actions, by its number."""
     states: dict[int, Any] = {}
     for path in sorted(root.glob("data/*/*.parquet")):
-        try:
-            table = pq.read_table(path, columns=["episode_index", *IDENTITY])
-        except (OSError, ValueError, pa.ArrowException) as error:
-            raise FileFormatError(path, f"not readable ({error})") from error
+        table = read_table(path, ["episode_index", *IDENTITY], root=root)
         numbers = table["episode_index"].to_numpy()
         columns = [np.array(table[key].to_pylist(), np.float32) for key in IDENTITY]
         for number in np.unique(numbers).tolist():
@@ -87,7 +86,7 @@ def _digests(root: Path) -> dict[int, str]:
 
 
 def _write_columns(path: Path, rows: dict[int, dict[str, Any]]) -> None:
-    table = pq.read_table(path)
+    table = read_table(path)
     numbers = table["episode_index"].to_pylist()
     table = table.drop_columns([key for key in EPISODE_COLUMNS if key in table.column_names])
     for key, kind in EPISODE_COLUMNS.items():
@@ -116,7 +115,8 @@ def _write_meta(
     write_json(root / PROVENANCE_PATH, provenance)
     write_json(root / SPLITS_PATH, splits)
     strip = sources[0] / FILM_STRIP
-    if strip.is_file():
+    if strip.exists():
+        check_input(strip, root=sources[0])
         shutil.copyfile(strip, root / FILM_STRIP)
     first = next(iter(rows.values()))
     licences = {one.licence for one in facts}
@@ -134,5 +134,5 @@ def _write_meta(
 
 def _camera_poses(root: Path) -> np.ndarray:
     """Poses (N, 7) of all frames."""
-    tables = [pq.read_table(p, columns=[POSE]) for p in sorted(root.glob("data/*/*.parquet"))]
+    tables = [read_table(p, [POSE], root=root) for p in sorted(root.glob("data/*/*.parquet"))]
     return np.array(pa.concat_tables(tables)[POSE].to_pylist(), np.float64)

@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from ..core.atomic import atomic_folder
+from ..lerobot.info import check_features
 from ..lerobot.layout import Features
 from ..lerobot.statistics import Statistics, statistics_from_json, statistics_to_json
 from ..lerobot.unit import ROWS, UNIT_INDEX, UNIT_VERSION, EpisodeUnit
@@ -46,6 +47,7 @@ class UnitParts:
         """
         if index["unit_version"] != UNIT_VERSION:
             raise ValueError(f"unit version {index['unit_version']}; valid: {UNIT_VERSION}")
+        check_features(Path(UNIT_INDEX), index["features"])
         return UnitParts(
             frames_per_second=index["frames_per_second"],
             robot=index["robot"],

@@ -7,9 +7,13 @@ runner and never ends the run.
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
+
+MAX_SHOWN = 100  # names in an error message
+MAX_REASON = 800  # characters
 
 
 class VlnpeError(Exception):
@@ -30,8 +34,12 @@ class FileFormatError(InputError):
 
     def __init__(self, path: Path | str, reason: str):
         self.path = Path(path)
+        # Reasons may quote the file.
+        reason = reason if len(reason) <= MAX_REASON else f"{reason[:MAX_REASON]}…"
         self.reason = reason
-        super().__init__(f"{self.path}: {reason}")
+        # A name that is not UTF-8 could not be printed.
+        name = str(self.path).encode(errors="backslashreplace").decode()
+        super().__init__(f"{name}: {reason}")
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
         """Support pickling, so that the error can be raised in a worker process."""
@@ -50,7 +58,8 @@ class UnknownNameError(InputError):
 
     def __init__(self, kind: str, name: str, valid: Iterable[str]):
         self.kind, self.name, self.valid = kind, name, sorted(valid)
-        super().__init__(f"unknown {kind} {name!r}; valid: {', '.join(self.valid)}")
+        shown = self.valid if len(self.valid) <= MAX_SHOWN else [*self.valid[:MAX_SHOWN], "…"]
+        super().__init__(f"unknown {kind} {brief(name)}; valid: {', '.join(shown)}")
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
         """Support pickling, so that the error can be raised in a worker process."""
@@ -59,3 +68,15 @@ class UnknownNameError(InputError):
 
 class DivergedError(VlnpeError):
     """The physics simulation diverged (NaN or implausibly large values)."""
+
+
+def brief(value: Any) -> str:
+    """Return a value for an error message: never long, whatever it is and however it nests."""
+    shortened = reprlib.Repr(
+        maxlevel=3, maxdict=3, maxlist=3, maxtuple=3, maxstring=40, maxother=40
+    )
+    try:
+        text = shortened.repr(value)
+    except ValueError:  # an integer of thousands of digits
+        text = f"a {type(value).__name__} of thousands of digits"
+    return text if len(text) <= 120 else text[:117] + "..."

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import FileFormatError
+from ..core.errors import FileFormatError, brief
 from . import layout
 from .layout import read_lines
 
@@ -76,7 +76,7 @@ def _span_of_statistics(folder: Path, number: int) -> tuple[int, int] | None:
                 return None
             if not isinstance(span, dict):
                 raise FileFormatError(
-                    path, f"episode {number}: task_index {span!r}; valid: its min and max"
+                    path, f"episode {number}: task_index {brief(span)}; valid: its min and max"
                 )
             return _whole(path, span.get("min")), _whole(path, span.get("max"))
     return None
@@ -111,5 +111,5 @@ def _whole(path: Path, value: Any) -> int:
     while isinstance(inner, list) and len(inner) == 1:
         inner = inner[0]
     if isinstance(inner, bool) or not isinstance(inner, int | float) or inner != inner // 1:
-        raise FileFormatError(path, f"task_index {value!r}; valid: a whole number")
+        raise FileFormatError(path, f"task_index {brief(value)}; valid: a whole number")
     return int(inner)

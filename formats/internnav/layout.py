@@ -19,7 +19,10 @@ from typing import Any
 
 import pyarrow as pa
 
+from ..core import documents
 from ..core.errors import FileFormatError
+from ..core.limits import limits
+from ..core.untrusted import read_input
 
 VERSION = "v2.1"
 EPISODES_PER_CHUNK = 1000
@@ -113,13 +116,7 @@ def read_json(path: Path) -> dict[str, Any]:
     Raises:
         FileFormatError: missing, no JSON, or no object.
     """
-    try:
-        value = json.loads(path.read_text())
-    except (OSError, ValueError, RecursionError) as error:
-        raise FileFormatError(path, f"not readable ({error})") from error
-    if not isinstance(value, dict):
-        raise FileFormatError(path, "not a JSON object")
-    return value
+    return documents.read_json_object(path, root=scene_folder(path))
 
 
 def read_lines(path: Path) -> list[dict[str, Any]]:
@@ -128,10 +125,13 @@ def read_lines(path: Path) -> list[dict[str, Any]]:
     Raises:
         FileFormatError: missing, or a line is not a JSON object.
     """
-    try:
-        values = [json.loads(line) for line in path.read_text().splitlines() if line.strip()]
-    except (OSError, ValueError, RecursionError) as error:
-        raise FileFormatError(path, f"not readable ({error})") from error
+    data = read_input(path, root=scene_folder(path), max_bytes=limits().json_bytes)
+    values = [documents.parse_json(path, line) for line in data.splitlines() if line.strip()]
     if not all(isinstance(value, dict) for value in values):
         raise FileFormatError(path, "a line is not a JSON object")
     return values
+
+
+def scene_folder(path: Path) -> Path:
+    """Return the scene's folder of a file in its `meta`."""
+    return path.parents[1]

@@ -6,21 +6,21 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from tokenize import TokenError
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from ..core.arrays import map_array
 from ..core.errors import FileFormatError
+from ..core.tables import read_table
 from . import layout
 from .episode_tasks import read_tasks
 from .layout import COLUMNS, read_json, read_lines
 
 MAX_DEPTH = 3  # folders between a root and its scenes' trajectories
 MAX_NUMBER = 1e6  # of metres, radians or rows: more is damage
+MAX_ROWS = 100_000  # of an episode
 _UNIT_NORM = 1e-3
 _TRAJECTORY = re.compile(r"(trajectory|episode|traj)?[_-]?\d+")
 
@@ -107,12 +107,17 @@ def read_layout_episode(folder: Path, number: int) -> LayoutEpisode:
             impossible.
     """
     info = read_json(folder / layout.INFO_PATH)
-    columns = _read_columns(folder / _place(layout.DATA_PATH, number))
-    rgb = _read_images(folder / _place(layout.VIDEO_PATH, number, layout.RGB_KEY))
+    columns = _read_columns(folder / _place(layout.DATA_PATH, number), folder)
+    rgb = map_array(folder / _place(layout.VIDEO_PATH, number, layout.RGB_KEY), root=folder)
     depth_path = folder / _place(layout.VIDEO_PATH, number, layout.DEPTH_KEY)
-    depth = _read_images(depth_path)
+    depth = map_array(depth_path, root=folder)
     if depth.ndim == 4 and depth.shape[3] == 1:
         depth = depth[..., 0]
+    if rgb.ndim != 4 or depth.ndim not in (3, 4):
+        raise FileFormatError(
+            folder,
+            f"episode {number}: colour {rgb.shape}, depth {depth.shape}; valid: (T, H, W, …)",
+        )
     count = len(columns["observation.action"])
     if not count == len(rgb) == len(depth):
         raise FileFormatError(
@@ -159,7 +164,7 @@ def _folders(root: Path, depth: int) -> Iterator[Path]:
     yield root
     if depth and root.is_dir() and not (root / "meta").is_dir():
         for path in sorted(root.iterdir()):
-            if path.is_dir():
+            if path.is_dir() and not path.is_symlink():
                 yield from _folders(path, depth - 1)
 
 
@@ -168,16 +173,13 @@ def _place(template: str, number: int, key: str = "") -> str:
     return template.format(episode_chunk=chunk, episode_index=number, video_key=key)
 
 
-def _read_columns(path: Path) -> dict[str, NDArray[Any]]:
-    try:
-        table = pq.read_table(path)
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise FileFormatError(path, f"not readable ({error})") from error
+def _read_columns(path: Path, folder: Path) -> dict[str, NDArray[Any]]:
+    table = read_table(path, root=folder)
     missing = sorted(set(COLUMNS) - set(table.schema.names))
     if missing:
         raise FileFormatError(path, f"no column {missing[0]}")
-    if not table.num_rows:
-        raise FileFormatError(path, "no rows")
+    if not 0 < table.num_rows <= MAX_ROWS:
+        raise FileFormatError(path, f"{table.num_rows:,} rows; valid: 1 … {MAX_ROWS:,}")
     columns = {}
     for name in table.schema.names:
         try:
@@ -204,26 +206,6 @@ def _read_columns(path: Path) -> dict[str, NDArray[Any]]:
     if np.any(invalid):
         raise FileFormatError(path, f"action {actions[invalid][0]}; valid: 0 to 3")
     return columns
-
-
-def _read_images(path: Path) -> NDArray[Any]:
-    try:
-        # Without pickle: a file from elsewhere must not run code.
-        return np.load(path, mmap_mode="r", allow_pickle=False)
-    except FileNotFoundError as error:
-        raise FileFormatError(path, "missing") from error
-    except (
-        OSError,
-        EOFError,
-        ValueError,
-        TypeError,
-        SyntaxError,
-        OverflowError,
-        MemoryError,
-        TokenError,
-    ) as error:
-        # The header is a Python literal; a damaged one makes NumPy stumble in many ways.
-        raise FileFormatError(path, f"truncated or corrupt ({error})") from error
 
 
 def _kept_unit(folder: Path, number: int) -> dict[str, Any] | None:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import gzip
-import json
 import logging
-import zlib
 from collections.abc import Iterable
 from pathlib import Path
 
 from ..core.errors import FileFormatError
+from ..core.limits import limits
+from ..vlnce.load import load_json
 from ..vlnce.vocabulary import PAD, UNKNOWN, Vocabulary
 from .layout import VOCABULARY_SIZE
 
@@ -34,21 +33,12 @@ def read_vocabulary(path: Path) -> Vocabulary:
     Raises:
         FileFormatError: no such file, or no vocabulary in it.
     """
+    value = load_json(path, limits())
     try:
-        data = path.read_bytes()
-        value = json.loads(gzip.decompress(data) if data[:2] == b"\x1f\x8b" else data)
         words = tuple(value.get("instruction_vocab", value)["word_list"])
         if not all(isinstance(word, str) for word in words):
             raise ValueError("word_list holds more than words")
-    except (
-        OSError,
-        EOFError,
-        ValueError,
-        KeyError,
-        TypeError,
-        AttributeError,
-        zlib.error,
-    ) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise FileFormatError(path, f"no instruction_vocab in it ({error!r})") from error
     missing = [word for word in (PAD, UNKNOWN) if word not in words]
     if missing:

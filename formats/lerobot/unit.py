@@ -25,8 +25,10 @@ from numpy.typing import NDArray
 
 from ..core.atomic import atomic_folder
 from ..core.camera import CameraModel, DepthRange
+from ..core.documents import read_json_object
 from ..core.errors import FileFormatError, UnknownNameError
 from ..core.rollout import Rollout
+from ..core.tables import read_table
 from ..rendered.folder import FrameFolder
 from ..rendered.image_counts import add_depth_codes, add_rgb, new_depth_counts, new_rgb_counts
 from ..rendered.table import FrameTable, build_frame_table
@@ -35,6 +37,7 @@ from ..video.mp4 import VideoFacts, iterate_depth_codes, iterate_rgb_video, prob
 from ..video.stream import pick_frames
 from .episode_columns import EPISODE_COLUMNS, LATER_COLUMNS, episode_columns
 from .features import DEPTH_STORAGES, dataset_features
+from .info import check_features
 from .layout import DEPTH_KEY, RGB_KEY, Features
 from .statistics import (
     Statistics,
@@ -106,10 +109,7 @@ class EpisodeUnit:
             FileFormatError: missing, corrupt, or of another length than the index says.
         """
         path = self.folder / ROWS
-        try:
-            table = pq.read_table(path)
-        except (OSError, pa.ArrowException) as error:
-            raise FileFormatError(path, f"not readable ({error})") from error
+        table = read_table(path)
         if table.num_rows != self.length:
             raise FileFormatError(path, f"{table.num_rows} rows, its index says {self.length}")
         return table
@@ -182,8 +182,11 @@ def read_episode_unit(folder: Path) -> EpisodeUnit:
         FileFormatError: it is missing, incomplete, corrupt or of another version.
     """
     path = folder / UNIT_INDEX
+    if not path.is_file():
+        raise FileFormatError(path, "missing; not an episode unit")
     try:
-        index = json.loads(path.read_text())
+        index = read_json_object(path)
+        check_features(path, index["features"])
         if index["unit_version"] != UNIT_VERSION:
             raise FileFormatError(
                 path, f"unit version {index['unit_version']}, this code reads {UNIT_VERSION}"
@@ -202,9 +205,7 @@ def read_episode_unit(folder: Path) -> EpisodeUnit:
             statistics={k: statistics_from_json(v) for k, v in index["statistics"].items()},
             columns=index["columns"],
         )
-    except FileNotFoundError as error:
-        raise FileFormatError(path, "missing; not an episode unit") from error
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise FileFormatError(path, f"not an episode unit: {error!r}") from error
 
 

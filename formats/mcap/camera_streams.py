@@ -12,6 +12,7 @@ from mcap.records import Schema
 
 from ..core.camera import DepthRange
 from ..core.errors import FileFormatError, UnknownNameError
+from ..rendered.folder import video_name
 from ..video.depth_codes import codes_to_depth
 from ..video.mp4 import write_depth_video
 from ..video.mux import write_bitstream
@@ -44,7 +45,7 @@ def extract_videos(
         if len(formats) != 1:
             raise ValueError(f"{RGB_TOPIC} changes its format: {sorted(formats)}")
         packets = [message.data for message in colours]
-        write_bitstream(folder / facts["rgb"]["file"], packets, formats.pop(), rate)
+        write_bitstream(folder / video_name(facts, "rgb", path), packets, formats.pop(), rate)
 
         def images():
             for message in depths:
@@ -53,7 +54,7 @@ def extract_videos(
                 yield codes_to_depth(codes, depth_range)
 
         anything = DepthRange(ANY_NEAR_M, depth_range.far_m)
-        write_depth_video(folder / depth["file"], images(), rate, anything)
+        write_depth_video(folder / video_name(facts, "depth", path), images(), rate, anything)
     except (KeyError, TypeError, ValueError, UnknownNameError) as error:
         raise FileFormatError(path, f"pictures are damaged: {error!r}") from error
 

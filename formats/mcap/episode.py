@@ -20,7 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.arrays import read_arrays
 from ..core.atomic import atomic_folder
+from ..core.documents import parse_json
 from ..core.errors import FileFormatError
 from ..core.rollout import STATE_RATE_HZ, Rollout
 from ..rendered.folder import FrameFolder, read_frame_folder
@@ -156,9 +158,14 @@ def read_json_metadata(contents: Contents, name: str, path: Path) -> Any:
     if record is None:
         return None
     try:
-        return json.loads(record[JSON_KEY])
-    except (KeyError, ValueError) as error:
+        value = parse_json(path, record[JSON_KEY].encode())
+    except (KeyError, UnicodeEncodeError) as error:
         raise FileFormatError(path, f"metadata {name} is damaged: {error!r}") from error
+    except FileFormatError as error:
+        raise FileFormatError(path, f"metadata {name} is damaged: {error.reason}") from error
+    if not isinstance(value, dict):
+        raise FileFormatError(path, f"metadata {name} is damaged: no JSON object")
+    return value
 
 
 def attach(recording: Recording, name: str, media_type: str, data: bytes) -> None:
@@ -214,12 +221,11 @@ def extract_records(
         missing = VIEW_METADATA if facts is None else FRAMES_ATTACHMENT
         raise FileFormatError(path, f"no episode with pictures: {missing} is missing")
     try:
-        with np.load(io.BytesIO(attached.data), allow_pickle=False) as data:
-            arrays = {key: data[key] for key in data.files}
-        if "sample_index" not in arrays:
-            raise ValueError("sample_index is missing")
-    except (OSError, EOFError, ValueError, KeyError) as error:
-        raise FileFormatError(path, f"{FRAMES_ATTACHMENT} is damaged: {error!r}") from error
+        arrays = read_arrays(path, attached.data)
+    except FileFormatError as error:
+        raise FileFormatError(path, f"{FRAMES_ATTACHMENT} is damaged: {error.reason}") from error
+    if "sample_index" not in arrays:
+        raise FileFormatError(path, f"{FRAMES_ATTACHMENT} is damaged: sample_index is missing")
     return rollout, facts, arrays
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..core.documents import parse_json
 from ..core.episode import Episode
 from ..core.errors import FileFormatError
 from ..core.rollout import Action, ActionSpan, EndReason, Event, Metrics, Rollout
@@ -62,13 +63,17 @@ def rollout_fields(metadata: dict[str, str], path: Path) -> dict[str, Any]:
         FileFormatError: not the facts of a rollout, or of another version.
     """
     try:
-        facts = json.loads(metadata[JSON_KEY])
+        facts = parse_json(path, metadata[JSON_KEY].encode())
         if facts["format_version"] != FORMAT_VERSION:
             raise FileFormatError(
                 path, f"rollout version {facts['format_version']}, this code reads {FORMAT_VERSION}"
             )
+        samples = facts["samples"]
+        for _, start, stop in facts["actions"]:
+            if not 0 <= start <= stop <= samples:
+                raise ValueError(f"an action from sample {start} to {stop} of {samples}")
         return {
-            "samples": facts["samples"],
+            "samples": samples,
             "episode": episode_from_json(facts["episode"]),
             "robot": facts["robot"],
             "controller": facts["controller"],
@@ -81,7 +86,7 @@ def rollout_fields(metadata: dict[str, str], path: Path) -> dict[str, Any]:
             "metrics": Metrics(**facts["metrics"]),
             "facts": facts["facts"],
         }
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
         if isinstance(error, FileFormatError):
             raise
         raise FileFormatError(path, f"not the facts of a rollout: {error!r}") from error

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import FileFormatError
 from ..core.rollout import Rollout
-from ..rendered.folder import FrameFolder
+from ..rendered.folder import FrameFolder, video_name
 from ..video.id_video import CODEC, IdVideoWriter
 from ..video.mux import iterate_bitstream
 from .camera_streams import topic_messages
@@ -51,9 +51,11 @@ def extract_id_videos(
     Raises:
         FileFormatError: messages are missing, or an image is damaged.
     """
-    for name, file in id_videos(facts).items():
+    for name in id_videos(facts):
         messages = topic_messages(contents, path, ID_TOPIC.format(name=name), count)
-        with IdVideoWriter(folder / file, facts["frames_per_second"]) as writer:
+        with IdVideoWriter(
+            folder / video_name(facts, name, path), facts["frames_per_second"]
+        ) as writer:
             for message in messages:
                 writer.write(_decode(message.data, path, name))
     attached = contents.attachments.get(LABELS_NAME)

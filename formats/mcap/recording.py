@@ -14,11 +14,23 @@ import zstandard
 from foxglove.mcap import MCAPCompression, MCAPWriteOptions, MCAPWriter
 from foxglove.messages import Timestamp
 from mcap.exceptions import McapError
-from mcap.records import Attachment, Channel, Footer, Message, Metadata, Schema, Statistics
-from mcap.stream_reader import CRCValidationError, StreamReader
+from mcap.records import (
+    Attachment,
+    Channel,
+    Chunk,
+    Footer,
+    McapRecord,
+    Message,
+    Metadata,
+    Schema,
+    Statistics,
+)
+from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 
 from ..core.atomic import atomic_file
-from ..core.errors import FileFormatError
+from ..core.errors import FileFormatError, brief
+from ..core.limits import limits
+from ..core.untrusted import read_input
 
 NANOSECONDS = 1_000_000_000
 # No threads: episodes are written in parallel.
@@ -86,6 +98,50 @@ class Contents:
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, Attachment] = field(default_factory=dict)
 
+    def add(self, record: McapRecord) -> None:
+        """Sort a record in; those of other kinds (indexes, headers) are left out.
+
+        Raises:
+            KeyError: a message of an unknown channel.
+        """
+        match record:
+            case Message():
+                topic = self.channels[record.channel_id].topic
+                self.messages.setdefault(topic, []).append(record)
+            case Channel():
+                self.channels[record.id] = record
+            case Schema():
+                self.schemas[record.id] = record
+            case Metadata():
+                self.metadata[record.name] = record.metadata
+            case Attachment():
+                self.attachments[record.name] = record
+            case _:
+                pass
+
+
+def _check_chunk(path: Path, chunk: Chunk, unpacked: int, cap: int) -> None:
+    """Refuse a chunk before it is decompressed if that would take too much memory.
+
+    The decompressor believes the size in the compressed data, not the one beside it.
+    """
+    if unpacked > cap:
+        raise FileFormatError(
+            path, f"its chunks unpack to {unpacked:,} bytes; valid: up to {cap:,} (mcap_bytes)"
+        )
+    if chunk.compression == "zstd":
+        inside = zstandard.frame_content_size(chunk.data)
+        if inside > chunk.uncompressed_size:
+            raise FileFormatError(
+                path,
+                f"a chunk says it unpacks to {chunk.uncompressed_size:,} bytes and holds "
+                f"{inside:,}",
+            )
+    elif chunk.compression:
+        raise FileFormatError(
+            path, f"chunks are compressed by {brief(chunk.compression)}; valid: zstd, or not"
+        )
+
 
 def read_recording(path: Path) -> Contents:
     """Read a whole file, checking chunk, data and attachment checksums and the message count.
@@ -94,31 +150,26 @@ def read_recording(path: Path) -> Contents:
         FileFormatError: missing, truncated or corrupt.
     """
     contents, counted, ended = Contents(), None, False
+    cap = limits().mcap_bytes
+    unpacked = 0
+    data = read_input(path, max_bytes=cap)
     try:
-        stream = io.BytesIO(path.read_bytes())
-        for record in StreamReader(stream, validate_crcs=True).records:
-            match record:
-                case Message():
-                    topic = contents.channels[record.channel_id].topic
-                    contents.messages.setdefault(topic, []).append(record)
-                case Channel():
-                    contents.channels[record.id] = record
-                case Schema():
-                    contents.schemas[record.id] = record
-                case Metadata():
-                    contents.metadata[record.name] = record.metadata
-                case Attachment():
-                    contents.attachments[record.name] = record
-                case Statistics():
-                    counted = record.message_count
-                case Footer():
-                    ended = True
-                case _:
-                    pass
+        for record in StreamReader(
+            io.BytesIO(data), validate_crcs=True, emit_chunks=True, record_size_limit=len(data)
+        ).records:
+            if isinstance(record, Chunk):
+                unpacked += record.uncompressed_size
+                _check_chunk(path, record, unpacked, cap)
+                for inner in breakup_chunk(record, validate_crc=True):
+                    contents.add(inner)
+            elif isinstance(record, Statistics):
+                counted = record.message_count
+            elif isinstance(record, Footer):
+                ended = True
+            else:
+                contents.add(record)
     except CRCValidationError as error:
         raise FileFormatError(path, f"corrupt: {error}") from error
-    except OSError as error:
-        raise FileFormatError(path, f"not readable ({error.strerror or error})") from error
     except (
         McapError,
         struct.error,

@@ -9,17 +9,20 @@ meta.json            camera, depth range, light, frame rate, codecs
 
 from __future__ import annotations
 
-import json
-import zipfile
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
+from ..core.arrays import read_arrays
 from ..core.camera import CameraModel, DepthRange
-from ..core.errors import FileFormatError
+from ..core.documents import read_json_object
+from ..core.errors import FileFormatError, brief
+
+_VIDEO_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}\.(mp4|mov|mkv)")
 
 
 @dataclass(frozen=True)
@@ -55,14 +58,15 @@ def read_frame_folder(folder: Path) -> FrameFolder:
         FileFormatError: missing, incomplete or corrupt.
     """
     meta, poses = folder / "meta.json", folder / "frames.npz"
+    for path in (meta, poses):
+        if not path.is_file():
+            raise FileFormatError(folder, f"no rendered frames here ({path.name} is missing)")
+    facts, arrays = read_json_object(meta), read_arrays(poses)
     try:
-        facts = json.loads(meta.read_text())
         camera, depth = facts["camera"], facts["depth"]
-        with np.load(poses, allow_pickle=False) as data:
-            arrays = {key: data[key] for key in data.files}
         return FrameFolder(
-            rgb_video=folder / facts["rgb"]["file"],
-            depth_video=folder / depth["file"],
+            rgb_video=folder / video_name(facts, "rgb", meta),
+            depth_video=folder / video_name(facts, "depth", meta),
             arrays=arrays,
             camera=CameraModel(
                 camera["name"], camera["width_px"], camera["height_px"], camera["hfov_deg"]
@@ -73,8 +77,25 @@ def read_frame_folder(folder: Path) -> FrameFolder:
             rgb_codec=facts["rgb"]["codec"],
             facts=facts,
         )
-    except FileNotFoundError as error:
-        name = Path(str(error.filename)).name
-        raise FileFormatError(folder, f"no rendered frames here ({name} is missing)") from error
-    except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
+    except (KeyError, TypeError, ValueError) as error:
         raise FileFormatError(folder, f"rendered frames are damaged: {error!r}") from error
+
+
+def video_name(facts: Mapping[str, Any], key: str, path: Path) -> str:
+    """Return the file name of a view's video, as meta.json or an MCAP file states it.
+
+    Args:
+        facts: of meta.json.
+        key: `rgb`, `depth` or the name of a label video.
+        path: where the facts were read, for errors.
+
+    Raises:
+        FileFormatError: not the name of a file beside meta.json.
+    """
+    entry = facts.get(key)
+    name = entry.get("file") if isinstance(entry, Mapping) else None
+    if not isinstance(name, str) or not _VIDEO_NAME.fullmatch(name):
+        raise FileFormatError(
+            path, f"{key}: file {brief(name)}; valid: a plain name like {key}.mp4"
+        )
+    return name

@@ -15,19 +15,20 @@ The index is written last: a folder with one is complete.
 
 from __future__ import annotations
 
-import contextlib
-import json
 import zipfile
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.arrays import read_arrays
 from ..core.atomic import atomic_file, write_json
-from ..core.errors import FileFormatError
+from ..core.documents import read_json_object
+from ..core.errors import FileFormatError, brief
+from ..core.untrusted import is_relative
 from .freemap import Freemap
 from .grid import GridSpec
 
@@ -157,12 +158,10 @@ class SceneBundle:
         """Load the visual mesh; bundles without `face_object` give −1 for every face.
 
         Raises:
-            FileFormatError: the file is missing or damaged, or lacks another array.
+            FileFormatError: the file is missing, or lacks another array.
         """
         path = self.root / "visual.npz"
-        with _npz(path) as data:
-            known = [key for key in VisualMesh.__dataclass_fields__ if key in data.files]
-            return VisualMesh(**{key: data[key] for key in known})
+        return _record(path, lambda data: VisualMesh(**_known(VisualMesh, data)))
 
     def level_folder(self, level: int) -> Path:
         """Return the folder of a level.
@@ -176,34 +175,19 @@ class SceneBundle:
         return self.root / "levels" / str(level)
 
     def floor(self, level: int) -> Floor:
-        """Load a level's floor.
-
-        Raises:
-            FileFormatError: the file is missing or damaged.
-        """
-        with _npz(self.level_folder(level) / "floor.npz") as data:
-            return Floor(_grid(data), data["height_m"], data["covered"])
+        """Load a level's floor."""
+        path = self.level_folder(level) / "floor.npz"
+        return _record(path, lambda data: Floor(_grid(data), data["height_m"], data["covered"]))
 
     def obstacles(self, level: int) -> Obstacles:
-        """Load a level's collision boxes.
-
-        Raises:
-            FileFormatError: the file is missing or damaged.
-        """
-        with _npz(self.level_folder(level) / "obstacles.npz") as data:
-            known = [key for key in Obstacles.__dataclass_fields__ if key in data.files]
-            return Obstacles(**{key: data[key] for key in known})
+        """Load a level's collision boxes."""
+        path = self.level_folder(level) / "obstacles.npz"
+        return _record(path, lambda data: Obstacles(**_known(Obstacles, data)))
 
     def freemap(self, level: int) -> Freemap:
-        """Load a level's planning map.
-
-        Raises:
-            FileFormatError: the file is missing or damaged.
-        """
-        with _npz(self.level_folder(level) / "freemap.npz") as data:
-            known = [key for key in ("headroom_m",) if key in data.files]
-            arrays = {key: data[key] for key in ("floor_z_m", "traversable", *known)}
-            return Freemap(_grid(data), **arrays)
+        """Load a level's planning map."""
+        path = self.level_folder(level) / "freemap.npz"
+        return _record(path, lambda data: Freemap(_grid(data), **_known(Freemap, data)))
 
 
 def save_bundle(
@@ -261,7 +245,12 @@ def load_bundle(root: Path) -> SceneBundle:
     if not path.is_file():
         raise FileFormatError(root, f"no repaired scene here ({INDEX_NAME} is missing)")
     try:
-        index = json.loads(path.read_text())
+        index = read_json_object(path)
+        for material in index["materials"]:
+            if material["texture"] and not is_relative(material["texture"]):
+                raise FileFormatError(
+                    path, f"texture {brief(material['texture'])} leads out of the scene's folder"
+                )
         if index["format_version"] != FORMAT_VERSION:
             raise FileFormatError(
                 path, f"format version {index['format_version']}; this code reads {FORMAT_VERSION}"
@@ -286,23 +275,27 @@ def load_bundle(root: Path) -> SceneBundle:
             level_floor_z_m=tuple(index["level_floor_z_m"]),
             generator=index["generator"],
         )
-    except (AttributeError, KeyError, RecursionError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise FileFormatError(path, f"not a scene index: {error!r}") from error
 
 
-@contextlib.contextmanager
-def _npz(path: Path) -> Iterator[Any]:
-    """Open an archive; whatever is wrong with what is read from it raises FileFormatError."""
+def _record[T](path: Path, make: Callable[[dict[str, NDArray[Any]]], T]) -> T:
+    """Return what `make` makes of a file's arrays.
+
+    Raises:
+        FileFormatError: the file is missing or damaged, or lacks an array.
+    """
     if not path.is_file():
         raise FileFormatError(path, "missing; the scene's repair is incomplete")
+    data = read_arrays(path)
     try:
-        with np.load(path, allow_pickle=False) as data:
-            yield data
-    except FileFormatError:
-        raise
-    # NumPy, zipfile and zlib raise a dozen types on damaged bytes.
-    except Exception as error:
-        raise FileFormatError(path, f"damaged: {error!r}") from error
+        return make(data)
+    except (KeyError, TypeError, ValueError) as error:
+        raise FileFormatError(path, f"damaged: {error}") from error
+
+
+def _known(kind: type, data: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    return {f.name: data[f.name] for f in fields(kind) if f.name in data}
 
 
 def _save_npz(path: Path, **arrays: Any) -> None:

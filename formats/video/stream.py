@@ -14,6 +14,7 @@ from av.error import FFmpegError
 from av.video.stream import VideoStream
 
 from ..core.errors import FileFormatError
+from ..core.untrusted import check_input
 
 
 @dataclass(frozen=True)
@@ -53,8 +54,10 @@ def open_video(path: Path) -> Iterator[InputContainer]:
     Raises:
         FileFormatError: missing, no video, or its header is lost.
     """
+    check_input(path)
     try:
-        container = av.open(str(path))
+        # As MP4 whatever it says: playlists would have the decoder open other files and hosts.
+        container = av.open(str(path.absolute()), format="mp4")
     except (FFmpegError, OSError) as error:
         raise FileFormatError(path, f"not a readable video ({error.strerror})") from error
     except UnicodeDecodeError as error:

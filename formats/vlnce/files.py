@@ -15,13 +15,14 @@ from typing import Any
 
 from ..core.atomic import write_bytes
 from ..core.episode import Episode
-from ..core.errors import FileFormatError
+from ..core.errors import FileFormatError, brief
 from ..core.frames import (
     habitat_to_world_position,
     world_to_habitat_position,
     world_to_habitat_rotation,
 )
-from .load import LIMITS, FileLimits, load_document
+from ..core.limits import Limits
+from .load import load_document
 from .overlay import overlay
 from .reader import BadEpisodeError, EpisodeReader, unsafe_scene_id
 from .records import OUR_KEY, BadEpisode, VlnceEpisode, VlnceFile, VlnceGoal, scene_stem
@@ -43,7 +44,9 @@ FORMAT_VERSION = 1
 _TOKENS = 200  # VLN-CE pads or cuts every instruction to this many tokens
 
 
-def read_vlnce(path: Path | str, *, strict: bool = False, limits: FileLimits = LIMITS) -> VlnceFile:
+def read_vlnce(
+    path: Path | str, *, strict: bool = False, limits: Limits | None = None
+) -> VlnceFile:
     """Read a VLN-CE episode file (R2R or RxR), gzip or plain JSON.
 
     An episode that lacks a key, has one of the wrong kind, a number that is not finite, or an id
@@ -52,7 +55,7 @@ def read_vlnce(path: Path | str, *, strict: bool = False, limits: FileLimits = L
     Args:
         path: the file.
         strict: raise for the first bad episode instead.
-        limits: of size, nesting and number of episodes.
+        limits: of size, nesting and number of episodes; by default those of `core.limits`.
 
     Raises:
         FileFormatError: the file is missing, unreadable or beyond a limit; a `scene_id` is absolute
@@ -66,8 +69,8 @@ def read_vlnce(path: Path | str, *, strict: bool = False, limits: FileLimits = L
         if isinstance(raw, dict) and unsafe_scene_id(raw.get("scene_id")):
             raise FileFormatError(
                 path,
-                f"episode number {index}: scene_id {raw['scene_id']!r} leads out of the folder of "
-                "scenes; valid: a relative path without '..'",
+                f"episode number {index}: scene_id {brief(raw['scene_id'])} leads out of the "
+                "folder of scenes; valid: a relative path without '..'",
             )
         try:
             reader = EpisodeReader(path, index, raw)
@@ -163,7 +166,7 @@ def _to_vlnce(episode: Episode, vocabulary: Vocabulary) -> VlnceEpisode:
 
 def _to_episode(path: Path, raw: VlnceEpisode) -> Episode:
     def fail(reason: str) -> FileFormatError:
-        return FileFormatError(path, f"episode {raw.episode_id!r}: {reason}")
+        return FileFormatError(path, f"episode {brief(raw.episode_id)}: {reason}")
 
     ours = raw.info.get(OUR_KEY)
     if not isinstance(ours, dict):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import FileFormatError
+from ..core.errors import FileFormatError, brief
 from .records import BadEpisode, VlnceEpisode, VlnceGoal
 
 _KNOWN = {
@@ -35,7 +35,7 @@ class BadEpisodeError(FileFormatError):
     def __init__(self, path: Path, bad: BadEpisode):
         self.bad = bad
         name = bad.episode_id
-        where = f"episode {name!r}" if name is not None else "an episode without id"
+        where = f"episode {brief(name)}" if name is not None else "an episode without id"
         super().__init__(path, f"{where} (number {bad.index}): {bad.reason}")
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
@@ -108,7 +108,7 @@ class EpisodeReader:
 
     def _check(self, value: Any, length: int, key: str) -> None:
         if not isinstance(value, list) or len(value) != length or not all(map(_finite, value)):
-            raise self.error(f"{key} must be {length} finite numbers, is {_brief(value)}")
+            raise self.error(f"{key} must be {length} finite numbers, is {brief(value)}")
 
     def _rotation(self) -> NDArray[np.float64]:
         quaternion = self._vector(self.raw.get("start_rotation"), 4, "start_rotation")
@@ -122,7 +122,7 @@ class EpisodeReader:
         if value is None:
             return None
         if not isinstance(value, list) or set(map(type, value)) - {int}:
-            raise self.error(f"instruction_tokens must be integers, is {_brief(value)}")
+            raise self.error(f"instruction_tokens must be integers, is {brief(value)}")
         return tuple(value)
 
     def _goals(self) -> tuple[VlnceGoal, ...]:
@@ -135,7 +135,7 @@ class EpisodeReader:
         for k, goal in enumerate(value):
             radius = goal.get("radius", 3.0)
             if not _finite(radius) or radius <= 0:
-                raise self.error(f"goals[{k}].radius must be positive, is {_brief(radius)}")
+                raise self.error(f"goals[{k}].radius must be positive, is {brief(radius)}")
             position = self._vector(goal.get("position"), 3, f"goals[{k}].position")
             result.append(VlnceGoal(position, float(radius)))
         return tuple(result)
@@ -164,8 +164,3 @@ def _finite(value: Any) -> bool:
     if type(value) is float:
         return math.isfinite(value)
     return type(value) is int and abs(value) < 1 << 1000
-
-
-def _brief(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."

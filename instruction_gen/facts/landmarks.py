@@ -70,7 +70,6 @@ def landmarks_of(
         return ()
     seen = _by_thing(sight)
     where = relations(track, shared.low_m, shared.high_m, shared.regions)
-    floor_z = shared.bundle.level_floor_z_m[shared.level]
     result = []
     for n, thing in enumerate(shared.things):
         glimpses = seen.get(thing.name, ())
@@ -78,7 +77,16 @@ def landmarks_of(
         if not near.any():
             continue
         result.append(
-            _landmark(shared, track, where, n, near, glimpses, floor_z, sight is not None)
+            _landmark(
+                shared,
+                track,
+                where,
+                n,
+                near=near,
+                glimpses=glimpses,
+                floor_z_m=shared.bundle.level_floor_z_m[shared.level],
+                looked=sight is not None,
+            )
         )
     result.sort(key=lambda m: (m.along_m, m.name))
     return _counted(result)
@@ -89,9 +97,10 @@ def _landmark(
     track: Track,
     where: Relations,
     n: int,
+    *,
     near: NDArray[np.bool_],
     glimpses: Sequence[Glimpse],
-    floor_z: float,
+    floor_z_m: float,
     looked: bool,
 ) -> LandmarkFact:
     thing, noun = shared.things[n], shared.nouns[n]
@@ -101,7 +110,7 @@ def _landmark(
     bearing = float(where.bearing_rad[k, n])
     beside = _SIDE_RAD < abs(bearing) < np.pi - _SIDE_RAD
     size = np.subtract(thing.upper_m, thing.lower_m)
-    low, high = thing.lower_m[2] - floor_z, thing.upper_m[2] - floor_z
+    low, high = thing.lower_m[2] - floor_z_m, thing.upper_m[2] - floor_z_m
     best = max(glimpses, key=lambda g: g.pixels, default=None)
     nameable = (
         noun not in PLAIN

@@ -33,9 +33,9 @@ def run(options: Ablate) -> int:
         import torch
     except ImportError as error:
         raise InputError("torch is not installed; run: uv sync --inexact --extra train") from error
-    from ...datasets.ablation.page import plot_png, report_html
-    from ...datasets.ablation.report import estimates, report_json, report_markdown
-    from ...datasets.ablation.run import run_ablation
+    from ...learning.ablation.page import plot_png, report_html
+    from ...learning.ablation.report import estimates, report_json, report_markdown
+    from ...learning.ablation.run import run_ablation
 
     recipe = read_recipe(recipe_path(options.recipe))
     changes: dict[str, Any] = {

@@ -48,10 +48,16 @@ def run(options: Collect) -> int:
     actions = action_timing(options.action_steps, options.closed_loop)
     extras = Extras(options.semantic, options.instance)
     product = Product(
-        options.frames_per_second, extras, options.only_success, options.rgb_codec, options.depth
+        options.frames_per_second,
+        extras,
+        options.only_success,
+        options.rgb_codec,
+        options.depth,
+        options.mcap,
     )
     looks = (options.camera, options.light, options.renderer)
-    views = {r.name: chosen_views(*looks, r, CameraOverrides()) for r in robots}
+    wishes = CameraOverrides(height_m=options.camera_height, pitch_down_deg=options.camera_pitch)
+    views = {r.name: chosen_views(*looks, r, wishes) for r in robots}
     check_frame_rate(options.frames_per_second)
     check_rgb_codec(options.rgb_codec)
     check_depth_storage(options.depth)
@@ -61,7 +67,7 @@ def run(options: Collect) -> int:
     plan = None if episode_files else SamplingPlan.of(options, preset, list(sources))
     height_m = chosen_free_height(options.robot, options.free_height_m)
     sampling = sample_config(
-        options, count, SampleConfig.robot_radius_m, height_m, strict=plan is not None
+        options, count, options.robot_radius_m, height_m, strict=plan is not None
     )
     if plan and plan.instructions and options.count == Collect.count:
         instructing = replace(instructing, count=plan.instructions)
@@ -85,7 +91,8 @@ def run(options: Collect) -> int:
         if episode_files:
             asked = chain.aligned(episode_files, scenes, rules, fitting)
         else:
-            asked = chain.sampled(sampling, scenes, plan.quotas if plan else None)
+            quotas, exact = (plan.quotas, plan.exact) if plan else (None, True)
+            asked = chain.sampled(sampling, scenes, quotas, exact=exact)
         chain.keep(asked, scenes, pairs)
         for robot, controller in pairs:
             chain.collected(
@@ -200,5 +207,8 @@ def _run_name(options: Collect, sources: Mapping[str, Path | BuiltIn]) -> str:
     if options.scenes is not None:
         return safe_name(options.scenes.resolve().name)
     first, *others = sources
-    # All of several built-in scenes are of one kind: villa-0-to-9.
-    return f"{first}-to-{others[-1].rsplit('-')[-1]}" if others else first
+    if not others:
+        return first
+    kind, last = others[-1].rsplit("-", 1)
+    # villa-0-to-9, or apartment-0-to-villa-9.
+    return f"{first}-to-{last if first.startswith(f'{kind}-') else others[-1]}"

@@ -172,7 +172,7 @@ def run_sample(options: Sample) -> int:
         ]
         summary = run_stage(context, episodes.STAGE, items, required=True)
         if plan:
-            episodes.check_complete(summary.rows, plan.quotas)
+            episodes.check_complete(summary.rows, plan.quotas, exact=plan.exact)
         made = [parts[name] for name in summary.good()]
         paths, written = episodes.merge(made, _file_of(out, plan is not None))
     by_split = {s: sum(p.split == s for p in paths) for s in written}

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from ...collectors.controllers import CONTROLLERS, controller_for
-from ...collectors.rendering.camera.views import CameraOverrides
+from ...collectors.rendering.camera.views import CameraOverrides, View
 from ...evaluation.episode import closed_loop
-from ...evaluation.policy import check_policy, policy_identity
+from ...evaluation.policy import check_policy, checkpoint_path, policy_identity
 from ...evaluation.results import (
     COLUMNS,
     RESULTS_NAME,
@@ -20,10 +20,11 @@ from ...evaluation.results import (
     results_json,
     table,
 )
-from ...formats.core.atomic import write_json
+from ...formats.core.atomic import file_digest, write_json
 from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError, UnknownNameError
 from ...formats.vlnce.files import read_episodes
+from ...learning.card import read_card
 from ..crews import action_timing, chosen_robots, keep_all
 from ..engine.context import open_context
 from ..engine.keys import digest
@@ -50,18 +51,20 @@ def run_evaluate(options: Evaluate) -> int:
         raise InputError(f"--robot {options.robot}: an evaluation has one robot")
     (robot,) = robots
     controller_for(robot, options.controller)
-    views = chosen_views(options.camera, options.light, options.renderer, robot, CameraOverrides())
+    wishes = CameraOverrides(height_m=options.camera_height, pitch_down_deg=options.camera_pitch)
+    views = chosen_views(_camera(options), options.light, options.renderer, robot, wishes)
     if len(views) != 1 or views[0].kind != "ego":
         raise InputError(
             f"--camera {options.camera} --light {options.light}: a policy has one camera, the "
             "robot's own (ego), under one light"
         )
     (view,) = views
-    episodes, scenes_folder = _asked(options)
+    episodes, scenes_folder = asked_episodes(options.episodes, options.scenes, options.split)
+    episodes = episodes[: options.limit]
     scenes = repair.rows_of(scenes_folder)
     repair.demand({e.scene_id for e in episodes}, scenes, scenes_folder)
     identity = policy_identity(options.policy, options.timeout_s)
-    out = options.out or _default_out(options, robot.name)
+    out = options.out or _default_out(options, robot.name, view)
     actions = action_timing(options.action_steps, options.closed_loop)
     with open_context(out, options) as context:
         root = context.ledger.root
@@ -91,7 +94,9 @@ def run_evaluate(options: Evaluate) -> int:
             "robot": robot.name,
             "controller": options.controller,
             "view": view.name,
-            "renderer": view.renderer,
+            "renderer": ",".join(
+                sorted(set(evaluate.renderers(episodes, scenes_folder, view.renderer).values()))
+            ),
             "seed": options.seed,
             "action_steps": options.action_steps,
             "closed_loop": options.closed_loop,
@@ -134,28 +139,48 @@ def run_compare(options: Compare) -> int:
     return 0
 
 
-def _asked(options: Evaluate) -> tuple[list[Episode], Path]:
-    """Return the episodes to walk and the folder of their scenes."""
-    given = options.episodes
+def asked_episodes(
+    given: Path, scenes_folder: Path | None, split: str | None
+) -> tuple[list[Episode], Path]:
+    """Return the episodes of a run or an episode file, and the folder of their scenes.
+
+    Args:
+        given: run folder, or episode file.
+        scenes_folder: of the repaired scenes; the run's own when None.
+        split: only this one; all when None.
+
+    Raises:
+        InputError: they cannot be found, or there is no such split.
+    """
     if not given.exists():
         raise InputError(f"{given}: no such file or folder")
     files = sorted((given / "episodes").glob("*.json.gz")) if given.is_dir() else [given]
     if not files:
         raise InputError(f"{given}: contains no episodes/*.json.gz; give a run or an episode file")
-    scenes = options.scenes or (given / "scenes" if given.is_dir() else None)
+    scenes = scenes_folder or (given / "scenes" if given.is_dir() else None)
     if scenes is None:
         raise InputError(f"{given} is an episode file; give its scenes with --scenes FOLDER")
     episodes = [episode for path in files for episode in read_episodes(path)]
     splits = {episode.split for episode in episodes}
-    if options.split is not None:
-        if options.split not in splits:
-            raise UnknownNameError("split", options.split, splits)
-        episodes = [e for e in episodes if e.split == options.split]
-    return episodes[: options.limit], scenes
+    if split is not None:
+        if split not in splits:
+            raise UnknownNameError("split", split, splits)
+        episodes = [e for e in episodes if e.split == split]
+    return episodes, scenes
 
 
-def _default_out(options: Evaluate, robot: str) -> Path:
-    name = f"{options.policy}-{robot}-{options.controller}-{options.light}"
+def _camera(options: Evaluate) -> str:
+    """Return the camera; by default a learned policy sees through the one it was trained with."""
+    path = checkpoint_path(options.policy)
+    if options.camera != Evaluate.camera or path is None:
+        return options.camera
+    return read_card(path)[0].view.camera(options.camera)
+
+
+def _default_out(options: Evaluate, robot: str, view: View) -> Path:
+    path = checkpoint_path(options.policy)
+    policy = f"{path.stem}-{file_digest(path)[:6]}" if path else options.policy
+    name = f"{policy}-{robot}-{options.controller}{view.moved}-{options.light}"
     base = options.episodes if options.episodes.is_dir() else Path("runs")
     return base / "evaluations" / safe_name(name)
 

@@ -72,7 +72,11 @@ def run_render(options: Render) -> int:
             robot, controller, _ = row.item.split("/", 2)
             groups.setdefault((robot, controller), {})[row.item] = row
     wishes = CameraOverrides(
-        width_px=options.width_px, height_px=options.height_px, hfov_deg=options.hfov_deg
+        width_px=options.width_px,
+        height_px=options.height_px,
+        hfov_deg=options.hfov_deg,
+        height_m=options.camera_height,
+        pitch_down_deg=options.camera_pitch,
     )
     views = {
         robot: chosen_views(
@@ -124,8 +128,16 @@ def run_export(options: Export) -> int:
     with open_context(options.out, options) as context:
         for (robot, controller, view), rows in groups.items():
             dataset = export.Dataset.under(context.ledger.root, robot, controller, view)
-            how = (options.depth, options.per_instruction)
-            summaries += export.run(context, rows, root, folder, dataset, {}, *how)
+            summaries += export.run(
+                context,
+                rows,
+                root,
+                folder,
+                dataset,
+                {},
+                depth_storage=options.depth,
+                per_instruction=options.per_instruction,
+            )
     return _tell(options, summaries)
 
 

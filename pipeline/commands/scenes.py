@@ -26,9 +26,8 @@ def run_scan(options: Scan) -> int:
     check_kind(options.kind)
     refuse_to_replace(options.out, SCAN_NAMES)
     out = options.out.resolve()
-    facts = run_single(
-        out, repair.SCAN_STAGE, repair.scan_item(BuiltIn(options.kind, options.seed), out)
-    ).facts
+    building = BuiltIn(options.kind, options.seed, not options.exact)
+    facts = run_single(out, repair.SCAN_STAGE, repair.scan_item(building, out)).facts
     return tell(options, facts, f"{options.out / 'scan.glb'}: {options.kind} {options.seed}")
 
 

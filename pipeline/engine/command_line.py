@@ -9,6 +9,7 @@ from typing import Any
 
 # Of these, a command that runs an item again has its own.
 LEFT_OUT = {"only", "explain", "retry_quarantined", "wait", "json", "max_failed", "workers"}
+LEFT_OUT |= {"executor", "ray_address", "slurm", "dry_run"}
 
 
 def command_line(options: Any) -> str:

@@ -14,7 +14,7 @@ from ...formats.core.atomic import sweep_beside, write_bytes
 from ...formats.core.errors import InputError, VlnpeError
 from ..options.running import Running
 from .command_line import command_line
-from .executors import Workers, available_cores
+from .executors import Execution, make_executor
 from .files import records_of
 from .ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger, Row
 from .lock import LOCK_NAME, lock, sweep_unlocked
@@ -36,10 +36,10 @@ def open_context(root: Path, options: Running) -> Iterator[Context]:
         options: The command's, which say how items are run.
 
     Raises:
-        InputError: If the folder cannot be used, another process works in it, the number of
-            workers is negative, or the only item to run is not among those of the command.
+        InputError: If the folder cannot be used, another process works in it, the executor
+            cannot be used, or the only item to run is not among those of the command.
     """
-    _check_workers(options.workers)
+    execution = options.execution()
     if options.only and ":" not in options.only:
         raise InputError(f"--only {options.only}: valid: STAGE:ITEM, as quarantine.json lists them")
     new = not root.exists()
@@ -52,7 +52,7 @@ def open_context(root: Path, options: Running) -> Iterator[Context]:
     with lock(folder.root, wait=options.wait):
         sweep_unlocked(folder.root)
         try:
-            with _working(folder.root, options.workers) as context:
+            with _working(folder.root, execution) as context:
                 yield replace(
                     context,
                     explain=options.explain,
@@ -87,7 +87,7 @@ def open_single(out: Path, workers: int = 1) -> Iterator[Context]:
         InputError: If nothing can be written beside `out`, another process is writing it, or
             `workers` is negative.
     """
-    _check_workers(workers)
+    execution = Execution(workers=workers)
     parent = open_run_folder(out.parent).root
     root = parent / LEDGERS / out.name
     new = not root.exists()
@@ -96,7 +96,7 @@ def open_single(out: Path, workers: int = 1) -> Iterator[Context]:
         sweep_beside([parent / out.name])
         sweep_unlocked(root)
         try:
-            with _working(root, workers) as context:
+            with _working(root, execution) as context:
                 yield context
         except VlnpeError:
             if new and not any(row.status == "done" for row in Ledger(root).rows()):
@@ -109,17 +109,12 @@ def open_single(out: Path, workers: int = 1) -> Iterator[Context]:
             raise
 
 
-def _check_workers(workers: int) -> None:
-    if workers < 0:
-        raise InputError(f"WORKERS={workers}: valid: 0 (one per core) and above")
-
-
 @contextmanager
-def _working(root: Path, workers: int) -> Iterator[Context]:
+def _working(root: Path, execution: Execution) -> Iterator[Context]:
     ledger = Ledger(root)
     ledger.save()
-    with Workers(workers or available_cores()) as pool, ended_first(pool.kill_processes):
-        yield Context(ledger, pool)
+    with make_executor(execution, root) as executor, ended_first(executor.kill_processes):
+        yield Context(ledger, executor)
     if (root / JOURNAL_NAME).is_file():
         ledger.save()
 

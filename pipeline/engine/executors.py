@@ -1,4 +1,4 @@
-"""Worker processes for one machine."""
+"""Where the items of a stage run: worker processes of this machine, or of a cluster."""
 
 from __future__ import annotations
 
@@ -9,7 +9,103 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
-from typing import Any
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from ...formats.core.errors import InputError, UnknownNameError
+
+LOCAL, RAY, SLURM = "local", "ray", "slurm"
+EXECUTORS = (LOCAL, RAY, SLURM)
+
+
+@dataclass(frozen=True)
+class Execution:
+    """Where a run's items are executed.
+
+    Attributes:
+        executor: `local`, `ray` or `slurm`.
+        workers: how many items run at a time; 0 takes one per core, or what the cluster has.
+        ray_address: of a running Ray cluster; empty takes `RAY_ADDRESS`, or starts one here.
+        slurm: options of the batch jobs, `name=value` with commas.
+        dry_run: write the batch scripts of the first stage that has work and end.
+    """
+
+    executor: str = LOCAL
+    workers: int = 0
+    ray_address: str = ""
+    slurm: str = ""
+    dry_run: bool = False
+
+    def __post_init__(self) -> None:
+        if self.executor not in EXECUTORS:
+            raise UnknownNameError("executor", self.executor, EXECUTORS)
+        if self.workers < 0:
+            raise InputError(f"WORKERS={self.workers}: valid: 0 (one per core) and above")
+
+
+class Executor(Protocol):
+    """What the stage runner asks of whoever runs items.
+
+    Attributes:
+        count: how many items run at a time.
+        cores: how many cores a lone item may use.
+    """
+
+    count: int
+    cores: int
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Run `function(*arguments)` in a worker, at the latest after `flush`.
+
+        The future raises BrokenExecutor if the worker died.
+        """
+        ...
+
+    def flush(self) -> None:
+        """Start what has been submitted."""
+        ...
+
+    def restart(self) -> None:
+        """Make the executor usable again after a worker died."""
+        ...
+
+    def close(self) -> None:
+        """End the workers; waiting items are dropped."""
+        ...
+
+    def kill_processes(self) -> None:
+        """End at once what runs; called when this process is about to be ended."""
+        ...
+
+    def __enter__(self) -> Executor:
+        """Use as a context manager."""
+        ...
+
+    def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
+        """Close."""
+        ...
+
+
+def make_executor(execution: Execution, root: Path) -> Executor:
+    """Return the executor that `execution` asks for.
+
+    Args:
+        execution: which one, and how.
+        root: run folder, shared by all machines of a cluster.
+
+    Raises:
+        InputError: its extra is not installed, or the cluster cannot be reached.
+    """
+    if execution.executor == RAY:
+        from .ray_executor import RayExecutor
+
+        return RayExecutor(execution.ray_address, execution.workers)
+    if execution.executor == SLURM:
+        from .slurm_executor import SlurmExecutor
+
+        return SlurmExecutor(root, execution.slurm, execution.workers, execution.dry_run)
+    return Workers(execution.workers or available_cores())
 
 
 def available_cores() -> int:
@@ -27,7 +123,7 @@ class Workers:
 
     def __init__(self, count: int):
         """Set the number of processes, at least 1; none is started yet."""
-        self.count = count
+        self.count = self.cores = count
         self._pool: ProcessPoolExecutor | None = None
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
@@ -39,6 +135,9 @@ class Workers:
             )
         with _without_interrupts():
             return self._pool.submit(function, *arguments)
+
+    def flush(self) -> None:
+        """Do nothing: items start as soon as a worker is free."""
 
     def restart(self) -> None:
         """Replace a pool whose worker died."""

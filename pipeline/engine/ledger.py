@@ -40,6 +40,7 @@ class Row:
         failed: done, but with a bad outcome (a fall, a stuck robot): data, and counted apart.
         outputs: produced files and folders, relative to the ledger's folder.
         seconds: wall time it took.
+        cpu_seconds: CPU time it took, of all threads; 0 in rows written before it was kept.
         facts: whatever later stages and the report want to know (JSON values).
         error: `type` and `reason` of a quarantined item.
         current: whether the latest run asked for it. Rows of earlier options stay, so that going
@@ -54,6 +55,7 @@ class Row:
     failed: bool = False
     outputs: tuple[str, ...] = ()
     seconds: float = 0.0
+    cpu_seconds: float = 0.0
     facts: dict[str, Any] = field(default_factory=dict)
     error: dict[str, str] = field(default_factory=dict)
     current: bool = True

@@ -16,7 +16,7 @@ from ...formats.core.atomic import sweep_beside
 from ...formats.core.errors import InputError, VlnpeError
 from ...formats.core.progress import progress_bar
 from .attempts import TRANSIENT, Outcome, attempt, run_items
-from .executors import Workers
+from .executors import Executor
 from .explain import changes, parts_of
 from .files import Records
 from .ledger import Ledger, Row
@@ -81,7 +81,7 @@ class Context:
 
     Attributes:
         ledger: of the run folder (or of a single stage's output folder).
-        workers: process pool shared by all stages.
+        workers: run the items of all stages.
         progress: show progress bars.
         explain: say of every item why it runs or is reused.
         retry_quarantined: run items again that failed before, and would fail again.
@@ -90,7 +90,7 @@ class Context:
     """
 
     ledger: Ledger
-    workers: Workers
+    workers: Executor
     progress: bool = True
     explain: bool = False
     retry_quarantined: bool = False
@@ -170,7 +170,7 @@ def run_stage(
             bar.set_postfix_str(_note(summary), refresh=False)
             bar.update()
     except BaseException:
-        context.workers.kill()
+        context.workers.kill_processes()
         sweep_beside(path for item in waiting for path in item.outputs)
         with contextlib.suppress(OSError):  # a full disk must not hide that it is full
             ledger.save()
@@ -289,6 +289,7 @@ def _row(stage: str, item: WorkItem, outcome: Outcome, root: Path) -> Row:
             failed=outcome.result.failed,
             outputs=tuple(os.path.relpath(p, root) for p in item.outputs),
             seconds=outcome.seconds,
+            cpu_seconds=outcome.cpu_seconds,
             facts=outcome.result.facts,
         )
     if isinstance(error, OSError) and error.errno in FATAL_ERRNO:

@@ -15,6 +15,7 @@ from ...collectors.robots import get_robot
 from ...formats.core.atomic import atomic_folder
 from ...formats.mcap.rollout import read_rollout
 from ...formats.scene.bundle import SceneBundle, load_bundle
+from ...formats.splats.store import has_splats
 from ...formats.vlnce.groups import per_instruction
 from ..engine.work import ItemResult
 
@@ -75,8 +76,12 @@ class RenderJob:
 
 @lru_cache(maxsize=1)
 def scene_renderer(
-    scene: Path, name: str = "embree", light: str = "baked"
+    scene: Path, name: str = "", light: str = "baked"
 ) -> tuple[SceneBundle, Renderer]:
-    """Return a repaired scene and its renderer; each worker keeps the last one, slow to load."""
+    """Return a repaired scene and its renderer; each worker keeps the last one, slow to load.
+
+    Without a name it is `splat` in scenes of splats, else `embree`.
+    """
     bundle = load_bundle(scene)
+    name = name or ("splat" if has_splats(scene) else "embree")
     return bundle, make_renderer(bundle, name, light=light)

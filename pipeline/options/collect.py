@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from ...trajectory_sampler.config import SampleConfig
 from . import Json
 from .episodes import Sampling
 from .running import Running
@@ -33,13 +34,17 @@ class Collect(Running, Sampling):
     scene: str = "builtin"
     """Scan to collect in (GLB, glTF, OBJ, PLY, STL, USD or a point cloud; see docs/scans.md), or
     `builtin` for a generated apartment; builtin:villa, builtin:house and builtin:office are larger
-    buildings, and builtin:villa*10 is ten of them, of consecutive seeds."""
+    buildings, builtin:villa*10 is ten of them, of consecutive seeds, and builtin-exact:villa*10 the
+    same ten without the virtual scan. Built-in scenes can be listed, comma-separated."""
     scenes: Path | None = None
     """Folder of scans. All of them are used, or only those named by the scene ids of the VLN-CE
     file in --episodes."""
     episodes: str = "6"
     """Number of paths to sample per scene, a preset (gru_vln10, lab_3dgs), a VLN-CE episode file
     (.json.gz), or several of them, comma-separated, one per split."""
+    robot_radius_m: float = SampleConfig.robot_radius_m
+    """Clearance of sampled paths [m]; a wider robot of the run raises it. Give that of the widest
+    robot that will ever join the run, so that the paths stay the same (jetbot: 0.38)."""
     stair_rules: str = "step"
     """Rules by which episodes of a VLN-CE file are dropped, comma-separated: step, geometric, text;
     see `vlnpe filter`."""
@@ -49,6 +54,11 @@ class Collect(Running, Sampling):
     camera: str = "ego"
     """Cameras to render: ego, chase, top, or a comma-separated list (ego,chase), each with an
     optional size and field of view (ego:640x480:79). Each camera becomes a separate dataset."""
+    camera_height: float | None = None
+    """Height of the robot's own camera above the floor [m], standing; defaults to the robot's. A
+    moved camera does not see the robot's body."""
+    camera_pitch: float | None = None
+    """Downward tilt of the robot's own camera [deg]; defaults to the robot's."""
     light: str = "baked"
     """Lighting: baked (as scanned), DL5000 (panel lights, day), DL300 (night), CL (a lamp on the
     robot), a comma-separated list (DL5000,CL), or `all`. Each becomes a separate dataset."""
@@ -94,6 +104,8 @@ class Collect(Running, Sampling):
     """Export only successful episodes. By default all are exported, each with its end reason."""
     rgb_codec: str = "h264"
     """Codec of RGB videos: h264, or av1 (royalty-free)."""
+    mcap: bool = True
+    """Also write one MCAP file with images per episode, for Foxglove."""
     depth: str = "video"
     """Depth storage in LeRobot datasets: video (lossless, 12-bit codes) or image (16-bit, mm)."""
     json: Json = False

@@ -43,10 +43,14 @@ class Sampling:
     """Number of paths per split over all scenes, e.g. train=147,val_seen=37,val_unseen=429.
     val_seen shares scenes with train, but no similar paths; val_unseen has scenes of its own."""
     train_scenes: str = ""
-    """Comma-separated scenes to train in, for --splits and presets; default: the first ones."""
+    """Scenes to train in, for --splits and presets: comma-separated names, or a number, which takes
+    the first so many; by default as many as the splits' sizes ask for."""
     quota: str = ""
     """Total number of paths in single scenes, for --splits and presets: home_1=40,home_2=80; the
     other scenes share the rest."""
+    allow_fewer: bool = False
+    """With --splits and presets: take what a scene holds instead of failing where it holds fewer
+    paths than asked for."""
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,8 @@ class Evaluate(Running):
     """Run folder of `collect`, or an episode file (.json.gz) together with --scenes."""
     policy: str = "random"
     """Policy: random (R2R's action proportions), forward, stop, oracle (the expert, which knows the
-    path), vlm (a vision-language model, see docs/evaluation.md), or the address of a policy server
-    (ws://HOST:PORT)."""
+    path), vlm (a vision-language model, see docs/evaluation.md), a checkpoint of `vlnpe train`
+    (FILE.safetensors), or the address of a policy server (ws://HOST:PORT)."""
     scenes: Path | None = None
     """Folder of repaired scenes; defaults to the run's own."""
     robot: str = "aliengo"
@@ -35,7 +35,13 @@ class Evaluate(Running):
     limit: int | None = None
     """Evaluate only the first so many episodes."""
     camera: str = "ego"
-    """Camera of the policy, with an optional size and field of view (ego:224x224:79)."""
+    """Camera of the policy, with an optional size and field of view (ego:224x224:79); a learned
+    policy by default has the one of its training data."""
+    camera_height: float | None = None
+    """Height of the robot's own camera above the floor [m], standing; defaults to the robot's. A
+    moved camera does not see the robot's body."""
+    camera_pitch: float | None = None
+    """Downward tilt of the robot's own camera [deg]; defaults to the robot's."""
     light: str = "baked"
     """Lighting: baked, DL5000, DL300 or CL."""
     renderer: str = "auto"

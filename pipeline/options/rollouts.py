@@ -57,6 +57,11 @@ class Render(Running):
     """Image height [px]; defaults to the camera's own."""
     hfov_deg: float | None = None
     """Horizontal field of view [deg]; defaults to the camera's own."""
+    camera_height: float | None = None
+    """Height of the robot's own camera above the floor [m], standing; defaults to the robot's. A
+    moved camera does not see the robot's body."""
+    camera_pitch: float | None = None
+    """Downward tilt of the robot's own camera [deg]; defaults to the robot's."""
     light: str = "baked"
     """Lighting: baked (as scanned), DL5000 (panel lights, day), DL300 (night), CL (a lamp on the
     robot), a comma-separated list (DL5000,CL), or `all`."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from .execution import Executed
+
 
 @dataclass(frozen=True, kw_only=True)
-class Running:
+class Running(Executed):
     """How items are run."""
 
-    workers: int = 0
-    """Number of worker processes; 0 uses one per core."""
     max_failed: int = 0
     """Maximum number of quarantined items; exit with code 1 above it."""
     wait: bool = False

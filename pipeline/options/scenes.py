@@ -18,6 +18,9 @@ class Scan:
     """Random seed of the building; the same seed gives the same building."""
     kind: str = "apartment"
     """Kind of building: apartment, villa, house (two storeys) or office."""
+    exact: bool = False
+    """Write the building's exact, textured geometry instead of a virtual scan: no noise, no holes,
+    no baked light, and a tenth of the time."""
     out: Path = Path("scan")
     """Output folder for scan.glb, its labels and the ground-truth floor."""
     json: Json = False

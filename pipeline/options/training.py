@@ -1,4 +1,4 @@
-"""Options of the commands for training data: `mix`, `ablate`."""
+"""Options of the commands for training data: `mix`, `train`, `ablate`."""
 
 from __future__ import annotations
 
@@ -33,6 +33,59 @@ class Mix:
     """Output file for the selected episodes (.json)."""
     json: Json = False
     """Print one JSON object with the plan as the last line."""
+
+
+@dataclass(frozen=True)
+class Train:
+    r"""Train a policy (Seq2Seq, CMA or RDP) on collected datasets.
+
+    Writes <out>/<model>.safetensors with its card <model>.json, and curves.csv. Run the same
+    command again to resume after an interruption. The recipe names the data and holds all settings
+    under `train` (docs/training.md); `vlnpe mix` shows what data that is.
+
+    Example: collect, train, evaluate:
+      vlnpe collect --robot vlnce --scene 'builtin*4' --episodes 20 --out runs/homes
+      vlnpe train starter --data runs/homes --out runs/starter
+      vlnpe evaluate runs/homes --policy runs/starter/cma.safetensors --robot vlnce \
+        --controller flash
+    """
+
+    recipe: tyro.conf.Positional[str]
+    """Recipe file (.yaml), or the name of a built-in recipe: starter, cross_embodiment, controller,
+    lighting."""
+    data: Path = Path("runs")
+    """Folder of the runs that contain the datasets."""
+    mixture: str | None = None
+    """Mixture of the recipe to train on; only needed where it has several."""
+    out: Path = Path("runs/train")
+    """Output folder for the checkpoint, curves, resumable state and decoded images."""
+    model: str | None = None
+    """Model: cma, seq2seq or rdp; overrides the recipe."""
+    inputs: str | None = None
+    """Inputs of the model, comma-separated: rgb,depth,instruction; overrides the recipe."""
+    steps: int | None = None
+    """Training steps; overrides the recipe."""
+    seed: int | None = None
+    """Random seed; overrides the recipe."""
+    start: Path | None = None
+    """Checkpoint (.safetensors) to start from (fine-tuning); its vocabulary is kept."""
+    validate: Path | None = None
+    """Run folder whose episodes are walked in closed loop at each checkpoint; the checkpoint with
+    the highest success rate is kept. Without it, the last one is."""
+    validate_split: str | None = None
+    """Split of those episodes, for example val_seen; all by default."""
+    validate_episodes: int = 20
+    """Number of those episodes, evenly spread; always the same ones."""
+    robot: str = "vlnce"
+    """Robot that validates: a name (see `vlnpe robots`), or the folder of your own robot."""
+    controller: str = "flash"
+    """How it carries actions out: flash (placed without physics) or speed."""
+    device: str | None = None
+    """Torch device: cpu, cuda or auto; overrides the recipe."""
+    threads: int = 0
+    """Number of torch threads; 0 uses one per core."""
+    json: Json = False
+    """Print one JSON object with the result as the last line."""
 
 
 @dataclass(frozen=True)

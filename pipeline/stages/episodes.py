@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from ...trajectory_sampler.config import SampleConfig
 from ..engine.ledger import Row
 from ..engine.work import WorkItem, work_item
 from ..jobs.episodes import SampleJob
+
+log = logging.getLogger(__name__)
 
 STAGE = "sample"
 
@@ -40,8 +43,15 @@ def sample_item(
     return work_item(STAGE, scene.item, job, (out,), scene.key, config, **how)
 
 
-def check_complete(rows: Iterable[Row], planned: Mapping[str, Mapping[str, int]]) -> None:
-    """Raise unless every scene holds the paths that were planned for it.
+def check_complete(
+    rows: Iterable[Row], planned: Mapping[str, Mapping[str, int]], *, exact: bool = True
+) -> None:
+    """Raise, or warn, unless every scene holds the paths that were planned for it.
+
+    Args:
+        rows: of this stage.
+        planned: paths by split, by scene.
+        exact: a shortage is an error; otherwise it is logged.
 
     Raises:
         InputError: names each scene that cannot hold its share, how many it holds, and what would.
@@ -56,7 +66,10 @@ def check_complete(rows: Iterable[Row], planned: Mapping[str, Mapping[str, int]]
             problems.append(f"{scene} holds none of {total} paths ({reason})")
         elif row.facts["missing"]:
             problems.append(_shortage(row, quotas))
-    if problems:
+    if problems and not exact:
+        for problem in problems:
+            log.warning("%s", problem)
+    elif problems:
         raise InputError(
             "; ".join(problems) + ". Also: --quota SCENE=N gives a scene fewer and the others "
             "more, --min-length-m and --min-crossings allow more paths, larger scenes hold more"

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from ...collectors.rendering.camera.views import View
+from ...collectors.rendering.registry import scene_renderer_name
 from ...collectors.replay import ReplayConfig
 from ...formats.core.episode import Episode
 from ..engine.ledger import Row
@@ -41,10 +43,18 @@ def items(
         view: the camera that the policy sees through.
     """
     who, result = walker(config), []
+    drawn_by = renderers(episodes, scenes_folder, view.renderer)
     for episode, name in zip(episodes, walk_names(episodes, config), strict=True):
         out = root / f"{name}.mcap"
         scene = scenes_folder / episode.scene_id
-        job = EvaluateJob(scene, episode, config, policy, timeout_s, view, root / "models", out)
-        inputs = (episode, scenes[episode.scene_id].key, *who, identity, view)
+        seen = replace(view, renderer=drawn_by[episode.scene_id])
+        job = EvaluateJob(scene, episode, config, policy, timeout_s, seen, root / "models", out)
+        inputs = (episode, scenes[episode.scene_id].key, *who, identity, seen)
         result.append(work_item("evaluate", name, job, (out,), *inputs))
     return result
+
+
+def renderers(episodes: Sequence[Episode], scenes_folder: Path, renderer: str) -> dict[str, str]:
+    """Return the renderer of each scene of the episodes by scene id; see `scene_renderer_name`."""
+    names = sorted({episode.scene_id for episode in episodes})
+    return {name: scene_renderer_name(scenes_folder / name, renderer) for name in names}

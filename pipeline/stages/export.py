@@ -77,8 +77,10 @@ def run(
     scenes: Path,
     dataset: Dataset,
     facts: Mapping[str, Any],
+    *,
     depth_storage: str = "video",
     per_instruction: bool = False,
+    mcap: bool = True,
 ) -> list[StageSummary]:
     """Export one robot's rendered episodes: units, MCAP files, and the dataset of the units.
 
@@ -93,11 +95,12 @@ def run(
         facts: configuration and seeds for the provenance.
         depth_storage: see `check_depth_storage`.
         per_instruction: make one LeRobot episode of each instruction, with the same frames.
+        mcap: write MCAP files; otherwise none are left from before.
     """
     out = context.ledger.root
     items = unit_items(frames, root, dataset, depth_storage, per_instruction)
     units = run_stage(context, STAGE, items, dataset.scope)
-    items = mcap_items(frames, root, scenes, dataset, depth_storage)
+    items = mcap_items(frames, root, scenes, dataset, depth_storage) if mcap else []
     summaries = [units, run_stage(context, MCAP_STAGE, items, dataset.scope)]
     # The folder of MCAP files is handed on as it is.
     context.ledger.discard(MCAP_STAGE, dataset.scope)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...collectors.rendering.camera.extras import Extras
 from ...collectors.rendering.camera.views import View
+from ...collectors.rendering.registry import scene_renderer_name
 from ..crews import kept
 from ..engine.ledger import Row
 from ..engine.work import WorkItem, work_item
@@ -41,6 +42,7 @@ class _Take:
     """One rollout under one view: the item's name, what is read, and what that was made of."""
 
     name: str
+    view: View
     scene: Path
     rollout: Path
     robot: str
@@ -70,6 +72,7 @@ def items(
     extras = extras or Extras()
     result = []
     for take in _takes(recorded, view):
+        view = take.view
         out = frames / take.name
         # Relative, so that a run folder may be moved between rendering and exporting.
         relative = os.path.relpath(take.rollout, base)
@@ -103,6 +106,7 @@ def video_items(
     """
     result = []
     for take in _takes(recorded, view):
+        view = take.view
         out = videos / f"{take.name}.mp4"
         job = FilmJob(take.scene, take.rollout, take.robot, view, frames_per_second, out)
         rate = {"frames_per_second": frames_per_second}
@@ -111,12 +115,17 @@ def video_items(
 
 
 def _takes(recorded: Recorded, view: View) -> Iterator[_Take]:
+    drawn_by: dict[Path, str] = {}
     for name, row in recorded.rows.items():
         scene = str(row.facts["scene"])
         folder, episode = name.rsplit("/", 1)
+        root = recorded.scenes_folder / scene
+        if root not in drawn_by:
+            drawn_by[root] = scene_renderer_name(root, view.renderer)
         yield _Take(
             f"{folder}/{view.name}/{episode}",
-            recorded.scenes_folder / scene,
+            replace(view, renderer=drawn_by[root]),
+            root,
             recorded.root / row.outputs[0],
             kept(name.split("/")[0], recorded.root),
             (row.key, recorded.scenes[scene].key),

@@ -33,9 +33,9 @@ SIDE_FILES = {".mtl", ".mdl", ".bin", *PICTURES, *USD_SUFFIXES}
 
 
 def scan_item(building: BuiltIn, folder: Path) -> WorkItem:
-    """Generate a built-in scene and scan it virtually into `folder`."""
-    job = ScanJob(building.seed, folder, building.kind)
-    built = {"seed": building.seed, "kind": building.kind}
+    """Generate a built-in scene into `folder`, and scan it virtually unless it is to be exact."""
+    job = ScanJob(building.seed, folder, building.kind, building.scanned)
+    built = {"seed": building.seed, "kind": building.kind, "scanned": building.scanned}
     return work_item(SCAN_STAGE, building.name, job, (folder,), **built)
 
 

@@ -50,7 +50,7 @@ def repaired(scan: Path, tmp_path_factory: pytest.TempPathFactory) -> SceneBundl
 
 def inside(grid: GridSpec, rect: np.ndarray, margin_m: float) -> np.ndarray:
     """(rows, columns) cells in a rectangle (2, 2) shrunk by a margin."""
-    xy = grid.center_of(np.stack(np.indices(grid.shape), -1))
+    xy = grid.center_of(np.moveaxis(np.indices(grid.shape), 0, -1))
     return np.all((xy > rect[0] + margin_m) & (xy < rect[1] - margin_m), axis=-1)
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.collectors.test_replay import make_episode
 from vlnpe.collectors.drives import DifferentialDrive, gait_for
-from vlnpe.collectors.gait_training.terrain import noise_terrain
+from vlnpe.collectors.gait_trials.terrain import noise_terrain
 from vlnpe.collectors.replay import ReplayConfig, replay_episode
 from vlnpe.collectors.robots import RobotHandles, RobotSpec, apply_physics_options, get_robot
 from vlnpe.formats.core.errors import InputError, UnknownNameError
@@ -135,9 +135,8 @@ def test_commands_are_ramped_clipped_and_forgotten():
     first = drive.act(data, (9.0, 9.0, 0.0)).copy()
     assert robot.drive is not None
     np.testing.assert_allclose(first, robot.drive.ramp_m_s2 * POLICY_STEP_S / 0.15)
-    for _ in range(100):
-        last = drive.act(data, (9.0, 9.0, 0.0))
-    np.testing.assert_allclose(last, 1.0 / 0.15)
+    torques = [drive.act(data, (9.0, 9.0, 0.0)) for _ in range(100)]
+    np.testing.assert_allclose(torques[-1], 1.0 / 0.15)
     drive.reset()
     np.testing.assert_allclose(drive.act(data, (9.0, 0.0, 0.0)), first)
 
@@ -148,8 +147,7 @@ def test_wheel_speeds_are_those_of_the_turn(vx: float, yaw: float):
     robot = get_robot("jetbot")
     drive, data = DifferentialDrive(robot), mujoco.MjData(robot.build_model())
     assert robot.drive is not None
-    for _ in range(100):
-        left, right = drive.act(data, (vx, 0.3, yaw))
+    left, right = [drive.act(data, (vx, 0.3, yaw)) for _ in range(100)][-1]
     vx, yaw = float(np.clip(vx, -0.3, 1.0)), float(np.clip(yaw, -1.5, 1.5))
     radius, track = robot.drive.wheel_radius_m, robot.drive.track_m
     assert 0.5 * (left + right) * radius == pytest.approx(vx, abs=1e-9)

@@ -66,8 +66,8 @@ def test_executing_the_labels_ends_where_the_robot_did(
         executed = [span.action for span in r.actions]
         assert sum({a, b} == {Action.LEFT, Action.RIGHT} for a, b in pairwise(executed)) <= 2
         at = r.frame_samples(4)
-        yaw = np.unwrap(quat_to_yaw(r.quat_wxyz[at]))
-        poses = np.column_stack([r.position_world_m[at, :2], yaw])
+        yaw = np.unwrap(quat_to_yaw(r.quat_wxyz[at])).astype(np.float64)
+        poses = np.column_stack([r.position_world_m[at, :2], yaw]).astype(np.float64)
         steps = discrete_steps(poses)
         end = execute(steps.action, poses[0])[-1]
         assert np.hypot(*(end[:2] - poses[-1, :2])) <= 0.5
@@ -85,8 +85,9 @@ def test_recorded_labels_are_what_the_expert_says_online(two_rooms: SceneBundle,
     world = open_world(two_rooms, 0, get_robot(name))
     r = rollouts(world, "path")[0]
     expert, yaw = Expert(task_of(r.episode, world.bundle, name)), quat_to_yaw(r.quat_wxyz)
+    x, y = r.position_world_m[:, :2].T
     asked = [
-        expert.next_action(Pose(*r.position_world_m[k, :2].tolist(), float(yaw[k])))
+        expert.next_action(Pose(float(x[k]), float(y[k]), float(yaw[k])))
         for k in range(0, len(r.time_s), 25)
     ]
     assert list(r.labels) == asked

@@ -7,6 +7,7 @@ import io
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -116,7 +117,8 @@ def test_the_page_shows_every_failure_and_a_clip_of_its_end(root: Path) -> None:
     assert "took too long" in page
     assert "diverged" in page
     (clip,) = re.findall(r'src="data:video/mp4;base64,([^"]+)"', page)
-    with av.open(io.BytesIO(base64.b64decode(clip))) as container:
+    images = []
+    with av.open(io.BytesIO(base64.b64decode(clip)), mode="r") as container:
         images = [f.to_ndarray(format="rgb24") for f in container.decode(video=0)]
         stream = container.streams.video[0]
         assert stream.codec_context.pix_fmt == "yuv420p"  # browsers play no other
@@ -177,7 +179,7 @@ def test_failures_are_exported_with_their_reason_unless_only_success(
         return json.loads(capsys.readouterr().out.splitlines()[-1])["stages"]
 
     def loaded() -> list[tuple[str, str]]:
-        data = LeRobotDataset("vlnpe/test", root=tmp_path / "lerobot" / DATASET)
+        data: Any = LeRobotDataset("vlnpe/test", root=tmp_path / "lerobot" / DATASET)
         assert len(data) == sum(data.meta.episodes["length"])
         ids = data.meta.episodes["episode_id"]
         return list(zip(ids, data.meta.episodes["end_reason"], strict=True))

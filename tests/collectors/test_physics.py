@@ -88,7 +88,7 @@ def test_a_sloping_floor_carries_the_robot_at_its_height(tmp_path: Path, at) -> 
     bundle = with_floor(tmp_path, slope)
     world = open_world(bundle, 0, make_cart(), CartGait())
     assert world.model.geom("floor").type == mujoco.mjtGeom.mjGEOM_HFIELD
-    rest(world, Pose(*at, 0.3), 0.3)
+    rest(world, Pose(at[0], at[1], 0.3), 0.3)
     x, y, z = world.data.qpos[world.handles.root_qpos :][:3]
     assert z == pytest.approx(0.05 * x + 0.02 * y + 0.1, abs=0.006)
 
@@ -248,7 +248,7 @@ def test_a_missing_level_says_which_are_there(two_rooms: SceneBundle) -> None:
 
 def inside(points: np.ndarray, boxes: Obstacles) -> np.ndarray:
     gap = np.abs(points[:, None] - boxes.center_m) - boxes.half_m
-    return (gap < 0).all(-1).any(-1)
+    return np.any(np.all(gap < 0, axis=-1), axis=-1)
 
 
 @settings(max_examples=30, deadline=None)
@@ -256,7 +256,7 @@ def inside(points: np.ndarray, boxes: Obstacles) -> np.ndarray:
 def test_merged_boxes_fill_the_same_space(two_rooms: SceneBundle, seed: int) -> None:
     """Random voxels: what is solid stays solid, what is free stays free, below the cut."""
     rng = np.random.default_rng(seed)
-    cells = np.unique(rng.integers(0, 6, (60, 3)), axis=0)
+    cells = np.unique(rng.integers(0, 6, (60, 3)), axis=0).astype(np.float64)
     boxes = Obstacles(1.0 + 0.1 * (cells + 0.5), np.full(cells.shape, 0.05))
     merged = robot_obstacles(boxes, two_rooms.freemap(0), reach_m=0.5, top_m=1.43)
     assert len(merged.center_m) < len(cells)

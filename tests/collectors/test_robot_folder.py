@@ -336,7 +336,7 @@ WALKING_MISTAKES = {
         lambda folder: (folder / "policy.onnx").write_bytes(b"noise"),
         r"policy.onnx: is not the network that .*policy.json describes",
     ),
-    "no JSON": (lambda folder: (folder / "policy.json").write_text("{"), r"not a policy card"),
+    "no JSON": (lambda folder: (folder / "policy.json").write_text("{"), r"policy.json: not JSON"),
     "another layout": (changed_card(observation=[["gravity_base", 3]]), r"observation layout"),
     "other joints": (changed_card(joints=["knee"]), r"trained with joints \('knee',\)"),
     "another robot": (changed_card(robot="cat"), r"robot 'cat', this robot has 'mydog'"),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from vlnpe.collectors.gait_training.gates import GATES
+from vlnpe.collectors.gait_trials.gates import GATES
 from vlnpe.collectors.locomotion.policy import GaitPolicy
 from vlnpe.collectors.rendering.people.portraits import StandingRobot, turntable, walking_strip
 from vlnpe.collectors.rendering.people.studio import make_studio

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -57,7 +58,7 @@ def test_items_equal_lerobots_with_the_same_windows(storage: str, tmp_path: Path
     )
     back, ahead = [-0.5, -0.25, 0.0], [0.0, 0.25, 0.5, 0.75]
     deltas = {RGB: back, DEPTH: back, "action": ahead, "action.discrete": ahead}
-    bare = open_dataset(
+    bare: Any = open_dataset(
         tmp_path / "set", delta_timestamps=deltas, video_backend="pyav", return_uint8=True
     )
     ours = NavigationDataset(tmp_path / "set", NavigationConfig(history=3, future=4))
@@ -101,7 +102,7 @@ def test_only_common_columns_of_several_robots_are_given(root: Path, tmp_path: P
 def test_sequences_are_the_walks_that_were_written(root: Path, tokens: Tokens) -> None:
     config = SequenceConfig(inflection_coefficient=2.5, future=8, every_frame=True)
     sequences = EpisodeSequences(select_all([root]), tokens, config)
-    bare = open_dataset(root, video_backend="pyav", return_uint8=True)
+    bare: Any = open_dataset(root, video_backend="pyav", return_uint8=True)
     for number, seconds in enumerate(SECONDS):
         rollout = make_walk(number, "aliengo", seconds)
         table = build_frame_table(rollout, make_frames(rollout), 4)

@@ -155,7 +155,7 @@ def test_batches_are_the_same_with_workers_and_after_going_on(runs: Path) -> Non
     batches = [*alone, *alone]  # two epochs
     assert [len(b["uid"]) for b in batches] == [4, 4, 4, 2] * 2
     assert {r for b in batches for r in b["robot"]} == set(EPISODES)
-    helped = loader(runs, workers=1)
+    helped, state = loader(runs, workers=1), {}
     for number, batch in enumerate(helped):
         assert batch["uid"] == batches[number]["uid"]
         torch.testing.assert_close(batch["depth"], batches[number]["depth"])
@@ -245,7 +245,7 @@ def test_a_larger_fraction_contains_a_smaller_one_for_every_robot(runs: Path) ->
         ({"evaluate": ["dog"]}, "unknown source to evaluate 'dog'"),
         ({"compare": [["all"]]}, "pairs"),
         ({"compare": [["all", "none"]]}, "'none'; valid: all, alone, even"),
-        ({"holdout": "room"}, "'room'; valid: auto, scene, split, trajectory"),
+        ({"holdout": "room"}, "'room'; valid: auto, none, scene, split, trajectory"),
         ({"holdout_fraction": 1.0}, "between 0 and 1"),
     ],
 )

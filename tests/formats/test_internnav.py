@@ -329,7 +329,7 @@ DAMAGE: dict[str, str] = {
     "strange header": "truncated or corrupt",
     "negative length": "truncated or corrupt",
     "far away": "column observation.robot_position: 1e\\+200",
-    "no colour": "missing",
+    "no colour": "no such file",
     "fewer rows": "8 rows, 9 colour and 9 depth frames",
     "fewer depths": "9 rows, 9 colour and 7 depth frames",
     "float colour": r"valid: \(T, H, W, 3\) uint8",
@@ -349,7 +349,7 @@ DAMAGE: dict[str, str] = {
     "unnumbered task": "task_index 'x'; valid: a whole number",
     "rows of words": "task_index of its rows; valid: one whole number a row",
     "no instruction": "no instruction for episode 0",
-    "half a line": r"tasks\.jsonl: not readable",
+    "half a line": r"tasks\.jsonl: not JSON",
 }
 
 

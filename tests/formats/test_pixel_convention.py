@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -49,7 +50,8 @@ def distance_to_mesh(points_world_m: Points, bundle: SceneBundle) -> NDArray[np.
     """Distance (N,) [m] of each point to the nearest triangle."""
     visual = bundle.visual()
     mesh = pyvista.PolyData.from_regular_faces(visual.vertices, visual.faces)
-    nearest = mesh.find_closest_cell(points_world_m, return_closest_point=True)[1]
+    found: Any = mesh.find_closest_cell(points_world_m, return_closest_point=True)
+    nearest = found[1]
     return np.linalg.norm(nearest - points_world_m, axis=1)
 
 
@@ -113,7 +115,7 @@ def test_depth_of_lerobot_lies_on_the_mesh(
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
     assemble_dataset([unit], tmp_path / "set", provenance={}, licence="mit", title="Rooms")
-    dataset = LeRobotDataset(
+    dataset: Any = LeRobotDataset(
         "vlnpe/pixels", root=tmp_path / "set", depth_output_unit="m", video_backend="pyav"
     )
     (episode,) = pq.read_table(tmp_path / "set" / "meta" / "episodes").to_pylist()

@@ -24,7 +24,6 @@ from vlnpe.formats.vlnce.files import (
     write_episodes,
     write_vlnce,
 )
-from vlnpe.formats.vlnce.load import FileLimits
 
 PUBLIC = {
     "episodes": [
@@ -120,14 +119,6 @@ def test_a_broken_key_is_named_with_file_and_episode(tmp_path, key):
     assert ("episode 1" if key != "episode_id" else "number 0") in message
 
 
-@pytest.mark.parametrize("value", [float("nan"), float("inf"), True, "1", 10**400])
-def test_positions_must_be_finite_numbers(tmp_path, value):
-    document = copy.deepcopy(PUBLIC)
-    document["episodes"][0]["start_position"][1] = value
-    with pytest.raises(FileFormatError, match="start_position"):
-        read_vlnce(save(tmp_path / "bad.json", document))
-
-
 def test_repeated_ids_are_quarantined(tmp_path):
     document = copy.deepcopy(PUBLIC)
     document["episodes"] *= 2
@@ -161,16 +152,6 @@ def test_one_bad_episode_does_not_cost_the_others(tmp_path, how):
     assert bad.name == "11 (number 1)"
     with pytest.raises(FileFormatError, match="11"):
         read_vlnce(path, strict=True)
-
-
-@pytest.mark.parametrize(
-    "scene_id", ["/etc/passwd.glb", "mp3d/../../x.glb", "C:\\scans\\x.glb", "a\\..\\..\\x.glb"]
-)
-def test_scene_ids_that_leave_their_folder_are_refused(tmp_path, scene_id):
-    document = copy.deepcopy(PUBLIC)
-    document["episodes"].append({**document["episodes"][0], "episode_id": 2, "scene_id": scene_id})
-    with pytest.raises(FileFormatError, match="leads out of the folder"):
-        read_vlnce(save(tmp_path / "a.json", document))
 
 
 RXR = {
@@ -234,53 +215,6 @@ def test_a_changed_record_is_written_changed(tmp_path):
     expected["info"]["checked"] = True
     assert list(episode) == list(expected)
     assert episode == expected
-
-
-def test_bombs_are_refused(tmp_path):
-    path = save(tmp_path / "a.json.gz", PUBLIC)
-    for limits, complaint in [
-        (FileLimits(bytes=100), "decompressed"),
-        (FileLimits(containers=3), "lists and objects"),
-        (FileLimits(depth=3), "nested"),
-        (FileLimits(episodes=0), "1 episodes"),
-    ]:
-        with pytest.raises(FileFormatError, match=complaint):
-            read_vlnce(path, limits=limits)
-    document = copy.deepcopy(PUBLIC)
-    document["episodes"][0]["instruction"]["instruction_text"] = "[{" * 500
-    assert len(read_vlnce(save(path, document)).episodes) == 1  # brackets of a text nest nothing
-    document["episodes"][0]["deep"] = json.loads("[" * 200 + "]" * 200)
-    with pytest.raises(FileFormatError, match="nested"):
-        read_vlnce(save(path, document))
-
-
-@pytest.mark.parametrize(
-    ("content", "complaint"),
-    [
-        (b"", "not JSON"),
-        (b"{", "not JSON"),
-        (b"[]", "episodes"),
-        (b'{"episodes": {}}', "episodes"),
-        (b'{"episodes": [1]}', "not an object"),
-        (b"\xff\xfe\x00", "not JSON"),
-        (gzip.compress(b'{"episodes": []}', mtime=0)[:-6], "broken gzip"),
-        (b"\x1f\x8b junk", "broken gzip"),
-        (b'{"episodes": [' + b"1" * 5000 + b"]}", "not JSON"),
-        (b"[" * 100_000, "JSON|deep"),
-    ],
-)
-def test_files_that_are_something_else(tmp_path, content, complaint):
-    path = tmp_path / "x.json.gz"
-    path.write_bytes(content)
-    with pytest.raises(FileFormatError, match=complaint):
-        read_vlnce(path)
-
-
-def test_missing_file_and_folder(tmp_path):
-    with pytest.raises(FileFormatError, match="no such file"):
-        read_vlnce(tmp_path / "none.json.gz")
-    with pytest.raises(FileFormatError, match="cannot be read"):
-        read_vlnce(tmp_path)
 
 
 numbers = st.floats(-1e4, 1e4)

@@ -207,7 +207,8 @@ def test_labels_are_data(two_rooms):
 
 def test_files_are_instructed_and_only_where_nothing_is_said(two_rooms, tmp_path):
     scenes = two_rooms.root.parent
-    (scenes / "two_rooms").exists() or (scenes / "two_rooms").symlink_to(two_rooms.root)
+    if not (scenes / "two_rooms").exists():
+        (scenes / "two_rooms").symlink_to(two_rooms.root)
     rng = np.random.default_rng(0)
     episodes = sample_episodes(two_rooms, SampleConfig(count=2), rng).episodes
     episodes.append(replace(episode_of(EAST), instruction="Somebody's own words."))
@@ -231,7 +232,8 @@ def test_files_are_instructed_and_only_where_nothing_is_said(two_rooms, tmp_path
 
 def test_a_path_without_a_true_text_is_left_out(two_rooms):
     scenes = two_rooms.root.parent
-    (scenes / "two_rooms").exists() or (scenes / "two_rooms").symlink_to(two_rooms.root)
+    if not (scenes / "two_rooms").exists():
+        (scenes / "two_rooms").symlink_to(two_rooms.root)
     result = instruct_episodes(
         [episode_of(EAST)],
         scenes,

@@ -199,7 +199,8 @@ def test_requests_at_a_time_are_bounded(two_rooms, tmp_path):
         return completion(texts(*GOOD))
 
     scenes = two_rooms.root.parent
-    (scenes / "two_rooms").exists() or (scenes / "two_rooms").symlink_to(two_rooms.root)
+    if not (scenes / "two_rooms").exists():
+        (scenes / "two_rooms").symlink_to(two_rooms.root)
     episodes = [episode_of([(5.2, 0.6 + k / 10), *LEFT[1:]], name=f"p{k}") for k in range(6)]
     with Server(script).running() as server:
         config = InstructConfig(writer="llm", count=1, llm=settings_of(server, workers=2))
@@ -230,7 +231,8 @@ print(json.dumps({"texts": [e.instruction for e in made.episodes], **made.usage(
 
 def test_a_killed_run_goes_on_and_pays_nothing_twice(two_rooms, tmp_path):
     scenes = two_rooms.root.parent
-    (scenes / "two_rooms").exists() or (scenes / "two_rooms").symlink_to(two_rooms.root)
+    if not (scenes / "two_rooms").exists():
+        (scenes / "two_rooms").symlink_to(two_rooms.root)
     answered: list[str] = []
     reached = threading.Event()
     killed = False

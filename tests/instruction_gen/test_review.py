@@ -26,7 +26,8 @@ from vlnpe.instruction_gen.review.server import Review, make_server
 @pytest.fixture
 def review(two_rooms, tmp_path):
     scenes = two_rooms.root.parent
-    (scenes / "two_rooms").exists() or (scenes / "two_rooms").symlink_to(two_rooms.root)
+    if not (scenes / "two_rooms").exists():
+        (scenes / "two_rooms").symlink_to(two_rooms.root)
     episodes = [episode_of(EAST, name="p0"), episode_of(LEFT, name="p1")]
     made = instruct_episodes(episodes, scenes, InstructConfig(), 0)
     return Review(made.episodes, scenes, tmp_path / "review.jsonl")

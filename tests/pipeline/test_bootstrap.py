@@ -207,6 +207,14 @@ def test_an_old_uv_is_not_used(
     assert "no way to get uv" in capsys.readouterr().err
 
 
+def test_pyright_finds_the_package_in_a_checkout_of_any_name(machine: Machine) -> None:
+    link = machine.root / ".venv" / "types" / "vlnpe"
+    for _ in range(2):
+        assert machine.script.main(["full"]) == 0
+        assert link.samefile(machine.root)
+        (machine.root / ".venv" / ".vlnpe-full").unlink()
+
+
 @pytest.mark.parametrize("arguments", [[], ["everything"], ["core", "full"], ["--help"]])
 def test_a_bad_argument_is_refused(
     machine: Machine, arguments: list[str], capsys: pytest.CaptureFixture[str]

@@ -36,6 +36,40 @@ def test_ten_villas_are_distinct_and_keep_their_names() -> None:
     assert names("builtin*2") == ["apartment-0", "apartment-1"]
 
 
+def test_exact_buildings_are_scenes_of_their_own() -> None:
+    (exact,) = parse_builtin("builtin-exact:villa", 3)
+    assert exact == BuiltIn("villa", 3, scanned=False)
+    assert exact.name == "exact-villa-3"
+    assert names("builtin-exact") == ["exact-apartment-0"]
+    keys = {repair.scan_item(b, Path("x")).key for b in (exact, BuiltIn("villa", 3))}
+    assert len(keys) == 2
+
+
+def test_built_in_scenes_can_be_listed_each_with_its_first_seed() -> None:
+    text = "builtin-exact:villa*2@7, builtin:house, builtin*2@3"
+    assert names(text, 1) == [
+        "exact-villa-7",
+        "exact-villa-8",
+        "house-1",
+        "apartment-3",
+        "apartment-4",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("builtin:villa@x", "'x' is not a seed"),
+        ("builtin:villa@-1", "'-1' is not a seed"),
+        ("builtin*3@1,builtin@2", "apartment-2 is asked for twice"),
+        ("builtin,scan.glb", "'scan.glb' is no built-in scene"),
+    ],
+)
+def test_a_bad_list_of_buildings_is_refused(text: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        parse_builtin(text, 0)
+
+
 @pytest.mark.parametrize("text", ["scan.glb", "built", "builtins", "my/builtin", "builtin.glb"])
 def test_anything_else_is_a_file(text: str) -> None:
     assert parse_builtin(text, 0) == []

@@ -8,27 +8,31 @@ import re
 import shutil
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.support import scans
 from tests.support.flips import flipped
+from vlnpe.formats.core.frames import world_to_habitat_position, world_to_habitat_rotation
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.vlnce.files import (
     VlnceEpisode,
     VlnceFile,
+    VlnceGoal,
     read_episodes,
-    read_vlnce,
     write_vlnce,
 )
+from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.engine.ledger import Ledger
 
 pytestmark = pytest.mark.slow
 
 VIEW = "ego-256x256-90deg-baked"
-EPISODES = 3
+SMALL = "ego-96x72-90deg-baked"
+EPISODES = 2
+ONE_WORKER = ("--workers", 1)  # starting a second one costs more than it saves here
 
 
 def vlnpe(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -159,7 +163,7 @@ def test_running_again_does_nothing_and_one_option_redoes_what_depends_on_it(run
     other = last_json(
         vlnpe(
             *("collect", "--episodes", EPISODES, "--out", run_root, "--json"),
-            *("--frames-per-second", 5),
+            *("--frames-per-second", 5, *ONE_WORKER),
             cwd=run_root,
         )
     )
@@ -179,34 +183,43 @@ def test_verify_finds_a_flipped_byte_in_every_file(run_root):
     assert broken.returncode == 1 and "Traceback" not in broken.stderr
 
 
-def foreign(episode: VlnceEpisode, **changes: object) -> VlnceEpisode:
-    """An episode as somebody else's VLN-CE file has it: no keys of ours."""
-    info = {"geodesic_distance": episode.info["geodesic_distance"]}
-    return replace(episode, info=info, scene_id="mp3d/scan/scan.glb", **changes)
+def foreign(number: int, path_world_m: np.ndarray, scene: str = "rooms") -> VlnceEpisode:
+    """Return an episode as somebody else's VLN-CE file has it, without the keys of vlnpe."""
+    path = world_to_habitat_position(path_world_m)
+    return VlnceEpisode(
+        episode_id=number,
+        trajectory_id=number,
+        scene_id=f"mp3d/{scene}/{scene}.glb",
+        start_position_habitat_m=path[0],
+        start_rotation_xyzw=world_to_habitat_rotation(0.0),
+        instruction_text="Walk into the next room.",
+        instruction_tokens=None,
+        goals=(VlnceGoal(path[-1], 3.0),),
+        reference_path_habitat_m=path,
+    )
 
 
-def test_vlnce_episodes_are_filtered_aligned_and_walked(run_root, tmp_path):
-    ours = read_vlnce(run_root / "episodes" / "train.json.gz").episodes
-    stairs = ours[0].reference_path_habitat_m.copy()
-    stairs[len(stairs) // 2 :, 1] += 1.4
-    outside = np.array([300.0, 0.0, 300.0])
+def test_vlnce_episodes_are_filtered_aligned_and_walked(tmp_path):
+    scan = scans.write_glb(scans.two_rooms(1.0), tmp_path / "rooms.glb")
+    path = np.array([[1.0, 2.0, 0.0], [3.0, 2.0, 0.0], [5.0, 2.0, 0.0], [6.5, 2.5, 0.0]])
+    stairs = path + np.array([[0.0, 0.0, 0.0]] * 2 + [[0.0, 0.0, 1.4]] * 2)
+    outside = np.vstack([[300.0, 0.0, 0.0], path])
     episodes = (
-        foreign(ours[0], episode_id=1),
-        foreign(ours[1], episode_id=2, reference_path_habitat_m=stairs),
-        foreign(ours[1], episode_id=3, start_position_habitat_m=outside),
-        replace(foreign(ours[1], episode_id=4), scene_id="mp3d/attic/attic.glb"),
+        foreign(1, path),
+        foreign(2, stairs),
+        foreign(3, outside),
+        foreign(4, path, "attic"),
     )
     write_vlnce(tmp_path / "val.json.gz", VlnceFile(tmp_path / "val.json.gz", episodes))
     done = vlnpe(
-        "collect",
-        *("--scene", run_root / "scans" / "apartment-0" / "scan.glb"),
-        *("--episodes", "val.json.gz", "--out", "run", "--max-failed", 2, "--json"),
+        *("collect", "--scene", scan, "--camera", "ego:96x72:90"),
+        *("--episodes", "val.json.gz", "--out", "run", "--max-failed", 2, "--json", *ONE_WORKER),
         cwd=tmp_path,
     )
     summary = last_json(done)
     walked = read_episodes(tmp_path / "run" / "episodes" / "val.json.gz")
     assert [e.episode_id for e in walked] == ["1"]
-    assert walked[0].instruction == ours[0].instruction_text
+    assert walked[0].instruction == "Walk into the next room."
     assert summary["robots"][0]["collected"] == 100.0
     quarantine = json.loads((tmp_path / "run" / "quarantine.json").read_text())
     reasons = {item["item"]: item["reason"] for item in quarantine["items"]}
@@ -220,13 +233,14 @@ def test_vlnce_episodes_are_filtered_aligned_and_walked(run_root, tmp_path):
 def test_another_robot_and_controller_join_a_run_on_the_same_episodes(run_root, tmp_path):
     shutil.copytree(run_root, tmp_path / "run")
     common = ("--episodes", EPISODES, "--out", "run", "--only-success", "--json")
+    common += ("--camera", "ego:96x72:90", *ONE_WORKER)
     closed = ("--robot", "jetbot", "--controller", "speed", "--closed-loop")
     first = last_json(vlnpe("collect", *closed, "--light", "baked,CL", *common, cwd=tmp_path))
     walked, drawn = first["stages"]["replay"], first["stages"]["render"]
     assert (walked["done"], walked["reused"]) == (EPISODES, 0)  # once, under any light
     assert drawn["done"] == 2 * EPISODES
     kept = {p.name for p in (tmp_path / "run" / "lerobot").iterdir()}
-    assert {f"jetbot-speed-{VIEW}", f"jetbot-speed-{VIEW}".replace("baked", "CL")} <= kept
+    assert {f"jetbot-speed-{SMALL}", f"jetbot-speed-{SMALL}".replace("baked", "CL")} <= kept
     # What joined earlier stays, although discrete actions are timed otherwise now.
     done = last_json(
         vlnpe(
@@ -248,16 +262,16 @@ def test_another_robot_and_controller_join_a_run_on_the_same_episodes(run_root, 
     rows = Ledger(tmp_path / "run").rows("replay")
     walked = [read_rollout(tmp_path / "run" / row.outputs[0]) for row in rows]
     assert len({str(r.episode) for r in walked}) == EPISODES  # the same for everybody
-    ghost = tmp_path / "run" / "lerobot" / f"vlnce-flash-{VIEW}" / "meta" / "info.json"
+    ghost = tmp_path / "run" / "lerobot" / f"vlnce-flash-{SMALL}" / "meta" / "info.json"
     assert "observation.joints" not in json.loads(ghost.read_text())["features"]
     page = (tmp_path / "run" / "report" / "index.html").read_text()
     for title in ("aliengo, path controller", "vlnce, flash controller"):
         assert title in page
 
 
-def test_export_alone_may_keep_depth_as_images(run_root, tmp_path):
+def test_export_alone_may_keep_depth_as_images(run_root, tmp_path, capsys):
     export = ("export", run_root, "--scenes", run_root / "scenes", "--out", "data")
-    last_json(vlnpe(*export, "--depth", "image", "--json", cwd=tmp_path))
+    last_json(vlnpe(*export, "--depth", "image", "--json", *ONE_WORKER, cwd=tmp_path))
     root = tmp_path / "data" / "lerobot" / f"aliengo-path-{VIEW}"
     info = json.loads((root / "meta" / "info.json").read_text())
     assert info["features"]["observation.images.depth"]["dtype"] == "image"
@@ -267,8 +281,9 @@ def test_export_alone_may_keep_depth_as_images(run_root, tmp_path):
     assert made["scenes"]["apartment-0"]["licence"] == "Apache-2.0"
     assert len(made["policy_sha256"]) == 1 and made["instructions"]["composer"]
     assert made["seeds"]["replay"] == [0] and len(made["config_sha256"]) == 64
-    shown = vlnpe("push", root, "--repo", "someone/rooms", cwd=tmp_path)
-    assert shown.returncode == 0 and "nothing was uploaded" in shown.stdout
+    capsys.readouterr()
+    assert main(["push", str(root), "--repo", "someone/rooms"]) == 0
+    assert "nothing was uploaded" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -278,9 +293,10 @@ def test_export_alone_may_keep_depth_as_images(run_root, tmp_path):
         (("render", "--rgb-codec", "vp9"), "av1, h264"),
     ],
 )
-def test_unknown_ways_to_keep_pictures_are_named(run_root, tmp_path, arguments, valid):
+def test_unknown_ways_to_keep_pictures_are_named(run_root, tmp_path, capsys, arguments, valid):
     verb, *options = arguments
-    scenes = ("--scenes", run_root / "scenes", "--out", "out")
-    done = vlnpe(verb, run_root, *scenes, *options, cwd=tmp_path)
-    assert done.returncode == 2 and valid in done.stderr
-    assert not (tmp_path / "out").exists()
+    out = tmp_path / "out"
+    scenes = ("--scenes", str(run_root / "scenes"), "--out", str(out))
+    assert main([verb, str(run_root), *scenes, *options]) == 2
+    assert valid in capsys.readouterr().err
+    assert not out.exists()

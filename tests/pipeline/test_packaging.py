@@ -24,13 +24,14 @@ LAYERS = {
     "instruction_gen": 2.0,
     "scene_repair": 2.0,
     "trajectory_sampler": 2.0,
+    "learning": 2.5,
     "evaluation": 3.0,
     "pipeline": 4.0,
 }
 PACKAGES = sorted(LAYERS)
 MAX_POSITIONAL = 7
-# Packages whose functions still take more.
-LONG_SIGNATURES = {"collectors", "instruction_gen", "pipeline"}
+# Decorators of compiled functions: numba knows no keyword-only parameters and passes no records.
+COMPILED = {"kernel", "njit"}
 
 
 def package_folders() -> list[str]:
@@ -78,7 +79,7 @@ def wheel(tmp_path_factory) -> set[str]:
 
 
 def test_the_wheel_holds_every_source_and_data_file(wheel):
-    suffixes = {".py", ".xml", ".onnx", ".json", ".j2", ".yaml"}
+    suffixes = {".py", ".xml", ".onnx", ".safetensors", ".json", ".j2", ".yaml"}
     missing = [
         path.relative_to(ROOT).as_posix()
         for package in PACKAGES
@@ -106,10 +107,13 @@ def test_packages_import_only_lower_layers():
 
 def test_no_function_takes_more_than_seven_positional_parameters():
     long = []
-    for package in sorted({*PACKAGES, "benchmarks", "examples"} - LONG_SIGNATURES):
+    for package in sorted({*PACKAGES, "benchmarks", "examples", "tests"}):
         for path in sorted((ROOT / package).rglob("*.py")):
             for node in ast.walk(ast.parse(path.read_text())):
                 if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                    continue
+                calls = [d.func for d in node.decorator_list if isinstance(d, ast.Call)]
+                if any(isinstance(f, ast.Name) and f.id in COMPILED for f in calls):
                     continue
                 names = [a.arg for a in (*node.args.posonlyargs, *node.args.args)]
                 count = len(names) - (names[:1] in (["self"], ["cls"]))

@@ -121,6 +121,8 @@ def test_the_whole_chain_stays_at_home(tmp_path: Path):
     scan = scans.write_glb(scans.two_rooms(1.0), tmp_path / "scan.glb")
     scene = ("--scene", scan, "--episodes", 1, "--min-length-m", 2, "--min-crossings", 0)
     robots = ("--robot", "h1,vlnce", "--light", "baked,CL", "--camera", "ego:96x72:90")
-    trace = traced(tmp_path, "collect", *scene, *robots, "--out", tmp_path / "out" / "run")
+    trace = traced(
+        tmp_path, "collect", *scene, *robots, "--out", tmp_path / "out" / "run", "--workers", 1
+    )
     assert (tmp_path / "out" / "run" / "report" / "index.html").is_file()
     check(trace, tmp_path)

@@ -61,7 +61,7 @@ def write_matterport(folder: Path, turn: np.ndarray) -> Path:
         for material in tree["materials"]:
             material["extensions"] = {"KHR_materials_unlit": {}}
 
-    path.write_bytes(scene.export(file_type="glb", tree_postprocessor=unlit))
+    scene.export(str(path), tree_postprocessor=unlit)
     return path
 
 
@@ -113,11 +113,11 @@ def test_what_is_labelled_twice_is_taken_once(tmp_path: Path) -> None:
 
 
 def test_nodes_already_named_are_not_doubled(tmp_path: Path) -> None:
-    table = trimesh.util.concatenate(scans.table(1.0, 1.0))
+    table = scans.joined(scans.table(1.0, 1.0))
     parts = {
         "Floor_1": scans.sheet((0, 0), (5, 4), step=1.0),
         "DiningTable_1": table,
-        "Walls_1": trimesh.util.concatenate(scans.walls((0, 0), (5, 4))),
+        "Walls_1": scans.joined(scans.walls((0, 0), (5, 4))),
     }
     source = scans.write_named_glb(parts, tmp_path / "home.glb")
     (tmp_path / "home.house").write_text(HOUSE)

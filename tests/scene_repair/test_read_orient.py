@@ -46,8 +46,8 @@ def turned(scan: Scan, rotation: np.ndarray, factor: float) -> Scan:
 def rotation(yaw: float, tilt: float, towards: float, axis: int) -> np.ndarray:
     """About z, then tilted, then z brought to another axis."""
     matrix = trimesh.transformations.rotation_matrix
-    lean = matrix(tilt, (np.cos(towards), np.sin(towards), 0))[:3, :3]
-    return np.roll(np.eye(3), axis, axis=0) @ lean @ matrix(yaw, (0, 0, 1))[:3, :3]
+    lean = np.asarray(matrix(tilt, (np.cos(towards), np.sin(towards), 0)))[:3, :3]
+    return np.roll(np.eye(3), axis, axis=0) @ lean @ np.asarray(matrix(yaw, (0, 0, 1)))[:3, :3]
 
 
 def check(scan: Scan, turn: np.ndarray, unit: str, within_deg: float = 0.5) -> None:
@@ -119,7 +119,7 @@ def test_a_unit_that_does_not_fit_is_doubted_aloud() -> None:
 
 def test_floors_named_so_tell_up_from_down() -> None:
     """A room with nothing in it has no other sign of which end is up."""
-    room = trimesh.util.concatenate(
+    room = scans.joined(
         [
             scans.sheet((0, 0), (6, 5), step=1.0),
             *scans.walls((0, 0), (6, 5)),
@@ -142,14 +142,14 @@ def test_where_the_floor_slopes_the_walls_decide() -> None:
     slope = np.deg2rad(2.5)
     floor = scans.sheet((0, 0), (6, 5), step=0.5)
     floor.vertices[:, 2] = np.tan(slope) * floor.vertices[:, 0]
-    room = trimesh.util.concatenate([floor, *scans.walls((0, 0), (6, 5))])
+    room = scans.joined([floor, *scans.walls((0, 0), (6, 5))])
     scan = named(as_scan(room.vertices, room.faces), "z", "m")
     assert not orient(scan, RepairConfig()).evidence["levelled"]
 
 
 def corner_of_a_room() -> trimesh.Trimesh:
     """What a phone sees in a corner: two walls to 1.7 m, 1.6 × 1.7 m of floor, a chest, a shelf."""
-    return trimesh.util.concatenate(
+    return scans.joined(
         [
             scans.sheet((0, 0), (1.6, 1.7)),
             scans.box((-0.1, 0, 0), (0, 1.7, 1.7)),

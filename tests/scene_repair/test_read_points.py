@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,9 +29,10 @@ def cloud(spacing: float = 0.06) -> tuple[np.ndarray, np.ndarray]:
     """Points of a room as a scanner in its middle sees them, with 3 mm noise, and colours."""
     table = scans.box((1.0, 1.0, 0.0), (2.2, 1.8, 0.75))
     shell = scans.box((0, 0, 0), SIZE)
-    both = trimesh.util.concatenate([shell, table])
+    both = scans.joined([shell, table])
     rng = np.random.default_rng(0)
-    points, faces = trimesh.sample.sample_surface(both, int(both.area / spacing**2), seed=0)
+    sampled: Any = trimesh.sample.sample_surface(both, int(both.area / spacing**2), seed=0)
+    points, faces = sampled
     colors = np.where(both.face_normals[faces][:, 2:3] > 0.5, (0.8, 0.2, 0.2), (0.3, 0.4, 0.6))
     # What stands on the floor hides it.
     hidden = np.all((points >= (1.0, 1.0, -1)) & (points <= (2.2, 1.8, 1e-6)), axis=1)
@@ -44,7 +46,7 @@ def write_pcd(path: Path, points: np.ndarray, colors: np.ndarray, kind: str) -> 
     made = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
     made.colors = o3d.utility.Vector3dVector(colors)
     o3d.io.write_point_cloud(
-        str(path), made, write_ascii=kind == "ascii", compressed=kind == "binary_compressed"
+        path, made, write_ascii=kind == "ascii", compressed=kind == "binary_compressed"
     )
 
 

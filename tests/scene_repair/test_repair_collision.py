@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -114,7 +115,7 @@ def test_doorway_stays_passable(width: float, offset: float, tmp_path: Path) -> 
     assert field.at((7.0 + offset, 2.0 + offset))[()] == pytest.approx(6.0, abs=0.4)
     # The boxes leave as much width as the scan, less a centimetre for rounding.
     across = np.arange(2.0 - width / 2 + 0.005, 2.0 + width / 2 - 0.005, 0.01)
-    line = np.column_stack([np.full_like(across, 4.05), across, np.full_like(across, 1.0)])
+    line: Any = np.column_stack([np.full_like(across, 4.05), across, np.full_like(across, 1.0)])
     line += (offset, offset, 0.0)
     assert not inside_boxes(bundle.obstacles(0), line).any()
 
@@ -169,7 +170,7 @@ def test_boxes_cover_what_they_must_and_nothing_else(seed: int, must: float, may
     owner = np.where(pick < must / 2, 3, -1).astype(np.int32)
     boxes = cover_with_boxes(Voxels(grid, 0.0, lower, upper, owner), state)
     i, j, k = np.indices(shape).reshape(3, -1)
-    centers = np.stack([j + 0.5, i + 0.5, k + 0.5], axis=1)
+    centers: Any = np.stack([j + 0.5, i + 0.5, k + 0.5], axis=1)
     covered = inside_boxes(boxes, centers).reshape(shape)
     assert covered[state == MUST].all()
     assert not covered[state == NEVER].any()

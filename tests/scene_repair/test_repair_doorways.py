@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -33,9 +34,9 @@ def placed(
     parts: list[trimesh.Trimesh], dx: float, dy: float, degrees: float
 ) -> tuple[trimesh.Trimesh, NDArray[np.float64]]:
     """The parts as one mesh, turned and shifted, and the (4, 4) that did it."""
-    move = rotation_matrix(np.deg2rad(degrees), (0, 0, 1))
+    move = np.asarray(rotation_matrix(np.deg2rad(degrees), (0, 0, 1)))
     move[:2, 3] = dx, dy
-    mesh = trimesh.util.concatenate(parts)
+    mesh = scans.joined(parts)
     mesh.apply_transform(move)
     return mesh, move
 
@@ -117,7 +118,7 @@ def test_thin_legs_are_never_lost(
     mesh, move = placed(parts, dx, dy, degrees)
     collision = collision_of(mesh, move, (2.5, 2.5))
     center = at(move, (1.0, 1.2))[0]
-    axis = np.column_stack([np.tile(center[:2], (60, 1)), np.linspace(0.05, 0.69, 60)])
+    axis: Any = np.column_stack([np.tile(center[:2], (60, 1)), np.linspace(0.05, 0.69, 60)])
     assert held(collision.obstacles, axis, 0.013).all()
     assert not collision.freemap.traversable[tuple(collision.freemap.grid.cell_of(center[:2]))]
     # Nothing else grew: a body beside it passes.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,9 @@ import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
+from trimesh.exchange.gltf import export_gltf
+from trimesh.visual import ColorVisuals, TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 from tests.support import scans
 from vlnpe.formats.core.errors import FileFormatError, InputError, SceneError, UnknownNameError
@@ -34,7 +38,7 @@ def small_room() -> trimesh.Trimesh:
     shell = scans.box((0, 0, 0), SIZE)
     shell.invert()
     parts = [shell, *scans.table(0.5, 0.5), *scans.table(2.5, 2.0)]
-    return trimesh.util.concatenate([trimesh.Trimesh(p.vertices, p.faces) for p in parts])
+    return scans.joined([trimesh.Trimesh(p.vertices, p.faces) for p in parts])
 
 
 @pytest.mark.parametrize("suffix", ["glb", "gltf", "obj", "ply", "stl", "off"])
@@ -44,7 +48,7 @@ def test_formats_give_the_same_triangles(suffix: str, tmp_path: Path) -> None:
     if suffix in ("glb", "gltf"):
         mesh.apply_transform(scans.TO_Y_UP)
     if suffix == "gltf":
-        for name, data in trimesh.exchange.gltf.export_gltf(trimesh.Scene(mesh)).items():
+        for name, data in export_gltf(trimesh.Scene(mesh)).items():
             (tmp_path / name).write_bytes(data)
         (tmp_path / "model.gltf").rename(path)
     else:
@@ -120,9 +124,7 @@ def test_tilted_scan_is_levelled(tilt_deg: float, tmp_path: Path) -> None:
 
 def test_base_colors_become_srgb(tmp_path: Path) -> None:
     mesh = small_room()
-    mesh.visual = trimesh.visual.TextureVisuals(
-        material=trimesh.visual.material.PBRMaterial(baseColorFactor=[127, 0, 255, 255])
-    )
+    mesh.visual = TextureVisuals(material=PBRMaterial(baseColorFactor=[127, 0, 255, 255]))
     path = tmp_path / "scan.glb"
     mesh.export(str(path))
     color = read_mesh(path).materials[0].base_color
@@ -134,7 +136,7 @@ def test_vertex_colors_are_baked(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     # Ramps that stay in range when continued beyond the triangle are exact.
     colors = rng.integers(100, 155, (len(mesh.vertices), 4), dtype=np.uint8)
-    mesh.visual.vertex_colors = colors
+    mesh.visual = ColorVisuals(mesh, vertex_colors=colors)
     path = tmp_path / "scan.ply"
     mesh.export(str(path))
     scan = read_mesh(path)
@@ -397,7 +399,7 @@ def test_impossible_scale(scale: float, size: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("field", [{"up": "w"}, {"unit": "parsec"}])
-def test_unknown_settings(field: dict[str, str]) -> None:
+def test_unknown_settings(field: dict[str, Any]) -> None:
     with pytest.raises(UnknownNameError, match="valid: "):
         RepairConfig(**field)
 

@@ -13,7 +13,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-import trimesh
 from numpy.typing import NDArray
 from PIL import Image
 from pxr import Usd, UsdGeom, Vt
@@ -166,7 +165,7 @@ def test_step_that_the_repair_made_is_found(copied: SceneBundle) -> None:
     faces = patch_faces(copied)
 
     def lift(arrays: Arrays) -> None:
-        corners = arrays["vertices"][arrays["faces"][faces]] + np.float32([0, 0, 0.025])
+        corners = arrays["vertices"][arrays["faces"][faces]] + np.array([0, 0, 0.025], np.float32)
         first = len(arrays["vertices"])
         arrays["vertices"] = np.concatenate([arrays["vertices"], corners.reshape(-1, 3)])
         arrays["faces"][faces] = first + np.arange(3 * len(faces)).reshape(-1, 3)
@@ -302,7 +301,7 @@ def test_balls_fall_through_what_is_wider_than_they(
     """A slit lets a ball of 2 cm pass if it is wider than the ball, whichever way faces look."""
     left, right = scans.sheet((0, 0), (0.5, 1), step=0.1), scans.sheet((0.5, 0), (1, 1), step=0.1)
     right.apply_translation((width, 0, 0))
-    sheet = trimesh.util.concatenate([left, right])
+    sheet = scans.joined([left, right])
     triangles = np.asarray(sheet.triangles, dtype=np.float32)
     triangles = triangles[:, ::-1] if turned else triangles
     start = np.array([[0.5 + width / 2, 0.5, 0.0], [0.2, 0.5, 0.0], [0.51 + width, 0.2, 0.0]])

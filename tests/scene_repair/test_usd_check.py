@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ CRATE = "/World/Objects/Crate_1"
 FLOOR = "/World/Collision/Floor_0"
 
 
-def content(**changes: object) -> UsdContent:
+def content(**changes: Any) -> UsdContent:
     """Two triangles of a crate with two materials, and one triangle of no named thing."""
     visual = VisualMesh(
         vertices=np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1]], np.float32),
@@ -36,7 +37,7 @@ def content(**changes: object) -> UsdContent:
     grid = GridSpec((0.0, 0.0), 0.05, 8, 8)
     floor = Floor(grid, np.zeros(grid.shape, np.float32), np.eye(8, dtype=bool))
     boxes = Obstacles(np.full((2, 3), 0.5), np.full((2, 3), 0.1), np.array([0, -1], np.int32))
-    parts = {
+    parts: dict[str, Any] = {
         "visual": visual,
         "materials": (Material("red paint", texture="textures/red.png"), Material("red_paint")),
         "labels": ("crate",),

@@ -7,11 +7,13 @@ import json
 import re
 import struct
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import trimesh
 from hypothesis import strategies as st
 from PIL import Image
+from trimesh.visual.color import ColorVisuals
 from trimesh.visual.material import PBRMaterial
 from trimesh.visual.texture import TextureVisuals
 
@@ -82,6 +84,12 @@ WORDS = [
 ]
 
 
+def exported(shape: Any, kind: str, **options: Any) -> bytes:
+    """Return a mesh or scene of trimesh as a file of a kind."""
+    data = shape.export(file_type=kind, **options)
+    return data.encode() if isinstance(data, str) else data
+
+
 def sound_files() -> dict[str, bytes]:
     """One small file of each format."""
     mesh = scans.sheet((0, 0), (2, 2), step=1.0)
@@ -94,15 +102,16 @@ def sound_files() -> dict[str, bytes]:
     scene.add_geometry(textured, node_name="Floor_1")
     scene.add_geometry(scans.box((0, 0, 0), (1, 1, 1)), node_name="Box_1")
     colored = mesh.copy()
-    colored.visual.vertex_colors = np.arange(4 * len(mesh.vertices)).reshape(-1, 4) % 255
+    rgba = np.arange(4 * len(mesh.vertices)).reshape(-1, 4) % 255
+    colored.visual = ColorVisuals(colored, vertex_colors=rgba)
     points = np.arange(16, dtype="<f4").tobytes()
     return {
-        "glb": scene.export(file_type="glb"),
-        "obj": b"mtllib a.mtl\no Floor_1\nusemtl a\n" + mesh.export(file_type="obj").encode(),
-        "ply": colored.export(file_type="ply"),
-        "ascii.ply": colored.export(file_type="ply", encoding="ascii"),
-        "stl": mesh.export(file_type="stl"),
-        "off": mesh.export(file_type="off").encode(),
+        "glb": exported(scene, "glb"),
+        "obj": b"mtllib a.mtl\no Floor_1\nusemtl a\n" + exported(mesh, "obj"),
+        "ply": exported(colored, "ply"),
+        "ascii.ply": exported(colored, "ply", encoding="ascii"),
+        "stl": exported(mesh, "stl"),
+        "off": exported(mesh, "off"),
         "usda": USDA,
         "pcd": PCD + points,
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +58,8 @@ def exact_freemap(home: TrueScene, storey: int = 0, cell_m: float = 0.05) -> Fre
 def unreachable(home: TrueScene, storey: int, radius_m: float) -> list[str]:
     """Rooms that a disc of `radius_m` cannot enter from the largest connected free floor."""
     space, plan = exact_freemap(home, storey), home.storeys[storey]
-    groups, _ = label(space.free(radius_m), np.ones((3, 3)))
+    labelled: Any = label(space.free(radius_m), np.ones((3, 3)))
+    groups, _ = labelled
     main = np.bincount(groups[groups > 0]).argmax()
     rows, columns = np.indices(groups.shape)
     xy = space.grid.center_of(np.stack([rows, columns], -1))

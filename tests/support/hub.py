@@ -247,7 +247,7 @@ class _Handler(BaseHTTPRequestHandler):
     # What clients ask.
 
     def _create(self) -> None:
-        asked = json.loads(self.body)
+        asked = json.loads(self.body or b"")
         name = f"{asked['organization']}/{asked['name']}"
         if not self._signed_in():
             self._error(401, "", "Invalid username or password.")
@@ -351,9 +351,9 @@ class _Handler(BaseHTTPRequestHandler):
         if oid is None:
             return
         asked = (
-            json.loads(self.body)["paths"]
+            json.loads(self.body or b"")["paths"]
             if "json" in self.headers.get("Content-Type", "")
-            else parse_qs(self.body.decode())["paths"]
+            else parse_qs((self.body or b"").decode())["paths"]
         )
         files, found = repo.commits[oid], []
         for path in [asked] if isinstance(asked, str) else asked:
@@ -374,7 +374,7 @@ class _Handler(BaseHTTPRequestHandler):
                         "shouldIgnore": False,
                         "oid": files[file["path"]].etag if file["path"] in files else None,
                     }
-                    for file in json.loads(self.body)["files"]
+                    for file in json.loads(self.body or b"")["files"]
                 ]
             }
         )
@@ -383,7 +383,7 @@ class _Handler(BaseHTTPRequestHandler):
         if self._repo(name, write=True) is None:
             return
         objects = []
-        for asked in json.loads(self.body)["objects"]:
+        for asked in json.loads(self.body or b"")["objects"]:
             value = {"oid": asked["oid"], "size": asked["size"]}
             if asked["oid"] not in self.state.blobs:
                 upload = {"href": f"{self.state.url}/lfs/{asked['oid']}", "header": {}}
@@ -420,7 +420,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._json({"commitUrl": f"{self._url(name)}/commit/{oid}", "commitOid": oid})
 
     def _tag(self, repo: Repo, revision: str) -> None:
-        oid, tag = self._at(repo, revision), json.loads(self.body)["tag"]
+        oid, tag = self._at(repo, revision), json.loads(self.body or b"")["tag"]
         if oid is None:
             return
         if tag in repo.tags:

@@ -12,6 +12,7 @@ import numpy as np
 import trimesh
 from PIL import Image
 
+from tests.support.scans import joined
 from vlnpe.formats.scene.bundle import (
     Floor,
     LabeledObject,
@@ -62,7 +63,7 @@ def write_two_rooms(root: Path) -> SceneBundle:
     for _, category, lower, upper, material in PARTS:
         box = trimesh.creation.box(bounds=[lower, upper])
         meshes.append((box, material, labels.index(category)))
-    merged = trimesh.util.concatenate([m for m, _, _ in meshes])
+    merged = joined([m for m, _, _ in meshes])
     faces = np.asarray(merged.faces, dtype=np.int32)
     vertices = np.asarray(merged.vertices, dtype=np.float32)
     counts = [len(m.faces) for m, _, _ in meshes]

@@ -23,8 +23,8 @@ TO_Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
 
 def sheet(
-    lower: Sequence[float],
-    upper: Sequence[float],
+    lower: Sequence[float] | Array,
+    upper: Sequence[float] | Array,
     z: float = 0.0,
     step: float = 0.05,
     without: Inside | None = None,
@@ -49,6 +49,13 @@ def sheet(
         faces = faces[:, ::-1]
     mesh = trimesh.Trimesh(points, faces, process=False)
     mesh.remove_unreferenced_vertices()
+    return mesh
+
+
+def joined(parts: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
+    """Return one mesh of all parts."""
+    mesh = trimesh.util.concatenate(list(parts))
+    assert isinstance(mesh, trimesh.Trimesh)
     return mesh
 
 
@@ -109,7 +116,7 @@ def two_rooms(door_m: float, without: Inside | None = None) -> list[trimesh.Trim
 
 def write_glb(parts: Sequence[trimesh.Trimesh], path: Path) -> Path:
     """Write the parts as one unnamed mesh, as a scanner would."""
-    mesh = trimesh.util.concatenate([trimesh.Trimesh(p.vertices, p.faces) for p in parts])
+    mesh = joined([trimesh.Trimesh(p.vertices, p.faces) for p in parts])
     mesh.apply_transform(TO_Y_UP)
     trimesh.Scene({"geometry_0": mesh}).export(str(path))
     return path

@@ -93,3 +93,10 @@ def die(path: Path) -> ItemResult:
 
 def fill_disk(path: Path) -> ItemResult:
     raise OSError(28, "No space left on device", str(path))
+
+
+def write_late(path: Path, text: str, seconds: float, started: Path | None = None) -> ItemResult:
+    if started is not None:
+        started.touch()
+    time.sleep(seconds)
+    return write(path, text)

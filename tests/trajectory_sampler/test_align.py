@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ from vlnpe.wayfinding.planning import segments_free
 CONFIG = AlignConfig()
 
 
-def foreign(path_world, name=1, yaw=0.0, **changes) -> VlnceEpisode:
+def foreign(path_world, name: int | str = 1, yaw=0.0, **changes) -> VlnceEpisode:
     path = world_to_habitat_position(np.asarray(path_world, dtype=float))
     record = VlnceEpisode(
         episode_id=name,
@@ -41,7 +42,7 @@ def foreign(path_world, name=1, yaw=0.0, **changes) -> VlnceEpisode:
     return replace(record, **changes)
 
 
-def align(*episodes, bundles=None, config=CONFIG):
+def align(*episodes, bundles: Any, config=CONFIG):
     return align_episodes(VlnceFile(Path("val_unseen.json.gz"), episodes), bundles, config)
 
 
@@ -235,7 +236,7 @@ def test_reported_step_is_the_first_too_high(heights, limit):
 
 
 def test_each_rule_and_their_combinations(two_rooms):
-    tower = {"two_rooms": TwoLevels(two_rooms)}
+    tower: Any = {"two_rooms": TwoLevels(two_rooms)}
     ramp = [(1.0, 1.0, 0.0)] + [(4.0 + 0.1 * k, 2.0, 0.25 * k) for k in range(13)]
     file = VlnceFile(
         Path("val_seen.json.gz"),

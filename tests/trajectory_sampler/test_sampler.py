@@ -7,6 +7,7 @@ import shutil
 from collections import Counter
 from dataclasses import replace
 from itertools import combinations, product
+from typing import cast
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from hypothesis.extra.numpy import arrays
 from vlnpe.formats.core.errors import InputError, SceneError
 from vlnpe.formats.core.frames import wrap_angle
 from vlnpe.formats.core.geometry import path_length, resample
-from vlnpe.formats.scene.bundle import LabeledObject, load_bundle
+from vlnpe.formats.scene.bundle import LabeledObject, SceneBundle, load_bundle
 from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.trajectory_sampler.config import MEASURES, SampleConfig
@@ -167,7 +168,7 @@ def test_rooms_without_labels_are_found_by_the_walls(unlabelled):
     assert left != right
     assert {int(left), int(right)} == {0, 1}
     assert door == -1  # inside the wall
-    border = [x for x in np.arange(3.0, 5.0, 0.05) if regions.at((x, 2.0)) == left]
+    border = [x for x in np.arange(3.0, 5.0, 0.05).tolist() if regions.at((x, 2.0)) == left]
     assert max(border) == pytest.approx(4.0, abs=0.3)
 
 
@@ -211,7 +212,7 @@ def test_small_furniture_and_lamps_are_no_walls(unlabelled):
                 half_m=np.vstack([boxes.half_m, half]),
             )
 
-    after = region_map(Furnished(), 0)
+    after = region_map(cast(SceneBundle, Furnished()), 0)
     assert np.array_equal(before.region, after.region)
 
 
@@ -336,7 +337,7 @@ def test_every_component_counts(two_rooms, tmp_path):
     path = root / "levels" / "0" / "freemap.npz"
     content = dict(np.load(path))
     grid = two_rooms.freemap(0).grid
-    x = grid.center_of(np.stack(np.indices(grid.shape), axis=-1))[..., 0]
+    x = grid.center_of(np.moveaxis(np.indices(grid.shape), 0, -1))[..., 0]
     blocked = (x > 3.7) & (x < 4.3)
     np.savez(path, **{**content, "traversable": content["traversable"] & ~blocked})
     result = sample(load_bundle(root), count=6, min_length_m=2.0, min_crossings=0, min_gap_m=0.8)
@@ -367,7 +368,7 @@ def test_walls_thinner_than_a_cell_are_walls(unlabelled):
             boxes = unlabelled.obstacles(level)
             return replace(boxes, half_m=np.where(boxes.half_m == 0.05, 0.01, boxes.half_m))
 
-    regions = region_map(Thin(), 0)
+    regions = region_map(cast(SceneBundle, Thin()), 0)
     left, right = regions.at([[1.0, 1.0], [7.0, 3.0]])
     assert left != right
     assert regions.at((4.0, 0.5)) == -1
@@ -396,7 +397,7 @@ def small_room(two_rooms, tmp_path):
     path = root / "levels" / "0" / "freemap.npz"
     arrays = dict(np.load(path))
     grid = two_rooms.freemap(0).grid
-    x = grid.center_of(np.stack(np.indices(grid.shape), axis=-1))[..., 0]
+    x = grid.center_of(np.moveaxis(np.indices(grid.shape), 0, -1))[..., 0]
     np.savez(path, **{**arrays, "traversable": arrays["traversable"] & (x < 3.9)})
     return load_bundle(root)
 
@@ -416,7 +417,7 @@ def bedroom(two_rooms, tmp_path):
     path = root / "levels" / "0" / "freemap.npz"
     arrays = dict(np.load(path))
     grid = two_rooms.freemap(0).grid
-    x, y = np.moveaxis(grid.center_of(np.stack(np.indices(grid.shape), axis=-1)), -1, 0)
+    x, y = np.moveaxis(grid.center_of(np.moveaxis(np.indices(grid.shape), 0, -1)), -1, 0)
     free = (x > 0) & (x < 5) & (y > 0) & (y < 4)
     furniture = {"bed": (0, 2.1, 1.2, 2.8), "wardrobe": (3.0, 5, 3.4, 4)}
     furniture |= {"desk": (3.4, 5, 0, 0.7), "chair": (3.9, 4.4, 0.7, 1.1)}

@@ -24,6 +24,7 @@ from ..interface import Renderer
 from ..light.lights import get_light
 from ..scene.robot_body import RobotBody, RobotGeometryPose
 from .extras import Extras, write_extras
+from .mounting import body_for
 from .views import VIEWS, CameraPath, Shot, View
 
 Picture = tuple[NDArray[np.uint8], NDArray[np.float32]]
@@ -79,7 +80,7 @@ class RolloutFrames:
                 f"not {renderer.name} with {renderer.light}"
             )
         robot = robot or get_robot(rollout.robot)
-        body = RobotBody(robot.build_model(floor=False), rollout.joint_names)
+        body = body_for(robot, rollout.joint_names, view)
         shot = Shot(rollout, samples, view.camera, robot, body, renderer)
         kind = VIEWS[view.kind]
         carried = get_light(view.light).lamp > 0 and not kind.onboard
@@ -98,7 +99,9 @@ class RolloutFrames:
 
     def _instant(
         self, n: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], RobotGeometryPose, float, Pose | None]:
+    ) -> tuple[
+        NDArray[np.float64], NDArray[np.float64], RobotGeometryPose | None, float, Pose | None
+    ]:
         """Return the arguments of `Renderer.render` for frame `n`, after the camera."""
         sample = self.sample_index[n]
         state = (
@@ -109,7 +112,7 @@ class RolloutFrames:
         return (
             self.path.position_world_m[n],
             self.path.quat_wxyz[n],
-            self.body.pose(*state),
+            self.body.pose(*state) if self.view.shows_robot else None,
             float(self.path.cut_above_m[n]),
             self.body.camera_pose(self.lamp, *state) if self.lamp else None,
         )
@@ -209,6 +212,8 @@ def _facts(
         "robot": rollout.robot,
         "controller": rollout.controller,
         "view": view.name,
+        "camera_height_m": view.height_m,
+        "camera_pitch_down_deg": view.pitch_down_deg,
         "kind": view.kind,
         "renderer": view.renderer,
         "light": view.light,

@@ -72,27 +72,58 @@ class View:
         camera: intrinsics.
         light: name of the light.
         renderer: name of the renderer.
+        height_m: height of an `ego` camera above the floor of the standing robot; None = the
+            robot's own.
+        pitch_down_deg: its downward tilt [deg]; None = the robot's own.
     """
 
     kind: str
     camera: CameraModel
     light: str = "baked"
     renderer: str = "embree"
+    height_m: float | None = None
+    pitch_down_deg: float | None = None
 
     @property
     def name(self) -> str:
-        """Folder name: kind, resolution, field of view and light."""
+        """Folder name: kind, resolution, field of view, moved camera, and light."""
         c = self.camera
-        return f"{self.kind}-{c.width_px}x{c.height_px}-{c.hfov_deg:g}deg-{self.light}"
+        size = f"{c.width_px}x{c.height_px}-{c.hfov_deg:g}deg"
+        return f"{self.kind}-{size}{self.moved}-{self.light}"
+
+    @property
+    def moved(self) -> str:
+        """Part of the name that tells height and pitch; empty for the robot's own."""
+        height = "" if self.height_m is None else f"-{self.height_m:g}m"
+        return height + ("" if self.pitch_down_deg is None else f"-pitch{self.pitch_down_deg:g}")
+
+    @property
+    def shows_robot(self) -> bool:
+        """Whether the robot's body is drawn; a camera moved off its mount may stand inside it."""
+        return self.height_m is None
 
 
 @dataclass(frozen=True, kw_only=True)
 class CameraOverrides:
-    """Intrinsics that replace those of a view kind; None = the kind's default."""
+    """What replaces intrinsics and mounting of a view kind; None = the kind's default.
+
+    Height and pitch are those of `View`, and move `ego` cameras only.
+    """
 
     width_px: int | None = None
     height_px: int | None = None
     hfov_deg: float | None = None
+    height_m: float | None = None
+    pitch_down_deg: float | None = None
+
+    def check(self) -> None:
+        """Raise InputError if the camera cannot be mounted like that."""
+        if self.height_m is not None and not 0.05 <= self.height_m <= 3.0:
+            raise InputError(f"camera height {self.height_m:g} m; valid: 0.05 to 3")
+        if self.pitch_down_deg is not None and not -90.0 <= self.pitch_down_deg <= 90.0:
+            raise InputError(
+                f"camera pitch {self.pitch_down_deg:g}°; valid: -90 (up) to 90 (straight down)"
+            )
 
 
 def make_view(
@@ -104,8 +135,12 @@ def make_view(
     hfov_deg: float | None = None,
     light: str = "baked",
     renderer: str = "embree",
+    height_m: float | None = None,
+    pitch_down_deg: float | None = None,
 ) -> View:
     """Return a view of kind `kind` of a robot or its name; None = the kind's default.
+
+    Height and pitch move `ego` cameras only.
 
     Raises:
         UnknownNameError: no such kind or robot; the message lists the valid names.
@@ -120,7 +155,8 @@ def make_view(
         height_px=default.height_px if height_px is None else height_px,
         hfov_deg=default.hfov_deg if hfov_deg is None else hfov_deg,
     )
-    return View(kind, camera, light, renderer)
+    mounting = (height_m, pitch_down_deg) if kind == "ego" else (None, None)
+    return View(kind, camera, light, renderer, *mounting)
 
 
 CAMERA = re.compile(r"(?P<kind>[a-z_]+)(:(?P<width>\d+)x(?P<height>\d+))?(:(?P<hfov>[\d.]+))?")
@@ -135,15 +171,16 @@ def parse_views(
     Args:
         text: one or more cameras, separated by commas.
         robot: robot or its name.
-        defaults: intrinsics of cameras that do not specify their own.
+        defaults: intrinsics of cameras that do not specify their own, height and pitch of `ego`.
         light: name of the light.
         renderer: name of the renderer.
 
     Raises:
         UnknownNameError: no such kind or robot; the message lists the valid names.
-        InputError: a camera cannot be parsed, has a size that video codecs do not support, or is
-            given twice.
+        InputError: a camera cannot be parsed, has a size that video codecs do not support, cannot
+            be mounted as `defaults` has it, or is given twice.
     """
+    defaults.check()
     views = []
     for word in text.split(","):
         found = CAMERA.fullmatch(word.strip())
@@ -159,6 +196,8 @@ def parse_views(
             hfov_deg=float(found["hfov"]) if found["hfov"] else defaults.hfov_deg,
             light=light,
             renderer=renderer,
+            height_m=defaults.height_m,
+            pitch_down_deg=defaults.pitch_down_deg,
         )
         views.append(view)
         camera = view.camera

@@ -157,6 +157,14 @@ class RobotBody:
         rotation = self._data.cam_xmat[index].reshape(3, 3) @ OPTICAL_TO_OPENGL
         return self._data.cam_xpos[index].copy(), matrix_to_quat(rotation)
 
+    def carrier_pose(self, camera: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return position (3,) [m] and rotation (3, 3) of the body that carries a camera.
+
+        It is that of the last `pose` or `camera_pose`.
+        """
+        carrier = self._data.body(int(self.model.camera(camera).bodyid[0]))
+        return carrier.xpos.copy(), carrier.xmat.reshape(3, 3).copy()
+
     def _move(self, position: ArrayLike, quat: ArrayLike, joints: ArrayLike) -> None:
         qpos = self._data.qpos
         qpos[self._base : self._base + 3] = position

@@ -5,17 +5,18 @@ from __future__ import annotations
 import difflib
 import math
 import re
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ....formats.core.camera import CameraModel
-from ....formats.core.errors import FileFormatError
+from ....formats.core.documents import read_toml
+from ....formats.core.errors import FileFormatError, brief
 from ..parts import CommandLimits, FallThresholds, Foot, WheelDrive
 
 FACTS_NAME = "robot.toml"
+MAX_FIELD = 120  # characters of a field's name in an error message
 NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 
 
@@ -51,13 +52,9 @@ def read_facts(path: Path) -> FolderFacts:
         FileFormatError: the file is missing or no TOML, or a field is missing, unknown or of the
             wrong type; the message names the field and what is valid.
     """
-    try:
-        raw = tomllib.loads(path.read_text())
-    except FileNotFoundError:
-        raise FileFormatError(path, "missing; every robot folder must have one") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise FileFormatError(path, f"not valid TOML: {error}") from error
-    return _Table(path, "", raw).facts()
+    if not path.exists():
+        raise FileFormatError(path, "missing; every robot folder must have one")
+    return _Table(path, "", read_toml(path)).facts()
 
 
 class _Table:
@@ -70,7 +67,7 @@ class _Table:
     def facts(self) -> FolderFacts:
         name = self.text("name")
         if not NAME_PATTERN.fullmatch(name):
-            raise self.error("name", f"is {name!r}; valid: letters, digits, - and _")
+            raise self.error("name", f"is {brief(name)}; valid: letters, digits, - and _")
         camera = self.table("camera")
         result = FolderFacts(
             name=name,
@@ -95,6 +92,7 @@ class _Table:
     def error(self, key: str, reason: str) -> FileFormatError:
         """Return the error for the field `key`; `reason` says what is wrong and what is valid."""
         field = f"{self.name}.{key}" if self.name else key
+        field = field if len(field) <= MAX_FIELD else f"{field[:MAX_FIELD]}…"
         return FileFormatError(self.path, f"{field} {reason}")
 
     def get(self, key: str, default: Any = None) -> Any:
@@ -169,7 +167,7 @@ class _Table:
         names = [v.get("name") for v in value]
         twice = next((n for n in names if n is not None and names.count(n) > 1), None)
         if twice is not None:
-            raise self.error(key, f"contains the name {twice!r} twice; valid: unique names")
+            raise self.error(key, f"contains the name {brief(twice)} twice; valid: unique names")
         return [
             _Table(self.path, f"{key}.{n}" if isinstance(n, str) else f"{key}[{k}]", v)
             for k, (n, v) in enumerate(zip(names, value, strict=True))
@@ -181,7 +179,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _complaint(value: Any, valid: str) -> str:
-    return f"{'is missing' if value is None else f'is {value!r}'}; valid: {valid}"
+    return f"{'is missing' if value is None else f'is {brief(value)}'}; valid: {valid}"
 
 
 def _joint(table: _Table) -> tuple[str, float]:
@@ -237,6 +235,8 @@ def _drive(table: _Table) -> WheelDrive:
     )
     both = sorted(set(drive.left) & set(drive.right))
     if both:
-        raise table.error("right", f"contains {both[0]!r}, which is also in left; valid: one side")
+        raise table.error(
+            "right", f"contains {brief(both[0])}, which is also in left; valid: one side"
+        )
     table.refuse_unknown()
     return drive

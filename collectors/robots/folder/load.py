@@ -13,6 +13,7 @@ from pathlib import Path
 
 import mujoco
 
+from ....formats.core.atomic import file_digest
 from ....formats.core.errors import FileFormatError
 from ..parts import Foot
 from ..spec import RobotSpec
@@ -115,6 +116,6 @@ def folder_digest(folder: Path) -> str:
     """Return the SHA-256 hex over the names and contents of a robot's files."""
     state = hashlib.sha256()
     for path in folder_files(folder):
-        content = hashlib.sha256(path.read_bytes()).hexdigest()
+        content = file_digest(path)
         state.update(f"{path.relative_to(folder).as_posix()}={content};".encode())
     return state.hexdigest()

@@ -8,15 +8,19 @@ from __future__ import annotations
 
 import math
 import os
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
-from ....formats.core.errors import FileFormatError
+from ....formats.core.errors import FileFormatError, brief
+from ....formats.core.limits import limits
+from ....formats.core.untrusted import check_input, open_input, read_input
 
 MAX_ELEMENTS = 20_000
 MAX_PIXELS = 8192
 MAX_MODEL_BYTES = 64 * 1024**2
+MAX_NESTING = 100
 
 _DIRECTORIES = ("meshdir", "texturedir", "assetdir")
 _PIXELS = ("width", "height", "nrow", "ncol")
@@ -27,10 +31,10 @@ def folder_files(folder: Path) -> list[Path]:
     """Return all files of a robot except hidden ones, sorted.
 
     Raises:
-        FileFormatError: a symbolic link leads out of the folder or to a folder, or a file is not a
-            regular file.
+        FileFormatError: a symbolic link leads out of the folder or to a folder, a file is not a
+            regular file or too large, or there are too many.
     """
-    inside = folder.resolve()
+    inside, caps = folder.resolve(), limits()
     files = []
     for parent, names, others in os.walk(folder):
         names[:] = [name for name in names if not name.startswith(".")]
@@ -38,7 +42,7 @@ def folder_files(folder: Path) -> list[Path]:
             path = Path(parent, name)
             if name.startswith("."):
                 continue
-            if path.is_symlink() and not path.resolve().is_relative_to(inside):
+            if path.is_symlink() and not _target(path).is_relative_to(inside):
                 raise FileFormatError(
                     path, "a symbolic link that leads out of the robot's folder; valid: files in it"
                 )
@@ -47,8 +51,18 @@ def folder_files(folder: Path) -> list[Path]:
             if name in others:
                 if not path.is_file():
                     raise FileFormatError(path, "neither a file nor a folder; remove it")
+                check_input(path, max_bytes=caps.robot_file_bytes)
                 files.append(path)
+        if len(files) > caps.robot_files:
+            raise FileFormatError(folder, f"has more than {caps.robot_files:,} files, the limit")
     return sorted(files)
+
+
+def _target(link: Path) -> Path:
+    try:
+        return link.resolve()
+    except (OSError, RuntimeError) as error:
+        raise FileFormatError(link, "a symbolic link that leads to itself") from error
 
 
 def check_model(path: Path) -> None:
@@ -65,16 +79,23 @@ def check_model(path: Path) -> None:
 
 
 class _Checker:
-    """Counts the elements of a model and of the files that it includes or attaches."""
+    """Counts the elements of a model and of the files that it includes or attaches.
+
+    Each file is counted once, however often it is attached.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder.resolve()
         self.open: list[Path] = []
+        self.counts: dict[Path, int] = {}
 
-    def count(self, path: Path, reference: str) -> int:
+    def count(self, path: Path, reference: str, depth: int = 0) -> int:
         """Return the number of elements that a file creates; `reference` is the path as written."""
-        if path.resolve() in self.open:
-            raise FileFormatError(path, f"{reference!r} includes itself")
+        target = path.resolve()
+        if target in self.counts:
+            return self.counts[target]
+        if target in self.open:
+            raise FileFormatError(path, f"{brief(reference)} includes itself")
         root = _parsed(path)
         places = {self.folder, path.parent.resolve()}
         for element in root.iter("compiler"):
@@ -82,21 +103,29 @@ class _Checker:
                 if key in element.attrib:
                     self._confined(path, {self.folder}, element.tag, key, element.attrib[key])
                     places.add(self.folder / element.attrib[key])
-        self.open.append(path.resolve())
-        try:
-            return self._count(path, root, places)
-        finally:
-            self.open.pop()
+        self.open.append(target)
+        self.counts[target] = self._count(path, root, places, depth)
+        self.open.pop()
+        return self.counts[target]
 
-    def _count(self, path: Path, element: ElementTree.Element, places: set[Path]) -> int:
+    def _count(
+        self, path: Path, element: ElementTree.Element, places: set[Path], depth: int
+    ) -> int:
+        if depth > MAX_NESTING:
+            raise FileFormatError(
+                path, f"elements nested more than {MAX_NESTING} deep, includes counted"
+            )
         total = 1
         for key, value in element.attrib.items():
             self._check_number(path, element, key, value)
             if key.startswith("file"):
                 targets = self._confined(path, places, element.tag, key, value)
                 if element.tag in ("include", "model"):
-                    total += sum(self.count(target, value) for target in targets)
-        children = sum(self._count(path, child, places) for child in element)
+                    total += sum(self.count(target, value, depth + 1) for target in targets)
+                else:
+                    for target in targets:
+                        _check_picture(target)
+        children = sum(self._count(path, child, places, depth + 1) for child in element)
         return total + max(children, 1) * _copies(element)
 
     def _confined(
@@ -107,7 +136,7 @@ class _Checker:
         Raises:
             FileFormatError: one of them lies outside the folder or is hidden.
         """
-        what = f"<{tag} {key}={value!r}>"
+        what = f"<{tag} {key}={brief(value)}>"
         if "\\" in value or ":" in value:
             raise FileFormatError(path, f"{what} has a backslash or colon; valid: relative with /")
         for place in places:
@@ -134,9 +163,7 @@ class _Checker:
 
 def _parsed(path: Path) -> ElementTree.Element:
     """Return the root of an XML file; document types are refused, as parsers differ on them."""
-    if path.stat().st_size > MAX_MODEL_BYTES:
-        raise FileFormatError(path, f"too large; valid: up to {MAX_MODEL_BYTES // 1024**2} MiB")
-    content = path.read_bytes()
+    content = read_input(path, max_bytes=MAX_MODEL_BYTES)
     if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
         raise FileFormatError(path, "contains a document type or entities; valid: plain MJCF")
     try:
@@ -144,6 +171,18 @@ def _parsed(path: Path) -> ElementTree.Element:
         return ElementTree.fromstring(content, ElementTree.XMLParser(encoding="utf-8"))
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
         raise FileFormatError(path, f"not valid XML: {error}") from error
+
+
+def _check_picture(path: Path) -> None:
+    """Refuse a PNG that becomes enormous when MuJoCo decodes it."""
+    with open_input(path) as stream:
+        start = stream.read(24)
+    if start.startswith(b"\x89PNG") and len(start) == 24:
+        width, height = struct.unpack(">II", start[16:])
+        if max(width, height) > MAX_PIXELS:
+            raise FileFormatError(
+                path, f"has {width} × {height} pixels; valid: up to {MAX_PIXELS} on each side"
+            )
 
 
 def _copies(element: ElementTree.Element) -> int:

@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vlnpe.collectors.gait_training.aim import aimed
-from vlnpe.collectors.gait_training.randomize import command_bounds
-from vlnpe.collectors.gait_training.trial import STEP_S, Conditions, Trial
+from vlnpe.collectors.gait_trials.aim import aimed, command_bounds
+from vlnpe.collectors.gait_trials.trial import STEP_S, Conditions, Trial
 from vlnpe.collectors.locomotion.policy import GaitPolicy
 from vlnpe.collectors.robots import get_robot
 

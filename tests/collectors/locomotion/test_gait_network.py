@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,10 +20,11 @@ from vlnpe.collectors.locomotion.policy import GaitPolicy, policy_files
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.errors import FileFormatError
 
-onnx = pytest.importorskip("onnx", reason="extra `train` is not installed")
+pytest.importorskip("onnx", reason="extra `train` is not installed")
 
-from onnx import TensorProto, helper, numpy_helper  # noqa: E402
-from onnx.reference import ReferenceEvaluator  # noqa: E402
+import onnx
+from onnx import TensorProto, helper, numpy_helper
+from onnx.reference import ReferenceEvaluator
 
 PATH = Path("policy.onnx")
 RNG = np.random.default_rng(7)
@@ -32,6 +34,11 @@ def evaluated(network: Network, seen: np.ndarray) -> np.ndarray:
     output = np.zeros((len(seen), network.outputs), np.float32)
     network.run(np.ascontiguousarray(seen, dtype=np.float32), output)
     return output
+
+
+def reference(model: onnx.ModelProto, seen: np.ndarray) -> np.ndarray:
+    (output,) = ReferenceEvaluator(model).run(None, {"observation": seen})
+    return np.asarray(output)
 
 
 def loaded(content: bytes) -> Network:
@@ -61,7 +68,7 @@ def array(*shape: int) -> np.ndarray:
     return RNG.normal(size=shape).astype(np.float32)
 
 
-def node(kind: str, inputs: str, output: str, **attributes: object) -> onnx.NodeProto:
+def node(kind: str, inputs: str, output: str, **attributes: Any) -> onnx.NodeProto:
     return helper.make_node(kind, inputs.split(), [output], **attributes)
 
 
@@ -71,9 +78,7 @@ def test_shipped_gaits_equal_the_onnx_reference(name: str):
     content = path.read_bytes()
     network = read_mlp(OnnxFile(path, content))
     seen = RNG.normal(0, 3, (200, network.inputs)).astype(np.float32)
-    (expected,) = ReferenceEvaluator(onnx.load_from_string(content)).run(
-        None, {"observation": seen}
-    )
+    expected = reference(onnx.load_from_string(content), seen)
     np.testing.assert_allclose(evaluated(network, seen), expected, rtol=1e-5, atol=1e-5)
 
 
@@ -159,7 +164,7 @@ def test_chains_equal_the_onnx_reference(chain: str):
     made = model(*CHAINS[chain])
     network = read_mlp(OnnxFile(PATH, made.SerializeToString()))
     seen = array(20, 6)
-    (expected,) = ReferenceEvaluator(made).run(None, {"observation": seen})
+    expected = reference(made, seen)
     np.testing.assert_allclose(evaluated(network, seen), expected, rtol=1e-5, atol=1e-5)
 
 
@@ -209,7 +214,7 @@ def test_other_graphs_run_by_onnxruntime(case: str):
     network = loaded(made.SerializeToString())
     assert isinstance(network, RuntimeNetwork)
     seen = array(1, 6)
-    (expected,) = ReferenceEvaluator(made).run(None, {"observation": seen})
+    expected = reference(made, seen)
     output = np.zeros((1, 3), np.float32)
     network.run(seen, output)
     np.testing.assert_allclose(output, expected, rtol=1e-5, atol=1e-5)

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from vlnpe.collectors.controllers import SpeedConfig
-from vlnpe.collectors.gait_training.driven import (
+from vlnpe.collectors.gait_training.gaits import GAITS
+from vlnpe.collectors.gait_trials.driven import (
     StartedAction,
     action_errors,
     displacements,
@@ -18,12 +19,11 @@ from vlnpe.collectors.gait_training.driven import (
     follow_paths,
     random_path,
 )
-from vlnpe.collectors.gait_training.evaluate import evaluation_table, report
-from vlnpe.collectors.gait_training.gaits import GAITS
-from vlnpe.collectors.gait_training.gates import CLOSED_LOOP, GATES, Gate, GateResult, gate_results
-from vlnpe.collectors.gait_training.measures import command_grid, velocity_errors
-from vlnpe.collectors.gait_training.terrain import Terrain, noise_terrain
-from vlnpe.collectors.gait_training.trial import STEP_S, Conditions, Trial
+from vlnpe.collectors.gait_trials.evaluate import evaluation_table, report
+from vlnpe.collectors.gait_trials.gates import CLOSED_LOOP, GATES, Gate, GateResult, gate_results
+from vlnpe.collectors.gait_trials.measures import command_grid, velocity_errors
+from vlnpe.collectors.gait_trials.terrain import Terrain, noise_terrain
+from vlnpe.collectors.gait_trials.trial import STEP_S, Conditions, Trial
 from vlnpe.collectors.locomotion.policy import GaitPolicy
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.rollout import Action

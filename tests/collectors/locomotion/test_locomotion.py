@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 
 from tests.collectors.test_robots import in_larger_scene
-from vlnpe.collectors.gait_training.evaluate import (
+from vlnpe.collectors.gait_training.gaits import GAITS
+from vlnpe.collectors.gait_trials.evaluate import (
     command_grid,
     follow_paths,
     pushes,
     standing,
     velocity_errors,
 )
-from vlnpe.collectors.gait_training.gaits import GAITS
-from vlnpe.collectors.gait_training.terrain import noise_terrain
-from vlnpe.collectors.gait_training.trial import Conditions
+from vlnpe.collectors.gait_trials.terrain import noise_terrain
+from vlnpe.collectors.gait_trials.trial import Conditions
 from vlnpe.collectors.locomotion import GaitPolicy, PolicyMismatchError
 from vlnpe.collectors.locomotion.card import POLICY_FOLDER
 from vlnpe.collectors.locomotion.gait import ClockState
@@ -236,6 +236,7 @@ def test_a_zero_command_is_braked_to_and_the_last_steps_are_taken_to_their_ends(
     gait = replace(GAITS["h1"], brake_m_s2=2.0, brake_rad_s2=4.0, last_steps=2)
     state, dt = ClockState.standing(1), 0.02
     walk, stop = np.array([[1.0, 0.0, 0.5]]), np.zeros((1, 3))
+    stepping = np.array([False])
     for _ in range(20):
         state, stepping = gait.tick(state, walk, dt)
     # What rises is followed at once.

@@ -29,8 +29,9 @@ from vlnpe.collectors.gait_training.mirror import (
     mirror_observation,
     mirrored,
 )
-from vlnpe.collectors.gait_training.randomize import command_bounds, sample_commands
-from vlnpe.collectors.gait_training.terrain import Terrain, noise_terrain, rough_terrain
+from vlnpe.collectors.gait_training.randomize import sample_commands
+from vlnpe.collectors.gait_trials.aim import command_bounds
+from vlnpe.collectors.gait_trials.terrain import Terrain, noise_terrain, rough_terrain
 from vlnpe.collectors.locomotion import GaitPolicy
 from vlnpe.collectors.locomotion.card import POLICY_FOLDER
 from vlnpe.collectors.locomotion.observation import layout

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vlnpe.collectors.gait_training.measures import GOAL_S, SPEEDS_M_S, stops
-from vlnpe.collectors.gait_training.terrain import noise_terrain
-from vlnpe.collectors.gait_training.trial import TargetPipe
+from vlnpe.collectors.gait_trials.measures import GOAL_S, SPEEDS_M_S, stops
+from vlnpe.collectors.gait_trials.terrain import noise_terrain
+from vlnpe.collectors.gait_trials.trial import TargetPipe
 from vlnpe.collectors.locomotion.gait import GaitClock
 from vlnpe.collectors.locomotion.policy import GaitPolicy
 from vlnpe.collectors.robots import get_robot

@@ -185,7 +185,7 @@ def test_auto_falls_to_embree_without_a_card(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(registry, "why_no_gl", lambda: "no EGL device")
     with pytest.raises(InputError, match="renderer gl: no EGL device; valid here: embree"):
         chosen_renderer("gl")
-    with pytest.raises(UnknownNameError, match="valid: auto, embree, gl"):
+    with pytest.raises(UnknownNameError, match="valid: auto, embree, gl, splat"):
         chosen_renderer("vulkan")
 
 

@@ -105,11 +105,12 @@ def test_streaming_reads_all_frames(datasets: list[Path], monkeypatch: pytest.Mo
             return decode_video_frames(path, times, tolerance_s, "pyav", options["return_uint8"])
 
         monkeypatch.setattr(streaming_dataset, "decode_video_frames_torchcodec", decode)
+    deltas: Any = {"action": [0.0, 0.25]}  # LeRobot declares other types than it reads
     stream = streaming_dataset.StreamingLeRobotDataset(
         "vlnpe/test",
         root=datasets[1],
         shuffle=False,
-        delta_timestamps={"action": [0.0, 0.25]},
+        delta_timestamps=deltas,
         depth_output_unit="m",
     )
     plain = load(datasets[1], depth_output_unit="m")

@@ -238,7 +238,7 @@ def test_scenes_are_in_one_split_only(tmp_path: Path) -> None:
     held_out = held_out_scenes(scenes)
     assert len(held_out) == 1
     provenance = {"scenes": scenes, "held_out_scenes": sorted(held_out)}
-    assemble_dataset(units, tmp_path / "set", **(ASSEMBLY | {"provenance": provenance}))
+    assemble_dataset(units, tmp_path / "set", **{**ASSEMBLY, "provenance": provenance})
     splits = json.loads((tmp_path / "set/meta/splits.json").read_text())
     assert sorted(i for numbers in splits.values() for i in numbers) == list(range(8))
     table = pq.read_table(tmp_path / "set/meta/episodes")
@@ -309,7 +309,7 @@ def test_large_images_are_thinned_as_lerobot_does(tmp_path: Path) -> None:
     ("damage", "reason"),
     [
         ("no index", "unit.json"),
-        ("half an index", "not an episode unit"),
+        ("half an index", "not JSON"),
         ("no video", "missing"),
         ("half a video", "rgb"),
         ("half the rows", "not readable"),

@@ -73,7 +73,7 @@ def test_rows_equal_lerobots_and_images_to_the_millimetre(ours: Path, reference:
         assert a["path"] == b["path"]
         images = [Image.open(io.BytesIO(one["bytes"])) for one in (a, b)]
         assert images[0].mode == images[1].mode == "I;16"
-        np.testing.assert_array_equal(*(np.array(image) for image in images))
+        np.testing.assert_array_equal(np.array(images[0]), np.array(images[1]))
 
 
 def test_statistics_equal_lerobots(ours: Path, reference: Path) -> None:

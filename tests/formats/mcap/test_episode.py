@@ -161,7 +161,7 @@ def test_colour_is_the_videos_own_stream(tmp_path: Path, codec: str) -> None:
     messages = [m for _, m in decode(tmp_path / "a.mcap")["/camera/rgb"]]
     assert {m.format for m in messages} == {codec}
     # Each message must decode to exactly one image, from the messages alone.
-    decoder = av.CodecContext.create("h264" if codec == "h264" else "libdav1d", "r")
+    decoder: Any = av.CodecContext.create("h264" if codec == "h264" else "libdav1d", "r")
     decoder.thread_count = 1
     images = [image for m in messages for image in decoder.decode(av.Packet(m.data))]
     images += decoder.decode(None)

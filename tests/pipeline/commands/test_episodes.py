@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from tests.support.work import InlineWorkers
 from vlnpe.formats.core.errors import InputError
@@ -22,7 +23,7 @@ from vlnpe.formats.vlnce.files import (
     write_vlnce,
 )
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.engine import context
+from vlnpe.pipeline.engine import executors
 from vlnpe.pipeline.stages.replay import item_names
 
 COMMON = ("--min-length-m", "4", "--min-gap-m", "0.8", "--family-gap-m", "1.0")
@@ -30,7 +31,7 @@ COMMON = ("--min-length-m", "4", "--min-gap-m", "0.8", "--family-gap-m", "1.0")
 
 @pytest.fixture(autouse=True)
 def inline(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(context, "Workers", InlineWorkers)
+    monkeypatch.setattr(executors, "Workers", InlineWorkers)
 
 
 @pytest.fixture(scope="module")
@@ -67,6 +68,20 @@ def test_splits_over_several_scenes_are_exact_and_reused(scenes, tmp_path, capsy
     assert {path: path.read_bytes() for path in out.glob("*.json.gz")} == before
 
 
+def test_fewer_paths_can_be_allowed(scenes, tmp_path, capsys, caplog):
+    sizes = ("--splits", "train=30,val_unseen=2", "--train-scenes", "1", "--min-length-m", "4")
+    call = ("sample", scenes / "a", scenes / "b", *sizes, "--min-gap-m", "2", "--allow-fewer")
+    code, told = run(capsys, *call, "--out", tmp_path / "mine")
+    assert code == 0
+    assert 0 < told["splits"]["train"] < 30
+    assert told["splits"]["val_unseen"] == 2
+    assert "of 30 paths" in caplog.text
+    (path, _) = sorted((tmp_path / "mine").glob("*.json.gz"))
+    assert {e.scene_id for e in read_episodes(path)} == {"a"}
+    assert main([str(a) for a in ("sample", scenes / "a", "--allow-fewer")]) == 2
+    assert "only with --splits" in capsys.readouterr().err
+
+
 def test_what_does_not_fit_is_told_with_advice_that_holds(scenes, tmp_path, capsys):
     call = ["sample", scenes / "a", "--splits", "train=30", "--min-length-m", "4"]
     out = tmp_path / "mine"
@@ -100,7 +115,7 @@ def test_bad_options_are_refused(scenes, options, words, capsys, tmp_path, monke
 PATH = np.array([(1.0, 1.0, 0.0), (2.0, 2.0, 0.0), (4.0, 2.0, 0.0), (6.5, 2.0, 0.0)])
 
 
-def told(scene: str, number: int, points=PATH) -> VlnceEpisode:
+def told(scene: str, number: int, points: ArrayLike = PATH) -> VlnceEpisode:
     path = world_to_habitat_position(np.asarray(points, dtype=float))
     return VlnceEpisode(
         episode_id=number,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +21,7 @@ from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.instruction_gen.instruct import instruct_episodes
 from vlnpe.instruction_gen.records import InstructConfig
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.engine import context
+from vlnpe.pipeline.engine import executors
 
 EAST = np.array([[1.0, 1.0], [3.0, 1.0], [6.5, 1.2]])
 
@@ -30,14 +31,14 @@ class CountedWorkers(InlineWorkers):
 
     count_submitted = 0
 
-    def submit(self, *arguments: Any) -> Future[Any]:
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         CountedWorkers.count_submitted += 1
-        return super().submit(*arguments)
+        return super().submit(function, *arguments)
 
 
 @pytest.fixture
 def scenes(two_rooms: SceneBundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(context, "Workers", CountedWorkers)
+    monkeypatch.setattr(executors, "Workers", CountedWorkers)
     CountedWorkers.count_submitted = 0
     folder = tmp_path / "scenes"
     shutil.copytree(two_rooms.root, folder / "two_rooms")

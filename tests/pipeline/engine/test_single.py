@@ -10,7 +10,7 @@ import pytest
 from tests.support.work import InlineWorkers
 from vlnpe.formats.core.atomic import write_bytes
 from vlnpe.formats.core.errors import InputError
-from vlnpe.pipeline.engine import context
+from vlnpe.pipeline.engine import executors
 from vlnpe.pipeline.engine.context import LEDGERS, open_single, run_single
 from vlnpe.pipeline.engine.work import ItemResult, WorkItem
 
@@ -34,7 +34,7 @@ class Count:
 
 @pytest.fixture(autouse=True)
 def inline(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(context, "Workers", InlineWorkers)
+    monkeypatch.setattr(executors, "Workers", InlineWorkers)
 
 
 def once(folder: Path, key: str = "a", stage: str = "count", fail: bool = False) -> int:

@@ -1,0 +1,108 @@
+"""Time the CPU rasteriser over numbers of Gaussians: `python -m benchmarks.splats [--large]`.
+
+Rooms of 4 × 4 × 2.6 m whose walls are covered by Gaussians; cameras at random places in them, 256²
+with 90°. Times are CPU time of one core, the median and the slowest of 20 frames.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vlnpe.formats.core.camera import CameraModel
+from vlnpe.formats.core.frames import matrix_to_quat
+from vlnpe.formats.splats.record import GaussianCloud
+from vlnpe.formats.splatting.draw import Eye, draw_splats
+from vlnpe.formats.splatting.scene import SplatScene
+
+COUNTS = (100_000, 300_000, 600_000, 1_500_000, 3_000_000, 5_000_000)
+LARGE = (*COUNTS, 10_000_000)
+FRAMES, WARM_UP = 20, 2
+PITCH_M = 4.1
+Array = NDArray[np.float64]
+
+
+def rooms(across: int, down: int) -> list[tuple[Array, Array, Array]]:
+    """Return the rectangles (corner and two sides) of a grid of rooms with doorways."""
+    sides = []
+    for i in range(across):
+        for j in range(down):
+            x, y = PITCH_M * i, PITCH_M * j
+            sides += [((x, y, z), (4, 0, 0), (0, 4, 0)) for z in (0.0, 2.6)]
+            sides += [((x, y + 4 * k, 0), (4, 0, 0), (0, 0, 2.6)) for k in (0, 1)]
+            sides += [
+                ((x + 4 * k, y + start, 0), (0, 1.5, 0), (0, 0, 2.6))
+                for k in (0, 1)
+                for start in (0, 2.5)
+            ]
+    return [tuple(np.array(v, dtype=float) for v in side) for side in sides]  # type: ignore[misc]
+
+
+def covered(rng: np.random.Generator, count: int, degree: int) -> GaussianCloud:
+    """Return `count` Gaussians on the walls of six rooms."""
+    walls = rooms(3, 2)
+    area = np.array([np.linalg.norm(np.cross(u, v)) for _, u, v in walls])
+    wall = rng.choice(len(walls), count, p=area / area.sum())
+    corner, u, v = (np.array([w[k] for w in walls]) for k in range(3))
+    a, b = rng.random((2, count, 1))
+    axes = [side / np.linalg.norm(side, axis=1, keepdims=True) for side in (u, v)]
+    turn = matrix_to_quat(np.stack([*axes, np.cross(*axes)], axis=2))
+    spacing = np.sqrt(area.sum() / count)
+    size = spacing * rng.uniform(0.5, 1.0, (count, 1)) * (1, 1, 0.1)
+    return GaussianCloud(
+        position=(corner[wall] + a * u[wall] + b * v[wall]).astype(np.float32),
+        scale=size.astype(np.float32),
+        quat_wxyz=turn[wall].astype(np.float32),
+        opacity=rng.uniform(0.3, 0.99, count).astype(np.float32),
+        harmonics=rng.uniform(-1, 1, (count, (degree + 1) ** 2, 3)).astype(np.float32),
+    )
+
+
+def eyes(rng: np.random.Generator) -> list[Eye]:
+    """Return cameras in the rooms that look around, a little down."""
+    camera = CameraModel("bench", 256, 256, 90.0)
+    found = []
+    for _ in range(FRAMES + WARM_UP):
+        position = np.array([rng.uniform(0.5, 12), rng.uniform(0.5, 7.7), 1.2])
+        yaw = rng.uniform(0, 2 * np.pi)
+        ahead = np.array([np.cos(yaw), np.sin(yaw), -0.25])
+        ahead /= np.linalg.norm(ahead)
+        right = np.cross(ahead, (0, 0, 1))
+        right /= np.linalg.norm(right)
+        found.append(Eye(camera, position, np.stack([right, np.cross(ahead, right), ahead], 1)))
+    return found
+
+
+def main() -> None:
+    """Print one row of a Markdown table for each number of Gaussians."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--large", action="store_true", help="up to 10 million Gaussians")
+    parser.add_argument("--degree", type=int, default=0, help="degree of the harmonics")
+    options = parser.parse_args()
+    say = sys.stdout.write
+    say("| Gaussians | prepare s | memory MiB | median ms | slowest ms |\n|---|---|---|---|---|\n")
+    for count in LARGE if options.large else COUNTS:
+        rng = np.random.default_rng(0)
+        cloud = covered(rng, count, options.degree)
+        start = time.process_time()
+        scene = SplatScene.of(cloud)
+        ready = time.process_time() - start
+        del cloud
+        times = []
+        for eye in eyes(rng):
+            start = time.process_time()
+            draw_splats(scene, eye)
+            times.append(1e3 * (time.process_time() - start))
+        times = times[WARM_UP:]
+        say(
+            f"| {count:,} | {ready:.1f} | {scene.nbytes / 2**20:.0f} | {np.median(times):.0f} | "
+            f"{max(times):.0f} |\n"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Trials of trained gaits on flat and rough ground: measures, gates, calibration."""

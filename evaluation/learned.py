@@ -1,0 +1,45 @@
+"""Learned policies: a checkpoint of `vlnpe train` in closed loop."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..formats.core.rollout import Action
+from ..learning.checkpoint import Checkpoint, load_checkpoint
+from ..learning.stepper import LIKELIEST, Choice, Sight, Stepper
+from .observation import Observation
+from .policy import Assignment
+
+
+class LearnedPolicy:
+    """Lets a trained model choose the actions."""
+
+    def __init__(self, checkpoint: Checkpoint, choice: Choice = LIKELIEST) -> None:
+        """Get ready."""
+        self.blind = not {"rgb", "depth"} & set(checkpoint.card.config.model.inputs)
+        self._stepper = Stepper(checkpoint, choice)
+
+    @classmethod
+    def load(cls, path: Path, choice: Choice = LIKELIEST) -> LearnedPolicy:
+        """Return the policy of a checkpoint.
+
+        Raises:
+            FileFormatError: it is damaged.
+        """
+        return cls(load_checkpoint(path), choice)
+
+    def reset(self, assignment: Assignment) -> None:
+        """See `Policy.reset`."""
+        name = f"{assignment.scene_id}/{assignment.episode_id}"
+        self._stepper.begin(assignment.instruction, name)
+
+    def act(self, observation: Observation) -> Action:
+        """See `Policy.act`."""
+        return self._stepper.act(
+            Sight(
+                observation.rgb,
+                observation.depth_m,
+                observation.previous_action,
+                observation.pose,
+            )
+        )

@@ -1,0 +1,1 @@
+"""Gaussian splats: the record and its file formats."""

@@ -1,0 +1,254 @@
+"""glTF with `KHR_gaussian_splatting`: points whose attributes are splats.
+
+Layout: the Khronos extension's specification: activated opacities, linear scales, quaternions in
+xyzw order. Older drafts had `_SCALE`, `_ROTATION` and `COLOR_0` instead; these are not read.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+
+from ..core.errors import FileFormatError
+from ..core.frames import quat_to_matrix
+from ..core.glb import MAX_JSON_BYTES, read_glb
+from .packed import spz_cloud
+from .record import F32, GaussianCloud, check_count, cleaned
+
+EXTENSION = "KHR_gaussian_splatting"
+SPZ_EXTENSIONS = (
+    "KHR_gaussian_splatting_compression_spz_2",
+    "KHR_gaussian_splatting_compression_spz",
+)
+POINTS = 0
+COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+UP, UNIT = (
+    ("y", "glTF is y up by its specification"),
+    ("m", "glTF is in metres by its specification"),
+)
+MAX_NODES, MAX_DEPTH = 10_000, 64
+MAX_BUFFER_BYTES = 4 << 30
+
+
+def gltf_tree(path: Path) -> tuple[dict[str, Any], memoryview]:
+    """Return the JSON tree and the binary chunk of a GLB or glTF file.
+
+    Raises:
+        ValueError: damaged.
+    """
+    if path.suffix.lower() == ".glb":
+        text, body = read_glb(path)
+    else:
+        if path.stat().st_size > MAX_JSON_BYTES:
+            raise ValueError(f"more than {MAX_JSON_BYTES:,} bytes of JSON")
+        text, body = path.read_bytes(), memoryview(b"")
+    try:
+        tree = json.loads(text)
+    except RecursionError as error:
+        raise ValueError("nested too deeply") from error
+    if not isinstance(tree, dict):
+        raise ValueError("no JSON object")
+    return tree, body
+
+
+def declares_splats(path: Path) -> bool:
+    """Return whether a GLB or glTF file names the extension; damaged files do not."""
+    try:
+        tree, _ = gltf_tree(path)
+        used = tree.get("extensionsUsed", [])
+        return isinstance(used, list) and EXTENSION in used and bool(_splat_primitives(tree))
+    except (ValueError, OSError, TypeError, AttributeError):
+        return False
+
+
+def read_gltf_splats(path: Path) -> GaussianCloud:
+    """Read all splats of a GLB or glTF file, each moved as its node says.
+
+    Raises:
+        FileFormatError: no splats, splats beside meshes, or damaged.
+    """
+    try:
+        tree, body = gltf_tree(path)
+        reader = _Reader(path, tree, body)
+        primitives = _splat_primitives(tree)
+        total = sum(len(mesh.get("primitives", [])) for mesh in tree.get("meshes", []))
+        if len(primitives) < total:
+            raise FileFormatError(
+                path, "contains meshes and Gaussian splats; export one file for each"
+            )
+        clouds = [
+            reader.cloud(primitive).transformed(matrix)
+            for mesh, matrix in _placed(tree)
+            for primitive in tree["meshes"][mesh]["primitives"]
+        ]
+    except FileFormatError:
+        raise
+    # A damaged tree fails in many ways; whichever it is, the file is at fault.
+    except (ValueError, KeyError, IndexError, TypeError, AttributeError, OSError) as error:
+        raise FileFormatError(path, f"damaged glTF of Gaussian splats: {error!r}") from error
+    if not clouds:
+        raise FileFormatError(path, "contains no Gaussian splats in its scene")
+    check_count(path, sum(len(c) for c in clouds), max(c.degree for c in clouds))
+    return cleaned(path, replace(_joined(clouds), up=UP, unit=UNIT))
+
+
+def _splat_primitives(tree: dict[str, Any]) -> list[dict[str, Any]]:
+    return [
+        primitive
+        for mesh in tree.get("meshes", [])
+        for primitive in mesh.get("primitives", [])
+        if EXTENSION in primitive.get("extensions", {})
+    ]
+
+
+def _placed(tree: dict[str, Any]) -> list[tuple[int, np.ndarray]]:
+    """Return the mesh and the transform (4, 4) to the scene of every node with a mesh."""
+    nodes = tree.get("nodes", [])
+    if not tree.get("scenes"):
+        roots = list(range(len(nodes)))
+        children = {c for node in nodes for c in node.get("children", [])}
+        roots = [k for k in roots if k not in children]
+    else:
+        roots = tree["scenes"][tree.get("scene", 0)].get("nodes", [])
+    found, seen = [], 0
+    stack = [(k, np.eye(4), 0) for k in roots]
+    while stack:
+        k, parent, depth = stack.pop()
+        seen += 1
+        if seen > MAX_NODES or depth > MAX_DEPTH:
+            raise ValueError(f"more than {MAX_NODES} nodes, or deeper than {MAX_DEPTH}")
+        node = nodes[k]
+        matrix = parent @ _local(node)
+        if "mesh" in node:
+            found.append((node["mesh"], matrix))
+        stack += [(c, matrix, depth + 1) for c in node.get("children", [])]
+    return found
+
+
+def _local(node: dict[str, Any]) -> np.ndarray:
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+    matrix = np.eye(4)
+    x, y, z, w = node.get("rotation", (0, 0, 0, 1))
+    scale = np.array(node.get("scale", (1, 1, 1)), dtype=np.float64)
+    if np.ptp(scale) > 1e-6 * np.abs(scale).max() or scale.min() <= 0:
+        raise ValueError(f"splats scaled by {scale.tolist()}; valid: one positive factor")
+    matrix[:3, :3] = quat_to_matrix((w, x, y, z)) * scale
+    matrix[:3, 3] = node.get("translation", (0, 0, 0))
+    return matrix
+
+
+def _joined(clouds: list[GaussianCloud]) -> GaussianCloud:
+    width = max(cloud.harmonics.shape[1] for cloud in clouds)
+
+    def padded(cloud: GaussianCloud) -> F32:
+        missing = width - cloud.harmonics.shape[1]
+        return np.pad(cloud.harmonics, ((0, 0), (0, missing), (0, 0)))
+
+    return replace(
+        clouds[0],
+        position=np.concatenate([c.position for c in clouds]),
+        scale=np.concatenate([c.scale for c in clouds]),
+        quat_wxyz=np.concatenate([c.quat_wxyz for c in clouds]),
+        opacity=np.concatenate([c.opacity for c in clouds]),
+        harmonics=np.concatenate([padded(c) for c in clouds]),
+    )
+
+
+class _Reader:
+    def __init__(self, path: Path, tree: dict[str, Any], body: memoryview):
+        self._path, self._tree, self._body = path, tree, body
+        self._buffers: dict[int, memoryview] = {}
+
+    def cloud(self, primitive: dict[str, Any]) -> GaussianCloud:
+        """Return the splats of a primitive in its own frame."""
+        if primitive.get("mode", 4) != POINTS:
+            raise ValueError(f"splats of mode {primitive.get('mode', 4)}; valid: {POINTS} (points)")
+        extension = primitive["extensions"][EXTENSION]
+        inner = extension.get("extensions", {})
+        for name in SPZ_EXTENSIONS:
+            if name in inner:
+                return spz_cloud(self._path, bytes(self._view(inner[name]["bufferView"])))
+        if inner or extension.get("kernel", "ellipse") != "ellipse":
+            kind = ", ".join(inner) or extension["kernel"]
+            raise FileFormatError(self._path, f"Gaussian splats with {kind} are not read")
+        attributes = primitive["attributes"]
+        position = self._accessor(attributes["POSITION"])
+
+        def attribute(name: str) -> F32:
+            values = self._accessor(attributes[f"{EXTENSION}:{name}"])
+            if len(values) != len(position):
+                raise ValueError(f"{name} has {len(values)} rows for {len(position)} Gaussians")
+            return values
+
+        degree = 0
+        while f"{EXTENSION}:SH_DEGREE_{degree + 1}_COEF_0" in attributes:
+            degree += 1
+        check_count(self._path, len(position), degree)
+        terms = [
+            attribute(f"SH_DEGREE_{band}_COEF_{k}")
+            for band in range(degree + 1)
+            for k in range(2 * band + 1)
+        ]
+        return GaussianCloud(
+            position=position,
+            scale=attribute("SCALE"),
+            quat_wxyz=np.roll(attribute("ROTATION"), 1, axis=1),
+            opacity=attribute("OPACITY")[:, 0],
+            harmonics=np.stack(terms, axis=1),
+        )
+
+    def _accessor(self, index: int) -> F32:
+        """Return the rows (N, width) of an accessor; integers only if normalised."""
+        entry = self._tree["accessors"][index]
+        kind, width = np.dtype(COMPONENTS[entry["componentType"]]), WIDTHS[entry["type"]]
+        count, skip = int(entry["count"]), int(entry.get("byteOffset", 0))
+        if "sparse" in entry or (kind.kind != "f" and not entry.get("normalized")):
+            raise ValueError(f"accessor {index} is sparse or of plain integers")
+        check_count(self._path, count, 0)
+        data = self._view(entry["bufferView"])
+        step = int(self._tree["bufferViews"][entry["bufferView"]].get("byteStride", 0))
+        step = step or kind.itemsize * width
+        last = skip + (count - 1) * step + kind.itemsize * width
+        if skip < 0 or step < kind.itemsize * width or last > len(data):
+            raise ValueError(f"accessor {index} needs {last:,} of {len(data):,} bytes")
+        rows = np.ndarray((count, width), kind, data, skip, (step, kind.itemsize))
+        if kind.kind == "f":
+            return rows.astype(np.float32)
+        return np.maximum(rows.astype(np.float32) / np.iinfo(kind).max, -1)
+
+    def _view(self, index: int) -> memoryview:
+        view = self._tree["bufferViews"][index]
+        data = self._buffer(int(view["buffer"]))
+        start, length = int(view.get("byteOffset", 0)), int(view["byteLength"])
+        if start < 0 or length < 0 or start + length > len(data):
+            raise ValueError(f"buffer view {index} leaves its buffer")
+        return data[start : start + length]
+
+    def _buffer(self, index: int) -> memoryview:
+        if index not in self._buffers:
+            uri = self._tree["buffers"][index].get("uri")
+            self._buffers[index] = self._body if uri is None else self._load(str(uri))
+        return self._buffers[index]
+
+    def _load(self, uri: str) -> memoryview:
+        if uri.startswith("data:"):
+            try:
+                return memoryview(base64.b64decode(uri.partition(",")[2], validate=True))
+            except binascii.Error as error:
+                raise ValueError(f"embedded data is not valid base64: {error}") from error
+        folder = self._path.parent.resolve()
+        target = (folder / unquote(uri)).resolve()
+        if not target.is_relative_to(folder) or not target.is_file():
+            raise ValueError(f"buffer {uri!r} is missing or outside the file's folder")
+        if target.stat().st_size > MAX_BUFFER_BYTES:
+            raise ValueError(f"buffer {uri!r} is larger than {MAX_BUFFER_BYTES >> 30} GiB")
+        return memoryview(target.read_bytes())

@@ -1,0 +1,1 @@
+"""Draw Gaussian splats on the CPU."""

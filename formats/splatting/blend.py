@@ -1,0 +1,195 @@
+"""Kernels: sort projected Gaussians by depth, and blend them tile by tile, front to back."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..core.kernel import kernel
+from .project import (
+    BLUE,
+    CONIC_XX,
+    CONIC_XY,
+    CONIC_YY,
+    DEPTH,
+    GREEN,
+    HALF_X,
+    HALF_Y,
+    LIMIT,
+    OPACITY,
+    RED,
+    SLOPE_X,
+    SLOPE_Y,
+    TILE,
+    X,
+    Y,
+)
+from .scene import MIN_ALPHA
+
+MAX_ALPHA = 0.99
+# A pixel is finished before less than this share of light would get through.
+MIN_LIGHT = 1e-4
+# exp(−x) for x from 0 to `TABLE_END`, interpolated linearly: error below 1e-6.
+TABLE_END, TABLE_STEPS = 5.6, 2048
+TABLE = np.exp(-np.linspace(0, TABLE_END, TABLE_STEPS + 1)).astype(np.float32)
+RADIX_BITS = 11
+
+
+@kernel()
+def split_by_depth(rows, count, limit):
+    """Return the rows nearer than `limit`, in order of depth, and the others."""
+    near = np.empty(count, dtype=np.int32)
+    far = np.empty(count, dtype=np.int32)
+    n = m = 0
+    for k in range(count):
+        if rows[k, DEPTH] < limit:
+            near[n] = k
+            n += 1
+        else:
+            far[m] = k
+            m += 1
+    keys = np.empty(n, dtype=np.float32)
+    for k in range(n):
+        keys[k] = rows[near[k], DEPTH]
+    # The bits of positive floats have the order of the numbers.
+    bits = keys.view(np.uint32)
+    order = near[:n].copy()
+    other, other_bits = np.empty_like(order), np.empty_like(bits)
+    for shift in range(0, 32, RADIX_BITS):
+        counts = np.zeros(1 << RADIX_BITS, dtype=np.int64)
+        for k in range(n):
+            counts[bits[k] >> np.uint32(shift) & np.uint32((1 << RADIX_BITS) - 1)] += 1
+        if n and counts[bits[0] >> np.uint32(shift) & np.uint32((1 << RADIX_BITS) - 1)] == n:
+            continue
+        total = 0
+        for digit in range(1 << RADIX_BITS):
+            counts[digit], total = total, total + counts[digit]
+        for k in range(n):
+            digit = bits[k] >> np.uint32(shift) & np.uint32((1 << RADIX_BITS) - 1)
+            other[counts[digit]], other_bits[counts[digit]] = order[k], bits[k]
+            counts[digit] += 1
+        order, other = other, order
+        bits, other_bits = other_bits, bits
+    return order, far[:m]
+
+
+@kernel()
+def list_tiles(rows, order, alive):
+    """Return the Gaussians of each unfinished tile in order of depth, and where its list starts."""
+    tile_rows, columns = alive.shape
+    starts = np.zeros(alive.size + 1, dtype=np.int64)
+    box = np.empty((order.shape[0], 4), dtype=np.int16)
+    for i in range(order.shape[0]):
+        g = order[i]
+        x, y, hx, hy = rows[g, X], rows[g, Y], rows[g, HALF_X], rows[g, HALF_Y]
+        left = max(math.floor(max(x - hx, np.float32(-1)) / TILE), 0)
+        top = max(math.floor(max(y - hy, np.float32(-1)) / TILE), 0)
+        right = math.floor(min(x + hx, np.float32(TILE * columns - 1)) / TILE)
+        bottom = math.floor(min(y + hy, np.float32(TILE * tile_rows - 1)) / TILE)
+        box[i, 0], box[i, 1], box[i, 2], box[i, 3] = left, top, right, bottom
+        for r in range(top, bottom + 1):
+            for c in range(left, right + 1):
+                if alive[r, c] > 0:
+                    starts[r * columns + c + 1] += 1
+    for t in range(alive.size):
+        starts[t + 1] += starts[t]
+    at = starts[:-1].copy()
+    listed = np.empty(starts[-1], dtype=np.int32)
+    for i in range(order.shape[0]):
+        for r in range(box[i, 1], box[i, 3] + 1):
+            for c in range(box[i, 0], box[i, 2] + 1):
+                if alive[r, c] > 0:
+                    t = r * columns + c
+                    listed[at[t]] = order[i]
+                    at[t] += 1
+    return listed, starts
+
+
+@kernel(fastmath={"nnan", "nsz", "arcp", "contract", "afn"})
+def blend_tiles(rows, listed, starts, alive, size, light, color, cover, depth, table):
+    """Blend lists of Gaussians into the tiles (Kerbl et al., 2023, equation 3).
+
+    Args:
+        rows: projected Gaussians, see `COLUMNS`.
+        listed: those of each tile, see `list_tiles`.
+        starts: where each tile's list starts.
+        alive: (rows, columns) pixels of each tile that are not finished, updated.
+        size: width and height [px].
+        light: (tiles, 256) light that gets through so far, negative once finished; updated.
+        color: (tiles, 256, 3) updated.
+        cover: (tiles, 256) depth [m] of an opaque body that hides what is behind it.
+        depth: (tiles, 256, 3) light-weighted sums of depth and weight, and the depth at which half
+            of the light is gone; updated. No rows = not wanted.
+        table: `TABLE`.
+    """
+    width, height = size
+    columns = alive.shape[1]
+    wanted = depth.shape[0] > 0
+    per_step = np.float32(TABLE_STEPS / TABLE_END)
+    half, one = np.float32(0.5), np.float32(1)
+    least, most, dark = np.float32(MIN_ALPHA), np.float32(MAX_ALPHA), np.float32(MIN_LIGHT)
+    for t in range(alive.size):
+        left = alive[t // columns, t % columns]
+        if left == 0:
+            continue
+        x_tile, y_tile = t % columns * TILE, t // columns * TILE
+        x_end, y_end = min(x_tile + TILE, width) - 1, min(y_tile + TILE, height) - 1
+        for i in range(starts[t], starts[t + 1]):
+            g = listed[i]
+            mx, my = rows[g, X], rows[g, Y]
+            a, b, d = rows[g, CONIC_XX], rows[g, CONIC_XY], rows[g, CONIC_YY]
+            o, limit, z = rows[g, OPACITY], rows[g, LIMIT], rows[g, DEPTH]
+            red, green, blue = rows[g, RED], rows[g, GREEN], rows[g, BLUE]
+            y0 = max(math.ceil(my - rows[g, HALF_Y]), y_tile)
+            y1 = min(math.floor(my + rows[g, HALF_Y]), y_end)
+            for y in range(y0, y1 + 1):
+                dy = np.float32(y) - my
+                # Where the row leaves the ellipse of the least visible opacity.
+                inside = limit * a - (a * d - b * b) * dy * dy
+                if inside < 0:
+                    continue
+                span = math.sqrt(inside) / a
+                middle = mx - b * dy / a
+                x0 = max(math.ceil(middle - span), x_tile)
+                x1 = min(math.floor(middle + span), x_end)
+                base = (y - y_tile) * TILE - x_tile
+                cdy, bdy = half * d * dy * dy, b * dy
+                for x in range(x0, x1 + 1):
+                    p = base + x
+                    through = light[t, p]
+                    if through <= 0:
+                        continue
+                    if z > cover[t, p]:
+                        light[t, p] = -through
+                        left -= 1
+                        continue
+                    dx = np.float32(x) - mx
+                    power = half * a * dx * dx + cdy + bdy * dx
+                    step = max(power, np.float32(0)) * per_step
+                    at = int(step)
+                    if at >= TABLE_STEPS:
+                        continue
+                    alpha = o * (table[at] + (step - np.float32(at)) * (table[at + 1] - table[at]))
+                    if alpha < least:
+                        continue
+                    alpha = min(alpha, most)
+                    after = through * (one - alpha)
+                    if after < dark:
+                        light[t, p] = -through
+                        left -= 1
+                        continue
+                    weight = alpha * through
+                    color[t, p, 0] += weight * red
+                    color[t, p, 1] += weight * green
+                    color[t, p, 2] += weight * blue
+                    light[t, p] = after
+                    if wanted:
+                        at_pixel = z + rows[g, SLOPE_X] * dx + rows[g, SLOPE_Y] * dy
+                        depth[t, p, 0] += weight * at_pixel
+                        depth[t, p, 1] += weight * at_pixel * at_pixel
+                        if through > half >= after:
+                            depth[t, p, 2] = at_pixel
+            if left == 0:
+                break
+        alive[t // columns, t % columns] = left

@@ -1,0 +1,1 @@
+"""Learned policies: models, training, checkpoints, and comparisons of training data."""

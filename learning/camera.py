@@ -1,0 +1,54 @@
+"""The camera that a selection's images were taken with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pyarrow.parquet as pq
+
+from ..datasets.episode_index import DatasetIndex, episode_tables
+from ..datasets.selection import Selection
+from ..formats.core.errors import InputError
+from ..formats.lerobot.layout import DEPTH_KEY
+from .card import View
+
+_ALL_DEPTH_M = 1e6  # images of millimetres have no far end
+_COLUMNS = ("camera_width_px", "camera_height_px", "camera_hfov_deg")
+
+
+def view_of(selections: Sequence[Selection]) -> View:
+    """Return the one camera of all selections; where they differ, a model has no single camera.
+
+    Raises:
+        InputError: Their sizes, fields of view or ranges of depth differ.
+    """
+    views = {
+        view
+        for selection in selections
+        for number in sorted(set(selection.dataset.tolist()))
+        for view in _views(selection.datasets[number])
+    }
+    if len(views) != 1:
+        shown = "; ".join(sorted(f"{v.width_px}x{v.height_px}:{v.hfov_deg:g}" for v in views))
+        raise InputError(
+            f"the datasets have several cameras ({shown}); choose one of them with the sources' "
+            "`data`, because a policy is evaluated with one"
+        )
+    return views.pop()
+
+
+def _views(index: DatasetIndex) -> set[View]:
+    info = index.info["features"].get(DEPTH_KEY, {}).get("info", {})
+    far_m = float(info.get("video.depth_max", _ALL_DEPTH_M))
+    found = set()
+    for path in episode_tables(index.root):
+        schema = pq.read_schema(path)
+        missing = [name for name in _COLUMNS if name not in schema.names]
+        if missing:
+            raise InputError(
+                f"{index.root}: its episodes lack {', '.join(missing)}; `vlnpe restore` gives "
+                "datasets that were edited their columns back"
+            )
+        table = pq.read_table(path, columns=list(_COLUMNS)).to_pydict()
+        found |= set(zip(*(table[name] for name in _COLUMNS), strict=True))
+    return {View(int(w), int(h), float(fov), far_m) for w, h, fov in found}

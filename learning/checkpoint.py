@@ -1,0 +1,95 @@
+"""Checkpoints: weights as safetensors, and beside them their card with the same name."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load, save
+from torch import Tensor
+
+from ..formats.core.atomic import write_bytes
+from ..formats.core.errors import FileFormatError, InputError
+from .card import SUFFIX, Card, card_path, read_card, write_card
+from .models import Model, build_model
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A trained model and its card.
+
+    Attributes:
+        card: what it is.
+        model: in evaluation mode, on the CPU, in float32.
+        sha256: of the file of weights.
+    """
+
+    card: Card
+    model: Model
+    sha256: str
+
+
+def save_checkpoint(path: Path, model: Model, card: Card, *, half: bool = True) -> None:
+    """Write the weights, and then the card.
+
+    Args:
+        path: of the weights, `.safetensors`.
+        model: any device.
+        card: what it is.
+        half: store in half precision.
+    """
+    if path.suffix != SUFFIX:
+        raise InputError(f"{path}: a checkpoint's file ends in {SUFFIX}")
+    weights = {
+        name: value.detach().to("cpu", torch.float16 if half else torch.float32).contiguous()
+        for name, value in model.state_dict().items()
+    }
+    raw = save(weights)
+    write_bytes(path, raw)
+    write_card(path, card, hashlib.sha256(raw).hexdigest())
+
+
+def load_checkpoint(path: Path) -> Checkpoint:
+    """Read a checkpoint.
+
+    Raises:
+        FileFormatError: card or weights are missing, damaged, of another version, or do not belong
+            together.
+    """
+    card, digest = read_card(path)
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise FileFormatError(path, f"not readable ({error.strerror})") from error
+    found = hashlib.sha256(raw).hexdigest()
+    if found != digest:
+        raise FileFormatError(
+            path, f"not the weights that {card_path(path).name} describes, or damaged (SHA-256)"
+        )
+    try:
+        weights = load(raw)
+    except SafetensorError as error:
+        raise FileFormatError(path, f"no safetensors file ({error})") from error
+    with torch.random.fork_rng():
+        model = build_model(card.tokens, card.config.model, pretrained=False)
+    _fill(model, weights, path)
+    return Checkpoint(card, model.eval(), found)
+
+
+def _fill(model: Model, weights: Mapping[str, Tensor], path: Path) -> None:
+    expected = model.state_dict()
+    wrong = sorted(set(expected) ^ set(weights))
+    if wrong:
+        raise FileFormatError(path, f"weights that are missing or too many: {', '.join(wrong[:5])}")
+    for name, value in weights.items():
+        if value.shape != expected[name].shape:
+            raise FileFormatError(
+                path, f"{name} is {tuple(value.shape)}; the card says {tuple(expected[name].shape)}"
+            )
+        if not torch.isfinite(value).all():
+            raise FileFormatError(path, f"{name} holds values that are not finite")
+    model.load_state_dict({name: value.float() for name, value in weights.items()})

@@ -1,0 +1,171 @@
+"""Settings of a model and its training, from the `train` part of a recipe."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any
+
+from ..formats.core.errors import InputError, UnknownNameError
+
+MODELS = ("cma", "seq2seq", "rdp")
+INPUTS = ("rgb", "depth", "instruction")
+ENCODERS = ("compact", "resnet18", "resnet34", "resnet50")
+DISCRETE = ("cma", "seq2seq")  # models that choose one of the discrete actions
+
+
+@dataclass(frozen=True)
+class ModelConfig:
+    """Architecture and sizes of a model.
+
+    Attributes:
+        name: `cma`, `seq2seq` or `rdp`.
+        inputs: which of `rgb`, `depth` and `instruction` it gets; features of the others are zero.
+        encoder: of RGB: `compact`, trained from scratch, or a network of torchvision.
+        encoder_weights: state dict of that network (`.pt`, `.pth` or `.safetensors`); without it,
+            training starts from scratch.
+        train_encoder: False keeps its weights as they are.
+        channels: of the compact encoders' stages; each halves the image.
+        hidden: size of the recurrent states.
+        words: size of a word's embedding.
+        word_vectors: text file of pretrained word vectors, as GloVe's: a word and `words` numbers
+            per line; words that it lacks are trained from scratch.
+        dropout: on features, 0 to 1.
+        layers: decoder layers of RDP's diffusion head.
+        diffusion_steps: denoising steps of RDP.
+    """
+
+    name: str = "cma"
+    inputs: tuple[str, ...] = INPUTS
+    encoder: str = "compact"
+    encoder_weights: str = ""
+    train_encoder: bool = True
+    channels: tuple[int, ...] = (16, 32, 48)
+    hidden: int = 96
+    words: int = 32
+    word_vectors: str = ""
+    dropout: float = 0.2
+    layers: int = 3
+    diffusion_steps: int = 20
+
+    def __post_init__(self) -> None:
+        for kind, value, valid in (
+            ("model", self.name, MODELS),
+            ("encoder", self.encoder, ENCODERS),
+        ):
+            if value not in valid:
+                raise UnknownNameError(kind, value, valid)
+        for name in self.inputs:
+            if name not in INPUTS:
+                raise UnknownNameError("input of the model", str(name), INPUTS)
+        for name in ("hidden", "words", "layers", "diffusion_steps"):
+            if getattr(self, name) < 1:
+                raise InputError(f"model: {name} {getattr(self, name)}; valid: 1 or more")
+        if self.hidden % 8:
+            raise InputError(f"model: hidden {self.hidden}; valid: a multiple of 8")
+        if not self.channels or min(self.channels) < 1:
+            raise InputError(f"model: channels {self.channels}; valid: one or more, above 0")
+        if not 0.0 <= self.dropout < 1.0:
+            raise InputError(f"model: dropout {self.dropout}; valid: at least 0, below 1")
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """How a model is trained.
+
+    Attributes:
+        seeds: trainings per row of an ablation.
+        steps: of the optimiser.
+        batch: episodes per step.
+        learning_rate: at its highest; it falls to 0 along a cosine.
+        weight_decay: of AdamW.
+        size_px: side of the images.
+        max_steps: frames per episode at most.
+        tokens: words per instruction.
+        unknown: part of the words that training replaces by the unknown word, so that it learns
+            what to do about it.
+        instructions: `own`, a path's first instruction, or `any`, one drawn in every pass.
+        inflection: weight of a step whose action differs from the one before (VLN-CE: 3.2).
+        waypoint_weight, stop_weight, progress_weight: of these losses beside the action's;
+            `progress_weight` is CMA's progress monitor.
+        stop_progress_weight: of RDP's stop head, λ.
+        checkpoint_every: steps between checkpoints.
+        device: `cpu`, `cuda`, or `auto`: a GPU where there is one.
+        model: the agent.
+    """
+
+    seeds: int = 3
+    steps: int = 200
+    batch: int = 6
+    learning_rate: float = 2e-3
+    weight_decay: float = 0.02
+    size_px: int = 48
+    max_steps: int = 200
+    tokens: int = 80
+    unknown: float = 0.1
+    instructions: str = "own"
+    inflection: float = 3.2
+    waypoint_weight: float = 1.0
+    stop_weight: float = 0.3
+    progress_weight: float = 1.0
+    stop_progress_weight: float = 10.0
+    checkpoint_every: int = 100
+    device: str = "auto"
+    model: ModelConfig = field(default_factory=ModelConfig)
+
+    def __post_init__(self) -> None:
+        whole = ("seeds", "steps", "batch", "max_steps", "tokens", "checkpoint_every")
+        for name in whole:
+            if getattr(self, name) < 1:
+                raise InputError(f"train: {name} {getattr(self, name)}; valid: 1 or more")
+        stages = len(self.model.channels)
+        if self.size_px < 2**stages:
+            raise InputError(
+                f"train: size_px {self.size_px}; valid: at least {2**stages} for {stages} channels"
+            )
+        if not 0.0 <= self.unknown < 1.0:
+            raise InputError(f"train: unknown {self.unknown}; valid: at least 0, below 1")
+        if self.instructions not in ("own", "any"):
+            raise UnknownNameError("choice of instructions", self.instructions, ("own", "any"))
+        if self.device not in ("auto", "cpu", "cuda"):
+            raise UnknownNameError("device", self.device, ("auto", "cpu", "cuda"))
+
+    def to_json(self) -> dict[str, Any]:
+        """As JSON values."""
+        return asdict(self)
+
+
+def train_config(values: Mapping[str, Any]) -> TrainConfig:
+    """Return the settings of a recipe's `train`; `model` is a mapping in it.
+
+    Raises:
+        UnknownNameError: a key, an encoder or a device that is not valid.
+        InputError: a value of the wrong type or out of range.
+    """
+    given = dict(values)
+    model = given.pop("model", {})
+    if not isinstance(model, dict):
+        raise InputError(f"train: model: {model!r}; valid: a mapping")
+    sizes = ModelConfig(**_checked("model", ModelConfig, model))
+    return TrainConfig(**_checked("train", TrainConfig, given), model=sizes)
+
+
+def _checked(what: str, kind: type, given: Mapping[str, Any]) -> dict[str, Any]:
+    defaults = {f.name: f.default for f in fields(kind) if f.name != "model"}
+    result = {}
+    for key, value in given.items():
+        if key not in defaults:
+            raise UnknownNameError(f"key in {what}:", str(key), defaults)
+        default: Any = defaults[key]
+        if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
+            value = float(value)
+        if isinstance(default, tuple) and isinstance(value, list):
+            value = tuple(value)
+            kind_of = type(default[0])
+            if any(type(n) is not kind_of or (kind_of is int and n < 1) for n in value):
+                valid = "whole numbers above 0" if kind_of is int else "names"
+                raise InputError(f"{what}: {key}: {list(value)}; valid: {valid}")
+        if type(value) is not type(default):
+            raise InputError(f"{what}: {key}: {value!r}; valid: like {default!r}")
+        result[key] = value
+    return result

@@ -1,0 +1,154 @@
+"""A model in closed loop: one observation in, one action out, the recurrent state kept."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ..formats.core.errors import InputError
+from ..formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
+from ..formats.rendered.discrete_steps import discrete_steps
+from .checkpoint import Checkpoint
+from .cma import Memory
+from .images import depth_input, rgb_input
+from .rdp import EXECUTED, PAST, STOP_PROGRESS, Rdp, seen_from, still
+from .senses import Read
+
+
+@dataclass(frozen=True)
+class Sight:
+    """One step's observation.
+
+    Attributes:
+        rgb: (H, W, 3) uint8.
+        depth_m: (H, W) float32 planar z [m], 0 = invalid.
+        previous_action: the action before, −1 at the first step.
+        pose: (3,) x, y [m], yaw [rad] relative to the first step's pose.
+    """
+
+    rgb: NDArray[np.uint8]
+    depth_m: NDArray[np.float32]
+    previous_action: int
+    pose: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """How actions are chosen from a model's predictions.
+
+    Attributes:
+        sample: draw from the predicted probabilities instead of taking the likeliest action.
+        seed: of the draws, and of a diffusion policy's noise.
+    """
+
+    sample: bool = False
+    seed: int = 0
+
+
+LIKELIEST = Choice()
+
+
+class Stepper:
+    """Lets a checkpoint's model act."""
+
+    def __init__(self, checkpoint: Checkpoint, choice: Choice = LIKELIEST):
+        """Get ready; `begin` starts an episode.
+
+        Raises:
+            InputError: A diffusion policy is to be sampled by `choice`; it always is.
+        """
+        if choice.sample and isinstance(checkpoint.model, Rdp):
+            raise InputError("sample: a diffusion policy always draws; only its seed can be chosen")
+        self._checkpoint, self._choice = checkpoint, choice
+        self._read: Read | None = None
+
+    @torch.inference_mode()
+    def begin(self, instruction: str, name: str) -> None:
+        """Begin an episode; `name` and the seed determine its draws."""
+        tokens = torch.from_numpy(self._checkpoint.card.tokens.encode(instruction))[None]
+        self._read = self._checkpoint.model.reader(tokens)
+        self._memory: Memory | None = None
+        self._poses: list[NDArray[np.float64]] = []
+        self._plan: list[Action] = []
+        digest = hashlib.blake2b(f"{self._choice.seed}/{name}".encode(), digest_size=7).digest()
+        self._rng = torch.Generator().manual_seed(int.from_bytes(digest))
+
+    @torch.inference_mode()
+    def predict(self, sight: Sight) -> dict[str, Tensor]:
+        """Take in one observation and return the model's predictions for it, (1, 1, …)."""
+        if self._read is None:
+            raise RuntimeError("begin() comes before predict()")
+        card = self._checkpoint.card
+        size = card.config.size_px
+        self._poses.append(np.asarray(sight.pose, np.float64))
+        batch = {
+            "rgb": rgb_input(sight.rgb, size)[None, None],
+            "depth": depth_input(sight.depth_m, size, card.view.depth_far_m)[None, None],
+            "previous_action": torch.tensor([[sight.previous_action + 1]]),
+            "mask": torch.ones(1, 1, dtype=torch.bool),
+            "pose": _floats(self._poses[-1])[None, None],
+            "past": self._past()[None, None],
+        }
+        model = self._checkpoint.model
+        predicted, self._memory = model.advance(self._read, batch, self._memory)
+        return predicted
+
+    @torch.inference_mode()
+    def act(self, sight: Sight) -> Action:
+        """Take in one observation and return the action to take."""
+        predicted = self.predict(sight)
+        if isinstance(self._checkpoint.model, Rdp):
+            return self._follow(self._checkpoint.model, predicted)
+        logits = predicted["action"][0, 0]
+        if self._choice.sample:
+            drawn = torch.multinomial(logits.softmax(-1), 1, generator=self._rng)
+            return Action(int(drawn))
+        return Action(int(logits.argmax()))
+
+    def _follow(self, model: Rdp, predicted: dict[str, Tensor]) -> Action:
+        """Carry out the plan; make a new one every `EXECUTED` steps; stop as the paper does."""
+        if float(predicted["progress"]) > STOP_PROGRESS:
+            return Action.STOP
+        if not self._plan:
+            motions = model.sample(predicted["condition"][0], self._rng)
+            if still(motions)[0]:
+                return Action.STOP
+            self._plan = discrete_plan(motions[0].numpy())
+        return self._plan.pop(0)
+
+    def _past(self) -> Tensor:
+        """The last poses (PAST, 3), seen from the present one; before the start the first pose."""
+        last = len(self._poses) - 1
+        before = [self._poses[max(last - k, 0)] for k in range(1, PAST + 1)]
+        return seen_from(_floats(np.stack(before)), _floats(self._poses[-1]))
+
+
+def discrete_plan(motions: NDArray[np.float32]) -> list[Action]:
+    """Return at most `EXECUTED` discrete actions that follow predicted motions (8, 3).
+
+    A predicted step is one of the discrete actions with an error; the search of
+    `formats.rendered.discrete_steps` finds the sequence that stays closest to all of them.
+    """
+    pose, poses = np.zeros(3), [np.zeros(3)]
+    for x, y, turn in motions.astype(np.float64):
+        cos, sin = np.cos(pose[2]), np.sin(pose[2])
+        pose = pose + np.array([cos * x - sin * y, sin * x + cos * y, turn])
+        poses.append(pose)
+    actions = [Action(int(a)) for a in discrete_steps(np.stack(poses)).action[:-1]]
+    # Less than half an action is none: whatever the plan comes nearest to.
+    return actions[:EXECUTED] or [_nearest(poses[-1])]
+
+
+def _nearest(pose: NDArray[np.float64]) -> Action:
+    if abs(pose[2]) / TURN_STEP_RAD > np.hypot(pose[0], pose[1]) / FORWARD_STEP_M:
+        return Action.LEFT if pose[2] > 0 else Action.RIGHT
+    return Action.FORWARD
+
+
+def _floats(values: NDArray[np.float64]) -> Tensor:
+    return torch.from_numpy(np.asarray(values, np.float32))

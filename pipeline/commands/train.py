@@ -1,0 +1,135 @@
+"""`vlnpe train`: train a policy on a mixture of a recipe."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from typing import TYPE_CHECKING, Any
+
+from ...formats.core.atomic import file_digest, sweep
+from ...formats.core.errors import InputError
+from ..engine.executors import available_cores
+from ..options.training import Train
+
+if TYPE_CHECKING:
+    from ...learning.session import Validation
+
+
+def run(options: Train) -> int:
+    """Train, and print where the checkpoint is and how to evaluate it.
+
+    Raises:
+        InputError: If the recipe, settings or data are invalid, or the extra `train` is missing.
+    """
+    if options.threads < 0:
+        raise InputError(f"--threads {options.threads}: valid: 0 (one per core) and above")
+    threads = options.threads or available_cores()
+    # Set before importing torch, which reads it only once.
+    os.environ.setdefault("OMP_NUM_THREADS", str(threads))
+    from ...datasets.mixture.recipe import read_recipe, recipe_path
+
+    try:
+        import torch
+    except ImportError as error:
+        raise InputError("torch is not installed; run: uv sync --inexact --extra train") from error
+    from ...learning.session import CURVES, Request, train_recipe
+
+    path = recipe_path(options.recipe)
+    recipe = read_recipe(path)
+    torch.set_num_threads(threads)
+    if options.out.is_dir():
+        sweep(options.out)
+    request = Request(
+        recipe=recipe,
+        data=options.data,
+        out=options.out,
+        mixture=options.mixture,
+        seed=options.seed,
+        changes=_changes(options, recipe.train),
+        start=options.start,
+        validate=_validation(options),
+        recipe_sha256=file_digest(path),
+    )
+    result = train_recipe(request)
+    last = dict(result.curves[-1]) if result.curves else {}
+    if options.json:
+        value = {"checkpoint": str(result.checkpoint), "step": result.chosen, "last": last}
+        sys.stdout.write(json.dumps(value) + "\n")
+        return 0
+    sys.stdout.write("\n" + "\n".join(_told(last)) + "\n")
+    sys.stdout.write(
+        f"\ncheckpoint: {result.checkpoint} (step {result.chosen})\n"
+        f"curves:     {options.out / CURVES}\n"
+        f"evaluate:   vlnpe evaluate <run> --policy {result.checkpoint} --robot <robot>\n"
+    )
+    return 0
+
+
+def _changes(options: Train, train: Any) -> dict[str, Any]:
+    changes: dict[str, Any] = {
+        name: value for name in ("steps", "device") if (value := getattr(options, name)) is not None
+    }
+    model = dict(train.get("model") or {})
+    if options.model is not None:
+        model["name"] = options.model
+    if options.inputs is not None:
+        model["inputs"] = [name.strip() for name in options.inputs.split(",") if name.strip()]
+    return changes | {"model": model}
+
+
+def _validation(options: Train) -> Validation | None:
+    """Return what scores a model in closed loop; SR counts stops within 3 m, as in `evaluate`."""
+    if options.validate is None:
+        return None
+    if options.validate_episodes < 1:
+        raise InputError(f"--validate-episodes {options.validate_episodes}; valid: 1 or more")
+    from ...collectors.controllers import controller_for
+    from ...collectors.rendering.camera.views import CameraOverrides
+    from ...collectors.replay import ReplayConfig
+    from ...evaluation.learned import LearnedPolicy
+    from ...evaluation.rounds import Round, spread
+    from ...learning.card import Card
+    from ...learning.checkpoint import Checkpoint
+    from ...learning.models import Model
+    from ..crews import chosen_robots
+    from ..views import chosen_views
+    from .evaluate import asked_episodes
+
+    (robot,) = chosen_robots(options.robot)
+    controller_for(robot, options.controller)
+    episodes, scenes = asked_episodes(options.validate, None, options.validate_split)
+    chosen = spread(episodes, options.validate_episodes)
+    config = ReplayConfig(robot=str(robot.name), controller=options.controller)
+
+    def validate(model: Model, card: Card) -> dict[str, float]:
+        light = card.lights[0] if len(card.lights) == 1 else "baked"
+        camera = card.view.camera("ego")
+        (view,) = chosen_views(camera, light, "auto", robot, CameraOverrides())
+        policy = LearnedPolicy(Checkpoint(card, model, ""))
+        walks = list(Round(chosen, scenes, view, config).walk(policy))
+        found = [walk.metrics for walk in walks]
+        return {
+            "SR": 100 * sum(m.success for m in found) / len(found),
+            "OS": 100 * sum(m.oracle_success for m in found) / len(found),
+            "NE": sum(m.navigation_error_m for m in found) / len(found),
+        }
+
+    return validate
+
+
+def _told(last: dict[str, Any]) -> list[str]:
+    """Return the last scores in words."""
+    lines = []
+    for where, name in (("train", "training"), ("held", "held-out")):
+        if f"{where} action" in last:
+            action, constant = last[f"{where} action"], last[f"{where} constant"]
+            lines.append(
+                f"{name} steps: {100 * action:.1f} % of the actions right (the commonest action: "
+                f"{100 * constant:.1f} %), {100 * last[f'{where} stop']:.0f} % of the stops"
+            )
+        elif f"{where} loss" in last:
+            lines.append(f"{name} loss: {last[f'{where} loss']:.3f}")
+    if "SR" in last:
+        lines.append(f"closed loop: SR {last['SR']:.1f} %")
+    return lines

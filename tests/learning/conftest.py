@@ -1,0 +1,49 @@
+"""Walks of two rooms, as data and as episodes, shared by the tests of learned policies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from tests.collectors.test_replay import make_episode
+from tests.support.walked_data import write_walks
+from vlnpe.collectors.rendering.camera.views import View, make_view
+from vlnpe.formats.core.episode import Episode
+from vlnpe.formats.core.rollout import Rollout
+from vlnpe.formats.scene.bundle import SceneBundle
+
+
+@dataclass(frozen=True)
+class Walks:
+    """Data and where it came from: two ways out of one place, which only the words tell apart."""
+
+    root: Path
+    scene: SceneBundle
+    view: View
+    episodes: list[Episode]
+    rollouts: list[Rollout]
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """Threads that wait for each other take long on a busy machine."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture(scope="session")
+def walks(tmp_path_factory: pytest.TempPathFactory, two_rooms: SceneBundle) -> Walks:
+    root = tmp_path_factory.mktemp("walks")
+    told = {"table": ((0.9, 2.3), "Go to the table."), "corner": ((1.0, 0.6), "Turn right.")}
+    episodes = [
+        replace(make_episode(two_rooms, (2.6, 2.0), goal, name=name, yaw=3.1), instruction=words)
+        for name, (goal, words) in told.items()
+    ]
+    view = make_view("ego", "vlnce", width_px=48, height_px=48)
+    return Walks(root, two_rooms, view, episodes, write_walks(root, two_rooms, episodes, view))

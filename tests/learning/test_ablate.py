@@ -1,0 +1,361 @@
+"""Ablations end to end on a small set, and the parts whose numbers must be right."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import torch
+from numpy.typing import NDArray
+
+from tests.support.training_data import WORDS, write_dataset
+from vlnpe.datasets.mixture.plan import Library, plan_mixture
+from vlnpe.datasets.mixture.recipe import recipe_of
+from vlnpe.datasets.selection import select_all
+from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig, collate_sequences
+from vlnpe.datasets.tokens import training_tokens
+from vlnpe.formats.core.errors import InputError, UnknownNameError
+from vlnpe.learning.ablation.evaluate import (
+    EpisodeScore,
+    Summary,
+    score_constant,
+    score_model,
+    score_repeat,
+)
+from vlnpe.learning.ablation.intervals import over_seeds, paired_differences
+from vlnpe.learning.ablation.run import training_job
+from vlnpe.learning.cache import CachedSequences
+from vlnpe.learning.config import ModelConfig, TrainConfig, train_config
+from vlnpe.learning.heads import FUTURE
+from vlnpe.learning.holdout import hold_out
+from vlnpe.learning.models import MODELS, Model
+from vlnpe.learning.train import Watcher, learning_rate_factor, train_model
+from vlnpe.pipeline.cli import main
+
+MODEL = {"channels": [4, 8], "hidden": 16, "words": 8}
+TINY = {"steps": 6, "seeds": 2, "batch": 2, "size_px": 16, "model": MODEL, "device": "cpu"}
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("runs")
+    for robot in ("h1", "vlnce"):
+        write_dataset(root / "run", robot, [1.5 + 0.25 * (n % 4) for n in range(8)])
+    return root
+
+
+@pytest.fixture(scope="module")
+def episodes(runs: Path, tmp_path_factory: pytest.TempPathFactory) -> CachedSequences:
+    selection = select_all([runs / "run" / "lerobot" / "vlnce"])
+    how = SequenceConfig(size_px=16, future=FUTURE)
+    sequences = EpisodeSequences(selection, training_tokens(WORDS, 12), how)
+    return CachedSequences(sequences, tmp_path_factory.mktemp("cache"))
+
+
+def recipe(**changes: Any) -> dict[str, Any]:
+    value: dict[str, Any] = {
+        "recipe": 1,
+        "title": "Does the ghost help?",
+        "sources": {"humanoid": {"robots": ["h1"]}, "ghost": {"robots": ["vlnce"]}},
+        "mixtures": {"alone": ["humanoid"], "both": ["humanoid", "ghost"]},
+        "evaluate": ["humanoid"],
+        "compare": [["both", "alone"]],
+        "train": TINY,
+    }
+    return value | changes
+
+
+def test_from_recipe_to_table_and_again_without_training(
+    runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = tmp_path / "recipe.yaml", tmp_path / "out"
+    path.write_text(json.dumps(recipe()))
+    call = ["ablate", str(path), "--data", str(runs), "--out", str(out), "--json", "--threads", "1"]
+    assert main(call) == 0
+    told, shown = capsys.readouterr()
+    assert len(shown.splitlines()) <= 2 * 12 and "\r" not in shown  # stderr is no terminal here
+    result = json.loads(told.splitlines()[-1])
+    assert set(result["rows"]) == {"best constant", "repeat the step before", "alone", "both"}
+    assert set(result["training_fit"]) == {"alone", "both"}
+    for row in ("alone", "both"):
+        assert 0 < result["training_fit"][row]["constant"] < 1
+        action = result["rows"][row]["humanoid"]["action"]
+        assert 0 <= action["mean"] <= 1 and action["half"] is not None
+    assert result["holdout"]["by"] == "scene" and len(result["holdout"]["scenes"]) == 1
+    held = set(result["holdout"]["trajectories"])
+    for mixture in result["mixtures"]:  # 8 walks, two of them in each of four scenes
+        for source in mixture["sources"]:
+            assert source["episodes"] == 8 - len(held) == 6
+    table = (out / "table.md").read_text()
+    assert "| alone | 6 |" in table and "| both | 12 |" in table
+    assert "both − alone" in table and "asked for" in table
+    page = (out / "index.html").read_text()
+    assert "data:image/png;base64," in page and "http" not in page
+    assert (out / "plot.png").read_bytes()[:4] == b"\x89PNG"
+    assert not list((out / "rows").glob("*.pt"))
+    rows = {p: p.stat().st_mtime_ns for p in (out / "rows").iterdir()}
+    assert len(rows) == 4
+    assert main(call) == 0
+    assert {p: p.stat().st_mtime_ns for p in (out / "rows").iterdir()} == rows
+    assert json.loads((out / "results.json").read_text())["rows"] == result["rows"]
+
+
+def test_an_interrupted_training_ends_as_if_it_had_not_been(
+    episodes: CachedSequences, tmp_path: Path
+) -> None:
+    config = train_config({**TINY, "steps": 7, "checkpoint_every": 2})
+    tokens = episodes.sequences.tokens
+
+    def train(path: Path, stop: int | None = None) -> Model:
+        def step(done: int, loss: float | None) -> None:
+            if done == stop:
+                raise KeyboardInterrupt
+
+        sources, watcher = [episodes, episodes], Watcher(step)
+        return train_model(sources, [0.7, 0.3], tokens, config, seed=1, state=path, watcher=watcher)
+
+    before = torch.get_rng_state()
+    whole = train(tmp_path / "whole.pt").state_dict()
+    assert torch.equal(torch.get_rng_state(), before)
+    with pytest.raises(KeyboardInterrupt):
+        train(tmp_path / "part.pt", stop=5)
+    resumed = train(tmp_path / "part.pt").state_dict()
+    for name, value in whole.items():
+        torch.testing.assert_close(resumed[name], value, atol=0, rtol=0, msg=name)
+
+
+def test_training_fits_what_it_sees(episodes: CachedSequences, tmp_path: Path) -> None:
+    config = train_config({**TINY, "steps": 100, "learning_rate": 0.01, "unknown": 0.0})
+    tokens = episodes.sequences.tokens
+    agent = train_model([episodes], [1.0], tokens, config, seed=0, state=tmp_path / "a.pt")
+    fitted = Summary.of(score_model(agent, episodes))
+    constant = Summary.of(score_constant(episodes))
+    assert fitted.action > constant.action + 0.1
+    assert fitted.stop > constant.stop + 0.1
+
+
+@pytest.mark.parametrize("name", ["cma", "seq2seq"])
+def test_the_agent_knows_neither_the_future_nor_the_padding(
+    name: str, episodes: CachedSequences
+) -> None:
+    torch.manual_seed(0)
+    words = len(episodes.sequences.tokens.vocabulary.words)
+    agent = MODELS[name](words, ModelConfig(channels=(4, 8), hidden=16)).eval()
+    batch = collate_sequences([episodes[0], episodes[3]])
+    steps = int(batch["length"][0])
+    with torch.no_grad():
+        both = agent(batch)
+        alone = agent(collate_sequences([episodes[0]]))
+        batch["rgb"][:, steps - 2 :] = 255 - batch["rgb"][:, steps - 2 :]
+        other = agent(batch)
+    for key, value in both.items():
+        torch.testing.assert_close(value[0, :steps], alone[key][0], atol=1e-5, rtol=0)
+        torch.testing.assert_close(value[:, : steps - 2], other[key][:, : steps - 2])
+    assert not torch.equal(both["action"][0, steps - 2], other["action"][0, steps - 2])
+
+
+@pytest.mark.parametrize("name", ["cma", "seq2seq"])
+def test_short_instructions_are_read_as_if_alone(name: str, episodes: CachedSequences) -> None:
+    torch.manual_seed(0)
+    agent = MODELS[name](40, ModelConfig(channels=(4, 8), hidden=16)).eval()
+    short, long = dict(episodes[0]), dict(episodes[3])
+    for item, words in ((short, 3), (long, 77)):
+        item["tokens"] = torch.zeros(80, dtype=torch.int64)
+        item["tokens"][:words] = torch.randint(1, 40, (words,))
+    with torch.no_grad():
+        both = agent(collate_sequences([short, long]))
+        alone = agent(collate_sequences([short]))
+    steps = int(short["length"])
+    for key, value in both.items():
+        torch.testing.assert_close(value[0, :steps], alone[key][0], atol=1e-5, rtol=0)
+
+
+@pytest.mark.parametrize("steps", range(1, 13))
+def test_the_learning_rate_rises_and_falls_whatever_the_steps(steps: int) -> None:
+    weight = torch.nn.Parameter(torch.zeros(1))
+    optimizer = torch.optim.AdamW([weight], 1.0)
+    schedule = torch.optim.lr_scheduler.LambdaLR(
+        optimizer, lambda step: learning_rate_factor(step, steps)
+    )
+    rates = []
+    for _ in range(steps):
+        rates.append(schedule.get_last_lr()[0])
+        optimizer.step()
+        schedule.step()
+    assert min(rates) > 0 and max(rates) == 1
+    assert rates[rates.index(1.0) :] == sorted(rates[rates.index(1.0) :], reverse=True)
+
+
+@pytest.mark.parametrize("steps", [1, 10])
+def test_few_steps_are_enough_to_run(steps: int, episodes: CachedSequences, tmp_path: Path) -> None:
+    config = train_config({**TINY, "steps": steps})
+    done: list[int] = []
+    watcher = Watcher(lambda step, loss: done.append(step))
+    tokens, state = episodes.sequences.tokens, tmp_path / "a.pt"
+    train_model([episodes], [1.0], tokens, config, seed=0, state=state, watcher=watcher)
+    assert done == list(range(1, steps + 1))
+
+
+def test_a_result_belongs_to_the_very_episodes_and_words(
+    episodes: CachedSequences, runs: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(runs / "run" / "lerobot", tmp_path / "lerobot")
+    made = recipe_of(recipe())
+
+    def result() -> Path:
+        plan = plan_mixture(made, "alone", Library(tmp_path))
+        held = {"humanoid": plan.sources[0].selection}
+        return training_job(plan, held, train_config(TINY), 0, tmp_path).result
+
+    before = result()
+    assert result() == before
+    for file in (tmp_path / "lerobot" / "h1" / "meta" / "episodes").rglob("*.parquet"):
+        table = pq.read_table(file)
+        place = table.column_names.index("instructions")
+        told = [["Turn around."]] * table.num_rows
+        pq.write_table(table.set_column(place, "instructions", [told]), file)
+    assert result() != before
+
+
+def test_baselines_are_what_they_say(episodes: CachedSequences) -> None:
+    items = [episodes[n] for n in range(len(episodes))]
+    actions = np.concatenate([item["action"].numpy() for item in items])
+    constant = Summary.of(score_constant(episodes))
+    assert constant.action == pytest.approx(np.bincount(actions).max() / len(actions))
+    assert constant.stop == 0.5
+    before = np.concatenate([[1, *item["action"].numpy()[:-1]] for item in items])
+    repeat = Summary.of(score_repeat(episodes))
+    assert repeat.action == pytest.approx((before == actions).mean())
+    truth = np.concatenate([i["waypoints"][i["waypoint_valid"]].numpy() for i in items])
+    assert constant.waypoint_m < np.linalg.norm(truth[:, :2], axis=1).mean()
+
+
+def score(trajectory: str, correct: int, frames: int = 10) -> EpisodeScore:
+    return EpisodeScore(trajectory, frames, correct, 0.1 * correct, frames, 2, 1, 8, 4)
+
+
+def test_intervals_hold_the_truth_and_pairs_narrow_them() -> None:
+    found = over_seeds([0.5, 0.6, 0.7])
+    assert found.mean == pytest.approx(0.6)
+    assert found.half == pytest.approx(4.3027 * 0.1 / np.sqrt(3), rel=1e-4)
+    assert np.isnan(over_seeds([0.5]).half)
+    rng = np.random.default_rng(0)
+    hard = rng.integers(2, 8, 40)  # some paths are harder, for both
+    theirs = [[score(f"s/{n}", k) for n, k in enumerate(hard)] for _ in range(3)]
+    ours = [[score(f"s/{n}", k + 1) for n, k in enumerate(hard)] for _ in range(3)]
+    difference = paired_differences(ours, theirs, rng)["action"]
+    assert difference.mean == pytest.approx(0.1)
+    assert difference.low == pytest.approx(0.1) == difference.high
+    same = paired_differences(theirs, theirs, rng)["waypoint_m"]
+    assert same.low == same.high == 0
+    with pytest.raises(ValueError, match="same episodes"):
+        paired_differences(ours, [theirs[0][:-1]], rng)
+
+
+@pytest.mark.parametrize(("of_seeds", "of_paths"), [(0.03, 0.005), (0.005, 0.1), (0.02, 0.06)])
+def test_intervals_of_differences_hold_the_truth_as_often_as_they_say(
+    of_seeds: float, of_paths: float
+) -> None:
+    rng = np.random.default_rng(5)
+    truth, trials, paths, seeds, frames = 0.02, 300, 16, 3, 100_000
+
+    def runs(gain: NDArray[np.float64]) -> list[list[EpisodeScore]]:
+        parts = 0.5 + gain + rng.normal(0, of_seeds, (seeds, 1))
+        return [
+            [score(f"s/{n}", round(frames * part), frames) for n, part in enumerate(run)]
+            for run in parts
+        ]
+
+    held = 0
+    for _ in range(trials):
+        hard = rng.normal(0, 0.1, paths)  # for both
+        ours = runs(hard + truth + rng.normal(0, of_paths, paths))
+        found = paired_differences(ours, runs(hard), rng)["action"]
+        held += found.low <= truth <= found.high
+    assert held / trials >= 0.92
+
+
+def test_one_training_tells_no_interval() -> None:
+    run = [[score("s/0", 3), score("s/1", 4)]]
+    found = paired_differences(run, run, np.random.default_rng(0))["action"]
+    assert found.mean == 0 and np.isnan([found.low, found.high]).all()
+
+
+@pytest.mark.parametrize(
+    ("by", "scenes"), [("auto", 4), ("scene", 4), ("trajectory", 4), ("auto", 1)]
+)
+def test_no_trajectory_is_on_both_sides(by: str, scenes: int) -> None:
+    trajectories = [f"mp3d/scene{n % scenes}/{n}" for n in range(20)]
+    found = hold_out(recipe_of(recipe(holdout=by)), trajectories * 3)
+    assert 0 < len(found.trajectories) < 20
+    assert found.by == ("trajectory" if by == "trajectory" or scenes == 1 else "scene")
+    if found.by == "scene":
+        inside = {t.rsplit("/", 1)[0] for t in found.trajectories}
+        outside = {t.rsplit("/", 1)[0] for t in set(trajectories) - found.trajectories}
+        assert not inside & outside and inside == set(found.scenes)
+    assert hold_out(recipe_of(recipe(holdout=by)), reversed(trajectories)) == found
+
+
+def test_published_splits_are_what_is_held_out() -> None:
+    trajectories = [f"scene{n % 4}/{n}" for n in range(20)]
+    published = {"scene1/5", "scene3/7"}
+    for by in ("auto", "split"):
+        found = hold_out(recipe_of(recipe(holdout=by)), trajectories, published)
+        assert (found.by, found.trajectories) == ("split", published)
+        assert found.scenes == ("scene1", "scene3")
+    with pytest.raises(InputError, match="no episode has a published"):
+        hold_out(recipe_of(recipe(holdout="split")), trajectories)
+    assert hold_out(recipe_of(recipe(holdout="scene")), trajectories, published).by == "scene"
+
+
+@pytest.mark.parametrize(
+    ("train", "told"),
+    [
+        ({"step": 3}, "'step'; valid: batch"),
+        ({"steps": 0}, "1 or more"),
+        ({"steps": "many"}, "valid: like"),
+        ({"device": "tpu"}, "valid: auto, cpu, cuda"),
+        ({"model": {"encoder": "vit"}}, "valid: compact, resnet18"),
+        ({"model": {"channels": [4, "x"]}}, "whole numbers"),
+        ({"size_px": 4}, "size_px 4"),
+    ],
+)
+def test_wrong_settings_are_told_what_is_valid(train: dict, told: str) -> None:
+    with pytest.raises((InputError, UnknownNameError)) as caught:
+        train_config(train)
+    assert told in str(caught.value)
+
+
+def test_pretrained_encoders_come_from_a_file(episodes: CachedSequences, tmp_path: Path) -> None:
+    from torchvision.models import resnet18
+
+    path = tmp_path / "resnet.pt"
+    weights = resnet18(weights=None).state_dict()
+    torch.save(weights, path)
+    model = ModelConfig(
+        encoder="resnet18", encoder_weights=str(path), train_encoder=False, channels=(4, 8)
+    )
+    agent = MODELS["cma"](20, model).eval()
+    first = next(iter(agent.senses.rgb.state_dict().values()))
+    torch.testing.assert_close(first, weights["conv1.weight"])
+    assert agent(collate_sequences([episodes[0]]))["action"].shape[-1] == 4
+    agent.train()
+    before = {k: v.clone() for k, v in agent.senses.rgb.state_dict().items()}
+    optimizer = torch.optim.AdamW(agent.parameters(), 0.1, weight_decay=0.5)
+    agent(collate_sequences([episodes[0]]))["action"].square().sum().backward()
+    optimizer.step()
+    for name, value in agent.senses.rgb.state_dict().items():  # buffers, too
+        assert torch.equal(value, before[name]), name
+    assert agent.senses.depth.training and not agent.senses.rgb.stages.training
+    path.write_bytes(b"no weights")
+    with pytest.raises(InputError, match=r"resnet\.pt"):
+        MODELS["cma"](20, model)
+
+
+def test_defaults_are_valid() -> None:
+    assert train_config({}) == TrainConfig()

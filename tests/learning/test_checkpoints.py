@@ -1,0 +1,170 @@
+"""Checkpoints that are damaged or from elsewhere, and states of other trainings."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import load_file, save_file
+
+from tests.learning.conftest import Walks
+from tests.learning.test_closed_loop import request
+from vlnpe.evaluation.policy import check_policy, make_policy, policy_identity
+from vlnpe.formats.core.errors import FileFormatError, InputError, UnknownNameError
+from vlnpe.learning.checkpoint import load_checkpoint
+from vlnpe.learning.session import train_recipe
+from vlnpe.learning.stepper import Choice, Sight, Stepper
+
+
+@pytest.fixture(scope="module")
+def trained(walks: Walks, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("trained")
+    return train_recipe(request(walks, out, 1), show=False).checkpoint
+
+
+def cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-40])
+
+
+def no_weights(path: Path) -> None:
+    path.write_bytes(pickle.dumps({"weights": [1.0]}))
+
+
+def no_card(path: Path) -> None:
+    path.with_suffix(".json").unlink()
+
+
+def other_version(path: Path) -> None:
+    card = json.loads(path.with_suffix(".json").read_text())
+    path.with_suffix(".json").write_text(json.dumps(card | {"card": 99}))
+
+
+def no_words(path: Path) -> None:
+    card = json.loads(path.with_suffix(".json").read_text())
+    path.with_suffix(".json").write_text(json.dumps(card | {"words": [1, 2]}))
+
+
+def other_sizes(path: Path) -> None:
+    card = json.loads(path.with_suffix(".json").read_text())
+    card["config"]["model"]["hidden"] = 64
+    path.with_suffix(".json").write_text(json.dumps(card))
+
+
+def not_finite(path: Path) -> None:
+    weights = load_file(path)
+    next(iter(weights.values())).view(-1)[0] = float("nan")
+    save_file(weights, path)
+    card = json.loads(path.with_suffix(".json").read_text())
+    card["weights_sha256"] = sha256(path.read_bytes()).hexdigest()
+    path.with_suffix(".json").write_text(json.dumps(card))
+
+
+@pytest.mark.parametrize(
+    ("damage", "told"),
+    [
+        (cut, "damaged"),
+        (no_weights, "damaged"),
+        (no_card, "card"),
+        (other_version, "card version 99; valid: 1"),
+        (no_words, "vocabulary"),
+        (other_sizes, "the card says"),
+        (not_finite, "not finite"),
+    ],
+)
+def test_damaged_checkpoints_are_refused_by_name(
+    trained: Path, damage: Callable[[Path], None], told: str, tmp_path: Path
+) -> None:
+    path = tmp_path / trained.name
+    for suffix in (".safetensors", ".json"):
+        shutil.copy(trained.with_suffix(suffix), tmp_path)
+    load_checkpoint(path)
+    damage(path)
+    with pytest.raises(FileFormatError, match=told) as caught:
+        load_checkpoint(path)
+    assert caught.value.path.stem == path.stem
+
+
+def test_the_registry_knows_checkpoints_by_their_content(trained: Path, tmp_path: Path) -> None:
+    check_policy(str(trained))
+    before = policy_identity(str(trained), 1.0)
+    assert make_policy(str(trained), 0, 1.0).blind is False
+    copy = tmp_path / trained.name
+    for suffix in (".safetensors", ".json"):
+        shutil.copy(trained.with_suffix(suffix), tmp_path)
+    assert policy_identity(str(copy), 1.0) == before
+    other_version(copy)
+    assert policy_identity(str(copy), 1.0) != before
+    with pytest.raises(InputError, match="no such file"):
+        check_policy("nowhere.safetensors")
+    with pytest.raises(UnknownNameError, match="safetensors"):
+        check_policy("nowhere")
+
+
+def test_sampled_actions_follow_the_predicted_probabilities(trained: Path) -> None:
+    checkpoint = load_checkpoint(trained)
+    sight = Sight(np.zeros((48, 48, 3), np.uint8), np.zeros((48, 48), np.float32), -1, np.zeros(3))
+    steppers = {sample: Stepper(checkpoint, Choice(sample, 3)) for sample in (True, False)}
+    drawn: dict[bool, list[int]] = {True: [], False: []}
+    for sample, stepper in steppers.items():
+        for number in range(200):
+            stepper.begin("Go.", f"e{number}")
+            drawn[sample].append(int(stepper.act(sight)))
+    steppers[True].begin("Go.", "e0")
+    expected = steppers[True].predict(sight)["action"][0, 0].softmax(-1)
+    counts = torch.bincount(torch.tensor(drawn[True]), minlength=4) / 200
+    assert (counts - expected).abs().max() < 0.12
+    assert set(drawn[False]) == {int(expected.argmax())}
+
+
+def test_a_training_resumes_only_its_own_state_and_keeps_its_curves(
+    walks: Walks, tmp_path: Path
+) -> None:
+    asked = request(walks, tmp_path, 6)
+    often = {**asked.recipe.train, "checkpoint_every": 2}
+    asked = replace(asked, recipe=replace(asked.recipe, train=often))
+
+    class KilledError(Exception):
+        pass
+
+    calls: list[int] = []
+
+    def validate(model: object, card: object) -> dict[str, float]:
+        calls.append(1)
+        if len(calls) == 3:
+            raise KilledError
+        return {"SR": 50.0}
+
+    with pytest.raises(KilledError):
+        train_recipe(replace(asked, validate=validate), show=False)
+    resumed = train_recipe(replace(asked, validate=validate), show=False)
+    whole = train_recipe(replace(asked, out=tmp_path / "whole"), show=False)
+    assert [row["step"] for row in resumed.curves] == [2, 4, 6]
+    for one, other in zip(resumed.curves, whole.curves, strict=True):
+        assert {k: v for k, v in one.items() if k != "SR"} == other
+    first, second = (load_checkpoint(r.checkpoint).model.state_dict() for r in (resumed, whole))
+    for name, value in first.items():
+        assert torch.equal(value, second[name]), name
+    with pytest.raises(FileFormatError, match="other settings"):
+        train_recipe(request(walks, tmp_path, 8), show=False)
+    (tmp_path / "state.pt").write_bytes(b"no state")
+    with pytest.raises(FileFormatError, match=r"state\.pt"):
+        train_recipe(asked, show=False)
+
+
+def test_fine_tuning_keeps_vocabulary_and_architecture(
+    walks: Walks, trained: Path, tmp_path: Path
+) -> None:
+    asked = replace(request(walks, tmp_path, 1), start=trained)
+    found = load_checkpoint(train_recipe(asked, show=False).checkpoint)
+    start = load_checkpoint(trained)
+    assert found.card.words == start.card.words and found.card.start == start.sha256
+    with pytest.raises(InputError, match="architecture"):
+        train_recipe(replace(request(walks, tmp_path, 1, hidden=32), start=trained), show=False)
