@@ -13,7 +13,8 @@ import numpy as np
 import pyarrow.parquet as pq
 from mcap.reader import make_reader
 
-TIMED = {"seconds", "cpu_s", "cpu_seconds", "sha256", "files"}  # how long work took; digests of encoded files
+# How long work took, and digests of encoded files.
+TIMED = {"seconds", "cpu_s", "cpu_seconds", "sha256", "files"}
 LEDGER = {"manifest.json", "manifest.journal.jsonl"}
 
 
