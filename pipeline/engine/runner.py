@@ -173,7 +173,7 @@ def run_stage(
             bar.set_postfix_str(_note(summary), refresh=False)
             bar.update()
     except BaseException:
-        context.workers.kill()
+        context.workers.kill_processes()
         sweep_beside(path for item in waiting for path in item.outputs)
         with contextlib.suppress(OSError):  # a full disk must not hide that it is full
             ledger.save()

@@ -172,18 +172,18 @@ def read_interior_labels(path: Path) -> list[LabelBox]:
     if text is None:
         return []
     try:
-        data = json.loads(text)
-    except (ValueError, RecursionError):
+        data = parse_json(path, text)
+    except FileFormatError:
         return []
     if not isinstance(data, list) or not data:
         return []
     if not all(isinstance(e, dict) and {"label", "bounding_box"} <= e.keys() for e in data):
         return []
     try:
-        return [_interior(k, entry) for k, entry in enumerate(data)]
+        return [_interior(k, entry) for k, entry in enumerate(within_limit(path, data))]
     except (ValueError, KeyError, TypeError, OverflowError) as error:
         raise FileFormatError(
-            path, f"not InteriorGS labels ({type(error).__name__}: {str(error)[:200]})"
+            path, f"not InteriorGS labels ({type(error).__name__}: {brief(str(error))})"
         ) from error
 
 
