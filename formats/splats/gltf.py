@@ -15,10 +15,12 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from ..core.documents import parse_json, read_json
+from ..core.documents import parse_json
 from ..core.errors import FileFormatError
 from ..core.frames import quat_to_matrix
 from ..core.glb import read_glb
+from ..core.limits import limits
+from ..core.untrusted import read_input
 from .packed import spz_cloud
 from .record import F32, GaussianCloud, check_count, cleaned
 
@@ -42,14 +44,17 @@ def gltf_tree(path: Path) -> tuple[dict[str, Any], memoryview]:
     """Return the JSON tree and the binary chunk of a GLB or glTF file.
 
     Raises:
-        ValueError: damaged.
-        FileFormatError: not JSON, or beyond a limit.
+        ValueError: damaged, or beyond a limit.
     """
-    if path.suffix.lower() == ".glb":
-        text, body = read_glb(path)
+    try:
+        if path.suffix.lower() == ".glb":
+            text, body = read_glb(path)
+        else:
+            text = read_input(path, max_bytes=limits().json_bytes)
+            body = memoryview(b"")
         tree = parse_json(path, text)
-    else:
-        tree, body = read_json(path), memoryview(b"")
+    except FileFormatError as error:
+        raise ValueError(error.reason) from error
     if not isinstance(tree, dict):
         raise ValueError("no JSON object")
     return tree, body

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from ...formats.core.geometry import triangle_normals
 from ...formats.scene.bundle import LabeledObject
@@ -57,7 +57,7 @@ def label_by_boxes(scan: Scan, boxes: list[LabelBox], source_to_world: NDArray[n
     level = np.abs(triangle_normals(corners) @ up) > LEVEL_NORMAL
     height = (corners @ up).max(axis=1)
     face_object = scan.face_object.copy()
-    tree = cKDTree(centers) if len(things) > MANY and len(centers) else None
+    tree = KDTree(centers) if len(things) > MANY and len(centers) else None
     for k in sorted(range(len(things)), key=lambda k: -float(np.prod(things[k].half))):
         near = _within(things[k], tree, centers, MARGIN_M / scale)
         if not _floor_like(things[k].category):
@@ -69,7 +69,7 @@ def label_by_boxes(scan: Scan, boxes: list[LabelBox], source_to_world: NDArray[n
 
 
 def _within(
-    box: LabelBox, tree: cKDTree | None, points: NDArray[np.float64], margin: float
+    box: LabelBox, tree: KDTree | None, points: NDArray[np.float64], margin: float
 ) -> NDArray[np.intp]:
     """Return which of `points` (N, 3) lie in a grown box; a tree of them helps with many boxes."""
     reach = float(np.linalg.norm(box.half + margin)) * (1 + 1e-9)
