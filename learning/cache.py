@@ -34,6 +34,11 @@ class CachedSequences(Dataset[dict[str, Any]]):
         self._rows.telling = sequences.telling
         folder.mkdir(parents=True, exist_ok=True)
 
+    @property
+    def digest(self) -> str:
+        """Digest of the episodes."""
+        return self.sequences.selection.digest
+
     def begin_pass(self, epoch: int) -> None:
         """Draw other instructions from the next item on, where paths have several."""
         self._rows.telling = replace(self.sequences.telling, epoch=epoch)

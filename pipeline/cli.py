@@ -15,7 +15,7 @@ from typing import Annotated, Any, Union
 
 from ..formats.core.errors import InputError, VlnpeError
 from ..formats.core.untrusted import is_text
-from .engine.signals import Interrupted, interruptible
+from .engine.signals import Interrupted, OnlyDone, interruptible
 
 
 @dataclass(frozen=True)
@@ -75,6 +75,7 @@ _TABLE = (
     Verb("train", "training.Train", "train.run"),
     Verb("ablate", "training.Ablate", "ablate.run"),
     Verb("evaluate", "evaluate.Evaluate", "evaluate.run_evaluate"),
+    Verb("benchmark", "benchmark.Benchmark", "benchmark.run"),
     Verb("compare", "evaluate.Compare", "evaluate.run_compare"),
     Verb("push", "results.Push", "push.run_push"),
     Verb("verify", "results.Verify", "look.run_verify"),
@@ -158,6 +159,8 @@ def _run(arguments: Sequence[str]) -> int:
     verb, options = parse(arguments)
     try:
         return verb.run()(options)
+    except OnlyDone as only:
+        return int(not only.good)
     except InputError as error:
         _complain(error)
         return 2

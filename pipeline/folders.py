@@ -7,7 +7,7 @@ from pathlib import Path
 from ..formats.core.errors import InputError
 from ..formats.scene.bundle import INDEX_NAME
 from ..scene_repair.scan.files import SUFFIXES, USD_SUFFIXES
-from .engine.run_folder import safe_name
+from .engine.run_folder import file_names
 
 
 def find_scans(folder: Path) -> dict[str, Path]:
@@ -24,11 +24,10 @@ def find_scans(folder: Path) -> dict[str, Path]:
         raise InputError(f"SCENES={folder}: no such folder")
     found: dict[str, Path] = {}
     for path in _scans(folder, top=True, above=()):
-        scene_id = safe_name(path.stem)
-        if scene_id in found:
+        if path.stem in found:
             raise InputError(f"SCENES={folder}: two scans are named {path.stem}")
-        found[scene_id] = path
-    return found
+        found[path.stem] = path
+    return dict(zip(file_names(list(found)), found.values(), strict=True))
 
 
 def _scans(folder: Path, *, top: bool, above: tuple[Path, ...]) -> list[Path]:

@@ -44,7 +44,7 @@ def gltf_tree(path: Path) -> tuple[dict[str, Any], memoryview]:
     """Return the JSON tree and the binary chunk of a GLB or glTF file.
 
     Raises:
-        ValueError: damaged.
+        ValueError: damaged, or beyond a limit.
     """
     try:
         if path.suffix.lower() == ".glb":
@@ -66,7 +66,7 @@ def declares_splats(path: Path) -> bool:
         tree, _ = gltf_tree(path)
         used = tree.get("extensionsUsed", [])
         return isinstance(used, list) and EXTENSION in used and bool(_splat_primitives(tree))
-    except (ValueError, OSError, TypeError, AttributeError):
+    except (FileFormatError, ValueError, OSError, TypeError, AttributeError):
         return False
 
 

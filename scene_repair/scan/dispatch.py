@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import logging
+from dataclasses import replace
 from pathlib import Path
 
 from PIL import Image
 
-from ...formats.core.errors import FileFormatError
+from ...formats.core.errors import FileFormatError, InputError
 from ...formats.core.limits import limits
 from ...formats.core.untrusted import check_input, is_text, read_input
+from ...formats.splats.read import splat_kind
+from ..splats.read import read_splat_scan
 from ..usd.package import read_member
-from .files import CLOUD_SUFFIXES, SUFFIXES, USD_SUFFIXES, splats, why_not
-from .headers import has_faces, splat_kind
+from .files import CLOUD_SUFFIXES, SUFFIXES, USD_SUFFIXES, why_not
+from .headers import has_faces
 from .images import PixelBudget, decode_all, open_image
 from .mesh import read_mesh
 from .readings import LookRef, Readings
@@ -20,14 +24,20 @@ from .resolver import MAX_BYTES
 from .sandbox import read_in_child
 from .soup import Part, merge_parts
 
+log = logging.getLogger(__name__)
 
-def read_scan(path: Path) -> Scan:
-    """Read meshes, USD stages and point clouds into one triangle soup.
+
+def read_scan(path: Path, surface: Path | None = None) -> Scan:
+    """Read meshes, USD stages, point clouds and Gaussian splats into one triangle soup.
+
+    Args:
+        path: the file.
+        surface: a mesh in the same coordinates, to take instead of the one fused from splats.
 
     Raises:
         FileFormatError: missing, damaged, of a kind that is not read, referring outside its folder,
             or without any usable triangle.
-        InputError: a point cloud, and open3d is not installed.
+        InputError: a point cloud, and open3d is not installed; or a surface for what has its own.
     """
     check_input(path, max_bytes=limits().scan_bytes)
     if not is_text(path):
@@ -35,8 +45,14 @@ def read_scan(path: Path) -> Scan:
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise FileFormatError(path, why_not(path.name))
-    if suffix == ".ply" and (kind := splat_kind(path)):
-        raise FileFormatError(path, splats(kind))
+    if splat_kind(path):
+        given = None if surface is None else read_scan(surface)
+        scan, cloud = read_splat_scan(path, log.info, given)
+        return replace(scan, splats=cloud)
+    if surface is not None:
+        raise InputError(
+            f"--collision {surface}: {path.name} has a surface of its own; valid: Gaussian splats"
+        )
     if suffix in USD_SUFFIXES:
         return scan_of(path, read_in_child("usd", path))
     if suffix in CLOUD_SUFFIXES or (suffix == ".ply" and not has_faces(path)):

@@ -82,20 +82,6 @@ def has_faces(path: Path) -> bool:
     return counts.get("face", 0) > 0 or counts.get("tristrips", 0) > 0 or not counts.get("vertex")
 
 
-def splat_kind(path: Path) -> str:
-    """Return which kind of Gaussian splats the file contains; empty if none.
-
-    Raises:
-        FileFormatError: no PLY header, or it promises more than the file can hold.
-    """
-    properties = {name for element in read_header(path) for name in element.properties}
-    if {"packed_position", "packed_scale"} <= properties:
-        return "compressed PLY, as SuperSplat writes it"
-    if {"f_dc_0", "opacity", "scale_0", "rot_0"} <= properties:
-        return "PLY of 3D Gaussian splatting"
-    return ""
-
-
 def check_pcd(path: Path) -> None:
     """Check the header of a PCD file.
 
