@@ -26,7 +26,8 @@ def realize(steps: Sequence[Step], rng: np.random.Generator, style: str) -> tupl
         clauses.append(clause)
         memory = [*memory[-2:], _plain(clause).split()[0]]
         rooms.append(step.room)
-    sentences = _sentences(clauses, rng, style)
+    leading = [step.kind in _LEADING for step in steps]
+    sentences = _sentences(clauses, leading, rng, style)
     return " ".join(_plain(s) for s in sentences), [_skeleton(s) for s in sentences]
 
 
@@ -180,8 +181,18 @@ def metres(distance_m: float) -> str:
     return f"{_NUMBER.get(whole, str(whole))} metre" + ("" if whole == 1 else "s")
 
 
-def _sentences(clauses: list[str], rng: np.random.Generator, style: str) -> list[str]:
-    """Join clauses into sentences; no sentence carries more than three actions."""
+# "Walk on for two metres." says too little for a sentence: what it leads to goes with it.
+_LEADING = frozenset(("walk", "follow", "ahead"))
+
+
+def _sentences(
+    clauses: list[str], leading: Sequence[bool], rng: np.random.Generator, style: str
+) -> list[str]:
+    """Join clauses into sentences; no sentence carries more than three actions.
+
+    Two sentences of one clause do not follow each other, and no sentence ends with a clause that
+    is `leading` (N,).
+    """
     groups: list[list[str]] = []
     rest = list(clauses)
     longest = {"terse": 2, "natural": 3, "rich": 3}[style]
@@ -193,13 +204,19 @@ def _sentences(clauses: list[str], rng: np.random.Generator, style: str) -> list
             if weight > 3 and k:
                 size = k
                 break
+        done = len(clauses) - len(rest)
+        short = bool(groups) and len(groups[-1]) == 1 and size == 1
+        if len(rest) > size and (short or leading[done + size - 1]):
+            size += 1
         groups.append(rest[:size])
         rest = rest[size:]
     result = []
     opened = False  # one "after that" is enough for a text
     for k, group in enumerate(groups):
         text = _join(group, rng)
-        if k and not opened and not text.startswith(_STANDING) and rng.random() < _OPENED:
+        told = "then" in _plain(text).split()  # "then … then" reads like a list
+        standing = text.startswith(_STANDING) or told
+        if k and not opened and not standing and rng.random() < _OPENED:
             opened = True
             text = str(rng.choice(words.THEN)) + text
         plain = _plain(text)
@@ -212,6 +229,10 @@ _OPENED = 0.3
 _STANDING = ("at ", "once ", "when ", "as ", "stop", "wait", "halt", "come")
 
 
+_AFTER_COMMA = (", then ", ", and then ", ", then ")
+_JOINTS = (", then ", " and ", " and then ", " and ")
+
+
 def _join(group: Sequence[str], rng: np.random.Generator) -> str:
     text = group[0]
     for k, clause in enumerate(group[1:], start=1):
@@ -222,9 +243,9 @@ def _join(group: Sequence[str], rng: np.random.Generator) -> str:
         elif not last:
             joint = ", "
         elif loaded or "," in _plain(text):
-            joint = str(rng.choice([", then ", ", and then "]))
+            joint = ", and " if "then" in _plain(text).split() else str(rng.choice(_AFTER_COMMA))
         else:
-            joint = str(rng.choice([", then ", " and ", " and then ", " and "]))
+            joint = str(rng.choice(_JOINTS))
         text += joint + clause
     return text
 

@@ -86,7 +86,7 @@ def plan(facts: PathFacts, style: str, rng: np.random.Generator) -> list[Step]:
     """Choose what to tell, in order, the stop last."""
     taste = TASTES[style]
     stop = _stop(facts, rng, taste)
-    named = {stop.mark.name} if stop.mark else set()
+    named = {mark.name for mark in (stop.mark, stop.other) if mark}
     steps = _moves(facts, rng, taste, named)
     steps = _passed(steps, stop, facts, rng, taste, named)
     steps = _distances(steps, stop, facts)
@@ -199,7 +199,7 @@ def _passed(
     named: set[str],
 ) -> list[Step]:
     result = list(steps)
-    kinds = {s.mark.noun for s in (*steps, stop) if s.mark}
+    kinds = {m.noun for s in (*steps, stop) for m in (s.mark, s.other) if m}
     edges = [0.0, *(_end(s) for s in steps), facts.length_m]
     starts = [*(s.along_m for s in steps), facts.length_m]
     stretches = sorted(zip(edges, starts, strict=False), key=lambda pair: pair[0] - pair[1])
