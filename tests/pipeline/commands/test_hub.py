@@ -12,6 +12,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,10 @@ from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.lerobot import assemble_dataset
 from vlnpe.pipeline.commands.push import Push, run_push
 from vlnpe.pipeline.publish import HubError, content_tag
+
+pytestmark = pytest.mark.skipif(
+    find_spec("huggingface_hub") is None, reason="the extra `train` is not installed"
+)
 
 Publish = Callable[..., dict[str, Any]]
 REPO = "someone/rooms"
