@@ -16,7 +16,7 @@ from ..language.lexicon import DOORS
 from .claim import Claim
 from .ground import Ground, Mask, spread
 
-# A turn of this much must be told.
+# A turn of this much must be mentioned.
 REQUIRED_DEG = 58.0
 _AROUND_DEG = 125.0
 _LATE_M = 1.6  # how far beyond an untold turn a claim may already lie
@@ -27,10 +27,10 @@ _PLAIN_DEG = 30.0  # "turn left" is no smaller turn
 _IMPLIED_M = 1.4  # a room entered this near to a turn tells that turn
 _IMPLIED_DEG = 70.0
 _IMPLIED_AFTER_M = 0.1
-_OTHER_SIDE_DEG = 35.0  # a door told on one side hides no turn to the other
+_OTHER_SIDE_DEG = 35.0  # a door mentioned on one side hides no turn to the other
 _SIDED_M = 2.2  # so does a door on that side
 _BARE_STOP_M = 2.6
-_ORDER_M = 1.5  # things passed this near to each other may be told in either order
+_ORDER_M = 1.5  # things passed this near to each other may be mentioned in either order
 _MEANWHILE_M = 4.0
 _ROUND_DEG = 75.0
 _INSIDE_DEG = 130.0  # with the thing known to lie on the inside of the bend
@@ -126,7 +126,7 @@ class _Aligner:
                     turn = self.turns[k - 1]
                     here &= np.abs(self.along - turn.along_m) <= _IMPLIED_M + 1.0
                 if claim.still and here.any() and k == made:
-                    # What is only seen, or passed meanwhile, moves nobody back.
+                    # What is only seen, or passed meanwhile, does not move the walker back.
                     last = float(self.along[mask][-1])
                     ahead = here & (self.along >= first + slack) & (self.along <= last + slack)
                     earlier = here & (self.along >= first) & (self.along <= first + slack)
@@ -222,7 +222,7 @@ class _Aligner:
     # turns ------------------------------------------------------------------------------------
 
     def _limit(self, made: int) -> float:
-        """How far one may be after `made` turns: up to the next turn that must be told."""
+        """How far one may be after `made` turns: up to the next turn that must be mentioned."""
         for k in range(made, len(self.turns)):
             if self.required[k]:
                 return self.turns[k].along_m
@@ -304,7 +304,8 @@ class _Aligner:
                 return "the text does not say where to stop"
             return "that is not where the path ends"
         if following is not None and not self._reachable(claim, made):
-            return f"{claim.reason} comes after a turn that is not told: {self._skipped(following)}"
+            skipped = self._skipped(following)
+            return f"{claim.reason} comes after a turn that is not mentioned: {skipped}"
         return f"{claim.reason} is not in the order of the path"
 
     def _reachable(self, claim: Claim, made: int) -> bool:

@@ -27,9 +27,9 @@ class Claim:
         vague: a distance of `a few`.
         slack_m: how far it may lie before the claim before it [m].
         bare: a stop that names no place.
-        still: it is seen or passed meanwhile and moves nobody on.
+        still: it is seen or passed meanwhile and does not move the walker on.
         bends: a path around a thing, which tells the turns made there.
-        optional: it may have been told before.
+        optional: it may have been mentioned before.
         turned: a door whose clear turn the same clause tells.
         abeam_m: where a thing that is passed once is beside the walker [m], None = unclear.
     """

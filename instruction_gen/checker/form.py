@@ -53,8 +53,8 @@ def form_problems(parse: Parse) -> list[str]:
         problems.append(f"{found[0]!r}: an instruction does not speak of itself")
     if not any(c.verb in _IMPERATIVE or c.side or _leads(c) for c in parse.clauses):
         problems.append("not an instruction: nothing in it tells to move")
-    if len(parse.strange) > max(2, 0.2 * parse.words):
-        odd = ", ".join(parse.strange[:4])
+    if len(parse.unparsed) > max(2, 0.2 * parse.words):
+        odd = ", ".join(parse.unparsed[:4])
         problems.append(f"words that belong into no route: {odd}")
     sentences = [s.strip().lower() for s in re.split(r"[.!;]", text) if s.strip()]
     if len(sentences) != len(set(sentences)):

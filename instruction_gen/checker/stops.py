@@ -49,8 +49,8 @@ def stop_claims(index: int, clause: Clause, parse: Parse, ground: Ground) -> lis
             # "Stop inside the kitchen" tells how one comes there.
             entered = ground.entered(noun)
             if not entered.reason:
-                told = f"the {noun.text}"
-                result.append(Claim(index, "door", entered.mask, told, optional=True))
+                phrase = f"the {noun.text}"
+                result.append(Claim(index, "door", entered.mask, phrase, optional=True))
         named = True
         if found.reason:
             result.append(Claim(index, "false", everywhere, found.reason))

@@ -20,12 +20,12 @@ def realize(steps: Sequence[Step], rng: np.random.Generator, style: str) -> tupl
     """The text of some steps, and its sentences' skeletons, with slots for all that varies."""
     clauses: list[str] = []
     memory: list[str] = []
-    told: list[str] = []
+    rooms: list[str] = []
     for step in steps:
-        clause = _clause(step, rng, memory, told)
+        clause = _clause(step, rng, memory, rooms)
         clauses.append(clause)
         memory = [*memory[-2:], _plain(clause).split()[0]]
-        told.append(step.room)
+        rooms.append(step.room)
     leading = [step.kind in _LEADING for step in steps]
     sentences = _sentences(clauses, leading, rng, style)
     return " ".join(_plain(s) for s in sentences), [_skeleton(s) for s in sentences]
@@ -67,14 +67,14 @@ def _turn(step: Step, rng: np.random.Generator, memory: Sequence[str]) -> str:
 
 
 def _clause(
-    step: Step, rng: np.random.Generator, memory: Sequence[str], told: Sequence[str]
+    step: Step, rng: np.random.Generator, memory: Sequence[str], rooms: Sequence[str]
 ) -> str:
     room = f"the {step.room}" if step.room else "the next room"
     slots = {"B": room, "A": f"the {step.from_room}", "s": step.side}
-    return _MAKERS[step.kind](step, rng, memory, slots, told)
+    return _MAKERS[step.kind](step, rng, memory, slots, rooms)
 
 
-def _make_turn(step, rng, memory, slots, told) -> str:
+def _make_turn(step, rng, memory, slots, rooms) -> str:
     turn = _turn(step, rng, memory)
     if step.mark is None:
         return turn
@@ -82,19 +82,19 @@ def _make_turn(step, rng, memory, slots, told) -> str:
     return _fill(_pick(words.TURN_AT, rng, ()), turn=turn, X=step.mark.words)
 
 
-def _make_leave(step, rng, memory, slots, told) -> str:
+def _make_leave(step, rng, memory, slots, rooms) -> str:
     if not step.room:
         return _fill(_pick(words.LEAVE_UNKNOWN, rng, memory), **slots)
     options = words.LEAVE + (words.LEAVE_DOOR if step.doorway else ())
     return _fill(_pick(options, rng, memory), **slots)
 
 
-def _make_enter(step, rng, memory, slots, told) -> str:
+def _make_enter(step, rng, memory, slots, rooms) -> str:
     options = words.ENTER + (words.ENTER_DOOR if step.doorway else ())
     return _fill(_pick(options, rng, memory), **slots)
 
 
-def _make_turn_enter(step, rng, memory, slots, told) -> str:
+def _make_turn_enter(step, rng, memory, slots, rooms) -> str:
     slight = step.degrees < _SLIGHT_DEG
     options = words.SLIGHT_ENTER if slight else words.TURN_ENTER
     if step.doorway and not slight:
@@ -104,13 +104,13 @@ def _make_turn_enter(step, rng, memory, slots, told) -> str:
     return _fill(_pick(options, rng, memory), **slots)
 
 
-def _make_enter_turn(step, rng, memory, slots, told) -> str:
+def _make_enter_turn(step, rng, memory, slots, rooms) -> str:
     options = words.LEAVE_THEN if step.from_room and step.room else words.ENTER_THEN
     turn = _turn(step, rng, ()).removesuffix(" and keep going")
     return _fill(_pick(options, rng, memory), turn=turn, **slots)
 
 
-def _make_pass(step, rng, memory, slots, told) -> str:
+def _make_pass(step, rng, memory, slots, rooms) -> str:
     thing = step.mark.words
     if step.side and rng.random() < 0.3:
         return _fill(_pick(words.PASS_SIDE, rng, memory), X=thing, s=step.side)
@@ -120,30 +120,30 @@ def _make_pass(step, rng, memory, slots, told) -> str:
     return _fill(_pick(words.PASS, rng, memory), X=thing, side=side)
 
 
-def _make_between(step, rng, memory, slots, told) -> str:
+def _make_between(step, rng, memory, slots, rooms) -> str:
     return _fill(_pick(words.BETWEEN, rng, memory), X=step.mark.words, Y=step.other.words)
 
 
-def _make_follow(step, rng, memory, slots, told) -> str:
+def _make_follow(step, rng, memory, slots, rooms) -> str:
     return _fill(_pick(words.FOLLOW, rng, memory), **slots)
 
 
-def _make_ahead(step, rng, memory, slots, told) -> str:
+def _make_ahead(step, rng, memory, slots, rooms) -> str:
     return _pick(words.AHEAD, rng, memory)
 
 
-def _make_walk(step, rng, memory, slots, told) -> str:
+def _make_walk(step, rng, memory, slots, rooms) -> str:
     options = words.WALK_SHORT if step.far_m < 2.3 and rng.random() < 0.6 else words.WALK
     return _fill(_pick(options, rng, memory), n=metres(step.far_m))
 
 
-def _make_stop(step, rng, memory, slots, told) -> str:
+def _make_stop(step, rng, memory, slots, rooms) -> str:
     if step.place == "after":
         options = words.AFTER if step.far_m >= 1.5 else words.AFTER_SHORT
         return _fill(_pick(options, rng, memory), n=metres(step.far_m))
     verb = _pick(words.STOP, rng, ())
     if step.place == "inside":
-        named = bool(told) and told[-1] == step.room
+        named = bool(rooms) and rooms[-1] == step.room
         options = words.INSIDE[1:2] if named else words.INSIDE
         return f"{verb} {_fill(_pick(options, rng, ()), **slots)}"
     thing = step.mark.words

@@ -10,8 +10,8 @@ import numpy as np
 from ..facts.records import PassageFact, PathFacts, TurnFact
 from .refer import Reference, passing_candidates, stop_candidates, turn_marker
 
-TELL_DEG = 40.0  # smaller turns are told only where nothing else shows the way
-CLEAR_DEG = 50.0  # these are told even where the next turn undoes them
+TELL_DEG = 40.0  # smaller turns are mentioned only where nothing else shows the way
+CLEAR_DEG = 50.0  # these are mentioned even where the next turn undoes them
 HINT_DEG = 30.0
 _WEAVING_M = 2.0
 _LEADS = frozenset(("turn_enter", "enter_turn", "enter", "leave"))  # into another room
@@ -63,8 +63,8 @@ class Taste:
     Attributes:
         gap_m: a stretch longer than this gets a thing that is passed.
         mark_turns: how often a turn is tied to a thing, 0 … 1.
-        sides: how often a side is told with a thing passed.
-        colours: how often a known colour is told.
+        sides: how often the side of a passed thing is mentioned.
+        colours: how often a known colour is mentioned.
         most: things passed at most.
     """
 
@@ -92,7 +92,7 @@ def plan(facts: PathFacts, style: str, rng: np.random.Generator) -> list[Step]:
     steps = _distances(steps, stop, facts)
     first = steps[0] if steps else None
     if style != "terse" and first is not None and first.along_m > _FAR_AHEAD_M:
-        # Turning is the first thing told, but not the first thing done.
+        # Turning is the first thing mentioned, but not the first thing done.
         turns = first.kind in ("turn_enter", "enter_turn", "turn") and first.mark is None
         steps = [Step("ahead", 0.0), *steps] if turns else steps
     if not steps:

@@ -71,7 +71,7 @@ class _Draft:
 
 
 def parse(text: str) -> Parse:
-    """Read a text; never fails, strange words are counted."""
+    """Read a text; never fails; words that it cannot place are counted."""
     return _Reader(text).read()
 
 
@@ -81,7 +81,7 @@ class _Reader:
         self.tokens = plainer(tokenize(text))
         self.k = 0
         self.clauses: list[Clause] = []
-        self.strange: list[str] = []
+        self.unparsed: list[str] = []
         self.draft = _Draft(0)
         self.prep = ""
 
@@ -90,7 +90,7 @@ class _Reader:
             self._token()
         self._close()
         words = sum(t.is_word for t in self.tokens)
-        return Parse(self.text, tuple(self.clauses), words, tuple(self.strange))
+        return Parse(self.text, tuple(self.clauses), words, tuple(self.unparsed))
 
     # one step ---------------------------------------------------------------------------------
 
@@ -158,7 +158,7 @@ class _Reader:
             self.k += 1
         elif not self._noun():
             if word not in FILLERS and not word.isdigit():
-                self.strange.append(word)
+                self.unparsed.append(word)
             self._extend(token)
             self.k += 1
 
