@@ -118,6 +118,7 @@ def _refer(
             if (m.side == mark.side or at_goal) and m.noun == mark.noun
             and abs(_place(m, at_goal) - _place(mark, at_goal)) <= 1.2
             and (m.goal_distance_m if at_goal else m.distance_m) <= 3.0
+            and (not at_goal or m.goal_open)
         ]  # fmt: skip
         same_room = [m for m in alike if m.room == mark.room]
         # Counted in its room alone: nobody counts the chairs of a whole walk.
