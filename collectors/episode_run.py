@@ -32,6 +32,8 @@ from .controllers import (
     Controller,
     Expert,
     Pose,
+    SteeredController,
+    Steerer,
     Task,
     Teleporter,
     controller_for,
@@ -58,19 +60,27 @@ class EpisodeRun:
         episode: Episode,
         config: ReplayConfig,
         choose: Callable[[Task], Chooser] | None = None,
+        steer: Callable[[Task], Steerer] | None = None,
     ) -> None:
-        self.world, self.episode, self.config, self.choose = world, episode, config, choose
+        self.world, self.episode, self.config = world, episode, config
+        self.choose, self.steer = choose, steer
         self.entry = controller_for(world.robot, config.controller)
         if choose is not None and not self.entry.discrete:
             valid = ", ".join(name for name, entry in CONTROLLERS.items() if entry.discrete)
             raise InputError(
                 f"controller {config.controller!r} takes no discrete actions; valid: {valid}"
             )
+        if steer is not None and self.entry.teleports:
+            valid = ", ".join(name for name, entry in CONTROLLERS.items() if not entry.teleports)
+            raise InputError(
+                f"controller {config.controller!r} takes no velocities or waypoints; valid: {valid}"
+            )
         self.controller_config = getattr(config, config.controller)
         self.recorder = Recorder(world)
         self.watch = OutcomeWatch(world, config.outcome)
         self.events: list[Event] = []
         self.actions: list[tuple[Action, int]] = []
+        self.motions = 0  # continuous ones that a policy chose
         self.facts: dict[str, object] = {}
         self._touched: dict[str, int] = {}
         self.ending = Ending(self.watch, config)
@@ -97,7 +107,11 @@ class EpisodeRun:
             self.recorder.sample(STOPPED)
             self._note("collision_start", ", ".join(sorted(stuck_in)))
             return self._finish(EndReason.COLLISION_START)
-        driver = self.entry.build(task, self.controller_config)
+        driver = (
+            self.entry.build(task, self.controller_config)
+            if self.steer is None
+            else SteeredController(task, self.steer(task))
+        )
         if self.entry.teleports:
             return self._finish(self._jump(cast(Teleporter, driver)))
         # Kept only if physics diverges while settling: a rollout has at least one sample.
@@ -148,11 +162,14 @@ class EpisodeRun:
                     self._note(kind, detail)
                 if decision.action is not None:
                     self.actions.append((decision.action, tick))
+                self.motions += decision.chosen
+                if decision.chosen or decision.action is not None:
+                    self.watch.acted()
                 if decision.done:
                     command = STOPPED
                     self._note("stop", "")
                     ending.stop(tick)
-                elif tick >= limit or len(self.actions) > config.outcome.timeout_actions:
+                elif tick >= limit or self._choices > config.outcome.timeout_actions:
                     self._note("timeout", f"{tick / STATE_RATE_HZ:.1f} s")
                     return EndReason.TIMEOUT
             self.recorder.sample(command)
@@ -185,6 +202,11 @@ class EpisodeRun:
             self.events.append(Event(ending.rest_tick / STATE_RATE_HZ, REST_EVENT, ""))
         return self._stop()
 
+    @property
+    def _choices(self) -> int:
+        """Number of actions or motions so far."""
+        return len(self.actions) + self.motions
+
     def _stop(self) -> EndReason:
         """Return whether a stop here is a success."""
         pose = self.world.pose
@@ -200,6 +222,8 @@ class EpisodeRun:
         pose = world.pose
         for _ in range(config.outcome.timeout_actions + 1):
             jump = teleporter.jump(pose)
+            for note in self.task.chooser.notes() if self.task.chooser else ():
+                self._note(*note)
             self.actions.append((jump.action, len(self.recorder)))
             self.recorder.sample(STOPPED)
             self.recorder.repeat(hold - 1)

@@ -23,6 +23,8 @@ class OutcomeConfig:
 
     Attributes:
         stuck_steps: physics steps over which a robot must get somewhere: 50 actions of 50 steps.
+        stuck_actions: judge over so many discrete actions instead, whatever time they take, where
+            actions have no fixed length; 0 = over `stuck_steps`.
         stuck_m, stuck_rad: less displacement and turn than this over those steps is stuck.
         timeout_factor: times the controller's nominal time.
         timeout_actions: discrete actions.
@@ -31,6 +33,7 @@ class OutcomeConfig:
     """
 
     stuck_steps: int = 2500
+    stuck_actions: int = 0
     stuck_m: float = 0.2
     stuck_rad: float = math.radians(15.0)
     timeout_factor: float = 3.0
@@ -51,8 +54,11 @@ class OutcomeWatch:
         self._com = data.subtree_com[handles.root_body]
         self._feet = np.asarray(handles.sole_geoms.ravel(), dtype=np.int64)
         self._foot_radius = handles.sole_radius_m.ravel()
+        # Poses of the policy steps, or of the beginnings of actions, that stuck is judged over.
         self._trace: deque[tuple[float, float, float]] = deque(
-            maxlen=config.stuck_steps // POLICY_DECIMATION
+            maxlen=config.stuck_actions + 1
+            if config.stuck_actions
+            else config.stuck_steps // POLICY_DECIMATION
         )
 
     def diverged(self) -> str | None:
@@ -70,6 +76,11 @@ class OutcomeWatch:
             return EndReason.FALL, down
         x, y, yaw, *_ = self._posture()
         return self._stuck(x, y, yaw)
+
+    def acted(self) -> None:
+        """Note that a discrete action begins."""
+        if self._config.stuck_actions:
+            self._trace.append(self._posture()[:3])
 
     def down(self) -> str | None:
         """Describe a posture that is a fall at this instant; None for any other."""
@@ -98,8 +109,11 @@ class OutcomeWatch:
             moved = math.hypot(x_m - x, y_m - y)
             turned = abs(math.remainder(yaw_rad - yaw, 2 * math.pi))
             if moved < config.stuck_m and turned < config.stuck_rad:
-                return EndReason.STUCK, f"{moved:.2f} m in {config.stuck_steps} physics steps"
-        trace.append((x_m, y_m, yaw_rad))
+                steps, actions = config.stuck_steps, config.stuck_actions
+                over = f"{actions} actions" if actions else f"{steps} physics steps"
+                return EndReason.STUCK, f"{moved:.2f} m in {over}"
+        if not config.stuck_actions:
+            trace.append((x_m, y_m, yaw_rad))
         return None
 
 

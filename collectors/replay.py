@@ -17,7 +17,7 @@ import mujoco
 from ..formats.core.episode import Episode
 from ..formats.core.rollout import Rollout
 from ..formats.scene.bundle import SceneBundle
-from .controllers import Chooser, Task, controller_for
+from .controllers import Chooser, Steerer, Task, controller_for
 from .episode_run import EpisodeRun
 from .replay_config import ReplayConfig
 from .robots import get_robot
@@ -59,6 +59,7 @@ def replay_in(
     episode: Episode,
     config: ReplayConfig,
     choose: Callable[[Task], Chooser] | None = None,
+    steer: Callable[[Task], Steerer] | None = None,
 ) -> Rollout:
     """Replay an episode in an opened world. The same world, episode and config give the same bits.
 
@@ -71,14 +72,16 @@ def replay_in(
         config: how.
         choose: Return who chooses the discrete actions of a task; the expert when None. It may
             look at `world`: while it is asked, physics stands still.
+        steer: Return who chooses continuous motions, in the place of the controller's own path or
+            actions. It may look at `world`, too.
 
     Raises:
         UnknownNameError: no such controller.
-        InputError: the controller cannot move the world's robot, or takes no discrete actions
-            although `choose` is given.
+        InputError: the controller cannot move the world's robot, takes no discrete actions
+            although `choose` is given, or no motions although `steer` is.
     """
     with _warnings_logged():
-        return EpisodeRun(world, episode, config, choose).rollout()
+        return EpisodeRun(world, episode, config, choose, steer).rollout()
 
 
 @contextlib.contextmanager

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..collectors.rendering.camera.views import View, make_view
 from ..collectors.rendering.registry import make_renderer, scene_renderer_name
@@ -16,12 +16,21 @@ from ..collectors.replay import ReplayConfig
 from ..collectors.robots import get_robot
 from ..collectors.world import World, open_world
 from ..formats.core.episode import Episode
-from ..formats.core.errors import InputError
+from ..formats.core.errors import InputError, UnknownNameError
 from ..formats.core.rollout import Action, EndReason
 from ..formats.scene.bundle import load_bundle
 from ..wayfinding.distance import AGENT_RADIUS_M, DistanceField, distance_field
 from .episode import closed_loop, evaluate_episode
-from .observation import NO_ACTION, Eye, Observation, proprioception, relative_pose
+from .motions import DISCRETE, VELOCITY, check_kind, checked_motion, numbers_of
+from .observation import (
+    NO_ACTION,
+    BlankEye,
+    Eye,
+    Observation,
+    checked_action,
+    proprioception,
+    relative_pose,
+)
 from .policy import Assignment
 from .walk import Walk
 
@@ -36,12 +45,33 @@ except ModuleNotFoundError as missing:
 SUCCESS_REWARD = 2.5
 
 
-class NavigationEnv(gym.Env[dict[str, Any], Any]):
-    """Follow instructions in one scene: VLN-CE's discrete actions, carried out by a robot.
+MODALITIES = (
+    "rgb",
+    "depth_m",
+    "instruction",
+    "tokens",
+    "pose",
+    "proprioception",
+    "previous_action",
+)
 
-    Observations are the fields of `Observation` but `step`. The reward of an action is the geodesic
-    distance to the goal that it gained [m], and `SUCCESS_REWARD` more for a stop within the goal's
-    radius. An episode is terminated by STOP, a fall, or being stuck, truncated after 500 actions.
+
+class NavigationEnv(gym.Env[dict[str, Any], Any]):
+    """Follow instructions in one scene; a robot carries the actions out.
+
+    Actions are VLN-CE's discrete ones, velocities held for 0.25 s, or sequences of waypoints:
+
+    | `actions` | controller | action space |
+    | --- | --- | --- |
+    | `discrete` | `speed`, `flash` | 0 STOP, 1 FORWARD, 2 LEFT, 3 RIGHT |
+    | `velocity` | `speed` | `stop` and `velocity` (3,): vx, vy [m/s], yaw rate [rad/s] |
+    | `waypoints` | `path` | `stop` and `waypoints` (K, 3): Δx, Δy [m], Δyaw [rad], each in the |
+    | | | frame of the one before; they are moved to one by one, without a map |
+
+    Observations are the fields of `Observation` but `step`, and `tokens`. The reward of an action
+    is the geodesic distance to the goal that it gained [m], and `SUCCESS_REWARD` more for a stop
+    within the goal's radius. An episode is terminated by STOP, a fall, or being stuck, truncated
+    after 500 actions.
 
     `info` holds `episode_id`, `step`, `distance_to_goal_m`, `position_world_m` and, with the last
     step, `end_reason`, `events` and `metrics`; the full record is then `rollout`.
@@ -65,6 +95,10 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
         config: ReplayConfig | None = None,
         view: View | None = None,
         images: bool = True,
+        actions: str = DISCRETE,
+        waypoints: int = 4,
+        modalities: Sequence[str] | None = None,
+        tokenize: Callable[[str], ArrayLike] | None = None,
         cache_dir: Path | None = None,
         render_mode: str | None = "rgb_array",
     ) -> None:
@@ -74,20 +108,32 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
             scene: folder of a repaired scene.
             episodes: episodes in this scene; only those of the first one's level can be mixed.
             robot: name, or folder of one's own robot.
-            controller: `speed` (physics) or `flash` (placed, no physics).
+            controller: `speed` (physics), `flash` (placed, no physics), or `path` for waypoints.
             config: further settings; robot and controller in it are replaced by the two above.
             view: the camera; the robot's own by default.
             images: False shows black images and renders nothing.
+            actions: kind of actions, see the class.
+            waypoints: number K of waypoints in an action.
+            modalities: names among `MODALITIES` that observations have; all by default, `tokens`
+                only with `tokenize`. Without `rgb` and `depth_m` nothing is rendered.
+            tokenize: Return the token ids of an instruction, at least 0; observations then have
+                `tokens`, padded with 0 to the longest instruction.
             cache_dir: where compiled models are kept; none are when None.
             render_mode: `rgb_array`, or None.
 
         Raises:
-            InputError: no episode, or episodes of several levels.
-            UnknownNameError: no such robot, controller, light or renderer.
+            InputError: no episode, episodes of several levels, `tokens` without `tokenize`, or
+                actions that the controller does not carry out.
+            UnknownNameError: no such robot, controller, light, renderer, modality, kind of actions.
         """
         if not episodes or len({episode.level for episode in episodes}) > 1:
             raise InputError(f"{len(episodes)} episodes; valid: one or more, all of one level")
+        check_kind(actions, controller)
         self.episodes = tuple(episodes)
+        self._kind, self._waypoints = actions, waypoints
+        self._tokens = _token_table(self.episodes, tokenize) if tokenize else None
+        self._modalities = _modalities(modalities, tokenize is not None)
+        images = images and bool({"rgb", "depth_m"} & set(self._modalities))
         self.render_mode = render_mode
         base = config or ReplayConfig()
         self._config = closed_loop(replace(base, robot=robot, controller=controller))
@@ -97,17 +143,35 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
         physics = base.physics.for_episode(lowest)
         self.world: World = open_world(self._bundle, lowest.level, spec, None, physics, cache_dir)
         self._view = view or make_view("ego", spec, renderer=scene_renderer_name(Path(scene)))
-        self._eye: Eye | None = None
+        self._eye: Eye | BlankEye = BlankEye(self._view)
         if images:
             renderer = make_renderer(self._bundle, self._view.renderer, light=self._view.light)
             self._eye = Eye(self.world, self._view, renderer)
-        self.action_space = spaces.Discrete(len(Action))
+        self.action_space = self._action_space()
         self.observation_space = self._space()
         self.rollout = None
         self._walk: Walk | None = None
         self._last: Observation | None = None
         self._field: DistanceField | None = None
         self._distance_m = 0.0
+
+    def _action_space(self) -> spaces.Space[Any]:
+        if self._kind == DISCRETE:
+            return spaces.Discrete(len(Action))
+        if self._kind == VELOCITY:
+            limits = self.world.robot.command_limits
+            ranges = np.array([limits.vx_m_s, limits.vy_m_s, limits.yaw_rad_s], np.float32)
+            numbers = spaces.Box(ranges[:, 0], ranges[:, 1], dtype=np.float32)
+        else:
+            most = np.tile(np.float32([1.0, 1.0, np.pi]), (self._waypoints, 1))
+            numbers = spaces.Box(-most, most, dtype=np.float32)
+        return spaces.Dict({"stop": spaces.Discrete(2), self._kind: numbers})
+
+    def _previous_space(self) -> spaces.Space[Any]:
+        if self._kind == DISCRETE:
+            return spaces.Discrete(len(Action) + 1, start=NO_ACTION)
+        shape = (3,) if self._kind == VELOCITY else (self._waypoints, 3)
+        return spaces.Box(-np.inf, np.inf, shape, np.float64)
 
     def _space(self) -> spaces.Dict:
         camera = self._view.camera
@@ -116,18 +180,21 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
         letters = "".join(sorted(set("".join(words)))) or " "
         body = 2 * len(self.world.robot.joints) + 9
         infinity = np.inf
-        return spaces.Dict(
-            {
-                "rgb": spaces.Box(0, 255, (*shape, 3), np.uint8),
-                "depth_m": spaces.Box(0.0, infinity, shape, np.float32),
-                "instruction": spaces.Text(
-                    min_length=0, max_length=max(1, *map(len, words)), charset=letters
-                ),
-                "pose": spaces.Box(-infinity, infinity, (3,), np.float64),
-                "proprioception": spaces.Box(-infinity, infinity, (body,), np.float64),
-                "previous_action": spaces.Discrete(len(Action) + 1, start=NO_ACTION),
-            }
-        )
+        every: dict[str, spaces.Space[Any]] = {
+            "rgb": spaces.Box(0, 255, (*shape, 3), np.uint8),
+            "depth_m": spaces.Box(0.0, infinity, shape, np.float32),
+            "instruction": spaces.Text(
+                min_length=0, max_length=max(1, *map(len, words)), charset=letters
+            ),
+            "pose": spaces.Box(-infinity, infinity, (3,), np.float64),
+            "proprioception": spaces.Box(-infinity, infinity, (body,), np.float64),
+            "previous_action": self._previous_space(),
+        }
+        if self._tokens is not None:
+            length = next(iter(self._tokens.values())).shape
+            most = max(int(ids.max(initial=0)) for ids in self._tokens.values())
+            every["tokens"] = spaces.Box(0, max(most, 1), length, np.int64)
+        return spaces.Dict({name: every[name] for name in self._modalities})
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -178,18 +245,18 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
         assert rollout is not None
         reward += SUCCESS_REWARD * rollout.metrics.success
         truncated = rollout.end_reason is EndReason.TIMEOUT
-        rgb, depth_m = self._eye.look() if self._eye else (self._last.rgb, self._last.depth_m)
+        rgb, depth_m = self._eye.look()
         last = Observation(
             rgb=rgb.copy(),
             depth_m=depth_m.copy(),
             instruction=self.episode.instruction,
             pose=relative_pose(self.world, self._start),
             proprioception=proprioception(self.world),
-            previous_action=int(rollout.actions[-1].action),
-            step=len(rollout.actions),
+            previous_action=self._taken(action),
+            step=self._last.step + 1,
         )
         self._walk = self._last = None
-        info = self._info(len(rollout.actions)) | {
+        info = self._info(last.step) | {
             "end_reason": str(rollout.end_reason),
             "events": [asdict(event) for event in rollout.events],
             "metrics": asdict(rollout.metrics),
@@ -198,7 +265,8 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         """Return what the camera sees now, (H, W, 3) uint8; None without images."""
-        return self._eye.look()[0] if self._eye and self.render_mode == "rgb_array" else None
+        shown = isinstance(self._eye, Eye) and self.render_mode == "rgb_array"
+        return self._eye.look()[0] if shown else None
 
     def close(self) -> None:
         """End the episode in progress, if there is one."""
@@ -207,7 +275,23 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
             walk.cancel()
 
     def _replay(self, ask: Callable[[Observation], Any]) -> Any:
-        return evaluate_episode(self.world, self.episode, self._config, _Asked(ask), self._eye)
+        return evaluate_episode(
+            self.world,
+            self.episode,
+            self._config,
+            _Asked(ask),
+            self._eye,
+            kind=self._kind,
+            waypoints=self._waypoints,
+        )
+
+    def _taken(self, action: Any) -> int | NDArray[np.float64]:
+        """Return the last action as observations show it; a stop keeps the one before."""
+        if self._kind == DISCRETE:
+            return int(checked_action(action))
+        motion = checked_motion(action, self._kind)
+        assert self._last is not None
+        return self._last.previous_action if motion is None else numbers_of(motion)
 
     def _to_goal_m(self) -> float:
         assert self._field is not None
@@ -223,11 +307,34 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
             "position_world_m": self.world.base[:3].copy(),
         }
 
-    @staticmethod
-    def _shown(observation: Observation) -> dict[str, Any]:
+    def _shown(self, observation: Observation) -> dict[str, Any]:
         shown = observation.to_dict()
-        del shown["step"]
-        return shown
+        if self._tokens is not None:
+            shown["tokens"] = self._tokens[observation.instruction].copy()
+        return {name: shown[name] for name in self._modalities}
+
+
+def _modalities(asked: Sequence[str] | None, has_tokens: bool) -> tuple[str, ...]:
+    valid = tuple(name for name in MODALITIES if has_tokens or name != "tokens")
+    if asked is None:
+        return valid
+    for name in asked:
+        if name not in valid:
+            if name in MODALITIES:
+                raise InputError("modality 'tokens' needs `tokenize`")
+            raise UnknownNameError("modality", name, valid)
+    if not asked:
+        raise InputError(f"no modality; valid: one or more of {', '.join(valid)}")
+    return tuple(name for name in valid if name in asked)
+
+
+def _token_table(
+    episodes: Sequence[Episode], tokenize: Callable[[str], ArrayLike]
+) -> dict[str, NDArray[np.int64]]:
+    """Return the ids (L,) of each instruction, padded with 0 to the longest."""
+    ids = {e.instruction: np.asarray(tokenize(e.instruction), np.int64).ravel() for e in episodes}
+    longest = max(1, *(len(one) for one in ids.values()))
+    return {text: np.pad(one, (0, longest - len(one))) for text, one in ids.items()}
 
 
 class _Asked:

@@ -3,17 +3,31 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from ..collectors.controllers import Pose
+from ..collectors.controllers import Motion, Pose
 from ..collectors.replay import ReplayConfig, replay_in
 from ..collectors.world import World
 from ..formats.core.episode import Episode
 from ..formats.core.rollout import Action, Rollout
-from .observation import NO_ACTION, Eye, Observation, checked_action, proprioception, relative_pose
+from .motions import DISCRETE, VELOCITY, check_kind, checked_motion, numbers_of
+from .observation import (
+    NO_ACTION,
+    BlankEye,
+    Eye,
+    Observation,
+    checked_action,
+    proprioception,
+    relative_pose,
+)
 from .policy import Assignment, Policy, PolicyError
+
+SAID = "said"  # kind of the events that keep a policy's own words
+LONGEST_SAID = 500  # characters
 
 
 @dataclass
@@ -25,14 +39,19 @@ class PolicyChooser:
         assignment: what the policy is told at the start.
         policy: chooses.
         eye: the robot's camera; images are black without one.
+        kind: of actions, see `ACTION_KINDS`.
+        waypoints: the number K of waypoints that observations show before the first ones.
     """
 
     world: World
     assignment: Assignment
     policy: Policy
-    eye: Eye | None
+    eye: Eye | BlankEye | None
+    kind: str = DISCRETE
+    waypoints: int = 1
     _start: tuple[float, float, float] | None = None
-    _actions: list[Action] = field(default_factory=list)
+    _previous: Action | Motion | None = None
+    _count: int = 0
 
     def observe(self) -> Observation:
         """Return what the robot sees now."""
@@ -46,8 +65,8 @@ class PolicyChooser:
             instruction=self.assignment.instruction,
             pose=relative_pose(self.world, self._start),
             proprioception=proprioception(self.world),
-            previous_action=int(self._actions[-1]) if self._actions else NO_ACTION,
-            step=len(self._actions),
+            previous_action=self._shown(self._previous),
+            step=self._count,
         )
 
     def next_action(self, pose: Pose, rest: Pose | None = None) -> Action:
@@ -56,20 +75,50 @@ class PolicyChooser:
         Raises:
             PolicyError: the policy failed, or what it answered is no action.
         """
+        action = self._asked(checked_action)
+        self._remember(action)
+        return action
+
+    def next_motion(self, pose: Pose) -> Motion | None:
+        """Return the policy's motion, None for a stop; see `Steerer`.
+
+        Raises:
+            PolicyError: the policy failed, or what it answered is no motion.
+        """
+        motion = self._asked(lambda answer: checked_motion(answer, self.kind))
+        self._remember(motion)
+        return motion
+
+    def _asked[T](self, check: Callable[[Any], T]) -> T:
         observation = self.observe()
         try:
-            action = checked_action(self.policy.act(observation))
+            return check(self.policy.act(observation))
         except PolicyError:
             raise
         except Exception as error:  # a policy is foreign code
             place = f"episode {self.assignment.episode_id}, action {observation.step}"
             raise PolicyError(f"{place}: {type(error).__name__}: {error}") from error
-        self._actions.append(action)
-        return action
+
+    def _remember(self, chosen: Action | Motion | None) -> None:
+        self._previous, self._count = chosen, self._count + 1
+
+    def _shown(self, chosen: Action | Motion | None) -> int | np.ndarray:
+        """Return an action as observations show it."""
+        if isinstance(chosen, Action):
+            return int(chosen)
+        if chosen is not None:
+            return numbers_of(chosen)
+        if self.kind == DISCRETE:
+            return NO_ACTION
+        return np.zeros(3 if self.kind == VELOCITY else (self.waypoints, 3))
 
     def notes(self) -> list[tuple[str, str]]:
-        """Return nothing: all that a policy says are its actions."""
-        return []
+        """Return what the policy said since the last call, if it says anything."""
+        said = getattr(self.policy, "said", None)
+        if not said:
+            return []
+        words, said[:] = [str(text)[:LONGEST_SAID] for text in said], []
+        return [(SAID, text) for text in words]
 
 
 def _nothing(world: World) -> tuple[np.ndarray, np.ndarray]:
@@ -88,24 +137,39 @@ def closed_loop(config: ReplayConfig) -> ReplayConfig:
 
 
 def evaluate_episode(
-    world: World, episode: Episode, config: ReplayConfig, policy: Policy | None, eye: Eye | None
+    world: World,
+    episode: Episode,
+    config: ReplayConfig,
+    policy: Policy | None,
+    eye: Eye | BlankEye | None,
+    *,
+    kind: str = DISCRETE,
+    waypoints: int = 1,
 ) -> Rollout:
     """Let a policy walk an episode; the same world, episode, config and answers give the same bits.
 
     Args:
         world: the level with the robot in it.
         episode: what to do.
-        config: robot, controller (`speed` or `flash`), and how; see `closed_loop`.
+        config: robot, controller, and how; see `closed_loop`. Discrete actions are carried out by
+            `speed` and `flash`, velocities by `speed`, waypoints by `path`.
         policy: chooses the actions; the expert, who knows the path, when None.
         eye: the robot's camera; None shows the policy black images.
+        kind: of the policy's actions, see `ACTION_KINDS`.
+        waypoints: the number of waypoints in the observation before the first ones.
 
     Raises:
         PolicyError: the policy failed, or what it answered is no action.
-        InputError: the controller takes no discrete actions.
+        InputError: the controller does not carry out such actions.
     """
     if policy is None:
         return replay_in(world, episode, config)
-    assignment = Assignment.of(episode, world.robot.name, config.controller)
+    check_kind(kind, config.controller)
+    assignment = Assignment.of(episode, world.robot.name, config.controller, kind)
     policy.reset(assignment)
-    chooser = PolicyChooser(world, assignment, policy, None if policy.blind else eye)
-    return replay_in(world, episode, config, lambda task: chooser)
+    chooser = PolicyChooser(
+        world, assignment, policy, None if policy.blind else eye, kind, waypoints
+    )
+    if kind == DISCRETE:
+        return replay_in(world, episode, config, lambda task: chooser)
+    return replay_in(world, episode, config, steer=lambda task: chooser)

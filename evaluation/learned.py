@@ -7,8 +7,9 @@ from pathlib import Path
 from ..formats.core.rollout import Action
 from ..learning.checkpoint import Checkpoint, load_checkpoint
 from ..learning.stepper import LIKELIEST, Choice, Sight, Stepper
+from .motions import DISCRETE
 from .observation import Observation
-from .policy import Assignment
+from .policy import Assignment, PolicyError
 
 
 class LearnedPolicy:
@@ -29,17 +30,25 @@ class LearnedPolicy:
         return cls(load_checkpoint(path), choice)
 
     def reset(self, assignment: Assignment) -> None:
-        """See `Policy.reset`."""
+        """See `Policy.reset`.
+
+        Raises:
+            PolicyError: other actions than discrete ones are asked for.
+        """
+        if assignment.actions != DISCRETE:
+            raise PolicyError(f"actions {assignment.actions}; a learned policy has: {DISCRETE}")
         name = f"{assignment.scene_id}/{assignment.episode_id}"
         self._stepper.begin(assignment.instruction, name)
 
     def act(self, observation: Observation) -> Action:
         """See `Policy.act`."""
+        previous = observation.previous_action
+        assert isinstance(previous, int)  # of discrete actions, which `reset` demands
         return self._stepper.act(
             Sight(
                 observation.rgb,
                 observation.depth_m,
-                observation.previous_action,
+                previous,
                 observation.pose,
             )
         )

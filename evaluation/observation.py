@@ -30,7 +30,8 @@ class Observation:
         proprioception: (2 J + 9,) float64 joint positions [rad or m], joint velocities, linear
             velocity [m/s], angular velocity [rad/s] and the direction of gravity, the last three
             in the base frame.
-        previous_action: `Action` taken before, `NO_ACTION` at first.
+        previous_action: `Action` taken before, `NO_ACTION` at first; a (3,) velocity or (K, 3)
+            waypoints where those are the actions, zeros at first.
         step: number of actions taken so far.
     """
 
@@ -39,7 +40,7 @@ class Observation:
     instruction: str
     pose: NDArray[np.float64]
     proprioception: NDArray[np.float64]
-    previous_action: int
+    previous_action: int | NDArray[np.float64]
     step: int
 
     def to_dict(self) -> dict[str, Any]:
@@ -72,6 +73,18 @@ class Eye:
         position, quat = self._body.camera_pose(world.robot.camera.name, *state)
         body = self._body.pose(*state) if self._view.shows_robot else None
         return self._renderer.render(self._view.camera, position, quat, body)
+
+
+class BlankEye:
+    """A camera that renders nothing: black images of a view's size, without depth."""
+
+    def __init__(self, view: View) -> None:
+        shape = (view.camera.height_px, view.camera.width_px)
+        self._images = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.float32)
+
+    def look(self) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """Return RGB (H, W, 3) uint8 and depth (H, W) float32, all zeros."""
+        return self._images
 
 
 def relative_pose(world: World, start: tuple[float, float, float]) -> NDArray[np.float64]:

@@ -37,6 +37,7 @@ class Assignment:
         episode_id, scene_id: of the episode.
         instruction: what the robot is told.
         robot, controller: names of what carries the actions out.
+        actions: kind of actions that are asked for, see `motions.ACTION_KINDS`.
     """
 
     episode_id: str
@@ -44,16 +45,22 @@ class Assignment:
     instruction: str
     robot: str
     controller: str
+    actions: str = "discrete"
 
     @classmethod
-    def of(cls, episode: Episode, robot: str, controller: str) -> Assignment:
+    def of(
+        cls, episode: Episode, robot: str, controller: str, actions: str = "discrete"
+    ) -> Assignment:
         """Return the assignment of an episode."""
         names = (episode.episode_id, episode.scene_id, episode.instruction)
-        return cls(*names, robot, controller)
+        return cls(*names, robot, controller, actions)
 
 
 class Policy(Protocol):
-    """Chooses one discrete action after another.
+    """Chooses one action after another.
+
+    A policy may have a list `said`: texts in it are taken out after each action and kept among the
+    rollout's events.
 
     Attributes:
         blind: it looks at no images, so that none need be rendered.
@@ -66,7 +73,10 @@ class Policy(Protocol):
         ...
 
     def act(self, observation: Observation) -> Any:
-        """Return the next action: 0–3 or a name, see `checked_action`."""
+        """Return the next action: 0–3 or a name, see `checked_action`.
+
+        Where the assignment asks for velocities or waypoints, numbers: see `checked_motion`.
+        """
         ...
 
 

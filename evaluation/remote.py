@@ -24,6 +24,7 @@ class RemotePolicy:
 
     Attributes:
         blind: the server wants no images; known once connected.
+        said: the texts that the server sent with its actions.
         version: what the server calls its policy, empty if it does not; known once connected.
     """
 
@@ -38,6 +39,7 @@ class RemotePolicy:
         self._connection: Any = None
         self._open = ExitStack()
         self.blind, self.version = False, ""
+        self.said: list[str] = []
 
     def reset(self, assignment: Assignment) -> None:
         """Begin an episode; connect first if there is no connection.
@@ -47,6 +49,7 @@ class RemotePolicy:
         """
         if self._connection is None:
             self.connect()
+        self.said = []
         self._ask({"type": "reset", "episode": asdict(assignment)})
 
     def act(self, observation: Observation) -> Any:
@@ -58,6 +61,8 @@ class RemotePolicy:
         answer = self._ask({"type": "act", "observation": observation.to_dict()})
         if "action" not in answer:
             self._fail(f"answered without an action: {sorted(map(str, answer))}")
+        if answer.get("said"):
+            self.said.append(str(answer["said"]))
         return answer["action"]
 
     def close(self) -> None:

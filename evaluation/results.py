@@ -15,6 +15,7 @@ from ..formats.core.errors import FileFormatError, InputError
 from .statistics import Interval, clustered_interval, mcnemar
 
 RESULTS_NAME = "results.json"
+TABLE_WIDTH = 120  # characters
 # Column, unit, and the value of an episode; rates are percentages of episodes.
 COLUMNS: dict[str, tuple[str, Callable[[Mapping[str, Any]], float]]] = {
     "TL": ("m", lambda e: _number(e["metrics"]["trajectory_length_m"])),
@@ -55,19 +56,35 @@ def summarise(episodes: Sequence[Mapping[str, Any]]) -> dict[str, Interval]:
     }
 
 
-def table(groups: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
-    """Return a text table with one row per group of episodes: mean and 95 % interval."""
-    heads = [f"{name} [{unit}]" for name, (unit, _) in COLUMNS.items()]
-    lines = [["", "episodes", *heads]]
-    for label, episodes in groups.items():
-        found = summarise(episodes)
-        lines.append([label, str(len(episodes)), *map(_cell, found.values())])
-    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
-    rows = [
-        [cell.rjust(width) if k else cell.ljust(width) for k, (cell, width) in enumerate(padded)]
-        for padded in (zip(line, widths, strict=True) for line in lines)
+def table(groups: Mapping[str, Sequence[Mapping[str, Any]]], width: int = TABLE_WIDTH) -> str:
+    """Return a text table with one column per group of episodes: mean and 95 % interval.
+
+    Groups that do not fit into `width` characters follow in further blocks.
+    """
+    heads = ["", "episodes", *(f"{name} [{unit}]" for name, (unit, _) in COLUMNS.items())]
+    columns = [
+        [label, str(len(episodes)), *map(_cell, summarise(episodes).values())]
+        for label, episodes in groups.items()
     ]
-    return "\n".join("  ".join(row).rstrip() for row in rows)
+    blocks: list[list[list[str]]] = []
+    left = 0
+    for column in columns:
+        needed = 2 + max(map(len, column))
+        if not blocks or needed > left:
+            blocks.append([heads])
+            left = width - max(map(len, heads))
+        blocks[-1].append(column)
+        left -= needed
+    return "\n\n".join(map(_block, blocks))
+
+
+def _block(columns: Sequence[Sequence[str]]) -> str:
+    widths = [max(map(len, column)) for column in columns]
+    rows = []
+    for line in zip(*columns, strict=True):
+        cells = [cell.rjust(size) for cell, size in zip(line[1:], widths[1:], strict=True)]
+        rows.append("  ".join([line[0].ljust(widths[0]), *cells]).rstrip())
+    return "\n".join(rows)
 
 
 def _cell(value: Interval) -> str:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..collectors.rendering.camera.views import View
-from ..collectors.rendering.registry import make_renderer
+from ..collectors.rendering.registry import make_renderer, scene_renderer_name
 from ..collectors.replay import ReplayConfig
 from ..collectors.robots import get_robot
-from ..collectors.world import open_world
+from ..collectors.world import World, open_world
 from ..formats.core.episode import Episode
 from ..formats.core.rollout import Rollout
 from ..formats.scene.bundle import load_bundle
@@ -38,21 +38,35 @@ class Round:
     config: ReplayConfig
 
     def walk(self, policy: Policy) -> Iterator[Rollout]:
-        """Yield the rollout of every episode, scene by scene.
+        """Yield the rollout of every episode, one scene after another.
 
         Raises:
             PolicyError: the policy failed.
             FileFormatError: a scene is missing or damaged.
         """
         config = closed_loop(self.config)
-        for scene, level in sorted({(e.scene_id, e.level) for e in self.episodes}):
-            bundle = load_bundle(self.scenes / scene)
-            world = open_world(bundle, level, get_robot(config.robot), None, config.physics, None)
-            renderer = make_renderer(bundle, self.view.renderer, light=self.view.light)
-            eye = Eye(world, self.view, renderer)
-            for episode in self.episodes:
-                if (episode.scene_id, episode.level) == (scene, level):
-                    yield evaluate_episode(world, episode, config, policy, eye)
+        for world, eye, episode in self.starts():
+            yield evaluate_episode(world, episode, config, policy, eye)
+
+    def starts(self) -> Iterator[tuple[World, Eye, Episode]]:
+        """Yield every episode with its world and camera, one scene after another.
+
+        Raises:
+            FileFormatError: a scene is missing or damaged.
+        """
+        config, groups = self.config, dict[tuple[object, ...], list[Episode]]()
+        for episode in self.episodes:
+            key = (episode.scene_id, episode.level, episode.free_height_m)
+            groups.setdefault(key, []).append(episode)
+        for first, *others in groups.values():
+            folder = self.scenes / first.scene_id
+            bundle, physics = load_bundle(folder), config.physics.for_episode(first)
+            world = open_world(bundle, first.level, get_robot(config.robot), None, physics, None)
+            name = scene_renderer_name(folder, self.view.renderer)
+            view = replace(self.view, renderer=name)
+            eye = Eye(world, view, make_renderer(bundle, name, light=view.light))
+            for episode in (first, *others):
+                yield world, eye, episode
 
 
 def spread(episodes: Sequence[Episode], count: int) -> tuple[Episode, ...]:

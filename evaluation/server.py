@@ -14,7 +14,11 @@ Messages are msgpack maps, one per WebSocket message. The server speaks first:
 
     server  {"protocol": "vlnpe-policy/1", "images": true, "version": "…"}
     client  {"type": "reset", "episode": {…}}          server  {}
-    client  {"type": "act", "observation": {…}}        server  {"action": 1}
+    client  {"type": "act", "observation": {…}}        server  {"action": 1, "said": "…"}
+
+`said` is optional, as is a policy's attribute of that name: a text of the last action for the
+record. Where the episode asks for `actions` other than `discrete`, an action is an array: (3,) vx,
+vy [m/s], yaw rate [rad/s] for `velocity`, (K, 3) Δx, Δy [m], Δyaw [rad] for `waypoints`; 0 stops.
 
 A server that fails answers {"error": "…"}. An array is a map of `dtype` (numpy's, little-endian),
 `shape` and `data` (bytes, row-major) under the key `__array__`.
@@ -101,6 +105,8 @@ def serve(make_policy: Callable[[], Any], host: str = "127.0.0.1", port: int = 8
                     answer: dict[str, Any] = {}
                 elif message["type"] == "act":
                     answer = {"action": policy.act(message["observation"])}
+                    if getattr(policy, "said", ""):
+                        answer["said"] = str(policy.said)
                 else:
                     answer = {"error": f"unknown message type {message['type']!r}"}
             except Exception as error:

@@ -60,6 +60,7 @@ class VlmPolicy:
         self._frames: list[str] = []
         self._waiting: deque[Action] = deque()
         self.unclear = 0
+        self.said: list[str] = []
 
     @property
     def version(self) -> str:
@@ -70,7 +71,7 @@ class VlmPolicy:
     def reset(self, assignment: Assignment) -> None:
         """See `Policy.reset`."""
         self._question = self._prompt.substitute(instruction=assignment.instruction)
-        self._frames, self.unclear = [], 0
+        self._frames, self.unclear, self.said = [], 0, []
         self._waiting.clear()
 
     def act(self, observation: Observation) -> Action:
@@ -93,7 +94,9 @@ class VlmPolicy:
         reason = ""
         for _ in range(UNCLEAR):
             try:
-                return parse_actions(self._sent([{"role": "user", "content": content}]))
+                answer = self._sent([{"role": "user", "content": content}])
+                self.said.append(answer)
+                return parse_actions(answer)
             except ValueError as error:
                 reason, self.unclear = str(error), self.unclear + 1
         raise PolicyError(

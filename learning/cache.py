@@ -34,6 +34,11 @@ class CachedSequences(Dataset[dict[str, Any]]):
         self._rows.telling = sequences.telling
         folder.mkdir(parents=True, exist_ok=True)
 
+    @property
+    def digest(self) -> str:
+        """Digest of the episodes."""
+        return self.sequences.selection.digest
+
     def begin_pass(self, epoch: int) -> None:
         """Draw other instructions from the next item on, where paths have several."""
         self._rows.telling = replace(self.sequences.telling, epoch=epoch)
@@ -44,7 +49,7 @@ class CachedSequences(Dataset[dict[str, Any]]):
     def __getitem__(self, number: int) -> dict[str, Any]:
         """Episode `number`."""
         item = self._rows[number]
-        with np.load(self.prepare(number)) as images:
+        with np.load(self.prepare(number), allow_pickle=False) as images:
             rgb, millimetres = images["rgb"], images["depth"]
         item["rgb"] = torch.from_numpy(rgb)
         item["depth"] = torch.from_numpy(millimetres.astype(np.float32) * _DEPTH_STEP_M)

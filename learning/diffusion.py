@@ -14,7 +14,12 @@ class NoiseSchedule(nn.Module):
 
     Attributes:
         steps: number of levels of noise, K.
+        beta: (K,) variance that each level adds.
+        kept: (K,) part of the clean value's variance that is left at each level.
     """
+
+    beta: Tensor
+    kept: Tensor
 
     def __init__(self, steps: int):
         """Prepare the schedule of Nichol and Dhariwal, 2021, as diffusion policies use it."""

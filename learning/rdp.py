@@ -36,6 +36,8 @@ MOTION_SCALE = (1.5 * FORWARD_STEP_M, 1.5 * FORWARD_STEP_M, 1.5 * TURN_STEP_RAD)
 class Rdp(nn.Module):
     """Predicts the noise in the next eight motions, and the progress to the stop."""
 
+    scale: Tensor
+
     def __init__(self, words: int, config: ModelConfig, *, pretrained: bool = True):
         """Build it for a vocabulary of `words`."""
         super().__init__()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,11 +25,12 @@ from .camera import view_of
 from .card import SUFFIX, Card
 from .checkpoint import load_checkpoint, save_checkpoint
 from .config import TrainConfig, train_config
+from .corrections import CorrectedEpisodes
 from .heads import FUTURE
 from .holdout import Holdout, hold_out, published_holdout
 from .models import Model
 from .scores import step_scores
-from .train import Watcher, train_model
+from .train import TrainingEpisodes, Watcher, train_model
 
 CURVES = "curves.csv"
 _SAMPLE = 32  # episodes of the training data, and of the held-out data, that curves are made of
@@ -52,6 +52,8 @@ class Request:
         changes: settings that override the recipe's `train`.
         start: checkpoint to start from (fine-tuning).
         validate: scores in closed loop at each checkpoint; without it the last one is kept.
+        corrections: walks of `corrections.write_correction`, which get half of the draws (DAgger).
+        cache: folder of decoded images; `out`/cache when None.
         recipe_sha256: digest of the recipe's file.
     """
 
@@ -63,6 +65,8 @@ class Request:
     changes: Mapping[str, Any] | None = None
     start: Path | None = None
     validate: Validation | None = None
+    corrections: tuple[Path, ...] = ()
+    cache: Path | None = None
     recipe_sha256: str = ""
 
 
@@ -104,16 +108,19 @@ def train_recipe(request: Request, *, show: bool = True) -> Result:
         raise InputError(f"{request.start}: another architecture than the recipe's `model`")
     tokens = start.card.tokens if start is not None else _vocabulary(plan, config)
     telling = Telling(config.instructions, seed)
-    sources = [_cached(s.selection, tokens, config, out, telling) for s in plan.sources]
+    cache = request.cache or out / "cache"
+    sources = [_cached(s.selection, tokens, config, cache, telling) for s in plan.sources]
     seen = [_some(episodes, len(sources)) for episodes in sources]
-    unseen = [_cached(s, tokens, config, out) for s in held.values() if len(s)]
+    unseen = [_cached(s, tokens, config, cache) for s in held.values() if len(s)]
     unseen = [_some(episodes, len(unseen)) for episodes in unseen]
     _decode([*sources, *unseen], show)
     card = Card(
         config=config,
         words=tokens.vocabulary.words,
         view=view_of([s.selection for s in plan.sources]),
-        **_labels(plan),
+        robots=_every(plan, "robot"),
+        controllers=_every(plan, "controller"),
+        lights=_every(plan, "light"),
         seed=seed,
         recipe={"title": recipe.title, "mixture": name, "sha256": request.recipe_sha256},
         data=tuple(
@@ -126,14 +133,25 @@ def train_recipe(request: Request, *, show: bool = True) -> Result:
             }
             for s in plan.sources
         ),
-        held_out={"by": holdout.by, "scenes": list(holdout.scenes)},
+        held_out={
+            "by": holdout.by,
+            "scenes": list(holdout.scenes),
+            "trajectories": sorted(holdout.trajectories),
+        },
         start=start.sha256 if start is not None else "",
     )
+    episodes: list[TrainingEpisodes] = [*sources]
+    shares = plan.shares.tolist()
+    if request.corrections:
+        corrected = CorrectedEpisodes(request.corrections, tokens, config)
+        episodes, shares = [*episodes, corrected], [*(share / 2 for share in shares), 0.5]
+        told = {"source": "corrections", "share": 0.5, "episodes": len(corrected)}
+        card = replace(card, data=(*card.data, told | {"sha": corrected.digest, "datasets": []}))
     log = _Log(request, card, config, seen, unseen)
     with progress_bar("train", config.steps, show=show) as bar:
         train_model(
-            sources,
-            plan.shares.tolist(),
+            episodes,
+            shares,
             tokens,
             config,
             seed=seed,
@@ -182,7 +200,8 @@ class _Log:
             row |= self._request.validate(model, self._card)
         model.train()
         self._losses.clear()
-        self.rows = [*self.rows, {k: round(v, 6) for k, v in row.items()}]
+        finite = {k: round(float(v), 6) for k, v in row.items() if np.isfinite(v)}
+        self.rows = [*self.rows, finite | {"step": done}]
         _write_curves(self._curves, self.rows)
         self.chosen = self._best()
         if self.chosen == done:
@@ -231,12 +250,12 @@ def _cached(
     selection: Selection,
     tokens: Tokens,
     config: TrainConfig,
-    out: Path,
+    cache: Path,
     telling: Telling | None = None,
 ) -> CachedSequences:
     how = SequenceConfig(config.size_px, config.max_steps, config.inflection, future=FUTURE)
     sequences = EpisodeSequences(selection, tokens, how, telling or Telling())
-    return CachedSequences(sequences, out / "cache")
+    return CachedSequences(sequences, cache)
 
 
 def _some(episodes: CachedSequences, sources: int) -> CachedSequences:
@@ -260,12 +279,8 @@ def _decode(episodes: list[CachedSequences], show: bool) -> None:
                 bar.update()
 
 
-def _labels(plan: MixturePlan) -> dict[str, tuple[str, ...]]:
-    def every(label: str) -> tuple[str, ...]:
-        return tuple(sorted({str(v) for s in plan.sources for v in s.selection.labels(label)}))
-
-    names = {"robots": "robot", "controllers": "controller", "lights": "light"}
-    return {name: every(label) for name, label in names.items()}
+def _every(plan: MixturePlan, label: str) -> tuple[str, ...]:
+    return tuple(sorted({str(v) for s in plan.sources for v in s.selection.labels(label)}))
 
 
 def _write_curves(path: Path, rows: list[dict[str, Any]]) -> None:
@@ -282,7 +297,7 @@ def _read_curves(path: Path) -> list[dict[str, Any]]:
         return []
     try:
         rows = list(csv.DictReader(io.StringIO(path.read_text())))
-        values = [{k: json.loads(v) for k, v in row.items() if v} for row in rows]
-        return [row for row in values if isinstance(row["step"], int)]
+        values = [{k: float(v) for k, v in row.items() if v} for row in rows]
+        return [row | {"step": int(row["step"])} for row in values]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise FileFormatError(path, f"no curves of a training ({error})") from error

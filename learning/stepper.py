@@ -134,7 +134,8 @@ def discrete_plan(motions: NDArray[np.float32]) -> list[Action]:
     A predicted step is one of the discrete actions with an error; the search of
     `formats.rendered.discrete_steps` finds the sequence that stays closest to all of them.
     """
-    pose, poses = np.zeros(3), [np.zeros(3)]
+    pose: NDArray[np.float64] = np.zeros(3)
+    poses: list[NDArray[np.float64]] = [pose]
     for x, y, turn in motions.astype(np.float64):
         cos, sin = np.cos(pose[2]), np.sin(pose[2])
         pose = pose + np.array([cos * x - sin * y, sin * x + cos * y, turn])

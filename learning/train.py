@@ -4,24 +4,23 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from pickle import UnpicklingError
-from typing import Any
+from typing import Any, Protocol, cast
 
 import torch
 from torch import Tensor
+from torch.utils.data import Dataset
 
 from ..datasets.mixture.loader import MixtureLoader
 from ..datasets.mixture.sampler import MixtureSampler
-from ..datasets.selection import joined_digest
 from ..datasets.sequences import collate_sequences
 from ..datasets.tokens import Tokens
 from ..formats.core.atomic import atomic_file
 from ..formats.core.errors import FileFormatError
-from .cache import CachedSequences
 from .config import TrainConfig
 from .losses import training_loss
 from .models import Model, build_model
@@ -37,6 +36,22 @@ def chosen_device(config: TrainConfig) -> torch.device:
     if config.device == "auto":
         return torch.device("cuda" if torch.cuda.is_available() else "cpu")
     return torch.device(config.device)
+
+
+class TrainingEpisodes(Protocol):
+    """Items as those of `EpisodeSequences`: `CachedSequences`, or `CorrectedEpisodes`."""
+
+    @property
+    def digest(self) -> str:
+        """Digest of the episodes."""
+        ...
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, number: int) -> dict[str, Any]: ...
+
+    def begin_pass(self, epoch: int) -> None:
+        """Prepare for another pass over all episodes."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +70,7 @@ class Watcher:
 
 
 def train_model(
-    sources: list[CachedSequences],
+    sources: Sequence[TrainingEpisodes],
     shares: list[float],
     tokens: Tokens,
     config: TrainConfig,
@@ -86,9 +101,10 @@ def train_model(
         shares,
         seed,
         config.steps * config.batch,
-        content=joined_digest(source.sequences.selection for source in sources),
+        content="-".join(source.digest for source in sources),
     )
-    loader = MixtureLoader(sources, sampler, config.batch, collate=collate_sequences)
+    datasets = cast(Sequence[Dataset[Any]], sources)  # map-style by what they can do
+    loader = MixtureLoader(datasets, sampler, config.batch, collate=collate_sequences)
     per_pass = max(sum(len(source) for source in sources) // config.batch, 1)
     # Dropout and initial weights draw from torch's own generator; the caller's is left alone.
     with torch.random.fork_rng():

@@ -22,6 +22,7 @@ from .registry import (
     valid_controllers,
 )
 from .speed import SpeedConfig
+from .steered import Motion, SteeredController, Steerer, Velocity, Waypoints
 
 __all__ = [
     "CONTROLLERS",
@@ -35,11 +36,16 @@ __all__ = [
     "ExpertConfig",
     "FlashConfig",
     "Jump",
+    "Motion",
     "PathConfig",
     "Pose",
     "SpeedConfig",
+    "SteeredController",
+    "Steerer",
     "Task",
     "Teleporter",
+    "Velocity",
+    "Waypoints",
     "controller_for",
     "get_controller",
     "valid_controllers",

@@ -54,6 +54,11 @@ class Expert:
         notes, self._notes = self._notes, []
         return notes
 
+    @property
+    def remaining_m(self) -> float:
+        """Length of the route ahead of the pose asked about last [m]."""
+        return (self._cursor.last - self._cursor.index) * STEP_M
+
     def next_action(self, pose: Pose, rest: Pose | None = None) -> Action:
         """Return the action to take from `pose`.
 

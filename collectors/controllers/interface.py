@@ -95,12 +95,14 @@ class Decision:
             controllers that know none.
         done: the controller has stopped the robot for good.
         notes: (kind, detail) of events worth recording, e.g. a re-plan.
+        chosen: a motion that a policy chose starts with this step.
     """
 
     command: tuple[float, float, float]
     action: Action | None = None
     done: bool = False
     notes: tuple[tuple[str, str], ...] = ()
+    chosen: bool = False
 
 
 STOPPED = (0.0, 0.0, 0.0)

@@ -25,12 +25,13 @@ from ..crews import action_timing, chosen_robots, crews, keep_all, kept
 from ..engine.context import open_context
 from ..engine.ledger import Ledger
 from ..engine.run_folder import RunFolder, safe_name
+from ..engine.runner import StageSummary
 from ..folders import find_scans
 from ..options.collect import Collect
 from ..sampling_plan import SamplingPlan, chosen_free_height, sample_config
 from ..stages import align, repair, report, visibility
 from ..stages.export import check_depth_storage
-from ..summary import show_summary
+from ..summary import joined, show_summary, stage_table, tell
 from ..views import check_frame_rate, chosen_views
 from .instruct import instruct_config
 
@@ -75,7 +76,7 @@ def run(options: Collect) -> int:
     collision = str(options.collision.resolve()) if options.collision else ""
     repairing = RepairConfig(up=options.up, unit=options.unit, collision=collision)
     with open_context(
-        options.out or Path("runs") / _run_name(options, sources), options.execution()
+        options.out or Path("runs") / _run_name(options, sources), options
     ) as context:
         folder = RunFolder(context.ledger.root)
         keep_all(robots, context.ledger)
@@ -94,6 +95,8 @@ def run(options: Collect) -> int:
         else:
             quotas, exact = (plan.quotas, plan.exact) if plan else (None, True)
             asked = chain.sampled(sampling, scenes, quotas, exact=exact)
+        if options.only_episodes:
+            return _tell_episodes(options, folder, chain.summaries)
         chain.keep(asked, scenes, pairs)
         for robot, controller in pairs:
             chain.collected(
@@ -127,6 +130,17 @@ def run(options: Collect) -> int:
             )
         page = report.write(folder, context, chain.summaries)
     return show_summary(folder, chain.summaries, page, options.max_failed, options.json)
+
+
+def _tell_episodes(options: Collect, folder: RunFolder, summaries: Sequence[StageSummary]) -> int:
+    quarantined = sum(summary.quarantined for summary in summaries)
+    facts = {
+        "out": str(folder.root),
+        "stages": {s.stage: s.counts() for s in joined(summaries)},
+        "quarantined": quarantined,
+    }
+    tell(options, facts, f"\n{stage_table(summaries)}\n\nepisodes: {folder.root / 'episodes'}")
+    return int(quarantined > options.max_failed)
 
 
 def _eye(ledger: Ledger) -> str | None:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ...collectors.controllers import CONTROLLERS, controller_for
+from ...collectors.controllers import controller_for, get_controller
 from ...collectors.rendering.camera.views import CameraOverrides, View
 from ...evaluation.episode import closed_loop
-from ...evaluation.policy import check_policy, checkpoint_path, policy_identity
+from ...evaluation.motions import DISCRETE, check_kind
+from ...evaluation.policy import SERVER_SCHEMES, check_policy, checkpoint_path, policy_identity
 from ...evaluation.results import (
     COLUMNS,
     RESULTS_NAME,
@@ -28,13 +30,14 @@ from ...learning.card import read_card
 from ..crews import action_timing, chosen_robots, keep_all
 from ..engine.context import open_context
 from ..engine.keys import digest
+from ..engine.ledger import Row
 from ..engine.run_folder import safe_name
-from ..engine.runner import run_stage
+from ..engine.runner import Context, run_stage
 from ..options.evaluate import Compare, Evaluate
-from ..stages import evaluate, repair, replay
+from ..stages import evaluate, export, policy_report, render, repair, replay
 from ..views import chosen_views
 
-DISCRETE = tuple(name for name, entry in CONTROLLERS.items() if entry.discrete)
+FRAMES_PER_SECOND = 4  # of images in MCAP files: one per action in VLN-PE's timing
 
 
 def run_evaluate(options: Evaluate) -> int:
@@ -44,8 +47,13 @@ def run_evaluate(options: Evaluate) -> int:
         InputError: If a name is unknown, or a file or folder cannot be used.
     """
     check_policy(options.policy)
-    if options.controller not in DISCRETE:
-        raise UnknownNameError("controller of an evaluation", options.controller, DISCRETE)
+    if options.actions != DISCRETE and not options.policy.startswith(SERVER_SCHEMES):
+        raise InputError(
+            f"--actions {options.actions}: only a policy server gives such actions, not "
+            f"{options.policy}; valid: {DISCRETE}, or --policy ws://HOST:PORT"
+        )
+    get_controller(options.controller)
+    check_kind(options.actions, options.controller)
     robots = chosen_robots(options.robot)
     if len(robots) != 1:
         raise InputError(f"--robot {options.robot}: an evaluation has one robot")
@@ -66,7 +74,7 @@ def run_evaluate(options: Evaluate) -> int:
     identity = policy_identity(options.policy, options.timeout_s)
     out = options.out or _default_out(options, robot.name, view)
     actions = action_timing(options.action_steps, options.closed_loop)
-    with open_context(out, options.execution()) as context:
+    with open_context(out, options) as context:
         root = context.ledger.root
         found = keep_all([robot], context.ledger)[robot.name]
         config = closed_loop(replay.config(found, options.controller, options.seed, actions))
@@ -80,9 +88,10 @@ def run_evaluate(options: Evaluate) -> int:
             identity=identity,
             timeout_s=options.timeout_s,
             view=view,
+            actions=options.actions,
         )
         scope = f"{robot.name}/{options.controller}/"
-        summary = run_stage(context, evaluate.STAGE, items, scope)
+        summary = run_stage(context, evaluate.STAGE, items, scope, label="evaluate")
         rows = sorted(summary.good().values(), key=lambda row: row.item)
         results = [{k: v for k, v in row.facts.items() if k != "actions"} for row in rows]
         failed = {
@@ -93,6 +102,7 @@ def run_evaluate(options: Evaluate) -> int:
             "policy_version": identity,
             "robot": robot.name,
             "controller": options.controller,
+            "actions": options.actions,
             "view": view.name,
             "renderer": ",".join(
                 sorted(set(evaluate.renderers(episodes, scenes_folder, view.renderer).values()))
@@ -107,8 +117,27 @@ def run_evaluate(options: Evaluate) -> int:
         write_json(out / RESULTS_NAME, value)
         context.ledger.record([root / RESULTS_NAME])
         context.ledger.record_new(root / "models")
+        folder = scenes_folder.resolve()
+        if options.mcap:
+            _write_mcap(context, summary.good(), scenes, folder, view)
+        if options.films > 0:
+            policy_report.write(context, rows, value, view=view, scenes=folder, films=options.films)
     _tell(options, out, value, scenes_folder)
     return int(len(failed) > options.max_failed)
+
+
+def _write_mcap(
+    context: Context, rows: Mapping[str, Row], scenes: Mapping[str, Row], folder: Path, view: View
+) -> None:
+    """Render what the policy saw and write an MCAP file per episode, with images."""
+    root = context.ledger.root
+    for robot, controller in sorted({tuple(item.split("/")[:2]) for item in rows}):
+        dataset = export.Dataset.under(root, robot, controller, view.name)
+        recorded = render.Recorded(rows, root, scenes, folder)
+        items = render.items(recorded, view, FRAMES_PER_SECOND, root / "frames", root)
+        frames = run_stage(context, render.STAGE, items, dataset.scope).good()
+        items = export.mcap_items(frames, root, folder, dataset, "video")
+        run_stage(context, export.MCAP_STAGE, items, dataset.scope)
 
 
 def run_compare(options: Compare) -> int:
@@ -154,7 +183,9 @@ def asked_episodes(
     """
     if not given.exists():
         raise InputError(f"{given}: no such file or folder")
-    files = sorted((given / "episodes").glob("*.json.gz")) if given.is_dir() else [given]
+    # A run's episodes, or a folder of nothing but episode files.
+    inside = given / "episodes" if (given / "episodes").is_dir() else given
+    files = sorted(inside.glob("*.json.gz")) if given.is_dir() else [given]
     if not files:
         raise InputError(f"{given}: contains no episodes/*.json.gz; give a run or an episode file")
     scenes = scenes_folder or (given / "scenes" if given.is_dir() else None)
@@ -205,6 +236,10 @@ def _tell(options: Evaluate, out: Path, value: dict[str, Any], scenes: Path) -> 
     if unclear:
         sys.stdout.write(f"{unclear} answers of the model were no clear action and asked again\n")
     sys.stdout.write(f"results: {out / RESULTS_NAME}\n")
+    if options.films > 0:
+        sys.stdout.write(f"report:  {out / policy_report.PAGE_NAME}\n")
+        return
     sys.stdout.write(
-        f"films:   vlnpe render {out} --scenes {scenes} --video --camera chase --out {out}/films\n"
+        f"films:   --films 2, or vlnpe render {out} --scenes {scenes} --video --camera chase "
+        f"--out {out}/films\n"
     )

@@ -5,15 +5,12 @@ from __future__ import annotations
 import json
 import os
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...formats.core.atomic import file_digest, sweep
 from ...formats.core.errors import InputError
 from ..engine.executors import available_cores
 from ..options.training import Train
-
-if TYPE_CHECKING:
-    from ...learning.session import Validation
 
 
 def run(options: Train) -> int:
@@ -24,6 +21,12 @@ def run(options: Train) -> int:
     """
     if options.threads < 0:
         raise InputError(f"--threads {options.threads}: valid: 0 (one per core) and above")
+    for name in ("validate", "dagger", "dagger_episodes"):
+        if getattr(options, name) < 0:
+            flag = "--" + name.replace("_", "-")
+            raise InputError(f"{flag} {getattr(options, name)}; valid: 0 or more")
+    if (options.validate or options.dagger) and options.run is None:
+        raise InputError("--validate and --dagger walk episodes of a run; name it: --run FOLDER")
     threads = options.threads or available_cores()
     # Set before importing torch, which reads it only once.
     os.environ.setdefault("OMP_NUM_THREADS", str(threads))
@@ -34,6 +37,7 @@ def run(options: Train) -> int:
     except ImportError as error:
         raise InputError("torch is not installed; run: uv sync --inexact --extra train") from error
     from ...learning.session import CURVES, Request, train_recipe
+    from .train_loop import dagger, validation
 
     path = recipe_path(options.recipe)
     recipe = read_recipe(path)
@@ -48,10 +52,10 @@ def run(options: Train) -> int:
         seed=options.seed,
         changes=_changes(options, recipe.train),
         start=options.start,
-        validate=_validation(options),
+        validate=validation(options),
         recipe_sha256=file_digest(path),
     )
-    result = train_recipe(request)
+    result = dagger(options, request, train_recipe(request))
     last = dict(result.curves[-1]) if result.curves else {}
     if options.json:
         value = {"checkpoint": str(result.checkpoint), "step": result.chosen, "last": last}
@@ -76,46 +80,6 @@ def _changes(options: Train, train: Any) -> dict[str, Any]:
     if options.inputs is not None:
         model["inputs"] = [name.strip() for name in options.inputs.split(",") if name.strip()]
     return changes | {"model": model}
-
-
-def _validation(options: Train) -> Validation | None:
-    """Return what scores a model in closed loop; SR counts stops within 3 m, as in `evaluate`."""
-    if options.validate is None:
-        return None
-    if options.validate_episodes < 1:
-        raise InputError(f"--validate-episodes {options.validate_episodes}; valid: 1 or more")
-    from ...collectors.controllers import controller_for
-    from ...collectors.rendering.camera.views import CameraOverrides
-    from ...collectors.replay import ReplayConfig
-    from ...evaluation.learned import LearnedPolicy
-    from ...evaluation.rounds import Round, spread
-    from ...learning.card import Card
-    from ...learning.checkpoint import Checkpoint
-    from ...learning.models import Model
-    from ..crews import chosen_robots
-    from ..views import chosen_views
-    from .evaluate import asked_episodes
-
-    (robot,) = chosen_robots(options.robot)
-    controller_for(robot, options.controller)
-    episodes, scenes = asked_episodes(options.validate, None, options.validate_split)
-    chosen = spread(episodes, options.validate_episodes)
-    config = ReplayConfig(robot=str(robot.name), controller=options.controller)
-
-    def validate(model: Model, card: Card) -> dict[str, float]:
-        light = card.lights[0] if len(card.lights) == 1 else "baked"
-        camera = card.view.camera("ego")
-        (view,) = chosen_views(camera, light, "auto", robot, CameraOverrides())
-        policy = LearnedPolicy(Checkpoint(card, model, ""))
-        walks = list(Round(chosen, scenes, view, config).walk(policy))
-        found = [walk.metrics for walk in walks]
-        return {
-            "SR": 100 * sum(m.success for m in found) / len(found),
-            "OS": 100 * sum(m.oracle_success for m in found) / len(found),
-            "NE": sum(m.navigation_error_m for m in found) / len(found),
-        }
-
-    return validate
 
 
 def _told(last: dict[str, Any]) -> list[str]:

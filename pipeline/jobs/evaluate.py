@@ -29,6 +29,7 @@ class EvaluateJob:
         policy: name, or address of a policy server.
         timeout_s: how long a policy server may take for one action.
         view: the camera that the policy sees through.
+        actions: kind of the policy's actions.
         models: folder where compiled models are kept.
         out: rollout file.
     """
@@ -39,6 +40,7 @@ class EvaluateJob:
     policy: str
     timeout_s: float
     view: View
+    actions: str
     models: Path
     out: Path
 
@@ -57,7 +59,7 @@ class EvaluateJob:
             if not policy.blind:
                 _, renderer = scene_renderer(self.scene, self.view.renderer, self.view.light)
                 eye = Eye(world, self.view, renderer)
-        rollout = evaluate_episode(world, self.episode, self.config, policy, eye)
+        rollout = evaluate_episode(world, self.episode, self.config, policy, eye, kind=self.actions)
         rollout = replace(rollout, facts={**rollout.facts, "policy": self.policy})
         result = store(rollout, self.scene.name, self.config, self.out)
         more = {

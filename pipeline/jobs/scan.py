@@ -18,7 +18,7 @@ class ScanJob:
         folder: output.
         kind: key of `apartments.BUILDINGS`.
         scanned: scan it virtually.
-        splats: capture Gaussian splats instead.
+        splats: capture Gaussian splats instead of a mesh.
     """
 
     seed: int
@@ -38,9 +38,8 @@ class ScanJob:
         )
 
         with atomic_folder(self.folder) as temporary:
-            generate = generate_scan if self.scanned else generate_exact
-            if self.splats:
-                generate = generate_splats
+            scanned = generate_splats if self.splats else generate_scan
+            generate = scanned if self.scanned else generate_exact
             scan = generate(self.seed, temporary, building_config(self.kind))
             size = scan.stat().st_size
             # The scan is made by this project, so that the data made from it may be used as freely.

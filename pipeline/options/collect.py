@@ -8,11 +8,11 @@ from pathlib import Path
 from ...trajectory_sampler.config import SampleConfig
 from . import Json
 from .episodes import Sampling
-from .execution import Executed
+from .running import Running
 
 
 @dataclass(frozen=True)
-class Collect(Sampling, Executed):
+class Collect(Running, Sampling):
     """Collect a dataset: repair, sample, instruct, replay, render, export, report.
 
     All outputs go into one run folder. Finished work is reused, and changing an option redoes only
@@ -103,6 +103,8 @@ class Collect(Sampling, Executed):
     """Also render instance segmentation (instance.mov, and in MCAP)."""
     frames_per_second: int = 4
     """Rendered frames per second: 4, 5, 10, 20, 25 or 50."""
+    only_episodes: bool = False
+    """Stop when scenes and instructed episodes are there; no robot walks."""
     only_success: bool = False
     """Export only successful episodes. By default all are exported, each with its end reason."""
     rgb_codec: str = "h264"
@@ -111,7 +113,5 @@ class Collect(Sampling, Executed):
     """Also write one MCAP file with images per episode, for Foxglove."""
     depth: str = "video"
     """Depth storage in LeRobot datasets: video (lossless, 12-bit codes) or image (16-bit, mm)."""
-    max_failed: int = 0
-    """Maximum number of quarantined items; exit with code 1 above it."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""

@@ -8,11 +8,11 @@ from pathlib import Path
 import tyro
 
 from . import Json
-from .execution import Executed
+from .running import Running
 
 
 @dataclass(frozen=True)
-class Evaluate(Executed):
+class Evaluate(Running):
     """Let a policy walk episodes in closed loop and score it: TL, NE, FR, StR, OS, SR, SPL, nDTW.
 
     Example: vlnpe evaluate runs/apartment-0 --policy random --robot h1
@@ -29,7 +29,11 @@ class Evaluate(Executed):
     robot: str = "aliengo"
     """Robot: a name (see `vlnpe robots`), or the folder of your own robot."""
     controller: str = "speed"
-    """How actions are carried out: speed (physics), or flash (placed without physics)."""
+    """How actions are carried out: speed (physics), flash (placed without physics), or path for
+    --actions waypoints."""
+    actions: str = "discrete"
+    """Actions of a policy server: discrete (controller speed or flash), velocity (speed) or
+    waypoints (path)."""
     split: str | None = None
     """Evaluate only this split, for example val_unseen; all by default."""
     limit: int | None = None
@@ -54,10 +58,13 @@ class Evaluate(Executed):
     """Longest time a policy server may take for one action [s]; physics stands still meanwhile."""
     seed: int = 0
     """Random seed."""
+    films: int = 0
+    """Write report.html with films of so many successes and of each kind of failure: the policy's
+    view and one from behind, with the instruction and the chosen actions."""
+    mcap: bool = False
+    """Also write one MCAP file per episode with the images that the policy saw, for Foxglove."""
     out: Path | None = None
     """Output folder; defaults to <run>/evaluations/<policy>-<robot>-<controller>-<light>."""
-    max_failed: int = 0
-    """Maximum number of quarantined episodes; exit with code 1 above it."""
     json: Json = False
     """Print one JSON object with the results' summary as the last line."""
 

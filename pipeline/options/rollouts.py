@@ -8,11 +8,11 @@ from pathlib import Path
 import tyro
 
 from . import Json
-from .execution import Executed
+from .running import Running
 
 
 @dataclass(frozen=True)
-class Replay(Executed):
+class Replay(Running):
     """Execute episodes with a physically simulated robot; records states, no images."""
 
     episodes: tyro.conf.Positional[Path]
@@ -34,14 +34,12 @@ class Replay(Executed):
     of for a fixed number of steps."""
     seed: int = 0
     """Random seed."""
-    max_failed: int = 0
-    """Maximum number of quarantined episodes; exit with code 1 above it."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""
 
 
 @dataclass(frozen=True)
-class Render(Executed):
+class Render(Running):
     """Render rollouts: RGB and depth from any camera, or preview videos."""
 
     rollouts: tyro.conf.Positional[Path]
@@ -82,14 +80,12 @@ class Render(Executed):
     """Write one preview video (.mp4) per episode instead of data."""
     rgb_codec: str = "h264"
     """Codec of RGB videos: h264, or av1 (royalty-free)."""
-    max_failed: int = 0
-    """Maximum number of quarantined episodes; exit with code 1 above it."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""
 
 
 @dataclass(frozen=True)
-class Export(Executed):
+class Export(Running):
     """Export rendered rollouts as LeRobot v3 datasets and as MCAP files."""
 
     frames: tyro.conf.Positional[Path]
@@ -105,7 +101,5 @@ class Export(Executed):
     """Export only successful episodes. By default all are exported, each with its end reason."""
     depth: str = "video"
     """Depth storage in LeRobot datasets: video (lossless, 12-bit codes) or image (16-bit, mm)."""
-    max_failed: int = 0
-    """Maximum number of quarantined episodes; exit with code 1 above it."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""

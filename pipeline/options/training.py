@@ -69,15 +69,20 @@ class Train:
     """Random seed; overrides the recipe."""
     start: Path | None = None
     """Checkpoint (.safetensors) to start from (fine-tuning); its vocabulary is kept."""
-    validate: Path | None = None
-    """Run folder whose episodes are walked in closed loop at each checkpoint; the checkpoint with
-    the highest success rate is kept. Without it, the last one is."""
+    run: Path | None = None
+    """Run folder whose scenes and episodes --validate and --dagger walk."""
+    validate: int = 0
+    """Walk so many episodes of --run in closed loop at each checkpoint, always the same ones, and
+    keep the checkpoint with the highest success rate; 0 keeps the last one."""
     validate_split: str | None = None
     """Split of those episodes, for example val_seen; all by default."""
-    validate_episodes: int = 20
-    """Number of those episodes, evenly spread; always the same ones."""
+    dagger: int = 0
+    """Rounds of DAgger after the training: the model walks training episodes of --run, the expert
+    says what it would have done, and training goes on with both, in <out>/dagger-<round>."""
+    dagger_episodes: int = 50
+    """Walks per round."""
     robot: str = "vlnce"
-    """Robot that validates: a name (see `vlnpe robots`), or the folder of your own robot."""
+    """Robot of --validate and --dagger: a name (see `vlnpe robots`), or the folder of your own."""
     controller: str = "flash"
     """How it carries actions out: flash (placed without physics) or speed."""
     device: str | None = None

@@ -28,6 +28,7 @@ def items(
     identity: str,
     timeout_s: float,
     view: View,
+    actions: str,
 ) -> list[WorkItem]:
     """One item per episode.
 
@@ -41,6 +42,7 @@ def items(
         identity: what the policy is now; see `policy_identity`.
         timeout_s: how long a policy server may take for one action.
         view: the camera that the policy sees through.
+        actions: kind of the policy's actions.
     """
     who, result = walker(config), []
     drawn_by = renderers(episodes, scenes_folder, view.renderer)
@@ -48,8 +50,9 @@ def items(
         out = root / f"{name}.mcap"
         scene = scenes_folder / episode.scene_id
         seen = replace(view, renderer=drawn_by[episode.scene_id])
-        job = EvaluateJob(scene, episode, config, policy, timeout_s, seen, root / "models", out)
-        inputs = (episode, scenes[episode.scene_id].key, *who, identity, seen)
+        models = root / "models"
+        job = EvaluateJob(scene, episode, config, policy, timeout_s, seen, actions, models, out)
+        inputs = (episode, scenes[episode.scene_id].key, *who, identity, seen, actions)
         result.append(work_item("evaluate", name, job, (out,), *inputs))
     return result
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.core.errors import FileFormatError
+from ...formats.core.documents import parse_json
+from ...formats.core.errors import FileFormatError, brief
 from ...formats.core.frames import quat_to_matrix, xyzw_to_wxyz
+from ...formats.core.limits import limits
 from ..scan.files import INTERIOR_NAME, LABELS_NAME, MAX_LABELS_BYTES, side_file
 from ..scan.soup import MAX_COORDINATE
 from .categories import category_of_name
@@ -65,30 +67,35 @@ def read_labels(source: Path) -> list[LabelBox]:
     if text is None:
         return read_interior_labels(source.with_name(INTERIOR_NAME))
     try:
-        data = json.loads(text)
+        data = parse_json(path, text)
         if isinstance(data, dict):
-            return [_own(entry) for entry in _objects_of(data)]
-        return [_headset(k, entry) for k, entry in enumerate(data)]
-    # Numbers of hundreds of digits overflow, and deep nesting ends the parser's stack.
-    except (
-        ValueError,
-        KeyError,
-        TypeError,
-        AttributeError,
-        OverflowError,
-        RecursionError,
-    ) as error:
+            return [_own(entry) for entry in within_limit(path, _objects_of(data))]
+        return [_headset(k, entry) for k, entry in enumerate(within_limit(path, data))]
+    # Numbers of hundreds of digits overflow.
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         raise FileFormatError(
             path,
-            f"not a label file ({type(error).__name__}: {str(error)[:200]}); valid: an object "
+            f"not a label file ({type(error).__name__}: {brief(str(error))}); valid: an object "
             "with frame 'source' and objects of name, category, lower, upper, or a list of "
             "headset anchors",
         ) from error
 
 
+def within_limit[T](path: Path, entries: Sequence[T]) -> Sequence[T]:
+    """Return the entries if they are not too many.
+
+    Raises:
+        FileFormatError: more than the limit `labels`.
+    """
+    cap = limits().labels
+    if len(entries) > cap:
+        raise FileFormatError(path, f"has {len(entries):,} labels; valid: up to {cap:,} (labels)")
+    return entries
+
+
 def _objects_of(data: dict[str, Any]) -> list[dict[str, Any]]:
     if data.get("frame") != "source":
-        raise ValueError(f"frame {data.get('frame')!r}; valid: 'source'")
+        raise ValueError(f"frame {brief(data.get('frame'))}; valid: 'source'")
     return data["objects"]
 
 
@@ -97,7 +104,8 @@ def _own(entry: dict[str, Any]) -> LabelBox:
     upper = np.array(entry["upper"], dtype=np.float64)
     if lower.shape != (3,) or upper.shape != (3,) or not _bounded(lower, upper):
         raise ValueError(
-            f"{entry['name']}: lower and upper must be three numbers within ±{MAX_COORDINATE:.0e}"
+            f"{brief(entry['name'])}: lower and upper must be three numbers within "
+            f"±{MAX_COORDINATE:.0e}"
         )
     return LabelBox(
         str(entry["name"]),
@@ -164,18 +172,18 @@ def read_interior_labels(path: Path) -> list[LabelBox]:
     if text is None:
         return []
     try:
-        data = json.loads(text)
-    except (ValueError, RecursionError):
+        data = parse_json(path, text)
+    except FileFormatError:
         return []
     if not isinstance(data, list) or not data:
         return []
     if not all(isinstance(e, dict) and {"label", "bounding_box"} <= e.keys() for e in data):
         return []
     try:
-        return [_interior(k, entry) for k, entry in enumerate(data)]
+        return [_interior(k, entry) for k, entry in enumerate(within_limit(path, data))]
     except (ValueError, KeyError, TypeError, OverflowError) as error:
         raise FileFormatError(
-            path, f"not InteriorGS labels ({type(error).__name__}: {str(error)[:200]})"
+            path, f"not InteriorGS labels ({type(error).__name__}: {brief(str(error))})"
         ) from error
 
 

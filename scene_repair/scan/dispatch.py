@@ -9,6 +9,8 @@ from pathlib import Path
 from PIL import Image
 
 from ...formats.core.errors import FileFormatError, InputError
+from ...formats.core.limits import limits
+from ...formats.core.untrusted import check_input, is_text, read_input
 from ...formats.splats.read import splat_kind
 from ..splats.read import read_splat_scan
 from ..usd.package import read_member
@@ -37,8 +39,9 @@ def read_scan(path: Path, surface: Path | None = None) -> Scan:
             or without any usable triangle.
         InputError: a point cloud, and open3d is not installed; or a surface for what has its own.
     """
-    if not path.is_file():
-        raise FileFormatError(path, "no such file")
+    check_input(path, max_bytes=limits().scan_bytes)
+    if not is_text(path):
+        raise FileFormatError(path, "its name, or that of a folder above, is not UTF-8; rename it")
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise FileFormatError(path, why_not(path.name))
@@ -104,10 +107,10 @@ def _picture(
         warnings.append(f"reference {look.texture!r} leaves the scan's folder; ignored")
         return None
     try:
-        if not look.member and path.stat().st_size > MAX_BYTES:
-            warnings.append(f"picture {path.name} is larger than {MAX_BYTES >> 30} GiB")
-            return None
-        data = read_member(path, look.member) if look.member else path.read_bytes()
+        if look.member:
+            data = read_member(path, look.member)
+        else:
+            data = read_input(path, root=folder, max_bytes=MAX_BYTES)
     except (OSError, FileFormatError) as error:
         warnings.append(f"picture {look.member or path.name} cannot be read: {error}")
         return None

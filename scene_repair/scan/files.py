@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ...formats.core.errors import FileFormatError
+from ...formats.core.untrusted import read_input
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off")
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
@@ -78,15 +79,12 @@ def side_file(folder: Path, name: str, max_bytes: int) -> bytes | None:
     """
     path = folder / name
     try:
-        if not path.is_file():
+        if not path.exists() and not path.is_symlink():
             return None
         target = path.resolve()
         if not target.is_relative_to(folder.resolve()):
             raise FileFormatError(path, "is a link that leaves the scan's folder")
-        size = target.stat().st_size
-        if size > max_bytes:
-            raise FileFormatError(path, f"is larger than {max_bytes >> 20} MiB ({size:,} bytes)")
-        return target.read_bytes()
+        return read_input(path, root=folder, max_bytes=max_bytes)
     except (OSError, RuntimeError) as error:
         raise FileFormatError(path, f"cannot be read: {error}") from error
 

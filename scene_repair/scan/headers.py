@@ -104,8 +104,8 @@ def check_pcd(path: Path) -> None:
         fields, kind = facts["FIELDS"], facts["DATA"][0]
         sizes = [int(v) for v in facts["SIZE"]]
         counts = [int(v) for v in facts.get("COUNT", ["1"] * len(fields))]
-        points = int(facts["POINTS"][0]) if "POINTS" in facts else -1
         grid = int(facts["WIDTH"][0]) * int(facts["HEIGHT"][0])
+        points = int(facts["POINTS"][0]) if "POINTS" in facts else grid
     except (KeyError, IndexError, ValueError) as error:
         raise FileFormatError(path, f"damaged PCD header: {error!r}") from error
     if not {"x", "y", "z"} <= set(fields):
@@ -116,7 +116,6 @@ def check_pcd(path: Path) -> None:
         raise FileFormatError(path, "damaged PCD header: FIELDS, SIZE, TYPE and COUNT disagree")
     if any(s not in (1, 2, 4, 8) for s in sizes) or any(not 1 <= c <= 4096 for c in counts):
         raise FileFormatError(path, "damaged PCD header: impossible SIZE or COUNT")
-    points = grid if points < 0 else points
     if not 0 <= points <= MAX_POINTS or grid != points:
         raise FileFormatError(path, f"declares {points:,} points, but {grid:,} by width and height")
     body = path.stat().st_size - at

@@ -268,7 +268,7 @@ def test_what_is_no_recipe_is_refused(text: str, tmp_path: Path) -> None:
 
 def test_shipped_recipes_are_valid() -> None:
     found = {path.stem: read_recipe(path) for path in FOLDER.glob("*.yaml")}
-    assert set(found) == {"cross_embodiment", "controller", "lighting"}
+    assert set(found) == {"starter", "cross_embodiment", "controller", "lighting"}
     table: Recipe = found["cross_embodiment"]
     assert len(table.mixtures) >= 6
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import threading
 from dataclasses import replace
+from functools import partial
+from itertools import pairwise
 
 import gymnasium as gym
 import numpy as np
@@ -18,13 +20,15 @@ from vlnpe.collectors.replay import ReplayConfig, replay_in
 from vlnpe.collectors.robots import get_robot
 from vlnpe.collectors.world import open_world
 from vlnpe.evaluation.env import SUCCESS_REWARD, NavigationEnv
-from vlnpe.evaluation.episode import evaluate_episode
+from vlnpe.evaluation.episode import closed_loop, evaluate_episode
 from vlnpe.evaluation.observation import Eye, checked_action
 from vlnpe.evaluation.policy import Assignment, Forward, PolicyError, Random, Stop
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.core.rollout import Action, EndReason
 from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.pipeline.crews import action_timing
+from vlnpe.pipeline.stages import replay
 
 
 @pytest.fixture(scope="module")
@@ -121,6 +125,132 @@ def test_what_is_no_action_is_refused_and_ends_the_walk(env: NavigationEnv) -> N
             env.step(wrong)
     with pytest.raises(InputError, match="valid: 0 to 1"):
         env.reset(options={"episode": 2})
+
+
+class LookAround:
+    """Turns left and right on the spot, and never stops."""
+
+    blind = True
+
+    def reset(self, assignment: Assignment) -> None:
+        pass
+
+    def act(self, observation):
+        return (Action.LEFT, Action.RIGHT)[observation.step % 2]
+
+
+@pytest.mark.parametrize("timing", [(50, False), (100, False), (50, True)])
+def test_stuck_is_judged_over_fifty_actions_under_every_timing(two_rooms, episodes, timing) -> None:
+    # On wheels: a gait's drift in heading can add up to 15° in fifty actions.
+    world = open_world(two_rooms, 0, get_robot("jetbot"))
+    config = closed_loop(replay.config("jetbot", "speed", 0, action_timing(*timing)))
+    rollout = evaluate_episode(world, episodes[1], config, LookAround(), None)
+    assert rollout.end_reason is EndReason.STUCK
+    assert 50 <= len(rollout.actions) <= 54
+
+
+def run_out(env: NavigationEnv, choose, most: int = 60):
+    """Step until the episode is over; return the observations and the last info."""
+    seen, info = env.reset(options={"episode": 1})
+    kept, done = [seen], False
+    while not done and len(kept) < most:
+        seen, _, terminated, truncated, info = env.step(choose(seen))
+        assert env.observation_space.contains(seen)
+        kept.append(seen)
+        done = terminated or truncated
+    return kept, info
+
+
+def to_goal(seen, goal=(2.8, 0.0)):
+    """Waypoints straight towards a goal in the start frame, two of at most 0.4 m."""
+    x, y, yaw = seen["pose"]
+    dx, dy = goal[0] - x, goal[1] - y
+    distance = np.hypot(dx, dy)
+    if distance < 0.15:
+        return {"stop": 1, "waypoints": np.zeros((2, 3))}
+    step = min(0.4, distance / 2)
+    turn = (np.arctan2(dy, dx) - yaw + np.pi) % (2 * np.pi) - np.pi
+    ahead = np.array([np.cos(turn), np.sin(turn), 0.0]) * step
+    return {"stop": 0, "waypoints": np.array([[*ahead[:2], turn], [step, 0.0, 0.0]])}
+
+
+def test_waypoints_are_moved_to_one_by_one(two_rooms, episodes) -> None:
+    setting = {"actions": "waypoints", "waypoints": 2, "images": False, "controller": "path"}
+    env = NavigationEnv(two_rooms.root, episodes, view=small_view(), **setting)
+    assert env.action_space.contains({"stop": 0, "waypoints": np.zeros((2, 3), np.float32)})
+    kept, info = run_out(env, to_goal)
+    assert info["end_reason"] == "success", info
+    assert kept[0]["rgb"].shape == (48, 64, 3)  # black, of the view's size
+    assert not kept[0]["rgb"].any()
+    # Each pair of waypoints ends where it leads to.
+    for before, after in pairwise(kept[:-1]):
+        asked = to_goal(before)["waypoints"]
+        moved = np.linalg.norm(after["pose"][:2] - before["pose"][:2])
+        assert moved == pytest.approx(np.linalg.norm(asked[:, :2], axis=1).sum(), abs=0.15)
+    assert env.rollout is not None
+    assert sum(event.kind == "waypoints" for event in env.rollout.events) == len(kept) - 2
+    again, _ = run_out(env, to_goal)
+    assert all(np.array_equal(a["pose"], b["pose"]) for a, b in zip(kept, again, strict=True))
+
+
+def test_velocities_are_held_for_an_action(two_rooms, episodes) -> None:
+    setting = {"actions": "velocity", "modalities": ["pose", "previous_action"]}
+    env = NavigationEnv(two_rooms.root, episodes, **setting)
+    seen, _ = env.reset(options={"episode": 1})
+    assert set(seen) == {"pose", "previous_action"} == set(env.observation_space.spaces)
+    for _ in range(8):
+        seen, *_ = env.step({"stop": 0, "velocity": np.array([0.5, 0.0, 0.0])})
+    assert 0.5 < seen["pose"][0] < 1.0  # 2 s at 0.5 m/s, from standing
+    np.testing.assert_array_equal(seen["previous_action"], [0.5, 0.0, 0.0])
+    _, _, done, _, info = env.step(0)
+    assert done and info["end_reason"] == "stopped_far" and info["step"] == 9
+    for wrong in ([1.0, 2.0], [np.nan, 0, 0], "jump", {"waypoints": [[1, 0, 0]]}):
+        env.reset(options={"episode": 1})
+        with pytest.raises(PolicyError, match="valid: three finite numbers"):
+            env.step(wrong)
+
+
+def test_modalities_and_tokens_are_chosen(two_rooms, episodes) -> None:
+    setting = {"modalities": ["instruction", "tokens", "depth_m"], "view": small_view()}
+    words = ["", *sorted({w for e in episodes for w in e.instruction.split()})]
+    env = NavigationEnv(
+        two_rooms.root,
+        episodes,
+        tokenize=lambda text: [words.index(w) for w in text.split()],
+        **setting,
+    )
+    seen, _ = env.reset(options={"episode": 0})
+    assert list(seen) == list(env.observation_space.spaces) == ["depth_m", "instruction", "tokens"]
+    assert " ".join(words[k] for k in seen["tokens"]).strip() == seen["instruction"]
+    assert env.observation_space.contains(seen)
+    with pytest.raises(InputError, match="'tokens' needs"):
+        NavigationEnv(two_rooms.root, episodes, **setting)
+    with pytest.raises(InputError, match=r"modality 'smell'.*valid: depth_m"):
+        NavigationEnv(two_rooms.root, episodes, modalities=["smell"])
+    with pytest.raises(InputError, match=r"'speed' does not carry out waypoints.*valid: path"):
+        NavigationEnv(two_rooms.root, episodes, actions="waypoints")
+
+
+def make_env(root, episodes):
+    return NavigationEnv(root, episodes, view=small_view(), modalities=["depth_m", "pose"])
+
+
+@pytest.mark.slow
+def test_it_runs_vectorised_in_processes(two_rooms, episodes, env) -> None:
+    makers = [partial(make_env, two_rooms.root, episodes)] * 2
+    several = gym.vector.AsyncVectorEnv(makers, context="spawn")
+    try:
+        seen, _ = several.reset(seed=[4, 4])
+        alone, _ = env.reset(seed=4)
+        for _ in range(2):
+            for k in range(2):
+                assert np.array_equal(seen["depth_m"][k], alone["depth_m"])
+                assert np.array_equal(seen["pose"][k], alone["pose"])
+            seen, *_ = several.step(np.array([1, 1]))
+            alone, *_ = env.step(1)
+    finally:
+        several.close(terminate=True)
+        env.close()
 
 
 def test_actions_in_every_form_a_model_gives() -> None:

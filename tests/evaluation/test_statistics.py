@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from vlnpe.evaluation.results import COLUMNS, table
 from vlnpe.evaluation.statistics import clustered_interval, mcnemar
 
 
@@ -62,3 +63,24 @@ def test_mcnemar_counts_flips() -> None:
     assert flips.lost == tuple(range(2, 10)) and flips.won == (19,)
     assert flips.p_value == pytest.approx(2 * (1 + 9) / 2**9)
     assert mcnemar(a, a).p_value == 1.0
+
+
+def test_a_table_of_many_groups_fits_a_terminal() -> None:
+    metrics = {
+        "trajectory_length_m": 11.25,
+        "navigation_error_m": 7.5,
+        "spl": 0.5,
+        "ndtw": 0.25,
+        "duration_s": 123.4,
+    } | dict.fromkeys(("fall", "stuck", "oracle_success", "success"), True)
+    made = [
+        {"metrics": metrics, "contacts": 0, "scene": f"s{k % 3}", "trajectory": str(k)}
+        for k in range(6)
+    ]
+    text = table({f"val_unseen_{k}": made for k in range(9)})
+    assert max(map(len, text.splitlines())) <= 120
+    assert all(f"val_unseen_{k}" in text for k in range(9))
+    for name, (unit, _) in COLUMNS.items():
+        assert f"{name} [{unit}]" in text
+    (row,) = [line for line in table({"all": made}).splitlines() if line.startswith("NE")]
+    assert row.split() == ["NE", "[m]", "7.50", "(7.50..7.50)"]

@@ -7,10 +7,15 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+import av
+import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from tests.collectors.test_replay import make_episode
 from tests.support.misbehaving_server import Server, completion
@@ -32,6 +37,18 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return run
 
 
+@contextmanager
+def served(source: str) -> Iterator[str]:
+    """Run a policy server's source in a process of its own; the address."""
+    process = subprocess.Popen([sys.executable, "-c", source], stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout is not None
+        yield process.stdout.readline().split()[-1]
+    finally:
+        process.kill()
+        process.wait()
+
+
 def evaluated(run: Path, *options: str) -> dict:
     assert main(["evaluate", str(run), "--workers", "1", *options]) == 0
     out = Path(options[options.index("--out") + 1])
@@ -51,6 +68,7 @@ def test_the_oracle_arrives_the_idle_do_not_and_compare_says_so(run, tmp_path, c
     assert taken == [int(span.action) for span in rollout.actions] and taken[-1] == 0
     printed = capsys.readouterr().out
     assert "SPL [%]" in printed and "val_seen" in printed
+    assert max(map(len, printed.split("results:")[0].splitlines())) <= 120
     assert main(["compare", str(a), str(b), "--json"]) == 0
     found = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert found["common"] == 2 and found["differences"]["TL"]["mean"] < -1.0
@@ -58,6 +76,51 @@ def test_the_oracle_arrives_the_idle_do_not_and_compare_says_so(run, tmp_path, c
     assert main(["render", str(b), "--scenes", str(run / "scenes"), "--video", "--camera",
                  "chase:64x48", "--out", str(b / "films"), "--workers", "1"]) == 0  # fmt: skip
     assert len(list((b / "films").rglob("*.mp4"))) == 2
+
+
+TALKER = """
+from vlnpe.evaluation.server import serve
+
+class Policy:
+    version, said = "v1", ""
+    def reset(self, episode):
+        assert episode["actions"] == "discrete"
+        self.straight = episode["episode_id"] == "e0"
+    def act(self, observation):
+        assert observation["rgb"].shape == (48, 64, 3)
+        self.said = f"step {observation['step']}"
+        return 1 if self.straight and observation["step"] < 9 else 0
+
+serve(Policy, port=0)
+"""
+
+
+def test_the_report_has_films_of_each_ending_and_mcap_what_was_seen_and_said(
+    run, tmp_path, capsys
+) -> None:
+    out = tmp_path / "talker"
+    with served(TALKER) as url:
+        found = evaluated(run, "--policy", url, "--controller", "flash", "--out", str(out),
+                          "--camera", "ego:64x48", "--films", "1", "--mcap")  # fmt: skip
+    assert found["summary"]["SR"]["mean"] == 100.0
+    assert "report.html" in capsys.readouterr().out
+    page = (out / "report.html").read_text()
+    assert "Successes" in page and "Go through the door." in page
+    assert page.count("data:video/mp4;base64,") == 1  # one kind of ending, one film asked for
+    (film,) = (out / "films").glob("*.mp4")
+    with av.open(str(film)) as container:
+        frames = [f.to_ndarray(format="rgb24") for f in container.decode(video=0)]
+    assert len(frames) >= 3
+    height = frames[0].shape[0]
+    band = [frame[height - 36 :] for frame in frames]
+    assert band[0].max() > 150 and not np.array_equal(band[0], band[-1])  # the action is drawn in
+    rollout = read_rollout(out / "aliengo" / "flash" / "e0.mcap")
+    said = [event.detail for event in rollout.events if event.kind == "said"]
+    assert said == [f"step {k}" for k in range(10)]
+    (shown,) = (out / "mcap").rglob("e0.mcap")
+    with shown.open("rb") as stream:
+        topics = {c.topic for c in make_reader(stream).get_summary().channels.values()}
+    assert any("rgb" in topic for topic in topics), topics
 
 
 def test_a_second_call_reuses_and_a_seed_does_not(run, tmp_path, capsys) -> None:
@@ -85,7 +148,8 @@ def test_the_same_id_in_two_splits_is_two_episodes(run, tmp_path) -> None:
     ("options", "message"),
     [
         (["--policy", "cma"], "policy 'cma'.*valid: .*random.*ws://"),
-        (["--controller", "path"], "valid: flash, speed"),
+        (["--controller", "path"], "'path' does not carry out discrete.*valid: speed, flash"),
+        (["--actions", "waypoints"], "only a policy server gives such actions"),
         (["--split", "train"], "split 'train'.*valid: .*val_seen"),
         (["--camera", "chase"], "one camera"),
         (["--robot", "h1,g1"], "one robot"),
@@ -123,16 +187,9 @@ serve(Policy, port=0)
 def test_a_server_that_fails_costs_its_episodes_and_no_more(
     run, tmp_path, capsys, fail, lost, reason
 ) -> None:
-    process = subprocess.Popen(
-        [sys.executable, "-c", SERVER.replace("FAIL", fail)], stdout=subprocess.PIPE, text=True
-    )
-    try:
-        assert process.stdout is not None
-        url = process.stdout.readline().split()[-1]
+    with served(SERVER.replace("FAIL", fail)) as url:
         command = ["evaluate", str(run), "--policy", url, "--controller", "flash"]
         assert main([*command, "--out", str(tmp_path), "--workers", "1"]) == 1
-    finally:
-        process.kill()
     results = json.loads((tmp_path / "results.json").read_text())
     assert sorted(results["quarantined"]) == [f"aliengo/flash/e{k}" for k in range(lost)]
     assert reason in results["quarantined"]["aliengo/flash/e0"]

@@ -1,0 +1,241 @@
+"""`vlnpe benchmark`: policies x robots x controllers on the same episodes."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import platform
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from ...collectors.controllers import CONTROLLERS, valid_controllers
+from ...evaluation.policy import check_policy
+from ...evaluation.results import COLUMNS, read_results
+from ...evaluation.rounds import spread
+from ...formats.core.atomic import atomic_file, file_digest, write_json
+from ...formats.core.episode import Episode
+from ...formats.core.errors import InputError, UnknownNameError
+from ...formats.core.source import ROOT, code_digest
+from ...formats.vlnce.files import read_episodes, write_episodes
+from ..benchmark_sets import SETS, BenchmarkSet, episodes_digest
+from ..crews import chosen_robots
+from ..engine.context import open_context
+from ..engine.ledger import MANIFEST_NAME
+from ..options.benchmark import Benchmark
+from ..options.collect import Collect
+from ..options.evaluate import Evaluate
+from . import collect
+from .evaluate import run_evaluate
+
+FOLDER, RESULT_NAME, PAGE_NAME = "benchmark", "benchmark.json", "benchmark.md"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One evaluation of the table."""
+
+    policy: str
+    robot: str
+    controller: str
+
+    @property
+    def name(self) -> str:
+        """Name of its folder."""
+        return f"{Path(self.policy).stem}-{self.robot}-{self.controller}".replace(":", "-")
+
+
+def run(options: Benchmark) -> int:
+    """Evaluate every cell and write the table; return the exit code.
+
+    Raises:
+        InputError: A name is unknown, or the episodes cannot be found or made.
+    """
+    cells = _cells(options)
+    known = SETS.get(str(options.episodes))
+    folder = options.out or Path("runs") / options.episodes if known else options.episodes
+    if known:
+        _prepare(known, folder, options)
+    splits = _splits(options, known, folder)
+    asked = folder / FOLDER / "asked"
+    kept: dict[str, list[Episode]] = {}
+    for split, episodes in splits.items():
+        kept[split] = list(spread(episodes, options.limit or len(episodes)))
+        write_episodes(asked / f"{split}.json.gz", kept[split])
+    code, results = 0, {}
+    for cell in cells:
+        code |= _evaluate(cell, options, folder, asked)
+        results[cell] = read_results(folder / FOLDER / cell.name)
+        value = _value(options, known, kept, splits, results)
+        # After each cell, so that an interrupted run keeps what it measured.
+        write_json(folder / FOLDER / RESULT_NAME, value)
+        with atomic_file(folder / FOLDER / PAGE_NAME) as temporary:
+            temporary.write_text(_page(value))
+    if (folder / MANIFEST_NAME).is_file():
+        with open_context(folder, options) as context:
+            made = (asked, folder / FOLDER / RESULT_NAME, folder / FOLDER / PAGE_NAME)
+            context.ledger.record(made)
+    if options.json:
+        sys.stdout.write(json.dumps(value) + "\n")
+    else:
+        sys.stdout.write(f"\n{_page(value)}\nresults: {folder / FOLDER / RESULT_NAME}\n")
+    return code
+
+
+def _cells(options: Benchmark) -> list[Cell]:
+    policies, controllers = _names(options.policy), _names(options.controller)
+    for policy in policies:
+        check_policy(policy)
+    discrete = [name for name, entry in CONTROLLERS.items() if entry.discrete]
+    for controller in controllers:
+        if controller not in discrete:
+            raise UnknownNameError("controller of a benchmark", controller, discrete)
+    return [
+        Cell(policy, robot.name, controller)
+        for controller in controllers
+        for robot in chosen_robots(options.robot)
+        if controller in valid_controllers(robot)
+        for policy in policies
+    ]
+
+
+def _prepare(known: BenchmarkSet, folder: Path, options: Benchmark) -> None:
+    """Make scenes and episodes, unless they are there."""
+    settings = Collect(
+        scene=known.scene,
+        splits=",".join(f"{split}={count}" for split, count in known.splits.items()),
+        train_scenes=str(known.train_scenes),
+        robot_radius_m=known.robot_radius_m,
+        robot="h1",
+        count=1,
+        seed=known.seed,
+        only_episodes=True,
+        out=folder,
+        json=True,
+        **vars(options.execution()),
+    )
+    with contextlib.redirect_stdout(io.StringIO()):
+        collect.run(settings)
+
+
+def _splits(
+    options: Benchmark, known: BenchmarkSet | None, folder: Path
+) -> dict[str, list[Episode]]:
+    files = sorted((folder / "episodes").glob("*.json.gz"))
+    if not files:
+        raise InputError(
+            f"{folder}: contains no episodes/*.json.gz; valid: a run folder, or {', '.join(SETS)}"
+        )
+    found: dict[str, list[Episode]] = {}
+    for file in files:
+        for episode in read_episodes(file):
+            found.setdefault(episode.split, []).append(episode)
+    wanted = _names(options.split) if options.split else known.test_splits if known else found
+    for split in wanted:
+        if split not in found:
+            raise UnknownNameError("split", split, found)
+    return {split: found[split] for split in wanted}
+
+
+def _evaluate(cell: Cell, options: Benchmark, folder: Path, asked: Path) -> int:
+    settings = Evaluate(
+        episodes=asked,
+        scenes=folder / "scenes",
+        policy=cell.policy,
+        robot=cell.robot,
+        controller=cell.controller,
+        camera=options.camera,
+        seed=options.seed,
+        out=folder / FOLDER / cell.name,
+        json=True,
+        **vars(options.execution()),
+    )
+    with contextlib.redirect_stdout(io.StringIO()):
+        return run_evaluate(settings)
+
+
+def _value(
+    options: Benchmark,
+    known: BenchmarkSet | None,
+    kept: dict[str, list[Episode]],
+    splits: dict[str, list[Episode]],
+    results: dict[Cell, dict[str, Any]],
+) -> dict[str, Any]:
+    """Return the result file's content."""
+    lock = ROOT / "uv.lock"
+    digests = {split: episodes_digest(episodes) for split, episodes in splits.items()}
+    published = dict(known.episodes_sha256) if known else {}
+    return {
+        "format": "vlnpe-benchmark/1",
+        "benchmark": str(options.episodes) if known else options.episodes.name,
+        "vlnpe": version("vlnpe"),
+        "code_sha256": code_digest("pipeline.jobs.evaluate"),
+        "lock_sha256": file_digest(lock) if lock.is_file() else None,
+        "machine": f"{platform.system()} {platform.machine()}, Python {platform.python_version()}",
+        "seed": options.seed,
+        "episodes_sha256": digests,
+        "as_published": {
+            split: digests[split] == published[split] for split in digests if split in published
+        },
+        "episodes": {split: len(episodes) for split, episodes in kept.items()},
+        "of": {split: len(episodes) for split, episodes in splits.items()},
+        "cells": [
+            {
+                **vars(cell),
+                "count": len(found["episodes"]),
+                "quarantined": len(found["quarantined"]),
+                "setting": found["setting"],
+                "summary": found["summary"],
+            }
+            for cell, found in results.items()
+        ],
+    }
+
+
+def _page(value: dict[str, Any]) -> str:
+    """Return the table as Markdown: means with 95 % intervals."""
+    counts = ", ".join(
+        f"{count} of {value['of'][split]} {split}" for split, count in value["episodes"].items()
+    )
+    lines = [
+        f"{value['benchmark']}: {counts} episodes; code {value['code_sha256'][:12]}, lock "
+        f"{(value['lock_sha256'] or 'none')[:12]}",
+        *(
+            f"**Other episodes than published**: {split} has digest "
+            f"{value['episodes_sha256'][split][:12]}"
+            for split, same in value["as_published"].items()
+            if not same
+        ),
+        "",
+        "| controller | robot | policy | episodes | "
+        + " | ".join(f"{name} [{unit}]" for name, (unit, _) in COLUMNS.items() if name != "time")
+        + " |",
+        "| --- | --- | --- | ---: |" + " ---: |" * (len(COLUMNS) - 1),
+    ]
+    for cell in value["cells"]:
+        shown = [_number(cell["summary"][name]) for name in COLUMNS if name != "time"]
+        count = str(cell["count"])
+        if cell["quarantined"]:
+            count += f" ({cell['quarantined']} without a result)"
+        row = [cell["controller"], cell["robot"], Path(cell["policy"]).stem, count, *shown]
+        lines.append(f"| {' | '.join(row)} |")
+    return "\n".join(lines) + "\n"
+
+
+def _number(value: dict[str, float | None]) -> str:
+    if value["mean"] is None:
+        return "–"
+    if value["low"] is None:
+        return f"{value['mean']:.1f}"
+    return f"{value['mean']:.1f} ({value['low']:.1f}–{value['high']:.1f})"
+
+
+def _names(text: str) -> Sequence[str]:
+    names = [name.strip() for name in text.split(",")]
+    if not all(names):
+        raise InputError(f"{text!r}: an empty name; valid: a name, or a,b,c")
+    return list(dict.fromkeys(names))

@@ -1,0 +1,43 @@
+"""Film one episode of an evaluation for its report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...collectors.rendering.camera.views import View
+from ...collectors.rendering.people.pictures import save_picture
+from ...collectors.rendering.people.story import policy_film
+from ...collectors.robots import get_robot
+from ...formats.mcap.rollout import read_rollout
+from ..engine.work import ItemResult
+from .render import scene_renderer
+
+
+@dataclass(frozen=True)
+class PolicyFilmJob:
+    """Show what a policy saw and did, with its instruction.
+
+    Attributes:
+        scene: folder of the repaired scene.
+        rollout: rollout file.
+        robot: name or folder.
+        view: the policy's.
+        out: video; its last frame is beside it as `.jpg`.
+    """
+
+    scene: Path
+    rollout: Path
+    robot: str
+    view: View
+    out: Path
+
+    def run(self) -> ItemResult:
+        """Render the film."""
+        _, renderer = scene_renderer(self.scene, self.view.renderer, self.view.light)
+        self.out.parent.mkdir(parents=True, exist_ok=True)
+        last = policy_film(
+            self.out, renderer, read_rollout(self.rollout), self.view, get_robot(self.robot)
+        )
+        save_picture(self.out.with_suffix(".jpg"), last)
+        return ItemResult()

@@ -1,0 +1,118 @@
+"""The report page of an evaluation: results, films of every kind of ending, all episodes."""
+
+from __future__ import annotations
+
+import base64
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, select_autoescape
+
+from ...evaluation.results import COLUMNS, summarise
+from ..engine.ledger import Row
+
+FILMS_BYTES = 24_000_000  # of all embedded films, base64 included
+# Endings in the page's order, with their titles.
+KINDS = {
+    "success": "Successes: stopped within the goal's radius",
+    "stopped_far": "Stopped too far from the goal",
+    "fall": "Fell",
+    "stuck": "Got stuck",
+    "timeout": "Took 500 actions without a stop",
+    "collision_start": "Started inside an obstacle",
+}
+
+
+def kind_of(facts: Mapping[str, Any]) -> str:
+    """Return how an episode ended, a key of `KINDS`; success is VLN's, a stop within 3 m."""
+    return "success" if facts["metrics"]["success"] else str(facts["end_reason"])
+
+
+def policy_page(results: Mapping[str, Any], rows: Sequence[Row], films: Mapping[str, Path]) -> str:
+    """Return the page as HTML.
+
+    Args:
+        results: content of the results file.
+        rows: rows of the episodes.
+        films: by the rows' items, with the last frame beside each as `.jpg`.
+    """
+    environment = Environment(
+        loader=PackageLoader("vlnpe.pipeline.report", "."),
+        autoescape=select_autoescape(default_for_string=True, default=True),
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    kinds = Counter(kind_of(row.facts) for row in rows)
+    return environment.get_template("policy.html.j2").render(
+        version=version("vlnpe"),
+        setting=results["setting"],
+        columns=[f"{name} [{unit}]" for name, (unit, _) in COLUMNS.items()],
+        splits=_split_rows(results["episodes"]),
+        quarantined=results["quarantined"],
+        unclear=sum(episode.get("unclear", 0) for episode in results["episodes"]),
+        groups=_groups(rows, films, kinds),
+        episodes=[_episode(row) for row in rows],
+    )
+
+
+def _split_rows(episodes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    groups: dict[str, list[Mapping[str, Any]]] = {}
+    for episode in episodes:
+        groups.setdefault(episode["split"], []).append(episode)
+    if len(groups) > 1:
+        groups["all"] = list(episodes)
+    return [
+        {"split": split, "count": len(group), "cells": list(summarise(group).values())}
+        for split, group in groups.items()
+    ]
+
+
+def _groups(
+    rows: Sequence[Row], films: Mapping[str, Path], kinds: Mapping[str, int]
+) -> list[dict[str, Any]]:
+    left, groups = FILMS_BYTES, []
+    for kind, title in KINDS.items():
+        if not kinds.get(kind):
+            continue
+        figures = []
+        for row in rows:
+            if kind_of(row.facts) != kind or row.item not in films:
+                continue
+            film = films[row.item]
+            left -= 4 * -(-film.stat().st_size // 3)
+            figures.append(_episode(row) | _embedded(film, left >= 0))
+        groups.append({"title": title, "count": kinds[kind], "figures": figures})
+    return groups
+
+
+def _embedded(film: Path, fits: bool) -> dict[str, str]:
+    if not fits:
+        return {"file": f"films/{film.name}"}
+    return {
+        "video": _uri(film, "video/mp4"),
+        "poster": _uri(film.with_suffix(".jpg"), "image/jpeg"),
+    }
+
+
+def _uri(path: Path, kind: str) -> str:
+    return f"data:{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"
+
+
+def _episode(row: Row) -> dict[str, Any]:
+    facts, metrics = row.facts, row.facts["metrics"]
+    return {
+        "name": f"{facts['scene']} / {facts['episode']}",
+        "split": facts["split"],
+        "instruction": facts["instruction"],
+        "kind": kind_of(facts).replace("_", " "),
+        "good": metrics["success"],
+        "detail": facts["detail"],
+        "ne": metrics["navigation_error_m"],
+        "tl": metrics["trajectory_length_m"],
+        "spl": 100 * (metrics["spl"] or 0.0),
+        "seconds": metrics["duration_s"],
+        "actions": len(facts["taken"]),
+    }

@@ -1,0 +1,115 @@
+"""`vlnpe train` from a recipe file to a policy that `vlnpe evaluate` takes."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+import torch
+
+from tests.learning.conftest import Walks
+from tests.learning.test_closed_loop import RECIPE, SMALL
+from vlnpe.datasets.selection import select_all
+from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig
+from vlnpe.formats.core.atomic import file_digest
+from vlnpe.formats.core.errors import FileFormatError
+from vlnpe.formats.vlnce.files import write_episodes
+from vlnpe.learning.card import read_card
+from vlnpe.learning.corrections import CorrectedEpisodes
+from vlnpe.pipeline.cli import main
+
+
+@pytest.fixture
+def run(walks: Walks, tmp_path: Path) -> Path:
+    folder = tmp_path / "run"
+    (folder / "episodes").mkdir(parents=True)
+    (folder / "scenes").mkdir()
+    (folder / "scenes" / "two_rooms").symlink_to(walks.scene.root)
+    write_episodes(folder / "episodes" / "train.json.gz", walks.episodes)
+    return folder
+
+
+def recipe(tmp_path: Path, **train: object) -> str:
+    path = tmp_path / "recipe.yaml"
+    settings = {**RECIPE["train"], "steps": 4, "checkpoint_every": 2, "model": SMALL, **train}
+    path.write_text(json.dumps({**RECIPE, "train": settings}))
+    return str(path)
+
+
+def test_from_recipe_to_checkpoint_chosen_in_closed_loop(
+    walks: Walks, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    call = ["train", recipe(tmp_path), "--data", str(walks.root), "--out", str(out)]
+    call += ["--threads", "1", "--run", str(run), "--validate", "1", "--json"]
+    assert main(call) == 0
+    told = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert told["checkpoint"] == str(out / "cma.safetensors") and told["step"] in (2, 4)
+    rows = list(csv.DictReader((out / "curves.csv").open()))
+    assert [row["step"] for row in rows] == ["2", "4"]
+    assert {"loss", "train action", "train constant", "SR", "OS"} <= set(rows[0])
+    card, _ = read_card(out / "cma.safetensors")
+    assert card.steps == told["step"] and card.recipe["mixture"] == "walks"
+    assert card.view.camera("ego") == "ego:48x48:90"
+    assert card.data[0]["episodes"] == 2 and card.controllers == ("flash",)
+    before = (out / "cma.safetensors").stat().st_mtime_ns
+    assert main(call) == 0  # finished: nothing is trained again
+    assert (out / "cma.safetensors").stat().st_mtime_ns == before
+
+
+def test_dagger_goes_on_with_corrected_walks(
+    walks: Walks, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    call = ["train", recipe(tmp_path, steps=2), "--data", str(walks.root), "--out", str(out)]
+    call += ["--threads", "1", "--run", str(run), "--dagger", "2", "--dagger-episodes", "2"]
+    assert main([*call, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert told["checkpoint"] == str(out / "dagger-2" / "cma.safetensors")
+    card, _ = read_card(out / "dagger-2" / "cma.safetensors")
+    assert card.data[-1]["source"] == "corrections" and card.data[-1]["episodes"] == 4
+    assert card.start == file_digest(out / "dagger-1" / "cma.safetensors")
+    files = sorted((out / "dagger-1" / "walks").glob("*.npz"))
+    item = CorrectedEpisodes(files, card.tokens, card.config)[0]
+    plain = EpisodeSequences(
+        select_all([walks.root / "lerobot" / "vlnce"]), card.tokens, SequenceConfig(24, future=8)
+    )[0]
+    assert item.keys() == plain.keys()
+    for key, value in plain.items():
+        if torch.is_tensor(value):
+            assert item[key].dtype == value.dtype and item[key].shape[1:] == value.shape[1:], key
+    # Both start at the same place: the same view, up to the codec, and the same advice.
+    assert (item["rgb"][0].float() - plain["rgb"][0].float()).abs().mean() < 4
+    assert item["action"][0] == plain["action"][0] and item["previous_action"][0] == 0
+    assert int(item["length"]) > 1 and float(item["progress"].min()) >= 0
+    files[0].write_bytes(b"no walk")
+    with pytest.raises(FileFormatError, match="0000"):
+        CorrectedEpisodes(files, card.tokens, card.config)[0]
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--model", "cms"], "cma"),
+        (["--inputs", "rgb,smell"], "instruction"),
+        (["--validate", "3"], "--run"),
+        (["--dagger", "1"], "--run"),
+        (["--mixture", "other"], "walks"),
+        (["--start", "nowhere.safetensors"], "nowhere"),
+        (["--steps", "0"], "1 or more"),
+    ],
+)
+def test_wrong_options_are_answered_with_the_valid_ones(
+    options: list[str],
+    told: str,
+    walks: Walks,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / "out"
+    call = ["train", recipe(tmp_path), "--data", str(walks.root), "--out", str(out), *options]
+    assert main(call) == 2
+    assert told in capsys.readouterr().err
+    assert not list(out.glob("*"))
