@@ -33,8 +33,8 @@ RANGE_M, NEAR_M = (0.12, 5.0), 0.06
 # Where more light than this gets through there is no surface.
 MAX_LIGHT = 0.35
 TARGET_FACES = 320_000
-# Of a voxel: about that of a view from two metres; what is seen less often is ragged.
-LEAST_WEIGHT = 0.3
+# Of a voxel: about that of two views from two metres; what is seen less often is ragged.
+LEAST_WEIGHT = 0.5
 SMOOTHING_ROUNDS, SMOOTHING_STEPS = 6, (0.5, -0.53)
 SIDES = tuple(
     np.stack([np.cross(down, ahead), down, ahead], axis=1)
