@@ -18,7 +18,7 @@ COLLECT = --robot "$(ROBOT)" --controller "$(CONTROLLER)" --scene "$(SCENE)" --e
           $(if $(WORKERS),--workers "$(WORKERS)") $(ARGS)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup collect dataset-bench evaluate train-gait test test-fast test-slow lint docs bench report verify doctor clean
+.PHONY: help setup collect dataset-bench evaluate train-gait test test-fast test-slow lint audit docs bench report verify doctor clean
 
 help:  ## Show this help
 	@echo "usage: make <target> [VARIABLE=value …]"
@@ -63,9 +63,9 @@ test-slow:  ## Run only the tests that test-fast leaves out as slow
 	@$(SETUP) full
 	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder -m slow
 
-docs:  ## Write the API reference to build/docs
+docs:  ## Write the API reference to build/docs, in about a minute
 	@$(SETUP) full
-	@PDOC_ALLOW_EXEC=1 $(BIN)/python -m pdoc -d google -o build/docs vlnpe.formats vlnpe.wayfinding vlnpe.apartments vlnpe.scene_repair \
+	@PYTHONWARNINGS="ignore:Error parsing type annotation" PDOC_ALLOW_EXEC=1 $(BIN)/python -m pdoc -d google -o build/docs vlnpe.formats vlnpe.wayfinding vlnpe.apartments vlnpe.scene_repair \
 	    vlnpe.trajectory_sampler vlnpe.instruction_gen vlnpe.collectors vlnpe.datasets vlnpe.evaluation vlnpe.pipeline
 
 lint:  ## Check formatting, style and types
@@ -73,6 +73,10 @@ lint:  ## Check formatting, style and types
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/pyright
+
+audit:  ## Check licences of all packages and, online, their known vulnerabilities
+	@$(SETUP) full
+	@$(BIN)/python -m vlnpe.pipeline.audit
 
 bench:  ## Run the benchmarks and write benchmarks/README.md: make bench [ONLY="render write"]
 	@$(SETUP) full

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..formats.fusion.surface import ScanMesh
 from ..formats.scene.grid import GridSpec
 from .home.plan import FloorPlan
 from .home.shell import wall_frame
-from .scanner.surface import ScanMesh
 
 CELL_M = 0.02
 

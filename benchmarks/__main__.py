@@ -17,7 +17,7 @@ from pathlib import Path
 
 import mujoco
 
-from benchmarks import chain, closed_loop, labels, load, mcap, physics, render, write
+from benchmarks import chain, closed_loop, durability, labels, load, mcap, physics, render, write
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.pipeline.engine.executors import available_cores
 
@@ -34,6 +34,7 @@ SECTIONS: dict[str, Callable[[Path], str]] = {
     "mcap": mcap.report,
     "load": load.report,
     "closed_loop": closed_loop.report,
+    "durability": durability.report,
 }
 HEADER = """# Benchmarks
 

@@ -133,8 +133,8 @@ def _load(source: Path) -> tuple[Any, FrameFolder, np.ndarray, np.ndarray]:
     """Rollout, the render stage's facts, RGB (T, H, W, 3) and depth (T, H, W); read once."""
     seen = read_frame_folder(source)
     arrays = {k: v for k, v in seen.arrays.items() if not k.endswith("_counts")}
-    rgb = np.load(source / "rgb.npy", mmap_mode="r")
-    depth = np.load(source / "depth.npy", mmap_mode="r")
+    rgb = np.load(source / "rgb.npy", mmap_mode="r", allow_pickle=False)
+    depth = np.load(source / "depth.npy", mmap_mode="r", allow_pickle=False)
     return read_rollout(source / "rollout.mcap"), replace(seen, arrays=arrays), rgb, depth
 
 

@@ -76,7 +76,7 @@ def rollout_metrics(
         freemap: the level's.
         position_world_m: where the base was.
         end_reason: why it ended.
-        field: distances to the episode's goal for `AGENT_RADIUS_M`, when already at hand.
+        field: distances to the episode's goal for `AGENT_RADIUS_M`, if already computed.
     """
     stride = STATE_RATE_HZ // ACTION_RATE_HZ
     last = len(position_world_m) - 1

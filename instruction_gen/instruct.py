@@ -21,12 +21,12 @@ from .checker import Ground
 from .composer import compose_texts
 from .facts import LevelFacts, path_facts
 from .llm.brief import prompts_sha256
-from .records import COMPOSER, LOCAL, InstructConfig, Told
+from .records import COMPOSER, LOCAL, InstructConfig, WrittenText
 
 logger = logging.getLogger(__name__)
 
 # A path's ground and generator in; its texts, or problems where none is true, out.
-Writer = Callable[[Ground, np.random.Generator], tuple[list[Told], list[str]]]
+Writer = Callable[[Ground, np.random.Generator], tuple[list[WrittenText], list[str]]]
 
 
 @dataclass(frozen=True)
@@ -136,10 +136,10 @@ def instruct_episodes(
         facts = path_facts(episode, levels.of(episode), visibility)
         result.facts[episode.trajectory_id] = facts
 
-    def tell(path: str) -> tuple[list[Told], list[str]]:
+    def tell(path: str) -> tuple[list[WrittenText], list[str]]:
         facts = result.facts[paths[path].trajectory_id]
         texts, problems = write(Ground(facts), path_generator(seed, path))
-        taken.update(told.text for told in texts)
+        taken.update(text.text for text in texts)
         return texts, problems
 
     # A model's server answers several at once; the composer has nothing to wait for.
@@ -156,9 +156,9 @@ def instruct_episodes(
         if episode.instruction and not config.replace:
             result.episodes.append(episode)
             continue
-        told, problems = done[f"{episode.scene_id}/{episode.trajectory_id}"]
-        if told:
-            result.episodes.append(with_texts(episode, told, config))
+        texts, problems = done[f"{episode.scene_id}/{episode.trajectory_id}"]
+        if texts:
+            result.episodes.append(with_texts(episode, texts, config))
             continue
         reason = "; ".join(problems) or "no two drafts of it differ from other paths' texts"
         result.failed[episode.episode_id] = reason
@@ -196,36 +196,38 @@ def composer_writer(
     """The composer as a writer; it avoids texts in `taken` and counts skeletons."""
     counts = {} if skeletons is None else skeletons
 
-    def write(ground: Ground, rng: np.random.Generator) -> tuple[list[Told], list[str]]:
+    def write(ground: Ground, rng: np.random.Generator) -> tuple[list[WrittenText], list[str]]:
         composed, problems = compose_texts(ground, config.count, config.styles, rng, taken)
         for one in composed:
             for skeleton in one.skeletons:
                 counts[skeleton] = counts.get(skeleton, 0) + 1
-        told = [Told(c.text, "en", c.style, COMPOSER, c.landmarks, c.attempts) for c in composed]
-        return told, problems
+        texts = [
+            WrittenText(c.text, "en", c.style, COMPOSER, c.landmarks, c.attempts) for c in composed
+        ]
+        return texts, problems
 
     return write
 
 
 def with_texts(
-    episode: Episode, told: Sequence[Told], config: InstructConfig | None = None
+    episode: Episode, texts: Sequence[WrittenText], config: InstructConfig | None = None
 ) -> Episode:
-    """The episode with its texts and how they were made."""
-    texts = [
+    """Return the episode with its texts and a record of how they were made."""
+    records = [
         {key: list(v) if isinstance(v, tuple) else v for key, v in asdict(one).items()}
-        for one in told
+        for one in texts
     ]
     asked = config.llm if config else None
     made = {
-        "composer": told[0].writer,
-        "style": told[0].style,
+        "composer": texts[0].writer,
+        "style": texts[0].style,
         "model": Path(asked.model).name if asked else None,
         "prompt_sha256": prompts_sha256() if asked else None,
         "temperature": asked.temperature if asked else None,
-        "texts": texts,
+        "texts": records,
     }
-    extra = {**episode.extra, "instruction": made, "instructions": [one.text for one in told]}
-    return replace(episode, instruction=told[0].text, extra=extra)
+    extra = {**episode.extra, "instruction": made, "instructions": [one.text for one in texts]}
+    return replace(episode, instruction=texts[0].text, extra=extra)
 
 
 def path_generator(seed: int, path: str) -> np.random.Generator:

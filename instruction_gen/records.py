@@ -66,11 +66,11 @@ def parse_languages(text: str) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class Told:
+class WrittenText:
     """One text of a path.
 
     Attributes:
-        text: what the robot is told.
+        text: the instruction.
         language: of `LANGUAGES`.
         style: of `STYLES`.
         writer: who wrote it in the end: a text of a model that fails is the composer's.

@@ -49,7 +49,7 @@ class CachedSequences(Dataset[dict[str, Any]]):
     def __getitem__(self, number: int) -> dict[str, Any]:
         """Episode `number`."""
         item = self._rows[number]
-        with np.load(self.prepare(number)) as images:
+        with np.load(self.prepare(number), allow_pickle=False) as images:
             rgb, millimetres = images["rgb"], images["depth"]
         item["rgb"] = torch.from_numpy(rgb)
         item["depth"] = torch.from_numpy(millimetres.astype(np.float32) * _DEPTH_STEP_M)

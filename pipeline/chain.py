@@ -172,13 +172,19 @@ class Chain:
     def keep(
         self, asked: Sequence[Episode], scenes: Mapping[str, Row], pairs: Sequence[tuple[str, str]]
     ) -> None:
-        """Drop the rows of robots other than `pairs` unless they walked these episodes."""
+        """Drop the rows of robots other than `pairs` unless they walked these episodes.
+
+        Those of another seed stay: the report says that they are.
+        """
         ledger = self.context.ledger
         done = {tuple(row.item.split("/")[:2]) for row in ledger.rows(replay.STAGE)}
-        for robot, controller in sorted(done - set(pairs)):
+        mine = {(robot, self._label(robot, controller)) for robot, controller in pairs}
+        for robot, controller in sorted(done - mine):
             try:
-                seed, actions = self._driven(robot, controller)
-                items = self._walks(asked, scenes, robot, controller, seed, actions)
+                seed, actions, driver = self._driven(robot, controller)
+                if seed != self.seed:
+                    continue
+                items = self._walks(asked, scenes, robot, driver, seed, actions, controller)
             except InputError:  # a robot that is known no more
                 items = []
             same = {item.name for item in items if self._is_current(item)}
@@ -201,8 +207,9 @@ class Chain:
     ) -> None:
         """Replay the episodes with one robot; render and export each view, with `facts`."""
         folder = self.folder
-        scope = f"{robot}/{controller}/"
-        items = self._walks(asked, scenes, robot, controller, self.seed, self.actions)
+        label = self._label(robot, controller)
+        scope = f"{robot}/{label}/"
+        items = self._walks(asked, scenes, robot, controller, self.seed, self.actions, label)
         rollouts = self._stage(replay.STAGE, items, scope).good()
         self.context.ledger.record_new(folder.models)
         recorded = render.Recorded(rollouts, folder.root, scenes, folder.scenes)
@@ -216,7 +223,7 @@ class Chain:
                 product.rgb_codec,
                 product.extras,
             )
-            dataset = export.Dataset.under(folder.root, robot, controller, view.name)
+            dataset = export.Dataset.under(folder.root, robot, label, view.name)
             frames = self._stage(render.STAGE, items, dataset.scope).good()
             self.summaries += export.run(
                 self.context,
@@ -276,13 +283,20 @@ class Chain:
         for stage in stages:
             self.context.ledger.select(stage, "", ())
 
-    def _driven(self, robot: str, controller: str) -> tuple[int, SpeedConfig]:
-        """Return seed and action timing with which a robot was last driven in this run."""
+    def _driven(self, robot: str, label: str) -> tuple[int, SpeedConfig, str]:
+        """Return seed, action timing and controller of the rollouts kept under a label."""
         for row in self.context.ledger.rows(replay.STAGE):
-            if row.item.startswith(f"{robot}/{controller}/") and "seed" in row.facts:
-                actions = row.facts["actions"]
-                return row.facts["seed"], action_timing(**actions) if actions else self.actions
-        return self.seed, self.actions
+            if row.item.startswith(f"{robot}/{label}/") and "seed" in row.facts:
+                actions, facts = row.facts["actions"], row.facts
+                timing = action_timing(**actions) if actions else self.actions
+                return facts["seed"], timing, facts["controller"]
+        return self.seed, self.actions, label
+
+    def _label(self, robot: str, controller: str) -> str:
+        """Return the name under which this run keeps a robot's rollouts."""
+        reference = kept(robot, self.folder.root)
+        config = replay.config(reference, controller, self.seed, self.actions)
+        return replay.label_of(self.context.ledger, config)
 
     def _walks(
         self,
@@ -292,11 +306,13 @@ class Chain:
         controller: str,
         seed: int,
         actions: SpeedConfig,
+        label: str,
     ) -> list[WorkItem]:
         folder = self.folder
         reference = kept(robot, folder.root)
         config = replay.config(reference, controller, seed, actions)
-        return replay.items(asked, scenes, folder.scenes, folder.rollouts, folder.models, config)
+        where = (folder.scenes, folder.rollouts, folder.models)
+        return replay.items(asked, scenes, *where, config, label)
 
     def _is_current(self, item: WorkItem) -> bool:
         """Return whether an earlier run did, or failed at, exactly this item."""

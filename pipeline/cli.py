@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Annotated, Any, Union
 
 from ..formats.core.errors import InputError, VlnpeError
-from .engine.signals import Interrupted, interruptible
+from ..formats.core.untrusted import is_text
+from .engine.signals import Interrupted, OnlyDone, interruptible
 
 
 @dataclass(frozen=True)
@@ -151,9 +152,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(arguments: Sequence[str]) -> int:
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(message)s")
     os.environ.setdefault("MPLCONFIGDIR", str(FONT_LIST_FOLDER))
+    for argument in arguments:
+        if not is_text(Path(argument)):
+            _complain(f"{argument!a} is not UTF-8; rename the file or folder")
+            return 2
     verb, options = parse(arguments)
     try:
         return verb.run()(options)
+    except OnlyDone as only:
+        return int(not only.good)
     except InputError as error:
         _complain(error)
         return 2

@@ -37,7 +37,8 @@ def chosen_robots(text: str) -> list[RobotSpec]:
         gait_for(robot)  # says at once when its policy is missing, broken or another robot's
     by_name = {robot.name: robot for robot in robots}
     for robot in robots:
-        if by_name[robot.name].folder != robot.folder:
+        alike = [r for r in by_name.values() if r.name.casefold() == robot.name.casefold()]
+        if len(alike) > 1 or alike[0].folder != robot.folder:
             raise InputError(f"ROBOT={text}: two robots are named {robot.name}; rename one")
     return list(by_name.values())
 

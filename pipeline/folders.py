@@ -7,7 +7,7 @@ from pathlib import Path
 from ..formats.core.errors import InputError
 from ..formats.scene.bundle import INDEX_NAME
 from ..scene_repair.scan.files import SUFFIXES, USD_SUFFIXES
-from .engine.run_folder import safe_name
+from .engine.run_folder import file_names
 
 
 def find_scans(folder: Path) -> dict[str, Path]:
@@ -23,15 +23,16 @@ def find_scans(folder: Path) -> dict[str, Path]:
     if not folder.is_dir():
         raise InputError(f"SCENES={folder}: no such folder")
     found: dict[str, Path] = {}
-    for path in _scans(folder, top=True):
-        scene_id = safe_name(path.stem)
-        if scene_id in found:
+    for path in _scans(folder, top=True, above=()):
+        if path.stem in found:
             raise InputError(f"SCENES={folder}: two scans are named {path.stem}")
-        found[scene_id] = path
-    return found
+        found[path.stem] = path
+    return dict(zip(file_names(list(found)), found.values(), strict=True))
 
 
-def _scans(folder: Path, top: bool) -> list[Path]:
+def _scans(folder: Path, *, top: bool, above: tuple[Path, ...]) -> list[Path]:
+    """Return the scans in and below a folder; links are followed, but not in a circle."""
+    above = (*above, folder.resolve())
     inside = sorted(folder.iterdir())
     files = [p for p in inside if p.is_file() and p.suffix.lower() in SUFFIXES]
     named = [p for p in files if p.stem == folder.name]
@@ -39,8 +40,8 @@ def _scans(folder: Path, top: bool) -> list[Path]:
         return [min(named, key=lambda p: SUFFIXES.index(p.suffix.lower()))]
     scans = [p for p in files if top or p.suffix.lower() not in USD_SUFFIXES]
     for sub in inside:
-        if sub.is_dir() and not sub.name.startswith("."):
-            scans += _scans(sub, top=False)
+        if sub.is_dir() and not sub.name.startswith(".") and sub.resolve() not in above:
+            scans += _scans(sub, top=False, above=above)
     return scans
 
 

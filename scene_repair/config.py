@@ -33,6 +33,7 @@ class RepairConfig:
         max_texture_px: larger textures are scaled down.
         patch_texel_m: texel size of the floor painted into holes; coarser over large levels.
         picture_px: width of the before and after pictures.
+        collision: path of a mesh to take as the surface of Gaussian splats; empty = fuse one.
     """
 
     scene_id: str = ""
@@ -52,6 +53,7 @@ class RepairConfig:
     max_texture_px: int = 4096
     patch_texel_m: float = 0.005
     picture_px: int = 1400
+    collision: str = ""
 
     def __post_init__(self) -> None:
         if self.up != "auto" and self.up not in UP_AXES:

@@ -67,7 +67,7 @@ def repair_scene(
     tell = progress or log.info
     source = Path(source)
     tell(f"reading {source.name}")
-    scan = read_scan(source)
+    scan = read_scan(source, Path(config.collision) if config.collision else None)
     scan = replace(scan, licence=scan.licence or licence_beside(source))
     scan, boxes = label_scan(source, scan)
     way = orient(scan, config)

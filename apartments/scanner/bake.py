@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.geometry import triangle_normals
+from ...formats.fusion.surface import ScanMesh
 from ..config import ScanConfig
 from ..home.true_scene import TrueScene
 from .appearance import Appearance
@@ -15,7 +16,6 @@ from .atlas import Charts, Packing
 from .light import Lighting, Lights
 from .lookup import exact_surface
 from .raster import rasterize
-from .surface import ScanMesh
 from .tracing import Tracer
 
 _CHUNK = 1 << 18

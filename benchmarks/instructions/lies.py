@@ -60,8 +60,16 @@ def wrong_turn(text: str, facts: PathFacts, rng: np.random.Generator) -> str | N
 
 
 def skipped_turn(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
-    """Drop a clause that tells a clear turn and nothing else."""
-    clear = [t for t in facts.turns if abs(t.angle_deg) >= 60 and t.along_m < facts.length_m - 1]
+    """Drop a clause that tells a clear turn and nothing else.
+
+    A turn towards the only door of the first room need not be told.
+    """
+    only = bool(facts.passages) and facts.visits[0].exits == 1
+    first_m = facts.passages[0].along_m + 0.3 if only else 0.0
+    clear = [
+        t for t in facts.turns
+        if abs(t.angle_deg) >= 60 and first_m <= t.along_m < facts.length_m - 1
+    ]  # fmt: skip
     if not clear or len(_turns(text)) > len(clear):
         return None
     for pattern in (

@@ -100,7 +100,7 @@ def compare(planted: Planted, scan: Path, folder: Path) -> list[FillerScore]:
         if failed:
             results.append(FillerScore(name, [], TIMEOUT_S, failed))
             continue
-        with np.load(out) as data:
+        with np.load(out, allow_pickle=False) as data:
             z = site.floor_z_m
             surfaces = Surfaces.between(
                 data["vertices"], data["faces"], z - NEAR_FLOOR_M, z + NEAR_FLOOR_M

@@ -53,7 +53,7 @@ def scan_folder(seed: int, cache: Path) -> Path:
 def apartment(seed: int, cache: Path) -> Source:
     """The built-in apartment of a seed."""
     folder = scan_folder(seed, cache)
-    with np.load(folder / "truth.npz") as truth:
+    with np.load(folder / "truth.npz", allow_pickle=False) as truth:
         rows, columns = (int(v) for v in truth["shape"])
         x, y = (float(v) for v in truth["origin_xy_m"])
         grid = GridSpec((x, y), float(truth["cell_m"]), rows, columns)

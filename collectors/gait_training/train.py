@@ -109,8 +109,7 @@ def train(
     for number, (phase, planned) in enumerate(phases):
         last = first + (planned if iterations is None else iterations)
         if checkpoint.exists():
-            # Our own file, written below.
-            progress = torch.load(checkpoint, weights_only=False)["infos"]
+            progress = torch.load(checkpoint, weights_only=True)["infos"]
             done, samples, wall_s = (progress[k] for k in ("iterations", "samples", "wall_s"))
         if done >= last:
             first = last

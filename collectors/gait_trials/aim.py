@@ -1,4 +1,4 @@
-"""What to ask a policy for, so that it walks as fast as it is told.
+"""Calibrate commands, so that a gait walks as fast as commanded.
 
 A trained gait falls short of some commands in a way that repeats: fast ones, or a turn while
 walking. Measured once, this is undone by a polynomial from the velocity wanted to the one asked
@@ -54,10 +54,10 @@ def aimed(policy: GaitPolicy, most: Array, points: int = POINTS, rounds: int = R
     mean velocity still lacks; the polynomial is fitted to the last round.
 
     Args:
-        policy: whom to calibrate; its present calibration does not matter.
+        policy: policy to calibrate; its present calibration is ignored.
         most: (3, 2) least and greatest vx, vy and yaw that it was trained with.
-        points: of the grid along each axis.
-        rounds: of correction.
+        points: number of grid points along each axis.
+        rounds: number of rounds of correction.
     """
     bounds = command_bounds(policy.robot.command_limits)
     wanted = np.array(list(product(*(np.linspace(low, high, points) for low, high in bounds))))

@@ -46,12 +46,12 @@ class GateResult:
 
     @property
     def name(self) -> str:
-        """Of the gate."""
+        """Name of the gate."""
         return self.gate.name
 
     @property
     def limit(self) -> float:
-        """Of the gate."""
+        """Limit of the gate."""
         return self.gate.limit
 
     @property

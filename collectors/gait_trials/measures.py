@@ -200,7 +200,7 @@ def stops(
 def _stop(
     policy: GaitPolicy, commands: Array, conditions: Conditions, rng: np.random.Generator
 ) -> tuple[NDArray[np.bool_], Array, Array, Array]:
-    """Who fell (N,); time to rest [s], displacement [m] and angle turned left [rad] till then."""
+    """Return which robots fell (N,), time to rest [s], displacement [m] and left turn [rad]."""
     n = len(commands)
     spread = np.zeros((n, 2)) if conditions.terrain.height_m is None else rng.uniform(-4, 4, (n, 2))
     trial = Trial(policy, conditions, spread, rng.uniform(-np.pi, np.pi, n), rng)

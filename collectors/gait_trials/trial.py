@@ -84,14 +84,14 @@ class TargetPipe:
 class Trial:
     """N copies of a robot, started at given poses and driven by commands at policy rate.
 
-    A robot that falls stays where it fell, unmoved, and so does one that is told to `leave`:
+    A robot that falls stays where it fell, unmoved, and so does one passed to `leave`:
     neither costs time any more.
 
     Attributes:
         poses: (N, 2, 3) x, y [m] and heading [rad] of the base, 10 and 20 ms after the last step
             began.
         slip: (N, F) [m/s] speed of each foot's skin where it touched the ground during the last
-            step; NaN for feet in the air, and for all where nobody watches them.
+            step; NaN for feet in the air, and for all feet if they are not recorded.
         target_rate: (N, J) how fast the joint targets changed with the last step [rad/s].
         fallen: (N,) who fell so far.
     """

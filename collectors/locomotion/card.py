@@ -111,7 +111,7 @@ def _gait_sizes(gait: GaitClock, joints: int) -> list[tuple[str, Shape, tuple[Sh
 
 
 def _shape(values: tuple[Any, ...]) -> Shape:
-    """Of a table whose rows are equally long; of a ragged one something that is never valid."""
+    """Return the shape of a table; a ragged one gets a shape that is never valid."""
     widths = {len(row) if isinstance(row, tuple) else 0 for row in values}
     if len(widths) > 1:
         return (len(values), -1)

@@ -32,7 +32,7 @@ class ClockState:
 
     @classmethod
     def standing(cls, count: int) -> ClockState:
-        """Of robots that have not walked yet."""
+        """Return the state of `count` robots that have not walked yet."""
         return cls(np.zeros((count, 3)), np.zeros(count), np.zeros(count, dtype=np.intp))
 
 

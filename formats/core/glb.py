@@ -10,8 +10,10 @@ import struct
 from pathlib import Path
 from typing import Any
 
+from .limits import limits
+from .untrusted import check_input, open_input
+
 JSON_CHUNK, BIN_CHUNK = b"JSON", b"BIN\0"
-MAX_JSON_BYTES = 256 << 20
 
 
 def glb_bytes(tree: dict[str, Any], body: bytes | bytearray | memoryview) -> bytes:
@@ -34,9 +36,10 @@ def read_glb(path: Path) -> tuple[bytes, memoryview]:
 
     Raises:
         ValueError: not a GLB file of version 2, or its chunks do not fit its size.
+        FileFormatError: missing, or not a regular file.
     """
-    size = path.stat().st_size
-    with path.open("rb") as stream:
+    size, max_json = check_input(path), limits().json_bytes
+    with open_input(path) as stream:
         start = stream.read(12)
         if len(start) < 12 or start[:4] != b"glTF":
             raise ValueError("no glTF signature")
@@ -51,8 +54,8 @@ def read_glb(path: Path) -> tuple[bytes, memoryview]:
             if length > size - stream.tell():
                 raise ValueError(f"chunk of {length:,} bytes in a file of {size:,}")
             if kind == JSON_CHUNK and not text:
-                if length > MAX_JSON_BYTES:
-                    raise ValueError(f"{length:,} bytes of JSON; valid: up to {MAX_JSON_BYTES:,}")
+                if length > max_json:
+                    raise ValueError(f"{length:,} bytes of JSON; valid: up to {max_json:,}")
                 text = stream.read(length)
             elif kind == BIN_CHUNK and not len(body):
                 body = memoryview(stream.read(length))

@@ -45,7 +45,7 @@ class Limits:
     vlnce_bytes: int = 2 << 30
     vlnce_values: int = 100_000_000
     vlnce_episodes: int = 250_000
-    labels: int = 20_000
+    labels: int = 10_000
     mcap_bytes: int = 4 << 30
     array_bytes: int = 4 << 30
     table_bytes: int = 2 << 30

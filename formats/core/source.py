@@ -87,6 +87,11 @@ def imported_modules(*modules: str) -> frozenset[str]:
     return frozenset(found)
 
 
+def module_digest(module: str) -> str:
+    """Return the SHA-256 hex of one module's own code, without comments and docstrings."""
+    return _source(module).digest
+
+
 def libraries(*modules: str) -> dict[str, str]:
     """Return name and version of each installed distribution that the modules import."""
     owners = _owners()

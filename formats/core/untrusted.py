@@ -15,6 +15,7 @@ from typing import BinaryIO
 
 from .errors import FileFormatError
 
+_BLOCK = 1 << 20
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a FIFO"),
@@ -68,12 +69,17 @@ def read_input(path: Path, *, root: Path | None = None, max_bytes: int) -> bytes
     """
     with open_input(path, root=root, max_bytes=max_bytes) as stream:
         try:
-            data = stream.read(max_bytes + 1)
+            # At once where the size is known; a buffer of `max_bytes` would take that much memory.
+            parts = [stream.read(os.fstat(stream.fileno()).st_size)]
+            total = len(parts[0])
+            while total <= max_bytes and (more := stream.read(min(_BLOCK, max_bytes + 1 - total))):
+                parts.append(more)
+                total += len(more)
         except OSError as error:
             raise _unreadable(path, error) from error
-    if len(data) > max_bytes:
-        raise _too_large(path, len(data), max_bytes)
-    return data
+    if total > max_bytes:
+        raise _too_large(path, total, max_bytes)
+    return parts[0] if len(parts) == 1 else b"".join(parts)
 
 
 def check_links(root: Path) -> None:
@@ -117,6 +123,15 @@ def require_inside(path: Path, root: Path) -> None:
     blobs = [p.parent / "blobs" for p in inside.parents if p.name == "snapshots"]
     if not any(target.is_relative_to(folder) for folder in (inside, *blobs)):
         raise FileFormatError(path, f"leads out of {root}; valid: files in it")
+
+
+def is_text(path: Path) -> bool:
+    """Return whether a path is valid UTF-8; others can be neither printed nor put into a file."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def is_relative(name: str) -> bool:

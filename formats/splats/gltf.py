@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import base64
 import binascii
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,9 +15,12 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from ..core.documents import parse_json
 from ..core.errors import FileFormatError
 from ..core.frames import quat_to_matrix
-from ..core.glb import MAX_JSON_BYTES, read_glb
+from ..core.glb import read_glb
+from ..core.limits import limits
+from ..core.untrusted import read_input
 from .packed import spz_cloud
 from .record import F32, GaussianCloud, check_count, cleaned
 
@@ -42,18 +44,17 @@ def gltf_tree(path: Path) -> tuple[dict[str, Any], memoryview]:
     """Return the JSON tree and the binary chunk of a GLB or glTF file.
 
     Raises:
-        ValueError: damaged.
+        ValueError: damaged, or beyond a limit.
     """
-    if path.suffix.lower() == ".glb":
-        text, body = read_glb(path)
-    else:
-        if path.stat().st_size > MAX_JSON_BYTES:
-            raise ValueError(f"more than {MAX_JSON_BYTES:,} bytes of JSON")
-        text, body = path.read_bytes(), memoryview(b"")
     try:
-        tree = json.loads(text)
-    except RecursionError as error:
-        raise ValueError("nested too deeply") from error
+        if path.suffix.lower() == ".glb":
+            text, body = read_glb(path)
+        else:
+            text = read_input(path, max_bytes=limits().json_bytes)
+            body = memoryview(b"")
+        tree = parse_json(path, text)
+    except FileFormatError as error:
+        raise ValueError(error.reason) from error
     if not isinstance(tree, dict):
         raise ValueError("no JSON object")
     return tree, body
@@ -65,7 +66,7 @@ def declares_splats(path: Path) -> bool:
         tree, _ = gltf_tree(path)
         used = tree.get("extensionsUsed", [])
         return isinstance(used, list) and EXTENSION in used and bool(_splat_primitives(tree))
-    except (ValueError, OSError, TypeError, AttributeError):
+    except (FileFormatError, ValueError, OSError, TypeError, AttributeError):
         return False
 
 

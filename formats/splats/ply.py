@@ -25,6 +25,7 @@ SPLAT_PROPERTIES = (
 TELLING = {"f_dc_0", "scale_0", "rot_0"}
 PACKED = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
 CHUNK = 256
+LICENCE_WORDS = ("licence", "license", "licence:", "license:")
 BOUNDS = tuple(f"{end}_{what}" for end in ("min", "max") for what in ("x", "y", "z"))
 SCALE_BOUNDS = tuple(f"{end}_scale_{axis}" for end in ("min", "max") for axis in "xyz")
 COLOR_BOUNDS = tuple(f"{end}_{channel}" for end in ("min", "max") for channel in "rgb")
@@ -55,7 +56,8 @@ def read_ply_splats(path: Path) -> GaussianCloud:
     kind = ply_splat_kind(header)
     if not kind:
         raise FileFormatError(path, "contains no Gaussian splats")
-    licence = next((c for c in header.comments if c.lower().startswith(("licen", "©"))), "")
+    said = [c.partition(" ") for c in header.comments]
+    licence = next((text for word, _, text in said if word.lower() in LICENCE_WORDS), "")
     read = _read_compressed if kind == COMPRESSED else _read_plain
     return cleaned(path, read(path, header, licence))
 

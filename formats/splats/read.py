@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..core.errors import FileFormatError
+from ..core.limits import limits
+from ..core.untrusted import check_input
 from .gltf import declares_splats, read_gltf_splats
 from .packed import read_dot_splat, read_spz
 from .ply import ply_splat_kind, read_ply_splats
@@ -40,8 +42,7 @@ def read_splats(path: Path) -> GaussianCloud:
     Raises:
         FileFormatError: missing, of another kind, or damaged.
     """
-    if not path.is_file():
-        raise FileFormatError(path, "no such file")
+    check_input(path, max_bytes=limits().scan_bytes)
     suffix = path.suffix.lower()
     if suffix == ".ply":
         return read_ply_splats(path)

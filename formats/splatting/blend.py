@@ -107,23 +107,24 @@ def list_tiles(rows, order, alive):
 
 
 @kernel(fastmath={"nnan", "nsz", "arcp", "contract", "afn"})
-def blend_tiles(rows, listed, starts, alive, size, light, color, cover, depth, table):
+def blend_tiles(rows, lists, alive, size, image, table):
     """Blend lists of Gaussians into the tiles (Kerbl et al., 2023, equation 3).
 
     Args:
         rows: projected Gaussians, see `COLUMNS`.
-        listed: those of each tile, see `list_tiles`.
-        starts: where each tile's list starts.
+        lists: those of each tile, and where each tile's list starts; see `list_tiles`.
         alive: (rows, columns) pixels of each tile that are not finished, updated.
         size: width and height [px].
-        light: (tiles, 256) light that gets through so far, negative once finished; updated.
-        color: (tiles, 256, 3) updated.
-        cover: (tiles, 256) depth [m] of an opaque body that hides what is behind it.
-        depth: (tiles, 256, 3) light-weighted sums of depth and weight, and the depth at which half
-            of the light is gone; updated. No rows = not wanted.
+        image: four arrays by tile and pixel. (tiles, 256) light that gets through so far, negative
+            once finished, updated; (tiles, 256, 3) colour, updated; (tiles, 256) depth [m] of an
+            opaque body that hides what is behind it; (tiles, 256, 3) sums of depth and of its
+            square weighted by light, and the depth at which half of the light is gone, updated
+            unless it has no rows.
         table: `TABLE`.
     """
     width, height = size
+    listed, starts = lists
+    light, color, cover, depth = image
     columns = alive.shape[1]
     wanted = depth.shape[0] > 0
     per_step = np.float32(TABLE_STEPS / TABLE_END)

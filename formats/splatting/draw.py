@@ -87,9 +87,11 @@ def draw_splats(
     cull_chunks(scene.low, scene.high, scene.reach, rotation, position, view, nearest)
     visible = np.flatnonzero(np.isfinite(nearest))
     visible = visible[np.argsort(nearest[visible], kind="stable")]
-    lens = np.array([camera.focal_px, width, height, near_m])
+    settings = (near_m, float(scene.antialiased), cut)
+    lines = (rotation, position, np.array([camera.focal_px, width, height, *settings]))
     data = (scene.position, scene.covariance, scene.opacity, scene.color, scene.harmonics)
-    settings = np.array([float(scene.antialiased), cut])
+    bounds = (scene.low, scene.high, scene.reach)
+    image = (state.light, state.color, state.cover, state.depth)
     step = GROUP // CHUNK
     rows = np.empty((2 * GROUP, COLUMNS), dtype=np.float32)
     waiting = 0
@@ -98,19 +100,13 @@ def draw_splats(
         needed = waiting + len(group) * CHUNK
         if needed > len(rows):
             rows = np.concatenate([rows, np.empty((needed, COLUMNS), dtype=np.float32)])
-        count = project_chunks(
-            group, data, scene.low, scene.high, scene.reach, rotation, position, lens,
-            state.alive, settings, rows, waiting,
-        )  # fmt: skip
+        count = project_chunks(group, data, bounds, lines, state.alive, rows, waiting)
         last = start + step >= len(visible)
         limit = np.inf if last else nearest[visible[start + step]]
         order, rest = split_by_depth(rows, count, limit)
         if len(order):
-            listed, starts = list_tiles(rows, order, state.alive)
-            blend_tiles(
-                rows, listed, starts, state.alive, (width, height), state.light, state.color,
-                state.cover, state.depth, TABLE,
-            )  # fmt: skip
+            lists = list_tiles(rows, order, state.alive)
+            blend_tiles(rows, lists, state.alive, (width, height), image, TABLE)
             if not state.alive.any():
                 break
         waiting = len(rest)

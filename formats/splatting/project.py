@@ -60,9 +60,7 @@ def cull_chunks(low, high, reach, rotation, eye, view, depth):
 
 
 @kernel()
-def project_chunks(
-    chunks, scene, low, high, reach, rotation, eye, lens, alive, settings, out, first
-):
+def project_chunks(chunks, scene, bounds, eye, alive, out, first):
     """Project the Gaussians of `chunks` into rows of `out` from `first` on; return their end.
 
     Chunks and Gaussians that can only touch finished tiles are left out.
@@ -70,20 +68,18 @@ def project_chunks(
     Args:
         chunks: (M,) chunk numbers.
         scene: position, covariance, opacity, colour and harmonics as in `SplatScene`.
-        low: lower bounds of chunks.
-        high: upper bounds.
-        reach: how far beyond them they are seen.
-        rotation: (3, 3) optical axes in the world.
-        eye: (3,) optical centre [m].
-        lens: focal length [px], image width and height [px], near plane [m].
+        bounds: lower and upper bounds of chunks, and how far beyond them they are seen.
+        eye: (3, 3) optical axes in the world; (3,) optical centre [m]; focal length [px], image
+            width and height [px], near plane [m], whether anti-aliased (1 or 0), and the height
+            above which nothing is drawn [m].
         alive: (rows, columns) pixels of each tile that are not finished.
-        settings: whether anti-aliased (1 or 0), and the height above which nothing is drawn [m].
         out: (N, 15) see `COLUMNS`.
         first: first row to write.
     """
     position, covariance, opacity, color, harmonics = scene
+    rotation, center, lens = eye
     focal, width, height, near = lens[0], int(lens[1]), int(lens[2]), lens[3]
-    antialiased, cut = settings[0] > 0, settings[1]
+    antialiased, cut = lens[4] > 0, lens[5]
     cx, cy = 0.5 * (width - 1), 0.5 * (height - 1)
     limit_x = FRAME_MARGIN * 0.5 * width / focal
     limit_y = FRAME_MARGIN * 0.5 * height / focal
@@ -93,14 +89,14 @@ def project_chunks(
     lens32 = np.float32(focal)
     k = first
     for c in chunks:
-        if _hidden(low, high, reach, c, rotation, eye, lens, alive):
+        if _hidden(bounds, c, eye, alive):
             continue
         for g in range(c * CHUNK, min((c + 1) * CHUNK, position.shape[0])):
             if position[g, 2] > cut:
                 continue
-            dx = position[g, 0] - eye[0]
-            dy = position[g, 1] - eye[1]
-            dz = position[g, 2] - eye[2]
+            dx = position[g, 0] - center[0]
+            dy = position[g, 1] - center[1]
+            dz = position[g, 2] - center[2]
             z = r02 * dx + r12 * dy + r22 * dz
             if z < near:
                 continue
@@ -169,7 +165,7 @@ def project_chunks(
                 for i in range(3):
                     out[k, RED + i] = max(color[g, i], np.float32(0))
             else:
-                _shade(color, harmonics, g, dx, dy, dz, out, k)
+                _shade(color, harmonics, g, (dx, dy, dz), out, k)
             k += 1
     return k
 
@@ -186,17 +182,19 @@ def _open(alive, x0, x1, y0, y1):
 
 
 @kernel()
-def _hidden(low, high, reach, c, rotation, eye, lens, alive):
+def _hidden(bounds, c, eye, alive):
     """Return whether a chunk can only touch finished tiles."""
+    low, high, reach = bounds
+    rotation, center, lens = eye
     focal, width, height, near = lens[0], lens[1], lens[2], lens[3]
     x0, x1, y0, y1 = np.inf, -np.inf, np.inf, -np.inf
     for corner in range(8):
         x, y, z = 0.0, 0.0, 0.0
         for i in range(3):
             side = high[c, i] + reach[c] if corner >> i & 1 else low[c, i] - reach[c]
-            x += rotation[i, 0] * (side - eye[i])
-            y += rotation[i, 1] * (side - eye[i])
-            z += rotation[i, 2] * (side - eye[i])
+            x += rotation[i, 0] * (side - center[i])
+            y += rotation[i, 1] * (side - center[i])
+            z += rotation[i, 2] * (side - center[i])
         if z < near:
             return False
         u, v = focal * x / z + 0.5 * (width - 1), focal * y / z + 0.5 * (height - 1)
@@ -214,8 +212,9 @@ def _hidden(low, high, reach, c, rotation, eye, lens, alive):
 
 
 @kernel()
-def _shade(color, harmonics, g, dx, dy, dz, out, k):
-    """Write the colour of a Gaussian as seen along (dx, dy, dz)."""
+def _shade(color, harmonics, g, direction, out, k):
+    """Write the colour of a Gaussian as seen along a direction (3,)."""
+    dx, dy, dz = direction
     length = math.sqrt(dx * dx + dy * dy + dz * dz)
     x, y, z = dx / length, dy / length, dz / length
     count = harmonics.shape[1]

@@ -12,27 +12,31 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..facts.records import TurnFact
+from ..language.lexicon import DOORS
 from .claim import Claim
 from .ground import Ground, Mask, spread
 
-# A turn of this much must be told.
+# A turn of this much must be mentioned.
 REQUIRED_DEG = 58.0
 _AROUND_DEG = 125.0
 _LATE_M = 1.6  # how far beyond an untold turn a claim may already lie
 _ONE_BEND_M = 2.0
 _SPOT_M = 0.6
 _ONE_TURN_DEG = 130.0  # more than this, not on the spot, is two turns
-_PLAIN_DEG = 33.0  # "turn left" is no smaller turn
+_PLAIN_DEG = 30.0  # "turn left" is no smaller turn
 _IMPLIED_M = 1.4  # a room entered this near to a turn tells that turn
 _IMPLIED_DEG = 70.0
 _IMPLIED_AFTER_M = 0.1
-_OTHER_SIDE_DEG = 35.0  # a door told on one side hides no turn to the other
+_OTHER_SIDE_DEG = 35.0  # a door mentioned on one side hides no turn to the other
 _SIDED_M = 2.2  # so does a door on that side
 _BARE_STOP_M = 2.6
-_ORDER_M = 1.5  # things passed this near to each other may be told in either order
+_ORDER_M = 1.5  # things passed this near to each other may be mentioned in either order
 _MEANWHILE_M = 4.0
 _ROUND_DEG = 75.0
+_INSIDE_DEG = 130.0  # with the thing known to lie on the inside of the bend
 _ROUND_M = 1.5  # a turn made this near to a thing that is walked around
+
+_NAMELESS = DOORS | {"room"}
 
 States = dict[int, Mask]
 
@@ -118,11 +122,11 @@ class _Aligner:
             for k in self._implied(made, claim):
                 here = claim.mask & (self.along >= first)
                 here &= self.along <= self._limit(k) + _LATE_M
-                if k > made and not claim.bends:
+                if k > made and not claim.bends and not self._only_way_out(claim):
                     turn = self.turns[k - 1]
                     here &= np.abs(self.along - turn.along_m) <= _IMPLIED_M + 1.0
                 if claim.still and here.any() and k == made:
-                    # What is only seen, or passed meanwhile, moves nobody back.
+                    # What is only seen, or passed meanwhile, does not move the walker back.
                     last = float(self.along[mask][-1])
                     ahead = here & (self.along >= first + slack) & (self.along <= last + slack)
                     earlier = here & (self.along >= first) & (self.along <= first + slack)
@@ -218,7 +222,7 @@ class _Aligner:
     # turns ------------------------------------------------------------------------------------
 
     def _limit(self, made: int) -> float:
-        """How far one may be after `made` turns: up to the next turn that must be told."""
+        """How far one may be after `made` turns: up to the next turn that must be mentioned."""
         for k in range(made, len(self.turns)):
             if self.required[k]:
                 return self.turns[k].along_m
@@ -229,6 +233,11 @@ class _Aligner:
         options = [made]
         if claim.bends:
             return self._rounded(made, claim)
+        if self._only_way_out(claim):
+            # Nobody needs to be told how to turn to the only door of the room one stands in.
+            out_m = self.ground.facts.passages[0].along_m
+            inside = [k for k, t in enumerate(self.turns) if t.along_m <= out_m]
+            options += [k + 1 for k in inside if k >= made]
         if claim.kind != "door" and not (claim.kind == "exit" and claim.side):
             return options
         for k in range(made, len(self.turns)):
@@ -236,11 +245,11 @@ class _Aligner:
             sided = bool(claim.side) and claim.side == turn.side
             early = -_SIDED_M if sided else -_IMPLIED_M
             near = any(
-                early <= turn.along_m - p.along_m <= _IMPLIED_AFTER_M
-                for p in self.ground.facts.passages
-                if (claim.mask & self._between(p.along_m - 0.4, p.along_m + 0.4)).any()
+                early <= turn.along_m - p <= _IMPLIED_AFTER_M
+                for p in self.ground.passages_m
+                if (claim.mask & self._between(p - 0.4, p + 0.4)).any()
             )
-            named = claim.reason not in ("the room", "the door") or sided
+            named = claim.reason.removeprefix("the ") not in _NAMELESS or sided
             against = bool(claim.side) and not sided and abs(turn.angle_deg) > _OTHER_SIDE_DEG
             if near and named and not against and (abs(turn.angle_deg) <= _IMPLIED_DEG or sided):
                 if claim.turned and self.required[k]:
@@ -248,7 +257,15 @@ class _Aligner:
                 options.append(k + 1)
             elif self.required[k]:
                 break
-        return options
+        return sorted(set(options))
+
+    def _only_way_out(self, claim: Claim) -> bool:
+        """Whether a claim is that the first room is left, by the only opening it has."""
+        facts = self.ground.facts
+        if claim.kind != "exit" or claim.side or not facts.passages or facts.visits[0].exits != 1:
+            return False
+        out_m = facts.passages[0].along_m
+        return bool((claim.mask & self._between(out_m - 0.4, out_m + 0.4)).any())
 
     def _rounded(self, made: int, claim: Claim) -> list[int]:
         """Numbers of turns that may be made on the way around a thing."""
@@ -257,7 +274,8 @@ class _Aligner:
             turn = self.turns[k]
             near = claim.mask & self._between(turn.along_m - _ROUND_M, turn.along_m + _ROUND_M)
             against = claim.side in ("left", "right") and turn.side != claim.side
-            if not near.any() or against or abs(turn.angle_deg) > _ROUND_DEG:
+            most = _INSIDE_DEG if claim.side == turn.side else _ROUND_DEG
+            if not near.any() or against or abs(turn.angle_deg) > most:
                 break
             options.append(k + 1)
         return options
@@ -286,7 +304,8 @@ class _Aligner:
                 return "the text does not say where to stop"
             return "that is not where the path ends"
         if following is not None and not self._reachable(claim, made):
-            return f"{claim.reason} comes after a turn that is not told: {self._skipped(following)}"
+            skipped = self._skipped(following)
+            return f"{claim.reason} comes after a turn that is not mentioned: {skipped}"
         return f"{claim.reason} is not in the order of the path"
 
     def _reachable(self, claim: Claim, made: int) -> bool:

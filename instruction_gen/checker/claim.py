@@ -27,9 +27,9 @@ class Claim:
         vague: a distance of `a few`.
         slack_m: how far it may lie before the claim before it [m].
         bare: a stop that names no place.
-        still: it is seen or passed meanwhile and moves nobody on.
+        still: it is seen or passed meanwhile and does not move the walker on.
         bends: a path around a thing, which tells the turns made there.
-        optional: it may have been told before.
+        optional: it may have been mentioned before.
         turned: a door whose clear turn the same clause tells.
         abeam_m: where a thing that is passed once is beside the walker [m], None = unclear.
     """
@@ -62,12 +62,26 @@ def noun_claims(index: int, clause: Clause, ground: Ground, verb: str) -> list[C
         if claim is not None:
             still = clause.meanwhile or (claim.still and not clause.until)
             claims.append(replace(claim, still=still))
+            if verb == "see" and noun.kind == "room" and noun.side in ("left", "right"):
+                # "The kitchen is on the left; go in": one comes in on that side.
+                come = noun_claim(index, replace(noun, prep="into"), ground, "enter")
+                if come is not None and come.kind == "door":
+                    claims.append(replace(come, optional=True))
     pair = [k for k, n in enumerate(clause.nouns) if n.prep == "between"]
     if len(pair) == 2 and len(claims) == len(clause.nouns):
         claims = _joined(claims, pair[0], pair[1], ground)
     if claims and claims[-1].kind == "place" and any(n.prep == "around" for n in clause.nouns):
-        claims[-1] = replace(claims[-1], bends=True)
+        claims[-1] = replace(claims[-1], bends=True, side=_inside(clause, ground))
     return claims
+
+
+def _inside(clause: Clause, ground: Ground) -> str:
+    """Return the side on which a thing lies that is walked around, "" where it is on both."""
+    noun = next(n for n in clause.nouns if n.prep == "around")
+    if noun.side or noun.kind != "object":
+        return noun.side
+    sides = [s for s in ("left", "right") if not ground.passed(replace(noun, side=s)).reason]
+    return sides[0] if len(sides) == 1 else ""
 
 
 def _joined(claims: list[Claim], a: int, b: int, ground: Ground) -> list[Claim]:
@@ -95,7 +109,9 @@ def noun_claim(index: int, noun: Noun, ground: Ground, verb: str) -> Claim | Non
     through = noun.kind in ("room", "door", "generic") and (
         noun.prep in ("into", "through") or verb == "enter"
     )
-    through = through or (noun.kind == "door" and verb == "move" and not noun.prep)
+    # "Take the second door on the left", or without a verb "second door on the left".
+    bare = noun.kind == "door" and not noun.prep
+    through = through or (bare and (verb == "move" or (not verb and bool(noun.side))))
     through = through or (noun.kind == "door" and verb in ("leave", "enter"))
     kind = "exit" if leaving else "door" if through else "place"
     still = verb == "see" or noun.prep == "with"
@@ -128,7 +144,7 @@ def found_at(noun: Noun, ground: Ground, verb: str) -> Found | None:
             return ground.through_door(noun)
         if verb == "see" or prep == "with":
             return ground.door_near(noun, 6.0)
-        if verb == "move" and not prep:  # "take the second door on the left"
+        if not prep and (verb == "move" or (not verb and noun.side)):
             return ground.through_door(noun)
         return ground.door_near(noun)
     moving = prep in ("into", "from", "through") or verb in ("enter", "leave")
@@ -150,7 +166,7 @@ def _object(noun: Noun, ground: Ground, verb: str, prep: str) -> Found:
         return ground.reached(noun)
     if prep in ("from", "away"):
         return ground.passed(noun)
-    if verb in ("move", "leave"):
+    if verb in ("move", "leave") or (not verb and noun.side):
         return ground.passed(noun)
     return ground.seen_at(noun)
 

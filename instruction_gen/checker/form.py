@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 
-from ..language.clauses import Parse
+from ..language.clauses import Clause, Parse
 
 MIN_WORDS, MAX_WORDS = 6, 90
 MAX_CHARACTERS = 700
@@ -17,6 +17,14 @@ _COMMON = frozenset(
     until from next door room out straight ahead wait continue head by near""".split()
 )
 _IMPERATIVE = frozenset({"turn", "move", "enter", "leave", "pass"})
+
+
+_WAYS = frozenset({"along", "through", "into", "past", "to"})
+
+
+def _leads(clause: Clause) -> bool:
+    """Whether a clause without a verb tells a way: `straight ahead down the hall, then …`."""
+    return not clause.verb and any(n.prep in _WAYS for n in clause.nouns)
 
 
 def form_problems(parse: Parse) -> list[str]:
@@ -43,10 +51,10 @@ def form_problems(parse: Parse) -> list[str]:
         problems.append("a question is no instruction")
     if found := _FIRST_PERSON.search(text):
         problems.append(f"{found[0]!r}: an instruction does not speak of itself")
-    if not any(c.verb in _IMPERATIVE or c.side for c in parse.clauses):
+    if not any(c.verb in _IMPERATIVE or c.side or _leads(c) for c in parse.clauses):
         problems.append("not an instruction: nothing in it tells to move")
-    if len(parse.strange) > max(2, 0.2 * parse.words):
-        odd = ", ".join(parse.strange[:4])
+    if len(parse.unparsed) > max(2, 0.2 * parse.words):
+        odd = ", ".join(parse.unparsed[:4])
         problems.append(f"words that belong into no route: {odd}")
     sentences = [s.strip().lower() for s in re.split(r"[.!;]", text) if s.strip()]
     if len(sentences) != len(set(sentences)):

@@ -25,10 +25,19 @@ __all__ = ["Found", "Ground", "Mask", "spread"]
 class Ground(Things):
     """The facts of one path: its things, rooms and doors."""
 
+    @property
+    def passages_m(self) -> list[float]:
+        """Where along the path rooms are changed [m], with the threshold that it stops on."""
+        ends = [self.length_m] if self.facts.goal_rooms else []
+        return [*(p.along_m for p in self.facts.passages), *ends]
+
     # rooms ------------------------------------------------------------------------------------
 
     def entered(self, noun: Noun) -> Found:
         """Where a room is entered."""
+        edges = self._thresholds(noun)
+        if edges is not None:
+            return edges
         return self._rooms(noun, lambda v: self._around(v.from_m) if v.from_m > 0 else None)
 
     def left(self, noun: Noun) -> Found:
@@ -42,7 +51,27 @@ class Ground(Things):
             if not found.reason and not mask.any():
                 return Found(mask, f"the {noun.text} is not left on the {noun.side}")
             return Found(mask, found.reason)
-        return self._rooms(noun, lambda v: self._around(v.to_m) if v.to_m < end - 0.05 else None)
+        found = self._rooms(noun, lambda v: self._around(v.to_m) if v.to_m < end - 0.05 else None)
+        inside = self.facts.visits[0].room in room_names(noun.head)
+        if not inside and self._is_in(noun, self.facts.start_rooms):
+            return Found(found.mask | self._around(0.0))
+        return found
+
+    def _thresholds(self, noun: Noun) -> Found | None:
+        """Where a room is entered at the very start or end of the path; None where it is not."""
+        names = room_names(noun.head)
+        visits = self.facts.visits
+        start = visits[0].room in names and bool(self.facts.start_rooms)
+        end = visits[-1].room not in names and self._is_in(noun, self.facts.goal_rooms)
+        if not start and not end:
+            return None
+        masks = [self._around(v.from_m) for v in visits if v.room in names and v.from_m > 0]
+        masks += [self._around(0.0)] * start + [self.at_goal(1.2)] * end
+        return Found(np.any(masks, axis=0))
+
+    @staticmethod
+    def _is_in(noun: Noun, rooms: tuple[str, ...]) -> bool:
+        return bool(room_names(noun.head) & set(rooms))
 
     def inside(self, noun: Noun) -> Found:
         """Where one is in a room."""
@@ -67,9 +96,16 @@ class Ground(Things):
     def stopped_in(self, noun: Noun) -> Found:
         """The end of the path, if that is in the room."""
         nothing = np.zeros(len(self.along_m), dtype=bool)
-        if self.facts.goal_room in room_names(noun.head):
+        if self._is_in(noun, (self.facts.goal_room, *self.facts.goal_rooms)):
             return Found(self.at_goal())
         return Found(nothing, f"the path does not end in the {noun.text}")
+
+    def stopped_before(self, noun: Noun) -> Found:
+        """The end of the path, if that is close to a way into the room."""
+        entered = self.entered(noun).mask & self.at_goal(2.6)
+        if entered.any() or self._is_in(noun, self.facts.goal_near_rooms):
+            return Found(self.at_goal())
+        return self.stopped_in(noun)
 
     def _rooms(self, noun: Noun, place) -> Found:
         nothing = np.zeros(len(self.along_m), dtype=bool)
@@ -90,12 +126,15 @@ class Ground(Things):
         passages = list(self.facts.passages)
         if noun.side:
             passages = [p for p in passages if self._door_side(p.along_m, noun.side)]
-            if not passages and self.facts.passages:
+            ends = bool(self.facts.goal_rooms) and self._door_side(self.length_m, noun.side)
+            if not passages and self.facts.passages and not ends:
                 return Found(nothing, f"no doorway that is walked through is on the {noun.side}")
         masks = [self._around(p.along_m) for p in passages]
         # A doorway inside of what the map calls one room.
         near = [n for n, m in enumerate(self.facts.landmarks) if m.noun == DOOR]
         masks += [self.distance[n] <= 0.5 for n in near if not noun.side]
+        if self.facts.goal_rooms and (not noun.side or self._door_side(self.length_m, noun.side)):
+            masks.append(self.at_goal(1.0))
         result = np.any(masks, axis=0) if masks else nothing
         if not result.any():
             return Found(nothing, "the path goes through no doorway")

@@ -24,7 +24,8 @@ def last_stop(parse: Parse) -> int | None:
         return None
     if parse.clauses[-2].verb in ("turn", "see", "") or parse.clauses[-2].side:
         return None
-    arrives = last.verb in ("pass", "reach", "enter") or any(n.prep or n.side for n in last.nouns)
+    arrives = last.verb in ("", "pass", "reach", "enter")
+    arrives = arrives or any(n.prep or n.side for n in last.nouns)
     return len(parse.clauses) - 1 if last.nouns and arrives else None
 
 
@@ -43,12 +44,13 @@ def stop_claims(index: int, clause: Clause, parse: Parse, ground: Ground) -> lis
         found = ground.stopped_after(noun) if passed else _stop_noun(noun, ground)
         if found is None:
             continue
-        if noun.kind == "room" and not found.reason and len(ground.facts.visits) > 1:
+        visited = len(ground.facts.visits) > 1 and noun.prep not in ("before", "at")
+        if noun.kind == "room" and not found.reason and visited:
             # "Stop inside the kitchen" tells how one comes there.
             entered = ground.entered(noun)
             if not entered.reason:
-                told = f"the {noun.text}"
-                result.append(Claim(index, "door", entered.mask, told, optional=True))
+                phrase = f"the {noun.text}"
+                result.append(Claim(index, "door", entered.mask, phrase, optional=True))
         named = True
         if found.reason:
             result.append(Claim(index, "false", everywhere, found.reason))
@@ -68,9 +70,7 @@ def _stop_noun(noun: Noun, ground: Ground) -> Found | None:
         return ground.stopped_at(noun)
     if noun.kind == "room":
         if noun.part in ("entrance", "threshold", "mouth") or noun.prep in ("before", "at"):
-            near = ground.entered(noun)
-            near_goal = near.mask & ground.at_goal(2.6)
-            return Found(ground.at_goal()) if near_goal.any() else ground.stopped_in(noun)
+            return ground.stopped_before(noun)
         return ground.stopped_in(noun)
     if noun.kind == "door":
         return ground.stopped_at_door()
@@ -94,6 +94,8 @@ def after_stop_claims(index: int, clause: Clause, ground: Ground) -> list[Claim]
             found = ground.beside(noun)
         elif seen and not clause.before:
             found = found_at(noun, ground, "see")
+        elif clause.before and noun.kind == "room":
+            found = ground.stopped_before(noun)
         else:
             found = _stop_noun(noun, ground)
         if found is None:

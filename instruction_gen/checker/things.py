@@ -12,8 +12,8 @@ from ..facts.doors import DOOR
 from ..facts.geometry import MOMENT_M
 from ..facts.records import LandmarkFact, PathFacts
 from ..language.clauses import Noun
-from ..language.lexicon import COLOUR_NEIGHBOURS, ROOM_PHRASES
-from ..language.nouns import answers, room_answers
+from ..language.lexicon import COLOUR_NEIGHBOURS, INNATE_COLOURS, ROOM_PHRASES
+from ..language.nouns import called, room_answers
 
 Mask = NDArray[np.bool_]
 
@@ -164,7 +164,7 @@ class Things:
         chosen = [n for n, m in enumerate(self.facts.landmarks) if answers_to(m, noun.head)]
         chosen = chosen or self._in_room(noun.head)
         if not chosen:
-            known = any(noun.head in answers(n) for n in self.facts.level_nouns)
+            known = any(called(n, noun.head) for n in self.facts.level_nouns)
             where = "on the route" if known else "in this scene"
             return Found(nothing, f"there is no {name} {where}")
         if noun.material:
@@ -182,11 +182,8 @@ class Things:
         if noun.side:
             here = here & self._sided(chosen, noun.side)
             if not here.any():
-                where = (
-                    f"on the {noun.side}"
-                    if noun.side in ("left", "right")
-                    else f"{noun.side} the walker"
-                )
+                beside = noun.side in ("left", "right")
+                where = f"on the {noun.side}" if beside else f"{noun.side} the walker"
                 return Found(nothing, f"the {name} is not {where}")
         if noun.ordinal:
             keep = self._ordinal(chosen, noun)
@@ -211,6 +208,8 @@ class Things:
         return [n for n, m in marks if m.room in names and answers_to(m, kind)]
 
     def _sided(self, chosen: list[int], side: str) -> Mask:
+        if side == "ahead":
+            return np.minimum(np.abs(self.facing[chosen]), np.abs(self.bearing[chosen])) <= 50.0
         if side == "behind":
             return np.abs(self.facing[chosen]) >= 80.0
         if side == "beside":
@@ -266,7 +265,7 @@ def answers_to(mark: LandmarkFact, head: str) -> bool:
     """Whether a landmark may be called `head`."""
     if mark.noun == DOOR:
         return head in (DOOR, "door")
-    return head in answers(mark.noun)
+    return called(mark.noun, head)
 
 
 def room_names(head: str) -> frozenset[str]:
@@ -289,5 +288,5 @@ def replace_head(noun: Noun, head: str) -> Noun:
 
 
 def _coloured(mark: LandmarkFact, colour: str) -> bool:
-    same = mark.colour == colour or colour in COLOUR_NEIGHBOURS.get(mark.colour, ())
-    return bool(mark.colour) and same
+    has = {mark.colour, INNATE_COLOURS.get(mark.noun, "")} - {""}
+    return any(colour == own or colour in COLOUR_NEIGHBOURS.get(own, ()) for own in has)

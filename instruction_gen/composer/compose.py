@@ -20,7 +20,7 @@ class Composed:
     """A text of the composer.
 
     Attributes:
-        text: what the robot is told.
+        text: the instruction.
         style: one of `STYLES`.
         skeletons: its sentences, with slots for rooms, things, sides and numbers.
         landmarks: names of the things it speaks of, in order.

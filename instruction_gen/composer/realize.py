@@ -20,13 +20,14 @@ def realize(steps: Sequence[Step], rng: np.random.Generator, style: str) -> tupl
     """The text of some steps, and its sentences' skeletons, with slots for all that varies."""
     clauses: list[str] = []
     memory: list[str] = []
-    told: list[str] = []
+    rooms: list[str] = []
     for step in steps:
-        clause = _clause(step, rng, memory, told)
+        clause = _clause(step, rng, memory, rooms)
         clauses.append(clause)
         memory = [*memory[-2:], _plain(clause).split()[0]]
-        told.append(step.room)
-    sentences = _sentences(clauses, rng, style)
+        rooms.append(step.room)
+    leading = [step.kind in _LEADING for step in steps]
+    sentences = _sentences(clauses, leading, rng, style)
     return " ".join(_plain(s) for s in sentences), [_skeleton(s) for s in sentences]
 
 
@@ -66,14 +67,14 @@ def _turn(step: Step, rng: np.random.Generator, memory: Sequence[str]) -> str:
 
 
 def _clause(
-    step: Step, rng: np.random.Generator, memory: Sequence[str], told: Sequence[str]
+    step: Step, rng: np.random.Generator, memory: Sequence[str], rooms: Sequence[str]
 ) -> str:
     room = f"the {step.room}" if step.room else "the next room"
     slots = {"B": room, "A": f"the {step.from_room}", "s": step.side}
-    return _MAKERS[step.kind](step, rng, memory, slots, told)
+    return _MAKERS[step.kind](step, rng, memory, slots, rooms)
 
 
-def _make_turn(step, rng, memory, slots, told) -> str:
+def _make_turn(step, rng, memory, slots, rooms) -> str:
     turn = _turn(step, rng, memory)
     if step.mark is None:
         return turn
@@ -81,19 +82,19 @@ def _make_turn(step, rng, memory, slots, told) -> str:
     return _fill(_pick(words.TURN_AT, rng, ()), turn=turn, X=step.mark.words)
 
 
-def _make_leave(step, rng, memory, slots, told) -> str:
+def _make_leave(step, rng, memory, slots, rooms) -> str:
     if not step.room:
         return _fill(_pick(words.LEAVE_UNKNOWN, rng, memory), **slots)
     options = words.LEAVE + (words.LEAVE_DOOR if step.doorway else ())
     return _fill(_pick(options, rng, memory), **slots)
 
 
-def _make_enter(step, rng, memory, slots, told) -> str:
+def _make_enter(step, rng, memory, slots, rooms) -> str:
     options = words.ENTER + (words.ENTER_DOOR if step.doorway else ())
     return _fill(_pick(options, rng, memory), **slots)
 
 
-def _make_turn_enter(step, rng, memory, slots, told) -> str:
+def _make_turn_enter(step, rng, memory, slots, rooms) -> str:
     slight = step.degrees < _SLIGHT_DEG
     options = words.SLIGHT_ENTER if slight else words.TURN_ENTER
     if step.doorway and not slight:
@@ -103,13 +104,13 @@ def _make_turn_enter(step, rng, memory, slots, told) -> str:
     return _fill(_pick(options, rng, memory), **slots)
 
 
-def _make_enter_turn(step, rng, memory, slots, told) -> str:
+def _make_enter_turn(step, rng, memory, slots, rooms) -> str:
     options = words.LEAVE_THEN if step.from_room and step.room else words.ENTER_THEN
     turn = _turn(step, rng, ()).removesuffix(" and keep going")
     return _fill(_pick(options, rng, memory), turn=turn, **slots)
 
 
-def _make_pass(step, rng, memory, slots, told) -> str:
+def _make_pass(step, rng, memory, slots, rooms) -> str:
     thing = step.mark.words
     if step.side and rng.random() < 0.3:
         return _fill(_pick(words.PASS_SIDE, rng, memory), X=thing, s=step.side)
@@ -119,30 +120,30 @@ def _make_pass(step, rng, memory, slots, told) -> str:
     return _fill(_pick(words.PASS, rng, memory), X=thing, side=side)
 
 
-def _make_between(step, rng, memory, slots, told) -> str:
+def _make_between(step, rng, memory, slots, rooms) -> str:
     return _fill(_pick(words.BETWEEN, rng, memory), X=step.mark.words, Y=step.other.words)
 
 
-def _make_follow(step, rng, memory, slots, told) -> str:
+def _make_follow(step, rng, memory, slots, rooms) -> str:
     return _fill(_pick(words.FOLLOW, rng, memory), **slots)
 
 
-def _make_ahead(step, rng, memory, slots, told) -> str:
+def _make_ahead(step, rng, memory, slots, rooms) -> str:
     return _pick(words.AHEAD, rng, memory)
 
 
-def _make_walk(step, rng, memory, slots, told) -> str:
+def _make_walk(step, rng, memory, slots, rooms) -> str:
     options = words.WALK_SHORT if step.far_m < 2.3 and rng.random() < 0.6 else words.WALK
     return _fill(_pick(options, rng, memory), n=metres(step.far_m))
 
 
-def _make_stop(step, rng, memory, slots, told) -> str:
+def _make_stop(step, rng, memory, slots, rooms) -> str:
     if step.place == "after":
         options = words.AFTER if step.far_m >= 1.5 else words.AFTER_SHORT
         return _fill(_pick(options, rng, memory), n=metres(step.far_m))
     verb = _pick(words.STOP, rng, ())
     if step.place == "inside":
-        named = bool(told) and told[-1] == step.room
+        named = bool(rooms) and rooms[-1] == step.room
         options = words.INSIDE[1:2] if named else words.INSIDE
         return f"{verb} {_fill(_pick(options, rng, ()), **slots)}"
     thing = step.mark.words
@@ -180,8 +181,18 @@ def metres(distance_m: float) -> str:
     return f"{_NUMBER.get(whole, str(whole))} metre" + ("" if whole == 1 else "s")
 
 
-def _sentences(clauses: list[str], rng: np.random.Generator, style: str) -> list[str]:
-    """Join clauses into sentences; no sentence carries more than three actions."""
+# "Walk on for two metres." says too little for a sentence: what it leads to goes with it.
+_LEADING = frozenset(("walk", "follow", "ahead"))
+
+
+def _sentences(
+    clauses: list[str], leading: Sequence[bool], rng: np.random.Generator, style: str
+) -> list[str]:
+    """Join clauses into sentences; no sentence carries more than three actions.
+
+    Two sentences of one clause do not follow each other, and no sentence ends with a clause that
+    is `leading` (N,).
+    """
     groups: list[list[str]] = []
     rest = list(clauses)
     longest = {"terse": 2, "natural": 3, "rich": 3}[style]
@@ -193,13 +204,19 @@ def _sentences(clauses: list[str], rng: np.random.Generator, style: str) -> list
             if weight > 3 and k:
                 size = k
                 break
+        done = len(clauses) - len(rest)
+        short = bool(groups) and len(groups[-1]) == 1 and size == 1
+        if len(rest) > size and (short or leading[done + size - 1]):
+            size += 1
         groups.append(rest[:size])
         rest = rest[size:]
     result = []
     opened = False  # one "after that" is enough for a text
     for k, group in enumerate(groups):
         text = _join(group, rng)
-        if k and not opened and not text.startswith(_STANDING) and rng.random() < _OPENED:
+        told = "then" in _plain(text).split()  # "then … then" reads like a list
+        standing = text.startswith(_STANDING) or told
+        if k and not opened and not standing and rng.random() < _OPENED:
             opened = True
             text = str(rng.choice(words.THEN)) + text
         plain = _plain(text)
@@ -212,6 +229,10 @@ _OPENED = 0.3
 _STANDING = ("at ", "once ", "when ", "as ", "stop", "wait", "halt", "come")
 
 
+_AFTER_COMMA = (", then ", ", and then ", ", then ")
+_JOINTS = (", then ", " and ", " and then ", " and ")
+
+
 def _join(group: Sequence[str], rng: np.random.Generator) -> str:
     text = group[0]
     for k, clause in enumerate(group[1:], start=1):
@@ -222,9 +243,9 @@ def _join(group: Sequence[str], rng: np.random.Generator) -> str:
         elif not last:
             joint = ", "
         elif loaded or "," in _plain(text):
-            joint = str(rng.choice([", then ", ", and then "]))
+            joint = ", and " if "then" in _plain(text).split() else str(rng.choice(_AFTER_COMMA))
         else:
-            joint = str(rng.choice([", then ", " and ", " and then ", " and "]))
+            joint = str(rng.choice(_JOINTS))
         text += joint + clause
     return text
 

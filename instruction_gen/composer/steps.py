@@ -10,8 +10,8 @@ import numpy as np
 from ..facts.records import PassageFact, PathFacts, TurnFact
 from .refer import Reference, passing_candidates, stop_candidates, turn_marker
 
-TELL_DEG = 40.0  # smaller turns are told only where nothing else shows the way
-CLEAR_DEG = 50.0  # these are told even where the next turn undoes them
+TELL_DEG = 40.0  # smaller turns are mentioned only where nothing else shows the way
+CLEAR_DEG = 50.0  # these are mentioned even where the next turn undoes them
 HINT_DEG = 30.0
 _WEAVING_M = 2.0
 _LEADS = frozenset(("turn_enter", "enter_turn", "enter", "leave"))  # into another room
@@ -63,8 +63,8 @@ class Taste:
     Attributes:
         gap_m: a stretch longer than this gets a thing that is passed.
         mark_turns: how often a turn is tied to a thing, 0 … 1.
-        sides: how often a side is told with a thing passed.
-        colours: how often a known colour is told.
+        sides: how often the side of a passed thing is mentioned.
+        colours: how often a known colour is mentioned.
         most: things passed at most.
     """
 
@@ -86,13 +86,13 @@ def plan(facts: PathFacts, style: str, rng: np.random.Generator) -> list[Step]:
     """Choose what to tell, in order, the stop last."""
     taste = TASTES[style]
     stop = _stop(facts, rng, taste)
-    named = {stop.mark.name} if stop.mark else set()
+    named = {mark.name for mark in (stop.mark, stop.other) if mark}
     steps = _moves(facts, rng, taste, named)
     steps = _passed(steps, stop, facts, rng, taste, named)
     steps = _distances(steps, stop, facts)
     first = steps[0] if steps else None
     if style != "terse" and first is not None and first.along_m > _FAR_AHEAD_M:
-        # Turning is the first thing told, but not the first thing done.
+        # Turning is the first thing mentioned, but not the first thing done.
         turns = first.kind in ("turn_enter", "enter_turn", "turn") and first.mark is None
         steps = [Step("ahead", 0.0), *steps] if turns else steps
     if not steps:
@@ -199,7 +199,7 @@ def _passed(
     named: set[str],
 ) -> list[Step]:
     result = list(steps)
-    kinds = {s.mark.noun for s in (*steps, stop) if s.mark}
+    kinds = {m.noun for s in (*steps, stop) for m in (s.mark, s.other) if m}
     edges = [0.0, *(_end(s) for s in steps), facts.length_m]
     starts = [*(s.along_m for s in steps), facts.length_m]
     stretches = sorted(zip(edges, starts, strict=False), key=lambda pair: pair[0] - pair[1])

@@ -96,7 +96,7 @@ WALK_SHORT = (
     "walk forward a few steps", "go straight for a few steps", "take a few steps forward",
     "walk ahead a couple of metres", "go on for a couple of metres",
 )  # fmt: skip
-STOP = ("stop", "stop", "stop", "stop", "wait", "wait", "come to a stop", "halt")
+STOP = ("stop",) * 7 + ("wait",) * 3 + ("come to a stop", "halt")
 FRONT = (
     "in front of {X}", "just before {X}", "right in front of {X}", "before you reach {X}",
     "at {X}", "facing {X}", "when you reach {X}", "once you get to {X}",

@@ -26,9 +26,11 @@ from .records import (
     TurnFact,
     VisitFact,
 )
+from .rooms import rooms_near
 
 SMALL_TURN_RAD = np.deg2rad(20.0)
 _BEFORE_DOOR_M = 1.5
+_THRESHOLD_M, _NEAR_M = 0.7, 2.5
 
 
 def path_facts(
@@ -49,6 +51,7 @@ def path_facts(
         TurnFact(round(t.along_m, 2), round(float(np.rad2deg(t.angle_rad)), 1)) for t in found
     )
     passages = _passages(shared, path, track)
+    visits = _visits(shared, path, passages, length)
     sight = visibility.paths.get(episode.trajectory_id) if visibility else None
     landmarks = landmarks_of(shared, track, sight)
     return PathFacts(
@@ -59,12 +62,22 @@ def path_facts(
         turns=turns,
         segments=_segments(path, turns, length),
         passages=passages,
-        visits=_visits(shared, path, passages, length),
+        visits=visits,
         landmarks=landmarks,
         level_nouns=tuple(sorted({n for n in shared.nouns if n != DOOR})),
         level_rooms=tuple(sorted({n for n in shared.names if n})),
+        start_rooms=_others(shared, path[0], _THRESHOLD_M, visits[0].room),
+        goal_rooms=_others(shared, path[-1], _THRESHOLD_M, visits[-1].room),
+        goal_near_rooms=_others(shared, path[-1], _NEAR_M, visits[-1].room),
         camera=LookFact(**asdict(visibility.camera)) if visibility and sight else None,
     )
+
+
+def _others(
+    shared: LevelFacts, xy_m: NDArray[np.float64], reach_m: float, room: str
+) -> tuple[str, ...]:
+    """Return the names of rooms near a point other than the one said, in order."""
+    return tuple(sorted(rooms_near(shared.regions, shared.names, xy_m, reach_m) - {room}))
 
 
 def _segments(
@@ -106,9 +119,21 @@ def _visits(
     passages: Sequence[PassageFact],
     length: float,
 ) -> tuple[VisitFact, ...]:
-    if not passages:
-        region = int(shared.regions.at(path[-1]))
-        return (VisitFact(shared.names[region] if region >= 0 else "", 0.0, round(length, 2)),)
     knots = [0.0, *(p.along_m for p in passages), round(length, 2)]
+    ends = [*(c.from_region for c in crossings(shared.regions, path)), -1]
+    ends[-1] = int(shared.regions.at(path[-1]))
+    rooms = _rooms(shared, ends, passages)
+    return tuple(
+        VisitFact(name, a, b, shared.exits[region] if region >= 0 else 0)
+        for (name, region), (a, b) in zip(rooms, pairwise(knots), strict=True)
+    )
+
+
+def _rooms(
+    shared: LevelFacts, regions: Sequence[int], passages: Sequence[PassageFact]
+) -> list[tuple[str, int]]:
+    """Return name and region of each room visited."""
+    if not passages:
+        return [(shared.names[regions[0]] if regions[0] >= 0 else "", regions[0])]
     names = [passages[0].from_room, *(p.to_room for p in passages)]
-    return tuple(VisitFact(name, a, b) for name, (a, b) in zip(names, pairwise(knots), strict=True))
+    return list(zip(names, regions, strict=True))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from skimage.measure import label
 
 from ...formats.scene.bundle import LabeledObject
@@ -15,15 +16,7 @@ _JOIN_CELLS = 3
 
 def doorways(regions: RegionMap, level: int, floor_z_m: float) -> list[LabeledObject]:
     """Passages between two rooms that are no wider than a doorway."""
-    room, width = regions.region, regions.width_m
-    border = np.zeros(room.shape, dtype=bool)
-    for axis in (0, 1):
-        a = np.take(room, range(room.shape[axis] - 1), axis)
-        b = np.take(room, range(1, room.shape[axis]), axis)
-        meets = (a != b) & (a >= 0) & (b >= 0)
-        index = np.nonzero(meets)
-        border[index] = True
-    border &= (width > 0) & (width <= DOORWAY_M)
+    border = _borders(regions) & (regions.width_m <= DOORWAY_M)
     parts = np.asarray(label(_grown(border), connectivity=2))
     result = []
     for k in range(1, int(parts.max(initial=0)) + 1):
@@ -43,9 +36,31 @@ def doorways(regions: RegionMap, level: int, floor_z_m: float) -> list[LabeledOb
     return result
 
 
-def _grown(mask: np.ndarray) -> np.ndarray:
+def exits_of(regions: RegionMap) -> tuple[int, ...]:
+    """Return by how many openings, doorways or wider ones, each room can be left."""
+    border = _borders(regions)
+    parts = np.asarray(label(_grown(border), connectivity=2))
+    result = []
+    for room in range(len(regions.names)):
+        beside = border & _grown(regions.region == room, 1)
+        result.append(len(np.unique(parts[beside])))
+    return tuple(result)
+
+
+def _borders(regions: RegionMap) -> NDArray[np.bool_]:
+    """Return the open cells (R, C) where two rooms meet."""
+    room = regions.region
+    border = np.zeros(room.shape, dtype=bool)
+    for axis in (0, 1):
+        a = np.take(room, range(room.shape[axis] - 1), axis)
+        b = np.take(room, range(1, room.shape[axis]), axis)
+        border[np.nonzero((a != b) & (a >= 0) & (b >= 0))] = True
+    return border & (regions.width_m > 0)
+
+
+def _grown(mask: NDArray[np.bool_], cells: int = _JOIN_CELLS) -> NDArray[np.bool_]:
     grown = mask.copy()
-    for _ in range(_JOIN_CELLS):
+    for _ in range(cells):
         padded = np.pad(grown, 1)
         grown = (
             padded[1:-1, 1:-1] | padded[:-2, 1:-1] | padded[2:, 1:-1] | padded[1:-1, :-2]

@@ -16,7 +16,7 @@ MOMENT_M = 0.25
 REACH_M = 8.0
 _AHEAD_M = 0.4
 _LINE_SAMPLES = 48
-_WALL_SKIN_M = 0.10
+WALL_SKIN_M, WINDOW_SKIN_M = 0.10, 0.35  # a window lies this deep in a wall
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,10 @@ def track_of(path_xy_m: Array) -> Track:
     return Track(along, point_along(path_xy_m, along), np.arctan2(delta[:, 1], delta[:, 0]))
 
 
-def relations(track: Track, low_m: Array, high_m: Array, regions: RegionMap) -> Relations:
-    """Relate boxes `low_m` … `high_m` (N, 2) [m] to a track."""
+def relations(
+    track: Track, low_m: Array, high_m: Array, regions: RegionMap, skin_m: Array
+) -> Relations:
+    """Relate boxes `low_m` … `high_m` (N, 2) [m] to a track; `skin_m` (N,): see no_wall_between."""
     points = track.points_m[:, None]
     edge = np.clip(points, low_m, high_m)
     to_edge = edge - points
@@ -75,7 +77,9 @@ def relations(track: Track, low_m: Array, high_m: Array, regions: RegionMap) -> 
     clear = np.zeros(distance.shape, dtype=bool)
     s, n = np.nonzero(near)
     if len(s):
-        clear[s, n] = no_wall_between(track.points_m[s], edge[s, n], distance[s, n], regions)
+        clear[s, n] = no_wall_between(
+            track.points_m[s], edge[s, n], distance[s, n], regions, skin_m[n]
+        )
     return Relations(distance, _turned(to_edge, heading), _turned(to_middle, heading), clear)
 
 
@@ -84,11 +88,19 @@ def _turned(vector: Array, heading: Array) -> Array:
     return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
+def skin_of(noun: str) -> float:
+    """Return how deep in a wall a thing of a kind may stand [m]."""
+    return WINDOW_SKIN_M if noun == "window" else WALL_SKIN_M
+
+
 def no_wall_between(
-    start: Array, end: Array, length: Array, regions: RegionMap
+    start: Array, end: Array, length: Array, regions: RegionMap, skin_m: Array | float = WALL_SKIN_M
 ) -> NDArray[np.bool_]:
-    """Whether lines (K, 2) → (K, 2) meet no wall; the thing itself may stand at one."""
-    share = np.maximum(0.0, 1.0 - _WALL_SKIN_M / np.maximum(length, _WALL_SKIN_M))
+    """Whether lines (K, 2) → (K, 2) meet no wall before the last `skin_m` [m].
+
+    The thing itself may stand at a wall, and a window is in one.
+    """
+    share = np.maximum(0.0, 1.0 - skin_m / np.maximum(length, skin_m))
     t = np.linspace(0.0, 1.0, _LINE_SAMPLES)[None, :, None] * share[:, None, None]
     cells = regions.grid.cell_of(start[:, None] + (end - start)[:, None] * t)
     cells = np.clip(cells, 0, np.array(regions.grid.shape) - 1)

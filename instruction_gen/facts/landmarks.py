@@ -12,7 +12,7 @@ from ...formats.scene.visibility import Glimpse, PathSight
 from ..language.nouns import looks_of
 from .colours import colour_name
 from .doors import DOOR
-from .geometry import Relations, Track, relations
+from .geometry import Relations, Track, relations, skin_of
 from .level import LevelFacts
 from .records import (
     LandmarkFact,
@@ -69,7 +69,8 @@ def landmarks_of(
     if not shared.things:
         return ()
     seen = _by_thing(sight)
-    where = relations(track, shared.low_m, shared.high_m, shared.regions)
+    skin_m = np.array([skin_of(noun) for noun in shared.nouns])
+    where = relations(track, shared.low_m, shared.high_m, shared.regions, skin_m)
     result = []
     for n, thing in enumerate(shared.things):
         glimpses = seen.get(thing.name, ())

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...formats.scene.bundle import LabeledObject, SceneBundle
 from ...wayfinding.regions import ROOM_PREFIX, RegionMap, region_map
 from ..language.nouns import noun_of
-from .doors import DOOR, doorways
+from .doors import DOOR, doorways, exits_of
 from .rooms import room_names
 
 
@@ -23,6 +23,7 @@ class LevelFacts:
         nouns: their nouns.
         low_m, high_m: (N, 2) their boxes [m].
         names: room name of each region.
+        exits: by how many openings each region can be left.
         unnamed: labels that no noun is known for, with how many objects have them.
     """
 
@@ -34,6 +35,7 @@ class LevelFacts:
     low_m: NDArray[np.float64]
     high_m: NDArray[np.float64]
     names: tuple[str, ...]
+    exits: tuple[int, ...]
     unnamed: dict[str, int]
 
     @staticmethod
@@ -59,8 +61,9 @@ class LevelFacts:
         high = np.array([t.upper_m[:2] for t in things], dtype=np.float64).reshape(-1, 2)
         names = room_names(regions, things)
         return LevelFacts(
-            bundle, level, regions, tuple(things), tuple(nouns), low, high, names, unnamed
-        )
+            bundle, level, regions, tuple(things), tuple(nouns), low, high, names,
+            exits_of(regions), unnamed,
+        )  # fmt: skip
 
 
 _STRUCTURE = frozenset(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-FACTS_VERSION = 2
+FACTS_VERSION = 3
 
 
 @dataclass(frozen=True)
@@ -64,11 +64,13 @@ class VisitFact:
     Attributes:
         room: canonical name, "" when unknown.
         from_m, to_m: distances along the path [m].
+        exits: by how many openings the room can be left; 0 = unknown.
     """
 
     room: str
     from_m: float
     to_m: float
+    exits: int = 0
 
 
 @dataclass(frozen=True)
@@ -173,6 +175,8 @@ class PathFacts:
         landmarks: things near the path, in the order of passing.
         level_nouns: nouns of all things on the level.
         level_rooms: canonical names of all rooms on the level.
+        start_rooms, goal_rooms: other rooms on whose threshold the path starts or stops.
+        goal_near_rooms: other rooms that lie openly close to the goal.
         camera: which looked; None where facts come from the map alone.
         facts_version: of this record.
     """
@@ -188,6 +192,9 @@ class PathFacts:
     landmarks: tuple[LandmarkFact, ...]
     level_nouns: tuple[str, ...]
     level_rooms: tuple[str, ...]
+    start_rooms: tuple[str, ...] = ()
+    goal_rooms: tuple[str, ...] = ()
+    goal_near_rooms: tuple[str, ...] = ()
     camera: LookFact | None = None
     facts_version: int = FACTS_VERSION
 

@@ -9,6 +9,7 @@ import numpy as np
 from ...formats.scene.bundle import LabeledObject
 from ...wayfinding.regions import RegionMap
 from ..language.nouns import noun_of, room_of
+from .geometry import Array, no_wall_between
 
 # A room without a name is called by the first of these things that stands in it.
 _CALLED_BY = {
@@ -20,6 +21,23 @@ _CALLED_BY = {
     "stove": "kitchen",
     "sofa": "living room",
 }
+
+
+_STEP_M = 0.15
+
+
+def rooms_near(
+    regions: RegionMap, names: Sequence[str], xy_m: Array, reach_m: float
+) -> frozenset[str]:
+    """Return the names of rooms with a place in open view within `reach_m` of a point (2,) [m]."""
+    steps = np.arange(-reach_m, reach_m + 0.5 * _STEP_M, _STEP_M)
+    offset = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    gap = np.linalg.norm(offset, axis=1)
+    points, gap = xy_m + offset[gap <= reach_m], gap[gap <= reach_m]
+    region = regions.at(points)
+    points, gap, region = points[region >= 0], gap[region >= 0], region[region >= 0]
+    seen = no_wall_between(np.broadcast_to(xy_m, points.shape), points, gap, regions)
+    return frozenset(names[k] for k in np.unique(region[seen])) - {""}
 
 
 def room_names(regions: RegionMap, things: Sequence[LabeledObject]) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 The follower looks at the shortest ways from where it stands to every place of the level, and
 carries a text's sub-goals out along each: it must come by the things, pass the doors, make the
-turns and stop, in the order told. Turns that it would make without having been told cost a
+turns and stop, in the order of the text. Turns that the text does not mention cost a
 little, a sub-goal that cannot be met ends a way. The cheapest way that is left is walked; when
 none is left, the follower is lost.
 """
@@ -20,13 +20,16 @@ from .ways import Ways, wrap
 from .world import Array, World
 
 _PER_METRE = 0.03
-_STRANGE = 0.25  # share of words outside of the grammar from which a text means nothing
+_UNPARSED = 0.25  # share of words outside of the grammar from which a text means nothing
 _LOST = 4.0  # a way that costs more is none that the text means
 _DETOUR = 0.6  # cost of a way that is not the shortest
-_BENT = 0.4  # per radian: one walks straight where a distance is all that is told
-_LAG, _DOOR_LAG = 4, 8  # cells: a place may be told this late: turns are noticed after the corner
+_BENT = 0.4  # per radian: one walks straight where the text gives only a distance
+_LAG, _DOOR_LAG = (
+    4,
+    8,
+)  # cells: a place may be mentioned this late: turns are noticed after the corner
 _ON = 3  # cells: a turn is made once one has walked on this far
-_TIGHT = 10  # cells: a turn is this near to the end of a distance told before it
+_TIGHT = 10  # cells: a turn is this near to the end of a distance given before it
 _HINT_RAD = np.deg2rad(20.0)
 _PLAIN_RAD = np.deg2rad(33.0)
 _AROUND_RAD = np.deg2rad(115.0)
@@ -51,14 +54,14 @@ def follow(text: str, world: World, start_m: Array, start_yaw_rad: float) -> Fol
     """Follow a text from a pose: `start_m` (2,) [m] and heading [rad]."""
     start = np.asarray(start_m, dtype=np.float64)[:2]
     read = parse(text)
-    if len(read.strange) > _STRANGE * max(1, read.words):
+    if len(read.unparsed) > _UNPARSED * max(1, read.words):
         return Followed(start, "words that make no sentence", 0)
     try:
         goals = sub_goals(read)
     except UnfollowableError as error:
         return Followed(start, str(error), 0)
     tried = [_along(goals, ways, world) for ways in world.ways(start, start_yaw_rad)]
-    # The shortest ways, unless what is told lies on others.
+    # The shortest ways, unless what the text mentions lies on others.
     costs = [cost + _DETOUR * (number > 0) for number, (_, cost) in enumerate(tried)]
     best = tried[int(np.argmin(costs))][0] if np.isfinite(costs).any() else tried[0][0]
     return best

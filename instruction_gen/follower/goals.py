@@ -56,7 +56,7 @@ def sub_goals(read: Parse) -> list[SubGoal]:
     places = list(clause.nouns)
     for after in read.clauses[stop + 1 :]:
         if after.verb in _MOVING and not (after.until or after.before or after.meanwhile):
-            raise UnfollowableError("told to go on after the stop")
+            raise UnfollowableError("the text goes on after the stop")
         places += after.nouns
     named = [SubGoal("stop", said, noun=n, verb=clause.verb) for n in places]
     return [*result, *named] if named else [*result, SubGoal("stop", said)]
@@ -69,7 +69,7 @@ def _stop(read: Parse) -> int:
     last = read.clauses[-1] if read.clauses else None
     if last is not None and last.until and last.nouns:
         return len(read.clauses) - 1
-    raise UnfollowableError("never told to stop")
+    raise UnfollowableError("the text never says to stop")
 
 
 def _moves(clause: Clause, said: str) -> list[SubGoal]:

@@ -162,13 +162,13 @@ def _crossed(ways: Ways, regions: Sequence[int] | None) -> Array:
 
 
 def sided_door(goal: SubGoal) -> bool:
-    """Whether a sub-goal is a door or a room that is passed or entered on a side told."""
+    """Whether a sub-goal is a door or a room that is passed or entered on a stated side."""
     noun = goal.noun
     return noun is not None and bool(noun.side) and noun.kind != "object" and goal.kind == "place"
 
 
 def on_side(goal: SubGoal, ways: Ways, lag: int) -> NDArray[np.bool_]:
-    """Where (N,) a door on a side told has been on that side, `lag` cells or less before."""
+    """Where (N,) a door with a stated side has been on that side, `lag` cells or less before."""
     sign = 1.0 if goal.noun is not None and goal.noun.side == "left" else -1.0
     angle = np.maximum(sign * ways.aside_rad, sign * ways.turn_rad)
     return angle[ways.before[: lag + 1]].max(axis=0) >= _DOOR_SIDE_RAD

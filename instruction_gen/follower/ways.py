@@ -13,7 +13,7 @@ _BACK = 16  # ancestors that are kept
 _NEW, _GAP, _OLD = 4, 7, 11  # cells: a heading over the last 4, and one from 11 to 7 before
 _LONG_GAP, _LONG_OLD = 12, 16
 _APART = 6  # cells between two turns to one side
-PENALTY = 1.0  # of a right angle that is walked but not told
+PENALTY = 1.0  # of a right angle that is walked but not mentioned
 
 Ids = NDArray[np.int64]
 
@@ -31,7 +31,7 @@ class Ways:
         long_turn_rad: (N,) over the last three.
         aside_rad: (N,) direction to the cell from a metre and a half before, left is positive.
         event: (N,) whether a clear turn has just been made.
-        untold: (N,) cost of the way's clear turns, if none of them is told.
+        untold: (N,) cost of the way's clear turns, if the text mentions none of them.
         region: (N,) region of the level.
     """
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from ...formats.scene.bundle import LabeledObject, SceneBundle
 from ...wayfinding.regions import ROOM_PREFIX, RegionMap, region_map
 from ..facts.doors import DOOR, doorways
-from ..facts.geometry import no_wall_between
+from ..facts.geometry import no_wall_between, skin_of
 from ..facts.rooms import room_names
 from ..language.lexicon import ROOM_PHRASES
-from ..language.nouns import answers, noun_of
+from ..language.nouns import called, noun_of
 
 if TYPE_CHECKING:
     from .ways import Ways
@@ -125,14 +125,12 @@ class World:
         """Indices of the things that may be called so; `kitchen table` is a table in a kitchen."""
         if head in ("door", DOOR):
             return [k for k, t in enumerate(self.things) if t.noun == DOOR]
-        found = [k for k, t in enumerate(self.things) if head in answers(t.noun)]
+        found = [k for k, t in enumerate(self.things) if called(t.noun, head)]
         if found or " " not in head:
             return found
         room, kind = head.rsplit(" ", 1)
         inside = set(self.regions_called(room))
-        return [
-            k for k, t in enumerate(self.things) if kind in answers(t.noun) and t.region in inside
-        ]
+        return [k for k, t in enumerate(self.things) if called(t.noun, kind) and t.region in inside]
 
     def gap_m(self, k: int) -> Array:
         """(R, C) distance of each cell to thing `k` [m]; inf where a wall stands between."""
@@ -141,7 +139,9 @@ class World:
             edge = np.clip(self.centers_m, thing.low_m, thing.high_m)
             gap = np.linalg.norm(self.centers_m - edge, axis=-1)
             near = self.free & (gap <= SIGHT_M)
-            open_ = no_wall_between(self.centers_m[near], edge[near], gap[near], self._regions)
+            open_ = no_wall_between(
+                self.centers_m[near], edge[near], gap[near], self._regions, skin_of(thing.noun)
+            )
             gap[~near] = np.inf
             gap[near] = np.where(open_ | (gap[near] < 0.3), gap[near], np.inf)
             self._gaps[k] = gap

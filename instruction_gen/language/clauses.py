@@ -83,10 +83,10 @@ class Parse:
         text: the text.
         clauses: in order.
         words: how many words it has.
-        strange: words that the grammar has no place for.
+        unparsed: words that fit nowhere in the grammar.
     """
 
     text: str
     clauses: tuple[Clause, ...]
     words: int
-    strange: tuple[str, ...] = field(default=())
+    unparsed: tuple[str, ...] = field(default=())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 VERBS = {
     "turn": """turn turning bearing veering veer bear angle swing rotate pivot curve bend hook hang
-        spin face bends curves""",
+        spin face bends curves drift slant swerve lean""",
     "move": """walk go head move continue proceed step keep follow cross travel advance come carry
         stay get march stroll start begin set make take traverse cut run return heading walking
         going moving continuing keeping following leads lead round""",
@@ -30,6 +30,7 @@ PREPOSITIONS = {
     **dict.fromkeys("near beside against".split(), "near"),
     **dict.fromkeys("behind opposite facing under".split(), "near"),
     "before": "before",
+    "outside": "before",
     "between": "between",
     "around": "around",
     "round": "around",
@@ -67,15 +68,21 @@ THERE = frozenset("there here now done immediately".split())
 SECOND = frozenset("going walking moving heading straight following".split())
 BY_YOU = {
     ("behind", "you"): "behind",
+    ("in", "front", "of", "you"): "ahead",
+    ("ahead", "of", "you"): "ahead",
     ("next", "to", "you"): "beside",
     ("beside", "you"): "beside",
 }
 KEEP = frozenset("keep stay keeping staying".split())
-BEND_WORDS = frozenset("bear bearing veer veering curve curves bend bends angle keep".split())
+BEND_WORDS = frozenset(
+    "bear bearing veer veering curve curves bend bends angle keep drift slant lean".split()
+)
 TURN_PLACE = frozenset("at in into through by past between along out".split())
-SEVERAL = frozenset("both all which each".split())
+SEVERAL = frozenset("both all which each also".split())
+OPENERS = frozenset("there here then next that".split())
 RIGHT_ADVERB = frozenset(
-    "there here next in by beside before after away where past behind between at through".split()
+    """there here next in by beside before after away where past behind between at through up
+    outside inside""".split()
 )
 FILLERS = frozenset(
     """the a an you your will be it its that which who this these those to straight ahead forward
@@ -85,5 +92,6 @@ FILLERS = frozenset(
     for of one where first well another off until and or some is are little bit once inside through
     behind at in by within from other same far close long short past with side do does need want
     facing let yourself into opposite both after before very too even half upon continuing onward
-    onwards itself whose until while past keep exactly eventually instead""".split()
+    onwards itself whose until while past keep exactly eventually instead clockwise counterclockwise
+    anticlockwise""".split()
 )

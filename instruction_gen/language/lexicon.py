@@ -6,13 +6,13 @@ them names no landmark. So labels stay data, whatever they say.
 
 from __future__ import annotations
 
-# canonical noun = synonyms < kinds it may also be called.
+# canonical noun = synonyms < kinds it may also be called; a comma goes on in the next line.
 _OBJECTS = """
 sofa=couch,settee,loveseat<seat,seating
-armchair=easy chair,lounge chair,recliner<chair,seat
-chair=dining chair,office chair,desk chair<seat
+armchair=easy chair,lounge chair,recliner,sofa chair,arm chair<chair,seat
+chair=dining chair,office chair,desk chair,swivel chair,computer chair,kitchen chair<seat
 stool=bar stool,barstool<seat
-pouf=ottoman,footstool<seat
+pouf=ottoman,footstool,puff,footrest,foot stool<seat
 bench=<seat
 coffee table=low table<table
 dining table=dinner table<table
@@ -20,27 +20,29 @@ kitchen table=<table,dining table
 side table=end table<table
 nightstand=bedside table,night stand,night table,bedside cabinet<table,cabinet
 table=
-desk=reading desk,writing desk,work desk<table
+desk=reading desk,writing desk,work desk,work table,study table<table
 bed=
 bunk bed=<bed
 crib=cot<bed
 wardrobe=closet,armoire<cabinet,cupboard
-dresser=chest of drawers,drawers<cabinet
-sideboard=credenza,buffet<cabinet,cupboard
+dresser=chest of drawers,drawers,bureau<cabinet
+sideboard=credenza,buffet,console,console table<cabinet,cupboard
 cabinet=cupboard
 kitchen cabinet=<cabinet,cupboard
 wall cupboard=wall cabinet<cupboard,cabinet
-shoe cabinet=shoe cupboard<cabinet,cupboard
+shoe cabinet=shoe cupboard,shoe storage,shoe closet,shoe chest<cabinet,cupboard
 shoe rack=<rack,shelf
-tv stand=television stand,tv unit,media console<stand,cabinet
+tv stand=television stand,tv unit,media console,tv console,tv table,tv bench,
+entertainment center,media unit,television unit<stand,cabinet
 tv cabinet=television cabinet<cabinet,tv stand
-television=tv,tv set,flat screen,screen
+television=tv,tv set,flat screen,screen,telly,television set
 monitor=computer screen,display<screen
-bookshelf=bookcase,book shelf<shelf,shelves
+bookshelf=bookcase,book shelf,shelf of books,shelf with books,book case,bookshelves<shelf,shelves
 shelf=shelves,shelving,shelving unit
 rack=
-coat rack=coat stand,clothes rack,hat stand<rack,stand
-kitchen counter=counter,countertop,worktop
+coat rack=coat stand,clothes rack,hat stand,coat hanger,coat hook,coat tree,garment rack,
+hall tree<rack,stand
+kitchen counter=counter,countertop,worktop,kitchen unit,kitchen units,kitchen cabinets
 counter=
 refrigerator=fridge,freezer
 stove=cooker,hob,range
@@ -51,13 +53,13 @@ dishwasher=
 range hood=rangehood,extractor hood,hood
 sink=
 washbasin=wash basin,basin<sink
-toilet=
-bathtub=bath,tub
+toilet=commode,toilet bowl,loo
+bathtub=bath,tub,bath tub
 shower=shower cabin
-washing machine=washer<machine
+washing machine=washer,laundry machine,clothes washer<machine
 dryer=<machine
-towel rail=towel rack,towel bar<rail
-radiator=heater
+towel rail=towel rack,towel bar,towel holder,towel hanger<rail
+radiator=heater,heating
 fireplace=
 piano=grand piano
 guitar=
@@ -65,12 +67,12 @@ drum=drums
 fitness equipment=exercise machine,exercise equipment,gym equipment,workout machine<machine
 treadmill=<machine
 dumbbell=dumbbells,weights
-plant=potted plant,houseplant
+plant=potted plant,houseplant,pot plant,house plant,plant pot
 flower=flowers
 tree=
 vase=
 lamp=light
-floor lamp=standing lamp<lamp,light
+floor lamp=standing lamp,tall lamp,lamp stand<lamp,light
 table lamp=<lamp,light
 ceiling lamp=ceiling light,pendant lamp<lamp,light
 chandelier=<lamp,light
@@ -80,13 +82,14 @@ picture=painting,photo,photograph,poster,artwork
 window=
 curtain=curtains,drape,drapes
 curtain rod=
-rug=carpet,mat
+rug=carpet,mat,area rug,floor mat,floor rug
 carpet=rug,mat
-bin=trash can,trash bin,garbage can,waste bin,wastebasket,dustbin
+bin=trash can,trash bin,garbage can,waste bin,wastebasket,dustbin,rubbish bin,garbage bin,trash,
+rubbish,litter bin
 trash can=trash bin,garbage can,bin,waste bin,wastebasket
 box=
 seasoning box=<box
-basket=laundry basket
+basket=laundry basket,hamper,laundry hamper,wicker basket
 computer=laptop,pc
 tablet=
 printer=
@@ -133,17 +136,18 @@ speaker=
 """
 
 _ROOMS = """
-living room=lounge,sitting room,family room,living area
+living room=lounge,sitting room,family room,living area,front room
 kitchen=kitchen area
 bedroom=bed room
-children's room=childrens room,kids room,kid's room,child's room<bedroom
-bathroom=restroom,washroom,bath room
-hallway=hall,corridor,passage,passageway,landing
-dining room=dining area
+children's room=childrens room,kids room,kid's room,child's room,children room,child room,
+kid room,kids bedroom,kids' room,kids' bedroom,kid's bedroom,children's bedroom<bedroom
+bathroom=restroom,washroom,bath room,wc,shower room
+hallway=hall,corridor,passage,passageway,landing,hall way
+dining room=dining area,dining hall,dining space
 exercise room=gym,fitness room,workout room,exercise area
 laundry room=utility room
 music room=
-office=study,home office
+office=study,home office,study room,den,work room
 entrance hall=entryway,foyer,entrance way,vestibule<hallway
 closet room=walk-in closet,dressing room
 garage=
@@ -223,6 +227,8 @@ COLOUR_NEIGHBOURS = {
     "brown": {"orange", "beige", "red", "black"},
     "beige": {"brown", "white", "yellow", "grey", "orange"},
 }
+# Colours that things have, whatever a picture or a label says of them.
+INNATE_COLOURS = {"plant": "green", "tree": "green"}
 MATERIALS = {
     "wooden": "wooden", "wood": "wooden", "metal": "metal", "steel": "metal", "leather": "leather",
     "glass": "glass", "marble": "marble", "stone": "stone", "plastic": "plastic",
@@ -260,7 +266,7 @@ _IRREGULAR = {
 
 def _table(text: str) -> dict[str, tuple[frozenset[str], frozenset[str]]]:
     result = {}
-    for line in text.strip().splitlines():
+    for line in text.strip().replace(",\n", ",").splitlines():
         name, _, rest = line.partition("=")
         same, _, kinds = rest.partition("<")
         words = frozenset(w.strip() for w in same.split(",") if w.strip()) | {name}

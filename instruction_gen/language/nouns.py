@@ -81,6 +81,29 @@ def answers(noun: str) -> frozenset[str]:
 
 
 @cache
+def called(noun: str, phrase: str) -> bool:
+    """Whether a person may call a noun of `noun_of` by a phrase in the singular.
+
+    Beside the phrases of `answers` a compound of its own words: `shoe storage cabinet` is a shoe
+    cabinet, `flat screen stand` a TV stand.
+    """
+    if phrase in answers(noun):
+        return True
+    *modifiers, kind = phrase.split()
+    if not modifiers or not answers(noun) & {kind, f"{modifiers[-1]} {kind}"}:
+        return False
+    names = [name.split() for name in answers(noun)]
+    own = {word for name in names for word in name}
+    for word in {w for name in names for w in name[:-1]}:
+        same = [OBJECTS[n][0] for n in OBJECT_PHRASES.get(word, ()) if word in OBJECTS[n][0]]
+        own |= {w for said in same for name in said for w in name.split()}
+    return own.issuperset(set(modifiers) - _NEUTRAL)
+
+
+_NEUTRAL = frozenset("storage set unit room".split())
+
+
+@cache
 def room_answers(room: str) -> frozenset[str]:
     """All phrases by which a person may call a room of `room_of`."""
     same, kinds = ROOMS.get(room, (frozenset({room}), frozenset()))

@@ -22,6 +22,7 @@ from .function_words import (
     JOINTS,
     KEEP,
     NOUNLIKE,
+    OPENERS,
     PHRASES,
     PREPOSITIONS,
     RIGHT_ADVERB,
@@ -34,6 +35,7 @@ from .function_words import (
     UNTIL,
     VERB_OF,
 )
+from .idioms import plainer
 from .phrases import DETERMINERS, read_noun
 from .sides import read_side
 from .tokens import Token, tokenize
@@ -69,17 +71,17 @@ class _Draft:
 
 
 def parse(text: str) -> Parse:
-    """Read a text; never fails, strange words are counted."""
+    """Read a text; never fails; words that it cannot place are counted."""
     return _Reader(text).read()
 
 
 class _Reader:
     def __init__(self, text: str):
         self.text = text
-        self.tokens = tokenize(text)
+        self.tokens = plainer(tokenize(text))
         self.k = 0
         self.clauses: list[Clause] = []
-        self.strange: list[str] = []
+        self.unparsed: list[str] = []
         self.draft = _Draft(0)
         self.prep = ""
 
@@ -88,7 +90,7 @@ class _Reader:
             self._token()
         self._close()
         words = sum(t.is_word for t in self.tokens)
-        return Parse(self.text, tuple(self.clauses), words, tuple(self.strange))
+        return Parse(self.text, tuple(self.clauses), words, tuple(self.unparsed))
 
     # one step ---------------------------------------------------------------------------------
 
@@ -145,7 +147,10 @@ class _Reader:
             self.k += 1
         elif word in PREPOSITIONS:
             self.prep = PREPOSITIONS[word]
-            if word == "by" and (self.draft.verb == "stop" or self.draft.nouns):
+            stopped = self.draft.verb == "stop"
+            if (word == "by" and (stopped or self.draft.nouns)) or (
+                word == "alongside" and stopped
+            ):
                 self.prep = "near"
             if word == "around" and self.draft.verb in ("turn",) and not self._noun_follows():
                 self.draft.side, self.prep = "around", ""
@@ -153,7 +158,7 @@ class _Reader:
             self.k += 1
         elif not self._noun():
             if word not in FILLERS and not word.isdigit():
-                self.strange.append(word)
+                self.unparsed.append(word)
             self._extend(token)
             self.k += 1
 
@@ -192,6 +197,7 @@ class _Reader:
             or (draft.empty and after in TURN_PLACE and self._elliptic())
             or (draft.verb == "move" and (draft.degree or self.tokens[self.k - 1].text in KEEP))
             or (after in ("after", "before") and self.tokens[self.k - 1].text == "go")
+            or (draft.verb == "move" and self.tokens[self.k - 1].text in ("head", "heading"))
         )
         adverb = not prep and not determined and side == "right" and after in RIGHT_ADVERB
         if adverb and not bare_turn:
@@ -207,12 +213,21 @@ class _Reader:
             self.draft.verb, self.draft.side, self.draft.degree = "turn", side, "some"
             self._take(k)
             return True
-        if prep in ("on", "to") and draft.empty and self._side_of_last(side, k):
+        pointing = draft.empty or (draft.verb == "see" and not draft.nouns)
+        it = [t.text for t in self.tokens[max(0, self.k - 2) : self.k]]
+        if prep == "to" and it in (["around", "it"], ["around", "this"], ["around", "that"]):
+            draft.side = side
+            self._take(k)
             return True
+        if prep in ("on", "to", "at") and pointing and self._side_of_last(side, k):
+            return True
+        # "Veer right between the chair to the left and …": the side of the chair.
+        told = bool(draft.side) and bool(draft.nouns) and draft.nouns[-1].kind == "object"
         if prep in ("on", "at", "in", "off") or (
-            prep == "to" and draft.nouns and draft.verb != "turn"
+            prep == "to" and draft.nouns and (draft.verb != "turn" or told)
         ):
-            if draft.nouns and not draft.nouns[-1].side and draft.nouns[-1].kind != "generic":
+            open_ = bool(draft.nouns) and draft.nouns[-1].side in ("", "ahead")
+            if open_ and draft.nouns[-1].kind != "generic":
                 draft.nouns[-1] = replace(draft.nouns[-1], side=side)
             elif draft.verb in ("move", "turn") and not draft.nouns and prep == "to":
                 draft.side = side
@@ -237,11 +252,14 @@ class _Reader:
 
     def _by_you(self) -> bool:
         """`behind you` and `next to you` say where the thing named before is."""
-        words = [t.text for t in self.tokens[self.k : self.k + 3]]
+        words = [t.text for t in self.tokens[self.k : self.k + 4]]
         for said, place in BY_YOU.items():
             if tuple(words[: len(said)]) == said and self.draft.nouns:
                 last = self.draft.nouns[-1]
-                self.draft.nouns[-1] = replace(last, side=last.side or place)
+                # "Once the bed on your left is behind you": behind is where it is then.
+                self.draft.nouns[-1] = replace(
+                    last, side=place if place == "behind" else last.side or place
+                )
                 self._take(len(said))
                 return True
         return False
@@ -251,7 +269,12 @@ class _Reader:
         before = self.tokens[self.k - 1].text if self.k else "."
         if before in ("then", "and", ".", ";"):
             return True
-        return before == "," and bool(self.clauses) and self.clauses[-1].verb == "turn"
+        if before == "," and self.tokens[self.k].text == "left":
+            return True  # "right at the sofa" may be an adverb, "left at the sofa" is none
+        if before == "," and self.k > 1 and self.tokens[self.k - 2].text in OPENERS:
+            return True
+        moving = ("turn", "move", "enter", "leave", "")
+        return before == "," and bool(self.clauses) and self.clauses[-1].verb in moving
 
     def _side_of_last(self, side: str, count: int) -> bool:
         """`…, both on the right` and `…, on your right,` say the side of what was just named."""
@@ -262,11 +285,12 @@ class _Reader:
         if not self.clauses or not self.clauses[-1].nouns or not (several or closed):
             return False
         last = self.clauses[-1]
-        first = 0 if SEVERAL - {"which"} & set(words) else len(last.nouns) - 1
+        first = 0 if {"both", "all", "each"} & set(words) else len(last.nouns) - 1
         nouns = tuple(
             replace(n, side=n.side or side) if k >= first else n for k, n in enumerate(last.nouns)
         )
         self.clauses[-1] = replace(last, nouns=nouns)
+        self.draft = _Draft(self.draft.start)
         self._take(count)
         return True
 
@@ -321,22 +345,6 @@ class _Reader:
             self.draft.verb = self.draft.verb or "see"
             self._take(2)
             return True
-        if word in ("come", "coming") and self._next("to") and self._next("a", 2):
-            stop = self.k + 3 < len(self.tokens) and self.tokens[self.k + 3].text in (
-                "stop",
-                "halt",
-            )
-            if stop:
-                self._close_if_verb()
-                self.draft.verb = "stop"
-                self._take(4)
-                return True
-        if (
-            verb == "move"
-            and word in ("leads", "lead", "get", "set", "start", "begin")
-            and before == "to"
-        ):
-            verb = "move"
         if word in ("make", "take") and self._next("your"):
             self.draft.verb = self.draft.verb or "move"
             self._take(3 if self._next("way", 2) else 2)
@@ -361,6 +369,8 @@ class _Reader:
         if found is None:
             return False
         noun, stop = found
+        if not self.prep and noun.kind == "object" and self._goes_on(stop):
+            self.prep = "past"
         noun = replace(noun, prep=self.prep or noun.prep, side=noun.side or self.draft.pending_side)
         self.draft.pending_side = ""
         if noun.kind == "generic" and noun.head in ("left", "right"):
@@ -390,10 +400,21 @@ class _Reader:
         self.prep = ""
         self.k += 1
 
+    def _goes_on(self, stop: int) -> bool:
+        """Whether a noun that ends at token `stop` goes on a list: `past the bed, the desk`."""
+        before = [t.text for t in self.tokens[max(0, self.k - 2) : self.k]]
+        listed = before[-1:] == [","] or before == [",", "and"]
+        after = self.tokens[stop].text if stop < len(self.tokens) else "."
+        last = self.clauses[-1] if self.clauses else None
+        past = last is not None and bool(last.nouns) and last.nouns[-1].prep == "past"
+        return listed and past and self.draft.empty and after not in ("is", "are", "will", "on")
+
     def _noun_after_and(self) -> bool:
         """`the sofa and the chair` goes on the phrase; `and the hallway is …` does not."""
         found = read_noun(self.tokens, self.k + 1)
         if found is None or found[0].kind not in ("object",):
+            return False
+        if self.tokens[self.k + 1].text in VERB_OF:  # "…, and stand by the bed"
             return False
         after = self.tokens[found[1]].text if found[1] < len(self.tokens) else "."
         return after not in ("is", "are", "will")

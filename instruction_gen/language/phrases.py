@@ -106,6 +106,10 @@ def read_noun(tokens: Sequence[Token], k: int) -> tuple[Noun, int] | None:
         text, kind, head, plural, number, ordinal, colour, material, only, side,
         start=start, stop=k,
     )  # fmt: skip
+    if kind == "door" and k + 1 < len(tokens) and tokens[k].text in ("of", "to"):
+        inner = read_noun(tokens, k + 1)  # "the door of the bedroom", "the door to the hall"
+        if inner is not None and inner[0].kind == "room":
+            return noun, inner[1]
     if (head in PARTS or head in ("side", "end")) and k < len(tokens) and tokens[k].text == "of":
         inner = read_noun(tokens, k + 1)
         if inner is not None:

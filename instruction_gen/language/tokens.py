@@ -32,7 +32,9 @@ class Token:
 def tokenize(text: str) -> list[Token]:
     """Split a text; `living room` and other known phrases are one token each."""
     raw: list[Token] = []
-    for match in _TOKEN.finditer(text.replace("’", "'")):
+    # "The kids' room": the apostrophe is dropped, at its place.
+    plain = re.sub(r"(?<=s)'(?=\s)", " ", text.replace("’", "'"))
+    for match in _TOKEN.finditer(plain):
         word = match[0].lower()
         for part in _CONTRACTIONS.get(word, word).split():
             raw.append(Token(part, match.start(), match.end()))

@@ -1,21 +1,27 @@
 """Texts in other languages than English, compared with their English, which is checked in full.
 
 What can be compared: script, the word for stopping, sides and the order of turns, distances, and
-rooms and common things. What cannot: colours, counts, prepositions, and nouns not in the tables.
+rooms and common things, colours, counts and ordinals. What cannot: prepositions, and nouns not in
+the tables.
 """
 
 from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
+from ..language.clauses import Noun
+from ..language.lexicon import COLOURS
 from ..language.parse import parse
 from .foreign_words import (
+    COLOUR_WORDS,
+    COUNT,
     DISTANCE,
     LEFT,
     NOUNS,
     NUMBER_WORDS,
+    ORDINAL,
     RIGHT,
     SCRIPT,
     STOP,
@@ -48,6 +54,8 @@ def foreign_problems(text: str, language: str, english: str) -> list[str]:
     elif len(turns) == len(told) and turns != told:
         problems.append(f"its turns ({', '.join(turns)}) are not the English ({', '.join(told)})")
     problems += _distance_problems(text, language, [c.distance_m for c in read.clauses])
+    problems += _colour_problems(text, COLOUR_WORDS[language], english)
+    problems += _count_problems(text, language, [n for c in read.clauses for n in c.nouns])
     return problems + _noun_problems(text, NOUNS[language], english)
 
 
@@ -62,6 +70,30 @@ def _distance_problems(text: str, language: str, english_m: list[float]) -> list
         metres = _number(said, NUMBER_WORDS[language])
         if metres and not any(abs(metres - m) <= _METRES_OFF for m in english_m if m):
             problems.append(f"{said} metres are not in the English")
+    return problems
+
+
+def _colour_problems(text: str, words: Mapping[str, str], english: str) -> list[str]:
+    """Return the colours of the tables that the English does not say."""
+    told = {COLOURS[w] for w in re.findall(r"[a-z]+", english.lower()) if w in COLOURS}
+    found = {colour: match[0] for word, colour in words.items() if (match := re.search(word, text))}
+    return [f"{said} is not in the English" for c, said in found.items() if c not in told]
+
+
+def _count_problems(text: str, language: str, nouns: Sequence[Noun]) -> list[str]:
+    """Return the counts from two on, and the ordinals, that the English does not say."""
+    words = NUMBER_WORDS[language]
+    counts = {n.number for n in nouns}
+    ordinals = {n.ordinal for n in nouns}
+    things = "|".join(sorted(map(re.escape, NOUNS[language]), key=len, reverse=True))
+    problems = []
+    for said in re.findall(COUNT[language].format(nouns=things), text):
+        if (number := _number(said, words)) > 1 and number not in counts:
+            problems.append(f"{said} of them are not in the English")
+    for number, word in ORDINAL[language].items():
+        found = re.search(word, text)
+        if found and number not in ordinals:
+            problems.append(f"{found[0]} is not in the English")
     return problems
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..checker import Ground, check_text
 from ..composer import compose_texts
-from ..records import COMPOSER, InstructConfig, Told
+from ..records import COMPOSER, InstructConfig, WrittenText
 from .answers import Text
 from .brief import first_messages, repair_messages
 from .client import Client, ModelDownError, ModelError
@@ -35,34 +35,37 @@ class ModelWriter:
         self.rejected = 0
         self.replaced = 0
 
-    def __call__(self, ground: Ground, rng: np.random.Generator) -> tuple[list[Told], list[str]]:
+    def __call__(
+        self, ground: Ground, rng: np.random.Generator
+    ) -> tuple[list[WrittenText], list[str]]:
         """The texts of one path.
 
         Raises:
             ModelDownError: the model fails again and again.
             BudgetError: no more may be spent.
         """
-        told: list[Told] = []
+        written: list[WrittenText] = []
         problems: list[str] = []
         for language in self._config.languages:
             config = self._config
             styles = [config.styles[k % len(config.styles)] for k in range(config.count)]
             good = self._model_texts(ground, styles, language)
-            texts = {one.text for one in (*told, *good)}
+            texts = {one.text for one in (*written, *good)}
             if len(good) < config.count:
                 missing = config.count - len(good)
                 wanted = styles[len(good) :]
                 composed, problems = compose_texts(ground, missing, wanted, rng, texts)
                 self.replaced += len(composed)
                 good += [
-                    Told(c.text, "en", c.style, COMPOSER, c.landmarks, c.attempts) for c in composed
+                    WrittenText(c.text, "en", c.style, COMPOSER, c.landmarks, c.attempts)
+                    for c in composed
                 ]
-            told += good
-        return told, ([] if told else problems)
+            written += good
+        return written, ([] if written else problems)
 
-    def _model_texts(self, ground: Ground, styles: list[str], language: str) -> list[Told]:
+    def _model_texts(self, ground: Ground, styles: list[str], language: str) -> list[WrittenText]:
         messages = first_messages(ground.facts, styles, language)
-        good: list[Told] = []
+        good: list[WrittenText] = []
         for attempt in range(1 + REPAIRS):
             try:
                 answer = self._client.ask(messages)
@@ -78,7 +81,9 @@ class ModelWriter:
                     failed.append((style, text.text[:700], problems))
                     continue
                 model = self._client.settings.model
-                good.append(Told(text.text.strip(), language, style, "llm", (), attempt + 1, model))
+                good.append(
+                    WrittenText(text.text.strip(), language, style, "llm", (), attempt + 1, model)
+                )
             if not failed or len(good) >= len(styles):
                 break
             messages = repair_messages(
@@ -86,7 +91,9 @@ class ModelWriter:
             )
         return [replace(one) for one in good]
 
-    def _problems(self, text: Text, language: str, ground: Ground, good: list[Told]) -> list[str]:
+    def _problems(
+        self, text: Text, language: str, ground: Ground, good: list[WrittenText]
+    ) -> list[str]:
         words = text.text.strip()
         if any(words == one.text for one in good):
             return ["it repeats another text word for word"]

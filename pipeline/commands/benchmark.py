@@ -76,7 +76,7 @@ def run(options: Benchmark) -> int:
         with atomic_file(folder / FOLDER / PAGE_NAME) as temporary:
             temporary.write_text(_page(value))
     if (folder / MANIFEST_NAME).is_file():
-        with open_context(folder, options.execution()) as context:
+        with open_context(folder, options) as context:
             made = (asked, folder / FOLDER / RESULT_NAME, folder / FOLDER / PAGE_NAME)
             context.ledger.record(made)
     if options.json:

@@ -73,9 +73,10 @@ def run(options: Collect) -> int:
     if plan and plan.instructions and options.count == Collect.count:
         instructing = replace(instructing, count=plan.instructions)
     rules = StairRules(tuple(name.strip() for name in options.stair_rules.split(",")))
-    repairing = RepairConfig(up=options.up, unit=options.unit)
+    collision = str(options.collision.resolve()) if options.collision else ""
+    repairing = RepairConfig(up=options.up, unit=options.unit, collision=collision)
     with open_context(
-        options.out or Path("runs") / _run_name(options, sources), options.execution()
+        options.out or Path("runs") / _run_name(options, sources), options
     ) as context:
         folder = RunFolder(context.ledger.root)
         keep_all(robots, context.ledger)

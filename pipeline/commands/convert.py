@@ -27,7 +27,7 @@ def run_convert(options: Convert) -> int:
     target = convert_source.Kind(options.to)
     if source.kind is target:
         raise InputError(f"{options.source}: is already {target}; choose another --to")
-    with open_context(options.out, options.execution()) as context:
+    with open_context(options.out, options) as context:
         summaries, written = convert.run(context, source, target, chosen)
     quarantined = sum(s.quarantined for s in summaries)
     code = int(quarantined > options.max_failed)

@@ -74,7 +74,7 @@ def run_evaluate(options: Evaluate) -> int:
     identity = policy_identity(options.policy, options.timeout_s)
     out = options.out or _default_out(options, robot.name, view)
     actions = action_timing(options.action_steps, options.closed_loop)
-    with open_context(out, options.execution()) as context:
+    with open_context(out, options) as context:
         root = context.ledger.root
         found = keep_all([robot], context.ledger)[robot.name]
         config = closed_loop(replay.config(found, options.controller, options.seed, actions))

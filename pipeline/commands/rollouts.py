@@ -39,15 +39,16 @@ def run_replay(options: Replay) -> int:
     scenes = repair.rows_of(options.scenes)
     repair.demand({e.scene_id for e in asked}, scenes, options.scenes)
     summaries = []
-    with open_context(options.out, options.execution()) as context:
+    with open_context(options.out, options) as context:
         root = context.ledger.root
         found_by = keep_all(robots, context.ledger)
         for robot, controller in pairs:
             config = replay.config(found_by[robot], controller, options.seed, actions)
+            label = replay.label_of(context.ledger, config)
             items = replay.items(
-                asked, scenes, options.scenes.resolve(), root, root / "models", config
+                asked, scenes, options.scenes.resolve(), root, root / "models", config, label
             )
-            summaries.append(run_stage(context, replay.STAGE, items, f"{robot}/{controller}/"))
+            summaries.append(run_stage(context, replay.STAGE, items, f"{robot}/{label}/"))
         context.ledger.record_new(root / "models")
     return _tell(options, summaries)
 
@@ -90,7 +91,7 @@ def run_render(options: Render) -> int:
     extras = Extras(options.semantic, options.instance, options.depth_mm)
     root, folder = source.root.resolve(), options.scenes.resolve()
     summaries = []
-    with open_context(options.out, options.execution()) as context:
+    with open_context(options.out, options) as context:
         out = context.ledger.root
         for (robot, controller), rows in groups.items():
             recorded = render.Recorded(rows, root, scenes, folder)
@@ -124,7 +125,7 @@ def run_export(options: Export) -> int:
     if not any(groups.values()):
         raise FileFormatError(options.frames, "contains no successful rendered episode")
     summaries = []
-    with open_context(options.out, options.execution()) as context:
+    with open_context(options.out, options) as context:
         for (robot, controller, view), rows in groups.items():
             dataset = export.Dataset.under(context.ledger.root, robot, controller, view)
             summaries += export.run(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ...formats.core.errors import InputError
 from ...scene_repair.config import RepairConfig
 from ..builtin import BuiltIn, check_kind
 from ..engine.context import run_single
@@ -10,9 +11,9 @@ from ..options.scenes import Repair, Scan
 from ..stages import repair
 from ..summary import tell
 
-SCAN_NAMES = frozenset({"scan.glb", "scan.labels.json", "truth.npz", "LICENSE.scan"})
+SCAN_NAMES = frozenset({"scan.glb", "scan.ply", "scan.labels.json", "truth.npz", "LICENSE.scan"})
 SCENE_NAMES = frozenset(
-    {"scene.json", "scene.usdc", "visual.npz", "textures", "levels"}
+    {"scene.json", "scene.usdc", "visual.npz", "textures", "levels", "splats.npz"}
     | {"repair.json", "before.png", "after.png"}
 )
 
@@ -26,9 +27,12 @@ def run_scan(options: Scan) -> int:
     check_kind(options.kind)
     refuse_to_replace(options.out, SCAN_NAMES)
     out = options.out.resolve()
+    if options.exact and options.splats:
+        raise InputError("--exact and --splats: valid: one of them; splats are a virtual capture")
     building = BuiltIn(options.kind, options.seed, not options.exact)
-    facts = run_single(out, repair.SCAN_STAGE, repair.scan_item(building, out)).facts
-    return tell(options, facts, f"{options.out / 'scan.glb'}: {options.kind} {options.seed}")
+    item = repair.scan_item(building, out, options.splats)
+    facts = run_single(out, repair.SCAN_STAGE, item).facts
+    return tell(options, facts, f"{options.out / facts['scan']}: {options.kind} {options.seed}")
 
 
 def run_repair(options: Repair) -> int:
@@ -38,7 +42,9 @@ def run_repair(options: Repair) -> int:
         InputError: If the scan cannot be used, or `out` contains unrelated files.
     """
     out = options.out.resolve()
-    item = repair.item(options.scan, out, RepairConfig(up=options.up, unit=options.unit))
+    collision = str(options.collision.resolve()) if options.collision else ""
+    config = RepairConfig(up=options.up, unit=options.unit, collision=collision)
+    item = repair.item(options.scan, out, config)
     refuse_to_replace(options.out, SCENE_NAMES)
     facts = run_single(out, repair.STAGE, item).facts
     end = "repaired" if facts["sound"] else "repaired, but NOT SOUND (collect refuses it)"

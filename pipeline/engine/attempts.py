@@ -16,6 +16,11 @@ from .executors import Executor
 from .files import Records, all_records
 from .work import ItemResult, Job, WorkItem
 
+# Failures that the same item need not have again, by name: memory, servers, budgets.
+TRANSIENT = frozenset(
+    {"WorkerDiedError", "ModelError", "ModelDownError", "BudgetError", "PolicyError"}
+)
+
 
 class WorkerDiedError(VlnpeError):
     """A worker process died while it worked on an item alone."""
@@ -110,7 +115,8 @@ def attempt(job: Job, outputs: Sequence[Path], threads: int) -> Outcome:
         # Now, while the files are still in the page cache.
         return Outcome(result, seconds, cpu_seconds, all_records(outputs))
     except Exception as error:
-        return Outcome(error=_portable(error), traceback=traceback.format_exc())
+        text = traceback.format_exc()
+        return Outcome(error=_portable(error), traceback=text)
 
 
 def _portable(error: Exception) -> Exception:

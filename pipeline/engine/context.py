@@ -7,14 +7,18 @@ import json
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from ...formats.core.atomic import sweep_beside, write_bytes
 from ...formats.core.errors import InputError, VlnpeError
+from ..options.running import Running
+from .command_line import command_line
 from .executors import Execution, make_executor
 from .files import records_of
 from .ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger, Row
 from .lock import LOCK_NAME, lock, sweep_unlocked
+from .quarantine import FOLDER as QUARANTINE_FOLDER
 from .run_folder import open_run_folder
 from .runner import Context, run_stage
 from .signals import ended_first
@@ -25,17 +29,20 @@ OUTPUT_NAME = "output.json"
 
 
 @contextmanager
-def open_context(root: Path, execution: Execution, *, wait: bool = False) -> Iterator[Context]:
+def open_context(root: Path, options: Running) -> Iterator[Context]:
     """Open an output folder with its ledger, lock it, and start what runs its items.
 
     Args:
         root: Output folder; created if it does not exist.
-        execution: Where the items run.
-        wait: Wait for another process that works in the folder, instead of raising.
+        options: The command's, which say how items are run.
 
     Raises:
-        InputError: If the folder or the executor cannot be used, or another process works in it.
+        InputError: If the folder cannot be used, another process works in it, an option of
+            the executor is invalid, or the only item to run is not among those of the command.
     """
+    execution = options.execution()
+    if options.only and ":" not in options.only:
+        raise InputError(f"--only {options.only}: valid: STAGE:ITEM, as quarantine.json lists them")
     new = not root.exists()
     ours = any((root / name).is_file() for name in (MANIFEST_NAME, JOURNAL_NAME, LOCK_NAME))
     if root.is_dir() and any(root.iterdir()) and not ours:
@@ -43,13 +50,23 @@ def open_context(root: Path, execution: Execution, *, wait: bool = False) -> Ite
             f"output folder {root}: not empty and not an earlier run; choose another OUT"
         )
     folder = open_run_folder(root)
-    with lock(folder.root, wait=wait):
+    with lock(folder.root, wait=options.wait):
         sweep_unlocked(folder.root)
         try:
             with _working(folder.root, execution) as context:
-                yield context
+                yield replace(
+                    context,
+                    explain=options.explain,
+                    retry_quarantined=options.retry_quarantined,
+                    only=options.only,
+                    command="" if type(options) is Running else command_line(options),
+                )
+            if options.only:
+                raise InputError(f"--only {options.only}: the command has no such item")
         except InputError:
-            left = {p.name for p in folder.root.rglob("*") if p.is_file()}
+            tracebacks = folder.root / QUARANTINE_FOLDER
+            files = (p for p in folder.root.rglob("*") if p.is_file())
+            left = {p.name for p in files if not p.is_relative_to(tracebacks)}
             if new and left <= {MANIFEST_NAME, QUARANTINE_NAME, LOCK_NAME}:
                 shutil.rmtree(folder.root)
             raise

@@ -45,6 +45,7 @@ class Row:
         error: `type` and `reason` of a quarantined item.
         current: whether the latest run asked for it. Rows of earlier options stay, so that going
             back to them costs nothing, but the report and the counts leave them out.
+        parts: digests of what it was made of, by name; see `explain`.
     """
 
     stage: str
@@ -58,6 +59,7 @@ class Row:
     facts: dict[str, Any] = field(default_factory=dict)
     error: dict[str, str] = field(default_factory=dict)
     current: bool = True
+    parts: dict[str, str] = field(default_factory=dict)
 
 
 class Ledger:
@@ -79,6 +81,7 @@ class Ledger:
         self.root = root
         self._rows: dict[tuple[str, str], Row] = {}
         self._files: dict[str, Records] = {}
+        self._values: dict[str, dict[str, str]] = {}
         self.hashed = True
         self.damaged_lines: list[int] = []
         manifest = root / MANIFEST_NAME
@@ -89,6 +92,7 @@ class Ledger:
                     self._keep(_row(row))
                 self.hashed = "files" in content
                 self._files = dict(content.get("files", {}))
+                self._values = dict(content.get("parts", {}))
             except (AttributeError, KeyError, RecursionError, TypeError, ValueError) as error:
                 raise FileFormatError(manifest, f"not a vlnpe manifest: {error!r}") from error
         journal = root / JOURNAL_NAME
@@ -117,6 +121,10 @@ class Ledger:
         """Return the current rows of all stages or of one, in item order."""
         found = [self._rows[k] for k in sorted(self._rows) if stage in (None, k[0])]
         return [row for row in found if row.current]
+
+    def all_rows(self, stage: str) -> list[Row]:
+        """Return the rows of a stage, those of earlier options too, in item order."""
+        return [self._rows[key] for key in sorted(self._rows) if key[0] == stage]
 
     def select(self, stage: str, scope: str, names: Collection[str]) -> None:
         """Make `names` the current items of a stage among those that start with `scope`."""
@@ -149,6 +157,17 @@ class Ledger:
         self._files.update(files or {})
         self._append([{**asdict(row), **({"files": dict(files)} if files else {})}])
 
+    def values(self) -> Mapping[str, Mapping[str, str]]:
+        """Return the values of what items were made of, by digest; see `explain`."""
+        return self._values
+
+    def describe(self, values: Mapping[str, dict[str, str]]) -> None:
+        """Keep the values of what items are made of, by digest."""
+        new = {name: one for name, one in values.items() if one and name not in self._values}
+        if new:
+            self._values.update(new)
+            self._append([{"parts": new}])
+
     def record(self, outputs: Iterable[Path]) -> None:
         """Record files and folders that were written beside the items, durably."""
         files = {os.path.relpath(path, self.root): records_of(path) for path in outputs}
@@ -156,6 +175,13 @@ class Ledger:
         if any(self._files.get(name) != records for name, records in changed.items()):
             self._files.update(changed)
             self._append([{"record": changed}])
+
+    def unrecord(self, outputs: Iterable[Path]) -> None:
+        """Drop the records of files and folders that were removed, durably."""
+        names = [os.path.relpath(path, self.root) for path in outputs]
+        known = [name for name in names if self._files.pop(name, None) is not None]
+        if known:
+            self._append([{"unrecord": known}])
 
     def record_new(self, folder: Path) -> None:
         """Record the files in a folder that have no record yet, durably.
@@ -216,7 +242,9 @@ class Ledger:
     def save(self) -> None:
         """Fold the journal into the manifest, and list what is quarantined."""
         rows = [asdict(self._rows[k]) for k in sorted(self._rows)]
-        body = _text({"files": self._files, "rows": rows})
+        used = {digest for row in self._rows.values() for digest in row.parts.values()}
+        values = {digest: one for digest, one in self._values.items() if digest in used}
+        body = _text({"files": self._files, "parts": values, "rows": rows})
         write_bytes(self.root / MANIFEST_NAME, _signed(body))
         write_bytes(self.root / QUARANTINE_NAME, self.quarantine_text())
         (self.root / JOURNAL_NAME).unlink(missing_ok=True)
@@ -246,6 +274,11 @@ class Ledger:
         if "forget" in line:
             stage, items = line["forget"]
             self._drop(stage, [items] if isinstance(items, str) else items)
+        elif "parts" in line and "stage" not in line:
+            self._values.update(line["parts"])
+        elif "unrecord" in line:
+            for name in line["unrecord"]:
+                self._files.pop(name, None)
         elif "record" in line:
             self._files.update(line["record"])
         else:
@@ -297,9 +330,9 @@ def _checked(path: Path) -> dict[str, Any]:
     """
     raw = path.read_bytes()
     content = json.loads(raw)
-    # A damaged name of the first member must not pass for an older file.
-    first, _, rest = raw.removeprefix(_OPEN).partition(b"\n")
-    if raw != _signed(_OPEN + rest) and not first.startswith((b'  "rows"', b'  "files"')):
+    _, _, rest = raw.removeprefix(_OPEN).partition(b"\n")
+    # A damaged name of the first member must not pass for a file without one.
+    if raw != _signed(_OPEN + rest) and not content.keys() <= {"files", "parts", "rows"}:
         raise FileFormatError(
             path,
             "its content does not match its own SHA-256: it was damaged or edited. Restore it "

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import re
 import shutil
 import tempfile
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import quote
 
 from ...formats.core.errors import InputError
 
@@ -17,6 +21,43 @@ MINIMUM_FREE_BYTES = 256 * 1024**2
 def safe_name(text: str) -> str:
     """Return `text` as a file name: anything but letters, digits, `.`, `_`, `-` becomes `-`."""
     return re.sub(r"[^A-Za-z0-9._-]+", "-", text).strip("-.") or "unnamed"
+
+
+MAX_NAME_BYTES = 150  # of 255 that file systems allow; suffixes and temporary names come on top
+
+
+def file_name(text: str) -> str:
+    """Return a file name that no other text has; texts that `safe_name` keeps stay as they are.
+
+    Other characters become their UTF-8 bytes as `%2F`. Very long texts end with their digest.
+    """
+    if text == safe_name(text) and len(text) <= MAX_NAME_BYTES:
+        return text
+    quoted = quote(text, safe="").replace("~", "%7E")
+    # Hidden names, `..`, and what Windows cuts off.
+    for end in ("-", "."):
+        quoted = re.sub(rf"^\{end}|\{end}$", f"%{ord(end):02X}", quoted)
+    if len(quoted) > MAX_NAME_BYTES:
+        digest = hashlib.sha256(text.encode()).hexdigest()[:16]
+        return f"{quoted[:MAX_NAME_BYTES]}~{digest}"
+    return quoted or "~"
+
+
+def file_names(texts: Sequence[str]) -> list[str]:
+    """Return a file name for each of several different texts, also where case is ignored.
+
+    Texts that differ in case alone get their capitals as bytes; one without capitals stays.
+    """
+    names = [file_name(text) for text in texts]
+    count = Counter(name.casefold() for name in names)
+    return [
+        name if count[name.casefold()] == 1 else re.sub(r"(?<!%)(?<!%.)[A-Z]", _as_byte, name)
+        for name in names
+    ]
+
+
+def _as_byte(letter: re.Match[str]) -> str:
+    return f"%{ord(letter[0]):02X}"
 
 
 @dataclass(frozen=True)

@@ -6,17 +6,22 @@ import contextlib
 import errno
 import logging
 import os
+import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from ...formats.core.atomic import sweep_beside
 from ...formats.core.errors import InputError, VlnpeError
 from ...formats.core.progress import progress_bar
-from .attempts import Outcome, run_items
+from .attempts import TRANSIENT, Outcome, attempt, run_items
 from .executors import Executor
+from .explain import changes, parts_of
 from .files import Records
 from .ledger import Ledger, Row
+from .quarantine import forget_failure, keep_failure
+from .signals import OnlyDone
 from .work import WorkItem
 
 log = logging.getLogger(__name__)
@@ -78,11 +83,19 @@ class Context:
         ledger: of the run folder (or of a single stage's output folder).
         workers: run the items of all stages.
         progress: show progress bars.
+        explain: say of every item why it runs or is reused.
+        retry_quarantined: run items again that failed before, and would fail again.
+        only: `STAGE:ITEM`, the one item to run; empty runs all.
+        command: the command line that runs one item alone, up to its name; empty if there is none.
     """
 
     ledger: Ledger
     workers: Executor
     progress: bool = True
+    explain: bool = False
+    retry_quarantined: bool = False
+    only: str = ""
+    command: str = ""
 
 
 def run_stage(
@@ -95,6 +108,9 @@ def run_stage(
     label: str = "",
 ) -> StageSummary:
     """Run the items that are not done yet.
+
+    An item that was quarantined under the same key would fail again, and stays quarantined unless
+    the context says otherwise, it failed for want of memory, disk or network, or it is required.
 
     Args:
         context: ledger and workers.
@@ -109,21 +125,33 @@ def run_stage(
         InputError: a file cannot be written, or all items of a required stage failed for a reason
             that lies in the user's input.
         StageFailedError: all items of a required stage failed for another reason.
+        OnlyDone: the context asks for one item alone, and it has run.
     """
+    _check_distinct(stage, items)
     started = time.perf_counter()
     summary = StageSummary(stage)
     ledger = context.ledger
-    ledger.select(stage, scope, {item.name for item in items})
+    if not context.only:
+        ledger.select(stage, scope, {item.name for item in items})
     waiting: list[WorkItem] = []
     for item in items:
-        if ledger.is_done(stage, item.name, item.key):
-            row = ledger.row(stage, item.name)
-            assert row is not None
-            summary.reused += 1
-            summary.failed += row.failed
-            summary.rows.append(row)
-        else:
+        row = ledger.row(stage, item.name)
+        reason = _why(context, stage, item, row, required)
+        if context.explain:
+            told = f"runs: {reason}" if reason else f"is reused ({_state(row)})"
+            sys.stderr.write(f"{stage} {item.name} {told}\n")
+        if reason or row is None:
             waiting.append(item)
+            continue
+        summary.reused += row.status == "done"
+        summary.quarantined += row.status == "quarantined"
+        summary.failed += row.failed
+        summary.rows.append(row)
+    if context.only:
+        _run_only(context, stage, items, waiting)
+        return summary
+    for item in waiting:
+        forget_failure(ledger, stage, item)
     ledger.forget(stage, [item.name for item in waiting])
     bar = progress_bar(
         f"{' '.join([label or stage, *scope.split('/')[:2]]):<{BAR_LABEL}}",
@@ -135,8 +163,7 @@ def run_stage(
     errors: list[BaseException] = []
     try:
         for item, outcome in run_items(context.workers, waiting):
-            row = _row(stage, item, outcome, ledger.root)
-            ledger.add(row, _files(outcome, ledger.root))
+            row = _record(context, stage, item, outcome)
             summary.rows.append(row)
             summary.done += row.status == "done"
             summary.failed += row.failed
@@ -146,6 +173,8 @@ def run_stage(
             bar.set_postfix_str(_note(summary), refresh=False)
             bar.update()
     except BaseException:
+        context.workers.kill_processes()
+        sweep_beside(path for item in waiting for path in item.outputs)
         with contextlib.suppress(OSError):  # a full disk must not hide that it is full
             ledger.save()
         raise
@@ -168,6 +197,81 @@ def run_stage(
 
 class StageFailedError(VlnpeError):
     """Every item of a required stage failed, and the input is not the reason."""
+
+
+def _check_distinct(stage: str, items: Sequence[WorkItem]) -> None:
+    """Raise unless all items have names of their own, on any file system.
+
+    Two items of one name would share a row and their files, and one would be lost without a word.
+    """
+    found: dict[str, str] = {}
+    for item in items:
+        name = item.name.casefold()
+        if name in found:
+            raise VlnpeError(f"{stage}: {item.name} and {found[name]} share one file name")
+        found[name] = item.name
+
+
+def _why(context: Context, stage: str, item: WorkItem, row: Row | None, required: bool) -> str:
+    """Return why an item runs; empty if its row is still good."""
+    ledger = context.ledger
+    if row is None:
+        return "it has not been finished in this folder"
+    if row.key != item.key:
+        if not context.explain:
+            return "its key has changed"
+        names = {one.key[:16]: f"{one.stage} {one.item}" for one in ledger.rows()}
+        now = parts_of(item.inputs, item.job)
+        lines = changes(row.parts, ledger.values(), now, names) if row.parts else []
+        return "; ".join(lines) or "an earlier version made it"
+    if row.status == "quarantined":
+        if context.retry_quarantined or required or row.error.get("transient"):
+            return f"it was quarantined: {row.error.get('reason', '')}"
+        return ""
+    missing = [path for path in row.outputs if not (ledger.root / path).exists()]
+    return f"{missing[0]} is missing" if missing else ""
+
+
+def _state(row: Row | None) -> str:
+    quarantined = row is not None and row.status == "quarantined"
+    return "still quarantined; --retry-quarantined runs it" if quarantined else "unchanged"
+
+
+def _run_only(
+    context: Context, stage: str, items: Sequence[WorkItem], waiting: Sequence[WorkItem]
+) -> None:
+    """Run the one item that was asked for, in this process, if it is one of this stage."""
+    wanted_stage, _, wanted = context.only.partition(":")
+    if stage != wanted_stage:
+        if waiting:
+            raise InputError(
+                f"--only {context.only}: {stage} {waiting[0].name} must be done before it; run the "
+                "command without --only first"
+            )
+        return
+    found = [item for item in items if item.name == wanted]
+    if not found:
+        return  # of another robot, or unknown: the command says so at its end
+    forget_failure(context.ledger, stage, found[0])
+    context.ledger.forget(stage, [wanted])
+    outcome = attempt(found[0].job, found[0].outputs, os.cpu_count() or 1)
+    row = _record(context, stage, found[0], outcome)
+    context.ledger.save()
+    sys.stderr.write(outcome.traceback or f"{stage} {wanted}: done\n")
+    raise OnlyDone(row.status == "done")
+
+
+def _record(context: Context, stage: str, item: WorkItem, outcome: Outcome) -> Row:
+    """Write an item's row, and the traceback of a failure."""
+    ledger = context.ledger
+    row = _row(stage, item, outcome, ledger.root)
+    if outcome.error is not None:
+        row = keep_failure(ledger, row, item, outcome.traceback, context.command)
+    parts = parts_of(item.inputs, item.job)
+    ledger.describe({part.digest: part.values for part in parts.values()})
+    row = replace(row, parts={name: part.digest for name, part in parts.items()})
+    ledger.add(row, _files(outcome, ledger.root))
+    return row
 
 
 def _note(summary: StageSummary) -> str:
@@ -196,6 +300,8 @@ def _row(stage: str, item: WorkItem, outcome: Outcome, root: Path) -> Row:
     log.debug("%s %s", item.name, outcome.traceback)
     reason = str(error) if isinstance(error, VlnpeError) else repr(error)
     described = {"type": type(error).__name__, "reason": reason}
+    if isinstance(error, OSError | MemoryError) or type(error).__name__ in TRANSIENT:
+        described["transient"] = "yes"
     return Row(stage, item.name, item.key, "quarantined", error=described)
 
 

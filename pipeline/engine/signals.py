@@ -31,6 +31,18 @@ class Interrupted(BaseException):
         return 128 + self.signal
 
 
+class OnlyDone(BaseException):
+    """The one item that `--only` asked for has run: the command ends.
+
+    Attributes:
+        good: Whether it is done; otherwise it was quarantined again.
+    """
+
+    def __init__(self, good: bool):
+        super().__init__()
+        self.good = good
+
+
 _ends: list[Callable[[], None]] = []  # what must be ended before the process is
 
 

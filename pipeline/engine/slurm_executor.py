@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import shutil
 import sys
 import threading
 from collections.abc import Callable, Sequence
@@ -14,7 +15,7 @@ from typing import Any
 
 from ...formats.core.errors import InputError, VlnpeError
 
-FOLDER = ".slurm"  # scripts, logs and pickled calls, in the run folder
+FOLDER = ".vlnpe"  # beside the run folder; holds scripts, logs and pickled calls
 # Tasks of one array; clusters commonly refuse arrays above 1,001.
 TASKS = 256
 TIME_MIN, MEM_GB = 240, 3.0
@@ -115,7 +116,8 @@ class SlurmExecutor:
         }
         self.count = workers or self._tasks
         self.cores = self._settings["cpus_per_task"]
-        self._folder = root / FOLDER
+        self._folder = root.parent / FOLDER / f"{root.name}.slurm"
+        self._lost = False
         self._waiting: list[tuple[Call, Future[Any]]] = []
         self._running: dict[Any, list[Future[Any]]] = {}
         self._lock = threading.Lock()
@@ -180,7 +182,7 @@ class SlurmExecutor:
             with self._lock:
                 ended = {job: self._running.pop(job) for job in list(self._running) if job.done()}
             for job, futures in ended.items():
-                _settle(job, futures)
+                self._lost |= not _settle(job, futures)
 
     def restart(self) -> None:
         """Do nothing: every array has processes of its own."""
@@ -194,6 +196,8 @@ class SlurmExecutor:
             job.cancel(check=False)
         self._running.clear()
         self._waiting.clear()
+        if self._cluster is not None and not self._lost:
+            shutil.rmtree(self._folder, ignore_errors=True)  # logs of lost tasks are worth keeping
 
     def kill_processes(self) -> None:
         """Cancel the jobs."""
@@ -208,8 +212,8 @@ class SlurmExecutor:
         self.close()
 
 
-def _settle(job: Any, futures: Sequence[Future[Any]]) -> None:
-    """Hand the outcomes of a task that has ended to the futures of its items."""
+def _settle(job: Any, futures: Sequence[Future[Any]]) -> bool:
+    """Hand the outcomes of a task to the futures of its items; return whether it ended well."""
     from submitit.core.utils import FailedJobError, UncompletedJobError
 
     try:
@@ -217,12 +221,13 @@ def _settle(job: Any, futures: Sequence[Future[Any]]) -> None:
     except (FailedJobError, UncompletedJobError) as error:
         for future in futures:
             future.set_exception(BrokenExecutor(f"Slurm task {job.job_id}: {error}"))
-        return
+        return False
     for future, (result, error) in zip(futures, outcomes, strict=True):
         if error is None:
             future.set_result(result)
         else:
             future.set_exception(error)
+    return True
 
 
 def parse_options(text: str) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -41,15 +42,19 @@ class WorkItem:
             again.
         outputs: files or folders that the job writes, each atomically.
         job: what to do.
+        inputs: what decides the result, by what it is called; to explain why a key changed.
     """
 
     name: str
     key: str
     outputs: tuple[Path, ...]
     job: Job
+    inputs: Mapping[str, Any] = field(default_factory=dict)
 
 
-def work_item(stage: str, name: str, job: Job, outputs: tuple[Path, ...], *inputs: Any) -> WorkItem:
+def work_item(
+    stage: str, name: str, job: Job, outputs: tuple[Path, ...], *inputs: Any, **named: Any
+) -> WorkItem:
     """Return an item whose key covers its stage, `inputs`, and the code that the job imports.
 
     Args:
@@ -60,5 +65,10 @@ def work_item(stage: str, name: str, job: Job, outputs: tuple[Path, ...], *input
         outputs: what the job writes.
         inputs: everything else that decides the result: configuration, keys of the items that
             the job reads, digests of the user's files. Not the job's paths, which may move.
+        named: more inputs, whose names `--explain` prints; for values that do not tell what
+            they are.
     """
-    return WorkItem(name, digest(stage, *inputs, source_digest(type(job).__module__)), outputs, job)
+    code = source_digest(type(job).__module__)
+    called = {f"{type(value).__name__} {k}": value for k, value in enumerate(inputs, start=1)}
+    key = digest(stage, *inputs, *sorted(named.items()), code)
+    return WorkItem(name, key, outputs, job, {**called, **named})

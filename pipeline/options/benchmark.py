@@ -8,11 +8,11 @@ from pathlib import Path
 import tyro
 
 from . import Json
-from .execution import Executed
+from .running import Running
 
 
 @dataclass(frozen=True)
-class Benchmark(Executed):
+class Benchmark(Running):
     """Evaluate several policies with several robots on the same episodes, in one table.
 
     Example: vlnpe benchmark vlnpe-10, or vlnpe benchmark runs/r2r --split val_unseen

@@ -8,11 +8,11 @@ from pathlib import Path
 from ...trajectory_sampler.config import SampleConfig
 from . import Json
 from .episodes import Sampling
-from .execution import Executed
+from .running import Running
 
 
 @dataclass(frozen=True)
-class Collect(Sampling, Executed):
+class Collect(Running, Sampling):
     """Collect a dataset: repair, sample, instruct, replay, render, export, report.
 
     All outputs go into one run folder. Finished work is reused, and changing an option redoes only
@@ -32,10 +32,11 @@ class Collect(Sampling, Executed):
     """Run each discrete action of the speed controller until its 0.25 m or 15° is reached, instead
     of for a fixed number of steps."""
     scene: str = "builtin"
-    """Scan to collect in (GLB, glTF, OBJ, PLY, STL, USD or a point cloud; see docs/scans.md), or
-    `builtin` for a generated apartment; builtin:villa, builtin:house and builtin:office are larger
-    buildings, builtin:villa*10 is ten of them, of consecutive seeds, and builtin-exact:villa*10 the
-    same ten without the virtual scan. Built-in scenes can be listed, comma-separated."""
+    """Scan to collect in (GLB, glTF, OBJ, PLY, STL, USD, a point cloud or Gaussian splats; see
+    docs/scans.md and docs/splats.md), or `builtin` for a generated apartment; builtin:villa,
+    builtin:house and builtin:office are larger buildings, builtin:villa*10 is ten of them, of
+    consecutive seeds, and builtin-exact:villa*10 the same ten without the virtual scan. Built-in
+    scenes can be listed, comma-separated."""
     scenes: Path | None = None
     """Folder of scans. All of them are used, or only those named by the scene ids of the VLN-CE
     file in --episodes."""
@@ -63,8 +64,8 @@ class Collect(Sampling, Executed):
     """Lighting: baked (as scanned), DL5000 (panel lights, day), DL300 (night), CL (a lamp on the
     robot), a comma-separated list (DL5000,CL), or `all`. Each becomes a separate dataset."""
     renderer: str = "auto"
-    """Renderer: embree (ray tracing on the CPU), gl (MuJoCo through EGL), or auto, which selects gl
-    if a GPU is available and embree otherwise."""
+    """Renderer: embree (ray tracing on the CPU), gl (MuJoCo through EGL), splat (Gaussian splats),
+    or auto, which selects splat in scenes of splats, else gl if a GPU is available, else embree."""
     writer: str = "composer"
     """Writer of the instructions: composer (offline), llm (any OpenAI-compatible server, see
     docs/instructions.md), or local (a GGUF model on disk)."""
@@ -86,6 +87,8 @@ class Collect(Sampling, Executed):
     """Up axis of the scans: x, y, z, -x, -y, -z, or auto to detect it."""
     unit: str = "auto"
     """Length unit of the scans: m, cm, mm, in, ft, or auto to detect it."""
+    collision: Path | None = None
+    """Mesh or USD stage to take as the surface of Gaussian splats, in the same coordinates."""
     allow_unsound: bool = False
     """Also collect in scenes whose repair is not sound, instead of quarantining them. The report
     and the dataset card list them."""
@@ -110,7 +113,5 @@ class Collect(Sampling, Executed):
     """Also write one MCAP file with images per episode, for Foxglove."""
     depth: str = "video"
     """Depth storage in LeRobot datasets: video (lossless, 12-bit codes) or image (16-bit, mm)."""
-    max_failed: int = 0
-    """Maximum number of quarantined items; exit with code 1 above it."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""

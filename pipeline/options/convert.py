@@ -9,11 +9,11 @@ from typing import Literal
 import tyro
 
 from . import Json
-from .execution import Executed
+from .running import Running
 
 
 @dataclass(frozen=True)
-class Convert(Executed):
+class Convert(Running):
     """Convert recorded episodes between MCAP, LeRobot v3 and InternData-N1's layout.
 
     MCAP ↔ LeRobot is lossless: RGB video packets are copied. The N1 layout stores decoded pixels:
@@ -51,8 +51,6 @@ class Convert(Executed):
     """N1 input: split of the episodes."""
     rgb_codec: str = "h264"
     """N1 input: codec of the RGB video, h264 or av1."""
-    max_failed: int = 0
-    """Maximum number of quarantined episodes; exit with code 1 above it."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import tyro
 
 from . import Json
-from .execution import Executed
+from .running import Running
 
 
 @dataclass(frozen=True)
-class Evaluate(Executed):
+class Evaluate(Running):
     """Let a policy walk episodes in closed loop and score it: TL, NE, FR, StR, OS, SR, SPL, nDTW.
 
     Example: vlnpe evaluate runs/apartment-0 --policy random --robot h1
@@ -49,7 +49,7 @@ class Evaluate(Executed):
     light: str = "baked"
     """Lighting: baked, DL5000, DL300 or CL."""
     renderer: str = "auto"
-    """Renderer: embree, gl, or auto."""
+    """Renderer: embree, gl, splat, or auto."""
     action_steps: int = 50
     """Duration of a discrete action of the speed controller, in physics steps of 5 ms."""
     closed_loop: bool = False
@@ -65,8 +65,6 @@ class Evaluate(Executed):
     """Also write one MCAP file per episode with the images that the policy saw, for Foxglove."""
     out: Path | None = None
     """Output folder; defaults to <run>/evaluations/<policy>-<robot>-<controller>-<light>."""
-    max_failed: int = 0
-    """Maximum number of quarantined episodes; exit with code 1 above it."""
     json: Json = False
     """Print one JSON object with the results' summary as the last line."""
 

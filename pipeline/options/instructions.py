@@ -18,7 +18,7 @@ class Instruct:
     """Episode file of `sample` or `align`."""
     scenes: Path
     """Folder of repaired scenes."""
-    out: Path = Path("told.json.gz")
+    out: Path = Path("instructed.json.gz")
     """Episode file to write."""
     writer: str = "composer"
     """Writer: composer (offline), llm (any OpenAI-compatible server, see

@@ -8,11 +8,11 @@ from pathlib import Path
 import tyro
 
 from . import Json
-from .execution import Executed
+from .running import Running
 
 
 @dataclass(frozen=True)
-class Replay(Executed):
+class Replay(Running):
     """Execute episodes with a physically simulated robot; records states, no images."""
 
     episodes: tyro.conf.Positional[Path]
@@ -34,14 +34,12 @@ class Replay(Executed):
     of for a fixed number of steps."""
     seed: int = 0
     """Random seed."""
-    max_failed: int = 0
-    """Maximum number of quarantined episodes; exit with code 1 above it."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""
 
 
 @dataclass(frozen=True)
-class Render(Executed):
+class Render(Running):
     """Render rollouts: RGB and depth from any camera, or preview videos."""
 
     rollouts: tyro.conf.Positional[Path]
@@ -68,8 +66,8 @@ class Render(Executed):
     """Lighting: baked (as scanned), DL5000 (panel lights, day), DL300 (night), CL (a lamp on the
     robot), a comma-separated list (DL5000,CL), or `all`."""
     renderer: str = "auto"
-    """Renderer: embree (ray tracing on the CPU), gl (MuJoCo through EGL), or auto, which selects gl
-    if a GPU is available and embree otherwise."""
+    """Renderer: embree (ray tracing on the CPU), gl (MuJoCo through EGL), splat (Gaussian splats),
+    or auto, which selects splat in scenes of splats, else gl if a GPU is available, else embree."""
     frames_per_second: int | None = None
     """Rendered frames per second: 4, 5, 10, 20, 25 or 50. Defaults to 4, or to 25 with --video."""
     semantic: bool = False
@@ -82,14 +80,12 @@ class Render(Executed):
     """Write one preview video (.mp4) per episode instead of data."""
     rgb_codec: str = "h264"
     """Codec of RGB videos: h264, or av1 (royalty-free)."""
-    max_failed: int = 0
-    """Maximum number of quarantined episodes; exit with code 1 above it."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""
 
 
 @dataclass(frozen=True)
-class Export(Executed):
+class Export(Running):
     """Export rendered rollouts as LeRobot v3 datasets and as MCAP files."""
 
     frames: tyro.conf.Positional[Path]
@@ -105,7 +101,5 @@ class Export(Executed):
     """Export only successful episodes. By default all are exported, each with its end reason."""
     depth: str = "video"
     """Depth storage in LeRobot datasets: video (lossless, 12-bit codes) or image (16-bit, mm)."""
-    max_failed: int = 0
-    """Maximum number of quarantined episodes; exit with code 1 above it."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""

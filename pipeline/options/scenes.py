@@ -21,8 +21,10 @@ class Scan:
     exact: bool = False
     """Write the building's exact, textured geometry instead of a virtual scan: no noise, no holes,
     no baked light, and a tenth of the time."""
+    splats: bool = False
+    """Capture the building as Gaussian splats (scan.ply) instead of a textured mesh (scan.glb)."""
     out: Path = Path("scan")
-    """Output folder for scan.glb, its labels and the ground-truth floor."""
+    """Output folder for the scan, its labels and the ground-truth floor."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""
 
@@ -32,14 +34,17 @@ class Repair:
     """Turn a scan into a simulation-ready scene: fill floor holes and build collision geometry."""
 
     scan: tyro.conf.Positional[Path]
-    """Scan to repair: GLB, glTF, OBJ, PLY, STL, USD, or a point cloud (PLY, PCD). See docs/scans.md
-    for details and for label files."""
+    """Scan to repair: GLB, glTF, OBJ, PLY, STL, USD, a point cloud (PLY, PCD), or Gaussian splats
+    (PLY, SPLAT, SPZ, glTF). See docs/scans.md for details and for label files."""
     out: Path = Path("scene")
     """Output folder for the scene."""
     up: str = "auto"
     """Up axis of the scan: x, y, z, -x, -y, -z, or auto to detect it."""
     unit: str = "auto"
     """Length unit of the scan: m, cm, mm, in, ft, or auto to detect it."""
+    collision: Path | None = None
+    """Mesh or USD stage to take as the surface of Gaussian splats, in the same coordinates; without
+    it the surface is fused from the splats."""
     allow_unsound: bool = False
     """Exit with code 0 even if the repaired scene fails its soundness checks."""
     json: Json = False

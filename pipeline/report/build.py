@@ -13,7 +13,7 @@ from jinja2 import Environment, PackageLoader, select_autoescape
 from ..engine.ledger import Ledger, Row
 from .dataset import dataset_plots, dataset_rows, texts_of
 from .failures import failure_figures
-from .gather import RobotRow, diverged_rows, replay_rows, robot_rows
+from .gather import RobotRow, diverged_rows, driven, replay_rows, robot_rows
 from .maps import ScenePaths, map_figure, path_name
 from .pictures import STAGE as PICTURES_STAGE
 from .pictures import Pictures, data_uri
@@ -145,7 +145,7 @@ def _walk(row: Row) -> dict[str, Any]:
     facts, metrics = row.facts, row.facts["metrics"]
     return {
         "robot": facts["robot"],
-        "controller": facts["controller"],
+        "controller": driven(facts["controller"], [facts], tell_seed=bool(facts.get("seed"))),
         "outcome": facts["end_reason"],
         "tl": metrics["trajectory_length_m"],
         "ne": metrics["navigation_error_m"],

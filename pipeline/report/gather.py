@@ -78,16 +78,24 @@ def robot_rows(ledger: Ledger) -> list[RobotRow]:
     """Return one row per robot and controller, in name order."""
     groups: dict[tuple[str, str], list[dict[str, Any]]] = defaultdict(list)
     for row in replay_rows(ledger):
-        groups[(row.facts["robot"], row.facts["controller"])].append(row.facts)
+        # Other seeds and actions of one controller are kept under labels of their own.
+        groups[(row.facts["robot"], row.item.split("/")[1])].append(row.facts)
+    seeds = {facts.get("seed") for some in groups.values() for facts in some}
     diverged: Counter[tuple[str, str]] = Counter()
     for row in diverged_rows(ledger):
         robot, controller, _ = row.item.split("/", 2)
         diverged[(robot, controller)] += 1
     names = sorted({*groups, *diverged})
-    return [_robot_row(robot, c, groups[(robot, c)], diverged[(robot, c)]) for robot, c in names]
+    return [
+        _robot_row(robot, label, groups[(robot, label)], diverged[(robot, label)], len(seeds) > 1)
+        for robot, label in names
+    ]
 
 
-def _robot_row(robot: str, controller: str, facts: list[dict[str, Any]], diverged: int) -> RobotRow:
+def _robot_row(
+    robot: str, label: str, facts: list[dict[str, Any]], diverged: int, tell_seed: bool
+) -> RobotRow:
+    controller = facts[0]["controller"] if facts else label
     metrics = [f["metrics"] for f in facts]
     ends = Counter(EndReason(f["end_reason"]) for f in facts)
     tried = len(facts) + diverged
@@ -106,7 +114,7 @@ def _robot_row(robot: str, controller: str, facts: list[dict[str, Any]], diverge
     return RobotRow(
         robot=robot,
         controller=controller,
-        driven=driven(controller, facts),
+        driven=driven(controller, facts, tell_seed),
         episodes=tried,
         instructions=sum(texts) + diverged,
         sr_by_instruction=100 * good / (sum(texts) + diverged),
@@ -132,11 +140,20 @@ def _robot_row(robot: str, controller: str, facts: list[dict[str, Any]], diverge
     )
 
 
-def driven(controller: str, facts: Sequence[Mapping[str, Any]]) -> str:
-    """Return the controller in words, e.g. `speed, 50 steps` or `speed, closed loop`."""
+def driven(controller: str, facts: Sequence[Mapping[str, Any]], tell_seed: bool = False) -> str:
+    """Return the controller in words, e.g. `speed, open loop, 50 steps` or `speed, closed loop`.
+
+    Args:
+        controller: Its name.
+        facts: Of its rollouts.
+        tell_seed: Add their seed, where a run has several.
+    """
     ways = {
-        "closed loop" if f["actions"]["closed_loop"] else f"{f['actions']['steps']} steps"
+        "closed loop"
+        if f["actions"]["closed_loop"]
+        else f"open loop, {f['actions']['steps']} steps"
         for f in facts
         if f.get("actions")
     }
-    return ", ".join([controller, *sorted(ways)])
+    seeds = {f"seed {f['seed']}" for f in facts if tell_seed and "seed" in f}
+    return ", ".join([controller, *sorted(ways), *sorted(seeds)])

@@ -62,8 +62,11 @@ class ScenePaths:
 
 
 def path_name(row: Row) -> str:
-    """The name of a replay's path, the same for every robot and controller."""
-    return row.item.rsplit("/", 1)[-1]
+    """Return the name of a replay's path, the same for every robot and controller.
+
+    Another seed may have sampled another path of the same id.
+    """
+    return f"{row.item.rsplit('/', 1)[-1]}@{row.facts.get('seed', 0)}"
 
 
 def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:

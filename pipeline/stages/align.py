@@ -41,8 +41,8 @@ def filter_item(
     known = (scenes or {}) if GEOMETRIC in rules.rules else {}
     folders = {name: scenes_folder / name for name in known} if scenes_folder else {}
     job = FilterJob(source, out, rules, folders)
-    inputs = (file_digest(source), rules, {name: row.key for name, row in known.items()})
-    return work_item(FILTER_STAGE, source.name, job, (out,), *inputs)
+    made_of = {"file": file_digest(source), "scenes": {n: row.key for n, row in known.items()}}
+    return work_item(FILTER_STAGE, source.name, job, (out,), rules, **made_of)
 
 
 def items(

@@ -9,6 +9,7 @@ from typing import Any
 
 from ...formats.convert.dataset import open_dataset
 from ...formats.core.errors import FileFormatError
+from ...formats.core.untrusted import check_input
 from ...formats.internnav import layout
 from ...formats.internnav.reader import find_scenes, is_layout
 from ..engine.keys import digest
@@ -39,11 +40,12 @@ def detect(path: Path) -> Source:
     Raises:
         FileFormatError: nothing that can be converted.
     """
-    name = path.resolve().stem if path.is_file() else path.resolve().name
-    if path.is_file() and path.suffix == ".mcap":
-        return Source(path, Kind.MCAP, name)
     if not path.is_dir():
-        raise FileFormatError(path, "not a folder and not an .mcap file")
+        check_input(path)
+        if path.suffix != ".mcap":
+            raise FileFormatError(path, "not a folder and not an .mcap file")
+        return Source(path, Kind.MCAP, path.resolve().stem)
+    name = path.resolve().name
     if (path / "meta" / "episodes").is_dir():
         return Source(path, Kind.LEROBOT, name)
     if any(path.glob("*.mcap")):

@@ -39,8 +39,8 @@ def sample_item(
         quotas: paths by split; by default the count and split of `config`.
     """
     job = SampleJob(scenes / scene.item, out, config, seed, dict(quotas or {}))
-    inputs = (scene.key, config, seed, dict(quotas or {}))
-    return work_item(STAGE, scene.item, job, (out,), *inputs)
+    how = {"seed": seed, "quotas": dict(quotas or {})}
+    return work_item(STAGE, scene.item, job, (out,), scene.key, config, **how)
 
 
 def check_complete(

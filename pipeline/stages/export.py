@@ -14,16 +14,17 @@ from ...formats.lerobot.features import DEPTH_STORAGES
 from ...formats.lerobot.splits import held_out_scenes, is_published_holdout
 from ...formats.scene.bundle import INDEX_NAME
 from ...formats.vlnce.files import read_episodes
+from ...formats.vlnce.groups import group_by_path
 from ...instruction_gen.review.decisions import DecisionFile
 from ..crews import kept
 from ..engine.keys import digest
 from ..engine.ledger import Row
-from ..engine.run_folder import safe_name
 from ..engine.runner import Context, StageSummary, run_stage
 from ..engine.work import WorkItem, work_item
 from ..jobs.export import DatasetJob, UnitJob
 from ..jobs.mcap import McapJob
 from ..jobs.reviewed import REVIEW_NAME
+from .replay import item_names
 
 STAGE = "export"
 MCAP_STAGE = "mcap"
@@ -138,10 +139,16 @@ def unit_items(
         rollout = root / str(row.facts["rollout"])
         for number in range(row.facts["texts"]) if per_instruction else (None,):
             item = f"{name}.{number + 1}" if number else name
+            if number and item in frames:  # another episode is called so
+                item = f"{name}%.{number + 1}"
             out = dataset.units / item.rsplit("/", 1)[1]
             job = UnitJob(rollout, root / row.outputs[0], out, depth_storage, review, number)
-            inputs = (row.key, depth_storage, reviewed(name.rsplit("/", 1)[1]), number)
-            result.append(work_item(STAGE, item, job, (out,), *inputs))
+            how = {
+                "depth": depth_storage,
+                "review": reviewed(name.rsplit("/", 1)[1]),
+                "instruction": number,
+            }
+            result.append(work_item(STAGE, item, job, (out,), row.key, **how))
     return result
 
 
@@ -156,7 +163,9 @@ def review_digests(root: Path) -> Callable[[str], str]:
     for (path, _), decided in sorted(decisions.current().items()):
         by_path.setdefault(path, []).extend(asdict(one) for _, one in sorted(decided.items()))
     files = sorted((root / "episodes").glob("*.json.gz")) if by_path else []
-    paths = {safe_name(e.episode_id): e.trajectory_id for f in files for e in read_episodes(f)}
+    episodes = [e for f in files for e in read_episodes(f)]
+    walked = group_by_path(episodes)
+    paths = {n: e.trajectory_id for n, e in zip(item_names(walked), walked, strict=True)}
 
     def of(episode: str) -> str:
         if not by_path:
@@ -185,7 +194,8 @@ def mcap_items(
         job = McapJob(
             rollout, root / row.outputs[0], scene, robot, *labels, review, code_digest(*CODE), out
         )
-        result.append(work_item(MCAP_STAGE, name, job, (out,), row.key, labels, reviewed(out.stem)))
+        how = {"labels": labels, "review": reviewed(out.stem)}
+        result.append(work_item(MCAP_STAGE, name, job, (out,), row.key, **how))
     return result
 
 
@@ -219,8 +229,12 @@ def dataset_item(
         dict(facts),
         code_digest(*CODE),
     )
-    inputs = ([row.key for row in rows], all_scenes, dict(facts))
-    return work_item(DATASET_STAGE, dataset.name, job, (dataset.lerobot,), *inputs)
+    inputs = {
+        "units": [row.key for row in rows],
+        "scenes": all_scenes,
+        "options": dict(facts),
+    }
+    return work_item(DATASET_STAGE, dataset.name, job, (dataset.lerobot,), **inputs)
 
 
 def _divided(rows: Mapping[str, Row], scenes: Path) -> tuple[str, ...]:

@@ -20,8 +20,8 @@ def item(name: str, job: InstructJob, *made_of: str) -> WorkItem:
         made_of: Keys of the items that made the episodes and the records of what is seen.
     """
     prompts = prompts_sha256() if job.config.llm else ""
-    inputs = (*made_of, job.config, prompts, job.seed)
-    return work_item(STAGE, name, job, (job.out, job.facts), *inputs)
+    how = {"prompts": prompts, "seed": job.seed}
+    return work_item(STAGE, name, job, (job.out, job.facts), *made_of, job.config, **how)
 
 
 def record_failed(ledger: Ledger, done: StageSummary) -> None:

@@ -87,8 +87,9 @@ def items(
             extras,
             out,
         )
-        inputs = (*take.made_of, view, frames_per_second, rgb_codec, extras)
-        result.append(work_item(STAGE, take.name, job, (out,), *inputs))
+        how = {"frames_per_second": frames_per_second, "rgb_codec": rgb_codec}
+        inputs = (*take.made_of, view, extras)
+        result.append(work_item(STAGE, take.name, job, (out,), *inputs, **how))
     return result
 
 
@@ -108,8 +109,8 @@ def video_items(
         view = take.view
         out = videos / f"{take.name}.mp4"
         job = FilmJob(take.scene, take.rollout, take.robot, view, frames_per_second, out)
-        inputs = (*take.made_of, view, frames_per_second)
-        result.append(work_item(VIDEO_STAGE, take.name, job, (out,), *inputs))
+        rate = {"frames_per_second": frames_per_second}
+        result.append(work_item(VIDEO_STAGE, take.name, job, (out,), *take.made_of, view, **rate))
     return result
 
 

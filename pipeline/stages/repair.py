@@ -9,12 +9,15 @@ from typing import Any
 
 from ...formats.core.atomic import file_digest
 from ...formats.core.errors import FileFormatError, InputError
+from ...formats.core.limits import limits
+from ...formats.core.untrusted import check_input
 from ...formats.scene.bundle import INDEX_NAME
 from ...scene_repair.config import RepairConfig
 from ...scene_repair.scan.files import USD_SUFFIXES, side_names
 from ..builtin import BuiltIn
 from ..engine.keys import digest
-from ..engine.ledger import Row
+from ..engine.ledger import JOURNAL_NAME, MANIFEST_NAME, Row
+from ..engine.lock import LOCK_NAME
 from ..engine.work import WorkItem, work_item
 from ..folders import scenes_in
 from ..jobs.repair import RepairJob, SoundnessJob
@@ -27,14 +30,21 @@ CHECK_STAGE = "soundness"
 MULTI_FILE = {".gltf", ".obj", ".ply", ".glb", ".usd", ".usda", ".usdc"}
 PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
 MAX_BESIDE = 100_000
+LEDGER_FILES = (MANIFEST_NAME, JOURNAL_NAME, LOCK_NAME)
 SIDE_FILES = {".mtl", ".mdl", ".bin", *PICTURES, *USD_SUFFIXES}
 
 
-def scan_item(building: BuiltIn, folder: Path) -> WorkItem:
-    """Generate a built-in scene into `folder`, and scan it virtually unless it is to be exact."""
-    job = ScanJob(building.seed, folder, building.kind, building.scanned)
-    inputs = (building.seed, building.kind, building.scanned)
-    return work_item(SCAN_STAGE, building.name, job, (folder,), *inputs)
+def scan_item(building: BuiltIn, folder: Path, splats: bool = False) -> WorkItem:
+    """Generate a built-in scene into `folder`, and scan it virtually unless it is to be exact.
+
+    Args:
+        building: which one.
+        folder: output.
+        splats: capture it as Gaussian splats instead of a mesh.
+    """
+    job = ScanJob(building.seed, folder, building.kind, building.scanned, splats)
+    built = {"seed": building.seed, "kind": building.kind, "scanned": building.scanned}
+    return work_item(SCAN_STAGE, building.name, job, (folder,), **built, splats=splats)
 
 
 def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> list[WorkItem]:
@@ -56,7 +66,10 @@ def item(source: Path, out: Path, config: RepairConfig) -> WorkItem:
         FileFormatError: If the source does not exist or is not a file.
     """
     job = RepairJob(source, out, config)
-    return work_item(STAGE, out.name, job, (out,), config, source_digest(source))
+    named = {"scan": source_digest(source)}
+    if config.collision:
+        named["collision"] = source_digest(Path(config.collision))
+    return work_item(STAGE, out.name, job, (out,), config, **named)
 
 
 def decisions(facts: Mapping[str, Any]) -> list[str]:
@@ -80,8 +93,10 @@ def check_items(repaired: Mapping[str, Row], scenes: Path, allow_unsound: bool) 
     result = []
     for scene_id, row in repaired.items():
         job = SoundnessJob(scene_id, tuple(row.facts["problems"]), allow_unsound)
-        inputs = (row.key, allow_unsound)
-        result.append(work_item(CHECK_STAGE, scene_id, job, (scenes / scene_id,), *inputs))
+        allowed = {"allow_unsound": allow_unsound}
+        result.append(
+            work_item(CHECK_STAGE, scene_id, job, (scenes / scene_id,), row.key, **allowed)
+        )
     return result
 
 
@@ -112,10 +127,9 @@ def source_digest(source: Path) -> str:
     Raises:
         FileFormatError: missing, not a file, or among very many others.
     """
-    if not source.exists():
-        raise FileFormatError(source, "no such file")
-    if not source.is_file():
+    if source.is_dir():
         raise FileFormatError(source, "is a folder; valid: one scan, or SCENES=<folder>")
+    check_input(source, max_bytes=limits().scan_bytes)
     parts: list[object] = [source.name, file_digest(source)]
     for name in side_names(source):
         beside = source.with_name(name)
@@ -134,7 +148,14 @@ def _beside(source: Path) -> list[Path]:
     found: list[Path] = []
     looked = 0
     for folder, folders, files in source.parent.walk():
-        folders[:] = [name for name in folders if not name.startswith(".") and name != "runs"]
+        # What a run wrote beside its scan must not make the scan another one.
+        folders[:] = [
+            name
+            for name in folders
+            if not name.startswith(".")
+            and name != "runs"
+            and not any((folder / name / own).is_file() for own in LEDGER_FILES)
+        ]
         looked += len(folders) + len(files)
         if looked > MAX_BESIDE:
             raise FileFormatError(

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from ...collectors.controllers import SpeedConfig
 from ...collectors.locomotion.policy import policy_files
@@ -13,27 +14,26 @@ from ...collectors.replay import ReplayConfig
 from ...collectors.robots import get_robot
 from ...formats.core.atomic import file_digest
 from ...formats.core.episode import Episode
-from ..engine.keys import digest
-from ..engine.ledger import Row
-from ..engine.run_folder import safe_name
+from ..engine.ledger import Ledger, Row
+from ..engine.run_folder import file_names
 from ..engine.work import WorkItem, work_item
-from ..jobs.replay import ReplayJob
+from ..jobs.replay import ReplayJob, actions
 
 STAGE = "replay"
 STUCK_ACTIONS = 50
 
 
-def config(robot: str, controller: str, seed: int, actions: SpeedConfig) -> ReplayConfig:
-    """Return the settings of a replay; `actions` matters to the controller `speed` alone."""
+def config(robot: str, controller: str, seed: int, timing: SpeedConfig) -> ReplayConfig:
+    """Return the settings of a replay; `timing` matters to the controller `speed` alone."""
     plain = ReplayConfig(robot=robot, controller=controller, seed=seed)
     if controller != "speed":
         return plain
     # VLN-PE calls stuck what gets nowhere in 50 actions; in closed loop these have no fixed length.
-    if actions.end_on_displacement:
+    if timing.end_on_displacement:
         outcome = replace(plain.outcome, stuck_actions=STUCK_ACTIONS)
     else:
-        outcome = replace(plain.outcome, stuck_steps=STUCK_ACTIONS * actions.steps_per_action)
-    return replace(plain, speed=actions, outcome=outcome)
+        outcome = replace(plain.outcome, stuck_steps=STUCK_ACTIONS * timing.steps_per_action)
+    return replace(plain, speed=timing, outcome=outcome)
 
 
 def items(
@@ -43,6 +43,7 @@ def items(
     rollouts: Path,
     models: Path,
     config: ReplayConfig,
+    label: str = "",
 ) -> list[WorkItem]:
     """Return one item per episode of one robot under one controller.
 
@@ -53,9 +54,10 @@ def items(
         rollouts: output folder.
         models: folder where compiled models are kept.
         config: the robot, its controller, and how.
+        label: see `label_of`; by default the controller's name.
     """
     who, result = walker(config), []
-    for episode, name in zip(episodes, walk_names(episodes, config), strict=True):
+    for episode, name in zip(episodes, walk_names(episodes, config, label), strict=True):
         out = rollouts / f"{name}.mcap"
         job = ReplayJob(scenes_folder / episode.scene_id, episode, config, models, out)
         inputs = (episode, scenes[episode.scene_id].key, *who)
@@ -63,29 +65,65 @@ def items(
     return result
 
 
-def walker(config: ReplayConfig) -> tuple[str, list[str] | None]:
+def walker(config: ReplayConfig) -> tuple[ReplayConfig, str | None, list[str] | None]:
     """Return what of a robot and its settings decides a rollout, for keys.
 
     A user's own robot is known by what is in its folder, not by where that lies; each robot's
     rollouts depend on its own gait alone.
     """
     robot = get_robot(config.robot)
-    who = digest(replace(config, robot=robot.name), robot.content_sha256)
     gait = [file_digest(path) for path in policy_files(robot)] if robot.policy_joints else None
-    return who, gait
+    return replace(config, robot=robot.name), robot.content_sha256, gait
 
 
-def walk_names(episodes: Sequence[Episode], config: ReplayConfig) -> list[str]:
-    """Return the name of each episode's item: robot, controller, and `item_names`."""
-    folder = f"{get_robot(config.robot).name}/{config.controller}"
+def label_of(ledger: Ledger, config: ReplayConfig) -> str:
+    """Return the name under which rollouts of a robot and its settings are kept.
+
+    That is the controller's, unless an earlier run in the folder used it for another seed or other
+    discrete actions: then what differs follows, so that neither replaces the other.
+    """
+    robot, now = get_robot(config.robot).name, _setting(config.seed, actions(config))
+    taken: dict[str, dict[str, object]] = {}
+    for row in ledger.all_rows(STAGE):
+        owner, label, _ = row.item.split("/", 2)
+        if owner == robot and row.facts.get("controller") == config.controller:
+            taken[label] = _setting(row.facts.get("seed", 0), row.facts.get("actions") or {})
+    same = [label for label, setting in taken.items() if setting == now]
+    if same or config.controller not in taken:
+        return same[0] if same else config.controller
+    first = taken[config.controller]
+    changed = [f"{name}-{now[name]}" for name in sorted(now) if now[name] != first.get(name)]
+    return "-".join([config.controller, *changed])
+
+
+def _setting(seed: int, actions: Mapping[str, Any]) -> dict[str, object]:
+    if not actions:
+        return {"seed": seed}
+    loop = "closed" if actions["closed_loop"] else "open"
+    return {"seed": seed, "loop": loop, "steps": actions["steps"]}
+
+
+def walk_names(episodes: Sequence[Episode], config: ReplayConfig, label: str = "") -> list[str]:
+    """Return the name of each episode's item: robot, label, and `item_names`."""
+    folder = f"{get_robot(config.robot).name}/{label or config.controller}"
     return [f"{folder}/{name}" for name in item_names(episodes)]
 
 
 def item_names(episodes: Sequence[Episode]) -> list[str]:
-    """A file name for each episode: its id, with its split where several splits use the same id."""
-    names = [safe_name(episode.episode_id) for episode in episodes]
-    count = Counter(names)
-    return [
-        name if count[name] == 1 else safe_name(f"{episode.split}-{name}")
-        for name, episode in zip(names, episodes, strict=True)
+    """Return a file name of its own for each episode: its id, where that is unique.
+
+    Episodes of the same id have their split before it, those of the same split their scene, too,
+    and those of the same scene are counted.
+    """
+    count = Counter(episode.episode_id for episode in episodes)
+    labels = [
+        e.episode_id if count[e.episode_id] == 1 else f"{e.split}-{e.episode_id}" for e in episodes
     ]
+    for further in (lambda e, label: f"{e.scene_id}-{label}", None):
+        count = Counter(labels)
+        seen: Counter[str] = Counter()
+        for k, label in enumerate(labels):
+            if count[label] > 1:
+                seen[label] += 1
+                labels[k] = further(episodes[k], label) if further else f"{label}~{seen[label]}"
+    return file_names(labels)

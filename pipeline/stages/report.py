@@ -22,6 +22,7 @@ from ..report.pictures import Pictures
 STAGE = "report"
 CLIP_S = 5.0  # how much of a failure's end is shown
 PAGE = "index.html"
+TIMES = {"cpu_s", "seconds"}  # facts that tell how long work took
 
 
 def write(folder: RunFolder, context: Context, summaries: list[StageSummary]) -> Path:
@@ -31,10 +32,16 @@ def write(folder: RunFolder, context: Context, summaries: list[StageSummary]) ->
     page = folder.report / PAGE
     shown = [row for row in ledger.rows() if row.stage != STAGE]
     # The page shows outcomes, not only what was done: a mended item keeps its key.
-    content = [replace(row, seconds=0.0) for row in shown]
-    item = work_item(STAGE, PAGE, ReportJob(folder.root, made, page), (page,), content)
+    content = [_untimed(row) for row in shown]
+    item = work_item(STAGE, PAGE, ReportJob(folder.root, made, page), (page,), content=content)
     summaries += [summary, run_stage(context, STAGE, [item])]
     return page
+
+
+def _untimed(row: Row) -> Row:
+    """Return a row without what differs from one run to the next of the same work."""
+    facts = {key: value for key, value in row.facts.items() if key not in TIMES}
+    return replace(row, seconds=0.0, cpu_seconds=0.0, facts=facts)
 
 
 def _pictures(
@@ -68,7 +75,9 @@ def _map_items(folder: RunFolder, ledger: Ledger) -> dict[str, WorkItem]:
             out = folder.report / "maps" / f"{row.item}-{level}.png"
             job = MapJob(folder.scenes / row.item, level, out)
             outputs = (out, out.with_suffix(".json"))
-            result[name] = work_item(PICTURES_STAGE, f"map {name}", job, outputs, row.key, level)
+            result[name] = work_item(
+                PICTURES_STAGE, f"map {name}", job, outputs, row.key, level=level
+            )
     return result
 
 
@@ -100,7 +109,7 @@ def _clip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict[
     for row in rows:
         if not row.failed:
             continue
-        out = folder.report / "clips" / f"{row.item.replace('/', '-')}.mp4"
+        out = folder.report / "clips" / f"{row.item}.mp4"
         job = ClipJob(*_paths(folder, row), CLIP_S, out)
         outputs = (out, out.with_suffix(".jpg"))
         inputs = (row.key, _scene_key(ledger, row), CLIP_S)

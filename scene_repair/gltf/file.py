@@ -14,8 +14,11 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.documents import parse_json
 from ...formats.core.errors import FileFormatError
-from ...formats.core.glb import MAX_JSON_BYTES, glb_bytes, read_glb
+from ...formats.core.glb import glb_bytes, read_glb
+from ...formats.core.limits import limits
+from ...formats.core.untrusted import check_input, read_input
 from ..scan.resolver import ConfinedResolver
 
 # Parts of the tree that are lists of objects.
@@ -66,9 +69,12 @@ class GltfFile:
         self.path, self.resolver = path, resolver
         try:
             text, self._bin = _contents(path)
-            self.tree: dict[str, Any] = json.loads(text)
-        except (ValueError, RecursionError) as error:
+        except ValueError as error:
             raise FileFormatError(path, f"damaged glTF header: {error}") from error
+        try:
+            self.tree: dict[str, Any] = parse_json(path, text)
+        except FileFormatError as error:
+            raise FileFormatError(path, f"damaged glTF header: {error.reason}") from error
         if not isinstance(self.tree, dict) or not isinstance(self.tree.get("asset"), dict):
             raise FileFormatError(path, "damaged glTF header: no asset")
         version = str(self.tree["asset"].get("version", "2"))
@@ -219,10 +225,14 @@ def _contents(path: Path) -> tuple[bytes, memoryview]:
     """Return JSON text and binary chunk of a file; the chunk of a .gltf file is empty."""
     if path.suffix.lower() != ".gltf":
         return read_glb(path)
-    size = path.stat().st_size
-    if size > MAX_JSON_BYTES * 4:
-        raise ValueError(f"{size:,} bytes of JSON; valid: up to {4 * MAX_JSON_BYTES:,}")
-    return path.read_bytes(), memoryview(b"")
+    size, cap = check_input(path), limits().json_bytes
+    if size > cap:
+        raise FileFormatError(
+            path,
+            f"has {size:,} bytes of JSON; valid: up to {cap:,} (store large buffers and pictures "
+            "beside it, or in a .glb, instead of in data: URIs)",
+        )
+    return read_input(path, max_bytes=cap), memoryview(b"")
 
 
 def gltf_facts(tree: dict[str, Any]) -> tuple[str, dict[str, Any]]:

@@ -51,13 +51,14 @@ def label_scan(source: Path, scan: Scan) -> tuple[Scan, list[LabelBox]]:
         known.setdefault(box.category, []).append(_bounds(box.corners()))
     for thing, selected in zip(scan.objects, scan.object_faces(), strict=True):
         if len(selected):
-            there = _bounds(scan.vertices[scan.faces[selected].ravel()])
-            known.setdefault(thing.category, []).append(there)
+            bounds = _bounds(scan.vertices[scan.faces[selected].ravel()])
+            known.setdefault(thing.category, []).append(bounds)
+    there = {category: np.stack(bounds) for category, bounds in known.items()}
     turn = FRAMES[up]
     for box in house.boxes:
         turned = replace(box, center=turn @ box.center, axes=box.axes @ turn.T)
         here = _bounds(turned.corners())
-        if not any(_iou(here, there) > SAME for there in known.get(box.category, ())):
+        if not (box.category in there and bool((_iou(here, there[box.category]) > SAME).any())):
             boxes.append(turned)
     reason = f"the bounds in {path.name} agree with {up} up ({100 * agreement:.0f} % shared)"
     unit = scan.unit or ("m", f"{path.name} is in metres")
@@ -72,16 +73,18 @@ def _frame(house: House, scan: Scan) -> tuple[str, float]:
     """Return the frame in which the building's bounds fit the scan's best, and how well."""
     there = np.stack(robust_bounds(scan.vertices, scan.faces))
     agreement = {
-        name: _iou(_bounds(np.stack([house.lower, house.upper]) @ turn.T), there)
+        name: float(_iou(_bounds(np.stack([house.lower, house.upper]) @ turn.T), there))
         for name, turn in FRAMES.items()
     }
     best = max(agreement, key=lambda name: agreement[name])
     return best, agreement[best]
 
 
-def _iou(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    """Return the intersection over union of two boxes given by their corners (2, 3)."""
-    sides = np.minimum(one[1], other[1]) - np.maximum(one[0], other[0])
-    both = float(np.prod(np.maximum(sides, 0.0)))
-    joint = float(np.prod(one[1] - one[0]) + np.prod(other[1] - other[0])) - both
-    return both / joint if joint > 0 else 0.0
+def _iou(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the intersection over union (…) of boxes given by their corners (…, 2, 3)."""
+    low, high = one[..., 0, :], one[..., 1, :]
+    sides = np.minimum(high, other[..., 1, :]) - np.maximum(low, other[..., 0, :])
+    both = np.prod(np.maximum(sides, 0.0), axis=-1)
+    volumes = np.prod(high - low, axis=-1) + np.prod(other[..., 1, :] - other[..., 0, :], axis=-1)
+    joint = volumes - both
+    return np.where(joint > 0, both / np.where(joint > 0, joint, 1.0), 0.0)

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.core.errors import FileFormatError
+from ...formats.core.documents import parse_json
+from ...formats.core.errors import FileFormatError, brief
 from ...formats.core.frames import quat_to_matrix, xyzw_to_wxyz
-from ..scan.files import LABELS_NAME, MAX_LABELS_BYTES, side_file
+from ...formats.core.limits import limits
+from ..scan.files import INTERIOR_NAME, LABELS_NAME, MAX_LABELS_BYTES, side_file
 from ..scan.soup import MAX_COORDINATE
 from .categories import category_of_name
 
@@ -51,7 +54,9 @@ class LabelBox:
 
 
 def read_labels(source: Path) -> list[LabelBox]:
-    """Return the boxes of `<stem>.labels.json` beside `source`; none if there is no such file.
+    """Return the boxes of `<stem>.labels.json` or InteriorGS' `labels.json` beside `source`.
+
+    There are none if there is no such file.
 
     Raises:
         FileFormatError: the file is neither of the two known formats, too large, or a link out of
@@ -60,32 +65,37 @@ def read_labels(source: Path) -> list[LabelBox]:
     path = source.with_name(LABELS_NAME.format(stem=source.stem))
     text = side_file(path.parent, path.name, MAX_LABELS_BYTES)
     if text is None:
-        return []
+        return read_interior_labels(source.with_name(INTERIOR_NAME))
     try:
-        data = json.loads(text)
+        data = parse_json(path, text)
         if isinstance(data, dict):
-            return [_own(entry) for entry in _objects_of(data)]
-        return [_headset(k, entry) for k, entry in enumerate(data)]
-    # Numbers of hundreds of digits overflow, and deep nesting ends the parser's stack.
-    except (
-        ValueError,
-        KeyError,
-        TypeError,
-        AttributeError,
-        OverflowError,
-        RecursionError,
-    ) as error:
+            return [_own(entry) for entry in within_limit(path, _objects_of(data))]
+        return [_headset(k, entry) for k, entry in enumerate(within_limit(path, data))]
+    # Numbers of hundreds of digits overflow.
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         raise FileFormatError(
             path,
-            f"not a label file ({type(error).__name__}: {str(error)[:200]}); valid: an object "
+            f"not a label file ({type(error).__name__}: {brief(str(error))}); valid: an object "
             "with frame 'source' and objects of name, category, lower, upper, or a list of "
             "headset anchors",
         ) from error
 
 
+def within_limit[T](path: Path, entries: Sequence[T]) -> Sequence[T]:
+    """Return the entries if they are not too many.
+
+    Raises:
+        FileFormatError: more than the limit `labels`.
+    """
+    cap = limits().labels
+    if len(entries) > cap:
+        raise FileFormatError(path, f"has {len(entries):,} labels; valid: up to {cap:,} (labels)")
+    return entries
+
+
 def _objects_of(data: dict[str, Any]) -> list[dict[str, Any]]:
     if data.get("frame") != "source":
-        raise ValueError(f"frame {data.get('frame')!r}; valid: 'source'")
+        raise ValueError(f"frame {brief(data.get('frame'))}; valid: 'source'")
     return data["objects"]
 
 
@@ -94,7 +104,8 @@ def _own(entry: dict[str, Any]) -> LabelBox:
     upper = np.array(entry["upper"], dtype=np.float64)
     if lower.shape != (3,) or upper.shape != (3,) or not _bounded(lower, upper):
         raise ValueError(
-            f"{entry['name']}: lower and upper must be three numbers within ±{MAX_COORDINATE:.0e}"
+            f"{brief(entry['name'])}: lower and upper must be three numbers within "
+            f"±{MAX_COORDINATE:.0e}"
         )
     return LabelBox(
         str(entry["name"]),
@@ -147,3 +158,48 @@ def _rotation(xyzw: NDArray[np.float64]) -> NDArray[np.float64]:
     if not np.isfinite(length) or length < LEAST_QUATERNION:
         raise ValueError(f"{xyzw.tolist()} is not a rotation: its length is {length:g}")
     return quat_to_matrix(xyzw_to_wxyz(xyzw))
+
+
+def read_interior_labels(path: Path) -> list[LabelBox]:
+    """Return the boxes of an InteriorGS scene: objects with a label and the 8 corners of a box.
+
+    A `labels.json` of any other content is not ours and gives none.
+
+    Raises:
+        FileFormatError: damaged corners, too large, or a link out of the folder.
+    """
+    text = side_file(path.parent, path.name, MAX_LABELS_BYTES)
+    if text is None:
+        return []
+    try:
+        data = parse_json(path, text)
+    except FileFormatError:
+        return []
+    if not isinstance(data, list) or not data:
+        return []
+    if not all(isinstance(e, dict) and {"label", "bounding_box"} <= e.keys() for e in data):
+        return []
+    try:
+        return [_interior(k, entry) for k, entry in enumerate(within_limit(path, data))]
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
+        raise FileFormatError(
+            path, f"not InteriorGS labels ({type(error).__name__}: {brief(str(error))})"
+        ) from error
+
+
+def _interior(index: int, entry: dict[str, Any]) -> LabelBox:
+    """Return the upright box around the corners of an object; z is up in InteriorGS."""
+    points = np.array([[p["x"], p["y"], p["z"]] for p in entry["bounding_box"]], dtype=np.float64)
+    if points.shape != (8, 3) or not _bounded(points):
+        raise ValueError(f"object {index} has no box of 8 corners")
+    (x, y), (width, depth), degrees = cv2.minAreaRect(points[:, :2].astype(np.float32))
+    c, s = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+    low, high = points[:, 2].min(), points[:, 2].max()
+    label = str(entry["label"]).lower().replace("_", " ")
+    return LabelBox(
+        f"{label.title().replace(' ', '')}_{entry.get('ins_id', index)}",
+        category_of_name(label) or label,
+        np.array([x, y, (low + high) / 2]),
+        np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]),
+        np.array([width, depth, high - low]) / 2,
+    )

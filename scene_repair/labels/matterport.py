@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.core.errors import FileFormatError
+from ...formats.core.errors import FileFormatError, brief
 from ..scan.files import MAX_HOUSE_BYTES, side_file
 from .categories import category_of_name
-from .files import LabelBox
+from .files import LabelBox, within_limit
 
 HEADER = "ASCII 1."
 ROOMS = {
@@ -73,8 +73,9 @@ def read_house(path: Path) -> House | None:
                 boxes += _room(fields)
             elif fields[:1] == ["O"]:
                 boxes += _thing(fields, categories)
+            within_limit(path, boxes)
         except (IndexError, ValueError) as error:
-            raise FileFormatError(path, f"line {number} is damaged: {error}") from error
+            raise FileFormatError(path, f"line {number} is damaged: {brief(str(error))}") from error
     if not boxes:
         raise FileFormatError(path, "contains neither rooms nor objects")
     corners = np.concatenate([box.corners() for box in boxes])

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from ...formats.core.geometry import triangle_normals
 from ...formats.scene.bundle import LabeledObject
@@ -15,6 +17,12 @@ from .files import LabelBox
 
 # How far outside its labelled box a face may lie and still belong to it.
 MARGIN_M = 0.03
+# A box thinner than this may be the top of another one, grown by the margin.
+FLAT_M, COPY_MARGIN_M = 0.06, 0.15
+# From here on a tree of points is faster than looking at all of them.
+MANY = 64
+# A share of all points; with more of them near a box, the tree does not help.
+MOST_OF_ALL = 0.1
 # Level faces this near to a box's bottom are the floor it stands on.
 FOOT_M, LEVEL_NORMAL = 0.06, 0.7
 ROOM_PREFIX = "room:"
@@ -36,7 +44,7 @@ def label_by_boxes(scan: Scan, boxes: list[LabelBox], source_to_world: NDArray[n
         source_to_world: (4, 4) similarity, which tells what is up.
     """
     things = [b for b in boxes if not b.category.startswith(ROOM_PREFIX) and b.category]
-    things = [b for b in things if not _is_copy(b, things)]
+    things = [b for b, copied in zip(things, copies(things), strict=True) if not copied]
     if not things:
         return scan
     category = {b.name: b.category for b in things}
@@ -49,26 +57,53 @@ def label_by_boxes(scan: Scan, boxes: list[LabelBox], source_to_world: NDArray[n
     level = np.abs(triangle_normals(corners) @ up) > LEVEL_NORMAL
     height = (corners @ up).max(axis=1)
     face_object = scan.face_object.copy()
+    tree = KDTree(centers) if len(things) > MANY and len(centers) else None
     for k in sorted(range(len(things)), key=lambda k: -float(np.prod(things[k].half))):
-        selected = things[k].contains(centers, MARGIN_M / scale)
+        near = _within(things[k], tree, centers, MARGIN_M / scale)
         if not _floor_like(things[k].category):
             bottom = float((things[k].corners() @ up).min())
-            selected &= ~(level & (height < bottom + FOOT_M / scale))
-        face_object[open_[selected]] = len(objects) + k
+            near = near[~(level[near] & (height[near] < bottom + FOOT_M / scale))]
+        face_object[open_[near]] = len(objects) + k
     added = tuple(ScanObject(b.name, b.category) for b in things)
     return replace(scan, face_object=face_object, objects=(*objects, *added))
 
 
-def _is_copy(box: LabelBox, boxes: list[LabelBox]) -> bool:
-    """Return whether a flat box lies inside one of the same category: its top surface."""
-    return any(
-        other is not box
-        and other.category == box.category
-        and np.prod(other.half) > np.prod(box.half)
-        and bool(other.contains(box.center[None], 0.15)[0])
-        and float(box.half.min()) < 0.06
-        for other in boxes
-    )
+def _within(
+    box: LabelBox, tree: KDTree | None, points: NDArray[np.float64], margin: float
+) -> NDArray[np.intp]:
+    """Return which of `points` (N, 3) lie in a grown box; a tree of them helps with many boxes."""
+    reach = float(np.linalg.norm(box.half + margin)) * (1 + 1e-9)
+    count = 0 if tree is None else tree.query_ball_point(box.center, reach, return_length=True)
+    if tree is None or count > MOST_OF_ALL * len(points):
+        return np.flatnonzero(box.contains(points, margin))
+    near = np.sort(np.asarray(tree.query_ball_point(box.center, reach), dtype=np.intp))
+    return near[box.contains(points[near], margin)] if len(near) else near
+
+
+def copies(boxes: Sequence[LabelBox]) -> NDArray[np.bool_]:
+    """Return which boxes are flat and lie inside a larger one of their category: its top."""
+    copied = np.zeros(len(boxes), dtype=bool)
+    groups: dict[str, list[int]] = {}
+    for k, box in enumerate(boxes):
+        groups.setdefault(box.category, []).append(k)
+    for members in groups.values():
+        flat = np.array([k for k in members if float(boxes[k].half.min()) < FLAT_M], dtype=np.intp)
+        if not len(flat) or len(members) < 2:
+            continue
+        centers = np.stack([boxes[k].center for k in flat])
+        flat, centers = flat[order := np.argsort(centers[:, 0])], centers[order]
+        volumes = np.array([float(np.prod(boxes[k].half)) for k in flat])
+        left = np.ones(len(flat), dtype=bool)
+        for k in members:
+            reach = float(np.linalg.norm(boxes[k].half + COPY_MARGIN_M))
+            middle = boxes[k].center[0]
+            first, stop = np.searchsorted(centers[:, 0], [middle - reach, middle + reach])
+            smaller = volumes[first:stop] < float(np.prod(boxes[k].half))
+            near = first + np.flatnonzero(left[first:stop] & smaller)
+            if len(near):
+                left[near[boxes[k].contains(centers[near], COPY_MARGIN_M)]] = False
+        copied[flat[~left]] = True
+    return copied
 
 
 def structural(scan: Scan) -> NDArray[np.bool_]:
@@ -106,14 +141,16 @@ def labelled_objects(
     """
     found: list[LabeledObject] = []
     names: set[str] = set()
+    numbers: dict[str, int] = {}  # the last that each name was given
     boxed: dict[str, int] = {}
     index = np.full(len(scan.objects), -1, dtype=np.int32)
 
     def add(name: str, category: str, points: NDArray[np.float64]) -> None:
-        unique, n = name, 1
+        unique, n = name, numbers.get(name, 1)
         while unique in names:
             n += 1
             unique = f"{name}_{n}"
+        numbers[name] = n
         names.add(unique)
         low, high = points.min(axis=0), points.max(axis=0)
         found.append(
@@ -126,8 +163,8 @@ def labelled_objects(
             )
         )
 
-    for box in boxes:
-        if not box.category or _is_copy(box, boxes):
+    for box, copied in zip(boxes, copies(boxes), strict=True):
+        if not box.category or copied:
             continue
         corners = box.corners() @ source_to_world[:3, :3].T + source_to_world[:3, 3]
         boxed.setdefault(box.name, len(found))

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import logging
+from dataclasses import replace
 from pathlib import Path
 
 from PIL import Image
 
-from ...formats.core.errors import FileFormatError
+from ...formats.core.errors import FileFormatError, InputError
+from ...formats.core.limits import limits
+from ...formats.core.untrusted import check_input, is_text, read_input
+from ...formats.splats.read import splat_kind
+from ..splats.read import read_splat_scan
 from ..usd.package import read_member
-from .files import CLOUD_SUFFIXES, SUFFIXES, USD_SUFFIXES, splats, why_not
-from .headers import has_faces, splat_kind
+from .files import CLOUD_SUFFIXES, SUFFIXES, USD_SUFFIXES, why_not
+from .headers import has_faces
 from .images import PixelBudget, decode_all, open_image
 from .mesh import read_mesh
 from .readings import LookRef, Readings
@@ -18,22 +24,35 @@ from .resolver import MAX_BYTES
 from .sandbox import read_in_child
 from .soup import Part, merge_parts
 
+log = logging.getLogger(__name__)
 
-def read_scan(path: Path) -> Scan:
-    """Read meshes, USD stages and point clouds into one triangle soup.
+
+def read_scan(path: Path, surface: Path | None = None) -> Scan:
+    """Read meshes, USD stages, point clouds and Gaussian splats into one triangle soup.
+
+    Args:
+        path: the file.
+        surface: a mesh in the same coordinates, to take instead of the one fused from splats.
 
     Raises:
         FileFormatError: missing, damaged, of a kind that is not read, referring outside its folder,
             or without any usable triangle.
-        InputError: a point cloud, and open3d is not installed.
+        InputError: a point cloud, and open3d is not installed; or a surface for what has its own.
     """
-    if not path.is_file():
-        raise FileFormatError(path, "no such file")
+    check_input(path, max_bytes=limits().scan_bytes)
+    if not is_text(path):
+        raise FileFormatError(path, "its name, or that of a folder above, is not UTF-8; rename it")
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise FileFormatError(path, why_not(path.name))
-    if suffix == ".ply" and (kind := splat_kind(path)):
-        raise FileFormatError(path, splats(kind))
+    if splat_kind(path):
+        given = None if surface is None else read_scan(surface)
+        scan, cloud = read_splat_scan(path, log.info, given)
+        return replace(scan, splats=cloud)
+    if surface is not None:
+        raise InputError(
+            f"--collision {surface}: {path.name} has a surface of its own; valid: Gaussian splats"
+        )
     if suffix in USD_SUFFIXES:
         return scan_of(path, read_in_child("usd", path))
     if suffix in CLOUD_SUFFIXES or (suffix == ".ply" and not has_faces(path)):
@@ -88,10 +107,10 @@ def _picture(
         warnings.append(f"reference {look.texture!r} leaves the scan's folder; ignored")
         return None
     try:
-        if not look.member and path.stat().st_size > MAX_BYTES:
-            warnings.append(f"picture {path.name} is larger than {MAX_BYTES >> 30} GiB")
-            return None
-        data = read_member(path, look.member) if look.member else path.read_bytes()
+        if look.member:
+            data = read_member(path, look.member)
+        else:
+            data = read_input(path, root=folder, max_bytes=MAX_BYTES)
     except (OSError, FileFormatError) as error:
         warnings.append(f"picture {look.member or path.name} cannot be read: {error}")
         return None

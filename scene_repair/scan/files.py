@@ -8,11 +8,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from ...formats.core.errors import FileFormatError
+from ...formats.core.untrusted import read_input
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off")
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 CLOUD_SUFFIXES = (".pcd",)  # a .ply without faces is one, too
-SUFFIXES = (*MESH_SUFFIXES, *USD_SUFFIXES, *CLOUD_SUFFIXES)
+SPLAT_SUFFIXES = (".splat", ".spz")  # a .ply, .glb or .gltf may hold splats, too
+SUFFIXES = (*MESH_SUFFIXES, *USD_SUFFIXES, *CLOUD_SUFFIXES, *SPLAT_SUFFIXES)
 # What is not read, and what turns it into something that is.
 _CLOUD = "a point cloud's exchange format"
 CONVERTERS = {
@@ -30,13 +32,17 @@ CONVERTERS = {
     ".skp": "a SketchUp file; convert it in SketchUp: File > Export > GLB or OBJ",
     ".rvt": "a Revit file; export IFC from Revit, then IfcConvert model.ifc model.glb",
     ".step": "a CAD file (STEP); convert it with FreeCAD: File > Export > glTF",
+    ".ksplat": "Gaussian splats in KSPLAT format; convert it with SplatTransform: "
+    "splat-transform {name} {stem}.ply",
+    ".sog": "Gaussian splats in SOG format; convert it with SplatTransform: "
+    "splat-transform {name} {stem}.ply",
     ".stp": "a CAD file (STEP); convert it with FreeCAD: File > Export > glTF",
 }
-_SPLATS = "Gaussian splats ({kind}), which have no surface; splats are not supported yet"
-SPLAT_SUFFIXES = (".splat", ".ksplat", ".spz", ".sog")
 LICENCE_NAMES = ("LICENSE.{stem}", "{stem}.LICENSE", "{stem}.license.txt", "LICENSE")
 MAX_LICENCE_BYTES = 1 << 20
 LABELS_NAME, MAX_LABELS_BYTES = "{stem}.labels.json", 64 << 20
+# As InteriorGS has it beside its splats.
+INTERIOR_NAME = "labels.json"
 HOUSE_NAME, MAX_HOUSE_BYTES = "{stem}.house", 256 << 20
 
 
@@ -45,22 +51,16 @@ def why_not(name: str) -> str:
     stem, dot, ending = name.rpartition(".")
     suffix = (dot + ending).lower() if dot else ""
     valid = f"valid: {', '.join(SUFFIXES)}"
-    if suffix in SPLAT_SUFFIXES:
-        return f"{splats(suffix)}; {valid}"
     if suffix in CONVERTERS:
         return f"is {CONVERTERS[suffix].format(name=name, stem=stem)}; {valid}"
     return f"unknown file type {suffix!r}; {valid}"
 
 
-def splats(kind: str) -> str:
-    """Return why Gaussian splats of this kind are not supported."""
-    return f"contains {_SPLATS.format(kind=kind)}: use a mesh or a point cloud of the same place"
-
-
 def side_names(source: Path) -> list[str]:
     """Return the names of all files beside the scan `source` that are read with it if present."""
     stem = source.stem
-    return [LABELS_NAME.format(stem=stem), HOUSE_NAME.format(stem=stem), *licence_names(stem)]
+    names = [LABELS_NAME.format(stem=stem), INTERIOR_NAME, HOUSE_NAME.format(stem=stem)]
+    return [*names, *licence_names(stem)]
 
 
 def licence_names(stem: str) -> list[str]:
@@ -79,15 +79,12 @@ def side_file(folder: Path, name: str, max_bytes: int) -> bytes | None:
     """
     path = folder / name
     try:
-        if not path.is_file():
+        if not path.exists() and not path.is_symlink():
             return None
         target = path.resolve()
         if not target.is_relative_to(folder.resolve()):
             raise FileFormatError(path, "is a link that leaves the scan's folder")
-        size = target.stat().st_size
-        if size > max_bytes:
-            raise FileFormatError(path, f"is larger than {max_bytes >> 20} MiB ({size:,} bytes)")
-        return target.read_bytes()
+        return read_input(path, root=folder, max_bytes=max_bytes)
     except (OSError, RuntimeError) as error:
         raise FileFormatError(path, f"cannot be read: {error}") from error
 

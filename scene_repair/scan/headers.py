@@ -82,20 +82,6 @@ def has_faces(path: Path) -> bool:
     return counts.get("face", 0) > 0 or counts.get("tristrips", 0) > 0 or not counts.get("vertex")
 
 
-def splat_kind(path: Path) -> str:
-    """Return which kind of Gaussian splats the file contains; empty if none.
-
-    Raises:
-        FileFormatError: no PLY header, or it promises more than the file can hold.
-    """
-    properties = {name for element in read_header(path) for name in element.properties}
-    if {"packed_position", "packed_scale"} <= properties:
-        return "compressed PLY, as SuperSplat writes it"
-    if {"f_dc_0", "opacity", "scale_0", "rot_0"} <= properties:
-        return "PLY of 3D Gaussian splatting"
-    return ""
-
-
 def check_pcd(path: Path) -> None:
     """Check the header of a PCD file.
 
@@ -118,8 +104,8 @@ def check_pcd(path: Path) -> None:
         fields, kind = facts["FIELDS"], facts["DATA"][0]
         sizes = [int(v) for v in facts["SIZE"]]
         counts = [int(v) for v in facts.get("COUNT", ["1"] * len(fields))]
-        points = int(facts["POINTS"][0]) if "POINTS" in facts else -1
         grid = int(facts["WIDTH"][0]) * int(facts["HEIGHT"][0])
+        points = int(facts["POINTS"][0]) if "POINTS" in facts else grid
     except (KeyError, IndexError, ValueError) as error:
         raise FileFormatError(path, f"damaged PCD header: {error!r}") from error
     if not {"x", "y", "z"} <= set(fields):
@@ -130,7 +116,6 @@ def check_pcd(path: Path) -> None:
         raise FileFormatError(path, "damaged PCD header: FIELDS, SIZE, TYPE and COUNT disagree")
     if any(s not in (1, 2, 4, 8) for s in sizes) or any(not 1 <= c <= 4096 for c in counts):
         raise FileFormatError(path, "damaged PCD header: impossible SIZE or COUNT")
-    points = grid if points < 0 else points
     if not 0 <= points <= MAX_POINTS or grid != points:
         raise FileFormatError(path, f"declares {points:,} points, but {grid:,} by width and height")
     body = path.stat().st_size - at

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import warnings as warnings_module
 from collections.abc import Iterator
 from dataclasses import replace
@@ -16,6 +18,8 @@ from trimesh.visual.material import PBRMaterial, SimpleMaterial
 from trimesh.visual.texture import TextureVisuals
 
 from ...formats.core.errors import FileFormatError
+from ...formats.core.limits import limits
+from ...formats.core.untrusted import check_input, read_input
 from ..gltf.checks import check_gltf
 from ..gltf.file import GltfFile, gltf_facts
 from ..gltf.textures import with_images
@@ -23,6 +27,7 @@ from ..labels.categories import category_of_name
 from .files import MESH_SUFFIXES
 from .headers import CHECKS
 from .images import brief, decode_all
+from .obj import without_bad_faces
 from .record import DEFAULT_COLOR, Scan, ScanMaterial, linear_to_srgb
 from .resolver import ConfinedResolver
 from .soup import Part, merge_parts
@@ -36,8 +41,7 @@ def read_mesh(path: Path) -> Scan:
     Raises:
         FileFormatError: missing, not a mesh, or without any usable triangle.
     """
-    if not path.is_file():
-        raise FileFormatError(path, "no such file")
+    check_input(path, max_bytes=limits().scan_bytes)
     suffix = path.suffix.lower()
     if suffix not in MESH_SUFFIXES:
         raise FileFormatError(
@@ -56,8 +60,7 @@ def read_mesh(path: Path) -> Scan:
     else:
         if suffix in CHECKS:
             CHECKS[suffix](path)
-        with path.open("rb") as stream:
-            scene = _load(path, stream, resolver)
+        scene = _load_plain(path, resolver)
         licence, generator, promise, metres = "", {}, None, None
         parts = _parts(scene, suffix == ".obj", resolver.warnings)
         parts = _decoded(parts, resolver.warnings)
@@ -70,11 +73,26 @@ def read_mesh(path: Path) -> Scan:
     return replace(scan, licence=licence, generator=generator)
 
 
+def _load_plain(path: Path, resolver: ConfinedResolver) -> trimesh.Scene:
+    """Load a file that is no glTF; of an OBJ file without faces that have missing vertices."""
+    data = read_input(path, max_bytes=limits().scan_bytes)
+    try:
+        return _load(path, io.BytesIO(data), resolver)
+    except FileFormatError:
+        if path.suffix.lower() != ".obj":
+            raise
+        sound, dropped = without_bad_faces(data)
+        if not dropped:
+            raise
+        resolver.warnings.append(f"{dropped} faces with indices out of range dropped")
+        return _load(path, io.BytesIO(sound), resolver)
+
+
 def _load(path: Path, stream: IO[bytes], resolver: ConfinedResolver) -> trimesh.Scene:
     kind = path.suffix.lower()[1:]
     options: dict[str, Any] = {"split_objects": True} if kind == "obj" else {}
     try:
-        with warnings_module.catch_warnings():
+        with warnings_module.catch_warnings(), _quiet():
             # NumPy's words about damaged numbers inside trimesh; they are looked at below.
             warnings_module.simplefilter("ignore", DeprecationWarning)
             warnings_module.simplefilter("ignore", RuntimeWarning)
@@ -86,6 +104,17 @@ def _load(path: Path, stream: IO[bytes], resolver: ConfinedResolver) -> trimesh.
         if resolver.refused:
             raise FileFormatError(path, resolver.refused) from error
         raise FileFormatError(path, f"cannot be read as {kind}: {brief(error)}") from error
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep the library from logging tracebacks of references that the resolver refused."""
+    logger = trimesh.util.log
+    before, logger.disabled = logger.disabled, True
+    try:
+        yield
+    finally:
+        logger.disabled = before
 
 
 def _decoded(parts: list[Part], warnings: list[str]) -> list[Part]:
@@ -121,6 +150,8 @@ def _parts(scene: trimesh.Scene, named: bool, warnings: list[str]) -> list[Part]
             dropped = int((~sound).sum())
             warnings.append(f"{node}: {dropped} faces with indices out of range dropped")
             faces = faces[sound]
+            if not len(faces):
+                continue
         corner_uv, material, colors = _look(mesh, faces)
         # Pieces may share one buffer of vertices, of which each takes few.
         used, inverse = np.unique(faces, return_inverse=True)

@@ -84,7 +84,8 @@ def write_readings(readings: Readings, folder: Path) -> None:
 def load_readings(data: dict[str, Any], folder: Path) -> Readings:
     """Read the output of `write_readings`; `data` is its table."""
     vertices, faces, uv, colors = (
-        np.load(folder / f"{name}.npy") for name in ("vertices", "faces", "uv", "colors")
+        np.load(folder / f"{name}.npy", allow_pickle=False)
+        for name in ("vertices", "faces", "uv", "colors")
     )
     parts = []
     for entry in data["parts"]:

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from ...formats.splats.record import GaussianCloud
+
 # Surfaces that say nothing of their colour: plaster.
 DEFAULT_COLOR = (0.75, 0.74, 0.72)
 
@@ -50,6 +52,7 @@ class Scan:
         licence: what the file says, empty if nothing.
         generator: facts of a generated scene, empty for a real scan.
         warnings: what had to be dropped or replaced while reading.
+        splats: the Gaussians that the surface was fused from, source coordinates; None for others.
     """
 
     vertices: NDArray[np.float64]
@@ -64,6 +67,7 @@ class Scan:
     licence: str = ""
     generator: dict[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    splats: GaussianCloud | None = None
 
     def object_faces(self) -> list[NDArray[np.int64]]:
         """Return the face indices of each object."""

@@ -8,6 +8,8 @@ from typing import Any
 
 from trimesh.resolvers import Resolver
 
+from ...formats.core.errors import FileFormatError, brief
+from ...formats.core.untrusted import read_input
 from .images import PixelBudget, open_image
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".gif", ".webp", ".tga")
@@ -42,27 +44,19 @@ class ConfinedResolver(Resolver):
         try:
             target = (self.folder / name).resolve()
         except (OSError, ValueError, RuntimeError) as error:
-            return self._refuse(f"reference {name[:100]!r} is not a file name: {error}")
+            return self._refuse(f"reference {brief(name)} is not a file name: {error}")
         if "://" in name or not target.is_relative_to(self.folder):
-            self.refused = f"reference {name!r} leaves the scan's folder"
+            self.refused = f"reference {brief(name)} leaves the scan's folder"
             return self._refuse(f"{self.refused}; ignored")
         if target in self._known:
             return self._known[target]
+        if not target.exists():
+            return self._refuse(f"referenced file {brief(name)} is missing")
+        left = MAX_TOTAL_BYTES - sum(map(len, self._known.values()))
         try:
-            if not target.is_file():
-                return self._refuse(f"referenced file {name!r} is missing")
-            size = target.stat().st_size
-            if size > MAX_BYTES:
-                return self._refuse(
-                    f"referenced file {name!r} is larger than {MAX_BYTES >> 30} GiB"
-                )
-            if size + sum(map(len, self._known.values())) > MAX_TOTAL_BYTES:
-                return self._refuse(
-                    f"referenced files have more than {MAX_TOTAL_BYTES >> 30} GiB together"
-                )
-            data = target.read_bytes()
-        except (OSError, ValueError) as error:
-            return self._refuse(f"referenced file {name[:100]!r} cannot be read: {error}")
+            data = read_input(target, root=self.folder, max_bytes=min(MAX_BYTES, left))
+        except FileFormatError as error:
+            return self._refuse(f"referenced file {brief(name)} {error.reason}")
         if target.suffix.lower() in PICTURES:
             data = self._within_limits(data, name)
         self._known[target] = data

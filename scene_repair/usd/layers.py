@@ -135,7 +135,10 @@ def confined(folder: Path, layer: Path, reference: str) -> Path | None:
     windows = re.match(r"[A-Za-z]:", name) or "\\" in name
     if "://" in name or windows or Path(name).is_absolute():
         raise FileFormatError(layer, f"reference {name!r} leaves the scan's folder")
-    target = (layer.parent / name).resolve()
+    try:
+        target = (layer.parent / name).resolve()
+    except (OSError, RuntimeError):  # a link to itself, or a name of thousands of letters
+        return None
     if not target.is_relative_to(folder):
         raise FileFormatError(layer, f"reference {name!r} leaves the scan's folder")
     if not target.is_file():

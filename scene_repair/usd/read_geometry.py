@@ -255,7 +255,8 @@ def _texture_coordinates(
 def _display_color(gprim: UsdGeom.Gprim) -> tuple[NDArray[np.float64] | None, str]:
     primvar = UsdGeom.PrimvarsAPI(gprim.GetPrim()).FindPrimvarWithInheritance("displayColor")
     values = primvar.ComputeFlattened(TIME) if primvar and primvar.HasValue() else None
-    if values is None or not len(values):
+    # Values of an unknown type come as one opaque object.
+    if values is None or not hasattr(values, "__len__") or not len(values):
         return None, ""
     colors = np.nan_to_num(np.array(values, dtype=np.float64).reshape(-1, 3))
     return colors, primvar.GetInterpolation() if len(colors) > 1 else UsdGeom.Tokens.constant

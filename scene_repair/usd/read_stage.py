@@ -37,7 +37,8 @@ def read(path: Path) -> Readings:
     try:
         _walk(stage.GetPseudoRoot(), np.eye(4), "", parts, UsdGeom.XformCache(TIME), 0)
         up, unit, scale = _conventions(stage, warnings)
-    except Tf.ErrorException as error:
+    # Values of other types than their names promise fail in many ways.
+    except (Tf.ErrorException, TypeError, ValueError, AttributeError, IndexError) as error:
         raise FileFormatError(path, f"damaged: {brief(error)}") from error
     if scale != 1.0:
         for part in parts.parts:

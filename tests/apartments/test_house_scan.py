@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from vlnpe.apartments import ScanConfig, TrueScene, build_scene, building_config, generate_scan
+from vlnpe.apartments.scanner import atlas
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.scene_repair.repair import repair_scene
@@ -25,10 +26,10 @@ CONFIG = replace(
         voxel_m=0.04,
         view_px=(160, 120),
         station_spacing_m=1.6,
-        target_faces=160_000,
-        texel_m=0.0095,
-        floor_texel_m=0.009,
-        light_rays=4,
+        target_faces=120_000,
+        texel_m=0.04,
+        floor_texel_m=0.03,
+        light_rays=2,
     ),
 )
 
@@ -40,7 +41,9 @@ def home() -> TrueScene:
 
 @pytest.fixture(scope="module")
 def scan(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return generate_scan(SEED, tmp_path_factory.mktemp("scan"), CONFIG)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(atlas, "_COARSEST_M", 0.04)
+        return generate_scan(SEED, tmp_path_factory.mktemp("scan"), CONFIG)
 
 
 @pytest.fixture(scope="module")

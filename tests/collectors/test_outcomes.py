@@ -20,12 +20,12 @@ from vlnpe.collectors.replay import ReplayConfig
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.engine.context import open_context
-from vlnpe.pipeline.engine.executors import Execution
 from vlnpe.pipeline.engine.ledger import Ledger, Row
 from vlnpe.pipeline.engine.run_folder import RunFolder
 from vlnpe.pipeline.engine.runner import run_stage
 from vlnpe.pipeline.engine.work import WorkItem
 from vlnpe.pipeline.jobs.replay import ReplayJob
+from vlnpe.pipeline.options.running import Running
 from vlnpe.pipeline.report.failures import failure_figures
 from vlnpe.pipeline.report.gather import robot_rows
 from vlnpe.pipeline.stages import replay, report
@@ -42,7 +42,7 @@ OUTCOMES = {
 def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run on the two rooms in which one episode arrives, one does not, and one explodes."""
     root = tmp_path_factory.mktemp("outcomes") / "run"
-    with open_context(root, Execution(workers=1)) as context:
+    with open_context(root, Running(workers=1)) as context:
         folder = RunFolder(context.ledger.root)
         bundle = write_two_rooms(folder.scenes / "two_rooms")
         facts = {

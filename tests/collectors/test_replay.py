@@ -301,7 +301,7 @@ def test_a_stop_elsewhere_is_stopped_far(world: World) -> None:
 
 
 @pytest.mark.parametrize("controller", ["path", "speed", "flash"])
-def test_a_start_inside_furniture_is_told(world: World, controller: str) -> None:
+def test_a_start_inside_furniture_is_reported(world: World, controller: str) -> None:
     episode = make_episode(world.bundle, (7.0, 0.6), (1, 1), path=[[7, 0.6, 0], [1, 1, 0]])
     r = replay_in(world, episode, ReplayConfig(controller=controller))
     assert r.end_reason is EndReason.COLLISION_START

@@ -286,7 +286,7 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_each_mistake_is_told_in_one_line(tmp_path: Path, mistake: str):
+def test_each_mistake_is_reported_in_one_line(tmp_path: Path, mistake: str):
     spoil, message = MISTAKES[mistake]
     folder = written_rover(tmp_path / "rover")
     spoil(folder)
@@ -377,7 +377,7 @@ WALKING_MISTAKES = {
 
 
 @pytest.mark.parametrize("mistake", WALKING_MISTAKES)
-def test_each_mistake_with_a_gait_is_told_at_once(dog: Path, tmp_path: Path, mistake: str):
+def test_each_mistake_with_a_gait_is_reported_at_once(dog: Path, tmp_path: Path, mistake: str):
     spoil, message = WALKING_MISTAKES[mistake]
     folder = Path(shutil.copytree(dog, tmp_path / "mydog"))
     spoil(folder)

@@ -69,7 +69,7 @@ def test_a_gate_that_was_not_measured_is_said_so(monkeypatch: pytest.MonkeyPatch
         assert "not measured" in details(sheet)
 
 
-def test_a_named_robot_is_told_in_full(capsys: pytest.CaptureFixture):
+def test_a_named_robot_is_described_in_full(capsys: pytest.CaptureFixture):
     assert main(["robots", "aliengo", "jetbot@2"]) == 0
     text = capsys.readouterr().out
     for gate in GATES:

@@ -17,8 +17,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from tests.formats.convert.test_convert import inline  # noqa: F401 (a fixture)
 from tests.formats.mcap.test_episode import decode
-from tests.formats.test_convert import inline  # noqa: F401 (a fixture)
 from tests.support.lerobot_data import write_unit
 from tests.support.rollouts import make_frames, make_images, make_rollout
 from vlnpe.formats.convert.dataset import open_dataset

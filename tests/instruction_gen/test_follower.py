@@ -33,8 +33,8 @@ def test_composed_texts_lead_to_the_goal(two_rooms, world, points):
     [
         ("Turn left into the kitchen and stop at the grand piano.", "lost at"),
         ("Turn left into the bathroom and stop at the table.", "lost at"),
-        ("Turn left into the kitchen, then walk on past the table.", "never told to stop"),
-        ("Stop at the sofa. Then turn left into the kitchen.", "go on after the stop"),
+        ("Turn left into the kitchen, then walk on past the table.", "never says to stop"),
+        ("Stop at the sofa. Then turn left into the kitchen.", "goes on after the stop"),
         ("the of table left doorway zorb quux flim table the glorp", "no sentence"),
     ],
 )

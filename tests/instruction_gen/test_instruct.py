@@ -69,7 +69,7 @@ def test_composed_texts_are_true_and_well_formed(two_rooms, points, style):
             assert text[0].isupper() and text.endswith(".") and "  " not in text
 
 
-def test_turn_room_and_goal_are_told(two_rooms):
+def test_turn_room_and_goal_are_mentioned(two_rooms):
     for seed in range(8):
         (text,) = texts_of(LEFT, two_rooms, seed)
         assert "left" in text and "kitchen" in text and "table" in text.split(".")[-2]

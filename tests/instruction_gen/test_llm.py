@@ -344,3 +344,28 @@ def test_the_order_of_turns_is_compared():
     assert not foreign_problems("左转，然后右转进入厨房，在桌子旁边停下。", "zh", english)
     swapped = foreign_problems("右转，然后左转进入厨房，在桌子旁边停下。", "zh", english)
     assert any("turns" in p for p in swapped)
+
+
+SOFA = (
+    "Walk past the red sofa and the two chairs, turn left at the second door and stop by the bed."
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "language", "complaint"),
+    [
+        ("经过红色的沙发和两把椅子，在第二个门左转，在床边停下。", "zh", ""),
+        ("经过蓝色的沙发和两把椅子，在第二个门左转，在床边停下。", "zh", "蓝色"),
+        ("经过红色的沙发和三把椅子，在第二个门左转，在床边停下。", "zh", "三"),
+        ("经过红色的沙发和两把椅子，在第三个门左转，在床边停下。", "zh", "第三"),
+        ("经过红色的沙发和地毯，在第二个门左转，在床边停下。", "zh", "地毯"),
+        ("लाल सोफ़े और दो कुर्सियों के पास से गुज़रें, दूसरे दरवाज़े पर बाएँ मुड़ें और बिस्तर के पास रुकें।", "hi", ""),
+        ("नीले सोफ़े और दो कुर्सियों के पास से गुज़रें, बाएँ मुड़ें और बिस्तर के पास रुकें।", "hi", "नीले"),
+        ("लाल सोफ़े और तीन कुर्सियों के पास से गुज़रें, बाएँ मुड़ें और बिस्तर के पास रुकें।", "hi", "तीन"),
+        ("लाल सोफ़े के पास से गुज़रें, तीसरे दरवाज़े पर बाएँ मुड़ें और बिस्तर के पास रुकें।", "hi", "तीसरे"),
+        ("लाल सोफ़े और कालीन के पास से गुज़रें, बाएँ मुड़ें और बिस्तर के पास रुकें।", "hi", "कालीन"),
+    ],
+)
+def test_other_languages_are_held_to_colours_counts_and_things(text, language, complaint):
+    problems = foreign_problems(text, language, SOFA)
+    assert any(complaint in p for p in problems) if complaint else not problems

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.formats.test_groups import R2R, episode
+from tests.formats.vlnce.test_groups import R2R, episode
 from vlnpe.formats.vlnce.groups import group_by_path
 from vlnpe.pipeline.report.dataset import count_words, dataset_plots, dataset_rows
 from vlnpe.pipeline.report.svg import bars, step_histogram, word_cloud

@@ -35,11 +35,11 @@ def test_each_scan_once_and_no_parts(tmp_path, names, expected):
     assert {k: p.relative_to(tmp_path).as_posix() for k, p in found.items()} == expected
 
 
-def test_two_scans_of_one_name_are_told(tmp_path):
+def test_two_scans_of_one_name_are_reported(tmp_path):
     with pytest.raises(InputError, match="two scans are named room"):
         find_scans(lay_out(tmp_path, "a/room.obj", "b/room.glb"))
 
 
-def test_a_missing_folder_is_told(tmp_path):
+def test_a_missing_folder_is_reported(tmp_path):
     with pytest.raises(InputError, match="no such folder"):
         find_scans(tmp_path / "nowhere")

@@ -79,7 +79,7 @@ def test_the_scene_says_so_itself(unsound: tuple[Path, Path]) -> None:
     assert load_bundle(unsound[1]).source[UNSOUND] == ["level 0: a fault"]
 
 
-def test_decisions_are_told(unsound: tuple[Path, Path]) -> None:
+def test_decisions_are_reported(unsound: tuple[Path, Path]) -> None:
     facts = facts_of(json.loads((unsound[1] / "repair.json").read_text()))
     text = "\n".join(repair.decisions(facts))
     for words in ("glTF is y up", "metres by its specification", "floor at 0.00 m", "20.0 m²"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -37,6 +38,17 @@ def test_files_without_a_size_are_cut_off() -> None:
     if not Path("/proc/self/maps").is_file():
         pytest.skip("no /proc")
     assert "too large" in refusal(lambda: read_input(Path("/proc/self/maps"), max_bytes=10)).reason
+
+
+def test_a_small_file_takes_little_memory_whatever_the_limit(tmp_path: Path) -> None:
+    """Found by fuzzing: a buffer of the limit's size was asked for."""
+    (tmp_path / "a").write_bytes(b"text")
+    tracemalloc.start()
+    try:
+        assert read_input(tmp_path / "a", max_bytes=1 << 40) == b"text"
+        assert tracemalloc.get_traced_memory()[1] < 8 << 20
+    finally:
+        tracemalloc.stop()
 
 
 def test_size_and_place_are_checked(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from tests.formats.test_convert import ASSEMBLY
+from tests.formats.convert.test_convert import ASSEMBLY
 from tests.security.hostile import DEEP_JSON, not_files, put, refusal
 from tests.support.lerobot_data import write_units
 from vlnpe.datasets.episode_index import read_index

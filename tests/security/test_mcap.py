@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import zstandard
 
-from tests.formats.test_convert import export_mcap
+from tests.formats.convert.test_convert import export_mcap
 from tests.security.hostile import DEEP_JSON, not_files, put, refusal
 from tests.support.rollouts import make_rollout
 from vlnpe.formats.convert.episodes import mcap_from_unit, unit_from_mcap

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.formats.test_vlnce import PUBLIC, save
+from tests.formats.vlnce.test_vlnce import PUBLIC, save
 from tests.security.hostile import not_files, put, refusal
 from vlnpe.formats.core.limits import DEFAULTS
 from vlnpe.formats.internnav.tokens import read_vocabulary

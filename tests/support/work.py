@@ -74,6 +74,19 @@ def write_half(path: Path) -> ItemResult:
         raise ValueError("broke in the middle")
 
 
+def run_out_of_memory(path: Path) -> ItemResult:
+    raise MemoryError
+
+
+def linger(path: Path, seconds: float) -> ItemResult:
+    """Write half a file, and the rest after a while; beside it stands which process does."""
+    with atomic_file(path) as temporary:
+        temporary.write_text("half")
+        path.with_suffix(".pid").write_text(str(os.getpid()))
+        time.sleep(seconds)
+    return ItemResult()
+
+
 def die(path: Path) -> ItemResult:
     os._exit(9)
 

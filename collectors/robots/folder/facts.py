@@ -58,7 +58,7 @@ def read_facts(path: Path) -> FolderFacts:
 
 
 class _Table:
-    """One table of the file; keys that nobody has read by the end are unknown."""
+    """One table of the file; keys that have not been read by the end are unknown."""
 
     def __init__(self, path: Path, name: str, raw: dict[str, Any]):
         self.path, self.name, self.raw = path, name, raw

@@ -89,6 +89,7 @@ def test_nothing_measured_passes_nothing():
     assert [r.passed for r in gate_results({})] == [False] * len(GATES)
 
 
+@pytest.mark.slow
 def test_a_table_answers_every_gate_and_survives_json(policy: GaitPolicy):
     table = json.loads(json.dumps(evaluation_table(policy, scale=0.01)))
     results = gate_results(table)
@@ -135,7 +136,7 @@ def test_who_falls_counts_with_what_it_was_asked_for(policy: GaitPolicy):
     assert not any(r.passed for r in gate_results({CLOSED_LOOP: actions}))
 
 
-def test_who_leaves_moves_no_more_and_disturbs_nobody(policy: GaitPolicy):
+def test_a_robot_that_leaves_stops_and_disturbs_no_other(policy: GaitPolicy):
     alone, crowd = start(policy, 2), start(policy, 2)
     command = np.array([[0.5, 0.0, 0.0], [0.3, 0.0, 0.5]])
     crowd.leave(np.array([True, False]))
@@ -147,7 +148,7 @@ def test_who_leaves_moves_no_more_and_disturbs_nobody(policy: GaitPolicy):
     assert np.array_equal(crowd.position_m[1], alone.position_m[1])
 
 
-def test_poses_are_told_every_10_ms(policy: GaitPolicy):
+def test_poses_are_reported_every_10_ms(policy: GaitPolicy):
     trial = start(policy, 1)
     command = np.array([[0.6, 0.0, 0.0]])
     track = []
@@ -187,7 +188,7 @@ def test_a_standing_robot_does_not_slip_and_a_pushed_one_is_kicked_at_its_time(p
     assert (kicks[trial.going] >= 2).all()
 
 
-def test_displacements_are_told_in_the_frame_of_their_start():
+def test_displacements_are_given_in_the_frame_of_their_start():
     north = StartedAction(Action.FORWARD, 0.0, np.array([1.0, 1.0, np.pi / 2]))
     turn = StartedAction(Action.LEFT, 0.5, np.array([0.98, 1.25, np.pi - 0.05]))
     stop = StartedAction(Action.STOP, 0.8, np.array([0.98, 1.25, -np.pi + 0.2]))

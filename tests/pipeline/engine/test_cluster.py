@@ -113,7 +113,9 @@ class TestSlurm:
         options = "partition=cpu,time=90,mem_gb=2.5,tasks=4,account=lab"
         with pytest.raises(DryRunError, match="4 tasks for 10 items"):
             run(tmp_path, Execution("slurm", 3, slurm=options, dry_run=True), items(tmp_path, 10))
-        script = (tmp_path / ".slurm" / "array.sbatch").read_text()
+        script = (
+            tmp_path.parent / ".vlnpe" / f"{tmp_path.name}.slurm" / "array.sbatch"
+        ).read_text()
         for line in (
             "#SBATCH --array=0-3%3",
             "#SBATCH --partition=cpu",

@@ -27,13 +27,22 @@ JOBS = {
 # Prints the digests of the untouched copy and after each edit alone, one JSON object a line.
 DIGESTS = """
 import json, sys
+from functools import cache
 from pathlib import Path
 from vlnpe.formats.core import source
 
 jobs, edits = json.load(sys.stdin)
+parse = source._source.__wrapped__
+
+@cache
+def parsed(module, content):
+    return parse(module)
+
+# Only what an edit changed is parsed again.
+source._source = lambda module: parsed(module, source._path(module).read_bytes())
 
 def show():
-    source._source.cache_clear(), source.imported_modules.cache_clear()
+    source.imported_modules.cache_clear()
     source.code_digest.cache_clear(), source.source_digest.cache_clear()
     print(json.dumps({s: source.source_digest("pipeline.jobs." + job) for s, job in jobs.items()}))
 

@@ -6,16 +6,21 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from tests.support import work
-from vlnpe.formats.core.errors import InputError
+from vlnpe.formats.core.errors import InputError, VlnpeError
 from vlnpe.pipeline.engine.executors import Workers
 from vlnpe.pipeline.engine.ledger import JOURNAL_NAME, MANIFEST_NAME, Ledger
+from vlnpe.pipeline.engine.run_folder import file_names, safe_name
 from vlnpe.pipeline.engine.runner import Context, StageFailedError, run_stage
-from vlnpe.pipeline.engine.work import WorkItem
+from vlnpe.pipeline.engine.work import WorkItem, work_item
+from vlnpe.trajectory_sampler.stairs import StairRules
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +78,79 @@ def test_bad_items_are_quarantined_with_their_reason_and_counted(tmp_path, worke
     assert "has no floor" in reasons["no_floor"]
     assert "ZeroDivisionError" in reasons["bug"]
     files = {p.name for p in tmp_path.iterdir()}
-    assert files == {"good.txt", "fell.txt", MANIFEST_NAME, "quarantine.json"}
+    assert files == {"good.txt", "fell.txt", MANIFEST_NAME, "quarantine.json", "quarantine"}
+    crash = (tmp_path / "quarantine" / "s" / "bug.txt").read_text()
+    assert "in crash\n" in crash and "ZeroDivisionError: a bug" in crash
+    # They would fail again: nothing runs them but being asked to, or being needed.
+    again = run_stage(context(tmp_path, workers), "s", items)
+    assert (again.done, again.reused, again.quarantined) == (0, 2, 5)
+    asked = Context(Ledger(tmp_path), workers, progress=False, retry_quarantined=True)
+    mended = [item(tmp_path, "bug") if i.name == "bug" else i for i in items]
+    assert run_stage(asked, "s", mended).done == 1
+    assert not (tmp_path / "quarantine" / "s" / "bug.txt").exists()
+
+
+def test_what_failed_for_want_of_memory_runs_again_unasked(tmp_path, workers):
+    path = tmp_path / "x.txt"
+    poor = WorkItem("x", "k", (path,), work.Call(work.run_out_of_memory, (path,)))
+    assert run_stage(context(tmp_path, workers), "s", [poor]).quarantined == 1
+    assert run_stage(context(tmp_path, workers), "s", [item(tmp_path, "x")]).done == 1
+
+
+def test_two_items_of_one_file_name_are_refused_not_dropped(tmp_path, workers):
+    items = [item(tmp_path, "a"), item(tmp_path, "A")]
+    with pytest.raises(VlnpeError, match="A and a share one file name"):
+        run_stage(context(tmp_path, workers), "s", items)
+
+
+def test_explanations_name_what_changed(tmp_path, workers, capsys):
+    def items(config: StairRules, seed: int) -> list[WorkItem]:
+        path = tmp_path / "a.txt"
+        job = work.Call(work.write, (path, "hello"))
+        return [work_item("s", "a", job, (path,), config, seed=seed)]
+
+    told = Context(Ledger(tmp_path), workers, progress=False, explain=True)
+
+    def explained(config: StairRules, seed: int) -> str:
+        run_stage(told, "s", items(config, seed))
+        return capsys.readouterr().err
+
+    rules = StairRules()
+    assert "s a runs: it has not been finished" in explained(rules, 0)
+    assert "s a is reused (unchanged)" in explained(rules, 0)
+    assert "s a runs: seed: 0 → 1\n" in explained(rules, 1)
+    assert Ledger(tmp_path).values()  # kept for the next run
+    told = Context(Ledger(tmp_path), workers, progress=False, explain=True)
+    changed = explained(replace(rules, max_step_m=0.5), 1)
+    assert f"StairRules.max_step_m: {rules.max_step_m} → 0.5\n" in changed
+    (tmp_path / "a.txt").unlink()
+    assert "a.txt is missing" in explained(replace(rules, max_step_m=0.5), 1)
+
+
+@pytest.mark.parametrize(
+    ("texts", "names"),
+    [
+        (["apartment-0-0003", "e.2", "A_b"], ["apartment-0-0003", "e.2", "A_b"]),
+        (["a/b", "a-b", "a b", "a%2Fb"], ["a%2Fb", "a-b", "a%20b", "a%252Fb"]),
+        (["Kitchen", "kitchen"], ["%4Bitchen", "kitchen"]),
+        (["..", ".", "", "-x"], ["%2E%2E", "%2E", "~", "%2Dx"]),
+        (["é", "e\u0301"], ["%C3%A9", "e%CC%81"]),
+    ],
+)
+def test_different_texts_get_different_file_names(texts, names):
+    assert file_names(texts) == names
+
+
+@given(st.lists(st.text(max_size=300), unique=True, max_size=30))
+@example(["x" * 200 + "a", "x" * 200 + "b"])
+def test_file_names_are_distinct_legal_and_stable(texts):
+    names = file_names(texts)
+    assert len({name.casefold() for name in names}) == len(texts)
+    for text, name in zip(texts, names, strict=True):
+        assert len(name.encode()) < 200 and not set(name) & set('/\\:*?"<>|\0')
+        assert not name.startswith((".", "-")) and not name.endswith(".")
+        if text == name:
+            assert safe_name(text) == text
 
 
 def test_a_dying_worker_takes_only_its_own_item(tmp_path):

@@ -15,8 +15,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from skimage.measure import marching_cubes
 
-from ...formats.core.geometry import triangle_normals_and_areas
-from .fusion import DistanceVolume
+from ..core.geometry import triangle_normals_and_areas
+from .volume import DistanceVolume
 
 _LEAST_WEIGHT = 0.06
 # A true surface changes the field by at most √3 / 3 across a cell; more is two views that
@@ -42,9 +42,11 @@ class ScanMesh:
         return triangle_normals_and_areas(self.vertices[self.faces])
 
 
-def extract(volume: DistanceVolume, target_faces: int) -> ScanMesh:
+def extract(
+    volume: DistanceVolume, target_faces: int, least_weight: float = _LEAST_WEIGHT
+) -> ScanMesh:
     """Run marching cubes over fully seen cells; remove specks; decimate to `target_faces`."""
-    mesh = _march(volume)
+    mesh = _march(volume, least_weight)
     mesh = without_specks(mesh, _SMALLEST_PATCH)
     reduction = 1.0 - target_faces / max(len(mesh.faces), 1)
     if reduction > 0:
@@ -55,8 +57,8 @@ def extract(volume: DistanceVolume, target_faces: int) -> ScanMesh:
     return without_specks(_tidy(mesh), 12)
 
 
-def _march(volume: DistanceVolume) -> ScanMesh:
-    seen = volume.weight > _LEAST_WEIGHT
+def _march(volume: DistanceVolume, least_weight: float) -> ScanMesh:
+    seen = volume.weight > least_weight
     high = np.where(seen, volume.value, np.float32(9))
     low = np.where(seen, volume.value, np.float32(-9))
     for axis in range(3):

@@ -55,7 +55,7 @@ def test_side_files_are_bounded(tmp_path: Path) -> None:
     assert side_file(tmp_path, "a", 10) is None
     (tmp_path / "a").write_bytes(bytes(11))
     assert side_file(tmp_path, "a", 11) == bytes(11)
-    with pytest.raises(FileFormatError, match="larger than"):
+    with pytest.raises(FileFormatError, match="too large"):
         side_file(tmp_path, "a", 10)
 
 
@@ -88,7 +88,6 @@ def own(lower: str) -> str:
 @pytest.mark.parametrize(
     "text",
     [
-        "[" * 200_000,
         "[5]",
         '[{"label": null}]',
         '{"frame": "source", "objects": [5]}',

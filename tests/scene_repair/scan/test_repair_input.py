@@ -335,7 +335,7 @@ def test_unknown_kind(tmp_path: Path) -> None:
         ("house.E57", "CloudCompare"),
         ("my.house.dae", "assimp export my.house.dae my.house.glb"),
         ("house.fbx", "Blender"),
-        ("house.spz", "Gaussian splats"),
+        ("house.sog", "splat-transform house.sog house.ply"),
     ],
 )
 def test_what_is_not_read_names_the_converter(name: str, expected: str, tmp_path: Path) -> None:
@@ -343,24 +343,6 @@ def test_what_is_not_read_names_the_converter(name: str, expected: str, tmp_path
     message = refused(tmp_path / name)
     assert expected in message
     assert ".glb, " in message
-
-
-@pytest.mark.parametrize(
-    ("properties", "expected"),
-    [
-        ("x y z f_dc_0 opacity scale_0 rot_0", "3D Gaussian splatting"),
-        ("packed_position packed_rotation packed_scale packed_color", "SuperSplat"),
-    ],
-)
-def test_splats_are_no_point_cloud(properties: str, expected: str, tmp_path: Path) -> None:
-    path = tmp_path / "scan.ply"
-    names = properties.split()
-    lines = "".join(f"property float {name}\n" for name in names)
-    head = f"ply\nformat binary_little_endian 1.0\nelement vertex 100\n{lines}end_header\n"
-    path.write_bytes(head.encode() + bytes(400 * len(names)))
-    message = refused(path)
-    assert "Gaussian splats" in message
-    assert expected in message
 
 
 @pytest.mark.parametrize("suffix", ["glb", "gltf", "obj", "ply", "stl", "off"])

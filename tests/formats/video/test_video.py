@@ -145,7 +145,7 @@ def test_the_same_frames_give_the_same_bytes(tmp_path: Path) -> None:
 ENCODE = """
 import sys
 from pathlib import Path
-from tests.formats.test_video import RANGE, depth_frames, rgb_frames
+from tests.formats.video.test_video import RANGE, depth_frames, rgb_frames
 from vlnpe.formats.video.mp4 import CLIP_CODEC, WATCH_CODEC, write_depth_video, write_rgb_video
 for codec in ("h264", CLIP_CODEC, WATCH_CODEC):
     write_rgb_video(Path("a.mp4"), rgb_frames(14, 150, 200), 4, codec)
@@ -156,7 +156,7 @@ sys.stdout.buffer.write(Path("a.mp4").read_bytes())
 
 
 def test_bytes_do_not_depend_on_what_memory_held_before(tmp_path: Path) -> None:
-    root = Path(__file__).resolve().parents[2]
+    root = Path(__file__).resolve().parents[3]
     encoded = [
         subprocess.run(
             [sys.executable, "-c", ENCODE],

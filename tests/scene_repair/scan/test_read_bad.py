@@ -314,7 +314,7 @@ def test_texture_transform_is_applied(tmp_path: Path) -> None:
         ("none.png", "missing"),
         ("broken.png", "cannot be read"),
         ("cut.png", "damaged"),
-        ("folder.png", "missing"),
+        ("folder.png", "is a folder"),
     ],
 )
 def test_unusable_pictures_leave_the_colour(name: str, what: str, tmp_path: Path) -> None:

@@ -47,7 +47,7 @@ from vlnpe.formats.video.mux import iterate_bitstream
 from vlnpe.pipeline import cli
 from vlnpe.pipeline.engine.ledger import Ledger
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
+DOCS = Path(__file__).resolve().parents[3] / "docs"
 SECONDS = (2.0, 0.0, 3.0)
 SHOWN = (map_topic(small_map()), *robot_topics(small_links(make_rollout(1.0))))
 ASSEMBLY: dict[str, Any] = {

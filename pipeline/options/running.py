@@ -1,4 +1,4 @@
-"""Options of where a run's items are executed."""
+"""Options of the commands that run many items."""
 
 from __future__ import annotations
 
@@ -8,11 +8,23 @@ from ..engine.executors import LOCAL, Execution
 
 
 @dataclass(frozen=True, kw_only=True)
-class Executed:
-    """Options of the commands whose run folder several machines can share."""
+class Running:
+    """How items are run."""
 
     workers: int = 0
     """Number of worker processes; 0 uses one per core, or all that a cluster has."""
+    max_failed: int = 0
+    """Maximum number of quarantined items; exit with code 1 above it."""
+    wait: bool = False
+    """If another process works in the output folder, wait for it to end instead of refusing."""
+    explain: bool = False
+    """Say of every item why it runs or is reused, on stderr."""
+    retry_quarantined: bool = False
+    """Run quarantined items again although nothing has changed that they depend on. Those that
+    failed for want of memory, disk space or a server are run again anyway."""
+    only: str = ""
+    """Run one item alone, in this process, and print its traceback if it fails: STAGE:ITEM, as
+    quarantine.json lists them. All that it depends on must be done."""
     executor: str = LOCAL
     """Where to run: local (processes of this machine), ray (a Ray cluster), or slurm (batch jobs).
     The machines share the run folder; see docs/scaling.md."""

@@ -1,0 +1,1 @@
+"""Fuse depth images into a surface."""

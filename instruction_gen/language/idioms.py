@@ -1,0 +1,124 @@
+"""Idioms: runs of words that mean something else than word by word, in plainer words.
+
+The grammar reads word by word; `make a turn to the left` and `come to rest` are replaced before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+
+from .tokens import Token
+
+# Words of a pattern: alternatives with |, optional with ?. {k} is the word that pattern word k met.
+_IDIOMS = (
+    ("make|take|do a|another|your slight|sharp? turn to|toward|towards", "{2} turn to"),
+    ("turn your body|yourself", "turn"),
+    ("toward|towards the|your left|right", "to {1} {2}"),
+    ("off|over to|on the|your left|right|left-hand|right-hand", "{1} {2} {3}"),
+    ("stop|stopping|halt|pause walking|moving|going", "{0}"),
+    ("come|comes|coming to rest", "stop"),
+    ("come|comes|coming to a complete|full|final? stop|halt|pause|standstill", "stop"),
+    ("bring yourself to a stop|halt", "stop"),
+    ("once|when|after you have|are done|finished with? that|this|so", "then"),
+    ("after|having doing|done that|this|so", "then"),
+    ("make|take|do a u-turn to? the|your? left|right?", "turn around"),
+    ("after which", "then"),
+    ("prior to", "before"),
+    ("in the direction of", "toward"),
+    ("at|to|on the side of", "beside"),
+    ("at the front of", "in front of"),
+    ("adjacent to?", "next to"),
+    ("outside of", "outside"),
+    ("circle|circling|round|rounding|circumvent the|it|this|that", "go around {1}"),
+    ("a|one step|moment before|after|past", "{2}"),
+    ("on|to the|your other|opposite|far side of", "past"),
+    ("with the? your? back to|toward|towards", "away from"),
+    ("so that", "with"),
+    ("at|by which point", "then"),
+    ("hug|hugging the left|right wall?", "keep {2}"),
+)
+_STAYING = frozenset("stay remain".split())
+_STOPPING = frozenset("stop wait halt pause stopping waiting".split())
+_BESIDE = frozenset("beside next by at near in behind before there here".split())
+_NO_PLACE = frozenset(
+    """left right straight to on along going walking moving until clear out the your course
+    slightly away""".split()
+)
+
+
+def plainer(tokens: Sequence[Token]) -> list[Token]:
+    """Return the tokens of a text with idioms replaced; each keeps its place in the text."""
+    result: list[Token] = []
+    k = 0
+    while k < len(tokens):
+        for pattern, instead in _table():
+            met = _met(pattern, tokens, k)
+            if met is None:
+                continue
+            words, count = met
+            said = [words[int(w[1:-1])] if w.startswith("{") else w for w in instead]
+            span = Token("", tokens[k].start, tokens[k + count - 1].stop)
+            result += [replace(span, text=word) for word in said if word]
+            k += count
+            break
+        else:
+            result.append(tokens[k])
+            k += 1
+    return _stops(_openers(result))
+
+
+def _openers(tokens: list[Token]) -> list[Token]:
+    """`…, next stop by the bed`: a `next` after a comma or full stop is a `then`."""
+    result = list(tokens)
+    for k, token in enumerate(tokens):
+        opens = k == 0 or not tokens[k - 1].is_word
+        if token.text == "next" and opens and tokens[k + 1 : k + 2] and tokens[k + 1].text != "to":
+            result[k] = replace(token, text="then")
+    return result
+
+
+@cache
+def _table() -> tuple[tuple[tuple[tuple[frozenset[str], bool], ...], tuple[str, ...]], ...]:
+    def word(part: str) -> tuple[frozenset[str], bool]:
+        return frozenset(part.rstrip("?").split("|")), part.endswith("?")
+
+    return tuple((tuple(map(word, p.split())), tuple(i.split())) for p, i in _IDIOMS)
+
+
+def _met(
+    pattern: Sequence[tuple[frozenset[str], bool]], tokens: Sequence[Token], k: int
+) -> tuple[list[str], int] | None:
+    """The words that a pattern meets at token `k`, "" for a left-out one, and how many tokens."""
+    words: list[str] = []
+    at = k
+    for options, optional in pattern:
+        if at < len(tokens) and tokens[at].text in options:
+            words.append(tokens[at].text)
+            at += 1
+        elif optional:
+            words.append("")
+        else:
+            return None
+    return words, at - k
+
+
+def _stops(tokens: list[Token]) -> list[Token]:
+    """`Stay by the bed.` and `end up next to it.` are stops where the text ends with them."""
+    last = max((k for k, t in enumerate(tokens[:-1]) if t.text in ".;!"), default=-1)
+    result = list(tokens)
+    for k in range(len(tokens) - 1, last, -1):
+        if tokens[k].text in _STOPPING:
+            break
+        following = [t.text for t in tokens[k + 1 : k + 3]]
+        ends = tokens[k].text in ("end", "finish") and following[:1] == ["up"]
+        if following[:1] == ["right"] and following[-1] in _BESIDE:
+            following = following[1:]  # "stay right beside the bed"
+        stays = tokens[k].text in _STAYING and following and following[0] not in _NO_PLACE
+        if ends or stays:
+            result[k] = replace(tokens[k], text="stop")
+            if ends:
+                del result[k + 1]
+            break
+    return result

@@ -1,0 +1,123 @@
+"""Say why an item runs or is reused: which part of what it is made of has changed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from ...formats.core.source import NAME, imported_modules, libraries, module_digest
+from .keys import digest
+from .work import Job
+
+CODE = "code"
+SHORT = 16  # characters kept of a digest
+PLAIN = 60  # characters of a value that is shown as it is
+
+
+@dataclass(frozen=True)
+class Part:
+    """One thing that an item is made of.
+
+    Attributes:
+        digest: Of all of it.
+        values: Its values by name, where they are few and short; they are shared by the items
+            that are made of the same thing.
+    """
+
+    digest: str
+    values: dict[str, str]
+
+
+def parts_of(inputs: Mapping[str, Any], job: Job) -> dict[str, Part]:
+    """Return what an item is made of, by name."""
+    parts = {
+        name: Part(value[:SHORT] if _is_digest(value) else digest(value)[:SHORT], _values(value))
+        for name, value in inputs.items()
+    }
+    return {**parts, CODE: _code(type(job).__module__)}
+
+
+def changes(
+    before: Mapping[str, str],
+    values: Mapping[str, Mapping[str, str]],
+    now: Mapping[str, Part],
+    items: Mapping[str, str],
+) -> list[str]:
+    """Return what differs between an item's parts then and now, one line each.
+
+    Args:
+        before: Digests of the parts when the item was done, by name.
+        values: Values of parts by digest, as far as they are known.
+        now: The parts now.
+        items: Names of items by the beginnings of their keys: an item that reads others has
+            their keys among its parts.
+    """
+    lines = []
+    for name in sorted({*before, *now}):
+        old, new = before.get(name), now.get(name)
+        if new is None or old is None:
+            lines.append(f"{_shown(name)} is {'new' if old is None else 'no longer part of it'}")
+        elif old != new.digest and new.digest in items:
+            lines.append(f"{items[new.digest]} was made anew")
+        elif old != new.digest:
+            lines += _differences(_shown(name), values.get(old, {}), new.values)
+    return lines
+
+
+def _differences(name: str, old: Mapping[str, str], new: Mapping[str, str]) -> list[str]:
+    found = []
+    for key in sorted({*old, *new}):
+        if old.get(key) != new.get(key):
+            where = f"{name}.{key}" if key else name
+            told = f"{old.get(key, 'nothing')} → {new.get(key, 'nothing')}"
+            # A digest of code says nothing to anybody.
+            found.append(f"{where} changed" if name == CODE and ":" not in key else
+                         f"{where}: {told}")  # fmt: skip
+    return found or [f"{name} changed"]
+
+
+def _shown(name: str) -> str:
+    """Return how a part is called; inputs without a name are called by type and place."""
+    kind, _, place = name.rpartition(" ")
+    if not kind:
+        return name
+    return f"input {place}, the key of what it is made from," if kind == "str" else kind
+
+
+def _is_digest(value: Any) -> bool:
+    return isinstance(value, str) and len(value) == 64 and value.isalnum()
+
+
+def _values(value: Any) -> dict[str, str]:
+    """Return the values of a configuration, or a short value under an empty name."""
+    if is_dataclass(value) and not isinstance(value, type):
+        found: dict[str, str] = {}
+        for one in fields(value):
+            inner = getattr(value, one.name)
+            if isinstance(inner, np.ndarray):
+                return {}  # an episode: large, and of this item alone
+            if is_dataclass(inner):
+                found |= {f"{one.name}.{k}" if k else one.name: v
+                          for k, v in _values(inner).items()}  # fmt: skip
+            else:
+                found |= {one.name: _short(inner)}
+        return found
+    return {} if _is_digest(value) or len(_short(value)) == SHORT + 1 else {"": _short(value)}
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value, default=str, sort_keys=True)
+    return text if len(text) <= PLAIN else f"…{digest(text)[:SHORT]}"
+
+
+@cache
+def _code(module: str) -> Part:
+    modules = imported_modules(module.removeprefix(f"{NAME}."))
+    found = {name: module_digest(name)[:8] for name in modules}
+    found |= {f"library:{name}": v for name, v in libraries(module).items()}
+    return Part(digest(found)[:SHORT], found)

@@ -1,0 +1,150 @@
+"""Fuse the surface that splats show: depth from many virtual cameras into one volume.
+
+Lengths are normalised first, so that a building of ordinary size has voxels of about 2.5 cm: the
+fusion's distances are those of rooms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, sparse
+from scipy.spatial import KDTree
+
+from ...formats.core.camera import CameraModel
+from ...formats.core.errors import SceneError
+from ...formats.fusion.surface import ScanMesh, extract
+from ...formats.fusion.volume import DistanceVolume
+from ...formats.splats.harmonics import C0
+from ...formats.splats.record import GaussianCloud
+from ...formats.splatting.draw import Eye, SplatImage, draw_splats
+from ...formats.splatting.scene import SplatScene
+from .solid import Solid
+
+VOXELS, VOXEL_M = 24_000_000, 0.025
+MARGIN_VOXELS = 8
+# Cameras look along the six sides of a cube, so that none is missing whichever way is up.
+SIDE_PX, HFOV_DEG = 128, 92.0
+STATIONS, STATION_SPACING_M, STATION_CLEARANCE_M = 72, 0.9, 0.22
+LEAST_SPACE_M3 = 0.8
+RANGE_M, NEAR_M = (0.12, 5.0), 0.06
+# Where more light than this gets through there is no surface.
+MAX_LIGHT = 0.35
+TARGET_FACES = 320_000
+# Of a voxel: about that of a view from two metres; what is seen less often is ragged.
+LEAST_WEIGHT = 0.3
+SMOOTHING_ROUNDS, SMOOTHING_STEPS = 6, (0.5, -0.53)
+SIDES = tuple(
+    np.stack([np.cross(down, ahead), down, ahead], axis=1)
+    for down, ahead in (
+        (np.eye(3)[(axis + 1) % 3], sign * np.eye(3)[axis]) for axis in range(3) for sign in (1, -1)
+    )
+)
+
+
+def fuse_splats(
+    cloud: GaussianCloud, solid: Solid, tell: Callable[[str], None]
+) -> tuple[ScanMesh, NDArray[np.uint8]]:
+    """Return the surface in units of the file, and sRGB colours (V, 3) of its vertices.
+
+    Raises:
+        SceneError: the Gaussians enclose no space to look from, or show no surface.
+    """
+    volume_units = float(np.prod(solid.upper - solid.lower))
+    factor = VOXEL_M / (volume_units / VOXELS) ** (1 / 3)
+    similarity = np.diag([factor, factor, factor, 1.0])
+    surfaces = cloud.take(solid.keep).transformed(similarity)
+    scene = SplatScene.of(surfaces, antialiased=False)
+    margin = MARGIN_VOXELS * VOXEL_M
+    volume = DistanceVolume.empty(
+        factor * solid.lower - margin, factor * solid.upper + margin, VOXEL_M
+    )
+    places = stations(solid, factor)
+    if not len(places):
+        raise SceneError("its Gaussians enclose no space: an object, not a room")
+    tell(f"looking from {len(places)} places at {len(surfaces):,} Gaussians")
+    camera = CameraModel("virtual", SIDE_PX, SIDE_PX, HFOV_DEG)
+    for eye in _eyes(camera, places):
+        image = draw_splats(scene, eye, with_depth=True, near_m=NEAR_M)
+        volume.integrate(
+            surface_depth(image),
+            focal_px=camera.focal_px,
+            position_m=eye.position_world_m,
+            rotation=eye.rotation_world,
+        )
+    tell("meshing")
+    if not ((volume.value < 0) & (volume.weight > LEAST_WEIGHT)).any():
+        raise SceneError("no surface could be fused from its Gaussians")
+    mesh = smoothed(extract(volume, TARGET_FACES, LEAST_WEIGHT))
+    color = _colors(surfaces, mesh.vertices)
+    return ScanMesh(mesh.vertices / factor, mesh.faces), color
+
+
+def smoothed(mesh: ScanMesh) -> ScanMesh:
+    """Return the mesh with the scatter of the Gaussians smoothed away, without shrinking it.
+
+    Taubin, "Curve and surface smoothing without shrinkage" (1995).
+    """
+    count = len(mesh.vertices)
+    edges = mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    both = np.concatenate([edges, edges[:, ::-1]])
+    ones = np.ones(len(both), dtype=np.float64)
+    links = sparse.coo_matrix((ones, (both[:, 0], both[:, 1])), shape=(count, count)).tocsr()
+    degree = np.maximum(np.asarray(links.sum(axis=1)), 1)
+    points = mesh.vertices
+    for _ in range(SMOOTHING_ROUNDS):
+        for step in SMOOTHING_STEPS:
+            points = points + step * (links @ points / degree - points)
+    return ScanMesh(points, mesh.faces)
+
+
+def stations(solid: Solid, factor: float) -> NDArray[np.float64]:
+    """Return camera positions (S, 3) spread over the enclosed space, normalised lengths."""
+    clear = solid.clearance * factor
+    open_ = clear > STATION_CLEARANCE_M
+    part, _ = ndimage.label(open_)
+    volume_m3 = np.bincount(part.ravel()) * (factor * solid.cell) ** 3
+    # A camera inside a bed or a wall would see surfaces from behind.
+    cells = np.argwhere(open_ & (volume_m3 >= LEAST_SPACE_M3)[part])
+    if not len(cells):
+        return np.zeros((0, 3))
+    points = factor * (solid.origin + solid.cell * cells)
+    # Starting where most room is; each next one is furthest from all so far.
+    k = int(np.argmax(clear[tuple(cells.T)]))
+    distance = np.full(len(points), np.inf)
+    chosen = []
+    while len(chosen) < STATIONS:
+        chosen.append(points[k])
+        distance = np.minimum(distance, np.linalg.norm(points - points[k], axis=1))
+        k = int(np.argmax(distance))
+        if distance[k] < STATION_SPACING_M:
+            break
+    return np.array(chosen)
+
+
+def surface_depth(image: SplatImage) -> NDArray[np.float32]:
+    """Return the depth (H, W) of the first surface [m], 0 = none or not to be trusted.
+
+    It is where half of the light is gone; the mean is smoother where both agree.
+    """
+    close = np.abs(image.depth_m - image.median_m) < VOXEL_M
+    depth = np.where(close, image.depth_m, image.median_m)
+    good = (image.light < MAX_LIGHT) & (depth > RANGE_M[0]) & (depth < RANGE_M[1])
+    return np.where(good, depth, 0).astype(np.float32)
+
+
+def _eyes(camera: CameraModel, places: NDArray[np.float64]) -> Iterator[Eye]:
+    for place in places:
+        for side in SIDES:
+            yield Eye(camera, place, side)
+
+
+def _colors(cloud: GaussianCloud, points: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Return the colours (V, 3) of the Gaussians nearest to points (V, 3)."""
+    _, near = KDTree(cloud.position).query(points, k=4)
+    rgb = 0.5 + C0 * cloud.harmonics[:, 0]
+    weight = cloud.opacity[near][..., None]
+    mean = (rgb[near] * weight).sum(1) / weight.sum(1)
+    return np.rint(255 * np.clip(mean, 0, 1)).astype(np.uint8)

@@ -1,0 +1,47 @@
+"""A run killed anywhere and started again has the content of one that was never killed.
+
+Three points here; `make bench ONLY=durability` kills in every stage, several times.
+"""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.support import tiny_run
+from tests.support.content import content
+from tests.support.kills import kill_in
+from vlnpe.formats.core.atomic import TEMPORARY_PREFIX
+
+
+def test_kills_in_three_stages_change_nothing(
+    scan: Path, finished: Path, prepared: Path, tmp_path: Path
+):
+    run = shutil.copytree(prepared, tmp_path / "run")
+    rng = np.random.default_rng(14)
+    command = tiny_run.command(scan, run, "--workers", 1)
+    killed = [
+        kill_in(command, stage, float(rng.uniform(0.0, 0.5)))
+        for stage in ("replay", "export", "pictures")
+    ]
+    assert sum(killed) >= 2
+    done = tiny_run.run(command)
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert "repair                 100%" in done.stderr and "reused 1" in done.stderr
+    assert content(run) == content(finished)
+    assert not list(run.rglob(f"{TEMPORARY_PREFIX}*"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("workers", "hash_seed"), [(2, "1"), (4, "2")])
+def test_workers_and_hash_seeds_change_nothing(
+    scan: Path, finished: Path, prepared: Path, tmp_path: Path, workers: int, hash_seed: str
+):
+    run = shutil.copytree(prepared, tmp_path / "run")
+    command = tiny_run.command(scan, run, "--workers", workers)
+    done = tiny_run.run(command, PYTHONHASHSEED=hash_seed)
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert content(run) == content(finished)

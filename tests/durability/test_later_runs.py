@@ -1,0 +1,119 @@
+"""Later commands in the same folder: what they explain, keep, and run alone."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.support import tiny_run
+from vlnpe.collectors.controllers import SpeedConfig
+from vlnpe.collectors.replay import ReplayConfig
+from vlnpe.formats.core.episode import Episode
+from vlnpe.formats.vlnce.files import read_episodes
+from vlnpe.pipeline.engine.ledger import Ledger, Row
+from vlnpe.pipeline.jobs.replay import actions
+from vlnpe.pipeline.report.gather import driven, robot_rows
+from vlnpe.pipeline.stages.replay import item_names, label_of
+
+SPEED = ReplayConfig(robot="aliengo", controller="speed")
+CLOSED = replace(SPEED, speed=replace(SpeedConfig(), end_on_displacement=True))
+
+
+def walked(ledger: Ledger, config: ReplayConfig) -> str:
+    """Record a rollout of a robot under these settings; return the name it is kept under."""
+    label = label_of(ledger, config)
+    facts = {"robot": config.robot, "controller": config.controller, "seed": config.seed}
+    facts["actions"] = actions(config)
+    ledger.add(Row("replay", f"{config.robot}/{label}/e", "k", "done", facts=facts))
+    return label
+
+
+def test_rollouts_of_other_seeds_and_actions_are_kept_apart(tmp_path: Path):
+    ledger = Ledger(tmp_path)
+    assert walked(ledger, SPEED) == "speed"
+    assert walked(ledger, CLOSED) == "speed-loop-closed"
+    assert walked(ledger, replace(CLOSED, seed=1)) == "speed-loop-closed-seed-1"
+    slow = replace(SPEED, speed=replace(SpeedConfig(), steps_per_action=100))
+    assert walked(ledger, slow) == "speed-steps-100"
+    assert walked(ledger, replace(SPEED, controller="path", seed=5)) == "path"
+    # Coming back finds what is there; where the closed loop was first, it has the plain name.
+    assert [walked(ledger, c) for c in (SPEED, CLOSED)] == ["speed", "speed-loop-closed"]
+    other = Ledger(tmp_path / "other")
+    other.root.mkdir()
+    assert [walked(other, c) for c in (CLOSED, SPEED)] == ["speed", "speed-loop-open"]
+
+
+def test_the_controller_column_says_open_or_closed_loop():
+    def told(config: ReplayConfig, seeds: bool = False) -> str:
+        facts = {"actions": actions(config), "seed": config.seed}
+        return driven(config.controller, [facts], seeds)
+
+    assert told(SPEED) == "speed, open loop, 50 steps"
+    assert told(CLOSED) == "speed, closed loop"
+    assert told(replace(SPEED, controller="path", seed=3), seeds=True) == "path, seed 3"
+
+
+def test_another_seed_adds_rows_to_the_report(scan: Path, finished: Path, tmp_path: Path):
+    run = shutil.copytree(finished, tmp_path / "run")
+    done = tiny_run.collect(scan, run, "--seed", 1, "--explain")
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert "repair scan is reused (unchanged)" in done.stderr
+    assert "sample scan runs: seed: 0 → 1" in done.stderr
+    rows = robot_rows(Ledger(run))
+    assert [(r.robot, r.driven, r.episodes) for r in rows] == [
+        ("vlnce", "flash, seed 0", 2), ("vlnce", "flash, seed 1", 2),
+    ]  # fmt: skip
+    page = (run / "report" / "index.html").read_text()
+    assert "flash, seed 0" in page and "flash, seed 1" in page
+    assert len(list((run / "lerobot").iterdir())) == 2
+    checked = tiny_run.vlnpe("verify", run)
+    assert checked.returncode == 0, checked.stdout
+
+
+def test_a_quarantined_item_is_run_alone_by_the_command_that_is_kept(
+    scan: Path, finished: Path, tmp_path: Path
+):
+    run = shutil.copytree(finished, tmp_path / "run")
+    item = Ledger(run).rows("render")[0].item
+    rollout = run / "rollouts" / "vlnce" / "flash" / f"{item.rsplit('/', 1)[1]}.mcap"
+    sound = rollout.read_bytes()
+    rollout.write_bytes(sound[:200])
+    shutil.rmtree(run / "frames" / item)
+    broken = tiny_run.collect(scan, run)
+    assert broken.returncode == 1 and f"render {item} quarantined" in broken.stderr
+    error = Ledger(run).row("render", item).error  # type: ignore[union-attr]
+    text = (run / error["traceback"]).read_text()
+    assert "Traceback" in text and "read_rollout" in text and error["command"] in text
+
+    def alone() -> subprocess.CompletedProcess[str]:
+        command = error["command"].replace("&& vlnpe", "&& exec $VLNPE")
+        cli = f"{tiny_run.sys.executable} -m vlnpe.pipeline.cli"
+        return tiny_run.run(["bash", "-c", command], VLNPE=cli)
+
+    failed = alone()
+    assert failed.returncode == 1 and "read_rollout" in failed.stderr
+    assert Ledger(run).row("render", item).status == "quarantined"  # type: ignore[union-attr]
+    rollout.write_bytes(sound)
+    mended = alone()
+    assert mended.returncode == 0 and f"render {item}: done" in mended.stderr
+    assert not (run / error["traceback"]).exists()
+
+
+@pytest.mark.parametrize(
+    ("ids", "names"),
+    [
+        (("a/b", "a-b"), ["a%2Fb", "a-b"]),
+        (("Hall", "hall"), ["%48all", "hall"]),
+        (("1", "1"), ["train-1", "train-1%7E2"]),
+    ],
+)
+def test_episodes_whose_ids_make_one_file_name_are_both_kept(finished: Path, ids, names):
+    first, second = read_episodes(finished / "episodes" / "train.json.gz")[:2]
+    named: list[Episode] = [replace(first, episode_id=ids[0]), replace(second, episode_id=ids[1])]
+    found = item_names(named)
+    assert len({name.casefold() for name in found}) == 2
+    assert found == names or ids == ("1", "1")

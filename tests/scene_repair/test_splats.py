@@ -1,0 +1,226 @@
+"""Geometry from Gaussian splats: a room with a table, floaters, and a background outside."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial import KDTree
+
+from tests.conftest import SHARED_SCENES
+from tests.support import scans
+from tests.support.splats import random_cloud
+from vlnpe.formats.core.errors import FileFormatError, InputError
+from vlnpe.formats.core.frames import HABITAT_TO_WORLD, matrix_to_quat
+from vlnpe.formats.splats.harmonics import C0
+from vlnpe.formats.splats.ply import write_ply_splats
+from vlnpe.formats.splats.record import GaussianCloud
+from vlnpe.formats.splats.store import load_splats
+from vlnpe.scene_repair.config import RepairConfig
+from vlnpe.scene_repair.labels.files import read_labels
+from vlnpe.scene_repair.repair import repair_scene
+from vlnpe.scene_repair.scan.dispatch import read_scan
+from vlnpe.scene_repair.splats import fuse
+from vlnpe.scene_repair.splats.solid import find_solid
+
+ROOM_M = np.array([4.4, 3.4, 2.5])
+TABLE = ((1.4, 1.2), (2.6, 2.0), 0.72)
+SPACING_M = 0.05
+FLOATERS, BACKGROUND = 150, 400
+
+
+def sheet(
+    corner: tuple[float, ...], u: tuple[float, ...], v: tuple[float, ...], rgb: tuple[float, ...]
+) -> GaussianCloud:
+    """Return flat Gaussians on the rectangle of `corner` and the sides `u` and `v` [m]."""
+    lengths = np.linalg.norm(u), np.linalg.norm(v)
+    a, b = np.meshgrid(*(np.arange(0.5, max(n / SPACING_M, 1)) * SPACING_M for n in lengths))
+    e1, e2 = np.array(u) / lengths[0], np.array(v) / lengths[1]
+    points = np.array(corner) + a.reshape(-1, 1) * e1 + b.reshape(-1, 1) * e2
+    quat = matrix_to_quat(np.stack([e1, e2, np.cross(e1, e2)], axis=1))
+    count = len(points)
+    return GaussianCloud(
+        position=points.astype(np.float32),
+        scale=np.tile(np.float32([0.7 * SPACING_M, 0.7 * SPACING_M, 0.003]), (count, 1)),
+        quat_wxyz=np.tile(quat, (count, 1)).astype(np.float32),
+        opacity=np.full(count, 0.93, np.float32),
+        harmonics=np.tile((np.array(rgb) - 0.5) / C0, (count, 1, 1)).astype(np.float32),
+    )
+
+
+def joined(*clouds: GaussianCloud) -> GaussianCloud:
+    names = ("position", "scale", "quat_wxyz", "opacity", "harmonics")
+    arrays = {name: np.concatenate([getattr(c, name) for c in clouds]) for name in names}
+    return replace(clouds[0], **arrays)
+
+
+def room_cloud() -> GaussianCloud:
+    """Return a room with a table whose floor is bare beneath it, z up [m]."""
+    x, y, z = ROOM_M
+    grey, brown = (0.7, 0.7, 0.7), (0.5, 0.3, 0.1)
+    (x0, y0), (x1, y1), top = TABLE
+    floor = sheet((0, 0, 0), (x, 0, 0), (0, y, 0), (0.2, 0.6, 0.2))
+    p = floor.position
+    floor = floor.take(~((p[:, 0] > x0) & (p[:, 0] < x1) & (p[:, 1] > y0) & (p[:, 1] < y1)))
+    surfaces = joined(
+        floor,
+        sheet((0, 0, z), (x, 0, 0), (0, y, 0), grey),
+        *(sheet((k * x, 0, 0), (0, y, 0), (0, 0, z), grey) for k in (0, 1)),
+        *(sheet((0, k * y, 0), (x, 0, 0), (0, 0, z), grey) for k in (0, 1)),
+        sheet((x0, y0, top), (x1 - x0, 0, 0), (0, y1 - y0, 0), brown),
+        *(sheet((k, y0, 0), (0, y1 - y0, 0), (0, 0, top), brown) for k in (x0, x1)),
+        *(sheet((x0, k, 0), (x1 - x0, 0, 0), (0, 0, top), brown) for k in (y0, y1)),
+    )
+    rng = np.random.default_rng(0)
+    scatter = rng.normal(0, 0.003, surfaces.position.shape)
+    surfaces = replace(surfaces, position=(surfaces.position + scatter).astype(np.float32))
+    stray = random_cloud(rng, FLOATERS, sizes=(0.01, 0.06))
+    stray.position[:] = rng.uniform(0.3, ROOM_M - 0.3, (FLOATERS, 3))
+    stray.opacity[:] = rng.uniform(0.1, 0.4, FLOATERS)
+    outside = random_cloud(rng, BACKGROUND, spread=30.0, sizes=(0.5, 3.0))
+    outside.position[:] += 20 * np.sign(outside.position)
+    return joined(surfaces, stray, outside)
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make the fusion coarse and short."""
+    monkeypatch.setattr(fuse, "VOXELS", 700_000)
+    monkeypatch.setattr(fuse, "VOXEL_M", 0.04)
+    monkeypatch.setattr(fuse, "STATIONS", 14)
+    monkeypatch.setattr(fuse, "SIDE_PX", 72)
+
+
+def test_floaters_and_background_are_left_out() -> None:
+    cloud = room_cloud()
+    solid = find_solid(cloud)
+    kind = np.r_[np.zeros(len(cloud) - FLOATERS - BACKGROUND), np.ones(FLOATERS), [2] * BACKGROUND]
+    assert solid.keep[kind == 0].mean() > 0.99
+    assert solid.keep[kind == 1].mean() < 0.5  # those near a surface are harmless
+    assert not solid.keep[kind == 2].any()
+    assert np.allclose(solid.upper - solid.lower, ROOM_M, atol=0.4)
+
+
+def test_cameras_stand_in_the_room_and_not_in_the_table() -> None:
+    solid = find_solid(room_cloud())
+    places = fuse.stations(solid, 1.0)
+    assert len(places) > 10
+    assert ((places > 0.1) & (places < ROOM_M - 0.1)).all()
+    (x0, y0), (x1, y1), top = TABLE
+    in_table = (places[:, :2] > (x0, y0)).all(1) & (places[:, :2] < (x1, y1)).all(1)
+    assert not (in_table & (places[:, 2] < top)).any()
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_room_of_splats_becomes_a_sound_scene(tmp_path: Path) -> None:
+    cloud = room_cloud()
+    source = tmp_path / "lab.ply"
+    write_ply_splats(source, cloud.transformed(np.linalg.inv(HABITAT_TO_WORLD)))
+    (tmp_path / "out").mkdir()
+    bundle = repair_scene(source, tmp_path / "out")
+    record = json.loads((tmp_path / "out" / "repair.json").read_text())
+    assert record["source"]["up"] == "y"
+    assert record["source"]["unit"] == "m"
+    assert any("floaters" in text for text in record["warnings"])
+    assert record["verification"]["sound"], record["verification"]["problems"]
+    assert bundle.level_floor_z_m == pytest.approx((0.0,), abs=0.012)
+    mesh = bundle.visual()
+    corners = mesh.vertices[mesh.faces]
+    height = corners[..., 2].max(1)
+    (x0, y0), (x1, y1), top = TABLE
+    middle = corners.mean(1)
+    over = (middle[:, :2] > (x0 + 0.1, y0 + 0.1)).all(1)
+    over &= (middle[:, :2] < (x1 - 0.1, y1 - 0.1)).all(1)
+    on_top = over & (np.abs(height - top) < 0.1)
+    assert np.median(height[on_top]) == pytest.approx(top, abs=0.02)
+    wall = np.abs(middle[:, 0] - ROOM_M[0]) < 0.1
+    assert np.median(middle[wall, 0]) == pytest.approx(ROOM_M[0], abs=0.02)
+    free = bundle.freemap(0)
+    rows, columns = np.nonzero(free.traversable)
+    xy = free.grid.center_of(np.stack([rows, columns], -1))
+    in_table = (xy > (x0 + 0.05, y0 + 0.05)).all(1) & (xy < (x1 - 0.05, y1 - 0.05)).all(1)
+    assert not in_table.any()
+    open_m2 = len(rows) * free.grid.cell_m**2
+    assert open_m2 > 0.85 * (ROOM_M[0] * ROOM_M[1] - (x1 - x0) * (y1 - y0))
+    # The splats lie in the bundle, in the world, for rendering.
+    stored = load_splats(bundle.root)
+    near, _ = KDTree(stored.position).query(cloud.position)
+    assert near.max() < 0.03
+
+
+def test_a_given_surface_takes_the_place_of_the_fused_one(tmp_path: Path) -> None:
+    source = tmp_path / "lab.ply"
+    write_ply_splats(source, room_cloud())
+    mesh = scans.write_glb(scans.room(), tmp_path / "room.glb")
+    scan = read_scan(source, mesh)
+    assert np.array_equal(scan.faces, read_scan(mesh).faces)
+    assert scan.splats is not None
+    assert "their surface is given" in scan.warnings[0]
+    with pytest.raises(InputError, match="--collision"):
+        read_scan(mesh, mesh)
+
+
+def test_an_object_is_no_room() -> None:
+    path = SHARED_SCENES / "splats" / "guitar.compressed.ply"
+    if not path.is_file():
+        pytest.skip(f"no {path}")
+    with pytest.raises(FileFormatError, match=r"an object, not a room|no surface"):
+        read_scan(path)
+
+
+def test_meshes_with_vertex_colours_stay_meshes(tmp_path: Path) -> None:
+    mesh = trimesh.util.concatenate(scans.room())
+    colors = np.random.default_rng(0).integers(0, 255, (len(mesh.vertices), 4))
+    mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=colors)
+    mesh.export(str(tmp_path / "a.ply"))
+    assert read_scan(tmp_path / "a.ply").splats is None
+
+
+def test_damaged_splats_are_refused_by_name(tmp_path: Path) -> None:
+    (tmp_path / "a.spz").write_bytes(b"nothing")
+    with pytest.raises(FileFormatError, match="SPZ"):
+        repair_scene(tmp_path / "a.spz", tmp_path, RepairConfig())
+
+
+def corners(lower: tuple[float, ...], upper: tuple[float, ...], turn_deg: float) -> list[dict]:
+    """Return the corners of a box turned about its upright axis, as InteriorGS lists them."""
+    ends = np.array([lower, upper])
+    box = np.array([[ends[i, 0], ends[j, 1], ends[k, 2]] for i, j, k in np.ndindex(2, 2, 2)])
+    c, s = np.cos(np.deg2rad(turn_deg)), np.sin(np.deg2rad(turn_deg))
+    middle = box.mean(0)
+    turned = (box - middle) @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) + middle
+    return [dict(zip("xyz", map(float, p), strict=True)) for p in turned]
+
+
+def test_labels_of_interior_gs(tmp_path: Path) -> None:
+    source = tmp_path / "3dgs_compressed.ply"
+    (tmp_path / "labels.json").write_text(
+        json.dumps(
+            [
+                {
+                    "ins_id": "7",
+                    "label": "sofa",
+                    "bounding_box": corners((0, 0, 0), (2, 1, 0.8), 30),
+                },
+                {
+                    "ins_id": "9",
+                    "label": "wall lamp",
+                    "bounding_box": corners((3, 3, 1), (4, 4, 2), 0),
+                },
+            ]
+        )
+    )
+    sofa, lamp = read_labels(source)
+    assert (sofa.name, sofa.category) == ("Sofa_7", "sofa")
+    assert sorted(sofa.half) == pytest.approx([0.4, 0.5, 1.0], abs=1e-5)
+    assert sofa.contains(np.array([[1.0, 0.5, 0.4]]), 0.0).all()
+    assert lamp.name == "WallLamp_9"
+    (tmp_path / "labels.json").write_text('{"classes": ["cat", "dog"]}')
+    assert read_labels(source) == []
+    (tmp_path / "labels.json").write_text('[{"label": "sofa", "bounding_box": [1, 2]}]')
+    with pytest.raises(FileFormatError, match="InteriorGS"):
+        read_labels(source)
