@@ -22,7 +22,7 @@ from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError, UnknownNameError
 from ...formats.core.source import ROOT, code_digest
 from ...formats.vlnce.files import read_episodes, write_episodes
-from ..benchmark_sets import SETS, BenchmarkSet, episodes_digest
+from ..benchmark_sets import SETS, BenchmarkSet, episodes_digest, paths_digest
 from ..crews import chosen_robots
 from ..engine.context import open_context
 from ..engine.ledger import MANIFEST_NAME
@@ -168,7 +168,8 @@ def _value(
     """Return the result file's content."""
     lock = ROOT / "uv.lock"
     digests = {split: episodes_digest(episodes) for split, episodes in splits.items()}
-    published = dict(known.episodes_sha256) if known else {}
+    paths = {split: paths_digest(episodes) for split, episodes in splits.items()}
+    published = dict(known.paths_sha256) if known else {}
     return {
         "format": "vlnpe-benchmark/1",
         "benchmark": str(options.episodes) if known else options.episodes.name,
@@ -178,8 +179,9 @@ def _value(
         "machine": f"{platform.system()} {platform.machine()}, Python {platform.python_version()}",
         "seed": options.seed,
         "episodes_sha256": digests,
+        "paths_sha256": paths,
         "as_published": {
-            split: digests[split] == published[split] for split in digests if split in published
+            split: paths[split] == published[split] for split in paths if split in published
         },
         "episodes": {split: len(episodes) for split, episodes in kept.items()},
         "of": {split: len(episodes) for split, episodes in splits.items()},
@@ -205,8 +207,8 @@ def _page(value: dict[str, Any]) -> str:
         f"{value['benchmark']}: {counts} episodes; code {value['code_sha256'][:12]}, lock "
         f"{(value['lock_sha256'] or 'none')[:12]}",
         *(
-            f"**Other episodes than published**: {split} has digest "
-            f"{value['episodes_sha256'][split][:12]}"
+            f"**Other paths than published**: {split} has digest "
+            f"{value['paths_sha256'][split][:12]}"
             for split, same in value["as_published"].items()
             if not same
         ),

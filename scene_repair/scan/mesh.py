@@ -132,8 +132,10 @@ def _decoded(parts: list[Part], warnings: list[str]) -> list[Part]:
 def _parts(scene: trimesh.Scene, named: bool, warnings: list[str]) -> list[Part]:
     """Return one part per node with triangles, in scene coordinates."""
     parts = []
-    for node in sorted(scene.graph.nodes_geometry):
-        transform, geometry_name = scene.graph[node]
+    for node, geometry_node in sorted(
+        _named_nodes(scene), key=lambda one: (one[0], scene.graph[one[1]][1])
+    ):
+        transform, geometry_name = scene.graph[geometry_node]
         mesh = scene.geometry[geometry_name]
         if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
             warnings.append(f"{node}: {type(mesh).__name__} without triangles skipped")
@@ -172,6 +174,19 @@ def _parts(scene: trimesh.Scene, named: bool, warnings: list[str]) -> list[Part]
             )
         )
     return parts
+
+
+def _named_nodes(scene: trimesh.Scene) -> Iterator[tuple[str, str]]:
+    """Yield what each node with geometry is called, and the node.
+
+    trimesh gives every primitive of a glTF mesh with several materials a node of its own, with a
+    random name, below the mesh's node. They are one object, by that node's name.
+    """
+    parents = scene.graph.transforms.parents
+    for node in scene.graph.nodes_geometry:
+        mesh = scene.geometry[scene.graph[node][1]]
+        several = mesh.metadata.get("from_gltf_primitive", False)
+        yield (str(parents[node]) if several and node in parents else str(node)), node
 
 
 def _look(

@@ -47,6 +47,10 @@ def test_the_repair_finds_the_exact_floor_and_leaves_doorways_open(
 ) -> None:
     bundle = repair_scene(folder / "scan.glb", tmp_path, RepairConfig(scene_id="exact"))
     assert json.loads((tmp_path / "repair.json").read_text())["verification"]["sound"]
+    # An object with several materials is one object, not one per material.
+    labels = json.loads((folder / "scan.labels.json").read_text())["objects"]
+    assert {o.name for o in bundle.objects} <= {o["name"] for o in labels}
+    assert {"Sofa_1", "Bed_1"} <= {o.name for o in bundle.objects}
     home = build_scene(np.random.default_rng(SEED), building_config("apartment"), painted=False)
     truth, freemap = exact_freemap(home), bundle.freemap(0)
     rows, columns = np.nonzero(truth.free(0.3))

@@ -23,7 +23,9 @@ from vlnpe.formats.scene.bundle import (
 def write_exact_scene(home: TrueScene, scene_id: str, root: Path) -> SceneBundle:
     """Write `home` into the folder `root` as the scene `scene_id` and open it.
 
-    Every storey is a level with the exact freemap; the obstacles are the bounds of the objects.
+    Every storey is a level with the exact freemap, for sampling and rendering. Nothing can walk
+    here: the obstacles are the bounds of the objects, and those of walls and door frames fill
+    their doorways. `generate_exact` and the repair make exact scenes to walk in.
     """
     root.mkdir(parents=True, exist_ok=True)
     corners = home.shape.corners.astype(np.float32)

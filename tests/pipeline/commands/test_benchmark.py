@@ -13,7 +13,7 @@ from tests.collectors.test_replay import make_episode
 from tests.support.rooms import write_two_rooms
 from tests.support.work import InlineWorkers
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
-from vlnpe.pipeline.benchmark_sets import SETS, episodes_digest
+from vlnpe.pipeline.benchmark_sets import SETS, episodes_digest, paths_digest
 from vlnpe.pipeline.builtin import parse_builtin
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.engine import executors
@@ -94,3 +94,7 @@ def test_the_digest_holds_what_is_asked_and_nothing_else(run) -> None:
         replace(episode, scene_id="other"),
     ):
         assert episodes_digest([other]) != episodes_digest([episode])
+        retold = other.instruction != episode.instruction
+        assert (paths_digest([other]) == paths_digest([episode])) == retold
+    both = [episode, replace(episode, episode_id="other")]
+    assert episodes_digest(both) == episodes_digest(both[::-1])
