@@ -114,7 +114,7 @@ def _usd(suffix: str) -> Callable[[Path], Target]:
 
 
 def _labels(folder: Path) -> Target:
-    from tests.scene_repair.test_side_files import ANCHOR
+    from tests.scene_repair.scan.test_side_files import ANCHOR
     from vlnpe.scene_repair.labels.files import read_labels
 
     own = {
@@ -135,7 +135,7 @@ def _house(folder: Path) -> Target:
 
 
 def _vlnce(folder: Path) -> Target:
-    from tests.formats.test_vlnce import PUBLIC, RXR
+    from tests.formats.vlnce.test_vlnce import PUBLIC, RXR
     from vlnpe.formats.vlnce.files import read_vlnce, write_vlnce
 
     def read(path: Path) -> None:
@@ -187,7 +187,7 @@ def _card(folder: Path) -> Target:
 
 
 def _mcap(folder: Path) -> Target:
-    from tests.formats.test_convert import export_mcap
+    from tests.formats.convert.test_convert import export_mcap
     from tests.support.rollouts import make_rollout
     from vlnpe.formats.convert.episodes import unit_from_mcap
     from vlnpe.formats.mcap.rollout import read_rollout, write_rollout
@@ -205,7 +205,7 @@ def _mcap(folder: Path) -> Target:
 
 def _lerobot(pattern: str) -> Callable[[Path], Target]:
     def target(folder: Path) -> Target:
-        from tests.formats.test_convert import ASSEMBLY
+        from tests.formats.convert.test_convert import ASSEMBLY
         from tests.security.test_lerobot import convert, load
         from tests.support.lerobot_data import write_units
         from vlnpe.formats.core.errors import VlnpeError

@@ -1,6 +1,6 @@
 """GLB and glTF: references, data: URIs, sizes that lie, cycles, recursion, NaN.
 
-More lying accessors, buffers and pictures are in tests/scene_repair/test_read_bad.py.
+More lying accessors, buffers and pictures are in tests/scene_repair/scan/test_read_bad.py.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.scene_repair.test_side_files import ANCHOR, POSE
+from tests.scene_repair.scan.test_side_files import ANCHOR, POSE
 from tests.security.hostile import CLOSED_DEEP_JSON, DEEP_JSON, not_files, put, refusal
 from vlnpe.formats.core.limits import DEFAULTS
 from vlnpe.scene_repair.labels.files import LabelBox, read_labels

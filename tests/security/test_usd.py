@@ -1,7 +1,7 @@
 """USD and USDZ: files that are none, types that lie, packages, recursion.
 
 Layers and pictures outside the folder, cycles and instancing bombs are in
-tests/scene_repair/test_read_usd.py.
+tests/scene_repair/scan/test_read_usd.py.
 """
 
 from __future__ import annotations
