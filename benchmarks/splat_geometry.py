@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from skimage.measure import label
 
 from vlnpe.apartments import build_scene, building_config, generate_splats
 from vlnpe.apartments.home.shell import wall_frame
@@ -108,7 +109,7 @@ def _closed(traversable: NDArray[np.bool_], grid: GridSpec, plan: object, door: 
     xy = np.array([[place(a, b, 0)[:2] for b in across] for a in along])
     cells = grid.cell_of(xy.reshape(-1, 2))
     free = traversable[cells[:, 0], cells[:, 1]].reshape(len(along), len(across))
-    part, _ = ndimage.label(free)
+    part = np.asarray(label(free, connectivity=1))
     return not (set(part[:, 0]) & set(part[:, -1]) - {0})
 
 

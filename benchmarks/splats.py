@@ -73,7 +73,8 @@ def eyes(rng: np.random.Generator) -> list[Eye]:
         ahead /= np.linalg.norm(ahead)
         right = np.cross(ahead, (0, 0, 1))
         right /= np.linalg.norm(right)
-        found.append(Eye(camera, position, np.stack([right, np.cross(ahead, right), ahead], 1)))
+        axes = np.stack([right, np.cross(ahead, right), ahead], 1).astype(np.float64)
+        found.append(Eye(camera, position, axes))
     return found
 
 

@@ -163,7 +163,7 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
             ranges = np.array([limits.vx_m_s, limits.vy_m_s, limits.yaw_rad_s], np.float32)
             numbers = spaces.Box(ranges[:, 0], ranges[:, 1], dtype=np.float32)
         else:
-            most = np.tile(np.float32([1.0, 1.0, np.pi]), (self._waypoints, 1))
+            most = np.tile(np.array([1.0, 1.0, np.pi], np.float32), (self._waypoints, 1))
             numbers = spaces.Box(-most, most, dtype=np.float32)
         return spaces.Dict({"stop": spaces.Discrete(2), self._kind: numbers})
 

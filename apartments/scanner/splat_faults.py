@@ -70,7 +70,8 @@ def _floaters(rng: np.random.Generator, scene: TrueScene, count: int) -> Gaussia
         plan, room = rooms[k]
         xy = np.asarray(room.lower_m) + rng.random(2) * room.size_m
         places.append((*xy, plan.floor_z_m + rng.uniform(0.1, plan.ceiling_m - 0.1)))
-    size = np.exp(rng.uniform(*np.log(FLOATER_M), (count, 1)))
+    low, high = np.log(FLOATER_M)
+    size = np.exp(rng.uniform(low, high, (count, 1)))
     stretch = FLOATER_STRETCH ** rng.uniform(-1, 1, (count, 3))
     return _cloud(rng, np.array(places), size * stretch, rng.uniform(*FLOATER_OPACITY, count))
 

@@ -6,6 +6,8 @@ a Gaussian, so that the floor is missing beneath furniture as in a real capture.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
@@ -89,7 +91,9 @@ def seen_from(
         rest = np.flatnonzero(side == 0)
         if count <= asked or not len(rest):
             break
-        nearest = tree.query(points_m[rest], k=np.arange(asked + 1, count + 1))[1]
+        # The stubs know only a number for k; a list asks for these ranks alone.
+        ranks: Any = list(range(asked + 1, count + 1))
+        nearest = np.asarray(tree.query(points_m[rest], k=ranks)[1])
         for column in range(nearest.shape[1]):
             open_ = side[rest] == 0
             todo = rest[open_]
@@ -123,7 +127,8 @@ def _light(
     at = points.astype(np.float32)
     soft = lighting.soft(rng, at[places], normals[places], LIGHT_RAYS)
     where = np.c_[points, NORMAL_WEIGHT_M * normals]
-    distance, near = KDTree(where[places]).query(where, k=min(LIT_NEAREST, len(places)))
+    found = KDTree(where[places]).query(where, k=min(LIT_NEAREST, len(places)))
+    distance, near = np.asarray(found[0]), np.asarray(found[1])
     weight = 1 / (distance**2 + 1e-4)
     weight /= weight.sum(1, keepdims=True)
     light = np.einsum("nk,nki->ni", weight, soft[near]).astype(np.float32)
@@ -136,7 +141,7 @@ def _axes(normals: NDArray[np.float64]) -> NDArray[np.float64]:
     across = np.cross(helper, normals)
     length = np.linalg.norm(across, axis=1, keepdims=True)
     across = np.where(length > 1e-9, across / np.maximum(length, 1e-9), (1.0, 0.0, 0.0))
-    return np.stack([across, np.cross(normals, across), normals], axis=2)
+    return np.stack([across, np.cross(normals, across), normals], axis=2).astype(np.float64)
 
 
 def _on_grid(

@@ -9,6 +9,7 @@ import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -81,14 +82,15 @@ def _pcd(folder: Path) -> Target:
 
 def _usd(suffix: str) -> Callable[[Path], Target]:
     def target(folder: Path) -> Target:
-        from pxr import Sdf
+        from pxr import Usd
 
         from vlnpe.scene_repair.usd import read_stage
 
         plain = folder / "seed.usda"
         plain.write_bytes(damage.USDA)
         if suffix == "usdc":
-            Sdf.Layer.FindOrOpen(str(plain)).Export(str(folder / "seed.usdc"))
+            stages: Any = Usd
+            stages.Stage.Open(str(plain)).Export(str(folder / "seed.usdc"))
             seed = (folder / "seed.usdc").read_bytes()
         elif suffix == "usdz":
             stream = io.BytesIO()

@@ -37,7 +37,7 @@ def rooms_near(
     region = regions.at(points)
     points, gap, region = points[region >= 0], gap[region >= 0], region[region >= 0]
     seen = no_wall_between(np.broadcast_to(xy_m, points.shape), points, gap, regions)
-    return frozenset(names[k] for k in np.unique(region[seen])) - {""}
+    return frozenset(str(names[int(k)]) for k in np.unique(region[seen])) - {""}
 
 
 def room_names(regions: RegionMap, things: Sequence[LabeledObject]) -> tuple[str, ...]:

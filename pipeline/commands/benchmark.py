@@ -67,6 +67,7 @@ def run(options: Benchmark) -> int:
         kept[split] = list(spread(episodes, options.limit or len(episodes)))
         write_episodes(asked / f"{split}.json.gz", kept[split])
     code, results = 0, {}
+    value: dict[str, Any] = {}
     for cell in cells:
         code |= _evaluate(cell, options, folder, asked)
         results[cell] = read_results(folder / FOLDER / cell.name)

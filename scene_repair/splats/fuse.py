@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage, sparse
+from scipy import sparse
 from scipy.spatial import KDTree
 
 from ...formats.core.camera import CameraModel
@@ -21,6 +21,7 @@ from ...formats.splats.harmonics import C0
 from ...formats.splats.record import GaussianCloud
 from ...formats.splatting.draw import Eye, SplatImage, draw_splats
 from ...formats.splatting.scene import SplatScene
+from ..grid.morphology import label
 from .solid import Solid
 
 VOXELS, VOXEL_M = 24_000_000, 0.025
@@ -104,7 +105,7 @@ def stations(solid: Solid, factor: float) -> NDArray[np.float64]:
     """Return camera positions (S, 3) spread over the enclosed space, normalised lengths."""
     clear = solid.clearance * factor
     open_ = clear > STATION_CLEARANCE_M
-    part, _ = ndimage.label(open_)
+    part, _ = label(open_)
     volume_m3 = np.bincount(part.ravel()) * (factor * solid.cell) ** 3
     # A camera inside a bed or a wall would see surfaces from behind.
     cells = np.argwhere(open_ & (volume_m3 >= LEAST_SPACE_M3)[part])

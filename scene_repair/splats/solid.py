@@ -15,6 +15,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ...formats.core.errors import SceneError
 from ...formats.splats.record import GaussianCloud
+from ..grid.morphology import distance_to
 
 # Gaussians fainter than this never make a surface on their own.
 MIN_OPACITY = 0.08
@@ -76,6 +77,7 @@ def find_solid(cloud: GaussianCloud) -> Solid:
     shape = np.ceil((upper - lower) / cell).astype(int)
     index = np.clip(((position - lower) / cell).astype(np.int64), 0, shape - 1)
     flat = np.ravel_multi_index(tuple(index.T), tuple(shape))
+    flat = np.asarray(flat)
     count = np.bincount(flat[inside], minlength=int(np.prod(shape))).reshape(shape)
     around = ndimage.uniform_filter(count.astype(np.float32), 3, mode="constant") * 27
     typical = float(np.median(around.ravel()[flat[inside]]))
@@ -86,7 +88,7 @@ def find_solid(cloud: GaussianCloud) -> Solid:
     keep = inside & dense & shaped
     weight = np.bincount(flat[keep], cloud.opacity[keep], minlength=count.size).reshape(shape)
     occupied = weight >= 0.1 * float(np.median(weight[weight > 0]))
-    clearance = ndimage.distance_transform_edt(~occupied).astype(np.float32) * np.float32(cell)
+    clearance = distance_to(occupied).astype(np.float32) * np.float32(cell)
     clearance[~enclosed(occupied)] = 0.0
     return Solid(
         keep,

@@ -10,6 +10,7 @@ from itertools import pairwise
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
 
 from tests.collectors.test_replay import make_episode, same
@@ -197,6 +198,7 @@ def test_velocities_are_held_for_an_action(two_rooms, episodes) -> None:
     setting = {"actions": "velocity", "modalities": ["pose", "previous_action"]}
     env = NavigationEnv(two_rooms.root, episodes, **setting)
     seen, _ = env.reset(options={"episode": 1})
+    assert isinstance(env.observation_space, spaces.Dict)
     assert set(seen) == {"pose", "previous_action"} == set(env.observation_space.spaces)
     for _ in range(8):
         seen, *_ = env.step({"stop": 0, "velocity": np.array([0.5, 0.0, 0.0])})
@@ -220,6 +222,7 @@ def test_modalities_and_tokens_are_chosen(two_rooms, episodes) -> None:
         **setting,
     )
     seen, _ = env.reset(options={"episode": 0})
+    assert isinstance(env.observation_space, spaces.Dict)
     assert list(seen) == list(env.observation_space.spaces) == ["depth_m", "instruction", "tokens"]
     assert " ".join(words[k] for k in seen["tokens"]).strip() == seen["instruction"]
     assert env.observation_space.contains(seen)

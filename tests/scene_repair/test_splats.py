@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 from scipy.spatial import KDTree
+from trimesh.visual import ColorVisuals
 
 from tests.conftest import SHARED_SCENES
 from tests.support import scans
@@ -45,7 +46,7 @@ def sheet(
     count = len(points)
     return GaussianCloud(
         position=points.astype(np.float32),
-        scale=np.tile(np.float32([0.7 * SPACING_M, 0.7 * SPACING_M, 0.003]), (count, 1)),
+        scale=np.tile(np.array([0.7 * SPACING_M, 0.7 * SPACING_M, 0.003], np.float32), (count, 1)),
         quat_wxyz=np.tile(quat, (count, 1)).astype(np.float32),
         opacity=np.full(count, 0.93, np.float32),
         harmonics=np.tile((np.array(rgb) - 0.5) / C0, (count, 1, 1)).astype(np.float32),
@@ -174,8 +175,9 @@ def test_an_object_is_no_room() -> None:
 
 def test_meshes_with_vertex_colours_stay_meshes(tmp_path: Path) -> None:
     mesh = trimesh.util.concatenate(scans.room())
+    assert isinstance(mesh, trimesh.Trimesh)
     colors = np.random.default_rng(0).integers(0, 255, (len(mesh.vertices), 4))
-    mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=colors)
+    mesh.visual = ColorVisuals(mesh, vertex_colors=colors)
     mesh.export(str(tmp_path / "a.ply"))
     assert read_scan(tmp_path / "a.ply").splats is None
 

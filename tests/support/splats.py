@@ -16,12 +16,13 @@ def random_cloud(
     sizes: tuple[float, float] = (0.02, 0.2),
 ) -> GaussianCloud:
     """Return Gaussians around the origin with random sizes, turns, opacities and colours."""
+    low, high = np.log(sizes)
     quat = rng.standard_normal((count, 4))
     harmonics = rng.uniform(-0.6, 0.6, (count, (degree + 1) ** 2, 3))
     harmonics[:, 0] = rng.uniform(-1.5, 1.5, (count, 3))
     return GaussianCloud(
         position=(spread * rng.standard_normal((count, 3))).astype(np.float32),
-        scale=np.exp(rng.uniform(*np.log(sizes), (count, 3))).astype(np.float32),
+        scale=np.exp(rng.uniform(low, high, (count, 3))).astype(np.float32),
         quat_wxyz=(quat / np.linalg.norm(quat, axis=1, keepdims=True)).astype(np.float32),
         opacity=rng.uniform(0.05, 0.99, count).astype(np.float32),
         harmonics=harmonics.astype(np.float32),

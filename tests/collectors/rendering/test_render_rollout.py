@@ -61,7 +61,7 @@ def test_a_camera_moves_to_its_height_and_pitch_and_stays_where_it_is_otherwise(
     standing = glide([[1.0, 1.0], [2.0, 1.0]], robot)
     first = np.array([0])
 
-    def pose(**mounting: float) -> tuple[np.ndarray, float]:
+    def pose(**mounting: Any) -> tuple[np.ndarray, float]:
         view = make_view("ego", robot, width_px=32, height_px=32, **mounting)
         plan = RolloutFrames.plan(renderer, standing, view, first)
         forward = quat_to_matrix(plan.path.quat_wxyz[0])[:, 2]
@@ -80,7 +80,7 @@ def test_a_camera_moves_to_its_height_and_pitch_and_stays_where_it_is_otherwise(
 
 
 def test_a_moved_camera_is_another_view_and_bad_mountings_are_refused() -> None:
-    def views(**mounting: float) -> list[View]:
+    def views(**mounting: Any) -> list[View]:
         wishes = CameraOverrides(**mounting)
         return parse_views("ego:32x32,top", "h1", wishes, light="baked", renderer="embree")
 

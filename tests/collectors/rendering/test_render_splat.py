@@ -44,7 +44,7 @@ def splats_on(bundle: SceneBundle, rng: np.random.Generator) -> GaussianCloud:
     color = 0.2 + 0.6 * np.abs(normal[face])
     return GaussianCloud(
         position=points.astype(np.float32),
-        scale=np.tile(np.float32([SPACING_M, SPACING_M, 0.002]), (len(face), 1)),
+        scale=np.tile(np.array([SPACING_M, SPACING_M, 0.002], np.float32), (len(face), 1)),
         quat_wxyz=matrix_to_quat(axes)[face].astype(np.float32),
         opacity=np.full(len(face), 0.9, dtype=np.float32),
         harmonics=((color[:, None] - 0.5) / C0).astype(np.float32),

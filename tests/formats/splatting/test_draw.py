@@ -59,10 +59,11 @@ def test_groups_and_skipped_chunks_change_nothing(
     wall.position[:, 0] = -3 + 0.01 * wall.position[:, 0]
     wall.opacity[:] = 0.99
     both = GaussianCloud(
-        *(
-            np.concatenate([getattr(a, key) for a, key in ((wall, k), (behind, k))])
-            for k in ("position", "scale", "quat_wxyz", "opacity", "harmonics")
-        )
+        np.concatenate([wall.position, behind.position]),
+        np.concatenate([wall.scale, behind.scale]),
+        np.concatenate([wall.quat_wxyz, behind.quat_wxyz]),
+        np.concatenate([wall.opacity, behind.opacity]),
+        np.concatenate([wall.harmonics, behind.harmonics]),
     )
     scene, eye = SplatScene.of(both), eye_at(-4.0)
     monkeypatch.setattr(draw, "GROUP", 1 << 20)
@@ -93,7 +94,7 @@ def slab(distance_m: float, normal: tuple[float, float, float]) -> GaussianCloud
     count = len(points)
     return GaussianCloud(
         position=points.astype(np.float32),
-        scale=np.tile(np.float32([0.015, 0.015, 0.001]), (count, 1)),
+        scale=np.tile(np.array([0.015, 0.015, 0.001], np.float32), (count, 1)),
         quat_wxyz=np.tile(quat, (count, 1)).astype(np.float32),
         opacity=np.full(count, 0.95, np.float32),
         harmonics=np.zeros((count, 1, 3), np.float32),

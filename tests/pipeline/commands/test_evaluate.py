@@ -108,6 +108,7 @@ def test_the_report_has_films_of_each_ending_and_mcap_what_was_seen_and_said(
     assert "Successes" in page and "Go through the door." in page
     assert page.count("data:video/mp4;base64,") == 1  # one kind of ending, one film asked for
     (film,) = (out / "films").glob("*.mp4")
+    frames = []
     with av.open(str(film)) as container:
         frames = [f.to_ndarray(format="rgb24") for f in container.decode(video=0)]
     assert len(frames) >= 3
@@ -119,7 +120,9 @@ def test_the_report_has_films_of_each_ending_and_mcap_what_was_seen_and_said(
     assert said == [f"step {k}" for k in range(10)]
     (shown,) = (out / "mcap").rglob("e0.mcap")
     with shown.open("rb") as stream:
-        topics = {c.topic for c in make_reader(stream).get_summary().channels.values()}
+        summary = make_reader(stream).get_summary()
+        assert summary is not None
+        topics = {c.topic for c in summary.channels.values()}
     assert any("rgb" in topic for topic in topics), topics
 
 
