@@ -17,7 +17,18 @@ from pathlib import Path
 
 import mujoco
 
-from benchmarks import chain, closed_loop, durability, labels, load, mcap, physics, render, write
+from benchmarks import (
+    chain,
+    closed_loop,
+    durability,
+    labels,
+    load,
+    mcap,
+    physics,
+    render,
+    scaling,
+    write,
+)
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.pipeline.engine.executors import available_cores
 
@@ -35,6 +46,7 @@ SECTIONS: dict[str, Callable[[Path], str]] = {
     "load": load.report,
     "closed_loop": closed_loop.report,
     "durability": durability.report,
+    "scaling": scaling.report,
 }
 HEADER = """# Benchmarks
 
