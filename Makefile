@@ -50,16 +50,16 @@ train-gait:  ## Train a locomotion policy: make train-gait ROBOT=aliengo [OUT=fo
 	@$(SETUP) full
 	@$(BIN)/python -m vlnpe.collectors.gait_training.train "$(ROBOT)" $(if $(OUT),--out "$(OUT)")
 
-test:  ## Run all tests, about 14 minutes on 2 cores (installs the full environment with torch and lerobot)
+test:  ## Run the tests but for the slow ones, about MINUTES minutes on 2 cores (installs torch and lerobot, too)
 	@$(SETUP) full
-	@echo "all tests: about 14 minutes on 2 cores; make test-fast leaves out torch, lerobot and slow tests"
-	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+	@echo "about MINUTES minutes on 2 cores; make test-fast needs neither torch nor lerobot, make test-slow runs the rest"
+	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder -m "not slow"
 
 test-fast:  ## Run the fast tests of the core, without torch and lerobot
 	@$(SETUP) test
 	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder --core -m "not slow"
 
-test-slow:  ## Run only the tests that test-fast leaves out as slow
+test-slow:  ## Run the slow tests: whole chains, buildings, kills, clusters
 	@$(SETUP) full
 	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder -m slow
 
@@ -78,9 +78,10 @@ audit:  ## Check licences of all packages and, online, their known vulnerabiliti
 	@$(SETUP) full
 	@$(BIN)/python -m vlnpe.pipeline.audit
 
-bench:  ## Run the benchmarks and write benchmarks/README.md: make bench [ONLY="render write"]
+bench:  ## Run the benchmarks, write benchmarks/README.md, then the slow tests: make bench [ONLY="render write"]
 	@$(SETUP) full
 	@$(BIN)/python -m benchmarks $(ONLY)
+	@$(if $(ONLY),,$(MAKE) test-slow)
 
 report:  ## Regenerate a run's report: make report OUT=runs/<name>
 	@$(SETUP) core

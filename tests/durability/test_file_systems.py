@@ -17,7 +17,7 @@ from tests.support.content import content
 from tests.support.work import InlineWorkers
 from vlnpe.formats.core.atomic import TEMPORARY_PREFIX
 from vlnpe.formats.core.errors import InputError
-from vlnpe.pipeline.engine import context as contexts
+from vlnpe.pipeline.engine import executors
 from vlnpe.pipeline.engine.context import open_context, run_single
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.engine.runner import Context, StageSummary, run_stage
@@ -88,7 +88,7 @@ def test_without_hard_links_units_are_copies(finished: Path, tmp_path: Path, mon
 
 
 def test_times_of_files_and_clocks_decide_nothing(tmp_path: Path, monkeypatch):
-    monkeypatch.setattr(contexts, "Workers", InlineWorkers)
+    monkeypatch.setattr(executors, "Workers", InlineWorkers)
     out = tmp_path / "out.txt"
 
     def once() -> float:

@@ -158,7 +158,7 @@ def test_damaged_arrays_of_a_scene_are_named_in_a_typed_error(tmp_path: Path, na
         read()
     # Nor does a damaged index raise anything else.
     (tmp_path / "scene.json").write_bytes(b"[1]")
-    with pytest.raises(FileFormatError, match="scene index"):
+    with pytest.raises(FileFormatError, match="not a JSON object"):
         load_bundle(tmp_path)
 
 
