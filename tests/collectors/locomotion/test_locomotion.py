@@ -193,7 +193,7 @@ def test_refuses_a_changed_robot(policy: GaitPolicy):
 @pytest.mark.parametrize("content", ["", "{}", "[1, 2]"])
 def test_a_broken_card_is_named(policy: GaitPolicy, tmp_path: Path, content: str):
     copied(policy, tmp_path).write_text(content)
-    with pytest.raises(FileFormatError, match="not a policy card|not JSON|not a JSON object"):
+    with pytest.raises(FileFormatError, match=r"not a policy card|not JSON|not a JSON object"):
         GaitPolicy.load(policy.robot, tmp_path)
 
 

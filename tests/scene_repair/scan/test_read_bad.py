@@ -474,7 +474,7 @@ def test_lying_ply_headers_are_refused(kind: str, counts: tuple[int, int], tmp_p
     path = tmp_path / "scan.ply"
     head = PLY.format(kind, counts[0]) + FACES.format(counts[1])
     path.write_bytes(head.encode() + b"0 0 0\n1 0 0\n1 1 0\n3 0 1 2\n")
-    with pytest.raises(FileFormatError, match="declares|damaged PLY header"):
+    with pytest.raises(FileFormatError, match=r"declares|damaged PLY header"):
         read_scan(path)
 
 
