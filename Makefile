@@ -50,9 +50,9 @@ train-gait:  ## Train a locomotion policy: make train-gait ROBOT=aliengo [OUT=fo
 	@$(SETUP) full
 	@$(BIN)/python -m vlnpe.collectors.gait_training.train "$(ROBOT)" $(if $(OUT),--out "$(OUT)")
 
-test:  ## Run the tests but for the slow ones, about MINUTES minutes on 2 cores (installs torch and lerobot, too)
+test:  ## Run the tests but for the slow ones, about 11 minutes on 2 cores (installs torch and lerobot, too)
 	@$(SETUP) full
-	@echo "about MINUTES minutes on 2 cores; make test-fast needs neither torch nor lerobot, make test-slow runs the rest"
+	@echo "about 11 minutes on 2 cores; make test-fast needs neither torch nor lerobot, make test-slow runs the rest"
 	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder -m "not slow"
 
 test-fast:  ## Run the fast tests of the core, without torch and lerobot

@@ -37,7 +37,7 @@ def open_dataset(root: Path, **options: Any) -> LeRobotDataset:
         from lerobot.datasets.lerobot_dataset import LeRobotDataset
     except ImportError as error:
         raise InputError(
-            "lerobot is not installed; run: uv sync --inexact --extra train"
+            "lerobot is not installed (extra `train`); `vlnpe doctor` prints how to install it"
         ) from error
     options.setdefault("depth_output_unit", "m")  # LeRobot's own default is millimetres
     options.setdefault("video_backend", _video_backend())

@@ -15,7 +15,7 @@ from typing import Annotated, Any, Union
 
 from ..formats.core.errors import InputError, VlnpeError
 from ..formats.core.untrusted import is_text
-from .engine.signals import Interrupted, OnlyDone, interruptible
+from .engine.signals import DryRun, Interrupted, OnlyDone, interruptible
 
 
 @dataclass(frozen=True)
@@ -161,6 +161,9 @@ def _run(arguments: Sequence[str]) -> int:
         return verb.run()(options)
     except OnlyDone as only:
         return int(not only.good)
+    except DryRun as written:
+        sys.stdout.write(f"{written}\n")
+        return 0
     except InputError as error:
         _complain(error)
         return 2

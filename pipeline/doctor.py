@@ -52,6 +52,7 @@ def examine(out: Path) -> list[Finding]:
         _extra("train", ["torch", "lerobot", "rsl_rl", "onnx"]),
         _extra("scan", ["open3d"]),
         _extra("evaluate", ["gymnasium", "msgpack", "websockets"]),
+        _extra("cluster", ["ray", "submitit"]),
         Finding("uv", uv is not None, uv or "not found"),
     ]
 

@@ -234,7 +234,7 @@ def _hub() -> Hub:
         from huggingface_hub import HfApi
     except ImportError as error:
         raise InputError(
-            "huggingface_hub is not installed; run: uv sync --inexact --extra train"
+            "huggingface_hub is not installed (extra `train`); see `vlnpe doctor`"
         ) from error
     return HfApi()
 

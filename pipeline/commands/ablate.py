@@ -32,7 +32,9 @@ def run(options: Ablate) -> int:
     try:
         import torch
     except ImportError as error:
-        raise InputError("torch is not installed; run: uv sync --inexact --extra train") from error
+        raise InputError(
+            "torch is not installed (extra `train`); `vlnpe doctor` prints how to install it"
+        ) from error
     from ...learning.ablation.page import plot_png, report_html
     from ...learning.ablation.report import estimates, report_json, report_markdown
     from ...learning.ablation.run import run_ablation

@@ -35,7 +35,9 @@ def run(options: Train) -> int:
     try:
         import torch
     except ImportError as error:
-        raise InputError("torch is not installed; run: uv sync --inexact --extra train") from error
+        raise InputError(
+            "torch is not installed (extra `train`); `vlnpe doctor` prints how to install it"
+        ) from error
     from ...learning.session import CURVES, Request, train_recipe
     from .train_loop import dagger, validation
 

@@ -42,6 +42,8 @@ class Execution:
             raise UnknownNameError("executor", self.executor, EXECUTORS)
         if self.workers < 0:
             raise InputError(f"WORKERS={self.workers}: valid: 0 (one per core) and above")
+        if self.dry_run and self.executor != SLURM:
+            raise InputError(f"--dry-run with --executor {self.executor}; valid: with {SLURM}")
 
 
 class Executor(Protocol):

@@ -31,6 +31,10 @@ class Interrupted(BaseException):
         return 128 + self.signal
 
 
+class DryRun(BaseException):
+    """A batch script was written and, as asked, not submitted."""
+
+
 class OnlyDone(BaseException):
     """The one item that `--only` asked for has run: the command ends.
 

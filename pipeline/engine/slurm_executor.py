@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import getpass
 import shlex
 import shutil
+import subprocess
 import sys
 import threading
 from collections.abc import Callable, Sequence
@@ -13,13 +15,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ...formats.core.errors import InputError, VlnpeError
+from ...formats.core.errors import InputError
+from .signals import DryRun
 
 FOLDER = ".vlnpe"  # beside the run folder; holds scripts, logs and pickled calls
 # Tasks of one array; clusters commonly refuse arrays above 1,001.
 TASKS = 256
 TIME_MIN, MEM_GB = 240, 3.0
-POLL_S = 1.0
+POLL_S = 2.0
 # Time left to put a task back into the queue when its limit nears.
 NOTICE_S = 60
 # How often a task may reach its time limit.
@@ -40,10 +43,6 @@ OPTIONS: dict[str, Callable[[str], Any]] = {
 }
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]
-
-
-class DryRunError(VlnpeError):
-    """A batch script was written and, as asked, not submitted."""
 
 
 @dataclass
@@ -98,8 +97,7 @@ class SlurmExecutor:
             from submitit.slurm import slurm
         except ImportError as error:
             raise InputError(
-                "--executor slurm needs the package submitit; install it: "
-                "pip install 'vlnpe[cluster]'"
+                "--executor slurm needs the extra `cluster`; `vlnpe doctor` prints how to install it"
             ) from error
         given = parse_options(options)
         self._tasks = int(given.pop("tasks", TASKS))
@@ -145,7 +143,7 @@ class SlurmExecutor:
         """Submit what waits as one array of at most `tasks` tasks.
 
         Raises:
-            DryRunError: nothing was to be submitted; the message names the script.
+            DryRun: nothing was to be submitted; the message names the script.
             InputError: Slurm refused the array.
         """
         if not self._waiting:
@@ -154,7 +152,7 @@ class SlurmExecutor:
         # Every n-th item, so that the robots' and scenes' slow ones are spread over the tasks.
         shares = [waiting[k :: self._tasks] for k in range(min(self._tasks, len(waiting)))]
         if self._cluster is None:
-            raise DryRunError(self._written(len(shares), len(waiting)))
+            raise DryRun(self._written(len(shares), len(waiting)))
         from submitit.core.utils import FailedJobError
 
         try:
@@ -175,14 +173,27 @@ class SlurmExecutor:
         run = f"{shlex.quote(sys.executable)} -u -m submitit.core._submit {self._folder}"
         count = tasks if tasks > 1 else None
         path.write_text(self._script(command=run, folder=self._folder, map_count=count))
-        return f"{path}: {tasks} tasks for {items} items; not submitted (--dry-run)"
+        what = f"{tasks} task{'s' * (tasks > 1)} for {items} item{'s' * (items > 1)}"
+        return f"{path}: {what} of the first stage that has work; not submitted (--dry-run)"
 
     def _watch(self) -> None:
+        # Not through the jobs' own `done`, which needs Slurm's accounting.
+        missing: set[Any] = set()
         while not self._closed.wait(POLL_S):
             with self._lock:
-                ended = {job: self._running.pop(job) for job in list(self._running) if job.done()}
-            for job, futures in ended.items():
-                self._lost |= not _settle(job, futures)
+                running = list(self._running)
+            ended = [job for job in running if job.paths.result_pickle.exists()]
+            queued = _queued()
+            gone = {job for job in running if queued is not None and job.job_id not in queued}
+            # Twice, because the result of a task that has just ended may not be seen here yet.
+            lost = [job for job in gone & missing if job not in ended]
+            missing = gone
+            for job in (*ended, *lost):
+                with self._lock:
+                    futures = self._running.pop(job)
+                if job in lost:
+                    _lose(job, futures, "left the queue without a result")
+                self._lost |= job in lost or not _settle(job, futures)
 
     def restart(self) -> None:
         """Do nothing: every array has processes of its own."""
@@ -219,8 +230,7 @@ def _settle(job: Any, futures: Sequence[Future[Any]]) -> bool:
     try:
         outcomes = job.result()
     except (FailedJobError, UncompletedJobError) as error:
-        for future in futures:
-            future.set_exception(BrokenExecutor(f"Slurm task {job.job_id}: {error}"))
+        _lose(job, futures, str(error))
         return False
     for future, (result, error) in zip(futures, outcomes, strict=True):
         if error is None:
@@ -228,6 +238,18 @@ def _settle(job: Any, futures: Sequence[Future[Any]]) -> bool:
         else:
             future.set_exception(error)
     return True
+
+
+def _lose(job: Any, futures: Sequence[Future[Any]], reason: str) -> None:
+    for future in futures:
+        future.set_exception(BrokenExecutor(f"Slurm task {job.job_id}: {reason}"))
+
+
+def _queued() -> set[str] | None:
+    """Return the ids of this user's tasks that wait or run; None if Slurm does not answer."""
+    command = ["squeue", "--noheader", "--array", "--format=%i", f"--user={getpass.getuser()}"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    return set(done.stdout.split()) if done.returncode == 0 else None
 
 
 def parse_options(text: str) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from .readings import LookRef, RawPart, Readings
 from .record import DEFAULT_COLOR
 
 LIBRARIES = "libgl1 libgomp1 libusb-1.0-0 libx11-6"
-INSTALL = "point clouds need the extra `scan`: uv sync --extra scan, or pip install 'vlnpe[scan]'"
+INSTALL = "point clouds need the extra `scan`; `vlnpe doctor` prints how to install it"
 # More points than this are thinned out evenly first; a room has 2 cm between them then.
 MAX_POINTS = 400_000
 LEAST_POINTS = 100

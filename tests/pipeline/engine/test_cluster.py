@@ -17,7 +17,8 @@ from vlnpe.formats.core.errors import InputError, UnknownNameError
 from vlnpe.pipeline.engine.executors import Execution, make_executor
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.engine.runner import Context, run_stage
-from vlnpe.pipeline.engine.slurm_executor import DryRunError, parse_options
+from vlnpe.pipeline.engine.signals import DryRun
+from vlnpe.pipeline.engine.slurm_executor import parse_options
 from vlnpe.pipeline.engine.work import WorkItem
 
 pytestmark = pytest.mark.slow
@@ -112,7 +113,7 @@ class TestSlurm:
 
     def test_a_dry_run_writes_the_script_of_an_array(self, tmp_path):
         options = "partition=cpu,time=90,mem_gb=2.5,tasks=4,account=lab"
-        with pytest.raises(DryRunError, match="4 tasks for 10 items"):
+        with pytest.raises(DryRun, match="4 tasks for 10 items"):
             run(tmp_path, Execution("slurm", 3, slurm=options, dry_run=True), items(tmp_path, 10))
         script = (
             tmp_path.parent / ".vlnpe" / f"{tmp_path.name}.slurm" / "array.sbatch"
