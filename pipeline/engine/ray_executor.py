@@ -33,7 +33,7 @@ class RayExecutor:
             import ray
         except ImportError as error:
             raise InputError(
-                "--executor ray needs the extra `cluster`; `vlnpe doctor` prints how to install it"
+                "--executor ray needs the extra `cluster`; see `vlnpe doctor`"
             ) from error
         # Ray's own messages would tear the progress bars apart.
         quiet = {"log_to_driver": False, "logging_level": "ERROR", "include_dashboard": False}

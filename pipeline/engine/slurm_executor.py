@@ -97,7 +97,7 @@ class SlurmExecutor:
             from submitit.slurm import slurm
         except ImportError as error:
             raise InputError(
-                "--executor slurm needs the extra `cluster`; `vlnpe doctor` prints how to install it"
+                "--executor slurm needs the extra `cluster`; see `vlnpe doctor`"
             ) from error
         given = parse_options(options)
         self._tasks = int(given.pop("tasks", TASKS))
