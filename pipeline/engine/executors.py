@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Self
 
 from ...formats.core.errors import InputError, UnknownNameError
 
@@ -46,8 +46,8 @@ class Execution:
             raise InputError(f"--dry-run with --executor {self.executor}; valid: with {SLURM}")
 
 
-class Executor(Protocol):
-    """What the stage runner asks of whoever runs items.
+class Executor:
+    """What the stage runner asks of whoever runs items; a context manager that closes itself.
 
     Attributes:
         count: how many items run at a time.
@@ -62,31 +62,29 @@ class Executor(Protocol):
 
         The future raises BrokenExecutor if the worker died.
         """
-        ...
+        raise NotImplementedError
 
     def flush(self) -> None:
-        """Start what has been submitted."""
-        ...
+        """Start what has been submitted; where items start at once, there is nothing to do."""
 
     def restart(self) -> None:
-        """Make the executor usable again after a worker died."""
-        ...
+        """Make the executor usable again after a worker died; many are so without being asked."""
 
     def close(self) -> None:
         """End the workers; waiting items are dropped."""
-        ...
+        raise NotImplementedError
 
     def kill_processes(self) -> None:
         """End at once what runs; called when this process is about to be ended."""
-        ...
+        self.close()
 
-    def __enter__(self) -> Executor:
-        """Use as a context manager."""
-        ...
+    def __enter__(self) -> Self:
+        """Use as a context manager: the workers end with the block."""
+        return self
 
     def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
         """Close."""
-        ...
+        self.close()
 
 
 def make_executor(execution: Execution, root: Path) -> Executor:
@@ -115,7 +113,7 @@ def available_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-class Workers:
+class Workers(Executor):
     """A pool of worker processes, started when first used and shared by all stages.
 
     Workers are spawned, never forked: Embree, numba and PyAV hold threads that a fork would break.
@@ -137,9 +135,6 @@ class Workers:
             )
         with _without_interrupts():
             return self._pool.submit(function, *arguments)
-
-    def flush(self) -> None:
-        """Do nothing: items start as soon as a worker is free."""
 
     def restart(self) -> None:
         """Replace a pool whose worker died."""
@@ -166,10 +161,6 @@ class Workers:
                 with contextlib.suppress(ProcessLookupError, PermissionError):
                     os.killpg(process.pid, signal.SIGKILL)
                 process.kill()
-
-    def __enter__(self) -> Workers:
-        """Use as a context manager: the workers end with the block."""
-        return self
 
     def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
         """End the workers; do not wait for their items if the block ended with an error."""

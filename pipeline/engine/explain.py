@@ -63,7 +63,7 @@ def changes(
         if new is None or old is None:
             lines.append(f"{_shown(name)} is {'new' if old is None else 'no longer part of it'}")
         elif old != new.digest and new.digest in items:
-            lines.append(f"{items[new.digest]} was made anew")
+            lines.append(f"{items[new.digest]} was made again")
         elif old != new.digest:
             lines += _differences(_shown(name), values.get(old, {}), new.values)
     return lines

@@ -9,9 +9,10 @@ from concurrent.futures import BrokenExecutor, Future
 from typing import Any
 
 from ...formats.core.errors import InputError
+from .executors import Executor
 
 
-class RayExecutor:
+class RayExecutor(Executor):
     """Runs each item as one Ray task of one core.
 
     What was running on a lost machine is tried again elsewhere by the stage runner, as what was
@@ -69,30 +70,12 @@ class RayExecutor:
         reference.future().add_done_callback(hand_on)
         return outcome
 
-    def flush(self) -> None:
-        """Do nothing: tasks start as soon as a core is free."""
-
-    def restart(self) -> None:
-        """Do nothing: Ray replaces lost processes."""
-
     def close(self) -> None:
         """Drop waiting tasks and leave the cluster, which ends if it was started here."""
         if self._ray.is_initialized():
             for reference in list(self._waiting):
                 self._ray.cancel(reference, force=True)
             self._ray.shutdown()
-
-    def kill_processes(self) -> None:
-        """Cancel the tasks and leave the cluster."""
-        self.close()
-
-    def __enter__(self) -> RayExecutor:
-        """Use as a context manager: it is closed with the block."""
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
-        """Close."""
-        self.close()
 
 
 def _knock(address: str) -> None:

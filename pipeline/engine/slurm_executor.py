@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from ...formats.core.errors import InputError
+from .executors import Executor
 from .signals import DryRun
 
 FOLDER = ".vlnpe"  # beside the run folder; holds scripts, logs and pickled calls
@@ -73,7 +74,7 @@ class Share:
         return DelayedSubmission(self)
 
 
-class SlurmExecutor:
+class SlurmExecutor(Executor):
     """Runs a stage's items as one array of single-core jobs and waits for it.
 
     A stage starts when the one before has ended, so arrays need no dependencies of their own. Tasks
@@ -195,9 +196,6 @@ class SlurmExecutor:
                     _lose(job, futures, "left the queue without a result")
                 self._lost |= job in lost or not _settle(job, futures)
 
-    def restart(self) -> None:
-        """Do nothing: every array has processes of its own."""
-
     def close(self) -> None:
         """Cancel what is submitted and drop what waits."""
         self._closed.set()
@@ -209,18 +207,6 @@ class SlurmExecutor:
         self._waiting.clear()
         if self._cluster is not None and not self._lost:
             shutil.rmtree(self._folder, ignore_errors=True)  # logs of lost tasks are worth keeping
-
-    def kill_processes(self) -> None:
-        """Cancel the jobs."""
-        self.close()
-
-    def __enter__(self) -> SlurmExecutor:
-        """Use as a context manager: it is closed with the block."""
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
-        """Close."""
-        self.close()
 
 
 def _settle(job: Any, futures: Sequence[Future[Any]]) -> bool:
