@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...datasets.mixture.table import plan_json
-from ..holdout import scene_of
+from ..training.holdout import scene_of
 from .evaluate import EpisodeScore, Summary
 from .fit import training_fit
 from .intervals import Difference, Estimate, caution, over_seeds, paired_differences

@@ -38,7 +38,7 @@ def run(options: Train) -> int:
         raise InputError(
             "torch is not installed (extra `train`); `vlnpe doctor` prints how to install it"
         ) from error
-    from ...learning.session import CURVES, Request, train_recipe
+    from ...learning.training.session import CURVES, Request, train_recipe
     from .train_loop import dagger, validation
 
     path = recipe_path(options.recipe)

@@ -18,9 +18,9 @@ from ...formats.core.errors import InputError
 from ...formats.core.progress import progress_bar
 from ...learning.card import Card
 from ...learning.checkpoint import Checkpoint, load_checkpoint
-from ...learning.corrections import write_correction
-from ...learning.models import Model
-from ...learning.session import Request, Result, Validation, train_recipe
+from ...learning.models.registry import Model
+from ...learning.training.corrections import write_correction
+from ...learning.training.session import Request, Result, Validation, train_recipe
 from ..crews import chosen_robots
 from ..options.training import Train
 from ..views import chosen_views

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor, nn
 
-from .config import ModelConfig
+from ..config import ModelConfig
 from .heads import PREVIOUS_WIDTH, Heads, PreviousAction
 from .senses import GRID, Read, Reader, Senses, attend, look
 

@@ -11,8 +11,8 @@ import numpy as np
 import torch
 from torch.utils.data import Dataset
 
-from ..datasets.sequences import EpisodeSequences
-from ..formats.core.atomic import atomic_file
+from ...datasets.sequences import EpisodeSequences
+from ...formats.core.atomic import atomic_file
 
 _DEPTH_STEP_M = 0.001  # depth is kept in whole millimetres
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from torch import Tensor, nn
 
-from ..datasets.sequences import ACTIONS
+from ...datasets.sequences import ACTIONS
 
 FUTURE = 8  # poses ahead
 PREVIOUS_WIDTH = 32  # of the embedded previous action

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from torch import nn
 
-from ..datasets.tokens import Tokens
+from ...datasets.tokens import Tokens
+from ..config import ModelConfig
 from .cma import Cma
-from .config import ModelConfig
 from .rdp import Rdp
 from .senses import load_word_vectors
 from .seq2seq import Seq2Seq

@@ -16,9 +16,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import adaptive_avg_pool2d, mse_loss
 
-from ..formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD
+from ...formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD
+from ..config import ModelConfig
 from .cma import Memory
-from .config import ModelConfig
 from .diffusion import NoiseSchedule
 from .heads import FUTURE
 from .senses import GRID, Read, Reader, Senses

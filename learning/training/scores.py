@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import torch
 
-from ..datasets.sequences import ACTIONS, collate_sequences
-from ..formats.core.rollout import Action
+from ...datasets.sequences import ACTIONS, collate_sequences
+from ...formats.core.rollout import Action
+from ..config import TrainConfig
+from ..models.rdp import Rdp
+from ..models.registry import Model
 from .cache import CachedSequences
-from .config import TrainConfig
 from .losses import training_loss
-from .models import Model
-from .rdp import Rdp
 
 _BATCH = 8
 

@@ -8,9 +8,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from .config import TrainConfig
-from .models import Model
-from .rdp import Rdp
+from ..config import TrainConfig
+from ..models.rdp import Rdp
+from ..models.registry import Model
 
 NEAR_END_STEPS = 4  # "stop" means that the episode ends within these steps, 1 m
 

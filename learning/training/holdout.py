@@ -6,10 +6,10 @@ import hashlib
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
-from ..datasets.mixture.recipe import NO_HOLDOUT, Recipe
-from ..datasets.selection import Selection
-from ..formats.core.errors import InputError
-from ..formats.lerobot.splits import is_published_holdout
+from ...datasets.mixture.recipe import NO_HOLDOUT, Recipe
+from ...datasets.selection import Selection
+from ...formats.core.errors import InputError
+from ...formats.lerobot.splits import is_published_holdout
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,12 @@ import torch
 from numpy.typing import NDArray
 from torch.utils.data import Dataset
 
-from ..datasets.poses import motions
-from ..datasets.tokens import Tokens
-from ..formats.core.atomic import atomic_file
-from ..formats.core.errors import FileFormatError
-from .config import TrainConfig
-from .heads import FUTURE
+from ...datasets.poses import motions
+from ...datasets.tokens import Tokens
+from ...formats.core.atomic import atomic_file
+from ...formats.core.errors import FileFormatError
+from ..config import TrainConfig
+from ..models.heads import FUTURE
 
 _DEPTH_STEP_M = 0.001
 

@@ -11,8 +11,8 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file
 from torch import Tensor, nn
 
-from ..formats.core.errors import FileFormatError
-from .config import ModelConfig
+from ...formats.core.errors import FileFormatError
+from ..config import ModelConfig
 
 # Of the images that torchvision's networks were trained on.
 _MEAN, _STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)

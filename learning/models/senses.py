@@ -11,8 +11,8 @@ from torch import Tensor, nn
 from torch.nn.functional import adaptive_avg_pool2d
 from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 
-from ..formats.core.errors import FileFormatError
-from .config import ModelConfig
+from ...formats.core.errors import FileFormatError
+from ..config import ModelConfig
 from .encoders import CompactEncoder, rgb_encoder
 
 DEPTH_SCALE_M = 10.0  # farther away all walls are alike

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor, nn
 
+from ..config import ModelConfig
 from .cma import Memory
-from .config import ModelConfig
 from .heads import Heads
 from .senses import GRID, Read, Reader, Senses
 

@@ -15,15 +15,15 @@ import torch
 from torch import Tensor
 from torch.utils.data import Dataset
 
-from ..datasets.mixture.loader import MixtureLoader
-from ..datasets.mixture.sampler import MixtureSampler
-from ..datasets.sequences import collate_sequences
-from ..datasets.tokens import Tokens
-from ..formats.core.atomic import atomic_file
-from ..formats.core.errors import FileFormatError
-from .config import TrainConfig
+from ...datasets.mixture.loader import MixtureLoader
+from ...datasets.mixture.sampler import MixtureSampler
+from ...datasets.sequences import collate_sequences
+from ...datasets.tokens import Tokens
+from ...formats.core.atomic import atomic_file
+from ...formats.core.errors import FileFormatError
+from ..config import TrainConfig
+from ..models.registry import Model, build_model
 from .losses import training_loss
-from .models import Model, build_model
 
 _UNKNOWN = 1  # the vocabulary's index of unknown words
 _MAX_GRADIENT = 5.0

@@ -11,24 +11,24 @@ from typing import Any
 
 import numpy as np
 
-from ..datasets.instructions import Telling
-from ..datasets.mixture.plan import Library, MixturePlan, choose, plan_mixture
-from ..datasets.mixture.recipe import Recipe
-from ..datasets.selection import Selection
-from ..datasets.sequences import EpisodeSequences, SequenceConfig
-from ..datasets.tokens import Tokens, training_tokens
-from ..formats.core.atomic import write_bytes
-from ..formats.core.errors import FileFormatError, InputError, UnknownNameError
-from ..formats.core.progress import progress_bar
+from ...datasets.instructions import Telling
+from ...datasets.mixture.plan import Library, MixturePlan, choose, plan_mixture
+from ...datasets.mixture.recipe import Recipe
+from ...datasets.selection import Selection
+from ...datasets.sequences import EpisodeSequences, SequenceConfig
+from ...datasets.tokens import Tokens, training_tokens
+from ...formats.core.atomic import write_bytes
+from ...formats.core.errors import FileFormatError, InputError, UnknownNameError
+from ...formats.core.progress import progress_bar
+from ..camera import view_of
+from ..card import SUFFIX, Card
+from ..checkpoint import load_checkpoint, save_checkpoint
+from ..config import TrainConfig, train_config
+from ..models.heads import FUTURE
+from ..models.registry import Model
 from .cache import CachedSequences
-from .camera import view_of
-from .card import SUFFIX, Card
-from .checkpoint import load_checkpoint, save_checkpoint
-from .config import TrainConfig, train_config
 from .corrections import CorrectedEpisodes
-from .heads import FUTURE
 from .holdout import Holdout, hold_out, published_holdout
-from .models import Model
 from .scores import step_scores
 from .train import TrainingEpisodes, Watcher, train_model
 
