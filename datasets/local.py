@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..formats.core.errors import FileFormatError, InputError
-from ..formats.core.untrusted import check_links
 from ..formats.lerobot.info import read_info
+from ..formats.untrusted.files import check_links
 
 if TYPE_CHECKING:
     from lerobot.datasets.lerobot_dataset import LeRobotDataset

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any, Union
 
 from ..formats.core.errors import InputError, VlnpeError
-from ..formats.core.untrusted import is_text
+from ..formats.untrusted.files import is_text
 from .engine.signals import DryRun, Interrupted, OnlyDone, interruptible
 
 

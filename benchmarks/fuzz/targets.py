@@ -259,7 +259,7 @@ def _internnav(pattern: str) -> Callable[[Path], Target]:
 
 
 def _arrays(folder: Path) -> Target:
-    from vlnpe.formats.core.arrays import read_arrays
+    from vlnpe.formats.untrusted.arrays import read_arrays
 
     stream = io.BytesIO()
     np.savez_compressed(stream, allow_pickle=False, a=np.arange(9), b=np.zeros((2, 3), np.float32))

@@ -20,7 +20,7 @@ from vlnpe.formats.core.frames import (
     world_to_habitat_position,
     xyzw_to_wxyz,
 )
-from vlnpe.formats.core.glb import glb_bytes, read_glb
+from vlnpe.formats.untrusted.glb import glb_bytes, read_glb
 
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}

@@ -21,7 +21,7 @@ from ..core.frames import (
     world_to_habitat_position,
     world_to_habitat_rotation,
 )
-from ..core.limits import Limits
+from ..untrusted.limits import Limits
 from .load import load_document
 from .overlay import overlay
 from .reader import BadEpisodeError, EpisodeReader, unsafe_scene_id

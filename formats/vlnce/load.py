@@ -7,10 +7,10 @@ import zlib
 from pathlib import Path
 from typing import Any
 
-from ..core.documents import DocumentScanner, parse_json
 from ..core.errors import FileFormatError
-from ..core.limits import VARIABLE, Limits, limits
-from ..core.untrusted import open_input
+from ..untrusted.documents import DocumentScanner, parse_json
+from ..untrusted.files import open_input
+from ..untrusted.limits import VARIABLE, Limits, limits
 
 _READ_BYTES = 1 << 20
 # Every usable episode has it once.

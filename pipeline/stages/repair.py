@@ -9,9 +9,9 @@ from typing import Any
 
 from ...formats.core.atomic import file_digest
 from ...formats.core.errors import FileFormatError, InputError
-from ...formats.core.limits import limits
-from ...formats.core.untrusted import check_input
 from ...formats.scene.bundle import INDEX_NAME
+from ...formats.untrusted.files import check_input
+from ...formats.untrusted.limits import limits
 from ...scene_repair.config import RepairConfig
 from ...scene_repair.scan.files import USD_SUFFIXES, side_names
 from ..builtin import BuiltIn

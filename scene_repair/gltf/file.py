@@ -14,11 +14,11 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.core.documents import parse_json
 from ...formats.core.errors import FileFormatError
-from ...formats.core.glb import glb_bytes, read_glb
-from ...formats.core.limits import limits
-from ...formats.core.untrusted import check_input, read_input
+from ...formats.untrusted.documents import parse_json
+from ...formats.untrusted.files import check_input, read_input
+from ...formats.untrusted.glb import glb_bytes, read_glb
+from ...formats.untrusted.limits import limits
 from ..scan.resolver import ConfinedResolver
 
 # Parts of the tree that are lists of objects.

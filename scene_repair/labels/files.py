@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.core.documents import parse_json
 from ...formats.core.errors import FileFormatError, brief
 from ...formats.core.frames import quat_to_matrix, xyzw_to_wxyz
-from ...formats.core.limits import limits
+from ...formats.untrusted.documents import parse_json
+from ...formats.untrusted.limits import limits
 from ..scan.files import INTERIOR_NAME, LABELS_NAME, MAX_LABELS_BYTES, side_file
 from ..scan.soup import MAX_COORDINATE
 from .categories import category_of_name

@@ -18,8 +18,8 @@ from trimesh.visual.material import PBRMaterial, SimpleMaterial
 from trimesh.visual.texture import TextureVisuals
 
 from ...formats.core.errors import FileFormatError
-from ...formats.core.limits import limits
-from ...formats.core.untrusted import check_input, read_input
+from ...formats.untrusted.files import check_input, read_input
+from ...formats.untrusted.limits import limits
 from ..gltf.checks import check_gltf
 from ..gltf.file import GltfFile, gltf_facts
 from ..gltf.textures import with_images

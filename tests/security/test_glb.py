@@ -17,7 +17,7 @@ import pytest
 from tests.security import scans
 from tests.security.hostile import CLOSED_DEEP_JSON, DEEP_JSON, not_files, refusal
 from tests.support.damage import sound_files
-from vlnpe.formats.core.glb import glb_bytes
+from vlnpe.formats.untrusted.glb import glb_bytes
 from vlnpe.scene_repair.scan.dispatch import read_scan
 
 GLB = sound_files()["glb"]

@@ -11,7 +11,7 @@ import pytest
 
 from tests.scene_repair.scan.test_side_files import ANCHOR, POSE
 from tests.security.hostile import CLOSED_DEEP_JSON, DEEP_JSON, not_files, put, refusal
-from vlnpe.formats.core.limits import DEFAULTS
+from vlnpe.formats.untrusted.limits import DEFAULTS
 from vlnpe.scene_repair.labels.files import LabelBox, read_labels
 from vlnpe.scene_repair.labels.semantics import copies, labelled_objects
 from vlnpe.scene_repair.scan.record import Scan

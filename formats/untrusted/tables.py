@@ -9,9 +9,9 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from .errors import FileFormatError
+from ..core.errors import FileFormatError
+from .files import check_input
 from .limits import limits
-from .untrusted import check_input
 
 _BYTES_PER_VALUE = 8
 

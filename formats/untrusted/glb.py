@@ -10,8 +10,8 @@ import struct
 from pathlib import Path
 from typing import Any
 
+from .files import check_input, open_input
 from .limits import limits
-from .untrusted import check_input, open_input
 
 JSON_CHUNK, BIN_CHUNK = b"JSON", b"BIN\0"
 

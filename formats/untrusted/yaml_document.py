@@ -7,9 +7,9 @@ from typing import Any
 
 import yaml
 
-from .errors import FileFormatError
+from ..core.errors import FileFormatError
+from .files import read_input
 from .limits import limits
-from .untrusted import read_input
 
 # Longer plain scalars are no numbers or dates, and turning them into some takes quadratic time.
 MAX_PLAIN_SCALAR = 1000

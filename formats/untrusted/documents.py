@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from .errors import FileFormatError
+from ..core.errors import FileFormatError
+from .files import read_input
 from .limits import limits
-from .untrusted import read_input
 
 _BLOCK = 1 << 20
 _OPENING = (ord("["), ord("{"))

@@ -10,7 +10,7 @@ import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from vlnpe.formats.core.glb import glb_bytes, read_glb
+from vlnpe.formats.untrusted.glb import glb_bytes, read_glb
 
 TREES = st.dictionaries(st.text(max_size=5), st.integers() | st.text(max_size=9), max_size=4)
 

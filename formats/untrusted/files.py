@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import BinaryIO
 
-from .errors import FileFormatError
+from ..core.errors import FileFormatError
 
 _BLOCK = 1 << 20
 _KINDS = (

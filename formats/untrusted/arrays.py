@@ -12,9 +12,9 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import FileFormatError, brief
+from ..core.errors import FileFormatError, brief
+from .files import check_input, open_input
 from .limits import limits
-from .untrusted import check_input, open_input
 
 # A header is a Python literal, and an archive has many parts; damaged, they raise all of these.
 _DAMAGED = (

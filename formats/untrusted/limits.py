@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass, fields, replace
 
-from .errors import InputError, UnknownNameError
+from ..core.errors import InputError, UnknownNameError
 
 VARIABLE = "VLNPE_LIMITS"
 
