@@ -51,7 +51,7 @@ class Verb:
 
 
 def _imported(package: str, path: str) -> Any:
-    module, name = path.split(".")
+    module, _, name = path.rpartition(".")
     return getattr(import_module(f".{package}.{module}", __package__), name)
 
 
@@ -71,9 +71,9 @@ _TABLE = (
     Verb("convert", "convert.Convert", "convert.run_convert"),
     Verb("restore", "convert.Restore", "convert.run_restore"),
     Verb("robots", "robots.Robots", "robots.run_robots"),
-    Verb("mix", "training.Mix", "mix.run"),
-    Verb("train", "training.Train", "train.run"),
-    Verb("ablate", "training.Ablate", "ablate.run"),
+    Verb("mix", "training.Mix", "training.mix.run"),
+    Verb("train", "training.Train", "training.train.run"),
+    Verb("ablate", "training.Ablate", "training.ablate.run"),
     Verb("evaluate", "evaluate.Evaluate", "evaluate.run_evaluate"),
     Verb("benchmark", "benchmark.Benchmark", "benchmark.run"),
     Verb("compare", "evaluate.Compare", "evaluate.run_compare"),

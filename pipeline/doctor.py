@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .engine.executors import available_cores
+from .engine.executors.base import available_cores
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 

@@ -19,20 +19,20 @@ from ...trajectory_sampler.alignment import AlignConfig
 from ...trajectory_sampler.config import SampleConfig
 from ...trajectory_sampler.presets import PRESETS
 from ...trajectory_sampler.stairs import StairRules
-from ..builtin import BuiltIn, parse_builtin
 from ..chain import Chain, Product
-from ..crews import action_timing, chosen_robots, crews, keep_all, kept
 from ..engine.context import open_context
 from ..engine.ledger import Ledger
 from ..engine.run_folder import RunFolder, safe_name
 from ..engine.runner import StageSummary
-from ..folders import find_scans
+from ..inputs.builtin import BuiltIn, parse_builtin
+from ..inputs.crews import action_timing, chosen_robots, crews, keep_all, kept
+from ..inputs.folders import find_scans
+from ..inputs.sampling_plan import SamplingPlan, chosen_free_height, sample_config
+from ..inputs.views import check_frame_rate, chosen_views
 from ..options.collect import Collect
-from ..sampling_plan import SamplingPlan, chosen_free_height, sample_config
 from ..stages import align, repair, report, visibility
 from ..stages.export import check_depth_storage
 from ..summary import joined, show_summary, stage_table, tell
-from ..views import check_frame_rate, chosen_views
 from .instruct import instruct_config
 
 log = logging.getLogger(__name__)

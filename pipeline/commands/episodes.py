@@ -17,9 +17,9 @@ from ..engine.context import open_single
 from ..engine.keys import digest
 from ..engine.ledger import Row
 from ..engine.runner import Context, StageSummary, run_stage
-from ..folders import scenes_in
+from ..inputs.folders import scenes_in
+from ..inputs.sampling_plan import SamplingPlan, chosen_free_height, sample_config
 from ..options.episodes import Align, Filter, Sample
-from ..sampling_plan import SamplingPlan, chosen_free_height, sample_config
 from ..stages import align, episodes, repair
 from ..summary import tell
 
@@ -228,7 +228,7 @@ def _scene_folders(given: Sequence[Path]) -> list[Path]:
 def _radius(robots: str, radius_m: float) -> float:
     if not robots:
         return radius_m
-    from ..crews import chosen_robots
+    from ..inputs.crews import chosen_robots
 
     return max(robot.footprint_radius_m for robot in chosen_robots(robots))
 

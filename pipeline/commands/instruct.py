@@ -19,8 +19,8 @@ from ..engine.keys import digest
 from ..engine.ledger import Row
 from ..engine.runner import Context, StageSummary, run_stage
 from ..engine.work import work_item
-from ..jobs.instruct import CACHE, InstructJob, read_facts, read_sights
-from ..jobs.name_things import NameThingsJob
+from ..jobs.instructions.instruct import CACHE, InstructJob, read_facts, read_sights
+from ..jobs.instructions.name_things import NameThingsJob
 from ..options.collect import Collect
 from ..options.instructions import Instruct
 from ..stages import instruct, repair, visibility

@@ -7,7 +7,7 @@ import sys
 from dataclasses import asdict
 
 from ..doctor import examine, remedy
-from ..engine.executors import Workers
+from ..engine.executors.base import Workers
 from ..engine.ledger import Ledger
 from ..engine.run_folder import RunFolder
 from ..engine.runner import Context

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from ...formats.core.errors import InputError
 from ...scene_repair.config import RepairConfig
-from ..builtin import BuiltIn, check_kind
 from ..engine.context import run_single
-from ..folders import refuse_to_replace
+from ..inputs.builtin import BuiltIn, check_kind
+from ..inputs.folders import refuse_to_replace
 from ..options.scenes import Repair, Scan
 from ..stages import repair
 from ..summary import tell

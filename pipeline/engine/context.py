@@ -14,7 +14,7 @@ from ...formats.core.atomic import sweep_beside, write_bytes
 from ...formats.core.errors import InputError, VlnpeError
 from ..options.running import Running
 from .command_line import command_line
-from .executors import Execution, make_executor
+from .executors.base import Execution, make_executor
 from .files import records_of
 from .ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger, Row
 from .lock import LOCK_NAME, lock, sweep_unlocked

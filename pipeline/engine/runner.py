@@ -15,8 +15,8 @@ from pathlib import Path
 from ...formats.core.atomic import sweep_beside
 from ...formats.core.errors import InputError, VlnpeError
 from ...formats.core.progress import progress_bar
-from .attempts import TRANSIENT, Outcome, attempt, run_items
-from .executors import Executor
+from .executors.attempts import TRANSIENT, Outcome, attempt, run_items
+from .executors.base import Executor
 from .explain import changes, parts_of
 from .files import Records
 from .ledger import Ledger, Row

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..engine.executors import LOCAL, Execution
+from ..engine.executors.base import LOCAL, Execution
 
 
 @dataclass(frozen=True, kw_only=True)

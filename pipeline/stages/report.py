@@ -8,11 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from ...collectors.controllers import CONTROLLERS
-from ..crews import kept
 from ..engine.ledger import Ledger, Row
 from ..engine.run_folder import RunFolder
 from ..engine.runner import Context, StageSummary, run_stage
 from ..engine.work import WorkItem, work_item
+from ..inputs.crews import kept
 from ..jobs.pictures import ClipJob, MapJob, StripJob
 from ..jobs.report import ReportJob
 from ..report.gather import replay_rows

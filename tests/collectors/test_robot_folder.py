@@ -32,8 +32,8 @@ from vlnpe.formats.rendered.folder import read_frame_folder
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.vlnce.files import write_episodes
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.crews import chosen_robots
 from vlnpe.pipeline.engine.ledger import Row
+from vlnpe.pipeline.inputs.crews import chosen_robots
 from vlnpe.pipeline.stages import replay
 
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "robots.md"

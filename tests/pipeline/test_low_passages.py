@@ -14,7 +14,7 @@ from vlnpe.formats.core.rollout import EndReason
 from vlnpe.formats.scene import FULL_HEIGHT_M
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.formats.scene.freemap import Freemap
-from vlnpe.pipeline.sampling_plan import chosen_free_height
+from vlnpe.pipeline.inputs.sampling_plan import chosen_free_height
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
 from vlnpe.trajectory_sampler.config import SampleConfig

@@ -12,7 +12,7 @@ from typing import Any
 
 from vlnpe.formats.core.atomic import atomic_file
 from vlnpe.formats.core.errors import FileFormatError, SceneError
-from vlnpe.pipeline.engine.executors import Workers
+from vlnpe.pipeline.engine.executors.base import Workers
 from vlnpe.pipeline.engine.work import ItemResult
 
 

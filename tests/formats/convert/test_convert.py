@@ -60,7 +60,7 @@ ASSEMBLY: dict[str, Any] = {
 
 @pytest.fixture
 def inline(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vlnpe.pipeline.engine.executors.Workers", InlineWorkers)
+    monkeypatch.setattr("vlnpe.pipeline.engine.executors.base.Workers", InlineWorkers)
 
 
 def files(root: Path) -> dict[str, bytes]:

@@ -12,9 +12,9 @@ import pytest
 from vlnpe.collectors.controllers import SpeedConfig
 from vlnpe.formats.internnav.foreign import Assumptions
 from vlnpe.instruction_gen.records import MIXED, InstructConfig
-from vlnpe.pipeline.builtin import BUILTIN
 from vlnpe.pipeline.cli import VERBS, main
-from vlnpe.pipeline.crews import AUTO
+from vlnpe.pipeline.inputs.builtin import BUILTIN
+from vlnpe.pipeline.inputs.crews import AUTO
 from vlnpe.pipeline.options.collect import Collect
 from vlnpe.pipeline.options.convert import Convert
 from vlnpe.pipeline.options.evaluate import Evaluate

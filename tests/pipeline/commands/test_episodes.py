@@ -23,7 +23,7 @@ from vlnpe.formats.vlnce.files import (
     write_vlnce,
 )
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.engine import executors
+from vlnpe.pipeline.engine.executors import base as executors
 from vlnpe.pipeline.stages.replay import item_names
 
 COMMON = ("--min-length-m", "4", "--min-gap-m", "0.8", "--family-gap-m", "1.0")

@@ -21,7 +21,7 @@ from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.instruction_gen.instruct import instruct_episodes
 from vlnpe.instruction_gen.records import InstructConfig
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.engine import executors
+from vlnpe.pipeline.engine.executors import base as executors
 
 EAST = np.array([[1.0, 1.0], [3.0, 1.0], [6.5, 1.2]])
 

@@ -7,24 +7,24 @@ from pathlib import Path
 
 import numpy as np
 
-from ...collectors.controllers import controller_for
-from ...collectors.rendering.camera.views import CameraOverrides
-from ...collectors.replay import ReplayConfig
-from ...evaluation.dagger import corrected_walk
-from ...evaluation.episode import closed_loop
-from ...evaluation.learned import LearnedPolicy
-from ...evaluation.rounds import Round, spread
-from ...formats.core.errors import InputError
-from ...formats.core.progress import progress_bar
-from ...learning.card import Card
-from ...learning.checkpoint import Checkpoint, load_checkpoint
-from ...learning.models.registry import Model
-from ...learning.training.corrections import write_correction
-from ...learning.training.session import Request, Result, Validation, train_recipe
-from ..crews import chosen_robots
-from ..options.training import Train
-from ..views import chosen_views
-from .evaluate import asked_episodes
+from ....collectors.controllers import controller_for
+from ....collectors.rendering.camera.views import CameraOverrides
+from ....collectors.replay import ReplayConfig
+from ....evaluation.dagger import corrected_walk
+from ....evaluation.episode import closed_loop
+from ....evaluation.learned import LearnedPolicy
+from ....evaluation.rounds import Round, spread
+from ....formats.core.errors import InputError
+from ....formats.core.progress import progress_bar
+from ....learning.card import Card
+from ....learning.checkpoint import Checkpoint, load_checkpoint
+from ....learning.models.registry import Model
+from ....learning.training.corrections import write_correction
+from ....learning.training.session import Request, Result, Validation, train_recipe
+from ...inputs.crews import chosen_robots
+from ...inputs.views import chosen_views
+from ...options.training import Train
+from ..evaluate import asked_episodes
 
 
 @dataclass(frozen=True)

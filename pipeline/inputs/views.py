@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from ..collectors.rendering.camera.views import CameraOverrides, View, parse_views
-from ..collectors.rendering.light.lights import LIGHTS
-from ..collectors.rendering.registry import AUTO, chosen_renderer
-from ..collectors.robots import RobotSpec
-from ..formats.core.errors import InputError, UnknownNameError
-from ..formats.core.rollout import STATE_RATE_HZ
+from ...collectors.rendering.camera.views import CameraOverrides, View, parse_views
+from ...collectors.rendering.light.lights import LIGHTS
+from ...collectors.rendering.registry import AUTO, chosen_renderer
+from ...collectors.robots import RobotSpec
+from ...formats.core.errors import InputError, UnknownNameError
+from ...formats.core.rollout import STATE_RATE_HZ
 
 ALL = "all"
 

@@ -13,8 +13,8 @@ from vlnpe.collectors.replay import ReplayConfig
 from vlnpe.collectors.robots import ROBOTS
 from vlnpe.formats.core.errors import InputError
 from vlnpe.pipeline.commands.collect import _roomy
-from vlnpe.pipeline.crews import action_timing, chosen_robots, crews
 from vlnpe.pipeline.engine.ledger import Ledger, Row
+from vlnpe.pipeline.inputs.crews import action_timing, chosen_robots, crews
 from vlnpe.pipeline.stages import replay
 from vlnpe.trajectory_sampler.config import SampleConfig
 

@@ -7,10 +7,10 @@ import os
 import sys
 from typing import Any
 
-from ...formats.core.atomic import file_digest, sweep
-from ...formats.core.errors import InputError
-from ..engine.executors import available_cores
-from ..options.training import Train
+from ....formats.core.atomic import file_digest, sweep
+from ....formats.core.errors import InputError
+from ...engine.executors.base import available_cores
+from ...options.training import Train
 
 
 def run(options: Train) -> int:
@@ -30,7 +30,7 @@ def run(options: Train) -> int:
     threads = options.threads or available_cores()
     # Set before importing torch, which reads it only once.
     os.environ.setdefault("OMP_NUM_THREADS", str(threads))
-    from ...datasets.mixture.recipe import read_recipe, recipe_path
+    from ....datasets.mixture.recipe import read_recipe, recipe_path
 
     try:
         import torch
@@ -38,8 +38,8 @@ def run(options: Train) -> int:
         raise InputError(
             "torch is not installed (extra `train`); `vlnpe doctor` prints how to install it"
         ) from error
-    from ...learning.training.session import CURVES, Request, train_recipe
-    from .train_loop import dagger, validation
+    from ....learning.training.session import CURVES, Request, train_recipe
+    from .loop import dagger, validation
 
     path = recipe_path(options.recipe)
     recipe = read_recipe(path)

@@ -6,12 +6,12 @@ import json
 import sys
 from typing import Any
 
-from ...datasets.mixture.plan import Library, MixturePlan, plan_mixture
-from ...datasets.mixture.recipe import read_recipe, recipe_path
-from ...datasets.mixture.table import plan_json, plan_text
-from ...formats.core.atomic import write_json
-from ...formats.core.errors import InputError, UnknownNameError
-from ..options.training import Mix
+from ....datasets.mixture.plan import Library, MixturePlan, plan_mixture
+from ....datasets.mixture.recipe import read_recipe, recipe_path
+from ....datasets.mixture.table import plan_json, plan_text
+from ....formats.core.atomic import write_json
+from ....formats.core.errors import InputError, UnknownNameError
+from ...options.training import Mix
 
 
 def run(options: Mix) -> int:

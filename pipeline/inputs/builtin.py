@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from ..formats.core.errors import InputError, UnknownNameError
+from ...formats.core.errors import InputError, UnknownNameError
 
 BUILTIN = "builtin"
 _DEFAULT_KIND = "apartment"
@@ -91,7 +91,7 @@ def _is_number(text: str) -> bool:
 def check_kind(kind: str) -> None:
     """Raise UnknownNameError if there is no such kind of building."""
     # Takes long to import, and most runs have scans of their own.
-    from ..apartments.config import BUILDINGS
+    from ...apartments.config import BUILDINGS
 
     if kind not in BUILDINGS:
         raise UnknownNameError("built-in building", kind, BUILDINGS)

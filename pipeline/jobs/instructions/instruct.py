@@ -10,14 +10,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ...formats.core.atomic import write_bytes
-from ...formats.scene.bundle import LabeledObject
-from ...formats.scene.visibility import Visibility, read_visibility
-from ...formats.vlnce.files import read_episodes, write_episodes
-from ...formats.vlnce.groups import group_by_path, per_instruction
-from ...instruction_gen.instruct import InstructResult, instruct_episodes
-from ...instruction_gen.records import InstructConfig
-from ..engine.work import ItemResult
+from ....formats.core.atomic import write_bytes
+from ....formats.scene.bundle import LabeledObject
+from ....formats.scene.visibility import Visibility, read_visibility
+from ....formats.vlnce.files import read_episodes, write_episodes
+from ....formats.vlnce.groups import group_by_path, per_instruction
+from ....instruction_gen.instruct import InstructResult, instruct_episodes
+from ....instruction_gen.records import InstructConfig
+from ...engine.work import ItemResult
 
 CACHE = "llm_cache"  # name of the folder of a language model's answers, which were paid for
 

@@ -8,9 +8,9 @@ import pytest
 
 from vlnpe.apartments import BUILDINGS
 from vlnpe.formats.core.errors import InputError
-from vlnpe.pipeline.builtin import BuiltIn, parse_builtin
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.commands.collect import Collect, run
+from vlnpe.pipeline.inputs.builtin import BuiltIn, parse_builtin
 from vlnpe.pipeline.stages import repair
 
 

@@ -10,11 +10,11 @@ from concurrent.futures import BrokenExecutor, Future, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ...formats.core.atomic import sweep_beside
-from ...formats.core.errors import VlnpeError
-from .executors import Executor
-from .files import Records, all_records
-from .work import ItemResult, Job, WorkItem
+from ....formats.core.atomic import sweep_beside
+from ....formats.core.errors import VlnpeError
+from ..files import Records, all_records
+from ..work import ItemResult, Job, WorkItem
+from .base import Executor
 
 # Failures that the same item need not have again, by name: memory, servers, budgets.
 TRANSIENT = frozenset(

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Future
 from typing import Any
 
-from ...formats.core.errors import InputError
-from .executors import Executor
+from ....formats.core.errors import InputError
+from .base import Executor
 
 
 class RayExecutor(Executor):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..formats.core.errors import InputError
-from ..formats.scene.bundle import INDEX_NAME
-from ..scene_repair.scan.files import SUFFIXES, USD_SUFFIXES
-from .engine.run_folder import file_names
+from ...formats.core.errors import InputError
+from ...formats.scene.bundle import INDEX_NAME
+from ...scene_repair.scan.files import SUFFIXES, USD_SUFFIXES
+from ..engine.run_folder import file_names
 
 
 def find_scans(folder: Path) -> dict[str, Path]:

@@ -6,15 +6,15 @@ import shutil
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from ..collectors.controllers import CONTROLLERS, SpeedConfig, get_controller, valid_controllers
-from ..collectors.controllers.speed import SpeedController
-from ..collectors.robots import ROBOTS, TIMESTEP_S, RobotSpec, get_robot
-from ..collectors.robots.folder.load import folder_digest
-from ..collectors.robots.folder.safety import folder_files
-from ..formats.core.atomic import atomic_folder
-from ..formats.core.errors import InputError
-from ..formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD
-from .engine.ledger import Ledger
+from ...collectors.controllers import CONTROLLERS, SpeedConfig, get_controller, valid_controllers
+from ...collectors.controllers.speed import SpeedController
+from ...collectors.robots import ROBOTS, TIMESTEP_S, RobotSpec, get_robot
+from ...collectors.robots.folder.load import folder_digest
+from ...collectors.robots.folder.safety import folder_files
+from ...formats.core.atomic import atomic_folder
+from ...formats.core.errors import InputError
+from ...formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD
+from ..engine.ledger import Ledger
 
 ALL, AUTO = "all", "auto"
 USUAL = "path"  # what `auto` means for whatever has a body
@@ -29,7 +29,7 @@ def chosen_robots(text: str) -> list[RobotSpec]:
         InputError: an unknown name, or none at all; or a robot whose gait cannot be loaded.
     """
     # Late, because policies are run by a library that takes its time to load.
-    from ..collectors.drives import gait_for
+    from ...collectors.drives import gait_for
 
     bodies = [name for name, robot in ROBOTS.items() if robot.joints]
     robots = [get_robot(name) for name in _names("ROBOT", text, bodies)]

@@ -13,24 +13,24 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...collectors.rendering.frame import Frame
-from ...collectors.rendering.registry import make_renderer
-from ...collectors.rendering.scene.robot_body import RobotBody
-from ...collectors.robots import RobotSpec, get_robot
-from ...formats.core.camera import CameraModel
-from ...formats.core.episode import Episode
-from ...formats.core.frames import quat_to_matrix, yaw_to_quat
-from ...formats.core.geometry import path_length, point_along, resample, triangle_areas
-from ...formats.scene.bundle import SceneBundle, VisualMesh, load_bundle
-from ...formats.scene.visibility import (
+from ....collectors.rendering.frame import Frame
+from ....collectors.rendering.registry import make_renderer
+from ....collectors.rendering.scene.robot_body import RobotBody
+from ....collectors.robots import RobotSpec, get_robot
+from ....formats.core.camera import CameraModel
+from ....formats.core.episode import Episode
+from ....formats.core.frames import quat_to_matrix, yaw_to_quat
+from ....formats.core.geometry import path_length, point_along, resample, triangle_areas
+from ....formats.scene.bundle import SceneBundle, VisualMesh, load_bundle
+from ....formats.scene.visibility import (
     Glimpse,
     PathSight,
     SightCamera,
     Visibility,
     write_visibility,
 )
-from ...formats.vlnce.files import read_episodes
-from ..engine.work import ItemResult
+from ....formats.vlnce.files import read_episodes
+from ...engine.work import ItemResult
 
 WIDTH_PX, HEIGHT_PX = 128, 96
 SPACING_M = 0.5

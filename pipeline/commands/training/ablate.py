@@ -8,10 +8,10 @@ import os
 import sys
 from typing import Any
 
-from ...formats.core.atomic import sweep, write_bytes, write_json
-from ...formats.core.errors import InputError
-from ..engine.executors import available_cores
-from ..options.training import Ablate
+from ....formats.core.atomic import sweep, write_bytes, write_json
+from ....formats.core.errors import InputError
+from ...engine.executors.base import available_cores
+from ...options.training import Ablate
 
 TABLE, RESULTS, PLOT, PAGE = "table.md", "results.json", "plot.png", "index.html"
 
@@ -27,7 +27,7 @@ def run(options: Ablate) -> int:
     threads = options.threads or available_cores()
     # Set before importing torch, which reads it only once.
     os.environ.setdefault("OMP_NUM_THREADS", str(threads))
-    from ...datasets.mixture.recipe import read_recipe, recipe_path
+    from ....datasets.mixture.recipe import read_recipe, recipe_path
 
     try:
         import torch
@@ -35,9 +35,9 @@ def run(options: Ablate) -> int:
         raise InputError(
             "torch is not installed (extra `train`); `vlnpe doctor` prints how to install it"
         ) from error
-    from ...learning.ablation.page import plot_png, report_html
-    from ...learning.ablation.report import estimates, report_json, report_markdown
-    from ...learning.ablation.run import run_ablation
+    from ....learning.ablation.page import plot_png, report_html
+    from ....learning.ablation.report import estimates, report_json, report_markdown
+    from ....learning.ablation.run import run_ablation
 
     recipe = read_recipe(recipe_path(options.recipe))
     changes: dict[str, Any] = {

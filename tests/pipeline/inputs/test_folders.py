@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from vlnpe.formats.core.errors import InputError
-from vlnpe.pipeline.folders import find_scans
+from vlnpe.pipeline.inputs.folders import find_scans
 
 
 def lay_out(root: Path, *names: str) -> Path:

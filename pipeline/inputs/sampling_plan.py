@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ..formats.core.errors import InputError
-from ..formats.scene import FULL_HEIGHT_M
-from ..trajectory_sampler.config import SampleConfig
-from ..trajectory_sampler.presets import (
+from ...formats.core.errors import InputError
+from ...formats.scene import FULL_HEIGHT_M
+from ...trajectory_sampler.config import SampleConfig
+from ...trajectory_sampler.presets import (
     choose_seen,
     get_preset,
     parse_quotas,
     parse_splits,
     plan_quotas,
 )
-from .options.episodes import Sampling
+from ..options.episodes import Sampling
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def chosen_free_height(robots: str, asked_m: float) -> float:
         if asked_m == 0:
             raise InputError("--free-height-m 0 takes the robots' own height; name them: --robot")
         return asked_m
-    from ..collectors.physics import free_height
+    from ...collectors.physics import free_height
     from .crews import chosen_robots
 
     needed = {robot.name: free_height(robot) for robot in chosen_robots(robots)}

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from ...formats.core.errors import InputError, UnknownNameError
+from ....formats.core.errors import InputError, UnknownNameError
 
 LOCAL, RAY, SLURM = "local", "ray", "slurm"
 EXECUTORS = (LOCAL, RAY, SLURM)
@@ -98,11 +98,11 @@ def make_executor(execution: Execution, root: Path) -> Executor:
         InputError: its extra is not installed, or the cluster cannot be reached.
     """
     if execution.executor == RAY:
-        from .ray_executor import RayExecutor
+        from .ray import RayExecutor
 
         return RayExecutor(execution.ray_address, execution.workers)
     if execution.executor == SLURM:
-        from .slurm_executor import SlurmExecutor
+        from .slurm import SlurmExecutor
 
         return SlurmExecutor(root, execution.slurm, execution.workers, execution.dry_run)
     return Workers(execution.workers or available_cores())

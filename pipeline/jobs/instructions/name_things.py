@@ -9,20 +9,20 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ...collectors.rendering.registry import make_renderer
-from ...collectors.rendering.scene.robot_body import RobotBody
-from ...collectors.robots import RobotSpec, get_robot
-from ...formats.core.atomic import write_json
-from ...formats.core.camera import CameraModel
-from ...formats.core.episode import Episode
-from ...formats.core.frames import quat_to_matrix, yaw_to_quat
-from ...formats.scene.bundle import LabeledObject, SceneBundle, load_bundle
-from ...formats.vlnce.files import read_episodes, scene_stem
-from ...instruction_gen.language.nouns import noun_of
-from ...instruction_gen.llm.client import Client, openai_backend
-from ...instruction_gen.llm.settings import LlmSettings
-from ...instruction_gen.llm.sight import Sights, View, name_things
-from ..engine.work import ItemResult
+from ....collectors.rendering.registry import make_renderer
+from ....collectors.rendering.scene.robot_body import RobotBody
+from ....collectors.robots import RobotSpec, get_robot
+from ....formats.core.atomic import write_json
+from ....formats.core.camera import CameraModel
+from ....formats.core.episode import Episode
+from ....formats.core.frames import quat_to_matrix, yaw_to_quat
+from ....formats.scene.bundle import LabeledObject, SceneBundle, load_bundle
+from ....formats.vlnce.files import read_episodes, scene_stem
+from ....instruction_gen.language.nouns import noun_of
+from ....instruction_gen.llm.client import Client, openai_backend
+from ....instruction_gen.llm.settings import LlmSettings
+from ....instruction_gen.llm.sight import Sights, View, name_things
+from ...engine.work import ItemResult
 from .visibility import looks_along
 
 WIDTH_PX, HEIGHT_PX = 320, 240

@@ -15,9 +15,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ...formats.core.errors import InputError
-from .executors import Executor
-from .signals import DryRun
+from ....formats.core.errors import InputError
+from ..signals import DryRun
+from .base import Executor
 
 FOLDER = ".vlnpe"  # beside the run folder; holds scripts, logs and pickled calls
 # Tasks of one array; clusters commonly refuse arrays above 1,001.

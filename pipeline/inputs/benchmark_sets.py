@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from ..formats.core.episode import Episode
-from ..formats.core.errors import UnknownNameError
-from .engine.keys import digest
+from ...formats.core.episode import Episode
+from ...formats.core.errors import UnknownNameError
+from ..engine.keys import digest
 
 
 @dataclass(frozen=True)
