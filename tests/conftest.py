@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.rooms import write_two_rooms
+from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.video.scheduling import ordinary_threads
 
@@ -76,7 +76,7 @@ def offline() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def two_rooms(tmp_path_factory: pytest.TempPathFactory) -> SceneBundle:
-    """A known two-room scene; see `tests.support.rooms`."""
+    """A known two-room scene; see `tests.support.scenes.rooms`."""
     return write_two_rooms(tmp_path_factory.mktemp("two_rooms"))
 
 

@@ -18,7 +18,7 @@ import pytest
 import trimesh
 
 from tests.collectors.test_replay import make_episode, same
-from tests.support.rooms import write_two_rooms
+from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.collectors.drives import gait_for
 from vlnpe.collectors.locomotion.policy import PolicyMismatchError, policy_files
 from vlnpe.collectors.rendering.scene.robot_body import RobotBody

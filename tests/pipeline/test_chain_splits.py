@@ -9,7 +9,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from tests.support.work import InlineWorkers
+from tests.support.runs.work import InlineWorkers
 from vlnpe.collectors.controllers import SpeedConfig
 from vlnpe.collectors.rendering.camera.extras import Extras
 from vlnpe.collectors.rendering.camera.views import CameraOverrides

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.support import scans
+from tests.support.scenes import scans
 from vlnpe.collectors.physics import free_height
 from vlnpe.collectors.replay import ReplayConfig, replay_episode
 from vlnpe.collectors.robots import get_robot

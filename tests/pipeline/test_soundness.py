@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.support import scans
+from tests.support.scenes import scans
 from vlnpe.formats.core.camera import CameraModel
 from vlnpe.formats.core.errors import SceneError
 from vlnpe.formats.lerobot import usage

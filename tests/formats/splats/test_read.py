@@ -13,7 +13,7 @@ import trimesh
 from scipy.spatial import KDTree
 
 from tests.conftest import SHARED_SCENES
-from tests.support.splats import random_cloud
+from tests.support.scenes.splats import random_cloud
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.core.frames import quat_to_matrix
 from vlnpe.formats.splats.harmonics import C0, basis

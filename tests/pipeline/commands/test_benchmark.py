@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from tests.collectors.test_replay import make_episode
-from tests.support.rooms import write_two_rooms
-from tests.support.work import InlineWorkers
+from tests.support.runs.work import InlineWorkers
+from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.engine.executors import base as executors

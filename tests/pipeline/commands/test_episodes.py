@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from tests.support.work import InlineWorkers
+from tests.support.runs.work import InlineWorkers
 from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.core.frames import world_to_habitat_position
 from vlnpe.formats.vlnce.files import (

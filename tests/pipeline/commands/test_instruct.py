@@ -15,7 +15,7 @@ import pytest
 
 from tests.support.episodes import episode_along
 from tests.support.misbehaving_server import Server, completion
-from tests.support.work import InlineWorkers
+from tests.support.runs.work import InlineWorkers
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.instruction_gen.instruct import instruct_episodes

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support import work
+from tests.support.runs import work
 from vlnpe.formats.core.errors import InputError, UnknownNameError
 from vlnpe.pipeline.engine.executors.base import Execution, make_executor
 from vlnpe.pipeline.engine.executors.slurm import parse_options

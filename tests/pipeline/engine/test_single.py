@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.work import InlineWorkers
+from tests.support.runs.work import InlineWorkers
 from vlnpe.formats.core.atomic import write_bytes
 from vlnpe.formats.core.errors import InputError
 from vlnpe.pipeline.engine.context import LEDGERS, open_single, run_single

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.security import scans
 from tests.security.hostile import not_files, put, refusal
+from tests.security.scans import cases as scans
 from vlnpe.scene_repair.scan.dispatch import read_scan
 from vlnpe.scene_repair.scan.obj import without_bad_faces
 

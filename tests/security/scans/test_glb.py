@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 
-from tests.security import scans
 from tests.security.hostile import CLOSED_DEEP_JSON, DEEP_JSON, not_files, refusal
-from tests.support.damage import sound_files
+from tests.security.scans import cases as scans
+from tests.support.scenes.damage import sound_files
 from vlnpe.formats.untrusted.glb import glb_bytes
 from vlnpe.scene_repair.scan.dispatch import read_scan
 

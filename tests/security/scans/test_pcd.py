@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.security import scans
 from tests.security.hostile import not_files, refusal
-from tests.support.damage import PCD
+from tests.security.scans import cases as scans
+from tests.support.scenes.damage import PCD
 from vlnpe.scene_repair.scan.dispatch import read_scan
 from vlnpe.scene_repair.scan.headers import check_pcd
 

@@ -12,7 +12,7 @@ import numpy as np
 import trimesh
 from PIL import Image
 
-from tests.support.scans import joined
+from tests.support.scenes.scans import joined
 from vlnpe.formats.scene.bundle import (
     Floor,
     LabeledObject,

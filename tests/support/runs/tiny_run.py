@@ -9,7 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.support import scans
+from tests.support.scenes import scans
 from vlnpe.pipeline.engine.ledger import MANIFEST_NAME, Ledger
 
 STAGES = (

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.security import scans
 from tests.security.hostile import not_files, put, refusal
-from tests.support.damage import USDA
+from tests.security.scans import cases as scans
+from tests.support.scenes.damage import USDA
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.scene_repair.usd import read_stage
 from vlnpe.scene_repair.usd.layers import check_layers

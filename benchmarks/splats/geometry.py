@@ -1,4 +1,4 @@
-"""Score geometry made from generated splats: `python -m benchmarks.splat_geometry SEED…`.
+"""Score geometry made from generated splats: `python -m benchmarks.splats.geometry SEED…`.
 
 Each capture is generated, repaired and compared with the exact building: height of the floor,
 places of walls, free floor that is free, doors that are open, furniture that is an obstacle.

@@ -17,7 +17,7 @@ from trimesh.visual.color import ColorVisuals
 from trimesh.visual.material import PBRMaterial
 from trimesh.visual.texture import TextureVisuals
 
-from tests.support import scans
+from tests.support.scenes import scans
 
 USDA = b"""#usda 1.0
 (

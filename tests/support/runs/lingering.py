@@ -1,11 +1,11 @@
-"""A command whose items take as long as they are told: `python -m tests.support.lingering`."""
+"""A command whose items take as long as they are told: `python -m tests.support.runs.lingering`."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
 
-from tests.support import work
+from tests.support.runs import work
 from vlnpe.pipeline.engine.context import open_context
 from vlnpe.pipeline.engine.runner import run_stage
 from vlnpe.pipeline.engine.signals import Interrupted, interruptible

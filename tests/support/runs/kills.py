@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Sequence
 
-from tests.support import tiny_run
+from tests.support.runs import tiny_run
 
 
 def kill_in(command: Sequence[str], stage: str, delay_s: float) -> bool:

@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 
 from tests.security.hostile import put, refusal
-from tests.support.damage import picture_bytes
+from tests.support.scenes.damage import picture_bytes
 from vlnpe.scene_repair.scan.dispatch import read_scan
 from vlnpe.scene_repair.scan.record import Scan
 

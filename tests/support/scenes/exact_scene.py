@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.support.homes import exact_freemap
+from tests.support.scenes.homes import exact_freemap
 from vlnpe.apartments import TrueScene
 from vlnpe.formats.scene.bundle import (
     Floor,

@@ -11,12 +11,12 @@ from scipy import ndimage
 
 from vlnpe.formats.core.geometry import triangle_cross
 
+from ..site import FLOOR_BAND_M, Mask, Site, soup_of
+from ..vertical import Surfaces, heights_near
 from .cut import cut_exactly, cut_whole
 from .decoys import DECOYS, Decoy
 from .glb import Part
 from .shapes import KINDS, Outline, log_uniform, ragged
-from .site import FLOOR_BAND_M, Mask, Site, soup_of
-from .vertical import Surfaces, heights_near
 
 # Holes keep this far from each other, so that each can be told from the next.
 APART_M = 0.15
