@@ -15,7 +15,14 @@ from typing import Annotated, Any, Union
 
 from ..formats.core.errors import InputError, VlnpeError
 from ..formats.untrusted.files import is_text
-from .engine.signals import DryRun, Interrupted, OnlyDone, interruptible
+from .engine.signals import (
+    PIPE_CLOSED,
+    DryRun,
+    Interrupted,
+    OnlyDone,
+    closed_streams,
+    interruptible,
+)
 
 
 @dataclass(frozen=True)
@@ -144,9 +151,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one subcommand and return the exit code."""
     try:
         with interruptible():
-            return _run(sys.argv[1:] if arguments is None else arguments)
+            try:
+                return _run(sys.argv[1:] if arguments is None else arguments)
+            finally:
+                sys.stdout.flush()  # a closed pipe must show here, not when Python ends
     except Interrupted as stop:
         return stop.exit_code
+    except BrokenPipeError:
+        if not (closed := closed_streams()):
+            raise
+        for stream in closed:  # Python flushes them once more
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        return PIPE_CLOSED
 
 
 def _run(arguments: Sequence[str]) -> int:
@@ -168,6 +184,8 @@ def _run(arguments: Sequence[str]) -> int:
         _complain(error)
         return 2
     except OSError as error:
+        if isinstance(error, BrokenPipeError) and closed_streams():
+            raise
         _complain(f"cannot use {error.filename or 'a file'}: {error.strerror or error}")
         return 2
     except VlnpeError as error:

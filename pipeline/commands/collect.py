@@ -66,7 +66,7 @@ def run(options: Collect) -> int:
     instructing = instruct_config(options)
     sources = _sources(options, episode_files)
     plan = None if episode_files else SamplingPlan.of(options, preset, list(sources))
-    height_m = chosen_free_height(options.robot, options.free_height_m)
+    height_m = chosen_free_height(robots, options.free_height_m)
     sampling = sample_config(
         options, count, options.robot_radius_m, height_m, strict=plan is not None
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ...formats.core.atomic import file_digest
 from ...formats.core.errors import InputError
@@ -23,6 +24,9 @@ from ..options.episodes import Align, Filter, Sample
 from ..stages import align, episodes, repair
 from ..summary import tell
 
+if TYPE_CHECKING:
+    from ...collectors.robots import RobotSpec
+
 PARTS = "parts"  # of results, beside the ledger
 
 
@@ -33,9 +37,10 @@ def run_align(options: Align) -> int:
         InputError: A tolerance is invalid, or a file or folder cannot be used.
     """
     out = _out(options.out, "aligned", len(options.episodes) > 1)
+    robots = _robots(options.robot)
     config = AlignConfig(
-        robot_radius_m=_radius(options.robot, options.robot_radius_m),
-        free_height_m=chosen_free_height(options.robot, options.free_height_m),
+        robot_radius_m=_radius(robots, options.robot_radius_m),
+        free_height_m=chosen_free_height(robots, options.free_height_m),
         max_start_nudge_m=options.max_start_nudge_m,
         max_goal_nudge_m=options.max_goal_nudge_m,
         max_waypoint_nudge_m=options.max_waypoint_nudge_m,
@@ -151,9 +156,10 @@ def run_sample(options: Sample) -> int:
     """
     folders = _scene_folders(options.scenes)
     scenes = scene_rows(folders)
-    radius_m = _radius(options.robot, options.robot_radius_m)
+    robots = _robots(options.robot)
+    radius_m = _radius(robots, options.robot_radius_m)
     plan = SamplingPlan.of(options, options.preset, list(scenes))
-    height_m = chosen_free_height(options.robot, options.free_height_m)
+    height_m = chosen_free_height(robots, options.free_height_m)
     config = sample_config(options, options.count, radius_m, height_m, strict=plan is not None)
     out = _out(options.out, "episodes", plan is not None)
     with open_single(out, options.workers) as context:
@@ -225,12 +231,16 @@ def _scene_folders(given: Sequence[Path]) -> list[Path]:
     ]
 
 
-def _radius(robots: str, radius_m: float) -> float:
-    if not robots:
-        return radius_m
+def _robots(names: str) -> list[RobotSpec]:
+    if not names:
+        return []
     from ..inputs.crews import chosen_robots
 
-    return max(robot.footprint_radius_m for robot in chosen_robots(robots))
+    return chosen_robots(names)
+
+
+def _radius(robots: Sequence[RobotSpec], radius_m: float) -> float:
+    return max((robot.footprint_radius_m for robot in robots), default=radius_m)
 
 
 def _out(given: Path | None, name: str, folder: bool) -> Path:

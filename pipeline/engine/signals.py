@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from types import FrameType
+from typing import TextIO
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+PIPE_CLOSED = 128 + signal.SIGPIPE  # what a shell reports of a program that SIGPIPE has ended
 GRACE_S = 8.0  # after it, the process ends whatever it is doing
 
 
@@ -94,6 +97,18 @@ def interruptible() -> Iterator[None]:
         if not came:
             for number, handler in before.items():
                 signal.signal(number, handler)
+
+
+def closed_streams() -> list[TextIO]:
+    """Return which of stdout and stderr are pipes whose reader has gone, as after `| head`."""
+    closed = []
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(AttributeError, OSError, ValueError):  # no file behind it
+            poll = select.poll()
+            poll.register(stream.fileno(), select.POLLERR)
+            if poll.poll(0):
+                closed.append(stream)
+    return closed
 
 
 def _tell(text: str) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from ...formats.core.errors import InputError
 from ...formats.scene import FULL_HEIGHT_M
@@ -16,6 +17,9 @@ from ...trajectory_sampler.presets import (
     plan_quotas,
 )
 from ..options.episodes import Sampling
+
+if TYPE_CHECKING:
+    from ...collectors.robots import RobotSpec
 
 
 @dataclass(frozen=True)
@@ -76,11 +80,11 @@ def _first(number: str, scenes: Sequence[str]) -> int:
     return int(number)
 
 
-def chosen_free_height(robots: str, asked_m: float) -> float:
+def chosen_free_height(robots: Iterable[RobotSpec], asked_m: float) -> float:
     """Return the free height [m] that paths need: `asked_m`, or for 0 that of the tallest robot.
 
     Args:
-        robots: comma-separated names, as in `ROBOT=`; empty if none is named.
+        robots: the run's robots; empty if none is named.
         asked_m: the option's value [m].
 
     Raises:
@@ -88,14 +92,13 @@ def chosen_free_height(robots: str, asked_m: float) -> float:
     """
     if asked_m >= FULL_HEIGHT_M:
         return asked_m
-    if not robots:
+    from ...collectors.physics import free_height
+
+    needed = {robot.name: free_height(robot) for robot in robots}
+    if not needed:
         if asked_m == 0:
             raise InputError("--free-height-m 0 takes the robots' own height; name them: --robot")
         return asked_m
-    from ...collectors.physics import free_height
-    from .crews import chosen_robots
-
-    needed = {robot.name: free_height(robot) for robot in chosen_robots(robots)}
     tallest = max(needed, key=lambda name: needed[name])
     if 0 < asked_m < needed[tallest]:
         raise InputError(

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import base64
 import json
-import os
 import sys
 from typing import Any
 
 from ....formats.core.atomic import sweep, write_bytes, write_json
-from ....formats.core.errors import InputError
-from ...engine.executors.base import available_cores
 from ...options.training import Ablate
+from .threads import start_torch
 
 TABLE, RESULTS, PLOT, PAGE = "table.md", "results.json", "plot.png", "index.html"
 
@@ -22,19 +20,8 @@ def run(options: Ablate) -> int:
     Raises:
         InputError: If the recipe, settings or data are invalid, or the extra `train` is missing.
     """
-    if options.threads < 0:
-        raise InputError(f"--threads {options.threads}: valid: 0 (one per core) and above")
-    threads = options.threads or available_cores()
-    # Set before importing torch, which reads it only once.
-    os.environ.setdefault("OMP_NUM_THREADS", str(threads))
+    start_torch(options.threads)
     from ....datasets.mixture.recipe import read_recipe, recipe_path
-
-    try:
-        import torch
-    except ImportError as error:
-        raise InputError(
-            "torch is not installed (extra `train`); `vlnpe doctor` prints how to install it"
-        ) from error
     from ....learning.ablation.page import plot_png, report_html
     from ....learning.ablation.report import estimates, report_json, report_markdown
     from ....learning.ablation.run import run_ablation
@@ -45,7 +32,6 @@ def run(options: Ablate) -> int:
         for name in ("steps", "seeds", "device")
         if (value := getattr(options, name)) is not None
     }
-    torch.set_num_threads(threads)
     if options.out.is_dir():
         sweep(options.out)
     ablation = run_ablation(recipe, options.data, options.out, changes)

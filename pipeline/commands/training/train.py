@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from typing import Any
 
 from ....formats.core.atomic import file_digest, sweep
 from ....formats.core.errors import InputError
-from ...engine.executors.base import available_cores
 from ...options.training import Train
+from .threads import start_torch
 
 
 def run(options: Train) -> int:
@@ -19,31 +18,19 @@ def run(options: Train) -> int:
     Raises:
         InputError: If the recipe, settings or data are invalid, or the extra `train` is missing.
     """
-    if options.threads < 0:
-        raise InputError(f"--threads {options.threads}: valid: 0 (one per core) and above")
     for name in ("validate", "dagger", "dagger_episodes"):
         if getattr(options, name) < 0:
             flag = "--" + name.replace("_", "-")
             raise InputError(f"{flag} {getattr(options, name)}; valid: 0 or more")
     if (options.validate or options.dagger) and options.run is None:
         raise InputError("--validate and --dagger walk episodes of a run; name it: --run FOLDER")
-    threads = options.threads or available_cores()
-    # Set before importing torch, which reads it only once.
-    os.environ.setdefault("OMP_NUM_THREADS", str(threads))
+    start_torch(options.threads)
     from ....datasets.mixture.recipe import read_recipe, recipe_path
-
-    try:
-        import torch
-    except ImportError as error:
-        raise InputError(
-            "torch is not installed (extra `train`); `vlnpe doctor` prints how to install it"
-        ) from error
     from ....learning.training.session import CURVES, Request, train_recipe
     from .loop import dagger, validation
 
     path = recipe_path(options.recipe)
     recipe = read_recipe(path)
-    torch.set_num_threads(threads)
     if options.out.is_dir():
         sweep(options.out)
     request = Request(

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Future
 from typing import Any
 
-from ....formats.core.errors import InputError
+from ....formats.core.errors import InputError, MissingExtraError
 from .base import Executor
 
 
@@ -33,9 +33,7 @@ class RayExecutor(Executor):
         try:
             import ray
         except ImportError as error:
-            raise InputError(
-                "--executor ray needs the extra `cluster`; see `vlnpe doctor`"
-            ) from error
+            raise MissingExtraError("--executor ray", "cluster") from error
         # Ray's own messages would tear the progress bars apart.
         quiet = {"log_to_driver": False, "logging_level": "ERROR", "include_dashboard": False}
         where = address or os.environ.get("RAY_ADDRESS") or None

@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ....formats.core.errors import InputError
+from ....formats.core.errors import InputError, MissingExtraError
 from ..signals import DryRun
 from .base import Executor
 
@@ -97,9 +97,7 @@ class SlurmExecutor(Executor):
             import submitit
             from submitit.slurm import slurm
         except ImportError as error:
-            raise InputError(
-                "--executor slurm needs the extra `cluster`; see `vlnpe doctor`"
-            ) from error
+            raise MissingExtraError("--executor slurm", "cluster") from error
         given = parse_options(options)
         self._tasks = int(given.pop("tasks", TASKS))
         self._settings: dict[str, Any] = {
