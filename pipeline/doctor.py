@@ -53,6 +53,7 @@ def examine(out: Path) -> list[Finding]:
         _extra("scan", ["open3d"]),
         _extra("evaluate", ["gymnasium", "msgpack", "websockets"]),
         _extra("cluster", ["ray", "submitit"]),
+        _extra("s3", ["s3fs"]),
         Finding("uv", uv is not None, uv or "not found"),
     ]
 
