@@ -147,8 +147,9 @@ class SceneTracer:
         """
         camera = request.camera
         width, height, focal = camera.width_px, camera.height_px, camera.focal_px
-        marked = find_edges(
-            rgb, hits.depth, hits.surface, width, height, EDGE_BEND / focal, MIN_CONTRAST
+        marked = np.zeros(width * height, dtype=np.bool_)
+        find_edges(
+            rgb, hits.depth, hits.surface, width, height, EDGE_BEND / focal, MIN_CONTRAST, marked
         )
         if skip is not None:
             marked &= ~skip
