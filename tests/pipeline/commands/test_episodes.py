@@ -68,6 +68,19 @@ def test_splits_over_several_scenes_are_exact_and_reused(scenes, tmp_path, capsy
     assert {path: path.read_bytes() for path in out.glob("*.json.gz")} == before
 
 
+def test_scenes_go_by_the_names_of_their_folders(two_rooms, tmp_path, capsys):
+    """As later stages look them up; every generated building's file is called scan.glb."""
+    for name in ("flat-1", "flat-2"):
+        shutil.copytree(two_rooms.root, tmp_path / "scenes" / name)
+    out = tmp_path / "episodes.json.gz"
+    call = ("sample", tmp_path / "scenes", "--count", 2, "--min-length-m", 4, "--out", out)
+    assert run(capsys, *call)[0] == 0
+    episodes = read_episodes(out)
+    assert {e.scene_id for e in episodes} == {"flat-1", "flat-2"}
+    assert all(e.episode_id.startswith(e.scene_id) for e in episodes)
+    assert all(e.extra["similarity_group"].startswith(e.scene_id) for e in episodes)
+
+
 def test_fewer_paths_can_be_allowed(scenes, tmp_path, capsys, caplog):
     sizes = ("--splits", "train=30,val_unseen=2", "--train-scenes", "1", "--min-length-m", "4")
     call = ("sample", scenes / "a", scenes / "b", *sizes, "--min-gap-m", "2", "--allow-fewer")
