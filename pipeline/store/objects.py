@@ -38,13 +38,13 @@ class ObjectFolder:
             MissingExtraError: If it needs a library that is not installed.
             StoreError: If the kind of URL is unknown, or cannot be used.
         """
-        import fsspec
-
         scheme = url.split("://", maxsplit=1)[0]
         try:
+            import fsspec
+
             files, path = fsspec.core.url_to_fs(url)
         except ImportError as error:
-            if scheme in ("s3", "s3a"):
+            if scheme in ("s3", "s3a") or error.name == "fsspec":
                 raise MissingExtraError(url, "s3") from error
             raise StoreError(f"{url}: {error}") from error
         except ValueError as error:
