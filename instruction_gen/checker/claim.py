@@ -191,9 +191,16 @@ def _room(noun: Noun, ground: Ground, verb: str, prep: str) -> Found:
     return ground.inside(noun)
 
 
-def unknown(noun: Noun, ground: Ground) -> Found | None:
-    """Return why a phrase with a noun that no landmark has is false, None if it claims nothing."""
-    if not OTHER_THINGS & {word for w in noun.text.split() for word in (w, singular(w))}:
+def unknown(noun: Noun, ground: Ground, *, needed: bool = False) -> Found | None:
+    """Return why a phrase with a noun that no landmark has is false, None if it claims nothing.
+
+    Args:
+        noun: the phrase.
+        ground: of the path.
+        needed: nothing else says where this is, so it has to be understood.
+    """
+    head = noun.text.split()[-1]
+    if not needed and not OTHER_THINGS & {head, singular(head)}:
         return None
     nothing = np.zeros(len(ground.along_m), dtype=bool)
     return Found(nothing, f"nothing here is called {noun.text!r}")

@@ -47,12 +47,13 @@ def _bound(clause: Clause) -> list[str]:
 
 
 def elliptic(clause: Clause, parse: Parse) -> bool:
-    """Whether a clause may tell a right turn without a verb: `right at the sofa`."""
+    """Whether a side without a verb may be no turn: `right at the sofa`, or among unknown words."""
     words = re.findall(r"[a-z-]+", parse.text[clause.start : clause.stop].lower())
-    if clause.side != "right" or any(w in VERB_OF for w in words) or "right" not in words:
+    if clause.side not in words or any(w in VERB_OF for w in words):
         return False
-    before = re.findall(r"[a-z-]+", parse.text[: clause.start].lower())
-    if before[-1:] in (["then"], ["and"]):
-        return False
-    after = words[words.index("right") + 1 :][:1]
-    return bool(after) and after[0] in RIGHT_ADVERB
+    if clause.unparsed:
+        return True
+    place = words.index(clause.side)
+    joined = {"then", "and"} & set(words[:place])
+    adverb = bool(RIGHT_ADVERB & set(words[place + 1 : place + 2]))
+    return clause.side == "right" and not joined and adverb

@@ -25,11 +25,17 @@ def stop_claims(index: int, clause: Clause, parse: Parse, ground: Ground) -> lis
         )
     mask = ground.at_goal()
     named = bool(clause.distance_m)
+    alone = all(n.kind == "unknown" for n in clause.nouns) and not clause.distance_m
     for noun in clause.nouns:
         passed = clause.verb == "pass" and noun.kind == "object"
         found = ground.stopped_after(noun) if passed else _stop_noun(noun, ground)
+        if noun.kind == "unknown":
+            found = unknown(noun, ground, needed=alone)
         if found is None:
             continue
+        if found.reason and clause.unparsed and noun.prep == "past":
+            # Where the verb is not known, "by the bed" may be next to it.
+            found = _stop_noun(replace(noun, prep="near"), ground) or found
         visited = len(ground.facts.visits) > 1 and noun.prep not in ("before", "at")
         if noun.kind == "room" and not found.reason and visited:
             # "Stop inside the kitchen" tells how one comes there.
@@ -38,10 +44,10 @@ def stop_claims(index: int, clause: Clause, parse: Parse, ground: Ground) -> lis
                 phrase = f"the {noun.text}"
                 result.append(Claim(index, "door", entered.mask, phrase, optional=True))
         named = True
-        if found.reason:
-            result.append(Claim(index, "false", everywhere, found.reason))
-        else:
+        if not found.reason:
             mask = mask & found.mask
+        elif not clause.unparsed or noun.kind != "room":
+            result.append(Claim(index, "false", everywhere, found.reason))
     # "Stop when you reach the bed": what comes next says where.
     nexts = parse.clauses[index + 1 : index + 2]
     named = named or any(c.until or c.verb in ("see", "reach", "") for c in nexts)
@@ -103,4 +109,6 @@ def _goes_on(clause: Clause, said: str) -> bool:
         return True
     if re.match(r"\w+ing\b", said):
         return any(n.prep in ("into", "through", "from") for n in clause.nouns)
+    if not said:
+        return False
     return not clause.nouns or any(n.prep not in STATIC for n in clause.nouns)

@@ -8,6 +8,7 @@ from .clauses import Clause, Parse
 
 # Prepositions of a place that one is at; the others lead on.
 STATIC = frozenset(("near", "at", "before", "between", "in"))
+_STAYING = STATIC | {"with", "after", "past"}
 _UNTIL = re.compile(r"\s*,?\s*(?:until|till)\b", re.IGNORECASE)
 
 
@@ -21,7 +22,7 @@ def last_stop(parse: Parse) -> int | None:
     if stops:
         return stops[-1]
     last = parse.clauses[-1] if parse.clauses else None
-    if last is None or last.before or last.negated or len(parse.clauses) < 2 or not last.nouns:
+    if last is None or last.before or last.negated or len(parse.clauses) < 2:
         return None
     if _arrives(last, parse.clauses[-2], parse) or _settles(last):
         return len(parse.clauses) - 1
@@ -30,7 +31,7 @@ def last_stop(parse: Parse) -> int | None:
 
 def _arrives(last: Clause, before: Clause, parse: Parse) -> bool:
     """Whether the last clause says until when to walk."""
-    if not last.until:
+    if not last.until or not last.nouns:
         return False
     bound = bool(_UNTIL.match(parse.text[last.start :]))
     if not bound and (before.verb in ("turn", "see", "") or before.side):
@@ -41,5 +42,10 @@ def _arrives(last: Clause, before: Clause, parse: Parse) -> bool:
 
 def _settles(last: Clause) -> bool:
     """Whether the last clause moves nowhere, by a verb that is not known or that keeps one there."""
-    static = all(n.prep in STATIC - {"between"} for n in last.nouns) and not last.side
-    return static and (last.verb == "move" or (last.verb in ("", "see") and last.unparsed > 0))
+    if last.side:
+        return False
+    if not last.nouns:
+        return last.distance_m > 0 and last.verb == "" and last.unparsed > 0
+    if last.verb in ("", "see") and last.unparsed:
+        return all(n.prep in _STAYING for n in last.nouns)
+    return last.verb == "move" and all(n.prep in ("near", "at", "before") for n in last.nouns)
