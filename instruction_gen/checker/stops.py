@@ -78,7 +78,9 @@ def after_stop_claims(index: int, clause: Clause, parse: Parse, ground: Ground) 
     if clause.verb in MOVING and not clause.until and not clause.meanwhile:
         if _goes_on(clause, said):
             return [Claim(index, "false", everywhere, "the text goes on after its stop")]
-        clause = replace(clause, verb="", nouns=tuple(replace(n, prep="near") for n in clause.nouns))
+        clause = replace(
+            clause, verb="", nouns=tuple(replace(n, prep="near") for n in clause.nouns)
+        )
     result = []
     for noun in clause.nouns:
         found: Found | None

@@ -16,9 +16,9 @@ pytest.importorskip("s3fs")
 import s3fs
 from moto.server import ThreadedMotoServer
 
-from tests.support import tiny_run
-from tests.support.content import content
-from tests.support.kills import kill_in
+from tests.support.runs import tiny_run
+from tests.support.runs.content import content
+from tests.support.runs.kills import kill_in
 from vlnpe.formats.core.errors import InputError
 from vlnpe.pipeline.engine.ledger import MANIFEST_NAME, Ledger, Row
 from vlnpe.pipeline.engine.lock import LOCK_NAME, Holder, LockedError
