@@ -28,9 +28,9 @@ class Claim:
         slack_m: how far it may lie before the claim before it [m].
         bare: a stop that names no place.
         still: it is seen or passed meanwhile and does not move the walker on.
-        bends: a path around a thing, which tells the turns made there.
+        bends: a path around a thing, which implies the turns made there.
         optional: it may have been mentioned before.
-        turned: a door whose clear turn the same clause tells.
+        turned: A door whose clear turn the same clause describes.
         abeam_m: where a thing that is passed once is beside the walker [m], None = unclear.
     """
 

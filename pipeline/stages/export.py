@@ -238,7 +238,7 @@ def dataset_item(
 
 
 def _divided(rows: Mapping[str, Row], scenes: Path) -> tuple[str, ...]:
-    """The scenes of which some are to validate: none where the episodes' source says what does."""
+    """Return the scenes to hold some out from; none where the episodes' source has a split."""
     own = any(is_published_holdout(str(row.facts.get("split", ""))) for row in rows.values())
     return () if own else _scene_names(scenes)
 
