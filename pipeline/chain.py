@@ -178,8 +178,8 @@ class Chain:
         """
         ledger = self.context.ledger
         done = {tuple(row.item.split("/")[:2]) for row in ledger.rows(replay.STAGE)}
-        mine = {(robot, self._label(robot, controller)) for robot, controller in pairs}
-        for robot, controller in sorted(done - mine):
+        current = {(robot, self._label(robot, controller)) for robot, controller in pairs}
+        for robot, controller in sorted(done - current):
             try:
                 seed, actions, driver = self._driven(robot, controller)
                 if seed != self.seed:

@@ -23,7 +23,7 @@ NOT_CORE = re.compile(
     r"|vlnpe\.learning|vlnpe\.evaluation\.learned",
     re.MULTILINE,
 )
-SUPPORT = re.compile(r"^from tests\.support\.(\w+) import", re.MULTILINE)
+SUPPORT = re.compile(r"^from tests\.(support[\w.]+) import (\w+)", re.MULTILINE)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -37,8 +37,12 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     if not (config.getoption("--core") and collection_path.suffix == ".py"):
         return None
     source = collection_path.read_text()
-    support = Path(__file__).parent / "support"
-    sources = [source, *((support / f"{name}.py").read_text() for name in SUPPORT.findall(source))]
+    tests = Path(__file__).parent
+    sources = [source]
+    for module, name in SUPPORT.findall(source):
+        path = tests.joinpath(*module.split("."))
+        file = path / name if path.is_dir() else path
+        sources.append(file.with_suffix(".py").read_text())
     return True if any(NOT_CORE.search(text) for text in sources) else None
 
 

@@ -27,7 +27,7 @@ from ..untrusted.files import check_input
 from ..untrusted.tables import read_table
 from .dataset import episode_files, open_dataset, read_facts, read_info
 
-# What tells an episode from all others; LeRobot's tools copy both.
+# What identifies an episode; LeRobot's tools copy both.
 IDENTITY = ("observation.state", "action")
 POSE = "observation.camera_pose"
 

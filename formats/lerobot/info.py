@@ -1,4 +1,4 @@
-"""Read a LeRobot dataset's meta/info.json, which may come from anybody.
+"""Read a LeRobot dataset's meta/info.json, an untrusted file.
 
 Its path templates are filled in by `str.format` and its feature names become file names, by LeRobot
 and here; both are checked before anything relies on them.

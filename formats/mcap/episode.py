@@ -1,4 +1,4 @@
-"""A rollout with its rendered frames as one MCAP file that tells the whole episode, and back.
+"""A rollout with its rendered frames as one MCAP file that holds the whole episode, and back.
 
 Everything `write_rollout` writes, and: colour as the video's own packets (CompressedVideo, no loss
 beyond the video's), depth as 16-bit millimetres (RawImage 16UC1, 0 = invalid), camera calibration,

@@ -1,4 +1,4 @@
-"""Read NumPy's files that somebody else made: without pickle, and within a limit of memory."""
+"""Read untrusted NumPy files: without pickle, and within a limit of memory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parse JSON and TOML that somebody else wrote, within limits of size, nesting and values."""
+"""Parse JSON and TOML from untrusted sources, within limits of size, nesting and values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Open files that somebody else made: regular files only, of bounded size, inside their folder.
+"""Open files from untrusted sources: regular files only, of bounded size, inside their folder.
 
 A link that the user names is followed: it is the user's choice. A link inside a folder that was
 downloaded is followed only within that folder. Opening never blocks on a FIFO and never reads a
@@ -44,7 +44,7 @@ def check_input(path: Path, *, root: Path | None = None, max_bytes: int | None =
 
 
 def open_input(path: Path, *, root: Path | None = None, max_bytes: int | None = None) -> BinaryIO:
-    """Open a regular file for reading, without waiting for anybody.
+    """Open a regular file for reading, without blocking (a FIFO would wait for a writer).
 
     Args and raises as `check_input`.
     """

@@ -1,4 +1,4 @@
-"""What a file from somebody else may cost to read: the caps of all readers in one place.
+"""What an untrusted file may cost to read: the caps of all readers in one place.
 
 No honest file comes near them. `VLNPE_LIMITS="vlnce_episodes=1000000 labels=50000"` in the
 environment raises (or lowers) some; docs/security.md lists them all.

@@ -1,4 +1,4 @@
-"""Read Parquet files that somebody else wrote, within a limit of memory."""
+"""Read Parquet files from untrusted sources, within a limit of memory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parse YAML that somebody else wrote, within limits of size, nesting and expanded aliases."""
+"""Parse YAML from untrusted sources, within limits of size, nesting and expanded aliases."""
 
 from __future__ import annotations
 

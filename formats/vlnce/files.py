@@ -1,6 +1,6 @@
 """VLN-CE episode files: gzip JSON in Habitat coordinates.
 
-`read_vlnce` reads anybody's file as it stands; `write_episodes` and `read_episodes` carry our
+`read_vlnce` reads any VLN-CE file as it is; `write_episodes` and `read_episodes` carry our
 world-frame `Episode` records in the same schema. Our extra keys lie in `info.vlnpe`, because
 Habitat's loader accepts only the known keys at an episode's top level, but any in `info`.
 """

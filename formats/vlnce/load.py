@@ -18,7 +18,7 @@ _EPISODE_KEY = b'"start_rotation"'
 
 
 def load_document(path: Path, caps: Limits | None = None) -> dict[str, Any]:
-    """Load an episode file, gzip or plain JSON (told apart by content, not by name).
+    """Load an episode file, gzip or plain JSON (distinguished by content, not by name).
 
     Size, values and episodes are counted while it is decompressed, before anything is parsed.
 

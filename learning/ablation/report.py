@@ -140,7 +140,7 @@ def _setting(ablation: Ablation) -> list[str]:
         f"± is Student's t-interval at 95 % over {config.seeds} seeds: how much trainings vary, "
         "not trajectories or scenes."
         if config.seeds > 1
-        else "No row has an interval: one training tells nothing of how much trainings vary.",
+        else "No row has an interval: one training does not show how much trainings vary.",
     ]
 
 

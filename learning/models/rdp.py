@@ -86,12 +86,12 @@ class Rdp(nn.Module):
         vision = torch.cat([state[..., None, :], tokens], -2).flatten(0, 1)  # (B T, 6, H)
         words = read.words.repeat_interleave(steps[1], 0)
         padding = read.padding.repeat_interleave(steps[1], 0)
-        told, _ = self.ask_words(vision, words, words, key_padding_mask=padding)
+        attended, _ = self.ask_words(vision, words, words, key_padding_mask=padding)
         shown, _ = self.ask_images(words, vision, vision)
         there = (~padding)[..., None].to(shown.dtype)
         shown = (shown * there).sum(1, keepdim=True) / there.sum(1, keepdim=True).clamp(min=1)
         present = torch.stack([state, where], -2).flatten(0, 1)
-        condition = torch.cat([told, shown, present], 1)
+        condition = torch.cat([attended, shown, present], 1)
         progress = self.end(self.end_attention(condition).mean(1))[:, 0].sigmoid()
         return {
             "condition": condition.unflatten(0, steps),

@@ -1,7 +1,7 @@
 """Seq2Seq (Krantz et al., "Beyond the Nav-Graph", ECCV 2020): one recurrent state for everything.
 
 Images and the whole instruction's summary enter it at every step. Unlike CMA it does not attend,
-and is not told its previous action.
+and does not see its previous action.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ class Seq2Seq(nn.Module):
         seen = self.senses(batch)
         rgb = torch.relu(self.see_rgb(self.dropout(seen.rgb.flatten(2))))
         depth = torch.relu(self.see_depth(self.dropout(seen.depth.flatten(2))))
-        told = read.summary[:, None].expand(-1, rgb.shape[1], -1)
+        words = read.summary[:, None].expand(-1, rgb.shape[1], -1)
         state, last = self.recurrent(
-            torch.cat([rgb, depth, told], -1), memory[0] if memory else None
+            torch.cat([rgb, depth, words], -1), memory[0] if memory else None
         )
         return self.heads(self.dropout(state)), (last,)

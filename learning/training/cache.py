@@ -31,7 +31,7 @@ class CachedSequences(Dataset[dict[str, Any]]):
             sequences.tokens,
             replace(sequences.config, images=False),
         )
-        self._rows.telling = sequences.telling
+        self._rows.instruction_choice = sequences.instruction_choice
         folder.mkdir(parents=True, exist_ok=True)
 
     @property
@@ -41,7 +41,7 @@ class CachedSequences(Dataset[dict[str, Any]]):
 
     def begin_pass(self, epoch: int) -> None:
         """Draw other instructions from the next item on, where paths have several."""
-        self._rows.telling = replace(self.sequences.telling, epoch=epoch)
+        self._rows.instruction_choice = replace(self.sequences.instruction_choice, epoch=epoch)
 
     def __len__(self) -> int:
         return len(self.sequences)

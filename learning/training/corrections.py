@@ -34,7 +34,7 @@ class Correction:
         executed: (T,) what was done.
         pose: (T, 3) x, y [m], yaw [rad] relative to the first step.
         progress: (T,) 0 … 1 of the expert's route.
-        instruction: what the robot was told.
+        instruction: Its text.
         name: of the episode.
         robot: whose walk it is.
     """
@@ -77,7 +77,7 @@ class CorrectedEpisodes(Dataset[dict[str, Any]]):
         return len(self._files)
 
     def begin_pass(self, epoch: int) -> None:
-        """Do nothing: a walk has the instruction that the policy was told."""
+        """Do nothing: a walk has the instruction that the policy was given."""
 
     def __getitem__(self, number: int) -> dict[str, Any]:
         """Walk `number`.

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...datasets.instructions import Telling
+from ...datasets.instructions import InstructionChoice
 from ...datasets.mixture.plan import Library, MixturePlan, choose, plan_mixture
 from ...datasets.mixture.recipe import Recipe
 from ...datasets.selection import Selection
@@ -107,9 +107,9 @@ def train_recipe(request: Request, *, show: bool = True) -> Result:
     if start is not None and start.card.config.model != config.model:
         raise InputError(f"{request.start}: another architecture than the recipe's `model`")
     tokens = start.card.tokens if start is not None else _vocabulary(plan, config)
-    telling = Telling(config.instructions, seed)
+    choice = InstructionChoice(config.instructions, seed)
     cache = request.cache or out / "cache"
-    sources = [_cached(s.selection, tokens, config, cache, telling) for s in plan.sources]
+    sources = [_cached(s.selection, tokens, config, cache, choice) for s in plan.sources]
     seen = [_some(episodes, len(sources)) for episodes in sources]
     unseen = [_cached(s, tokens, config, cache) for s in held.values() if len(s)]
     unseen = [_some(episodes, len(unseen)) for episodes in unseen]
@@ -145,8 +145,8 @@ def train_recipe(request: Request, *, show: bool = True) -> Result:
     if request.corrections:
         corrected = CorrectedEpisodes(request.corrections, tokens, config)
         episodes, shares = [*episodes, corrected], [*(share / 2 for share in shares), 0.5]
-        told = {"source": "corrections", "share": 0.5, "episodes": len(corrected)}
-        card = replace(card, data=(*card.data, told | {"sha": corrected.digest, "datasets": []}))
+        source = {"source": "corrections", "share": 0.5, "episodes": len(corrected)}
+        card = replace(card, data=(*card.data, source | {"sha": corrected.digest, "datasets": []}))
     log = _Log(request, card, config, seen, unseen)
     with progress_bar("train", config.steps, show=show) as bar:
         train_model(
@@ -236,12 +236,12 @@ def _held(found: Selection, holdout: Holdout) -> Selection:
 
 
 def _vocabulary(plan: MixturePlan, config: TrainConfig) -> Tokens:
-    told = 1 if config.instructions == "own" else None
+    limit = 1 if config.instructions == "own" else None
     words = [
         text
         for source in plan.sources
         for texts in source.selection.labels("instructions")
-        for text in texts[:told]
+        for text in texts[:limit]
     ]
     return training_tokens(words, config.tokens)
 
@@ -251,10 +251,10 @@ def _cached(
     tokens: Tokens,
     config: TrainConfig,
     cache: Path,
-    telling: Telling | None = None,
+    choice: InstructionChoice | None = None,
 ) -> CachedSequences:
     how = SequenceConfig(config.size_px, config.max_steps, config.inflection, future=FUTURE)
-    sequences = EpisodeSequences(selection, tokens, how, telling or Telling())
+    sequences = EpisodeSequences(selection, tokens, how, choice or InstructionChoice())
     return CachedSequences(sequences, cache)
 
 

@@ -56,7 +56,7 @@ class TrainingEpisodes(Protocol):
 
 @dataclass(frozen=True)
 class Watcher:
-    """Who is told about a training.
+    """Callbacks of a training.
 
     Attributes:
         step: called after each step with the number of steps done and the loss; None for the steps
@@ -89,7 +89,7 @@ def train_model(
         config: how.
         seed: of weights, dropout and the order of the draws.
         state: file to resume from, and to write to.
-        watcher: who is told about it.
+        watcher: Its callbacks.
         start: weights to start from (fine-tuning); new ones when None.
 
     Raises:

@@ -32,7 +32,7 @@ from ..inputs.views import check_frame_rate, chosen_views
 from ..options.collect import Collect
 from ..stages import align, repair, report, visibility
 from ..stages.export import check_depth_storage
-from ..summary import joined, show_summary, stage_table, tell
+from ..summary import joined, print_result, show_summary, stage_table
 from .instruct import instruct_config
 
 log = logging.getLogger(__name__)
@@ -141,7 +141,9 @@ def _tell_episodes(options: Collect, folder: RunFolder, summaries: Sequence[Stag
         "stages": {s.stage: s.counts() for s in joined(summaries)},
         "quarantined": quarantined,
     }
-    tell(options, facts, f"\n{stage_table(summaries)}\n\nepisodes: {folder.root / 'episodes'}")
+    print_result(
+        options, facts, f"\n{stage_table(summaries)}\n\nepisodes: {folder.root / 'episodes'}"
+    )
     return int(quarantined > options.max_failed)
 
 

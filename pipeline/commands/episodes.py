@@ -22,7 +22,7 @@ from ..inputs.folders import scenes_in
 from ..inputs.sampling_plan import SamplingPlan, chosen_free_height, sample_config
 from ..options.episodes import Align, Filter, Sample
 from ..stages import align, episodes, repair
-from ..summary import tell
+from ..summary import print_result
 
 if TYPE_CHECKING:
     from ...collectors.robots import RobotSpec
@@ -94,7 +94,7 @@ def run_align(options: Align) -> int:
         f"{out}: {facts['episodes']} episodes of {len(paths)} paths aligned for a robot of radius "
         f"{config.robot_radius_m:g} m, {len(bad) + len(rejected)} rejected"
     )
-    tell(options, facts, text)
+    print_result(options, facts, text)
     return int(len(bad) + len(rejected) > options.max_failed)
 
 
@@ -126,20 +126,22 @@ def run_filter(options: Filter) -> int:
     total = {key: sum(one[key] for one in files.values()) for key in ("kept", "dropped")}
     text = "\n".join([*lines, f"{out}: {total['kept']} kept, {total['dropped']} dropped"])
     reasons = [r for row in summary.good().values() for r in row.facts["reasons"]]
-    return tell(options, {"out": str(out), **total, "splits": files, "reasons": reasons}, text)
+    return print_result(
+        options, {"out": str(out), **total, "splits": files, "reasons": reasons}, text
+    )
 
 
 def filter_lines(row: Row) -> list[str]:
     """What the stair filter did to one split, in words: episodes and paths, by reason."""
     counts, split = row.facts["counts"], row.facts["split"]
 
-    def told(pair: Sequence[int]) -> str:
+    def counted(pair: Sequence[int]) -> str:
         return f"{pair[0]} episodes ({pair[1]} paths)"
 
-    lines = [f"{split}: kept {told(counts['kept'])}, dropped {told(counts['dropped'])}"]
-    lines += [f"  by {rule}: {told(pair)}" for rule, pair in counts["by_rule"].items()]
+    lines = [f"{split}: kept {counted(counts['kept'])}, dropped {counted(counts['dropped'])}"]
+    lines += [f"  by {rule}: {counted(pair)}" for rule, pair in counts["by_rule"].items()]
     lines += [
-        f"  cannot be judged by {rule}: {told(pair)} without "
+        f"  cannot be judged by {rule}: {counted(pair)} without "
         + ("a repaired scene or a reference path" if rule == "geometric" else "a reference path")
         + "; kept"
         for rule, pair in counts["not_judged"].items()
@@ -187,9 +189,9 @@ def run_sample(options: Sample) -> int:
     for row in summary.good().values():
         for reason, count in row.facts["dropped"].items():
             dropped[reason] = dropped.get(reason, 0) + count
-    told = ", ".join(f"{count} {split}" for split, count in by_split.items())
+    per_split = ", ".join(f"{count} {split}" for split, count in by_split.items())
     text = f"{out}: {len(paths)} paths in {len(made)} scene{'s' * (len(made) > 1)}"
-    text += f" ({told})" if plan else ""
+    text += f" ({per_split})" if plan else ""
     if dropped:
         text += "; dropped candidates: "
         text += ", ".join(f"{count} {reason}" for reason, count in sorted(dropped.items()))
@@ -204,7 +206,7 @@ def run_sample(options: Sample) -> int:
         "scenes": {row.item: row.facts for row in summary.good().values()},
         "dropped": dropped,
     }
-    tell(options, facts, text)
+    print_result(options, facts, text)
     return int(summary.quarantined > options.max_failed)
 
 

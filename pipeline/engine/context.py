@@ -177,7 +177,7 @@ def run_output(context: Context, out: Path, stage: str, item: WorkItem) -> Row:
 
 
 def _state(key: str, out: Path) -> str:
-    """Return what tells whether `out` is still what the item with this key wrote, as JSON.
+    """Return a record of whether `out` is still what the item with this key wrote, as JSON.
 
     Content counts, not times: some file systems keep times of two seconds, and clocks jump.
     """

@@ -138,8 +138,8 @@ def run_stage(
         row = ledger.row(stage, item.name)
         reason = _why(context, stage, item, row, required)
         if context.explain:
-            told = f"runs: {reason}" if reason else f"is reused ({_state(row)})"
-            sys.stderr.write(f"{stage} {item.name} {told}\n")
+            verdict = f"runs: {reason}" if reason else f"is reused ({_state(row)})"
+            sys.stderr.write(f"{stage} {item.name} {verdict}\n")
         if reason or row is None:
             waiting.append(item)
             continue

@@ -65,7 +65,7 @@ def ended_first(end: Callable[[], None]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def interruptible() -> Iterator[None]:
-    """Raise `Interrupted` in the block when a signal arrives, and tell the user once.
+    """Raise `Interrupted` in the block when a signal arrives, and print one line.
 
     Every output and every line of a ledger is complete at any moment, so a second signal, or a
     block that has not ended after `GRACE_S`, ends the process at once. Elsewhere than in the main
@@ -80,7 +80,7 @@ def interruptible() -> Iterator[None]:
         if came:
             _end(came[0])
         came.append(number)
-        _tell(f"{signal.Signals(number).name}: stopping; run the same command again to resume")
+        _report(f"{signal.Signals(number).name}: stopping; run the same command again to resume")
         watchdog = threading.Timer(GRACE_S, _end, (number,))
         watchdog.daemon = True
         watchdog.start()
@@ -111,7 +111,7 @@ def closed_streams() -> list[TextIO]:
     return closed
 
 
-def _tell(text: str) -> None:
+def _report(text: str) -> None:
     # Not through `sys.stderr`: the signal may have come while it was being written to.
     with contextlib.suppress(OSError):
         os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, f"\nvlnpe: {text}\n".encode())

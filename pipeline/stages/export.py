@@ -30,9 +30,14 @@ STAGE = "export"
 MCAP_STAGE = "mcap"
 DATASET_STAGE = "dataset"
 # What makes episodes and writes their pixels.
-CODE = tuple(
-    f"pipeline.jobs.{job}"
-    for job in ("scan", "repair", "episodes", "visibility", "instruct", "replay", "render")
+CODE = (
+    "pipeline.jobs.scan",
+    "pipeline.jobs.repair",
+    "pipeline.jobs.episodes",
+    "pipeline.jobs.instructions.visibility",
+    "pipeline.jobs.instructions.instruct",
+    "pipeline.jobs.replay",
+    "pipeline.jobs.render",
 )
 
 
@@ -238,7 +243,7 @@ def dataset_item(
 
 
 def _divided(rows: Mapping[str, Row], scenes: Path) -> tuple[str, ...]:
-    """The scenes of which some are to validate: none where the episodes' source says what does."""
+    """Return the scenes to hold some out from; none where the episodes' source has a split."""
     own = any(is_published_holdout(str(row.facts.get("split", ""))) for row in rows.values())
     return () if own else _scene_names(scenes)
 

@@ -178,7 +178,7 @@ class GltfFile:
         """Return the file's bytes without images and unused vertex attributes.
 
         Pictures are opened apart, in bounded memory; materials are named by their number, which
-        tells whose they are.
+        says which node they belong to.
         """
         tree = {k: v for k, v in self.tree.items() if k not in ("images", "textures")}
         materials = [

@@ -21,7 +21,7 @@ from .categories import category_of_name
 
 # Half thickness given to flat labels (walls, doors, table tops), in source units.
 FLAT = 0.05
-# Shorter quaternions tell no direction.
+# Shorter quaternions define no rotation.
 LEAST_QUATERNION = 1e-6
 
 

@@ -153,7 +153,7 @@ def _parts(scene: trimesh.Scene, named: bool, warnings: list[str]) -> list[Part]
             if not len(faces):
                 continue
         corner_uv, material, colors = _look(mesh, faces)
-        # Pieces may share one buffer of vertices, of which each takes few.
+        # Pieces may share one buffer of vertices and use few of them each.
         used, inverse = np.unique(faces, return_inverse=True)
         vertices, faces = vertices[used], inverse.reshape(-1, 3)
         with np.errstate(invalid="ignore", over="ignore"):

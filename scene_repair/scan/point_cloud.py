@@ -115,7 +115,7 @@ def _points(
             normals = normals / np.maximum(length, 1e-9)[:, None]
         else:
             normals = None
-            warnings.append("normals are not of unit length; estimated anew")
+            warnings.append("normals do not have unit length; estimated again")
     return points[usable], None if colors is None else np.nan_to_num(colors), normals
 
 

@@ -32,7 +32,7 @@ LAYERS = {
 PACKAGES = sorted(LAYERS)
 MAX_POSITIONAL = 7
 # Decorators of compiled functions: numba knows no keyword-only parameters and passes no records.
-COMPILED = {"kernel", "njit"}
+COMPILED = {"intrinsic", "kernel", "njit"}
 
 
 def package_folders() -> list[str]:

@@ -47,7 +47,7 @@ class Execution:
 
 
 class Executor:
-    """What the stage runner asks of whoever runs items; a context manager that closes itself.
+    """Interface of what runs items for the stage runner; a context manager that closes itself.
 
     Attributes:
         count: how many items run at a time.
