@@ -16,7 +16,7 @@ _INTO_M = 2.0
 
 
 def claims_of(parse: Parse, ground: Ground) -> list[Claim]:
-    """The claims of a text."""
+    """Return the claims of a text."""
     everywhere = np.ones(len(ground.along_m), dtype=bool)
     result: list[Claim] = []
     last = last_stop(parse)

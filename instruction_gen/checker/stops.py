@@ -12,7 +12,7 @@ MOVING = frozenset({"turn", "move", "enter", "leave", "pass"})
 
 
 def last_stop(parse: Parse) -> int | None:
-    """Index of the clause that says where to stop, None when no clause does.
+    """Return the index of the clause that says where to stop, None when no clause does.
 
     `Walk on until you are next to the bed.` needs no word for stopping at the end of a text.
     """
