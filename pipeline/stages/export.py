@@ -32,7 +32,15 @@ DATASET_STAGE = "dataset"
 # What makes episodes and writes their pixels.
 CODE = tuple(
     f"pipeline.jobs.{job}"
-    for job in ("scan", "repair", "episodes", "visibility", "instruct", "replay", "render")
+    for job in (
+        "scan",
+        "repair",
+        "episodes",
+        "instructions.visibility",
+        "instructions.instruct",
+        "replay",
+        "render",
+    )
 )
 
 
