@@ -100,7 +100,7 @@ BUILDINGS: dict[str, ApartmentConfig] = {
 
 
 def building_config(kind: str) -> ApartmentConfig:
-    """The configuration of a kind of building.
+    """Return the configuration of a kind of building.
 
     Raises:
         UnknownNameError: there is no such kind.

@@ -145,7 +145,7 @@ def floor_patches(cloud: GaussianCloud) -> ScanMesh:
 
 
 def scan_pose(config: ApartmentConfig) -> NDArray[np.float64]:
-    """(4, 4) from world to the scanner's (z up) frame; identity by default."""
+    """Return (4, 4) from world to the scanner's (z up) frame; identity by default."""
     c, s = np.cos(np.deg2rad(config.scan_tilt_deg)), np.sin(np.deg2rad(config.scan_tilt_deg))
     pose = np.eye(4)
     pose[:3, :3] = [[1, 0, 0], [0, c, -s], [0, s, c]]

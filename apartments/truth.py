@@ -36,7 +36,7 @@ def true_floor(plan: FloorPlan, cell_m: float = CELL_M) -> tuple[GridSpec, NDArr
 
 
 def covered_cells(grid: GridSpec, triangles_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(rows, columns) that triangles (F, 3, 2 or 3) cover as seen from above."""
+    """Return (rows, columns) that triangles (F, 3, 2 or 3) cover as seen from above."""
     covered = np.zeros(grid.shape, dtype=bool)
     flat = triangles_m[..., :2]
     longest = np.linalg.norm(flat - np.roll(flat, 1, axis=1), axis=2).max(1)
@@ -56,7 +56,7 @@ def covered_cells(grid: GridSpec, triangles_m: NDArray[np.float64]) -> NDArray[n
 
 
 def seen_floor(grid: GridSpec, mesh: ScanMesh, floor_z_m: float = 0.0) -> NDArray[np.bool_]:
-    """(rows, columns) where the scan has upward triangles within 8 cm of the floor."""
+    """Return (rows, columns) where the scan has upward triangles within 8 cm of the floor."""
     normals, _ = mesh.normals()
     points = mesh.vertices[mesh.faces]
     use = (np.abs(points[..., 2] - floor_z_m).max(1) < 0.08) & (normals[:, 2] > 0.7)

@@ -88,7 +88,7 @@ def page(sections: dict[str, str]) -> str:
 
 
 def runs(run: Path) -> list[Path]:
-    """The built-in scene's run and, where real scans are, a small one in each."""
+    """Return the built-in scene's run and, where real scans are, a small one in each."""
     others = [run.with_name(f"{run.name}-{scan.stem}") for scan in SCANS if scan.is_file()]
     for other, scan in zip(others, SCANS, strict=False):
         if not (other / "report" / "index.html").is_file():
@@ -101,7 +101,7 @@ def scenes(run: Path) -> list[SceneBundle]:
 
 
 def machine() -> str:
-    """The machine and its load, in a line."""
+    """Return the machine and its load, in a line."""
     return (
         f"*{cpu_name()}, {available_cores()} of {os.cpu_count()} cores, load "
         f"{os.getloadavg()[0]:.1f}; Python {platform.python_version()}, "

@@ -51,7 +51,7 @@ def report(run: Path) -> str:
 
 
 def _milliseconds(env: NavigationEnv) -> float:
-    """CPU time per observation, of resets and steps together."""
+    """Return CPU time per observation, of resets and steps together."""
     rng = np.random.default_rng(0)
     env.reset(options={"episode": 0})
     env.step(1)

@@ -123,7 +123,10 @@ def _report(episodes: list[Episode], scratch: Path) -> str:
 
 
 def _fastest(ways: list[tuple[str, Callable[[], None]]]) -> list[float]:
-    """CPU seconds of each way's fastest round; the ways take turns, so that load hits all alike."""
+    """Return CPU seconds of each way's fastest round.
+
+    The ways take turns, so that load hits all alike.
+    """
     best = [float("inf")] * len(ways)
     for _ in range(ROUNDS):
         for number, (_, run) in enumerate(ways):

@@ -97,7 +97,7 @@ def _episodes(bundle: SceneBundle, radius_m: float) -> list[Episode]:
 
 
 def empty_world(robot: RobotSpec) -> Timing:
-    """A robot that walks a circle on a plane."""
+    """Return a robot that walks a circle on a plane."""
     model = robot.build_model()
     data, gait = mujoco.MjData(model), gait_for(robot)
     handles, spent = RobotHandles.find(robot, model), 0.0
@@ -116,7 +116,7 @@ def empty_world(robot: RobotSpec) -> Timing:
 
 
 def replayed(robot: RobotSpec, bundle: SceneBundle, episodes: list[Episode]) -> Timing:
-    """A robot that walks episodes of one scene."""
+    """Return a robot that walks episodes of one scene."""
     config = ReplayConfig(robot=robot.name, controller="path")
     worlds = {
         level: open_world(bundle, level, robot, None, config.physics)

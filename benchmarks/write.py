@@ -90,7 +90,7 @@ def report(run: Path) -> str:
 
 
 def _rates(sources: Sequence[Path], folder: Path, count: int) -> dict[str, float]:
-    """Frames per second of each way, best of some rounds taken in turn."""
+    """Return the frames per second of each way, best of some rounds taken in turn."""
     logging.getLogger("lerobot").setLevel(logging.ERROR)
     cores = available_cores()
     with ProcessPoolExecutor(cores, mp_context=get_context("spawn")) as pool:
@@ -130,7 +130,10 @@ def _decode(run: Path, folder: Path) -> list[Path]:
 
 @cache
 def _load(source: Path) -> tuple[Any, FrameFolder, np.ndarray, np.ndarray]:
-    """Rollout, the render stage's facts, RGB (T, H, W, 3) and depth (T, H, W); read once."""
+    """Return the rollout, the render stage's facts, RGB (T, H, W, 3) and depth (T, H, W).
+
+    Read once.
+    """
     seen = read_frame_folder(source)
     arrays = {k: v for k, v in seen.arrays.items() if not k.endswith("_counts")}
     rgb = np.load(source / "rgb.npy", mmap_mode="r", allow_pickle=False)

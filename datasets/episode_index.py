@@ -119,11 +119,11 @@ class DatasetIndex:
         return {key: (f["dtype"], tuple(f["shape"])) for key, f in features}
 
     def labels(self, name: str) -> list[str]:
-        """One label of all episodes, e.g. `end_reason`."""
+        """Return one label of all episodes, e.g. `end_reason`."""
         return self.table[name].to_pylist()
 
     def entry(self, row: int) -> EpisodeEntry:
-        """The episode in row `row`."""
+        """Return the episode in row `row`."""
         values: dict[str, Any] = self.table.slice(row, 1).to_pylist()[0]
 
         def place(template: str, prefix: str, **names: str) -> Path:
@@ -178,7 +178,7 @@ def read_index(root: Path) -> DatasetIndex:
 
 
 def episode_tables(root: Path) -> list[Path]:
-    """The Parquet files of a dataset's `meta/episodes`, in order."""
+    """Return the Parquet files of a dataset's `meta/episodes`, in order."""
     return sorted((root / "meta" / "episodes").rglob("*.parquet"))
 
 

@@ -51,7 +51,7 @@ class EpisodeReader:
         self._depth_range = _depth_range(index)
 
     def rows(self, entry: EpisodeEntry, keys: Sequence[str]) -> dict[str, NDArray[Any]]:
-        """Columns (T, D) of the episode's frame rows, in the dataset's types.
+        """Return the columns (T, D) of the episode's frame rows, in the dataset's types.
 
         Raises:
             FileFormatError: damaged, or a column is missing.
@@ -91,7 +91,7 @@ class EpisodeReader:
     def depth_m(
         self, entry: EpisodeEntry, first: int = 0, count: int | None = None
     ) -> NDArray[np.float32]:
-        """Depth images (T, H, W) [m], 0 = invalid; scaled by picking the nearest pixel.
+        """Return the depth images (T, H, W) [m], 0 = invalid; scaled by picking the nearest pixel.
 
         Raises:
             FileFormatError: the video, or an image, is damaged.

@@ -108,7 +108,7 @@ class NavigationDataset(Dataset[dict[str, Any]]):
         return self.selection.frames
 
     def __getitem__(self, number: int) -> dict[str, Any]:
-        """Frame `number`, counted through all episodes of the selection."""
+        """Return the frame `number`, counted through all episodes of the selection."""
         episode, frame = self.selection.place_of_frame(number)
         entry = self.selection.entry(episode)
         dataset = int(self.selection.dataset[episode])
@@ -158,7 +158,7 @@ class NavigationDataset(Dataset[dict[str, Any]]):
 
 
 def _row(rows: Any, key: str) -> NDArray[Any]:
-    """A column (N, D), or (N,) of scalars, as LeRobot gives them."""
+    """Return a column (N, D), or (N,) of scalars, as LeRobot gives them."""
     array = rows[key].combine_chunks()
     if hasattr(array.type, "value_type"):  # a list, of a fixed size unless LeRobot merged
         return array.flatten().to_numpy().reshape(len(array), -1).copy()

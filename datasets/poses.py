@@ -12,7 +12,7 @@ __all__ = ["future_poses", "motions", "planar_poses", "relative"]
 
 
 def relative(poses: NDArray[np.float64], frame: int) -> NDArray[np.float64]:
-    """`poses` (T, 3) in the frame of the pose number `frame`."""
+    """Return `poses` (T, 3) in the frame of the pose number `frame`."""
     x, y, yaw = poses[frame]
     offset = poses[:, :2] - (x, y)
     c, s = np.cos(yaw), np.sin(yaw)
@@ -25,7 +25,10 @@ def motions(poses: NDArray[np.float64]) -> NDArray[np.float32]:
 
 
 def future_poses(poses: NDArray[np.float64], future: int) -> NDArray[np.float32]:
-    """Poses (T, F, 3) of the `future` frames after each, seen from it; the last is repeated."""
+    """Return the poses (T, F, 3) of the `future` frames after each, seen from it.
+
+    The last is repeated.
+    """
     count = len(poses)
     ahead = np.minimum(np.arange(count)[:, None] + np.arange(1, future + 1), count - 1)
     offset = poses[ahead, :2] - poses[:, None, :2]

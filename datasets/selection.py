@@ -45,11 +45,11 @@ class Selection:
         return len(self.row)
 
     def index(self, number: int) -> DatasetIndex:
-        """The dataset of an episode."""
+        """Return the dataset of an episode."""
         return self.datasets[self.dataset[number]]
 
     def entry(self, number: int) -> EpisodeEntry:
-        """An episode."""
+        """Return an episode."""
         return self.index(number).entry(int(self.row[number]))
 
     @cached_property
@@ -62,7 +62,7 @@ class Selection:
         return result
 
     def labels(self, name: str) -> NDArray[np.object_]:
-        """(N,) a label of each episode, e.g. `robot`."""
+        """Return (N,) a label of each episode, e.g. `robot`."""
         result = np.empty(len(self), object)
         for number, index in enumerate(self.datasets):
             here = self.dataset == number
@@ -70,7 +70,7 @@ class Selection:
         return result
 
     def trajectories(self) -> NDArray[np.object_]:
-        """(N,) `scene/trajectory` of each episode."""
+        """Return (N,) `scene/trajectory` of each episode."""
         return self.labels("scene_id") + "/" + self.labels("trajectory_id")
 
     @cached_property
@@ -79,7 +79,7 @@ class Selection:
         return int(self.lengths.sum())
 
     def place_of_frame(self, number: int) -> tuple[int, int]:
-        """Episode and frame in it of frame `number`, counted through all episodes.
+        """Return the episode and frame in it of frame `number`, counted through all episodes.
 
         Raises:
             IndexError: there is no such frame.
@@ -111,7 +111,7 @@ def joined_digest(selections: Iterable[Selection]) -> str:
 
 
 def select_all(datasets: Iterable[DatasetIndex | Path]) -> Selection:
-    """All episodes of `datasets`, one after another.
+    """Return all episodes of `datasets`, one after another.
 
     Raises:
         FileFormatError: a folder holds no dataset collected by vlnpe.
@@ -143,7 +143,7 @@ def common_columns(
 
 
 def check_frame_rate(datasets: Iterable[DatasetIndex]) -> int:
-    """The datasets' frame rate.
+    """Return the datasets' frame rate.
 
     Raises:
         InputError: they differ, or there is none.

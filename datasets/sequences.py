@@ -112,7 +112,7 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
         return len(self.selection)
 
     def __getitem__(self, number: int) -> dict[str, Any]:
-        """Episode `number`."""
+        """Return the episode `number`."""
         entry = self.selection.entry(number)
         reader = self._readers[self.selection.dataset[number]]
         every = self.config.every_frame
@@ -178,7 +178,7 @@ def collate_sequences(items: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def pack(batch: Mapping[str, torch.Tensor], key: str) -> PackedSequence:
-    """One key (B, T, …) of a batch, packed for `torch.nn.GRU` and its kin."""
+    """Return one key (B, T, …) of a batch, packed for `torch.nn.GRU` and its kin."""
     return pack_padded_sequence(
         batch[key], batch["length"].cpu(), batch_first=True, enforce_sorted=False
     )

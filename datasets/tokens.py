@@ -35,17 +35,17 @@ class Tokens:
     length: int = LONG
 
     def encode(self, text: str) -> NDArray[np.int64]:
-        """(length,) word indices, 0 behind the last word."""
+        """Return (length,) word indices, 0 behind the last word."""
         return np.array(self.vocabulary.encode(text, self.length), np.int64)
 
 
 def training_tokens(instructions: Iterable[str], length: int = LONG) -> Tokens:
-    """Tokens with the words of `instructions`."""
+    """Return the tokens with the words of `instructions`."""
     return Tokens(Vocabulary.of(instructions), length)
 
 
 def tokens_of_file(path: Path, length: int = LONG) -> Tokens:
-    """Tokens with the vocabulary of a VLN-CE episode file.
+    """Return the tokens with the vocabulary of a VLN-CE episode file.
 
     Raises:
         FileFormatError: not such a file, or its vocabulary does not begin with padding and

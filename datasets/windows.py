@@ -93,7 +93,7 @@ class WaypointWindows(Dataset[dict[str, Any]]):
         return self.selection.frames
 
     def __getitem__(self, number: int) -> dict[str, Any]:
-        """The window of frame `number`, counted through all episodes."""
+        """Return the window of frame `number`, counted through all episodes."""
         episode, frame = self.selection.place_of_frame(number)
         entry = self.selection.entry(episode)
         reader = self._readers[self.selection.dataset[episode]]
@@ -117,7 +117,7 @@ class WaypointWindows(Dataset[dict[str, Any]]):
         return item | self._images(reader, entry, frame)
 
     def _neighbours(self, frame: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Frames of the waypoints ahead, and of the motions before."""
+        """Return the frames of the waypoints ahead, and of the motions before."""
         config = self.config
         return np.arange(1, config.future + 1) + frame, np.arange(-config.past, 0) + frame
 

@@ -63,7 +63,7 @@ class Levels:
         self._open: dict[tuple[str, int], LevelFacts] = {}
 
     def of(self, episode: Episode) -> LevelFacts:
-        """The level an episode lies on.
+        """Return the level an episode lies on.
 
         Raises:
             FileFormatError: its scene is missing.
@@ -84,7 +84,7 @@ class Levels:
         return self._open[key]
 
     def unnamed(self) -> dict[str, int]:
-        """Labels without a noun, of all levels opened."""
+        """Return the labels without a noun, of all levels opened."""
         total: dict[str, int] = {}
         for level in self._open.values():
             for label, count in level.unnamed.items():
@@ -193,7 +193,7 @@ def _writer(
 def composer_writer(
     config: InstructConfig, taken: set[str], skeletons: dict[str, int] | None = None
 ) -> Writer:
-    """The composer as a writer; it avoids texts in `taken` and counts skeletons."""
+    """Return the composer as a writer; it avoids texts in `taken` and counts skeletons."""
     counts = {} if skeletons is None else skeletons
 
     def write(ground: Ground, rng: np.random.Generator) -> tuple[list[WrittenText], list[str]]:

@@ -56,12 +56,12 @@ class InstructConfig:
 
 
 def parse_styles(text: str) -> tuple[str, ...]:
-    """`mixed` → all styles in turn; else names separated by commas."""
+    """Return `mixed` → all styles in turn; else names separated by commas."""
     return STYLES if text == MIXED else tuple(w.strip() for w in text.split(",") if w.strip())
 
 
 def parse_languages(text: str) -> tuple[str, ...]:
-    """Names separated by commas, each once."""
+    """Return the names separated by commas, each once."""
     return tuple(dict.fromkeys(w.strip() for w in text.split(",") if w.strip()))
 
 

@@ -16,7 +16,7 @@ _WIDE, _HIGH = 64, 22
 
 
 def show_path(episode: Episode, facts: PathFacts) -> str:
-    """The map (S start, * path, G goal, letters for things), its legend, and the texts."""
+    """Return the map (S start, * path, G goal, letters for things), its legend, and the texts."""
     path = episode.reference_path_world_m[:, :2]
     points = resample(path, 0.1)
     low, high = points.min(0) - 1.2, points.max(0) + 1.2

@@ -122,7 +122,10 @@ class Stepper:
         return self._plan.pop(0)
 
     def _past(self) -> Tensor:
-        """The last poses (PAST, 3), seen from the present one; before the start the first pose."""
+        """Return the last poses (PAST, 3), seen from the present one.
+
+        Before the start the first pose.
+        """
         last = len(self._poses) - 1
         before = [self._poses[max(last - k, 0)] for k in range(1, PAST + 1)]
         return seen_from(_floats(np.stack(before)), _floats(self._poses[-1]))

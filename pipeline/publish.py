@@ -39,7 +39,7 @@ class Hub(Protocol):
         ...
 
     def list_repo_refs(self, repo_id: str, *, repo_type: str) -> Any:
-        """Branches and `tags`, each with a `name`."""
+        """Return the branches and `tags`, each with a `name`."""
         ...
 
     def create_repo(self, repo_id: str, *, repo_type: str, private: bool, exist_ok: bool) -> Any:

@@ -139,7 +139,7 @@ def from_one_start(
 
 
 def turning_deg(path_m: Array) -> float:
-    """Sum of the turns along a path (P, 2 or 3) [m], whatever their sense [deg]."""
+    """Return the sum of the turns along a path (P, 2 or 3) [m], whatever their sense [deg]."""
     steps = np.diff(np.asarray(path_m)[:, :2], axis=0)
     steps = steps[np.linalg.norm(steps, axis=1) > 1e-9]
     headings = np.arctan2(steps[:, 1], steps[:, 0])
@@ -149,7 +149,7 @@ def turning_deg(path_m: Array) -> float:
 def _taken(
     level: Level, kept: Kept, split: str, start: Array, gap_m: float, config: SampleConfig
 ) -> NDArray[np.bool_]:
-    """Which cells (N,) make goals of paths that would be too near to a kept one.
+    """Return which cells (N,) make goals of paths that would be too near to a kept one.
 
     By Fréchet no path is nearer than start and goal are, and between the same ends there mostly is
     one way only: planning such a path would be wasted.
@@ -177,7 +177,7 @@ def _taken(
 def _of_missing_length(
     way: Array, fits: NDArray[np.bool_], kept: Kept, split: str, config: SampleConfig
 ) -> NDArray[np.bool_]:
-    """Those of `fits` (N,) whose distance `way` (N,) [m] the split lacks most."""
+    """Return those of `fits` (N,) whose distance `way` (N,) [m] the split lacks most."""
     bins = np.where(fits, way, 0.0) // LENGTH_BIN_M
     there = np.unique(bins[fits]).astype(int)
     middle = (there + 0.5) * LENGTH_BIN_M
@@ -196,7 +196,7 @@ def _judge(
     shortest: Sequence[DistanceField],
     config: SampleConfig,
 ) -> Candidate | str:
-    """A candidate from the start of the fields `shortest` (robot's, agent's), or why not."""
+    """Return a candidate from the start of the fields `shortest` (robot's, agent's), or why not."""
     tight, agent = shortest
     start = tight.goal_xy_m
     plan = PlanConfig(comfort_m=config.comfort_m, comfort_weight=config.clearance_preference)
@@ -243,6 +243,6 @@ def _judge(
 
 
 def _least(rooms: NDArray[np.integer[Any]], used: Counter[int], rng: np.random.Generator) -> int:
-    """One of the values used least so far, at random."""
+    """Return one of the values used least so far, at random."""
     counts = np.array([used[int(r)] for r in rooms])
     return int(rng.choice(rooms[counts == counts.min()]))

@@ -16,7 +16,7 @@ _SEARCH = 20  # points: where on the path it is lies at most this far ahead of w
 
 
 def ideal_actions(path_m: NDArray[np.float64], start_yaw_rad: float) -> list[int]:
-    """Discrete actions along a path (P, 2 or 3) [m], ending with STOP.
+    """Return the discrete actions along a path (P, 2 or 3) [m], ending with STOP.
 
     The agent aims 0.5 m ahead on the path and turns while that is off by more than half a turn (a
     whole one to undo its last turn), as the expert does that labels recorded walks. It stops at the

@@ -78,12 +78,12 @@ def open_level(
 
 
 def regions_of(bundle: SceneBundle) -> list[RegionMap]:
-    """The rooms of every level of a scene."""
+    """Return the rooms of every level of a scene."""
     return [region_map(bundle, k) for k in range(len(bundle.level_floor_z_m))]
 
 
 def room_hops(regions: RegionMap) -> NDArray[np.int64]:
-    """(R, R) fewest steps from room to room; 99 where no way leads."""
+    """Return (R, R) fewest steps from room to room; 99 where no way leads."""
     count = len(regions.names)
     region = regions.region
     pairs = [
@@ -115,7 +115,7 @@ def longest_way(freemap: Freemap, radius_m: float, end_clearance_m: float) -> tu
 def _holds_a_way(
     freemap: Freemap, cells: NDArray[np.bool_], radius_m: float, length_m: float
 ) -> bool:
-    """Whether two of `cells` (rows, columns), all connected, are `length_m` apart."""
+    """Return whether two of `cells` (rows, columns), all connected, are `length_m` apart."""
     # No way is longer than one that visits every cell.
     if cells.sum() * freemap.grid.cell_m * np.sqrt(2) < length_m:
         return False
@@ -123,7 +123,7 @@ def _holds_a_way(
 
 
 def _sweep(freemap: Freemap, cells: NDArray[np.bool_], radius_m: float, enough_m: float) -> float:
-    """About the longest way between two of `cells` [m]; stops at one of `enough_m`."""
+    """Return about the longest way between two of `cells` [m]; stops at one of `enough_m`."""
     places = np.argwhere(cells)
     longest = 0.0
     end = places[0] if len(places) else None

@@ -17,7 +17,10 @@ FLOOR_REACH_M = 0.5  # floor this far from a point still counts as the floor und
 
 
 def floor_gaps(freemap: Freemap, points_m: Array) -> Array:
-    """Height of points (P, 3) [m] above a level's floor (P,); inf where there is none nearby."""
+    """Return the height of points (P, 3) [m] above a level's floor (P,).
+
+    Inf where there is none nearby.
+    """
     known = np.isfinite(freemap.floor_z_m)
     if not known.any():
         return np.full(len(points_m), np.inf)
@@ -27,5 +30,5 @@ def floor_gaps(freemap: Freemap, points_m: Array) -> Array:
 
 
 def level_gaps(freemaps: Sequence[Freemap], points_m: Array) -> Array:
-    """`floor_gaps` of points (P, 3) [m] to every level: (levels, P)."""
+    """Return `floor_gaps` of points (P, 3) [m] to every level: (levels, P)."""
     return np.array([floor_gaps(freemap, points_m) for freemap in freemaps])

@@ -37,7 +37,7 @@ PRESETS: dict[str, Preset] = {
 
 
 def get_preset(name: str) -> Preset:
-    """The preset of a name.
+    """Return the preset of a name.
 
     Raises:
         UnknownNameError: there is none.
@@ -48,7 +48,7 @@ def get_preset(name: str) -> Preset:
 
 
 def parse_splits(text: str) -> dict[str, int]:
-    """`train=40,val_seen=10` → paths by split.
+    """Return `train=40,val_seen=10` → paths by split.
 
     Raises:
         InputError: something else.
@@ -57,7 +57,7 @@ def parse_splits(text: str) -> dict[str, int]:
 
 
 def parse_quotas(text: str) -> dict[str, int]:
-    """`home_1=40,home_2=80` → paths by scene; "" → none.
+    """Return `home_1=40,home_2=80` → paths by scene; "" → none.
 
     Raises:
         InputError: something else.
@@ -66,7 +66,7 @@ def parse_quotas(text: str) -> dict[str, int]:
 
 
 def is_seen(split: str) -> bool:
-    """Whether a split's scenes are those that are trained in, as those of `val_seen` are."""
+    """Return whether a split's scenes are those that are trained in, as those of `val_seen` are."""
     return "unseen" not in split and not split.startswith("test")
 
 

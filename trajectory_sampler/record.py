@@ -91,7 +91,7 @@ def low_passage(free_height_m: float) -> dict[str, float]:
 
 
 def similarity_groups(paths: Sequence[tuple[int, Array]], config: SampleConfig) -> list[int]:
-    """Number of each path's family: paths (level, (P, 3) [m]) linked by `family_gap_m`.
+    """Return the number of each path's family: paths (level, (P, 3) [m]) linked by `family_gap_m`.
 
     Two paths belong together when they are nearer than that, forward or backward, and so do those
     that a chain of such pairs links.
@@ -118,7 +118,7 @@ def similarity_groups(paths: Sequence[tuple[int, Array]], config: SampleConfig) 
 
 
 def evenly(path_m: Array, spacing_m: float) -> Array:
-    """Points every `spacing_m` along a path (P, 3) [m], and its end: (W, 3)."""
+    """Return the points every `spacing_m` along a path (P, 3) [m], and its end: (W, 3)."""
     length = path_length(path_m)
     along = np.arange(0.0, length, spacing_m)
     if length - along[-1] < 1e-6:

@@ -125,11 +125,11 @@ class _Search:
         self.opened: dict[float, list[Level]] = {}
 
     def complete(self, wanted: Mapping[str, int]) -> bool:
-        """Whether every split has what it wants."""
+        """Return whether every split has what it wants."""
         return len(self.kept) == sum(wanted.values())
 
     def levels(self, radius_m: float) -> list[Level]:
-        """The levels on which an episode may start, for paths with so much clearance."""
+        """Return the levels on which an episode may start, for paths with so much clearance."""
         if radius_m not in self.opened:
             opened = [
                 open_level(self.bundle, k, radius_m, self.config, regions)

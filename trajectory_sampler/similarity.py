@@ -19,7 +19,7 @@ STATION_M = 0.25
 
 
 def stations(path_m: ArrayLike) -> Array:
-    """A path (P, 2 or 3) [m] as points (S, 2) at equal steps of at most `STATION_M`."""
+    """Return a path (P, 2 or 3) [m] as points (S, 2) at equal steps of at most `STATION_M`."""
     path = np.asarray(path_m, dtype=np.float64)[:, :2]
     length = path_length(path)
     count = max(2, int(np.ceil(length / STATION_M)) + 1)
@@ -73,11 +73,11 @@ class PathIndex:
         return found
 
     def starting_near(self, point: Array) -> list[int]:
-        """Numbers of the paths that start within `reach_m` of a point (2,) [m]."""
+        """Return the numbers of the paths that start within `reach_m` of a point (2,) [m]."""
         return [k for k, path in enumerate(self.paths) if _close(path[0], point, self.reach_m)]
 
     def ending_near(self, point: Array) -> list[int]:
-        """Numbers of the paths that end within `reach_m` of a point (2,) [m]."""
+        """Return the numbers of the paths that end within `reach_m` of a point (2,) [m]."""
         return [k for k, path in enumerate(self.paths) if _close(path[-1], point, self.reach_m)]
 
     def _candidates(self, path: Array) -> Iterator[int]:

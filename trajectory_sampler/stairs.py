@@ -107,7 +107,7 @@ class StairResult:
 
 
 def steep_step(heights_m: ArrayLike, max_step_m: float = MAX_STEP_M) -> int | None:
-    """Index of the first step (i → i + 1) higher or lower than `max_step_m`, or None.
+    """Return the index of the first step (i → i + 1) higher or lower than `max_step_m`, or None.
 
     Args:
         heights_m: (P,) heights along a path [m].
@@ -182,7 +182,7 @@ class _Judge:
     seen: dict[tuple[str, bytes], str] = field(default_factory=dict)
 
     def reason(self, rule: str, episode: VlnceEpisode) -> str | None:
-        """Why `rule` drops an episode; "" where it does not, None where it cannot say."""
+        """Return why `rule` drops an episode; "" where it does not, None where it cannot say."""
         if rule == TEXT:
             found = _STAIRS.search(episode.instruction_text)
             return f"the instruction says {found[0]!r}" if found else ""
@@ -220,7 +220,10 @@ class _Judge:
 
 
 def _leaving(freemaps: Sequence[Freemap], path_m: np.ndarray) -> str:
-    """Why the way along a path (P, 3) [m] leaves the level of its start; "" if it does not."""
+    """Return why the way along a path (P, 3) [m] leaves the level of its start.
+
+    "" if it does not.
+    """
     gaps = np.abs(level_gaps(freemaps, path_m))
     level = np.argmin(gaps, axis=0)
     floating = np.flatnonzero(gaps.min(axis=0) > _ABOVE_FLOOR_M)

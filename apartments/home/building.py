@@ -27,7 +27,7 @@ Point = tuple[float, float, float]
 def build_scene(
     rng: np.random.Generator, config: ApartmentConfig, painted: bool = True
 ) -> TrueScene:
-    """A furnished building; the same state of `rng` gives the same building.
+    """Return a furnished building; the same state of `rng` gives the same building.
 
     Args:
         rng: source of randomness.
@@ -66,7 +66,7 @@ def build_scene(
 def _shell(
     rng: np.random.Generator, plan: FloorPlan, styles: list[RoomStyle], palette: Palette
 ) -> list[Piece]:
-    """Floors, ceilings, walls and what fills their openings."""
+    """Return the floors, ceilings, walls and what fills their openings."""
     accents = list(ACCENTS.values())
     pieces: list[Piece] = []
     for index, style in enumerate(styles):
@@ -91,7 +91,7 @@ def _shell(
 def _furniture(
     rng: np.random.Generator, plan: FloorPlan, kit: Kit, config: ApartmentConfig
 ) -> tuple[list[Piece], list[Point]]:
-    """What stands and hangs in the rooms, and where the lamps shine."""
+    """Return what stands and hangs in the rooms, and where the lamps shine."""
     pieces: list[Piece] = []
     lamps: list[Point] = []
     for index, room in enumerate(plan.rooms):

@@ -14,7 +14,7 @@ from .space import RoomSpace, at_wall, overlaps
 def _strip(
     space: RoomSpace, axis: int, sign: int, s0: float, s1: float, depth: float
 ) -> np.ndarray:
-    """(2, 2) rectangle along a wall."""
+    """Return (2, 2) rectangle along a wall."""
     face = space.room.wall_at(axis, sign)
     zone = np.empty((2, 2))
     zone[:, axis] = sorted((face, face - sign * depth))
@@ -23,12 +23,12 @@ def _strip(
 
 
 def _highest(space: RoomSpace, zone: np.ndarray) -> float:
-    """Top of the highest furniture over a zone; 0 if none."""
+    """Return the top of the highest furniture over a zone; 0 if none."""
     return max((top for flat, top in space.tops if overlaps(flat, zone)), default=0.0)
 
 
 def ceiling_lamps(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
-    """One lamp in the middle, several in long rooms, rows of them in open-plan offices."""
+    """Return one lamp in the middle, several in long rooms, rows of them in open-plan offices."""
     size = space.room.size_m
     long = int(np.argmax(size))
     count = max(round(float(size[long]) / 3.8), 1)
@@ -45,7 +45,7 @@ def ceiling_lamps(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[
 
 
 def _lit_bounds(space: RoomSpace) -> np.ndarray:
-    """(2, 2) the part of a room that its lamps hang over: beside the stairs, not in them."""
+    """Return (2, 2) the part of a room that its lamps hang over: beside the stairs, not in them."""
     bounds = space.bounds.copy()
     for block in space.plan.blocks_of(space.index, "stairs", "void"):
         bounds[0, 1 - block.front[0]] = block.upper_m[1 - block.front[0]]
@@ -53,7 +53,7 @@ def _lit_bounds(space: RoomSpace) -> np.ndarray:
 
 
 def windows(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
-    """Radiators beneath and curtains beside the room's windows, where there is space."""
+    """Return the radiators beneath and curtains beside the room's windows, where there is space."""
     pieces: list[Piece] = []
     k, kind = int(rng.integers(8)), space.room.kind
     for hole in (o for o in space.plan.openings if o.kind == "window" and o.room == space.index):
@@ -101,7 +101,7 @@ def _curtains(space: RoomSpace, kit: Kit, hole: Opening, k: int) -> list[Piece]:
 
 
 def wall_hangings(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
-    """Pictures and the like on free stretches of wall, above low furniture."""
+    """Return the pictures and the like on free stretches of wall, above low furniture."""
     pieces: list[Piece] = []
     taken: list[np.ndarray] = []
     kind = space.room.kind

@@ -20,7 +20,7 @@ Furnisher = Callable[[RoomSpace, Kit, np.random.Generator], list[Piece]]
 def _middle(
     space: RoomSpace, kit: Kit, rng: np.random.Generator, sizes: tuple[int, ...]
 ) -> list[Piece]:
-    """The largest dining set that fits, free in the room; none if none fits."""
+    """Return the largest dining set that fits, free in the room; none if none fits."""
     for seats in sizes:
         found = try_middle(space, rng, tables.dining_set(kit, rng, seats), 36)
         if found is not None:
@@ -31,7 +31,7 @@ def _middle(
 def _either(
     space: RoomSpace, rng: np.random.Generator, items: Iterable[Arrangement]
 ) -> list[Piece]:
-    """The first of `items` that fits at a wall."""
+    """Return the first of `items` that fits at a wall."""
     for item in items:
         found = try_wall(space, rng, item, tries=20)
         if found is not None:
@@ -40,12 +40,12 @@ def _either(
 
 
 def _wardrobe(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
-    """The widest wardrobe that fits."""
+    """Return the widest wardrobe that fits."""
     return _either(space, rng, (alone(storage.wardrobe(kit, rng, n), 0.6) for n in (4, 3, 2)))
 
 
 def _rug(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
-    """A rug in the free middle of the room."""
+    """Return a rug in the free middle of the room."""
     size = np.minimum(space.room.size_m * rng.uniform(0.35, 0.5, 2), (2.4, 2.4))
     item = Arrangement((decor.rug(kit, rng, float(size[0]), float(size[1])),), 0.0, wall=False)
     center = space.bounds.mean(0)
@@ -90,7 +90,7 @@ def living_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Pi
 
 
 def _second_lounge(kit: Kit, rng: np.random.Generator) -> list[Arrangement]:
-    """What fills a living room that is larger than any apartment's."""
+    """Return what fills a living room that is larger than any apartment's."""
     couch = seating.sofa(kit, rng, 2)
     depth = float(couch.shape.bounds()[1, 1])
     table = tables.coffee_table(kit, rng).moved(0.0, 0.0, depth + 0.7)
@@ -106,7 +106,7 @@ def _second_lounge(kit: Kit, rng: np.random.Generator) -> list[Arrangement]:
 
 
 def kitchen_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
-    """A run of cupboards and a table with chairs."""
+    """Return a run of cupboards and a table with chairs."""
     longest = float(space.room.size_m.max())
     # Windows may leave no wall for what is tall: then the refrigerator stands by itself.
     forms = ((True, True), (False, True), (False, False))
@@ -129,7 +129,7 @@ def kitchen_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[P
 
 
 def dining_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
-    """A large table and a sideboard."""
+    """Return a large table and a sideboard."""
     pieces = _middle(space, kit, rng, (6, 4, 2))
     pieces += put_at_walls(
         space, rng, [alone(storage.sideboard(kit, rng)), alone(storage.bookshelf(kit, rng))]
@@ -138,7 +138,7 @@ def dining_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Pi
 
 
 def bedroom(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
-    """A double bed with nightstands, wardrobe, dresser, rug, a chair."""
+    """Return a double bed with nightstands, wardrobe, dresser, rug, a chair."""
     sizes = ((1.7, 2), (1.5, 2), (1.5, 1), (1.0, 1), (0.95, 0))
     pieces = _either(space, rng, (beds.bed_set(kit, rng, *size) for size in sizes))
     pieces += _wardrobe(space, kit, rng)
@@ -149,7 +149,7 @@ def bedroom(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]
 
 
 def childrens_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
-    """A single bed, desk, bright shelf, toys."""
+    """Return a single bed, desk, bright shelf, toys."""
     pieces = _either(space, rng, (beds.bed_set(kit, rng, 0.95, n) for n in (1, 0)))
     pieces += _wardrobe(space, kit, rng)
     items = [
@@ -161,7 +161,7 @@ def childrens_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list
 
 
 def study(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
-    """A desk, shelves of books, an armchair or a day bed."""
+    """Return a desk, shelves of books, an armchair or a day bed."""
     items = [tables.desk_set(kit, rng)]
     items += [alone(storage.bookshelf(kit, rng)) for _ in range(2)]
     if rng.random() < 0.5:
@@ -198,7 +198,7 @@ def hallway(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]
 
 
 def stairwell(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
-    """A plant beside the stairs."""
+    """Return a plant beside the stairs."""
     return put_at_walls(space, rng, [alone(decor.plant(kit, rng), 0.1, on_window=True)])
 
 
@@ -224,5 +224,5 @@ _OFFICE: dict[str, Furnisher] = {
 
 
 def furnisher(building: str, room: str) -> Furnisher:
-    """The function that furnishes a kind of room in a kind of building."""
+    """Return the function that furnishes a kind of room in a kind of building."""
     return (_OFFICE if building == "office" else _HOME)[room]

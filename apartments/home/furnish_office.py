@@ -14,7 +14,7 @@ _AISLE_M = 1.1
 
 
 def open_office(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
-    """Rows of desk islands, cabinets and a sofa at the walls, plants."""
+    """Return the rows of desk islands, cabinets and a sofa at the walls, plants."""
     pieces: list[Piece] = []
     along = int(np.argmax(space.room.size_m))
     pairs = int(rng.integers(2, 4))
@@ -61,7 +61,7 @@ def _wall_things(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[A
 
 
 def meeting_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
-    """A conference table with chairs, a television or a whiteboard, a plant."""
+    """Return a conference table with chairs, a television or a whiteboard, a plant."""
     pieces: list[Piece] = []
     for seats in (8, 6, 4):
         found = try_middle(space, rng, office.conference_set(kit, rng, seats), 30)
@@ -83,14 +83,14 @@ def restroom(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece
 
 
 def storeroom(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
-    """Shelves and cabinets."""
+    """Return the shelves and cabinets."""
     items = [alone(storage.bookshelf(kit, rng), 0.5) for _ in range(3)]
     items += [alone(office.filing_cabinet(kit, rng, 2), 0.5), alone(storage.basket(kit, rng), 0.1)]
     return put_at_walls(space, rng, items)
 
 
 def office_corridor(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
-    """Benches and plants."""
+    """Return the benches and plants."""
     items = [alone(seating.bench(kit, rng), 0.5) for _ in range(2)]
     items += [alone(decor.plant(kit, rng), 0.1, on_window=True) for _ in range(3)]
     return put_at_walls(space, rng, items)

@@ -24,13 +24,13 @@ def _rooms_along(rng: np.random.Generator, length_m: float, wet: int) -> list[st
 def _column(
     rng: np.random.Generator, x0: float, x1: float, y0: float, y1: float, roles: list[str]
 ) -> list[Cell]:
-    """Rooms one behind the other along y."""
+    """Return the rooms one behind the other along y."""
     at = cuts(rng, y1 - y0, [2.2 if role == "wet" else _LEAST_ROOM_M for role in roles])
     return [(role, x0, y0 + at[k], x1, y0 + at[k + 1]) for k, role in enumerate(roles)]
 
 
 def spine(rng: np.random.Generator) -> list[Cell]:
-    """A long corridor with rooms on both sides, living room and kitchen at one end."""
+    """Return a long corridor with rooms on both sides, living room and kitchen at one end."""
     width, end = rng.uniform(19.0, 24.0), rng.uniform(5.4, 7.0)
     low = rng.uniform(4.0, 5.2)
     high = low + rng.uniform(1.6, 2.0)
@@ -51,7 +51,7 @@ def spine(rng: np.random.Generator) -> list[Cell]:
 
 
 def wings(rng: np.random.Generator) -> list[Cell]:
-    """Two wings at a right angle, each with a corridor."""
+    """Return two wings at a right angle, each with a corridor."""
     width, depth = rng.uniform(16.0, 19.5), rng.uniform(15.5, 19.0)
     low = rng.uniform(4.0, 5.0)
     high = low + rng.uniform(1.6, 1.9)

@@ -87,7 +87,7 @@ class Openings:
         return found
 
     def _blocked(self, room: int, axis: int, sign: int) -> list[Span]:
-        """Stretches of a room's side that stairs or a void lie against."""
+        """Return the stretches of a room's side that stairs or a void lie against."""
         face = self._rooms[room].wall_at(axis, sign)
         spans = []
         for block in (b for b in self._blocks if b.room == room and b.kind != "column"):
@@ -97,7 +97,7 @@ class Openings:
         return spans
 
     def _usable(self, pair: tuple[int, int]) -> tuple[int, int, float, float]:
-        """The contact of two rooms, cut down to its longest stretch that nothing blocks."""
+        """Return the contact of two rooms, cut down to its longest stretch that nothing blocks."""
         axis, sign, start, end = self._contacts[pair]
         kinds = {self._rooms[k].kind for k in pair}
         if kinds == {"hallway", "stairwell"}:
@@ -107,7 +107,10 @@ class Openings:
         return (axis, sign, *max(spans, key=lambda s: s[1] - s[0], default=(start, start)))
 
     def doors(self) -> list[Opening] | None:
-        """A spanning tree of doorways through public rooms, plus some loops; None if impossible."""
+        """Return a spanning tree of doorways through public rooms, plus some loops.
+
+        None if impossible.
+        """
         rng, rooms, config = self._rng, self._rooms, self._config
         need = config.door_width_m[1] + 2 * _DOOR_MARGIN_M
         contacts = {pair: self._usable(pair) for pair in self._contacts}
@@ -135,7 +138,7 @@ class Openings:
     def _pair(
         self, kind: str, rooms: tuple[int, int], side: tuple[int, int], span: Span
     ) -> list[Opening]:
-        """The opening between two rooms, as either room sees it."""
+        """Return the opening between two rooms, as either room sees it."""
         (i, j), (axis, sign) = rooms, side
         hole = (*span, 0.0, self._config.door_height_m)
         return [
@@ -175,7 +178,7 @@ class Openings:
     def _free_spans(
         self, room: int, axis: int, sign: int, openings: Sequence[Opening]
     ) -> list[Span]:
-        """Stretches of a room's side that face the outside and hold no opening."""
+        """Return the stretches of a room's side that face the outside and hold no opening."""
         wall_m = self._config.wall_m
         taken = [
             (c[2] - wall_m, c[3] + wall_m)
@@ -189,7 +192,10 @@ class Openings:
         return _gaps(*self._rooms[room].span(axis), taken, 0.5)
 
     def entry(self, doors: Sequence[Opening]) -> list[Opening]:
-        """The closed front door, in a hallway or the living room; none without an outer wall."""
+        """Return the closed front door, in a hallway or the living room.
+
+        None without an outer wall.
+        """
         rng = self._rng
         for kind in ("hallway", "living room", "office"):
             for index in (k for k, room in enumerate(self._rooms) if room.kind == kind):
@@ -247,7 +253,7 @@ class Openings:
 
 
 def _gaps(start: float, end: float, taken: list[Span], least_m: float = 0.0) -> list[Span]:
-    """Stretches of start … end longer than `least_m` that no span of `taken` covers."""
+    """Return the stretches of start … end longer than `least_m` that no span of `taken` covers."""
     spans, at = [], start
     for low, high in sorted(taken):
         if low - at > least_m:

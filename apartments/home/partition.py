@@ -23,19 +23,19 @@ def cuts(rng: np.random.Generator, length: float, least: list[float]) -> list[fl
 def row(
     rng: np.random.Generator, x0: float, x1: float, y0: float, y1: float, roles: list[str]
 ) -> list[Cell]:
-    """A row of rooms side by side along x."""
+    """Return a row of rooms side by side along x."""
     least = [2.1 if role == "wet" else 3.1 for role in roles]
     at = cuts(rng, x1 - x0, least)
     return [(role, x0 + at[k], y0, x0 + at[k + 1], y1) for k, role in enumerate(roles)]
 
 
 def shuffled(rng: np.random.Generator, roles: list[str]) -> list[str]:
-    """Roles in random order."""
+    """Return the roles in random order."""
     return [roles[k] for k in rng.permutation(len(roles))]
 
 
 def corridor(rng: np.random.Generator) -> list[Cell]:
-    """A central corridor with rooms on both sides, living room and kitchen at its end."""
+    """Return a central corridor with rooms on both sides, living room and kitchen at its end."""
     width, depth = rng.uniform(10.8, 13.6), rng.uniform(8.2, 9.8)
     end = rng.uniform(4.2, 5.2)
     low = rng.uniform(3.1, 3.8)
@@ -81,7 +81,7 @@ def hub(rng: np.random.Generator) -> list[Cell]:
 
 
 def gallery(rng: np.random.Generator) -> list[Cell]:
-    """A long home: a corridor along one outer wall, rooms in a row, full-depth ends."""
+    """Return a long home: a corridor along one outer wall, rooms in a row, full-depth ends."""
     width, depth = rng.uniform(14.0, 16.4), rng.uniform(6.2, 7.2)
     first, last = rng.uniform(4.0, 4.8), rng.uniform(3.3, 3.8)
     hall = rng.uniform(1.5, 1.9)

@@ -35,11 +35,11 @@ class Room:
         return float(np.prod(self.size_m))
 
     def wall_at(self, axis: int, sign: int) -> float:
-        """Coordinate along `axis` of the inner face of the wall on that side."""
+        """Return the coordinate along `axis` of the inner face of the wall on that side."""
         return self.upper_m[axis] if sign > 0 else self.lower_m[axis]
 
     def span(self, axis: int) -> tuple[float, float]:
-        """Extent along the wall perpendicular to `axis`."""
+        """Return the extent along the wall perpendicular to `axis`."""
         return self.lower_m[1 - axis], self.upper_m[1 - axis]
 
 
@@ -87,7 +87,7 @@ class Block:
     front: tuple[int, int] = (0, 1)
 
     def rect(self) -> NDArray[np.float64]:
-        """(2, 2) lower and upper corner [m]."""
+        """Return (2, 2) lower and upper corner [m]."""
         return np.array([self.lower_m, self.upper_m])
 
 
@@ -114,15 +114,15 @@ class FloorPlan:
     blocks: tuple[Block, ...] = ()
 
     def blocks_of(self, room: int, *kinds: str) -> list[Block]:
-        """The blocks of a room, only those of `kinds` if any are given."""
+        """Return the blocks of a room, only those of `kinds` if any are given."""
         return [b for b in self.blocks if b.room == room and (not kinds or b.kind in kinds)]
 
     def side(self, room: int, axis: int, sign: int) -> list[Opening]:
-        """The openings on one side of a room."""
+        """Return the openings on one side of a room."""
         return [o for o in self.openings if o.room == room and o.axis == axis and o.sign == sign]
 
     def doors_of(self, room: int) -> list[Opening]:
-        """Doorways and entry door of a room."""
+        """Return the doorways and entry door of a room."""
         return [o for o in self.openings if o.room == room and o.kind != "window"]
 
     @property
@@ -131,7 +131,7 @@ class FloorPlan:
         return sum(room.area_m2 for room in self.rooms)
 
     def bounds(self) -> NDArray[np.float64]:
-        """(2, 2) lower and upper corner of all rooms [m]."""
+        """Return (2, 2) lower and upper corner of all rooms [m]."""
         return np.array(
             [
                 np.min([r.lower_m for r in self.rooms], axis=0),

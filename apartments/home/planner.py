@@ -27,7 +27,7 @@ _SLAB_M = 0.3
 
 
 def draw_plan(rng: np.random.Generator, config: ApartmentConfig) -> FloorPlan:
-    """A random apartment with `config`'s area and door sizes.
+    """Return a random apartment with `config`'s area and door sizes.
 
     Raises:
         ValueError: the configuration admits no home.
@@ -45,7 +45,7 @@ def draw_plan(rng: np.random.Generator, config: ApartmentConfig) -> FloorPlan:
 
 
 def draw_storeys(rng: np.random.Generator, config: ApartmentConfig) -> tuple[FloorPlan, ...]:
-    """The storeys of a random building of `config.kind`, lowest first.
+    """Return the storeys of a random building of `config.kind`, lowest first.
 
     Raises:
         UnknownNameError: there is no such kind.
@@ -91,7 +91,7 @@ def _opened(
     ceiling_m: float | None = None,
     floor_z_m: float = 0.0,
 ) -> FloorPlan | None:
-    """A plan of `rooms` with openings; None if they cannot all be joined."""
+    """Return a plan of `rooms` with openings; None if they cannot all be joined."""
     draw = Openings(rng, rooms, config, blocks)
     doors = draw.doors()
     if doors is None:
@@ -105,7 +105,7 @@ def _opened(
 
 
 def _shared(cells: list[Cell], a: int, b: int) -> float:
-    """Length of the wall between two cells [m]."""
+    """Return the length of the wall between two cells [m]."""
     common = contact(cells[a], cells[b])
     return common[3] - common[2] if common else 0.0
 
@@ -179,7 +179,7 @@ def _office(rng: np.random.Generator, config: ApartmentConfig) -> tuple[FloorPla
 
 
 def _columns(index: int, room: Room, ceiling_m: float) -> list[Block]:
-    """Columns on a regular grid in an open-plan room."""
+    """Return the columns on a regular grid in an open-plan room."""
     if room.kind != "office":
         return []
     spans = np.maximum(np.round(room.size_m / _COLUMN_SPACING_M).astype(int), 1)

@@ -31,7 +31,7 @@ class Triangles:
     material: NDArray[np.int32]
 
     def moved(self, yaw_rad: float = 0.0, offset_m: ArrayLike = (0.0, 0.0, 0.0)) -> Triangles:
-        """Turned about z, then shifted."""
+        """Return this turned about z, then shifted."""
         c, s = np.cos(yaw_rad), np.sin(yaw_rad)
         rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         return Triangles(
@@ -41,20 +41,20 @@ class Triangles:
         )
 
     def tilted(self, roll_rad: float, about_m: ArrayLike) -> Triangles:
-        """Turned about the x axis through `about_m` (3,)."""
+        """Return this turned about the x axis through `about_m` (3,)."""
         c, s = np.cos(roll_rad), np.sin(roll_rad)
         rotation = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
         pivot = np.asarray(about_m, dtype=np.float64)
         return Triangles((self.corners - pivot) @ rotation.T + pivot, self.uv, self.material)
 
     def bounds(self) -> Array:
-        """(2, 3) lower and upper corner [m]."""
+        """Return (2, 3) lower and upper corner [m]."""
         points = self.corners.reshape(-1, 3)
         return np.stack([points.min(0), points.max(0)])
 
 
 def join(shapes: Sequence[Triangles]) -> Triangles:
-    """All triangles of `shapes` (at least one)."""
+    """Return all triangles of `shapes` (at least one)."""
     return Triangles(
         np.concatenate([s.corners for s in shapes]),
         np.concatenate([s.uv for s in shapes]),
@@ -72,7 +72,10 @@ def _scatter(lower: Array) -> float:
 
 
 def quad(origin: ArrayLike, right: ArrayLike, up: ArrayLike, material: int) -> Triangles:
-    """A rectangle from `origin` along `right` and `up` (3,) [m]; uv starts at (0, 0) there."""
+    """Return a rectangle from `origin` along `right` and `up` (3,) [m].
+
+    Uv starts at (0, 0) there.
+    """
     o, r, u = (np.asarray(a, dtype=np.float64) for a in (origin, right, up))
     w, h = float(np.linalg.norm(r)), float(np.linalg.norm(u))
     vertices = np.stack([o, o + r, o + r + u, o + u])
@@ -81,7 +84,7 @@ def quad(origin: ArrayLike, right: ArrayLike, up: ArrayLike, material: int) -> T
 
 
 def box(lower: ArrayLike, upper: ArrayLike, material: int) -> Triangles:
-    """An axis-aligned box; u runs along its longest side, as wood grain does."""
+    """Return an axis-aligned box; u runs along its longest side, as wood grain does."""
     lo, hi = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
     grain = int(np.argmax(hi - lo))
     shift = _scatter(lo)
@@ -108,7 +111,7 @@ def soft_box(
     puff_m: float = 0.0,
     steps: int = 5,
 ) -> Triangles:
-    """A box with rounded edges (a cushion); `puff_m` swells the middle of its top."""
+    """Return a box with rounded edges (a cushion); `puff_m` swells the middle of its top."""
     lo, hi = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
     radius = min(radius_m, 0.49 * float((hi - lo).min()))
     inner_lo, inner_hi = lo + radius, hi - radius
@@ -148,7 +151,7 @@ def turned(
     material: int,
     sides: int = 18,
 ) -> Triangles:
-    """A surface of revolution about the vertical through `center_xy`.
+    """Return a surface of revolution about the vertical through `center_xy`.
 
     Args:
         profile: (N, 2) rows of (radius, height) [m], from bottom to top.
@@ -177,7 +180,7 @@ def turned(
 def cylinder(
     center_xy: ArrayLike, z0: float, z1: float, radius_m: float, material: int, sides: int = 14
 ) -> Triangles:
-    """A closed upright cylinder."""
+    """Return a closed upright cylinder."""
     wall = turned([(radius_m, z0), (radius_m, z1)], center_xy, material, sides)
     lids = []
     for z in (z0, z1):
@@ -188,7 +191,7 @@ def cylinder(
 
 
 def ellipsoid(center: ArrayLike, radii: ArrayLike, material: int, steps: int = 8) -> Triangles:
-    """An ellipsoid with its axes along the coordinate axes."""
+    """Return an ellipsoid with its axes along the coordinate axes."""
     c, r = np.asarray(center, dtype=np.float64), np.asarray(radii, dtype=np.float64)
     angle = np.linspace(-np.pi / 2, np.pi / 2, steps + 1)
     unit = turned(
@@ -199,7 +202,7 @@ def ellipsoid(center: ArrayLike, radii: ArrayLike, material: int, steps: int = 8
 
 
 def rod(start: ArrayLike, end: ArrayLike, side_m: float, material: int) -> Triangles:
-    """A square bar between two points (3,) [m]."""
+    """Return a square bar between two points (3,) [m]."""
     p, q = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
     axis = q - p
     length = float(np.linalg.norm(axis))

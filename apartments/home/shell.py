@@ -40,13 +40,13 @@ def _slab(
 
 
 def _patch(place: Place, s0: float, s1: float, z0: float, z1: float, material: int) -> Triangles:
-    """A piece of wall; uv continues over the whole wall."""
+    """Return a piece of wall; uv continues over the whole wall."""
     flat = quad(place(s0, 0, z0), place(s1, 0, z0) - place(s0, 0, z0), (0, 0, z1 - z0), material)
     return Triangles(flat.corners, flat.uv + np.array([s0, z0]), flat.material)
 
 
 def floor_and_ceiling(plan: FloorPlan, index: int, style: RoomStyle) -> list[Piece]:
-    """A room's floor, reaching half through its doorways, and its ceiling."""
+    """Return a room's floor, reaching half through its doorways, and its ceiling."""
     room = plan.rooms[index]
     (x0, y0), (x1, y1) = room.lower_m, room.upper_m
     voids = [b.rect() for b in plan.blocks_of(index, "void")]
@@ -64,7 +64,7 @@ def floor_and_ceiling(plan: FloorPlan, index: int, style: RoomStyle) -> list[Pie
 
 
 def _sheet(rect: np.ndarray, z: float, material: int, holes: list[np.ndarray]) -> list[Triangles]:
-    """A horizontal rectangle (2, 2) without at most one hole (2, 2) inside it."""
+    """Return a horizontal rectangle (2, 2) without at most one hole (2, 2) inside it."""
     (x0, y0), (x1, y1) = rect.tolist()
     if not holes:
         return [_horizontal(x0, y0, x1, y1, z, material)]
@@ -83,7 +83,7 @@ def _horizontal(x0: float, y0: float, x1: float, y1: float, z: float, material: 
 
 
 def walls(plan: FloorPlan, index: int, style: RoomStyle) -> list[Piece]:
-    """The four walls of a room with holes for its openings, and baseboards."""
+    """Return the four walls of a room with holes for its openings, and baseboards."""
     room, pieces = plan.rooms[index], []
     for k, (axis, sign) in enumerate(SIDES):
         place = wall_frame(room, axis, sign)
@@ -119,7 +119,7 @@ def walls(plan: FloorPlan, index: int, style: RoomStyle) -> list[Piece]:
 def _between(
     start: float, end: float, holes: list[Opening], only_doors: bool = False
 ) -> list[tuple[float, float]]:
-    """Stretches of a wall beside its openings, clear of door casings."""
+    """Return the stretches of a wall beside its openings, clear of door casings."""
     spans, at = [], start
     for hole in holes:
         if hole.kind == "window" and only_doors:
@@ -152,7 +152,7 @@ def _casing(place: Place, o: Opening, trim: int) -> list[Triangles]:
 
 
 def _reveal(place: Place, o: Opening, depth: float, material: int) -> list[Triangles]:
-    """Sides, top and (for windows) bottom of the hole through the wall."""
+    """Return the sides, top and (for windows) bottom of the hole through the wall."""
     height = o.top_m - o.bottom_m
     into = place(0, depth, 0) - place(0, 0, 0)
     along = place(o.end_m, 0, 0) - place(o.start_m, 0, 0)
@@ -169,7 +169,7 @@ def _reveal(place: Place, o: Opening, depth: float, material: int) -> list[Trian
 
 
 def door_frame(plan: FloorPlan, door: Opening, trim: int) -> Piece:
-    """Casings on both sides of a doorway and the lining between them."""
+    """Return the casings on both sides of a doorway and the lining between them."""
     shapes: list[Triangles] = []
     for room, sign in ((door.room, door.sign), (door.other_room, -door.sign)):
         place = wall_frame(plan.rooms[room], door.axis, sign)
@@ -179,7 +179,7 @@ def door_frame(plan: FloorPlan, door: Opening, trim: int) -> Piece:
 
 
 def passage_lining(plan: FloorPlan, passage: Opening, near: int, far: int) -> Piece:
-    """The sides of a wide passage through a wall, in the materials of the walls it joins."""
+    """Return the sides of a wide passage through a wall, in the materials of the walls it joins."""
     shapes: list[Triangles] = []
     for room, sign, material in (
         (passage.room, passage.sign, near),
@@ -191,13 +191,13 @@ def passage_lining(plan: FloorPlan, passage: Opening, near: int, far: int) -> Pi
 
 
 def column(block: Block, material: int) -> Piece:
-    """A square column from the floor to the ceiling."""
+    """Return a square column from the floor to the ceiling."""
     shape = box((*block.lower_m, 0.0), (*block.upper_m, block.top_m), material)
     return Piece("Column", "column", shape)
 
 
 def entry_door(plan: FloorPlan, door: Opening, trim: int, palette: Palette, color: tuple) -> Piece:
-    """The closed front door."""
+    """Return the closed front door."""
     place = wall_frame(plan.rooms[door.room], door.axis, door.sign)
     size = (door.end_m - door.start_m, door.top_m)
     leaf = palette.unique("front door", lambda r, s: pictures.panel_door(r, s, color), size)
@@ -211,7 +211,7 @@ def entry_door(plan: FloorPlan, door: Opening, trim: int, palette: Palette, colo
 
 
 def window(plan: FloorPlan, hole: Opening, trim: int, palette: Palette) -> Piece:
-    """A window: bright view, reveal, sill and a narrow frame."""
+    """Return a window: bright view, reveal, sill and a narrow frame."""
     place = wall_frame(plan.rooms[hole.room], hole.axis, hole.sign)
     width, height = hole.end_m - hole.start_m, hole.top_m - hole.bottom_m
     panes = 1 if width < 0.95 else (2 if width < 1.75 else 3)

@@ -18,12 +18,12 @@ _WALL_GAP_M = 0.02
 
 
 def wall_yaw(axis: int, sign: int) -> float:
-    """Yaw [rad] that turns a piece's back (−y) to the wall on that side."""
+    """Return the yaw [rad] that turns a piece's back (−y) to the wall on that side."""
     return {(0, 1): 0.5 * np.pi, (0, -1): -0.5 * np.pi, (1, 1): np.pi, (1, -1): 0.0}[axis, sign]
 
 
 def overlaps(a: Rect, b: Rect, gap_m: float = 0.0) -> bool:
-    """Whether two (2, 2) rectangles come nearer than `gap_m`."""
+    """Return whether two (2, 2) rectangles come nearer than `gap_m`."""
     return bool(np.all(a[0] < b[1] + gap_m) and np.all(b[0] < a[1] + gap_m))
 
 
@@ -101,7 +101,10 @@ class RoomSpace:
         self.kept.append(zone)
 
     def free_cells(self, more: list[Rect]) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-        """Cells a robot's centre may take with `more` furniture; and the (2,) grid origin."""
+        """Return the cells a robot's centre may take with `more` furniture.
+
+        And the (2,) grid origin.
+        """
         shape = np.ceil((self.bounds[1] - self.bounds[0]) / _CELL_M).astype(int) + 2
         blocked = np.ones(shape, dtype=bool)
         blocked[1:-1, 1:-1] = False
@@ -115,7 +118,7 @@ class RoomSpace:
         return distance * _CELL_M >= self.radius_m, origin
 
     def passable(self, more: list[Rect]) -> bool:
-        """Whether all doors stay joined and a good part of the room can be walked."""
+        """Return whether all doors stay joined and a good part of the room can be walked."""
         free, origin = self.free_cells(more)
         groups = np.zeros(free.shape, dtype=np.int32)
         label(free, output=groups)
@@ -134,7 +137,7 @@ class RoomSpace:
 def at_wall(
     space: RoomSpace, item: Arrangement, axis: int, sign: int, along_m: float
 ) -> Arrangement:
-    """`item` with its back to a wall and its x = 0 at `along_m`."""
+    """Return `item` with its back to a wall and its x = 0 at `along_m`."""
     xy = np.empty(2)
     xy[axis] = space.room.wall_at(axis, sign) - sign * _WALL_GAP_M
     xy[1 - axis] = along_m
@@ -142,7 +145,7 @@ def at_wall(
 
 
 def front_zone(space: RoomSpace, placed: Arrangement, axis: int, sign: int) -> Rect:
-    """The rectangle that must stay free before an arrangement at a wall."""
+    """Return the rectangle that must stay free before an arrangement at a wall."""
     flat = placed.bounds()[:, :2].copy()
     if sign > 0:
         flat[1, axis] = flat[0, axis]
@@ -204,7 +207,7 @@ def put_at_walls(
 
 
 def _mirrored(axis: int, sign: int) -> bool:
-    """Whether a piece's +x runs against the wall's coordinate."""
+    """Return whether a piece's +x runs against the wall's coordinate."""
     yaw = wall_yaw(axis, sign)
     direction = np.array([np.cos(yaw), np.sin(yaw)])
     return bool(direction[1 - axis] < 0)

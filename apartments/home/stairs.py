@@ -43,7 +43,7 @@ def stairs_block(rooms: Sequence[Room], wall_m: float, rise_m: float) -> Block:
 
 
 def upper_void(rooms: Sequence[Room], stairs: Block) -> Block:
-    """The hole in the upper storey's floor above `stairs`."""
+    """Return the hole in the upper storey's floor above `stairs`."""
     index = next(k for k, room in enumerate(rooms) if room.kind == "stairwell")
     return replace(stairs, kind="void", room=index, top_m=_RAIL_M)
 
@@ -64,7 +64,7 @@ class _Frame:
 
     @staticmethod
     def of(block: Block) -> _Frame:
-        """The frame of stairs or of the void over them."""
+        """Return the frame of stairs or of the void over them."""
         return _Frame(block.rect(), block.front[0], -block.front[1])
 
     @property
@@ -73,7 +73,7 @@ class _Frame:
         return float(self.rect[1, self.axis] - self.rect[0, self.axis])
 
     def point(self, u: float, v: float) -> NDArray[np.float64]:
-        """(2,) world position."""
+        """Return (2,) world position."""
         xy = np.empty(2)
         # The wall is on the lower side, see `stairs_block`.
         for axis, sign, value in ((self.axis, self.u_sign, u), (1 - self.axis, -1, v)):
@@ -83,14 +83,14 @@ class _Frame:
     def box(
         self, u: tuple[float, float], v: tuple[float, float], z: tuple[float, float], material: int
     ) -> Triangles:
-        """A box between two values of each coordinate."""
+        """Return a box between two values of each coordinate."""
         a, b = self.point(u[0], v[0]), self.point(u[1], v[1])
         return box([*np.minimum(a, b), z[0]], [*np.maximum(a, b), z[1]], material)
 
     def rod(
         self, start: tuple[float, float, float], end: tuple[float, float, float], material: int
     ) -> Triangles:
-        """A square bar between two points (u, v, z)."""
+        """Return a square bar between two points (u, v, z)."""
         ends = [np.array([*self.point(u, v), z]) for u, v, z in (start, end)]
         return rod(ends[0], ends[1], 0.05, material)
 
@@ -118,7 +118,7 @@ def eyes_on_stairs(block: Block) -> list[tuple[float, float, float]]:
 
 
 def staircase(block: Block, wood: int, wall: int, rail: int) -> list[Piece]:
-    """The stairs with both flights closed below, and the banister at their open side.
+    """Return the stairs with both flights closed below, and the banister at their open side.
 
     Args:
         block: the stairs.
@@ -164,7 +164,7 @@ def staircase(block: Block, wood: int, wall: int, rail: int) -> list[Piece]:
 
 
 def stairwell_edges(block: Block, slab_m: float, wall: int, rail: int) -> list[Piece]:
-    """The sides of the opening through the slab, and the railing around it.
+    """Return the sides of the opening through the slab, and the railing around it.
 
     Args:
         block: the void.
@@ -196,7 +196,7 @@ def stairwell_edges(block: Block, slab_m: float, wall: int, rail: int) -> list[P
 
 
 def taken_floor(block: Block) -> NDArray[np.float64]:
-    """(2, 2) floor that a column, the stairs, or the void with its railing take."""
+    """Return (2, 2) floor that a column, the stairs, or the void with its railing take."""
     if block.kind == "column":
         return block.rect()
     frame = _Frame.of(block)

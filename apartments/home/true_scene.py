@@ -55,7 +55,7 @@ class TrueScene:
         return self.storeys[0]
 
     def bounds(self) -> NDArray[np.float64]:
-        """(2, 3) lower and upper corner of all rooms [m]."""
+        """Return (2, 3) lower and upper corner of all rooms [m]."""
         ends = [storey.bounds() for storey in self.storeys]
         low, high = np.min([e[0] for e in ends], axis=0), np.max([e[1] for e in ends], axis=0)
         top = max(storey.floor_z_m + storey.ceiling_m for storey in self.storeys)
@@ -82,7 +82,7 @@ class SceneBuilder:
     def build(
         self, storeys: tuple[FloorPlan, ...], lamps_m: list[tuple[float, float, float]]
     ) -> TrueScene:
-        """The finished scene."""
+        """Return the finished scene."""
         counts = [len(s.material) for s in self._shapes]
         return TrueScene(
             storeys,

@@ -10,13 +10,13 @@ from .noise import Image, blend, canvas, colored, fractal, grain, noise, to_imag
 
 
 def board(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike) -> Image:
-    """Furniture wood, grain along x."""
+    """Return the furniture wood, grain along x."""
     cloud = fractal(rng, shape, (2, 3), 3)
     return to_image(colored(base, 1 + 0.1 * wood_field(rng, shape) + 0.03 * cloud))
 
 
 def weave(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike) -> Image:
-    """Upholstery cloth."""
+    """Return the upholstery cloth."""
     y, x = np.arange(shape[0])[:, None], np.arange(shape[1])[None, :]
     thread = 0.06 * np.sin(2 * np.pi * y / 4) * np.sin(2 * np.pi * x / 4)
     slub = noise(rng, shape, (shape[0] // 2, shape[1] // 24)) + noise(
@@ -63,7 +63,7 @@ def quilt(
 def rug(
     rng: np.random.Generator, shape: tuple[int, int], colors: list[tuple[int, int, int]]
 ) -> Image:
-    """A whole rug: border, fringe and a mirrored or geometric field."""
+    """Return a whole rug: border, fringe and a mirrored or geometric field."""
     height, width = shape
     y = np.abs(np.linspace(-1, 1, height, dtype=np.float32))[:, None]
     x = np.abs(np.linspace(-1, 1, width, dtype=np.float32))[None, :]

@@ -27,7 +27,7 @@ def planks(
     base: ArrayLike,
     contrast: float = 1.0,
 ) -> Image:
-    """Boards along x with their own tone, grain and dark grooves."""
+    """Return the boards along x with their own tone, grain and dark grooves."""
     height, width = shape
     y, x = np.arange(height)[:, None], np.arange(width)[None, :]
     board_h, board_w = height / rows, width / per_row
@@ -90,7 +90,7 @@ def tiles(
     offset: bool = False,
     grout_px: float = 1.6,
 ) -> Image:
-    """Tiles with grout.
+    """Return the tiles with grout.
 
     Args:
         rng: source of randomness.

@@ -51,29 +51,29 @@ class Kit:
         self.front_names = [fronts[k] for k in rng.permutation(len(fronts))]
 
     def wood(self, k: int = 0) -> int:
-        """One of the home's three woods."""
+        """Return one of the home's three woods."""
         name = self.wood_names[k % 3]
         return self.palette.get(
             f"wood {name}", lambda r, s: fabrics.board(r, s, WOODS[name]), (2.0, 1.0)
         )
 
     def wood_color(self, k: int = 0) -> tuple[int, int, int]:
-        """Its mean colour (0–255)."""
+        """Return its mean colour (0–255)."""
         return WOODS[self.wood_names[k % 3]]
 
     def cloth(self, k: int = 0) -> int:
-        """One of the home's cloths; neighbouring k differ."""
+        """Return one of the home's cloths; neighbouring k differ."""
         name = self.cloth_names[k % len(self.cloth_names)]
         return self.palette.get(
             f"cloth {name}", lambda r, s: fabrics.weave(r, s, CLOTHS[name]), (1.0, 1.0)
         )
 
     def cloth_color(self, k: int = 0) -> tuple[int, int, int]:
-        """Its mean colour (0–255)."""
+        """Return its mean colour (0–255)."""
         return CLOTHS[self.cloth_names[k % len(self.cloth_names)]]
 
     def blanket(self, k: int) -> int:
-        """A plaid in two of the home's cloth colours."""
+        """Return a plaid in two of the home's cloth colours."""
         a, b = self.cloth_color(k), self.cloth_color(k + 3)
         return self.palette.get(
             f"plaid {a} {b}", lambda r, s: fabrics.plaid(r, s, a, b, 5), (1.2, 1.2)
@@ -161,7 +161,7 @@ class Kit:
     def front(
         self, width_m: float, height_m: float, rows: int, columns: int, k: int, wood: bool = False
     ) -> int:
-        """Doors or drawers exactly `width_m` × `height_m`."""
+        """Return the doors or drawers exactly `width_m` × `height_m`."""
         framed = len(self.front_names[0]) % 2 == 0
         name = self.front_names[k % len(self.front_names)]
         base = self.wood_color(k) if wood else FRONTS[name]

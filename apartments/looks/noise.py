@@ -35,7 +35,7 @@ def _rows(rows: int, columns: int) -> Field:
 def fractal(
     rng: np.random.Generator, shape: tuple[int, int], cells: tuple[int, int], octaves: int = 4
 ) -> Field:
-    """Sum of octaves of `noise`, unit variance."""
+    """Return the sum of octaves of `noise`, unit variance."""
     total = np.zeros(shape, dtype=np.float32)
     for k in range(octaves):
         total += noise(rng, shape, (cells[0] << k, cells[1] << k)) * np.float32(0.55**k)
@@ -43,19 +43,19 @@ def fractal(
 
 
 def grain(rng: np.random.Generator, shape: tuple[int, int], sharpness: float = 1.0) -> Field:
-    """Per-pixel noise."""
+    """Return the per-pixel noise."""
     return rng.standard_normal(shape, dtype=np.float32) * np.float32(sharpness)
 
 
 def colored(base: ArrayLike, factor: Field) -> NDArray[np.floating]:
-    """(rows, columns, 3) float image of colour `base` (0–255) times `factor`."""
+    """Return (rows, columns, 3) float image of colour `base` (0–255) times `factor`."""
     return np.asarray(base, dtype=np.float32) * factor[..., None]
 
 
 def blend(
     a: NDArray[np.floating] | ArrayLike, b: NDArray[np.floating] | ArrayLike, weight: Field
 ) -> NDArray[np.floating]:
-    """`a` where `weight` is 0, `b` where it is 1."""
+    """Return `a` where `weight` is 0, `b` where it is 1."""
     w = weight[..., None]
     return np.asarray(a, dtype=np.float32) * (1 - w) + np.asarray(b, dtype=np.float32) * w
 
@@ -66,5 +66,5 @@ def to_image(color: NDArray[np.floating]) -> Image:
 
 
 def canvas(shape: tuple[int, int], color: ArrayLike) -> NDArray[np.floating]:
-    """A float image of one colour."""
+    """Return a float image of one colour."""
     return np.broadcast_to(np.asarray(color, dtype=np.float32), (*shape, 3)).copy()

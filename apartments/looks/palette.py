@@ -53,7 +53,10 @@ class Palette:
         pixels_per_m: float = 250.0,
         emissive: bool = False,
     ) -> int:
-        """Index of material `name`; painted by `paint(rng, (rows, columns))` when new."""
+        """Return the index of material `name`.
+
+        Painted by `paint(rng, (rows, columns))` when new.
+        """
         if name not in self._index:
             shape = (
                 max(round(size_m[1] * pixels_per_m), 8),
@@ -69,5 +72,5 @@ class Palette:
     def unique(
         self, stem: str, paint: PAINTER, size_m: tuple[float, float], emissive: bool = False
     ) -> int:
-        """A new material that nothing else shares (a painting, a front)."""
+        """Return a new material that nothing else shares (a painting, a front)."""
         return self.get(f"{stem} {len(self.materials)}", paint, size_m, emissive=emissive)

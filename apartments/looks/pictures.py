@@ -104,7 +104,10 @@ def window_view(rng: np.random.Generator, shape: tuple[int, int], panes: int) ->
 
 
 def book_spines(rng: np.random.Generator, shape: tuple[int, int], tint: ArrayLike) -> Image:
-    """A row of books standing on a shelf; the gap above them is the dark back of the shelf."""
+    """Return a row of books standing on a shelf.
+
+    The gap above them is the dark back of the shelf.
+    """
     height, width = shape
     color = colored(tint, 0.35 + 0.02 * noise(rng, shape, (4, 30)))
     palette = rng.uniform([30, 30, 40], [215, 190, 170], (9, 3))
@@ -201,7 +204,7 @@ def washer(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
 
 
 def screen(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
-    """A dark screen that reflects the room faintly."""
+    """Return a dark screen that reflects the room faintly."""
     height, width = shape
     y, x = np.linspace(0, 1, height)[:, None], np.linspace(0, 1, width)[None, :]
     sheen = np.exp(-(((x - y * 0.5 - 0.35) / 0.12) ** 2)) + 0.4 * np.exp(-(((x - 0.8) / 0.1) ** 2))
@@ -211,14 +214,14 @@ def screen(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
 
 
 def mirror(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
-    """A mirror as a still picture of a bright, blurred room."""
+    """Return a mirror as a still picture of a bright, blurred room."""
     blur = fractal(rng, shape, (3, 2), 2)
     y = np.linspace(1.06, 0.86, shape[0], dtype=np.float32)[:, None]
     return to_image(colored((196, 204, 208), y + 0.05 * blur))
 
 
 def panel_door(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike) -> Image:
-    """A closed door leaf with two panels, handle and spyhole."""
+    """Return a closed door leaf with two panels, handle and spyhole."""
     height, width = shape
     color = colored(base, 1 + 0.02 * noise(rng, shape, (3, width // 3)))
     color = np.ascontiguousarray(color)
@@ -240,7 +243,7 @@ def panel_door(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike
 
 
 def clock(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
-    """A round clock face."""
+    """Return a round clock face."""
     side = min(shape)
     color = canvas(shape, (242, 240, 232))
     middle = (shape[1] // 2, shape[0] // 2)

@@ -85,7 +85,7 @@ class Stylist:
         return [names[k] for k in self.rng.permutation(len(names))]
 
     def style(self, kind: str) -> RoomStyle:
-        """The next room's style."""
+        """Return the next room's style."""
         rng, k = self.rng, self.used
         self.used += 1
         name = self.wall_names[k % len(self.wall_names)]

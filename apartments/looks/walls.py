@@ -50,7 +50,7 @@ def damask(
 
 
 def bricks(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike) -> Image:
-    """Brickwork, about 25 × 7 cm per brick when the image covers 1.5 × 1.5 m."""
+    """Return the brickwork, about 25 × 7 cm per brick when the image covers 1.5 × 1.5 m."""
     wall = tiles(rng, shape, (20, 6), base, grout=(186, 180, 170), offset=True, grout_px=2.2)
     worn = 1 + 0.07 * fractal(rng, shape, (8, 8), 4) + grain(rng, shape, 0.03)
     return to_image(wall.astype(np.float32) * worn[..., None])

@@ -51,7 +51,7 @@ def load(folder: Path) -> list[tuple[Episode, Ground, World]]:
 
 
 def follower(paths: list[tuple[Episode, Ground, World]]) -> dict[str, float]:
-    """Share that ends within 3 m: composed, lying, with the words shuffled."""
+    """Return the share that ends within 3 m: composed, lying, with the words shuffled."""
     rng = np.random.default_rng(0)
     hits: dict[str, list[bool]] = {"composer": [], "lying": [], "shuffled": []}
     for episode, ground, world in paths:

@@ -51,7 +51,7 @@ class Entry:
 
 
 def read_corpus(scenes: Path, scans: Path | None, parts: tuple[str, ...]) -> list[Entry]:
-    """The entries of some parts.
+    """Return the entries of some parts.
 
     Args:
         scenes: folder of repaired scenes; buildings that it lacks are made there, and so are

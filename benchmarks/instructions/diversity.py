@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 
 def words_of(text: str) -> list[str]:
-    """Lower-case words."""
+    """Return the lower-case words."""
     return re.findall(r"[a-z']+", text.lower())
 
 
@@ -24,7 +24,7 @@ def mattr(texts: Sequence[str], window: int = 50) -> float:
 
 
 def distinct(texts: Sequence[str], n: int) -> float:
-    """Share of different n-grams among all n-grams (Li et al., 2016)."""
+    """Return the share of different n-grams among all n-grams (Li et al., 2016)."""
     grams = [g for t in texts for g in ngrams(words_of(t), n)]
     return len(set(grams)) / max(1, len(grams))
 
@@ -56,12 +56,12 @@ def self_bleu(texts: Sequence[str], most: int = 200) -> float:
 
 
 def ngrams(words: Sequence[str], n: int) -> list[tuple[str, ...]]:
-    """All runs of n words."""
+    """Return all runs of n words."""
     return [tuple(words[k : k + n]) for k in range(len(words) - n + 1)]
 
 
 def table(texts: Sequence[str]) -> dict[str, float]:
-    """All measures of some texts."""
+    """Return all measures of some texts."""
     lengths = [len(words_of(t)) for t in texts]
     return {
         "texts": len(texts),

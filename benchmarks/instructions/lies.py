@@ -40,12 +40,12 @@ _NO_THING = frozenset(["door", "doors", "doorway", "steps", "stairs", "stand", "
 
 
 def _turns(text: str) -> list[re.Match[str]]:
-    """Where a text says to turn left or right."""
+    """Return where a text says to turn left or right."""
     return list(_TURN.finditer(text))
 
 
 def _things(text: str) -> list[str]:
-    """Things that a text names, in the singular and in lower case."""
+    """Return the things that a text names, in the singular and in lower case."""
     found = (m[0].lower() for m in _THING.finditer(text))
     return [w for w in found if w in OBJECT_PHRASES and w not in _NO_THING]
 
@@ -119,7 +119,7 @@ def wrong_side(text: str, facts: PathFacts, rng: np.random.Generator) -> str | N
 
 
 def _beside(facts: PathFacts, word: str, side: str) -> bool:
-    """Whether something that may be called `word` is on that side anywhere near the path."""
+    """Return whether something that may be called `word` is on that side anywhere near the path."""
     sign = 1 if side == "left" else -1
     return any(
         m.distance_m <= 3.2 and m.open and 10 < sign * m.bearing_deg < 170
@@ -224,14 +224,14 @@ def no_instruction(text: str, facts: PathFacts, rng: np.random.Generator) -> str
 
 
 def _swapped(text: str, matches: list[re.Match[str]]) -> str:
-    """The text with the side of each match changed."""
+    """Return the text with the side of each match changed."""
     for m in sorted(matches, key=lambda m: -m.start(1)):
         text = text[: m.start(1)] + _OTHER[m[1].lower()] + text[m.end(1) :]
     return text
 
 
 def _renamed(text: str, names: list[str], rng: np.random.Generator) -> str | None:
-    """The text with one of its things called otherwise."""
+    """Return the text with one of its things called otherwise."""
     nouns = _things(text)
     if not nouns or not names:
         return None

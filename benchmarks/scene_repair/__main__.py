@@ -75,7 +75,7 @@ def main(options: Options) -> int:
 
 
 def sections(options: Options) -> list[str]:
-    """The report's lines."""
+    """Return the report's lines."""
     seeds = options.seeds[:2] if options.quick else options.seeds
     held_out = HELD_OUT_SEEDS[: options.held_out]
     groups = {

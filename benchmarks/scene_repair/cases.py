@@ -55,14 +55,17 @@ class Case:
 
 
 def apartment_case(seed: int, group: str) -> Case:
-    """Holes and two decoys in an apartment; which ones, its seed decides."""
+    """Return the holes and two decoys in an apartment; which ones, its seed decides."""
     names = tuple(DECOYS)
     pairs = [(a, b) for a in names for b in names if a < b]
     return Case(group, f"apartment {seed}", seed, pairs[seed % len(pairs)])
 
 
 def real_cases(group: str) -> list[Case]:
-    """The house, planted several times, and the headsets' rooms; none if they are not here."""
+    """Return the house, planted several times, and the headsets' rooms.
+
+    None if they are not here.
+    """
     if not SHARED.is_dir():
         return []
     rounds = [Case(group, HOUSE, k, tuple(DECOYS)) for k in range(HOUSE_ROUNDS)]
@@ -70,7 +73,7 @@ def real_cases(group: str) -> list[Case]:
 
 
 def open_source(scene: str, cache: Path) -> Source:
-    """The scan of a case."""
+    """Return the scan of a case."""
     if scene.startswith("apartment "):
         return apartment(int(scene.split()[1]), cache)
     return house() if scene == HOUSE else headset(scene)
@@ -129,7 +132,7 @@ def repair_code() -> str:
 
 
 def path_of(run: Path, *identity: Any) -> Path:
-    """Where a case's result lies; the benchmark's own code is part of what it is."""
+    """Return where a case's result lies; the benchmark's own code is part of what it is."""
     own = [p.read_text() for p in sorted(Path(__file__).parent.glob("*.py")) if p.stem in _MEASURE]
     return run / "results" / f"{digest(list(identity), own)[:16]}.json"
 

@@ -47,12 +47,12 @@ class FillerScore:
 
 
 def by_trimesh(mesh: Mesh) -> Mesh:
-    """`trimesh.repair.fill_holes`: triangles and quads only."""
+    """Return `trimesh.repair.fill_holes`: triangles and quads only."""
     return _by_trimesh(mesh, False)
 
 
 def by_trimesh_fan(mesh: Mesh) -> Mesh:
-    """`trimesh.repair.fill_holes` with fans for larger holes."""
+    """Return `trimesh.repair.fill_holes` with fans for larger holes."""
     return _by_trimesh(mesh, True)
 
 
@@ -63,7 +63,7 @@ def _by_trimesh(mesh: Mesh, use_fan: bool) -> Mesh:
 
 
 def by_pyvista(mesh: Mesh) -> Mesh:
-    """`pyvista.PolyData.fill_holes` up to the largest planted size."""
+    """Return `pyvista.PolyData.fill_holes` up to the largest planted size."""
     import pyvista
 
     filled = pyvista.PolyData.from_regular_faces(*mesh).fill_holes(LARGEST_RADIUS_M)

@@ -53,7 +53,7 @@ SIZES_M = (0.03, 0.05, 0.1, 0.2, 0.5, 1.0, 2.6)
 
 
 def group_section(title: str, done: Sequence[Done]) -> list[str]:
-    """What became of one group of scenes."""
+    """Return what became of one group of scenes."""
     if not done:
         return [f"## {title}", "", "Not run.", ""]
     scores = [result.score for _, result in done]
@@ -105,7 +105,7 @@ def filler_section(done: Sequence[Done]) -> list[str]:
 
 
 def speed_section(runs: list[Run], folder: Path) -> list[str]:
-    """Time and memory."""
+    """Return the time and memory."""
     if not runs:
         return ["## Speed", "", "Not run.", ""]
     return [
@@ -122,7 +122,7 @@ def speed_section(runs: list[Run], folder: Path) -> list[str]:
 
 
 def walk_section(found: list[Walk]) -> list[str]:
-    """The physical check."""
+    """Return the physical check."""
     if not found:
         return ["## Walking over it", "", "Not run.", ""]
     return [
@@ -152,7 +152,7 @@ def counted(scores: Iterable[Score]) -> list[HoleScore]:
 
 
 def summary(scores: Sequence[Score]) -> list[str]:
-    """The figures that the targets speak of, as table rows."""
+    """Return the figures that the targets speak of, as table rows."""
     holes, decoys = counted(scores), [h for s in scores for h in s.holes if h.hole.decoy]
     errors = 1000 * np.abs(np.concatenate([h.errors_m for h in holes] or [np.empty(0)]))
     natural = 1000 * np.abs(np.concatenate([s.natural_errors_m for s in scores]))
@@ -211,7 +211,7 @@ def summary(scores: Sequence[Score]) -> list[str]:
 
 
 def by_kind(scores: Sequence[Score]) -> list[str]:
-    """A table of kinds, and one of sizes."""
+    """Return a table of kinds, and one of sizes."""
     everything = [h for s in scores for h in s.holes if not h.hole.decoy and h.area_m2 > 0]
     lines = _group_table(
         "kind", [(kind, [h for h in everything if h.hole.kind == kind]) for kind in KINDS]

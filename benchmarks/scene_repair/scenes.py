@@ -40,7 +40,7 @@ class Source:
 
 
 def scan_folder(seed: int, cache: Path) -> Path:
-    """Where the apartment of a seed lies, scanned into `cache` unless it was before."""
+    """Return where the apartment of a seed lies, scanned into `cache` unless it was before."""
     key = hashlib.sha256(repr(APARTMENT).encode()).hexdigest()[:12]
     folder = cache / f"apartment-{seed}-{key}"
     if not (folder / "truth.npz").is_file():
@@ -51,7 +51,7 @@ def scan_folder(seed: int, cache: Path) -> Path:
 
 
 def apartment(seed: int, cache: Path) -> Source:
-    """The built-in apartment of a seed."""
+    """Return the built-in apartment of a seed."""
     folder = scan_folder(seed, cache)
     with np.load(folder / "truth.npz", allow_pickle=False) as truth:
         rows, columns = (int(v) for v in truth["shape"])
@@ -83,7 +83,7 @@ def apartment(seed: int, cache: Path) -> Source:
 
 
 def house(folder: Path = SHARED) -> Source:
-    """The furnished house."""
+    """Return the furnished house."""
     path = folder / f"{HOUSE}.glb"
     parts = Glb(path).parts()
     doors = [
@@ -98,7 +98,7 @@ def house(folder: Path = SHARED) -> Source:
 
 
 def headset(name: str, folder: Path = SHARED) -> Source:
-    """A headset's scan of one room, closed, with a labelled floor plane."""
+    """Return a headset's scan of one room, closed, with a labelled floor plane."""
     path = folder / f"{name}.glb"
     anchors = json.loads((folder / f"{name}.labels.json").read_text())
     floor = next(a for a in anchors if a["label"] == "FLOOR")

@@ -155,7 +155,7 @@ def score(planted: Planted, bundle: SceneBundle) -> Score:
 
 
 def _decoy_cells(planted: Planted) -> NDArray[np.bool_]:
-    """(cells,) in decoys and under the walls around them."""
+    """Return (cells,) in decoys and under the walls around them."""
     site = planted.site
     mask = np.zeros(site.grid.shape, dtype=bool)
     centers = cell_centers(site.grid)
@@ -174,13 +174,13 @@ def in_plan(points_world_m: NDArray[np.float64], bundle: SceneBundle) -> NDArray
 
 
 def in_world(points_m: NDArray[np.float64], bundle: SceneBundle) -> NDArray[np.float64]:
-    """The way back."""
+    """Return the way back."""
     source = world_to_habitat_position(points_m)
     return source @ bundle.source_to_world[:3, :3].T + bundle.source_to_world[:3, 3]
 
 
 def sample_inside(outline: Outline, wanted: int = 1500) -> tuple[NDArray[np.float64], float]:
-    """Points (N, 2) on a regular raster inside an outline, and the area [m²] of each."""
+    """Return the points (N, 2) on a regular raster inside an outline, and the area [m²] of each."""
     lower, upper = outline.bounds_m()
     step = float(np.sqrt(np.prod(upper - lower) / wanted))
     while True:
@@ -194,7 +194,7 @@ def sample_inside(outline: Outline, wanted: int = 1500) -> tuple[NDArray[np.floa
 
 
 def score_hole(known: Truth, hole: PlantedHole, repaired: Surfaces) -> HoleScore:
-    """How much of a planted hole or decoy there is floor in."""
+    """Return how much of a planted hole or decoy there is floor in."""
     points, truth, each_m2 = _rays(known, hole)
     found = heights_near(repaired, points, truth, OPEN_BAND_M if hole.decoy else FILLED_M)
     there = np.isfinite(found)
@@ -221,7 +221,7 @@ def _explained(
     record: dict[str, Any],
     bundle: SceneBundle,
 ) -> HoleScore:
-    """The same with the record's reason, if it is not as it should be."""
+    """Return the same with the record's reason, if it is not as it should be."""
     hole = result.hole
     if result.filled != hole.decoy:
         return result
@@ -234,7 +234,7 @@ def _explained(
 def _reason(
     points: NDArray[np.float64], record: dict[str, Any], bundle: SceneBundle, hole: PlantedHole
 ) -> str:
-    """What `repair.json` says where points (N, 2) lie."""
+    """Return what `repair.json` says where points (N, 2) lie."""
     high = np.column_stack([points, np.full(len(points), hole.floor_z_m)])
     where = in_world(high, bundle)[:, :2]
     found: dict[str, float] = {}
@@ -256,7 +256,7 @@ def _moved(
     record: dict[str, Any],
     bundle: SceneBundle,
 ) -> NDArray[np.float64]:
-    """How far vertices of the scan moved [m], of those that did outside flattened bumps."""
+    """Return how far vertices of the scan moved [m], of those that did outside flattened bumps."""
     gap, _ = KDTree(after).query(before, distance_upper_bound=0.2)
     far = np.flatnonzero(gap > SAME_M)
     if not len(far):

@@ -68,13 +68,13 @@ class Site:
     rugs: list[Box]
 
     def near_floor(self, parts: list[Part]) -> Surfaces:
-        """What of some parts lies about the floor's height."""
+        """Return what of some parts lies about the floor's height."""
         z = self.floor_z_m
         return Surfaces.between(*soup_of(parts), z - NEAR_FLOOR_M, z + NEAR_FLOOR_M)
 
 
 def floor_height(parts: list[Part], about_m: float) -> float:
-    """The height [m] near `about_m` at which most of the level area lies."""
+    """Return the height [m] near `about_m` at which most of the level area lies."""
     vertices, faces = soup_of(parts)
     corners = vertices[faces]
     cross = triangle_cross(corners)
@@ -87,7 +87,7 @@ def floor_height(parts: list[Part], about_m: float) -> float:
 
 
 def soup_of(parts: list[Part]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """All triangles of parts as one (V, 3) and (F, 3)."""
+    """Return all triangles of parts as one (V, 3) and (F, 3)."""
     offset = np.cumsum([0] + [len(p.points_m) for p in parts[:-1]])
     faces = [p.faces + at for p, at in zip(parts, offset, strict=True)]
     return np.concatenate([p.points_m for p in parts]), np.concatenate(faces)
@@ -158,12 +158,12 @@ def survey(
 
 
 def filled(mask: Mask) -> Mask:
-    """The mask without holes."""
+    """Return the mask without holes."""
     return np.asarray(ndimage.binary_fill_holes(mask), dtype=bool)
 
 
 def cell_centers(grid: GridSpec) -> NDArray[np.float64]:
-    """(rows · columns, 2) centres of all cells."""
+    """Return (rows · columns, 2) centres of all cells."""
     return grid.center_of(
         np.stack(np.meshgrid(*map(np.arange, grid.shape), indexing="ij"), axis=-1)
     ).reshape(-1, 2)
@@ -194,7 +194,7 @@ def _walls(
 
 
 def _samples(corners: NDArray[np.float64], height_m: float, step_m: float) -> NDArray[np.float64]:
-    """Points (N, 2) along the lines in which triangles (F, 3, 3) meet a height."""
+    """Return the points (N, 2) along the lines in which triangles (F, 3, 3) meet a height."""
     z = corners[..., 2] - height_m
     ends = []
     for k in range(3):

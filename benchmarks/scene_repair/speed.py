@@ -84,7 +84,7 @@ def fit(runs: list[Run]) -> tuple[float, float]:
 
 
 def _small(cache: Path) -> Path:
-    """An apartment of few triangles."""
+    """Return an apartment of few triangles."""
     folder = cache / f"speed-{FEW_TRIANGLES}"
     if not (folder / "truth.npz").is_file():
         shutil.rmtree(folder, ignore_errors=True)
@@ -110,7 +110,7 @@ def _street(count: int, cache: Path) -> Path:
 
 
 def _extent(scan: Path) -> tuple[float, float]:
-    """Least and greatest x."""
+    """Return the least and greatest x."""
     x = np.concatenate([part.points_m[:, 0] for part in Glb(scan).parts()])
     return float(x.min()), float(x.max())
 

@@ -28,7 +28,7 @@ class Surfaces:
         low_m: float = -np.inf,
         high_m: float = np.inf,
     ) -> Surfaces:
-        """Those of a mesh (V, 3), (F, 3) that reach into the band of heights."""
+        """Return those of a mesh (V, 3), (F, 3) that reach into the band of heights."""
         z = vertices_m[:, 2][faces]
         use = (z.max(axis=1) >= low_m) & (z.min(axis=1) <= high_m)
         return Surfaces(vertices_m[faces[use]].astype(np.float64))
@@ -40,7 +40,7 @@ def heights_near(
     z_m: NDArray[np.float64] | float,
     within_m: float,
 ) -> NDArray[np.float64]:
-    """Height of the surface nearest to `z_m` on the vertical line through each point.
+    """Return the height of the surface nearest to `z_m` on the vertical line through each point.
 
     Args:
         surfaces: what the rays may meet.

@@ -100,7 +100,7 @@ def table(found: list[Walk]) -> list[str]:
 
 
 def _open_floor(site: Site) -> Mask:
-    """Cells around which a robot has room."""
+    """Return the cells around which a robot has room."""
     free = site.true_floor & site.scanned & ~site.furniture & ~site.wall
     return np.asarray(ndimage.distance_transform_edt(free)) * site.grid.cell_m > CLEAR_M + 0.1
 
@@ -136,7 +136,7 @@ def _world(
     robot: RobotSpec,
     root: Path,
 ) -> World:
-    """The level over the floor that the triangles have, pits where they have none."""
+    """Return the level over the floor that the triangles have, pits where they have none."""
     shutil.copytree(bundle.level_folder(level), root / "levels" / str(level))
     old = bundle.floor(level).grid
     lower = np.asarray(old.origin_xy_m)

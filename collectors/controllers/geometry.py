@@ -12,7 +12,7 @@ from ...formats.scene.grid import GridSpec
 
 
 def wrap_angle(angle_rad: float) -> float:
-    """Return an angle wrapped to [−π, π): `formats.frames.wrap_angle` for one number."""
+    """Return an angle wrapped to [−π, π): `formats.core.frames.wrap_angle` for one number."""
     return (angle_rad + math.pi) % (2 * math.pi) - math.pi
 
 

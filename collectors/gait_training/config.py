@@ -112,7 +112,7 @@ class TrainingConfig:
 
 
 def ppo_config(config: TrainingConfig, seed: int) -> dict[str, Any]:
-    """Configuration of `rsl_rl`'s runner for a training from scratch."""
+    """Return the configuration of `rsl_rl`'s runner for a training from scratch."""
     network = {
         "class_name": "MLPModel",
         "hidden_dims": list(config.hidden),
@@ -158,7 +158,7 @@ def ppo_config(config: TrainingConfig, seed: int) -> dict[str, Any]:
 
 
 def refinement_config(config: TrainingConfig, seed: int, symmetry: Any) -> dict[str, Any]:
-    """The same for a refinement: an actor that is symmetric by construction."""
+    """Return the same for a refinement: an actor that is symmetric by construction."""
     ppo = ppo_config(config, seed)
     model = "vlnpe.collectors.gait_training.mirror:SymmetricModel"
     ppo["actor"] |= {"class_name": model, "symmetry": symmetry}
@@ -272,7 +272,7 @@ PHASES: dict[str, tuple[tuple[TrainingConfig, int], ...]] = {
 
 
 def _settle(refined: TrainingConfig) -> TrainingConfig:
-    """Smaller moves and more weight on obeying."""
+    """Return the smaller moves and more weight on obeying."""
     rewards = replace(refined.rewards, track_linear_mean=8.0, track_yaw_mean=3.0)
     return replace(refined, rewards=rewards, kl=0.008)
 

@@ -37,7 +37,7 @@ AROUND_XY_M = np.array([(x, y) for x in (-0.15, 0.1, 0.35) for y in (-0.2, 0.2)]
 
 
 def build_training_model(robot: RobotSpec, terrain: Terrain) -> mujoco.MjModel:
-    """The robot over a terrain, with the physics options of the product."""
+    """Return the robot over a terrain, with the physics options of the product."""
     spec = robot.spec()
     apply_physics_options(spec)
     terrain.add_to(spec)
@@ -149,7 +149,7 @@ class GaitEnv(VecEnv):
         )
 
     def _future(self) -> Array:
-        """(N, 16) what happens to each robot whatever it does, and the shape of the ground.
+        """Return (N, 16) what happens to each robot whatever it does, and the shape of the ground.
 
         A critic may know it: the next command and the next kick, weighted by how near they are,
         and the heights around the robot. Without it, advantages are mostly noise.
@@ -179,7 +179,7 @@ class GaitEnv(VecEnv):
         return np.concatenate(parts, axis=1)
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
-        """One policy step of every simulation; see `rsl_rl.env.VecEnv.step`."""
+        """Return one policy step of every simulation; see `rsl_rl.env.VecEnv.step`."""
         clip = self.config.action_clip
         self._older, self._previous = self._previous, self._action
         self._action = np.clip(actions.numpy().astype(np.float64), -clip, clip)

@@ -74,7 +74,10 @@ def actor_to_onnx(actor: torch.nn.Module, mirror: Symmetry | None = None) -> byt
 def _with_mirror_image(
     weights: Sequence[Array], biases: Sequence[Array], mirror: Symmetry
 ) -> tuple[Sequence[NDArray[np.floating]], Sequence[NDArray[np.floating]]]:
-    """Layers of (π(o) + M π(M o)) / 2, from those of π; M mirrors observations and actions."""
+    """Return the layers of (π(o) + M π(M o)) / 2, from those of π.
+
+    M mirrors observations and actions.
+    """
     seen = _matrix(mirror.observation_order, mirror.observation_signs)
     done = _matrix(mirror.joint_order, mirror.joint_signs)
     first, *middle, last = weights
@@ -86,7 +89,7 @@ def _with_mirror_image(
 
 
 def _matrix(order: torch.Tensor, signs: torch.Tensor) -> Array:
-    """The matrix M of (M v)[i] = signs[i] v[order[i]]."""
+    """Return the matrix M of (M v)[i] = signs[i] v[order[i]]."""
     return np.eye(len(order))[order.numpy()] * signs.numpy()[:, None]
 
 
@@ -167,7 +170,7 @@ def start_from(robot: RobotSpec, folder: Path, env: GaitEnv, actor: Any) -> None
 
 
 def _walk(env: GaitEnv, weights: list[np.ndarray], biases: list[np.ndarray]) -> np.ndarray:
-    """Observations (K, D) of a walk of all simulations under a plain network."""
+    """Return the observations (K, D) of a walk of all simulations under a plain network."""
     seen = []
     for _ in range(LOOK_STEPS):
         observation = env.get_observations()["policy"].numpy().astype(np.float64)

@@ -48,7 +48,7 @@ def biped_walk(
     arm_swing: float,
     lead_cycles: float,
 ) -> GaitClock:
-    """A walk for legs of hip, knee and ankle joints, named `<side>_<part>_joint`.
+    """Return a walk for legs of hip, knee and ankle joints, named `<side>_<part>_joint`.
 
     The swing leg folds at hip and knee with its sole level; a stance of half a cycle under a leg of
     `leg_m` carries the foot by angles of v / (4 f leg) to either side.

@@ -25,7 +25,7 @@ _BLOCK_SIGNS = {
 
 
 def mirror_joints(robot: RobotSpec) -> tuple[list[int], list[int]]:
-    """Permutation and signs that mirror vectors of policy joints.
+    """Return the permutation and signs that mirror vectors of policy joints.
 
     The first part of a name is its side. A joint about the y axis keeps its sense under a
     reflection of y; joints about x and z reverse theirs.
@@ -39,7 +39,7 @@ def mirror_joints(robot: RobotSpec) -> tuple[list[int], list[int]]:
 
 
 def mirror_observation(robot: RobotSpec) -> tuple[list[int], list[int]]:
-    """Permutation and signs that mirror whole observations."""
+    """Return the permutation and signs that mirror whole observations."""
     order: list[int] = []
     signs: list[int] = []
     joint_order, joint_signs = mirror_joints(robot)
@@ -115,7 +115,7 @@ class SymmetricModel(MLPModel):
         hidden_state: Any = None,
         stochastic_output: bool = False,
     ) -> torch.Tensor:
-        """Mean or sample of the actions; see `MLPModel.forward`."""
+        """Return the mean or sample of the actions; see `MLPModel.forward`."""
         mirror, seen = self.symmetry, obs["policy"]
         image = seen[:, mirror.observation_order] * mirror.observation_signs
         mean, other = self.mlp(self.obs_normalizer(torch.cat([seen, image]))).chunk(2)

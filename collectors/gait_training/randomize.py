@@ -20,7 +20,10 @@ ACTIONS = np.array([(1.0, 0.0, 0.0), (0.0, 0.0, np.pi / 3), (0.0, 0.0, -np.pi / 
 
 
 def sample_commands(rng: np.random.Generator, count: int, bounds: Array) -> Array:
-    """Random commands (count, 3), uniform within bounds (3, 2) of `command_bounds`; some axes 0."""
+    """Return the random commands (count, 3), uniform within bounds (3, 2) of `command_bounds`.
+
+    Some axes 0.
+    """
     command = rng.uniform(bounds[:, 0], bounds[:, 1], (count, 3))
     kind = rng.choice(len(KINDS), count, p=list(KINDS.values()))
     mask = np.array([[1, 1, 1], [1, 0, 0], [0, 0, 1], [1, 0, 1], [0, 0, 0]])

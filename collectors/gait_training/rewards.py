@@ -62,7 +62,7 @@ def _closeness(squared_error: Array, widths: tuple[float, ...]) -> Array:
 
 
 def reward_terms(s: StepFacts, body: BodyFacts, config: TrainingConfig) -> dict[str, Array]:
-    """Unweighted terms by name of `RewardWeights`, each (N,)."""
+    """Return the unweighted terms by name of `RewardWeights`, each (N,)."""
     linear_error = np.sum((s.linear_velocity[:, :2] - s.command[:, :2]) ** 2, axis=1)
     linear_mean_error = np.sum((s.linear_mean - s.command[:, :2]) ** 2, axis=1)
     yaw_error = (s.angular_velocity[:, 2] - s.command[:, 2]) ** 2

@@ -160,7 +160,7 @@ def train(
 
 
 def _weights(runner: OnPolicyRunner) -> dict[str, torch.Tensor]:
-    """A copy of the actor's weights, without its normaliser."""
+    """Return a copy of the actor's weights, without its normaliser."""
     return {
         k: v.detach().clone() for k, v in runner.alg.get_policy().mlp.named_parameters(prefix="mlp")
     }

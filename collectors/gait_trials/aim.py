@@ -48,7 +48,7 @@ def calibrated(policy: GaitPolicy) -> GaitPolicy:
 
 
 def aimed(policy: GaitPolicy, most: Array, points: int = POINTS, rounds: int = ROUNDS) -> GaitClock:
-    """The policy's gait with commands calibrated on flat ground.
+    """Return the policy's gait with commands calibrated on flat ground.
 
     Every command of a grid inside the robot's limits is corrected, round after round, by what the
     mean velocity still lacks; the polynomial is fitted to the last round.

@@ -48,14 +48,14 @@ def random_path(rng: np.random.Generator, length_m: float = 12.0) -> Array:
 
 @cache
 def open_ground(half_m: float = 30.0, cell_m: float = 0.25) -> Freemap:
-    """A map of a free square around the origin."""
+    """Return a map of a free square around the origin."""
     cells = round(2 * half_m / cell_m)
     grid = GridSpec((-half_m, -half_m), cell_m, cells, cells)
     return Freemap(grid, np.zeros(grid.shape, np.float32), np.ones(grid.shape, dtype=bool))
 
 
 def task_along(robot: RobotSpec, path: Array) -> Task:
-    """The task of following corners (P, 2) on open ground."""
+    """Return the task of following corners (P, 2) on open ground."""
     return Task(
         reference_xy_m=path,
         goal_xy_m=path[-1],
@@ -158,7 +158,7 @@ def follow_paths(
 
 
 def distance_to(path: Array, point: Array) -> float:
-    """Distance [m] of a point (2,) to a polyline (P, 2)."""
+    """Return the distance [m] of a point (2,) to a polyline (P, 2)."""
     start, along = path[:-1], np.diff(path, axis=0)
     share = np.einsum("pi,pi->p", point - start, along) / np.einsum("pi,pi->p", along, along)
     nearest = start + np.clip(share, 0.0, 1.0)[:, None] * along

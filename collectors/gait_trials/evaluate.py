@@ -38,7 +38,7 @@ SEED = 1234  # of everything; terrain and seeds are not training's
 
 
 def evaluation_table(policy: GaitPolicy, seed: int = SEED, scale: float = 1.0) -> dict[str, Any]:
-    """The whole table; `scale` < 1 takes fewer robots, and below 0.1 fewer commands."""
+    """Return the whole table; `scale` < 1 takes fewer robots, and below 0.1 fewer commands."""
     rng = np.random.default_rng(seed)
     many, few = max(2, round(200 * scale)), max(2, round(24 * scale))
     rough = {f"noise_{cm}cm": noise_terrain(rng, 0.01 * cm) for cm in (4, 6)}

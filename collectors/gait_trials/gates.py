@@ -64,7 +64,7 @@ class GateResult:
         return self.measured <= self.limit
 
     def __str__(self) -> str:
-        """One line: ✓ or ✗, name, measured and limit."""
+        """Return one line: ✓ or ✗, name, measured and limit."""
         sign = "≥" if self.gate.at_least else "≤"
         share = self.gate.unit == "%"
         scale, form = (100.0, "{:.4g}") if share else (1.0, "{:.3g}")

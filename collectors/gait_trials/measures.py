@@ -26,7 +26,7 @@ GOAL_S = 1.5  # by then it shall be
 
 
 def command_grid(robot: RobotSpec, points: int = 3) -> Array:
-    """(points³, 3) commands spanning the robot's limits."""
+    """Return (points³, 3) commands spanning the robot's limits."""
     limits = robot.command_limits
     axes = [np.linspace(*r, points) for r in (limits.vx_m_s, limits.vy_m_s, limits.yaw_rad_s)]
     return np.array(list(product(*axes)))
@@ -77,7 +77,7 @@ def velocity_errors(
 
 
 def _mean(values: Array) -> float:
-    """Mean of what is not NaN; NaN when nothing is."""
+    """Return the mean of what is not NaN; NaN when nothing is."""
     known = values[np.isfinite(values)]
     return float(known.mean()) if len(known) else float("nan")
 
@@ -114,7 +114,7 @@ def pushes(
 
 
 def posture(policy: GaitPolicy, rng: np.random.Generator, seconds: float = 6.0) -> dict[str, float]:
-    """How a gait looks: straight walks of 0.3–1.0 m/s on level ground.
+    """Return how a gait looks: straight walks of 0.3–1.0 m/s on level ground.
 
     Returns:
         Of the worst walk: roll from peak to peak within a gait cycle [°], median over cycles, and
@@ -228,7 +228,7 @@ def _stop(
 
 
 def _p99(values: Array) -> float:
-    """The 99th percentile, a value that occurs."""
+    """Return the 99th percentile, a value that occurs."""
     return float(np.quantile(values, 0.99, method="higher"))
 
 

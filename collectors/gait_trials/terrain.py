@@ -44,7 +44,7 @@ class Terrain:
         )
 
     def at(self, xy_m: Array) -> Array:
-        """Height under points (..., 2), nearest sample [m]."""
+        """Return the height under points (..., 2), nearest sample [m]."""
         if self.height_m is None:
             return np.zeros(xy_m.shape[:-1])
         last = len(self.height_m) - 1
@@ -65,7 +65,7 @@ def noise(rng: np.random.Generator, cells: int, cell_m: float, amplitude_m: floa
 
 
 def steps(rng: np.random.Generator, cells: int, cell_m: float, height_m: float) -> Array:
-    """Blocks of 0.5 m with random heights of 0…height."""
+    """Return the blocks of 0.5 m with random heights of 0…height."""
     block = round(0.5 / cell_m)
     count = -(-cells // block)
     heights = rng.uniform(0.0, height_m, (count, count))
@@ -73,7 +73,7 @@ def steps(rng: np.random.Generator, cells: int, cell_m: float, height_m: float) 
 
 
 def pyramid(cells: int, cell_m: float, slope_deg: float) -> Array:
-    """Ramps from all four sides up to the middle."""
+    """Return the ramps from all four sides up to the middle."""
     inward = cell_m * np.minimum(np.arange(cells), np.arange(cells)[::-1])
     return np.tan(np.deg2rad(slope_deg)) * np.minimum(inward[:, None], inward)
 
@@ -99,14 +99,14 @@ def rough_terrain(rng: np.random.Generator, size_m: float = 24.0, cell_m: float 
 def noise_terrain(
     rng: np.random.Generator, amplitude_m: float, size_m: float = 30.0, cell_m: float = 0.05
 ) -> Terrain:
-    """One field of bumps of 0…amplitude everywhere, for evaluation."""
+    """Return one field of bumps of 0…amplitude everywhere, for evaluation."""
     return Terrain(noise(rng, round(size_m / cell_m), cell_m, amplitude_m), size_m)
 
 
 def ramp_terrain(
     angle_deg: float, size_m: float = 30.0, cell_m: float = 0.05, run_m: float = 4.0
 ) -> Terrain:
-    """Ridges and valleys along y: 4 m up, 4 m down, and so on, for evaluation."""
+    """Return the ridges and valleys along y: 4 m up, 4 m down, and so on, for evaluation."""
     x = cell_m * np.arange(round(size_m / cell_m))
     profile = np.tan(np.deg2rad(angle_deg)) * (run_m - np.abs(x % (2 * run_m) - run_m))
     return Terrain(np.tile(profile, (len(x), 1)), size_m)

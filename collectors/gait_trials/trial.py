@@ -43,7 +43,7 @@ class Conditions:
     def mixed(
         count: int, rng: np.random.Generator, terrain: Terrain | None = None, push_m_s: float = 0.0
     ) -> Conditions:
-        """Friction of 0.5–1.1 for each robot, and every second one acts 20 ms late."""
+        """Return the friction of 0.5–1.1 for each robot, and every second one acts 20 ms late."""
         return Conditions(
             terrain=terrain or Terrain(),
             friction=rng.uniform(0.5, 1.1, count),
@@ -194,7 +194,7 @@ class Trial:
         self._qvel[self.fallen] = 0.0
 
     def state(self) -> RobotState:
-        """Current state of all robots."""
+        """Return the current state of all robots."""
         return states_of(self._qpos, self._qvel, self.handles)
 
     @property
@@ -223,7 +223,7 @@ class Trial:
         return (soles[..., 2] - self._sole_radius - ground).min(axis=-1)
 
     def _pose_of(self, qpos: Array) -> Array:
-        """(N, 3) x, y [m] and heading [rad] of generalised positions (N, nq)."""
+        """Return (N, 3) x, y [m] and heading [rad] of generalised positions (N, nq)."""
         q = self.handles.root_qpos
         return np.column_stack([qpos[:, q : q + 2], quat_to_yaw(qpos[:, q + 3 : q + 7])])
 
@@ -237,7 +237,7 @@ class Trial:
         return _Soles(position, axes, touching)
 
     def _slip(self, before: _Soles, now: _Soles) -> Array:
-        """(N, F) speed [m/s] of each foot's skin where it touches the ground, else NaN.
+        """Return (N, F) speed [m/s] of each foot's skin where it touches the ground, else NaN.
 
         A round sole rolls: its centre moves while its lowest point rests.
         """

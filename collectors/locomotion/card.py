@@ -95,7 +95,10 @@ Shape = tuple[int, ...]
 
 
 def _gait_sizes(gait: GaitClock, joints: int) -> list[tuple[str, Shape, tuple[Shape, ...]]]:
-    """Name, shape and valid shapes of a gait's tables; compiled code reads them unchecked."""
+    """Return the name, shape and valid shapes of a gait's tables.
+
+    Compiled code reads them unchecked.
+    """
     feet, none = len(gait.foot_offsets), (0,)
     rows = ((feet, joints),)
     aim = ((3, len(FACTORS)), (3, 2)) if gait.aim else (none, none)

@@ -95,7 +95,7 @@ class GaitClock:
         return math.inf if linear is None else linear, math.inf if turn is None else turn
 
     def moving(self, command: Array) -> NDArray[np.bool_]:
-        """Whether (N, 3) commands ask for walking, (N,)."""
+        """Return whether (N, 3) commands ask for walking, (N,)."""
         linear = np.hypot(command[:, 0], command[:, 1])
         return (linear > self.stand_linear_m_s) | (np.abs(command[:, 2]) > self.stand_yaw_rad_s)
 
@@ -109,7 +109,7 @@ class GaitClock:
     def tick(
         self, state: ClockState, wanted: Array, dt_s: float
     ) -> tuple[ClockState, NDArray[np.bool_]]:
-        """The state after `dt_s` of wanting commands (N, 3), and who is stepping (N,)."""
+        """Return the state after `dt_s` of wanting commands (N, 3), and who is stepping (N,)."""
         linear, turn = self.brakes
         most = dt_s * np.array([linear, linear, turn])
         old = state.command
@@ -126,11 +126,11 @@ class GaitClock:
         return ClockState(command, np.where(stepping, phase % 1.0, 0.0), left), stepping
 
     def foot_phase(self, phase: Array) -> Array:
-        """(N, F) phase of each foot in [0, 1), swing below one half."""
+        """Return (N, F) phase of each foot in [0, 1), swing below one half."""
         return (phase[:, None] + np.asarray(self.foot_offsets)) % 1.0
 
     def reference(self, phase: Array, moving: NDArray[np.bool_], command: Array) -> Array:
-        """(N, J) joint offsets [rad] of the reference at phases (N,) for commands (N, 3)."""
+        """Return (N, J) joint offsets [rad] of the reference at phases (N,) for commands (N, 3)."""
         stand, motion, offsets, x, y = self._arrays
         angle = 2.0 * np.pi * (phase[:, None] + offsets + self.lead_cycles)
         sine, cosine = np.sin(angle), np.cos(angle)
@@ -162,7 +162,7 @@ class GaitClock:
 
 
 def monomials(command: Array) -> Array:
-    """(N, 19) monomials of degrees 1 to 3 of (N, 3) commands, without a constant."""
+    """Return (N, 19) monomials of degrees 1 to 3 of (N, 3) commands, without a constant."""
     return np.stack([np.prod(command[:, list(f)], axis=1) for f in FACTORS], axis=1)
 
 

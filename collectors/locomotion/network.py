@@ -90,7 +90,7 @@ class Mlp:
 
 
 def _spans(weight: Array) -> NDArray[np.int64]:
-    """First and end (outputs, 2) of the columns of each row that are not zero."""
+    """Return the first and end (outputs, 2) of the columns of each row that are not zero."""
     used = weight != 0
     first = np.where(used.any(axis=1), used.argmax(axis=1), 0)
     end = np.where(used.any(axis=1), weight.shape[1] - used[:, ::-1].argmax(axis=1), 0)

@@ -36,7 +36,7 @@ class RobotState:
 
 
 def states_of(qpos: Array, qvel: Array, handles: RobotHandles) -> RobotState:
-    """States of N robots from generalised positions (N, nq) and velocities (N, nv).
+    """Return the states of N robots from generalised positions (N, nq) and velocities (N, nv).
 
     Of the joints only those that a policy moves, J of them.
     """
@@ -53,7 +53,7 @@ def states_of(qpos: Array, qvel: Array, handles: RobotHandles) -> RobotState:
 
 
 def layout(joints: int) -> list[tuple[str, int]]:
-    """Names and widths of the blocks of one observation, in order."""
+    """Return the names and widths of the blocks of one observation, in order."""
     return [
         ("linear_velocity_base_m_s", 3),
         ("angular_velocity_base_rad_s", 3),
@@ -75,7 +75,7 @@ def rotate_to_base(quat_wxyz: Array, vector_world: Array) -> Array:
 
 
 def gravity_in_base(quat_wxyz: Array) -> Array:
-    """(N, 3) unit gravity in base frames: (0, 0, −1) when level."""
+    """Return (N, 3) unit gravity in base frames: (0, 0, −1) when level."""
     w, x, y, z = quat_wxyz.T
     return np.stack(
         [2.0 * (w * y - x * z), -2.0 * (w * x + y * z), 2.0 * (x * x + y * y) - 1.0], axis=1
@@ -90,7 +90,7 @@ def observe(
     moving: NDArray[np.bool_],
     previous_action: Array,
 ) -> Array:
-    """Observations (N, D) in the order of `layout`.
+    """Return the observations (N, D) in the order of `layout`.
 
     Args:
         state: of N robots.

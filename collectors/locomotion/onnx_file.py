@@ -159,7 +159,7 @@ class OnnxFile:
                 )
 
     def is_constant(self, name: str) -> bool:
-        """Whether `constant` knows it."""
+        """Return whether `constant` knows it."""
         return name in self._tensors
 
     def constant(self, name: str) -> NDArray[np.float64]:

@@ -73,7 +73,7 @@ def read_mlp(file: OnnxFile) -> Mlp:
 
 
 def _product(file: OnnxFile, node: Node, constants: list[str], width: int) -> tuple[Array, Array]:
-    """Matrix (outputs, width) and what is added (outputs,) of a Gemm or MatMul."""
+    """Return the matrix (outputs, width) and what is added (outputs,) of a Gemm or MatMul."""
     factor = file.constant(constants[0])
     if factor.ndim != 2 or node.attributes.get("transA"):
         raise NotAnMlpError(file.path, f"{node.kind} with {constants[0]!r} is no layer's")
@@ -96,7 +96,7 @@ def _product(file: OnnxFile, node: Node, constants: list[str], width: int) -> tu
 
 
 def _elementwise(file: OnnxFile, node: Node, name: str, width: int) -> tuple[Array, Array]:
-    """Factors and what is added, both (width,), of a sum or product with a constant."""
+    """Return the factors and what is added, both (width,), of a sum or product with a constant."""
     row, ones, zeros = _row(file, name, width), np.ones(width), np.zeros(width)
     if node.kind == "Add":
         return ones, row
@@ -110,7 +110,7 @@ def _elementwise(file: OnnxFile, node: Node, name: str, width: int) -> tuple[Arr
 
 
 def _row(file: OnnxFile, name: str, width: int) -> Array:
-    """A constant of one number or one row, as a row."""
+    """Return a constant of one number or one row, as a row."""
     values = file.constant(name)
     if values.size != 1 and not values.size == values.shape[-1] == width:
         shape = "×".join(map(str, values.shape))

@@ -61,7 +61,7 @@ class GaitPolicy:
         return cls(robot, card, load_network(file, content))
 
     def changed(self, robot: RobotSpec, card: PolicyCard) -> GaitPolicy:
-        """The same network for other facts; nothing is checked again."""
+        """Return the same network for other facts; nothing is checked again."""
         return GaitPolicy(robot, card, self.network)
 
     @property
@@ -99,7 +99,7 @@ class GaitPolicy:
         return step.targets(self._output, self.card.action_clip, self.card.action_scale_rad)
 
     def _started(self, data: mujoco.MjData) -> QuickStep:
-        """A step for another simulation, with the clock and the action of the last one."""
+        """Return a step for another simulation, with the clock and the action of the last one."""
         step = QuickStep(data, self.handles(data.model), self.card.gait, self.card.rate_hz)
         self._output = np.zeros(step.action.shape, dtype=np.float32)
         if self._step is not None:
@@ -107,7 +107,10 @@ class GaitPolicy:
         return step
 
     def infer(self, observation: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Actions (N, J) for observations (N, D) in the layout of `observation.py`; stateless."""
+        """Return the actions (N, J) for observations (N, D) in the layout of `observation.py`.
+
+        Stateless.
+        """
         seen = np.ascontiguousarray(observation, dtype=np.float32)
         action = np.zeros((len(seen), self.network.outputs), dtype=np.float32)
         self.network.run(seen, action)
@@ -115,14 +118,14 @@ class GaitPolicy:
         return np.clip(action.astype(np.float64), -clip, clip)
 
     def handles(self, model: mujoco.MjModel) -> RobotHandles:
-        """Addresses of this robot in `model`, looked up once per model."""
+        """Return the addresses of this robot in `model`, looked up once per model."""
         if self._handles is None or self._handles[0] is not model:
             self._handles = (model, RobotHandles.find(self.robot, model))
         return self._handles[1]
 
 
 def policy_files(robot: RobotSpec, folder: Path | None = None) -> tuple[Path, Path]:
-    """Where a robot's network and card are: `<robot>.onnx`, `<robot>.json` in `folder`.
+    """Return where a robot's network and card are: `<robot>.onnx`, `<robot>.json` in `folder`.
 
     Without a folder, ours beside this file, and those of a user's own robot in its folder.
     """

@@ -51,7 +51,7 @@ class FloorSurface:
         return near * (1 - fy) + far * fy
 
     def is_solid(self, x_m: float, y_m: float) -> bool:
-        """Whether there is floor to stand on at a point [m]; false outside the grid."""
+        """Return whether there is floor to stand on at a point [m]; false outside the grid."""
         grid = self.floor.grid
         column = int((x_m - grid.origin_xy_m[0]) // grid.cell_m)
         row = int((y_m - grid.origin_xy_m[1]) // grid.cell_m)

@@ -21,7 +21,7 @@ THINNEST_M = 1e-3  # half side below which a box is widened, so that it is a sol
 def robot_obstacles(
     obstacles: Obstacles, freemap: Freemap, reach_m: float, top_m: float
 ) -> Obstacles:
-    """Boxes of a level within a robot's reach.
+    """Return the boxes of a level within a robot's reach.
 
     Args:
         obstacles: the level's boxes.

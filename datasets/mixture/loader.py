@@ -23,7 +23,7 @@ class JoinedSources(Dataset[Any]):
         self.sources = list(sources)
 
     def __getitem__(self, pair: tuple[int, int]) -> Any:
-        """Item of a source."""
+        """Return the item of a source."""
         source, item = pair
         return {**self.sources[source][item], "source": source}
 

@@ -156,7 +156,7 @@ class MixtureSampler:
 
 
 def _shuffled(positions: NDArray[np.int64], size: int, key: NDArray[np.uint64]) -> NDArray:
-    """Item at each position of an endless sequence of shuffles of `size` items.
+    """Return the item at each position of an endless sequence of shuffles of `size` items.
 
     A Feistel network permutes the smallest even power of two that holds them; results beyond
     `size` are permuted again until they are below (cycle walking: Black and Rogaway, 2002).
@@ -177,7 +177,7 @@ def _shuffled(positions: NDArray[np.int64], size: int, key: NDArray[np.uint64]) 
 
 
 def _mix(value: NDArray[np.uint64], key: np.uint64) -> NDArray[np.uint64]:
-    """A hash of 64 bits (the finalizer of splitmix64: Steele, Lea and Flood, 2014)."""
+    """Return a hash of 64 bits (the finalizer of splitmix64: Steele, Lea and Flood, 2014)."""
     with np.errstate(over="ignore"):
         value = value + key
         value = (value ^ (value >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)

@@ -12,7 +12,7 @@ _HEAD = ("source", "dataset", "robot", "episodes", "frames", "weight", "share", 
 
 
 def plan_text(plan: MixturePlan) -> str:
-    """A table in fixed columns: a line per dataset, with what was left out of it and why.
+    """Return a table in fixed columns: a line per dataset, with what was left out of it and why.
 
     Datasets that a source takes nothing from share a line.
     """
@@ -52,7 +52,7 @@ def plan_text(plan: MixturePlan) -> str:
 
 
 def plan_json(plan: MixturePlan) -> dict[str, Any]:
-    """The same as JSON values."""
+    """Return the same as JSON values."""
     return {
         "mixture": plan.name,
         "draws": plan.unit,

@@ -64,12 +64,12 @@ class DatasetFacts:
     depth_storage: str = "video"
 
     def to_json(self) -> dict[str, Any]:
-        """JSON values."""
+        """Return JSON values."""
         return asdict(self)
 
     @staticmethod
     def from_json(values: dict[str, Any]) -> DatasetFacts:
-        """Inverse of `to_json`.
+        """Return the inverse of `to_json`.
 
         Raises:
             KeyError, TypeError: not such facts.
@@ -131,7 +131,7 @@ def open_dataset(root: Path) -> Dataset:
 
 
 def read_facts(root: Path) -> DatasetFacts:
-    """What belongs to the dataset as a whole.
+    """Return what belongs to the dataset as a whole.
 
     Raises:
         FileFormatError: no LeRobot v3.0 dataset, or damaged.
@@ -193,7 +193,7 @@ def extract_unit(root: Path, number: int, folder: Path) -> None:
 
 
 def kept_rollout(root: Path, number: int) -> Path | None:
-    """The episode's whole rollout that the dataset keeps, if it does."""
+    """Return the episode's whole rollout that the dataset keeps, if it does."""
     path = root / ROLLOUTS_PATH.format(episode_index=number)
     if not path.exists():
         return None
@@ -221,7 +221,7 @@ def read_info(root: Path) -> dict[str, Any]:
 
 
 def episode_files(root: Path) -> list[Path]:
-    """The files of meta/episodes, in order.
+    """Return the files of meta/episodes, in order.
 
     Raises:
         FileFormatError: there is none.
@@ -286,7 +286,7 @@ def _megabytes(value: Any) -> float:
 
 
 def _card_front(path: Path) -> dict[str, str]:
-    """Text values of a card's front matter, as `dataset_card` writes them."""
+    """Return the text values of a card's front matter, as `dataset_card` writes them."""
     if not path.exists():
         return {}
     found = {}

@@ -148,7 +148,7 @@ def dataset_from_units(units: Sequence[Path], out: Path, facts: DatasetFacts) ->
 
 
 def unit_dataset(folder: Path) -> DatasetFacts | None:
-    """Facts of the dataset that a unit came from, where known.
+    """Return the facts of the dataset that a unit came from, where known.
 
     Raises:
         FileFormatError: they are damaged.
@@ -163,7 +163,7 @@ def unit_dataset(folder: Path) -> DatasetFacts | None:
 
 
 def joint_facts(units: Sequence[Path], title: str, licence: str, note: Any) -> DatasetFacts:
-    """Facts of the dataset of all `units`: those they share, or what each had.
+    """Return the facts of the dataset of all `units`: those they share, or what each had.
 
     Args:
         units: unit folders.

@@ -28,7 +28,7 @@ Rows = Mapping[str, NDArray[Any]]
 
 
 def frame_rollout(unit: EpisodeUnit, rows: Rows) -> Rollout:
-    """The unit's episode as a rollout with one sample per frame; unknown torques are NaN.
+    """Return the unit's episode as a rollout with one sample per frame; unknown torques are NaN.
 
     Raises:
         KeyError, ValueError: a column that every unit has is missing or damaged.
@@ -70,7 +70,10 @@ def frame_rollout(unit: EpisodeUnit, rows: Rows) -> Rollout:
 
 
 def frame_view(unit: EpisodeUnit, rows: Rows, depth: Path) -> FrameFolder:
-    """The unit's videos as rendered frames of `frame_rollout`; `depth` is that of its depth."""
+    """Return the unit's videos as rendered frames of `frame_rollout`.
+
+    `depth` is that of its depth.
+    """
     columns = unit.columns
     pose = rows["observation.camera_pose"].astype(np.float64)
     start = start_frame(columns)
@@ -125,13 +128,13 @@ def episode_of(columns: Mapping[str, Any], task: str) -> Episode:
 
 
 def start_frame(columns: Mapping[str, Any]) -> StartFrame:
-    """The frame that the unit's poses are in."""
+    """Return the frame that the unit's poses are in."""
     origin = np.array(columns["start_frame_origin_world_m"], np.float64)
     return StartFrame(origin, columns["start_frame_yaw_world_rad"])
 
 
 def to_world(start: StartFrame, position_start_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Positions (N, 3) [m] in the start frame to the world."""
+    """Return the positions (N, 3) [m] in the start frame to the world."""
     rotation = quat_to_matrix(yaw_to_quat(start.yaw_rad))
     return position_start_m @ rotation.T + start.origin_world_m
 
@@ -142,7 +145,7 @@ def _names(unit: EpisodeUnit, key: str, suffix: str) -> tuple[str, ...]:
 
 
 def _column(rows: Rows, key: str, count: int, size: int) -> NDArray[np.float64]:
-    """A column that a body or a source may lack; unknown numbers are NaN."""
+    """Return a column that a body or a source may lack; unknown numbers are NaN."""
     if key not in rows:
         return np.full((count, size), np.nan)
     return np.asarray(rows[key], np.float64).reshape(count, -1)

@@ -72,7 +72,7 @@ def restore(root: Path, originals: Sequence[Path]) -> Restored:
 
 
 def _digests(root: Path) -> dict[int, str]:
-    """A digest of each episode's states and actions, by its number."""
+    """Return a digest of each episode's states and actions, by its number."""
     states: dict[int, Any] = {}
     for path in sorted(root.glob("data/*/*.parquet")):
         table = read_table(path, ["episode_index", *IDENTITY], root=root)
@@ -133,6 +133,6 @@ def _write_meta(
 
 
 def _camera_poses(root: Path) -> np.ndarray:
-    """Poses (N, 7) of all frames."""
+    """Return the poses (N, 7) of all frames."""
     tables = [read_table(p, [POSE], root=root) for p in sorted(root.glob("data/*/*.parquet"))]
     return np.array(pa.concat_tables(tables)[POSE].to_pylist(), np.float64)

@@ -56,7 +56,7 @@ def row_messages(
 
 
 def read_rows(contents: Contents, path: Path, features: Features, count: int) -> pa.Table:
-    """Inverse of `row_messages`.
+    """Return the inverse of `row_messages`.
 
     Raises:
         FileFormatError: messages are missing, or do not have the features' fields.

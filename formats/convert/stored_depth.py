@@ -21,7 +21,7 @@ from ..video.mp4 import write_depth_video
 
 
 def depth_range_of(unit: EpisodeUnit) -> DepthRange:
-    """The range of a unit's depth."""
+    """Return the range of a unit's depth."""
     return DepthRange(unit.columns["depth_near_m"], unit.columns["depth_far_m"])
 
 

@@ -35,12 +35,12 @@ class UnitParts:
 
     @staticmethod
     def of(unit: EpisodeUnit) -> UnitParts:
-        """Those of a unit on disk."""
+        """Return those of a unit on disk."""
         return UnitParts(**{f.name: getattr(unit, f.name) for f in fields(UnitParts)})
 
     @staticmethod
     def from_json(index: Mapping[str, Any]) -> UnitParts:
-        """Inverse of `to_json`.
+        """Return the inverse of `to_json`.
 
         Raises:
             KeyError, TypeError, ValueError: not an index, or of another version.
@@ -59,7 +59,7 @@ class UnitParts:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """JSON values, as in unit.json."""
+        """Return JSON values, as in unit.json."""
         return {
             "unit_version": UNIT_VERSION,
             "frames_per_second": self.frames_per_second,

@@ -34,7 +34,7 @@ class EpisodeTasks:
 
 
 def read_tasks(folder: Path, number: int, row_tasks: NDArray[Any] | None) -> EpisodeTasks:
-    """Instructions of an episode, by the loaders' rule, and how it finished.
+    """Return the instructions of an episode, by the loaders' rule, and how it finished.
 
     Args:
         folder: the scene's.
@@ -106,7 +106,7 @@ def _text(task: dict[str, Any]) -> str:
 
 
 def _whole(path: Path, value: Any) -> int:
-    """A whole number, or the only one of a list, as LeRobot writes statistics."""
+    """Return a whole number, or the only one of a list, as LeRobot writes statistics."""
     inner = value
     while isinstance(inner, list) and len(inner) == 1:
         inner = inner[0]

@@ -79,7 +79,7 @@ class Assumptions:
     frames_per_second: int = ROWS_PER_SECOND
 
     def note(self) -> dict[str, Any]:
-        """JSON values for the provenance."""
+        """Return JSON values for the provenance."""
         return {
             "assumed": dict(vars(self)),
             "derived": [
@@ -114,7 +114,7 @@ def foreign_parts(
     rgb_video: Path,
     depth_video: Path,
 ) -> tuple[UnitParts, pa.Table]:
-    """Index, without the images' statistics, and rows.
+    """Return the index, without the images' statistics, and rows.
 
     Raises:
         InputError: If the robot or the height of its base is unknown.
@@ -153,7 +153,7 @@ def foreign_parts(
 def frame_table(
     episode: LayoutEpisode, base_height_m: float, rate: int
 ) -> tuple[FrameTable, StartFrame]:
-    """Frame rows of the columns that others' data allows, and the frame they are in."""
+    """Return the frame rows of the columns that others' data allows, and the frame they are in."""
     columns = episode.columns
     position = columns["observation.robot_position"]
     quat = _unit(columns["observation.robot_orientation"])
@@ -254,7 +254,7 @@ def _columns(
 
 
 def _end_reason(episode: LayoutEpisode) -> EndReason:
-    """The end reason nearest to how the layout says the episode finished."""
+    """Return the end reason nearest to how the layout says the episode finished."""
     words = f"{episode.finish_status} {episode.fail_reason}".lower()
     if episode.finish_status == "success":
         return EndReason.SUCCESS
@@ -271,7 +271,7 @@ def _unit(quat_wxyz: NDArray[np.float64]) -> NDArray[np.float64]:
 def _linear_velocity(
     position_world_m: NDArray[np.float64], rotation: NDArray[np.float64], rate: int
 ) -> NDArray[np.float64]:
-    """Central differences of positions (N, 3), in the base frame [m/s]."""
+    """Return the central differences of positions (N, 3), in the base frame [m/s]."""
     if len(position_world_m) == 1:
         return np.zeros((1, 3))
     velocity = np.gradient(position_world_m, 1.0 / rate, axis=0)
@@ -279,7 +279,7 @@ def _linear_velocity(
 
 
 def _angular_velocity(rotation: NDArray[np.float64], rate: int) -> NDArray[np.float64]:
-    """Central differences of orientations (N, 3, 3), in the base frame [rad/s].
+    """Return the central differences of orientations (N, 3, 3), in the base frame [rad/s].
 
     The rotation vector of Rᵀ(t₀) R(t₁) over t₁ − t₀, by way of its quaternion.
     """

@@ -41,7 +41,7 @@ def _repeated(images: Iterable[NDArray[Any]], repeats: Sequence[int]) -> Iterato
 
 
 def stored_depth(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Depth [m], 0 = nothing there, as the layout stores it."""
+    """Return the depth [m], 0 = nothing there, as the layout stores it."""
     scaled = np.where(depth_m > 0, depth_m / np.float32(layout.DEPTH_UNIT_M), np.float32(1))
     return np.minimum(scaled, np.float32(1)).astype(np.float32)
 

@@ -84,13 +84,13 @@ def scan_name(robot: str, controller: str) -> str:
 
 
 def scene_name(scene_id: str) -> str:
-    """A scene's folder: the last part of its id, without what the loaders split keys by."""
+    """Return a scene's folder: the last part of its id, without what the loaders split keys by."""
     name = scene_id.rstrip("/").rpartition("/")[2].partition(".")[0].replace("_", "-")
     return f"{name}-scene" if name in _RESERVED_SCENES else name
 
 
 def arrow_type(dtype: str, size: int) -> pa.DataType:
-    """Type of a parquet column."""
+    """Return the type of a parquet column."""
     return _ARROW[dtype] if size == 1 else pa.list_(pa.field("element", _ARROW[dtype]), size)
 
 
@@ -111,7 +111,7 @@ def place(template: str, number: int, **names: str) -> str:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """One object.
+    """Return one object.
 
     Raises:
         FileFormatError: missing, no JSON, or no object.
@@ -120,7 +120,7 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def read_lines(path: Path) -> list[dict[str, Any]]:
-    """One object per line.
+    """Return one object per line.
 
     Raises:
         FileFormatError: missing, or a line is not a JSON object.

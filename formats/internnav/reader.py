@@ -68,7 +68,7 @@ class LayoutEpisode:
 
 
 def find_scenes(root: Path) -> list[SceneFolder]:
-    """All scenes under `root`: of a whole dataset, one scan, one scene or one trajectory.
+    """Return all scenes under `root`: of a whole dataset, one scan, one scene or one trajectory.
 
     Raises:
         FileFormatError: there is none.
@@ -151,7 +151,7 @@ def read_layout_episode(folder: Path, number: int) -> LayoutEpisode:
 
 
 def read_dataset_facts(folder: Path) -> dict[str, Any] | None:
-    """Facts of the dataset that our own writer kept, or None.
+    """Return the facts of the dataset that our own writer kept, or None.
 
     Raises:
         FileFormatError: damaged.

@@ -42,7 +42,7 @@ class SceneEpisode:
 
 
 def share_instructions(units: Sequence[EpisodeUnit]) -> list[tuple[str, ...]]:
-    """Instructions of each unit: its own, and those of its path that no other unit has.
+    """Return the instructions of each unit: its own, and those of its path that no other unit has.
 
     So every paraphrase is trained once, and none can be taken for another episode's.
     """

@@ -53,7 +53,7 @@ class CameraFacts:
 
     @staticmethod
     def of(camera: CameraModel, camera_pose: NDArray[np.floating]) -> CameraFacts:
-        """Facts of the poses (N, 7), position [m] and quat_wxyz in the start frame."""
+        """Return the facts of the poses (N, 7), position [m] and quat_wxyz in the start frame."""
         forward_z = quat_to_matrix(camera_pose[:, 3:].astype(np.float64))[:, 2, 2]
         pitch = np.rad2deg(np.arcsin(np.clip(-forward_z, -1.0, 1.0)))
         return CameraFacts(camera, _spread(camera_pose[:, 2]), _spread(pitch))
@@ -82,7 +82,7 @@ class CardFacts:
     provenance: Mapping[str, Any]
 
     def scene_licences(self) -> dict[str, str]:
-        """Licence identifier of each scene that the provenance knows."""
+        """Return the licence identifier of each scene that the provenance knows."""
         scenes: Mapping[str, Any] = self.provenance.get("scenes") or {}
         return {
             name: licence_id(str(source.get("licence") or ""))

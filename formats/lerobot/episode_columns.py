@@ -69,7 +69,7 @@ def episode_columns(
     light: str,
     instructions: Sequence[str],
 ) -> dict[str, Any]:
-    """Values of `EPISODE_COLUMNS` for one rollout, as JSON values."""
+    """Return the values of `EPISODE_COLUMNS` for one rollout, as JSON values."""
     episode = rollout.episode
     start = StartFrame.of(rollout)
     ids = instruction_ids(episode)

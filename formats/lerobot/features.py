@@ -25,7 +25,7 @@ def dataset_features(
     depth_range: DepthRange,
     depth_storage: str = "video",
 ) -> Features:
-    """Features of a dataset of one robot and one camera view."""
+    """Return the features of a dataset of one robot and one camera view."""
     features: Features = {
         key: {"dtype": str(column.dtype), "shape": [column.shape[1]], "names": names}
         for (key, column), names in zip(

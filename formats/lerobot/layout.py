@@ -69,7 +69,7 @@ def automatic_features() -> Features:
 
 
 def row_schema(features: Features, without: tuple[str, ...] = ()) -> pa.Schema:
-    """Parquet schema of the frame rows, with the metadata by which `datasets` types them."""
+    """Return Parquet schema of the frame rows, with the metadata by which `datasets` types them."""
     fields, hub_features = [], {}
     for key, feature in features.items():
         if feature["dtype"] == "video" or key in without:
@@ -91,7 +91,7 @@ def row_schema(features: Features, without: tuple[str, ...] = ()) -> pa.Schema:
 
 
 def tasks_table(tasks: list[str]) -> pa.Table:
-    """Tasks in index order, as pandas would store a frame with the index `task`."""
+    """Return the tasks in index order, as pandas would store a frame with the index `task`."""
 
     def column(name: str, pandas_type: str, numpy_type: str) -> dict[str, Any]:
         return {

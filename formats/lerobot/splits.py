@@ -18,7 +18,7 @@ def is_published_holdout(split: str) -> bool:
 
 
 def held_out_scenes(scenes: Iterable[str]) -> frozenset[str]:
-    """Scenes whose training episodes validate instead: a tenth, at least one of several.
+    """Return the scenes whose training episodes validate instead: a tenth, at least one of several.
 
     Chosen by the digest of their names, so that all datasets of the same scenes hold out the same.
     A single scene holds out nothing.
@@ -30,7 +30,7 @@ def held_out_scenes(scenes: Iterable[str]) -> frozenset[str]:
 
 
 def published_split(split: str, scene: str, held_out: Collection[str]) -> str:
-    """The split that an episode is published in.
+    """Return the split that an episode is published in.
 
     Args:
         split: of the episode's source; only `train` is divided, others (`val_unseen`, …) stay.

@@ -26,7 +26,7 @@ Statistics = dict[str, NDArray[Any]]
 
 
 def column_statistics(values: NDArray[Any]) -> Statistics:
-    """Statistics of a column (N, D) or (N,); each entry (D,), `count` (1,)."""
+    """Return the statistics of a column (N, D) or (N,); each entry (D,), `count` (1,)."""
     columns = values.reshape(len(values), -1)
     columns = columns.astype(np.result_type(columns.dtype, np.float32), copy=False)
     lower, upper = columns.min(axis=0), columns.max(axis=0)
@@ -47,7 +47,7 @@ def column_statistics(values: NDArray[Any]) -> Statistics:
 def image_statistics(
     values: NDArray[np.float32], counts: NDArray[np.int64], frames: int
 ) -> Statistics:
-    """Statistics of images from how often each value occurs.
+    """Return the statistics of images from how often each value occurs.
 
     Args:
         values: (K,) ascending pixel values.
@@ -94,7 +94,7 @@ def picture_statistics(
     length: int,
     millimetres: bool,
 ) -> dict[str, Statistics]:
-    """Statistics of an episode's colours and depth, from how often each value occurs.
+    """Return the statistics of an episode's colours and depth, from how often each value occurs.
 
     Args:
         rgb_counts: (3, 256).
@@ -117,12 +117,12 @@ def picture_statistics(
 
 
 def statistics_to_json(statistics: Statistics) -> dict[str, Any]:
-    """Arrays to nested lists, in LeRobot's order."""
+    """Return the arrays to nested lists, in LeRobot's order."""
     return {key: np.asarray(statistics[key]).tolist() for key in (*MOMENTS, *QUANTILES)}
 
 
 def statistics_from_json(statistics: dict[str, Any]) -> Statistics:
-    """Nested lists to arrays."""
+    """Return the nested lists to arrays."""
     return {key: np.asarray(value) for key, value in statistics.items()}
 
 
@@ -160,7 +160,7 @@ def _column_quantiles(columns: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def _quantiles(values: NDArray[Any], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Histogram quantiles of ascending `values` (N,) that occur `weights` (N,) times."""
+    """Return the histogram quantiles of ascending `values` (N,) that occur `weights` (N,) times."""
     edges = _edges(values)
     bins = _bins(edges, values)
     first = np.flatnonzero(np.diff(bins, prepend=-1))  # first value of each occupied bin

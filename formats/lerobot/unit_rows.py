@@ -15,18 +15,18 @@ from .layout import DATASET_ROWS, DEPTH_KEY, IMAGE_TYPE, Features, row_schema
 
 
 def unit_schema(features: Features) -> pa.Schema:
-    """Schema of a unit's frame rows."""
+    """Return the schema of a unit's frame rows."""
     return row_schema(features, without=tuple(DATASET_ROWS))
 
 
 def number_schema(features: Features) -> pa.Schema:
-    """Schema of a unit's frame rows without images."""
+    """Return the schema of a unit's frame rows without images."""
     images = tuple(key for key, feature in features.items() if feature["dtype"] == "image")
     return row_schema(features, without=(*DATASET_ROWS, *images))
 
 
 def unit_rows(columns: Mapping[str, np.ndarray], features: Features) -> pa.Table:
-    """Frame rows, without images, of arrays (N, D) or (N,), by feature."""
+    """Return the frame rows, without images, of arrays (N, D) or (N,), by feature."""
     schema = number_schema(features)
     arrays = []
     for field in schema:
@@ -40,7 +40,10 @@ def unit_rows(columns: Mapping[str, np.ndarray], features: Features) -> pa.Table
 
 
 def row_arrays(rows: pa.Table) -> dict[str, np.ndarray]:
-    """Inverse of `unit_rows`: arrays (N, D), or (N,) of single numbers; images are left out."""
+    """Return the inverse of `unit_rows`: arrays (N, D), or (N,) of single numbers.
+
+    Images are left out.
+    """
     result = {}
     for name in rows.schema.names:
         column = rows[name].combine_chunks()

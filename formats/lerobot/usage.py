@@ -16,7 +16,7 @@ POLICIES = ("act", "diffusion")
 
 
 def loading_code(repo: str) -> str:
-    """Python code that opens the dataset `repo` of the hub with LeRobot."""
+    """Return Python code that opens the dataset `repo` of the hub with LeRobot."""
     return f"""\
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
@@ -27,7 +27,7 @@ frame = dataset[0]
 
 
 def training_command(repo: str, features: Mapping[str, Mapping[str, Any]]) -> str:
-    """The shell command that trains ACT on the dataset `repo`, or another of `POLICIES`.
+    """Return the shell command that trains ACT on the dataset `repo`, or another of `POLICIES`.
 
     Nothing but the dataset is fetched: the image backbone starts without pretrained weights.
 

@@ -60,7 +60,7 @@ def extract_videos(
 
 
 def topic_messages(contents: Contents, path: Path, topic: str, count: int) -> list[Any]:
-    """A topic's messages, decoded by the schema in the file.
+    """Return a topic's messages, decoded by the schema in the file.
 
     Raises:
         FileFormatError: the topic is missing, has another number of messages, or is damaged.
@@ -78,7 +78,7 @@ def topic_messages(contents: Contents, path: Path, topic: str, count: int) -> li
 
 
 def message_class(schema: Schema) -> type[Message]:
-    """The Protobuf class that a file's schema describes.
+    """Return the Protobuf class that a file's schema describes.
 
     Raises:
         TypeError, KeyError, DecodeError: the schema is damaged.

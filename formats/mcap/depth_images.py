@@ -24,7 +24,7 @@ ANY_NEAR_M = 1e-6
 
 @functools.cache
 def depth_encoding(depth_range: DepthRange) -> tuple[str, int]:
-    """Foxglove's name of the encoding for a range, and its bytes per pixel.
+    """Return Foxglove's name of the encoding for a range, and its bytes per pixel.
 
     Raises:
         ValueError: the range does not fit into 16 bits of millimetres.
@@ -37,14 +37,14 @@ def depth_encoding(depth_range: DepthRange) -> tuple[str, int]:
 
 
 def encode_depth(codes: NDArray[np.uint16], depth_range: DepthRange) -> bytes:
-    """Pixels of a depth image (H, W) in the range's encoding, row by row."""
+    """Return the pixels of a depth image (H, W) in the range's encoding, row by row."""
     if depth_encoding(depth_range)[0] == MILLIMETRES:
         return codes_to_millimetres(codes, depth_range).astype("<u2").tobytes()
     return codes_to_depth(codes, depth_range).astype("<f4").tobytes()
 
 
 def decode_depth(data: bytes, encoding: str, depth_range: DepthRange) -> NDArray[np.uint16]:
-    """Codes (H · W,) of the pixels that `encode_depth` made.
+    """Return the codes (H · W,) of the pixels that `encode_depth` made.
 
     Raises:
         ValueError: another encoding, or a depth that no code of the range stands for.

@@ -149,7 +149,7 @@ def write_json_metadata(recording: Recording, name: str, value: Mapping[str, Any
 
 
 def read_json_metadata(contents: Contents, name: str, path: Path) -> Any:
-    """Inverse of `write_json_metadata`; None when there is no such record.
+    """Return the inverse of `write_json_metadata`; None when there is no such record.
 
     Raises:
         FileFormatError: the record is no JSON.
@@ -189,7 +189,7 @@ def extract_episode(path: Path, folder: Path) -> ExtractedEpisode:
 
 
 def extract_contents(contents: Contents, path: Path, folder: Path) -> ExtractedEpisode:
-    """`extract_episode` of a file that was read."""
+    """Return `extract_episode` of a file that was read."""
     rollout, facts, arrays = extract_records(contents, path)
     with atomic_folder(folder) as temporary:
         count = len(arrays["sample_index"])
@@ -209,7 +209,7 @@ def extract_contents(contents: Contents, path: Path, folder: Path) -> ExtractedE
 def extract_records(
     contents: Contents, path: Path
 ) -> tuple[Rollout, dict[str, Any], dict[str, NDArray[Any]]]:
-    """Rollout, facts of the view (meta.json) and arrays of its frames (frames.npz).
+    """Return the rollout, facts of the view (meta.json) and arrays of its frames (frames.npz).
 
     Raises:
         FileFormatError: one of them is missing or damaged.

@@ -20,7 +20,7 @@ FORMAT_VERSION = 1
 
 
 def episode_to_json(episode: Episode) -> dict[str, Any]:
-    """Episode to JSON values; floats are exact."""
+    """Return the episode to JSON values; floats are exact."""
     return {
         key: value.tolist() if isinstance(value, np.ndarray) else value
         for key, value in vars(episode).items()
@@ -28,7 +28,7 @@ def episode_to_json(episode: Episode) -> dict[str, Any]:
 
 
 def episode_from_json(values: dict[str, Any]) -> Episode:
-    """Inverse of `episode_to_json`."""
+    """Return the inverse of `episode_to_json`."""
     arguments = dict(values)
     for key in ("start_position_world_m", "goal_position_world_m", "reference_path_world_m"):
         arguments[key] = np.array(values[key], dtype=np.float64)
@@ -36,7 +36,7 @@ def episode_from_json(values: dict[str, Any]) -> Episode:
 
 
 def rollout_facts(rollout: Rollout) -> dict[str, str]:
-    """Everything but the arrays, as a metadata record."""
+    """Return everything but the arrays, as a metadata record."""
     facts = {
         "format_version": FORMAT_VERSION,
         "samples": len(rollout.time_s),

@@ -26,7 +26,7 @@ LABELS_NAME = "labels.json"  # beside the videos: names of their numbers
 
 
 def id_videos(facts: Mapping[str, Any]) -> dict[str, str]:
-    """Names and files of the videos of integers that a view's facts (meta.json) list."""
+    """Return the names and files of the videos of integers that a view's facts (meta.json) list."""
     return {
         name: str(value["file"])
         for name, value in facts.items()
@@ -35,7 +35,7 @@ def id_videos(facts: Mapping[str, Any]) -> dict[str, str]:
 
 
 def id_messages(recording: Recording, rollout: Rollout, view: FrameFolder) -> list[Iterator[Write]]:
-    """Each video's frames, its own PNG packets, one stream of messages per video."""
+    """Return each video's frames, its own PNG packets, one stream of messages per video."""
     folder = view.rgb_video.parent
     return [
         _messages(recording, rollout, view, name, folder / file)

@@ -71,12 +71,12 @@ def open_recording(path: Path) -> Iterator[Recording]:
 
 
 def nanoseconds(time_s: float) -> int:
-    """Simulation time [s] as a log time [ns]."""
+    """Return the simulation time [s] as a log time [ns]."""
     return round(float(time_s) * NANOSECONDS)
 
 
 def timestamp(time_s: float) -> Timestamp:
-    """Simulation time [s] as a message's time stamp."""
+    """Return the simulation time [s] as a message's time stamp."""
     sec, nsec = divmod(nanoseconds(time_s), NANOSECONDS)
     return Timestamp(sec, nsec)
 

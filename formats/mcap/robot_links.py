@@ -69,7 +69,7 @@ class RobotLinks:
 
 
 def robot_topics(links: RobotLinks) -> tuple[ShownTopic, ...]:
-    """The body, once, and a transform base → link of every link and time."""
+    """Return the body, once, and a transform base → link of every link and time."""
     if not links.names:
         return ()
     start = float(links.time_s[0])

@@ -39,7 +39,7 @@ def read_rollout(path: Path) -> Rollout:
 
 
 def rollout_of(contents: Contents, path: Path) -> Rollout:
-    """The rollout in a file that was read; `path` is for errors.
+    """Return the rollout in a file that was read; `path` is for errors.
 
     Raises:
         FileFormatError: no rollout in it, or a damaged one.

@@ -60,7 +60,7 @@ def shown_messages(recording: Recording, shown: ShownTopic) -> Iterator[Write]:
 
 
 def extract_shown(contents: Contents) -> tuple[ShownTopic, ...]:
-    """The topics that a file has of `TOPICS`."""
+    """Return the topics that a file has of `TOPICS`."""
     found = []
     for topic in TOPICS:
         messages = contents.messages.get(topic)

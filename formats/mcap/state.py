@@ -70,7 +70,7 @@ def state_schema() -> bytes:
 
 
 def encode_states(rollout: Rollout) -> list[bytes]:
-    """One message per sample."""
+    """Return one message per sample."""
     count = len(rollout.time_s)
     parts = []
     for number, item in enumerate(FIELDS, 1):
@@ -118,7 +118,7 @@ def _head(number: int, item: _Field, size: int) -> bytes:
 def _read_head(
     row: NDArray[np.uint8], at: int, number: int, item: _Field, path: Path
 ) -> tuple[int, int]:
-    """Size of a field's payload and where it starts."""
+    """Return the size of a field's payload and where it starts."""
     size, shift, start = 8 if item.scalar else 0, 0, at + 1
     if not item.scalar:
         while start < len(row):

@@ -42,12 +42,12 @@ Write = tuple[int, Callable[[], None]]
 
 
 def vector(values: NDArray) -> Vector3:
-    """(3,) array to a message."""
+    """Return (3,) array to a message."""
     return Vector3(x=float(values[0]), y=float(values[1]), z=float(values[2]))
 
 
 def quaternion(quat_wxyz: NDArray) -> Quaternion:
-    """Quaternion wxyz to a message, which names its parts."""
+    """Return the quaternion wxyz to a message, which names its parts."""
     w, x, y, z = (float(v) for v in quat_wxyz)
     return Quaternion(x=x, y=y, z=z, w=w)
 

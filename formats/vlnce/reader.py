@@ -52,7 +52,7 @@ class EpisodeReader:
             raise self.error("not an object")
 
     def error(self, reason: str) -> BadEpisodeError:
-        """The error to raise for `reason`, naming file and episode."""
+        """Return the error to raise for `reason`, naming file and episode."""
         name = self.raw.get("episode_id") if isinstance(self.raw, dict) else None
         return BadEpisodeError(self.path, BadEpisode(self.index, name, reason))
 
@@ -152,7 +152,7 @@ class EpisodeReader:
 
 
 def unsafe_scene_id(value: Any) -> bool:
-    """Whether a scene id would lead out of the folder of scenes."""
+    """Return whether a scene id would lead out of the folder of scenes."""
     if not isinstance(value, str):
         return False
     absolute = PurePosixPath(value).is_absolute() or PureWindowsPath(value).anchor
@@ -160,7 +160,7 @@ def unsafe_scene_id(value: Any) -> bool:
 
 
 def _finite(value: Any) -> bool:
-    """Whether a JSON value is a number that a float can hold."""
+    """Return whether a JSON value is a number that a float can hold."""
     if type(value) is float:
         return math.isfinite(value)
     return type(value) is int and abs(value) < 1 << 1000

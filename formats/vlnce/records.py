@@ -131,7 +131,7 @@ class VlnceFile:
 
 
 def split_name(path: Path) -> str:
-    """The split that a file is named for; see `VlnceFile.split`."""
+    """Return the split that a file is named for; see `VlnceFile.split`."""
     name = path.name.split(".")[0]
     for role in ("_guide", "_follower"):
         name = name.removesuffix(role)

@@ -19,7 +19,7 @@ class Vocabulary:
 
     @staticmethod
     def of(texts: Iterable[str]) -> Vocabulary:
-        """All words of `texts`, sorted, so that equal texts give equal vocabularies."""
+        """Return all words of `texts`, sorted, so that equal texts give equal vocabularies."""
         found = sorted({word for text in texts for word in tokenize(text)})
         return Vocabulary((PAD, UNKNOWN, *found))
 
@@ -29,13 +29,13 @@ class Vocabulary:
         return {word: k for k, word in enumerate(self.words)}
 
     def encode(self, text: str, length: int) -> list[int]:
-        """Word indices of `text`, cut or padded to `length`."""
+        """Return the word indices of `text`, cut or padded to `length`."""
         unknown = self.index[UNKNOWN]
         indices = [self.index.get(word, unknown) for word in tokenize(text)][:length]
         return indices + [self.index[PAD]] * (length - len(indices))
 
     def to_json(self) -> dict[str, Any]:
-        """The `instruction_vocab` object of an episode file."""
+        """Return the `instruction_vocab` object of an episode file."""
         return {
             "word_list": list(self.words),
             "word2idx_dict": self.index,
@@ -48,5 +48,5 @@ class Vocabulary:
 
 
 def tokenize(text: str) -> list[str]:
-    """Lower-case words and punctuation marks of `text`."""
+    """Return the lower-case words and punctuation marks of `text`."""
     return re.findall(r"\w+(?:['’-]\w+)*|[^\w\s]", text.lower())

@@ -170,7 +170,7 @@ class _Aligner:
         return (self.along >= low_m - half) & (self.along <= high_m + half)
 
     def _fits(self, k: int, claim: Claim) -> list[int]:
-        """How many turns are made after a claimed turn that begins with turn `k`."""
+        """Return how many turns are made after a claimed turn that begins with turn `k`."""
         found = []
         total = 0.0
         for j in range(k, len(self.turns)):
@@ -264,7 +264,7 @@ class _Aligner:
         return sorted(set(options))
 
     def _only_way_out(self, claim: Claim) -> bool:
-        """Whether a claim is that the first room is left, by the only opening it has."""
+        """Return whether a claim is that the first room is left, by the only opening it has."""
         facts = self.ground.facts
         if claim.kind != "exit" or claim.side or not facts.passages or facts.visits[0].exits != 1:
             return False
@@ -272,7 +272,7 @@ class _Aligner:
         return bool((claim.mask & self._between(out_m - 0.4, out_m + 0.4)).any())
 
     def _rounded(self, made: int, claim: Claim) -> list[int]:
-        """Numbers of turns that may be made on the way around a thing."""
+        """Return the numbers of turns that may be made on the way around a thing."""
         options = [made]
         for k in range(made, len(self.turns)):
             turn = self.turns[k]

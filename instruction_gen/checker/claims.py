@@ -20,7 +20,7 @@ _UNSURE = frozenset(("place", "door", "exit", "walk"))
 
 
 def claims_of(parse: Parse, ground: Ground) -> list[Claim]:
-    """The claims of a text."""
+    """Return the claims of a text."""
     result: list[Claim] = []
     last = last_stop(parse)
     loose = loose_sides(parse)

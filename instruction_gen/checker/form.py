@@ -28,7 +28,7 @@ def _leads(clause: Clause) -> bool:
 
 
 def form_problems(parse: Parse) -> list[str]:
-    """What is wrong with a text before any of its claims is looked at."""
+    """Return what is wrong with a text before any of its claims is looked at."""
     text = parse.text
     problems = []
     if len(text) > MAX_CHARACTERS:

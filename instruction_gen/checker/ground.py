@@ -34,14 +34,14 @@ class Ground(Things):
     # rooms ------------------------------------------------------------------------------------
 
     def entered(self, noun: Noun) -> Found:
-        """Where a room is entered."""
+        """Return where a room is entered."""
         edges = self._thresholds(noun)
         if edges is not None:
             return edges
         return self._rooms(noun, lambda v: self._around(v.from_m) if v.from_m > 0 else None)
 
     def left(self, noun: Noun) -> Found:
-        """Where a room is left, on the side said."""
+        """Return where a room is left, on the side said."""
         end = self.length_m
         if noun.side:
             sided = [p for p in self.facts.passages if self._door_side(p.along_m, noun.side)]
@@ -58,7 +58,10 @@ class Ground(Things):
         return found
 
     def _thresholds(self, noun: Noun) -> Found | None:
-        """Where a room is entered at the very start or end of the path; None where it is not."""
+        """Return where a room is entered at the very start or end of the path.
+
+        None where it is not.
+        """
         names = room_names(noun.head)
         visits = self.facts.visits
         start = visits[0].room in names and bool(self.facts.start_rooms)
@@ -74,15 +77,15 @@ class Ground(Things):
         return bool(room_names(noun.head) & set(rooms))
 
     def inside(self, noun: Noun) -> Found:
-        """Where one is in a room."""
+        """Return where one is in a room."""
         return self._rooms(noun, lambda v: self._between(v.from_m - 0.4, v.to_m + 0.4))
 
     def room_ahead(self, noun: Noun) -> Found:
-        """Where a room lies ahead, or is entered."""
+        """Return where a room lies ahead, or is entered."""
         return self._rooms(noun, lambda v: self._between(v.from_m - 7.0, v.from_m + 1.0))
 
     def room_end(self, noun: Noun) -> Found:
-        """The far end of a room, as it is walked."""
+        """Return the far end of a room, as it is walked."""
         return self._rooms(noun, lambda v: self._between(max(v.from_m, v.to_m - 2.5), v.to_m + 0.6))
 
     def room_in_view(self, noun: Noun) -> Found:
@@ -94,14 +97,14 @@ class Ground(Things):
         return Found(np.zeros(len(self.along_m), dtype=bool), f"the {noun.text} is never in view")
 
     def stopped_in(self, noun: Noun) -> Found:
-        """The end of the path, if that is in the room."""
+        """Return the end of the path, if that is in the room."""
         nothing = np.zeros(len(self.along_m), dtype=bool)
         if self._is_in(noun, (self.facts.goal_room, *self.facts.goal_rooms)):
             return Found(self.at_goal())
         return Found(nothing, f"the path does not end in the {noun.text}")
 
     def stopped_before(self, noun: Noun) -> Found:
-        """The end of the path, if that is close to a way into the room."""
+        """Return the end of the path, if that is close to a way into the room."""
         entered = self.entered(noun).mask & self.at_goal(2.6)
         if entered.any() or self._is_in(noun, self.facts.goal_near_rooms):
             return Found(self.at_goal())
@@ -121,7 +124,7 @@ class Ground(Things):
     # doors ------------------------------------------------------------------------------------
 
     def through_door(self, noun: Noun) -> Found:
-        """Where the path passes from one room into another."""
+        """Return where the path passes from one room into another."""
         nothing = np.zeros(len(self.along_m), dtype=bool)
         passages = list(self.facts.passages)
         if noun.side:
@@ -147,11 +150,11 @@ class Ground(Things):
         return Found(result)
 
     def door_near(self, noun: Noun, reach_m: float = REACH_M) -> Found:
-        """Where a doorway is at hand."""
+        """Return where a doorway is at hand."""
         return self._where(replace_head(noun, DOOR), self._near(reach_m), "beside the path")
 
     def stopped_at_door(self) -> Found:
-        """The end of the path, if a doorway is there."""
+        """Return the end of the path, if a doorway is there."""
         near = [n for n, m in enumerate(self.facts.landmarks) if m.noun == DOOR]
         if any(self.distance[n, -1] <= 2.0 for n in near):
             return Found(self.at_goal())

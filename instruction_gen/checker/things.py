@@ -75,12 +75,12 @@ class Things:
     # things -----------------------------------------------------------------------------------
 
     def passed(self, noun: Noun) -> Found:
-        """Where a thing is close by, on the side said."""
+        """Return where a thing is close by, on the side said."""
         beside = (np.abs(self.bearing) >= 38.0) & (np.abs(self.bearing) <= 145.0)
         return self._where(noun, self._near(PASS_M) & beside & self._nearest(), "beside the path")
 
     def abeam(self, noun: Noun) -> float | None:
-        """Where the middle of a thing is passed [m]; None if it is one of several."""
+        """Return where the middle of a thing is passed [m]; None if it is one of several."""
         chosen = [n for n, m in enumerate(self.facts.landmarks) if answers_to(m, noun.head)]
         near = [n for n in chosen if self._is_beside(n)]
         if len(near) != 1:
@@ -92,7 +92,7 @@ class Things:
         return float(self.along_m[np.argmin(across / 15.0 + self.distance[near[0]])])
 
     def beside(self, noun: Noun) -> Found:
-        """Where a thing is abeam, or near and ahead, on the side said."""
+        """Return where a thing is abeam, or near and ahead, on the side said."""
         ahead = self._near(BESIDE_M) & (np.abs(self.bearing) < 60.0)
         abeam = (np.abs(self.bearing) >= 38.0) & (np.abs(self.bearing) <= 145.0)
         abeam &= self._near(PASS_M) & (self._nearest() | (self.distance <= 1.2))
@@ -101,25 +101,25 @@ class Things:
         return self._where(noun, ahead | abeam, "beside the path")
 
     def reached(self, noun: Noun) -> Found:
-        """Where a thing is at hand."""
+        """Return where a thing is at hand."""
         return self._where(noun, self._near(REACH_M), "reached")
 
     def seen_at(self, noun: Noun) -> Found:
-        """Where a thing is in view, on the side said."""
+        """Return where a thing is in view, on the side said."""
         # "With the sofa on your left" is said of a sofa nearby.
         reach = BESIDE_M if noun.side and noun.prep == "with" else SEE_M
         mask = self.seen & (self.distance <= reach) & (np.abs(self.bearing) <= 115.0)
         return self._where(noun, mask | self._near(PASS_M), "in view")
 
     def headed_for(self, noun: Noun) -> Found:
-        """Where one walks towards a thing, or has come to it."""
+        """Return where one walks towards a thing, or has come to it."""
         ahead = self.seen & (self.distance <= SEE_M) & (np.abs(self.facing) <= _FACING_DEG)
         closer = np.zeros_like(ahead)
         closer[:, :-2] = self.distance[:, 2:] < self.distance[:, :-2]
         return self._where(noun, (ahead & closer) | self._near(REACH_M), "walked towards")
 
     def stopped_at(self, noun: Noun) -> Found:
-        """The end of the path, where a thing is at hand there on the side said."""
+        """Return the end of the path, where a thing is at hand there on the side said."""
         mask = np.zeros_like(self.open)
         reach = REACH_M
         here = self.distance[:, -1]
@@ -132,7 +132,7 @@ class Things:
         return Found(self.at_goal() if found.mask.any() else found.mask)
 
     def stopped_after(self, noun: Noun) -> Found:
-        """The end of the path, where a thing was passed shortly before."""
+        """Return the end of the path, where a thing was passed shortly before."""
         found = self.passed(noun)
         at_m = self.abeam(noun)
         late = found.mask & self.at_goal(AFTER_M)
@@ -143,7 +143,7 @@ class Things:
         return Found(late, f"the {noun.text} is not just before the end of the path")
 
     def at_goal(self, within_m: float = 2.2) -> Mask:
-        """The last stretch."""
+        """Return the last stretch."""
         return self.along_m >= self.length_m - within_m
 
     def _near(self, reach_m: float) -> Mask:
@@ -201,7 +201,7 @@ class Things:
         return Found(result)
 
     def _in_room(self, head: str) -> list[int]:
-        """Things that are named by their room and kind: `kitchen table`."""
+        """Return the things that are named by their room and kind: `kitchen table`."""
         *room, kind = head.split()
         names = room_names(" ".join(room))
         marks = enumerate(self.facts.landmarks)
@@ -243,7 +243,7 @@ class Things:
         return np.array([n in right for n, _ in zip(chosen, marks, strict=True)], dtype=bool)
 
     def _counted(self, chosen: list[int], number: int) -> Mask:
-        """Where as many things are around as said; several, where no number is."""
+        """Return where as many things are around as said; several, where no number is."""
 
         def around(reach_m: float) -> NDArray[np.int64]:
             near = (self._near(reach_m) | (self.seen & (self.distance <= reach_m)))[chosen]
@@ -262,25 +262,25 @@ def spread(mask: Mask, along_m: NDArray[np.float64], by_m: float) -> Mask:
 
 
 def answers_to(mark: LandmarkFact, head: str) -> bool:
-    """Whether a landmark may be called `head`."""
+    """Return whether a landmark may be called `head`."""
     if mark.noun == DOOR:
         return head in (DOOR, "door")
     return called(mark.noun, head)
 
 
 def room_names(head: str) -> frozenset[str]:
-    """Canonical rooms that `head` may mean."""
+    """Return the canonical rooms that `head` may mean."""
     direct = {room for room in ROOM_PHRASES.get(head, ()) if head in room_answers(room)}
     return frozenset(direct)
 
 
 def replace_side(noun: Noun, side: str) -> Noun:
-    """The same phrase on another side."""
+    """Return the same phrase on another side."""
     return dataclasses.replace(noun, side=side)
 
 
 def replace_head(noun: Noun, head: str) -> Noun:
-    """The same phrase about another kind of thing."""
+    """Return the same phrase about another kind of thing."""
     return Noun(
         noun.text, noun.kind, head, noun.plural, noun.number, noun.ordinal, "", "", noun.only,
         noun.side, noun.prep, noun.part, noun.start, noun.stop,

@@ -76,6 +76,6 @@ def compose_texts(
 
 
 def _alike(text: str, other: str) -> bool:
-    """Whether two texts are nearly the same words in the same order."""
+    """Return whether two texts are nearly the same words in the same order."""
     a, b = text.lower().split(), other.lower().split()
     return a == b or a[:5] == b[:5]

@@ -50,7 +50,7 @@ def _skeleton(marked: str) -> str:
 
 
 def _pick(options: Sequence[str], rng: np.random.Generator, memory: Sequence[str]) -> str:
-    """One at random, rather one that begins with no verb used just before."""
+    """Return one at random, rather one that begins with no verb used just before."""
     fresh = [o for o in options if o.split()[0] not in memory]
     pool = fresh or list(options)
     return pool[int(rng.integers(len(pool)))]
@@ -176,7 +176,7 @@ _MAKERS = {
 
 
 def metres(distance_m: float) -> str:
-    """About how far, in words: `four metres`."""
+    """Return about how far, in words: `four metres`."""
     whole = max(1, round(distance_m))
     return f"{_NUMBER.get(whole, str(whole))} metre" + ("" if whole == 1 else "s")
 

@@ -46,7 +46,7 @@ class Reference:
 def passing_candidates(
     facts: PathFacts, low_m: float, high_m: float, rng: np.random.Generator, colours: float
 ) -> list[Reference]:
-    """Things passed between two places of the path [m], best first."""
+    """Return the things passed between two places of the path [m], best first."""
     found = []
     for mark in facts.landmarks:
         beside = low_m <= mark.along_m <= high_m and mark.distance_m <= PASS_M and mark.side
@@ -59,7 +59,7 @@ def passing_candidates(
 
 
 def stop_candidates(facts: PathFacts, rng: np.random.Generator, colours: float) -> list[Reference]:
-    """Things at the goal, not behind the walker, best first."""
+    """Return the things at the goal, not behind the walker, best first."""
     found = []
     for mark in facts.landmarks:
         at_hand = mark.goal_distance_m <= STOP_M and (mark.goal_open or mark.goal_distance_m < 0.6)
@@ -147,7 +147,7 @@ def _noticed(mark: LandmarkFact) -> bool:
 
 
 def _turned_aside(mark: LandmarkFact) -> bool:
-    """Whether it is clearly beside the walker somewhere close by."""
+    """Return whether it is clearly beside the walker somewhere close by."""
     return any(
         m.open and m.distance_m <= PASS_M + 0.5 and 40.0 <= abs(m.bearing_deg) <= 140.0
         for m in mark.moments

@@ -183,7 +183,7 @@ def _moves(facts: PathFacts, rng: np.random.Generator, taste: Taste, named: set[
 
 
 def _other(passage: PassageFact) -> str:
-    """The room entered; one of the same kind as the room left is just the next room."""
+    """Return the room entered; one of the same kind as the room left is just the next room."""
     return "" if passage.to_room == passage.from_room else passage.to_room
 
 
@@ -291,6 +291,6 @@ def _stop(facts: PathFacts, rng: np.random.Generator, taste: Taste) -> Step:
 
 
 def _faces(mark: Reference, other: Reference) -> bool:
-    """Whether two things lie on either side of the stop."""
+    """Return whether two things lie on either side of the stop."""
     sides = sorted((mark.bearing_deg, other.bearing_deg))
     return -140.0 < sides[0] < -40.0 and 40.0 < sides[1] < 140.0 and mark.noun != other.noun

@@ -133,7 +133,7 @@ def find_turns(
 
 
 def _one_bend(last: Turn, gap_m: float, angle_rad: float) -> bool:
-    """Whether a corner continues the last bend rather than being a turn of its own."""
+    """Return whether a corner continues the last bend rather than being a turn of its own."""
     if np.sign(last.angle_rad) != np.sign(angle_rad):
         return False
     # Twice round a corner, as from one door into the next, is two turns unless on the spot.

@@ -36,7 +36,7 @@ _THRESHOLD_M, _NEAR_M = 0.7, 2.5
 def path_facts(
     episode: Episode, shared: LevelFacts, visibility: Visibility | None = None
 ) -> PathFacts:
-    """Facts of an episode's reference path.
+    """Return the facts of an episode's reference path.
 
     Args:
         episode: only its path and start heading are looked at.

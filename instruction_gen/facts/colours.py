@@ -6,7 +6,7 @@ import colorsys
 
 
 def colour_name(rgb: tuple[int, int, int]) -> str:
-    """The name of a mean sRGB colour (0–255), "" between names.
+    """Return the name of a mean sRGB colour (0–255), "" between names.
 
     Scans are lit warmly and unevenly: greys, whites and browns run into each other, so only
     clearly coloured and clearly dark things are named.

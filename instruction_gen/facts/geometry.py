@@ -96,7 +96,7 @@ def skin_of(noun: str) -> float:
 def no_wall_between(
     start: Array, end: Array, length: Array, regions: RegionMap, skin_m: Array | float = WALL_SKIN_M
 ) -> NDArray[np.bool_]:
-    """Whether lines (K, 2) → (K, 2) meet no wall before the last `skin_m` [m].
+    """Return whether lines (K, 2) → (K, 2) meet no wall before the last `skin_m` [m].
 
     The thing itself may stand at a wall, and a window is in one.
     """

@@ -68,7 +68,7 @@ def follow(text: str, world: World, start_m: Array, start_yaw_rad: float) -> Fol
 
 
 def _along(goals: list[SubGoal], ways: Ways, world: World) -> tuple[Followed, float]:
-    """How following ends on one tree of ways, and what it costs; inf when lost."""
+    """Return how following ends on one tree of ways, and what it costs; inf when lost."""
     here = np.full(len(ways.points_m), np.inf)
     here[0] = 0.0  # cost of having just met the last sub-goal at a cell
     walked = False

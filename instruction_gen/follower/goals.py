@@ -40,7 +40,7 @@ class UnfollowableError(ValueError):
 
 
 def sub_goals(read: Parse) -> list[SubGoal]:
-    """The sub-goals of a text, the stop last.
+    """Return the sub-goals of a text, the stop last.
 
     Raises:
         UnfollowableError: it never says where to stop, or goes on after that.

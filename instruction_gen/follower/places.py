@@ -22,7 +22,7 @@ _NEVER = np.inf
 
 
 def place_cost(goal: SubGoal, ways: Ways, world: World) -> Array:
-    """Cost (N,) of a place that is come by or seen; inf where it is not."""
+    """Return the cost (N,) of a place that is come by or seen; inf where it is not."""
     noun = goal.noun
     if noun is None:
         return np.zeros(len(ways.points_m))
@@ -42,7 +42,7 @@ def place_cost(goal: SubGoal, ways: Ways, world: World) -> Array:
 
 
 def stop_cost(goal: SubGoal, ways: Ways, world: World) -> Array:
-    """Cost (N,) of stopping at a cell; inf where it is not the place."""
+    """Return the cost (N,) of stopping at a cell; inf where it is not the place."""
     noun = goal.noun
     free = np.zeros(len(ways.points_m))
     if noun is None:
@@ -73,7 +73,7 @@ def _flat(grid: Array, ways: Ways) -> Array:
 
 
 def _seen(k: int, ways: Ways, world: World) -> tuple[Array, Array]:
-    """Distance (N,) [m] and bearing (N,) [rad] of a thing."""
+    """Return the distance (N,) [m] and bearing (N,) [rad] of a thing."""
     thing = world.things[k]
     return _flat(world.gap_m(k), ways), ways.bearing_rad(thing.low_m, thing.high_m)
 
@@ -86,7 +86,10 @@ def _sided(bearing: Array, side: str) -> NDArray[np.bool_]:
 
 
 def _meant(noun: Noun, ways: Ways, world: World) -> list[int]:
-    """Things a phrase may mean; an ordinal counts along the way, in all or in one room."""
+    """Return the things a phrase may mean.
+
+    An ordinal counts along the way, in all or in one room.
+    """
     things = world.called(noun.head)
     if not noun.ordinal:
         return things
@@ -153,7 +156,7 @@ def _door(goal: SubGoal, noun: Noun, ways: Ways, world: World) -> Array:
 
 
 def _crossed(ways: Ways, regions: Sequence[int] | None) -> Array:
-    """Where one has just come into a region, or into any other."""
+    """Return where one has just come into a region, or into any other."""
     was = ways.region[ways.before[_ENTERED]]
     changed = (ways.region != was) & (ways.region >= 0)
     if regions is not None:
@@ -162,7 +165,7 @@ def _crossed(ways: Ways, regions: Sequence[int] | None) -> Array:
 
 
 def sided_door(goal: SubGoal) -> bool:
-    """Whether a sub-goal is a door or a room that is passed or entered on a stated side."""
+    """Return whether a sub-goal is a door or a room that is passed or entered on a stated side."""
     noun = goal.noun
     return noun is not None and bool(noun.side) and noun.kind != "object" and goal.kind == "place"
 

@@ -84,30 +84,30 @@ class Ways:
         self.aside_rad = wrap(heading(0, 10) - heading(10, 14))
 
     def _summed(self, value: Array) -> Array:
-        """Sum of a value (N,) over a cell and its ancestors."""
+        """Return the sum of a value (N,) over a cell and its ancestors."""
         total = value.copy()
         for level in self._levels[1:]:
             total[level] += total[self._parent[level]]
         return total
 
     def onward(self, cost: Array) -> Array:
-        """Least cost (N,) of a cell or any ancestor, with the turns walked since."""
+        """Return the least cost (N,) of a cell or any ancestor, with the turns walked since."""
         least = cost - self.untold
         for level in self._levels[1:]:
             least[level] = np.minimum(least[level], least[self._parent[level]])
         return least + self.untold
 
     def lately(self, cost: Array, cells: int) -> Array:
-        """Least value (N,) at a cell or up to `cells` ≤ 16 before it."""
+        """Return the least value (N,) at a cell or up to `cells` ≤ 16 before it."""
         return cost[self.before[: cells + 1]].min(axis=0)
 
     def bearing_rad(self, low_m: Array, high_m: Array) -> Array:
-        """(N,) direction to the nearest edge of a box (2,), (2,) [m], left is positive."""
+        """Return (N,) direction to the nearest edge of a box (2,), (2,) [m], left is positive."""
         to = np.clip(self.points_m, low_m, high_m) - self.points_m
         return wrap(np.arctan2(to[:, 1], to[:, 0]) - self.heading_rad)
 
     def cells_before(self, back_m: tuple[float, float]) -> range:
-        """How many cells back a distance between two [m] is, at most."""
+        """Return how many cells back a distance between two [m] is, at most."""
         return range(int(back_m[0] / (1.45 * CELL_M)), int(back_m[1] / CELL_M) + 2)
 
     def ancestors(self, count: int) -> list[Ids]:
@@ -119,7 +119,7 @@ class Ways:
 
 
 def _levels(parent: Ids) -> list[Ids]:
-    """Cells by depth of the tree; cells come after their parents."""
+    """Return the cells by depth of the tree; cells come after their parents."""
     depth = np.zeros(len(parent), dtype=np.int64)
     for k in range(1, len(parent)):
         depth[k] = depth[parent[k]] + 1

@@ -85,7 +85,7 @@ class World:
         self._ways: tuple[tuple[float, ...], list[Ways]] | None = None
 
     def cell(self, xy_m: Array) -> tuple[int, int]:
-        """The free cell nearest to a point (2,) [m]."""
+        """Return the free cell nearest to a point (2,) [m]."""
         gap = np.linalg.norm(self.centers_m - xy_m, axis=-1)
         gap[~self.free] = np.inf
         row, column = np.unravel_index(int(np.argmin(gap)), gap.shape)
@@ -113,7 +113,7 @@ class World:
         return self._ways[1]
 
     def _beside(self, home: int, other: int) -> NDArray[np.bool_]:
-        """Cells of region `other` that touch region `home`."""
+        """Return the cells of region `other` that touch region `home`."""
         inside = self.region == home
         near = np.zeros_like(inside)
         for axis in (0, 1):
@@ -133,7 +133,7 @@ class World:
         return [k for k, t in enumerate(self.things) if called(t.noun, kind) and t.region in inside]
 
     def gap_m(self, k: int) -> Array:
-        """(R, C) distance of each cell to thing `k` [m]; inf where a wall stands between."""
+        """Return (R, C) distance of each cell to thing `k` [m]; inf where a wall stands between."""
         if k not in self._gaps:
             thing = self.things[k]
             edge = np.clip(self.centers_m, thing.low_m, thing.high_m)

@@ -70,7 +70,7 @@ def plainer(tokens: Sequence[Token]) -> list[Token]:
 
 
 def _openers(tokens: list[Token]) -> list[Token]:
-    """`…, next stop by the bed`: a `next` after a comma or full stop is a `then`."""
+    """Return `…, next stop by the bed`: a `next` after a comma or full stop is a `then`."""
     result = list(tokens)
     for k, token in enumerate(tokens):
         opens = k == 0 or not tokens[k - 1].is_word

@@ -25,7 +25,7 @@ _SPOKEN = {"tv": "TV", "pc": "PC", "airconditioner": "air conditioner"}
 
 @cache
 def noun_of(label: str) -> str:
-    """The noun for an object's category, "" when its words are not those of a thing indoors.
+    """Return the noun for an object's category, "" when its words are not those of a thing indoors.
 
     `SofaC_1` and `sofa` are `sofa`; a two-word label with known words keeps both
     (`balcony table`).
@@ -62,7 +62,7 @@ def looks_of(label: str) -> tuple[str, str]:
 
 @cache
 def room_of(label: str) -> str:
-    """The canonical name of a room's label, "" when it is no known kind of room."""
+    """Return the canonical name of a room's label, "" when it is no known kind of room."""
     phrase = " ".join(_words(label.replace("'s", "s")))
     if phrase in ROOMS:
         return phrase
@@ -71,7 +71,7 @@ def room_of(label: str) -> str:
 
 @cache
 def answers(noun: str) -> frozenset[str]:
-    """All phrases, in the singular, by which a person may call a noun of `noun_of`."""
+    """Return all phrases, in the singular, by which a person may call a noun of `noun_of`."""
     if noun in OBJECTS:
         same, kinds = OBJECTS[noun]
         return same | kinds
@@ -82,7 +82,7 @@ def answers(noun: str) -> frozenset[str]:
 
 @cache
 def called(noun: str, phrase: str) -> bool:
-    """Whether a person may call a noun of `noun_of` by a phrase in the singular.
+    """Return whether a person may call a noun of `noun_of` by a phrase in the singular.
 
     Beside the phrases of `answers` a compound of its own words: `shoe storage cabinet` is a shoe
     cabinet, `flat screen stand` a TV stand.
@@ -105,13 +105,13 @@ _NEUTRAL = frozenset("storage set unit room".split())
 
 @cache
 def room_answers(room: str) -> frozenset[str]:
-    """All phrases by which a person may call a room of `room_of`."""
+    """Return all phrases by which a person may call a room of `room_of`."""
     same, kinds = ROOMS.get(room, (frozenset({room}), frozenset()))
     return same | kinds
 
 
 def spoken(noun: str, plural: bool = False) -> str:
-    """`tv stand` → `TV stand`; several → `TV stands`."""
+    """Return `tv stand` → `TV stand`; several → `TV stands`."""
     words = [_SPOKEN.get(w, w) for w in noun.split()]
     if plural:
         last = words[-1]

@@ -253,7 +253,7 @@ class _Reader:
         return True
 
     def _by_you(self) -> bool:
-        """`behind you` and `next to you` say where the thing named before is."""
+        """Return `behind you` and `next to you` say where the thing named before is."""
         words = [t.text for t in self.tokens[self.k : self.k + 4]]
         for said, place in BY_YOU.items():
             if tuple(words[: len(said)]) == said and self.draft.nouns:
@@ -267,7 +267,7 @@ class _Reader:
         return False
 
     def _elliptic(self) -> bool:
-        """Whether a bare side may be a turn: `then left past …`, `…, right at the …`."""
+        """Return whether a bare side may be a turn: `then left past …`, `…, right at the …`."""
         before = self.tokens[self.k - 1].text if self.k else "."
         if before in ("then", "and", ".", ";"):
             return True
@@ -309,7 +309,7 @@ class _Reader:
         return False
 
     def _distance(self) -> bool:
-        """`four metres`, `about 3 m`, `a couple of steps`, `a few metres`."""
+        """Return `four metres`, `about 3 m`, `a couple of steps`, `a few metres`."""
         words = [t.text for t in self.tokens[self.k : self.k + 5]]
         found = read_distance(words)
         if found is None:
@@ -412,7 +412,7 @@ class _Reader:
         return listed and past and self.draft.empty and after not in ("is", "are", "will", "on")
 
     def _noun_after_and(self) -> bool:
-        """`the sofa and the chair` goes on the phrase; `and the hallway is …` does not."""
+        """Return `the sofa and the chair` goes on the phrase; `and the hallway is …` does not."""
         found = read_noun(self.tokens, self.k + 1)
         if found is None or found[0].kind not in ("object",):
             return False
@@ -422,7 +422,7 @@ class _Reader:
         return after not in ("is", "are", "will")
 
     def _subordinate(self) -> bool:
-        """`before you get to …`, `after passing …`."""
+        """Return `before you get to …`, `after passing …`."""
         following = self.tokens[self.k + 1].text if self.k + 1 < len(self.tokens) else ""
         return following.endswith("ing") or following in ("you", "it", "they", "that", "they're")
 

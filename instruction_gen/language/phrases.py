@@ -27,12 +27,12 @@ _BARE = frozenset("it them there here".split())
 
 
 def is_object(word: str) -> bool:
-    """Whether a word or phrase, also in the plural, names a kind of thing."""
+    """Return whether a word or phrase, also in the plural, names a kind of thing."""
     return word in OBJECT_PHRASES or _single(word) in OBJECT_PHRASES
 
 
 def is_room(word: str) -> bool:
-    """Whether a word or phrase names a kind of room."""
+    """Return whether a word or phrase names a kind of room."""
     return word in ROOM_PHRASES or _single(word) in ROOM_PHRASES
 
 
@@ -42,7 +42,10 @@ def _single(phrase: str) -> str:
 
 
 def read_noun(tokens: Sequence[Token], k: int) -> tuple[Noun, int] | None:
-    """The noun phrase that begins at token `k`, and the token after it; None when none does."""
+    """Return the noun phrase that begins at token `k`, and the token after it.
+
+    None when none does.
+    """
     start = k
     determined = number = ordinal = 0
     colour = material = side = ""
@@ -131,7 +134,7 @@ def _noun(word: str) -> bool:
 
 
 def _can_follow(word: str) -> bool:
-    """Whether `word` can end or go on a noun phrase."""
+    """Return whether `word` can end or go on a noun phrase."""
     return bool(word) and (
         _noun(word)
         or (word in GENERIC and word not in ("left", "right", "it", "you", "them"))

@@ -32,7 +32,7 @@ class Side:
 
 
 def read_side(words: Sequence[str]) -> Side | None:
-    """The side that begins a run of words, None when none does."""
+    """Return the side that begins a run of words, None when none does."""
     k = 0
     degree = ""
     prep = words[0] if words[0] in ("on", "to", "at", "in", "off") else ""

@@ -56,6 +56,6 @@ def read_answer[Form: BaseModel](content: str | None, form: type[Form]) -> Form:
 
 
 def answer_schema(form: type[BaseModel] = Answer) -> dict[str, Any]:
-    """JSON Schema of a form, as servers with structured output take it."""
+    """Return JSON Schema of a form, as servers with structured output take it."""
     name = "instructions" if form is Answer else form.__name__.lower()
     return {"name": name, "schema": form.model_json_schema()}

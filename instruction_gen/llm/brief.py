@@ -18,7 +18,7 @@ _END_M = 2.0
 
 
 def prompt(name: str) -> str:
-    """A prompt's text."""
+    """Return a prompt's text."""
     return (files(__package__) / "prompts" / f"{name}.txt").read_text(encoding="utf-8")
 
 
@@ -32,7 +32,7 @@ def prompts_sha256() -> str:
 
 
 def first_messages(facts: PathFacts, styles: Sequence[str], language: str) -> list[dict[str, str]]:
-    """The request for one text in each of `styles`."""
+    """Return the request for one text in each of `styles`."""
     wish = (
         f"Write {len(styles)} instructions in {_NAMES[language]} (language {language!r}), "
         f"in these styles: {', '.join(styles)}. They must differ in wording."
@@ -46,7 +46,7 @@ def first_messages(facts: PathFacts, styles: Sequence[str], language: str) -> li
 def repair_messages(
     before: Sequence[dict[str, str]], failed: Sequence[tuple[str, str, Sequence[str]]], attempt: int
 ) -> list[dict[str, str]]:
-    """The request to write texts again; `failed` has style, text and problems of each."""
+    """Return the request to write texts again; `failed` has style, text and problems of each."""
     wrong = [{"style": s, "text": t, "wrong": list(problems)} for s, t, problems in failed]
     # Its number keeps a second request for the same text from being answered by the cache.
     words = f"{prompt('repair')}Attempt {attempt}.\n{json.dumps(wrong, ensure_ascii=False)}"
@@ -54,7 +54,7 @@ def repair_messages(
 
 
 def brief(facts: PathFacts) -> dict[str, Any]:
-    """The part of the facts that a text may need; labels are nouns of the lexicon here."""
+    """Return the part of the facts that a text may need; labels are nouns of the lexicon here."""
     marks = [m for m in facts.landmarks if m.nameable]
     return {
         "length_m": round(facts.length_m),

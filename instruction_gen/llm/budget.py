@@ -56,7 +56,7 @@ class Budget:
             raise BudgetError(f"--max-cost {limit.max_cost:g} is reached ({used.cost:.4f} spent)")
 
     def used(self) -> Usage:
-        """Everything used so far."""
+        """Return everything used so far."""
         with self._open() as stream:
             return _read(stream)
 

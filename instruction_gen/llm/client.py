@@ -86,11 +86,11 @@ class Client:
         self._lock = threading.Lock()
 
     def ask(self, messages: Messages) -> Answer:
-        """The instructions that answer some messages; raises what `ask_for` raises."""
+        """Return the instructions that answer some messages; raises what `ask_for` raises."""
         return self.ask_for(messages, Answer)
 
     def ask_for[Form: BaseModel](self, messages: Messages, form: type[Form]) -> Form:
-        """The answer to some messages, from the cache if it is there.
+        """Return the answer to some messages, from the cache if it is there.
 
         Args:
             messages: the request.
@@ -144,7 +144,7 @@ class Client:
         return answer
 
     def key(self, messages: Messages, form: type[BaseModel] = Answer) -> str:
-        """What an answer is cached under."""
+        """Return what an answer is cached under."""
         parts = [
             self.settings.model,
             self.settings.temperature,
@@ -213,7 +213,10 @@ def openai_backend(
 
 
 def _status(error: Any, forms: list[dict[str, Any]], key: str) -> Exception:
-    """What to raise for a bad status; never the server's own words, which may repeat the key."""
+    """Return what to raise for a bad status.
+
+    Never the server's own words, which may repeat the key.
+    """
     status = error.status_code
     if status in (408, 409, 429) or status >= 500:
         return RetryableError(f"status {status}", _retry_after(error.response.headers))

@@ -34,7 +34,7 @@ _METRES_OFF = 0.6
 
 
 def foreign_problems(text: str, language: str, english: str) -> list[str]:
-    """What is wrong with a text, given its English."""
+    """Return what is wrong with a text, given its English."""
     if any(unicodedata.category(c) in ("Cc", "Co", "Cs") or c in "{}<>\u202e\u202d" for c in text):
         return ["control characters or braces"]
     letters = [c for c in text if unicodedata.category(c)[0] == "L"]
@@ -109,7 +109,7 @@ def _number(said: str, words: Mapping[str, int]) -> float:
 
 
 def _noun_problems(text: str, nouns: Mapping[str, str], english: str) -> list[str]:
-    """Rooms and things of the tables that the English does not speak of."""
+    """Return the rooms and things of the tables that the English does not speak of."""
     problems = []
     lower = english.lower()
     rest = text

@@ -95,7 +95,7 @@ def _messages(png: bytes) -> list[dict[str, Any]]:
 
 
 def _box_m(sight: Sight, points_m: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """Corners (2, 3) [m] of what a box in the image shows; None when that is nothing."""
+    """Return the corners (2, 3) [m] of what a box in the image shows; None when that is nothing."""
     high, wide = points_m.shape[:2]
     left, top, right, bottom = sight.box
     rows = slice(int(np.clip(top, 0, high)), int(np.clip(bottom, 0, high)))

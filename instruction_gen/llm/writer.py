@@ -38,7 +38,7 @@ class ModelWriter:
     def __call__(
         self, ground: Ground, rng: np.random.Generator
     ) -> tuple[list[WrittenText], list[str]]:
-        """The texts of one path.
+        """Return the texts of one path.
 
         Raises:
             ModelDownError: the model fails again and again.

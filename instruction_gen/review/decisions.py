@@ -66,7 +66,7 @@ class DecisionFile:
             os.fsync(stream.fileno())
 
     def read(self) -> list[Decision]:
-        """All decisions, in order; a last line that a crash cut short is left out.
+        """Return all decisions, in order; a last line that a crash cut short is left out.
 
         Raises:
             FileFormatError: another line is damaged.

@@ -64,7 +64,7 @@ class Review:
         return list(self.paths)
 
     def ground(self, name: str) -> Ground:
-        """Facts of a path."""
+        """Return the facts of a path."""
         if name not in self._grounds:
             episode = self.paths[name]
             sight = self._seen.get(scene_stem(episode.scene_id))
@@ -72,7 +72,7 @@ class Review:
         return self._grounds[name]
 
     def path(self, name: str, annotator: str) -> dict[str, Any]:
-        """All that the page shows of a path."""
+        """Return all that the page shows of a path."""
         episode = self.paths[name]
         level = self._levels.of(episode)
         facts = self.ground(name).facts
@@ -117,7 +117,7 @@ class Review:
         }
 
     def check(self, name: str, text: str) -> dict[str, Any]:
-        """The checker's verdict with its clauses."""
+        """Return the checker's verdict with its clauses."""
         verdict: Verdict = check_text(text[:2000], self.ground(name))
         return {"problems": list(verdict.problems), "clauses": [list(c) for c in verdict.clauses]}
 
@@ -144,7 +144,7 @@ class Review:
 
 
 def make_server(review: Review, port: int = 0) -> tuple[ThreadingHTTPServer, str]:
-    """A server on 127.0.0.1 and the address, with its token, to open."""
+    """Return a server on 127.0.0.1 and the address, with its token, to open."""
     token = secrets.token_urlsafe(18)
 
     class Handler(_Handler):
@@ -211,7 +211,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(HTTPStatus.BAD_REQUEST, b"", "text/plain")
 
     def _allowed(self, query: str) -> bool:
-        """The token must be right, and the request must come from our own page."""
+        """Return the token must be right, and the request must come from our own page."""
         own = {f"127.0.0.1:{self.port}", f"localhost:{self.port}"}
         given = parse_qs(query).get("token", [""])[0]
         origin = self.headers.get("Origin")
@@ -242,7 +242,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 def _walls(regions: Any) -> dict[str, Any]:
-    """Where there is floor, as rows of 0 and 1 on a grid of 10 cm, for the map."""
+    """Return where there is floor, as rows of 0 and 1 on a grid of 10 cm, for the map."""
     step = max(1, round(0.1 / regions.grid.cell_m))
     floor = (regions.width_m > 0)[::step, ::step]
     return {

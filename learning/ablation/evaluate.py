@@ -64,7 +64,7 @@ class Summary:
 
     @staticmethod
     def of(scores: list[EpisodeScore]) -> Summary:
-        """Sum up."""
+        """Return the sum up."""
 
         def total(name: str) -> float:
             return sum(getattr(score, name) for score in scores)

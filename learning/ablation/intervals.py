@@ -34,7 +34,7 @@ class Difference:
 
 
 def over_seeds(values: Sequence[float]) -> Estimate:
-    """Mean over trainings, with Student's t-interval at 95 %."""
+    """Return the mean over trainings, with Student's t-interval at 95 %."""
     array = np.asarray(values, np.float64)
     count = len(array)
     if count < 2:
@@ -145,7 +145,7 @@ _COLUMNS = (
 def _counts(
     scores: Sequence[EpisodeScore], member: NDArray[np.int64], count: int
 ) -> NDArray[np.float64]:
-    """(trajectories, 8) sums over the episodes of each trajectory."""
+    """Return (trajectories, 8) sums over the episodes of each trajectory."""
     table = np.array([[getattr(score, name) for name in _COLUMNS] for score in scores], float)
     result = np.zeros((count, len(_COLUMNS)))
     np.add.at(result, member, table)
@@ -153,6 +153,6 @@ def _counts(
 
 
 def _metrics(sums: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(…, 3) action, waypoint_m and stop of (…, 8) sums, as `Summary` has them."""
+    """Return (…, 3) action, waypoint_m and stop of (…, 8) sums, as `Summary` has them."""
     parts = sums[..., 0::2] / np.maximum(sums[..., 1::2], 1)
     return np.stack([parts[..., 0], parts[..., 1], (parts[..., 2] + parts[..., 3]) / 2], -1)

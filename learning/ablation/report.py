@@ -21,7 +21,7 @@ _TITLES = {"action": "action", "waypoint_m": "waypoints", "stop": "stop"}
 
 
 def estimates(ablation: Ablation) -> dict[str, dict[str, dict[str, Estimate]]]:
-    """Mean and interval by row, evaluated source and metric; baselines first."""
+    """Return the mean and interval by row, evaluated source and metric; baselines first."""
     result: dict[str, dict[str, dict[str, Estimate]]] = {}
     for name, baseline in ((CONSTANT, ablation.constant), (REPEAT, ablation.repeat)):
         result[name] = {where: _estimate([run]) for where, run in baseline.items()}

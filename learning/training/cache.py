@@ -47,7 +47,7 @@ class CachedSequences(Dataset[dict[str, Any]]):
         return len(self.sequences)
 
     def __getitem__(self, number: int) -> dict[str, Any]:
-        """Episode `number`."""
+        """Return the episode `number`."""
         item = self._rows[number]
         with np.load(self.prepare(number), allow_pickle=False) as images:
             rgb, millimetres = images["rgb"], images["depth"]

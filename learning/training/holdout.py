@@ -80,7 +80,7 @@ def published_holdout(found: Iterable[Selection]) -> frozenset[str]:
 
 
 def scene_of(trajectory: str) -> str:
-    """The scene in `scene/trajectory`; scene ids may hold slashes."""
+    """Return the scene in `scene/trajectory`; scene ids may hold slashes."""
     return trajectory.rsplit("/", 1)[0]
 
 

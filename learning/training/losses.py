@@ -16,7 +16,7 @@ NEAR_END_STEPS = 4  # "stop" means that the episode ends within these steps, 1 m
 
 
 def near_end(batch: Mapping[str, Tensor]) -> Tensor:
-    """(B, T) whether the episode ends within `NEAR_END_STEPS`; never where it was cut."""
+    """Return (B, T) whether the episode ends within `NEAR_END_STEPS`; never where it was cut."""
     steps = torch.arange(batch["action"].shape[1], device=batch["action"].device)
     left = batch["length"][:, None] - 1 - steps[None]
     return (left <= NEAR_END_STEPS) & (left >= 0) & ~batch["cut"][:, None]

@@ -209,7 +209,7 @@ class _Log:
             save_checkpoint(self.path, model, replace(self._card, curves=tuple(self.rows)))
 
     def _best(self) -> int:
-        """The last of the steps with the highest SR; without validation, the last one."""
+        """Return the last of the steps with the highest SR; without validation, the last one."""
         best = max((row.get("SR", 0.0) for row in self.rows), default=0.0)
         steps = [row["step"] for row in self.rows if row.get("SR", 0.0) == best]
         return int(steps[-1]) if steps else 0

@@ -132,7 +132,7 @@ def run_filter(options: Filter) -> int:
 
 
 def filter_lines(row: Row) -> list[str]:
-    """What the stair filter did to one split, in words: episodes and paths, by reason."""
+    """Return what the stair filter did to one split, in words: episodes and paths, by reason."""
     counts, split = row.facts["counts"], row.facts["split"]
 
     def counted(pair: Sequence[int]) -> str:
@@ -211,7 +211,7 @@ def run_sample(options: Sample) -> int:
 
 
 def scene_rows(folders: Sequence[Path]) -> dict[str, Row]:
-    """A ledger row for each repaired scene, as if the repair stage had written it.
+    """Return a ledger row for each repaired scene, as if the repair stage had written it.
 
     The key hashes the scene's index file, which the repair writes last and never changes.
     """
@@ -247,7 +247,7 @@ def _radius(robots: Sequence[RobotSpec], radius_m: float) -> float:
 
 
 def _out(given: Path | None, name: str, folder: bool) -> Path:
-    """The output: a folder for several files, else one file."""
+    """Return the output: a folder for several files, else one file."""
     out = given or Path(name if folder else f"{name}.json.gz")
     is_file = out.name.endswith((".json", ".json.gz"))
     if folder and is_file:

@@ -8,11 +8,8 @@ and each line of the journal carry a checksum of their own.
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 import shutil
-import zlib
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -20,6 +17,7 @@ from typing import Any, Literal
 
 from ...formats.core.atomic import write_bytes
 from ...formats.core.errors import FileFormatError
+from .checksums import journal_line, json_text, parse_journal_line, read_signed, signed
 from .files import FileRecord, Records, files_in, records_of
 
 MANIFEST_NAME = "manifest.json"
@@ -87,7 +85,7 @@ class Ledger:
         manifest = root / MANIFEST_NAME
         if manifest.exists():
             try:
-                content = _checked(manifest)
+                content = read_signed(manifest)
                 for row in content["rows"]:
                     self._keep(_row(row))
                 self.hashed = "files" in content
@@ -101,7 +99,7 @@ class Ledger:
             for number, line in enumerate(lines, start=1):
                 try:
                     if line:
-                        self._replay(_journal_line(line))
+                        self._replay(parse_journal_line(line))
                 except (AttributeError, KeyError, RecursionError, TypeError, ValueError):
                     self.damaged_lines.append(number)
 
@@ -269,7 +267,9 @@ class Ledger:
         files = {output: one for output, one in self._files.items() if output not in left_out}
         used = {digest for row in rows for digest in row.parts.values()}
         values = {digest: one for digest, one in self._values.items() if digest in used}
-        return _signed(_text({"files": files, "parts": values, "rows": [asdict(r) for r in rows]}))
+        return signed(
+            json_text({"files": files, "parts": values, "rows": [asdict(r) for r in rows]})
+        )
 
     def finish(self) -> None:
         """End a run whose rows are saved; ledgers that are copied elsewhere complete the copy."""
@@ -281,7 +281,7 @@ class Ledger:
             for r in self.rows()
             if r.status == "quarantined"
         ]
-        return _text({"count": len(bad), "items": bad})
+        return json_text({"count": len(bad), "items": bad})
 
     def _append(self, lines: list[dict[str, Any]]) -> None:
         with (self.root / JOURNAL_NAME).open("a+b") as stream:
@@ -290,8 +290,7 @@ class Ledger:
                 if stream.read(1) != b"\n":
                     stream.write(b"\n")  # after a line that a kill cut short
             for line in lines:
-                text = json.dumps(line, allow_nan=False).encode()
-                stream.write(b"%s\t%08x\n" % (text, zlib.crc32(text)))
+                stream.write(journal_line(line))
             stream.flush()
             os.fsync(stream.fileno())
 
@@ -331,48 +330,3 @@ class Ledger:
 
 def _row(value: dict[str, Any]) -> Row:
     return Row(**{**value, "outputs": tuple(value["outputs"])})
-
-
-def _text(value: Any) -> bytes:
-    return (json.dumps(value, indent=2, sort_keys=True) + "\n").encode()
-
-
-_OPEN = b"{\n"
-
-
-def _signed(body: bytes) -> bytes:
-    """Return a JSON object, as `_text` writes it, with a first member that is its SHA-256."""
-    digest = hashlib.sha256(body).hexdigest()
-    return _OPEN + f'  "sha256": "{digest}",\n'.encode() + body.removeprefix(_OPEN)
-
-
-def _checked(path: Path) -> dict[str, Any]:
-    """Return the JSON object in a file that `_signed` made; older files are not signed.
-
-    Raises:
-        FileFormatError: If anything in it has changed.
-        ValueError: If it is not JSON.
-    """
-    raw = path.read_bytes()
-    content = json.loads(raw)
-    _, _, rest = raw.removeprefix(_OPEN).partition(b"\n")
-    # A damaged name of the first member must not pass for a file without one.
-    if raw != _signed(_OPEN + rest) and not content.keys() <= {"files", "parts", "rows"}:
-        raise FileFormatError(
-            path,
-            "its content does not match its own SHA-256: it was damaged or edited. Restore it "
-            "from a copy, or delete its second line to use it as it is",
-        )
-    return content
-
-
-def _journal_line(line: bytes) -> dict[str, Any]:
-    """Return a line of the journal; lines of older versions have no checksum.
-
-    Raises:
-        ValueError: If it is damaged or cut short.
-    """
-    text, separator, checksum = line.rpartition(b"\t")
-    if separator and int(checksum, 16) != zlib.crc32(text):
-        raise ValueError("checksum")
-    return json.loads(text if separator else line)

@@ -67,7 +67,7 @@ class RunFolder:
     root: Path
 
     def scan(self, scene: str) -> Path:
-        """Folder of a generated scan."""
+        """Return the folder of a generated scan."""
         return self.root / "scans" / scene
 
     @property
@@ -76,15 +76,15 @@ class RunFolder:
         return self.root / "scenes"
 
     def episodes(self, name: str) -> Path:
-        """An episode file."""
+        """Return an episode file."""
         return self.root / "episodes" / f"{name}.json.gz"
 
     def seen(self, scene: str) -> Path:
-        """What the robot's camera sees along the paths of a scene."""
+        """Return what the robot's camera sees along the paths of a scene."""
         return self.root / "facts" / f"{scene}.seen.json"
 
     def facts(self, scene: str) -> Path:
-        """Facts records of the paths of a scene."""
+        """Return the facts records of the paths of a scene."""
         return self.root / "facts" / f"{scene}.json.gz"
 
     @property

@@ -42,7 +42,7 @@ class SamplingPlan:
 
     @staticmethod
     def of(options: Sampling, preset: str, scenes: Sequence[str]) -> SamplingPlan | None:
-        """The plan that options ask for; None where every scene gives as many as the others.
+        """Return the plan that options ask for; None where every scene gives as many as the others.
 
         Raises:
             InputError: an unknown preset, or splits that do not fit the scenes.
@@ -111,7 +111,7 @@ def chosen_free_height(robots: Iterable[RobotSpec], asked_m: float) -> float:
 def sample_config(
     options: Sampling, count: int, radius_m: float, free_height_m: float, strict: bool
 ) -> SampleConfig:
-    """What to sample in each scene.
+    """Return what to sample in each scene.
 
     Args:
         options: of the command.

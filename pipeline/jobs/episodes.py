@@ -133,5 +133,5 @@ class AlignJob:
 
 
 def bad_episodes(file: VlnceFile) -> list[list[Any]]:
-    """Index, name and reason of a file's unusable episodes, as JSON values."""
+    """Return the index, name and reason of a file's unusable episodes, as JSON values."""
     return [[bad.index, bad.name, bad.reason] for bad in file.bad]

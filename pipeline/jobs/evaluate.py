@@ -78,5 +78,5 @@ class EvaluateJob:
 
 @lru_cache(maxsize=1)
 def _policy(name: str, seed: int, timeout_s: float) -> Policy:
-    """A worker keeps its policy, with the connection to its server."""
+    """Return a worker keeps its policy, with the connection to its server."""
     return make_policy(name, seed, timeout_s)

@@ -104,7 +104,7 @@ def _episode_note(ledger: Ledger) -> str:
 
 
 def filter_notes(facts: Mapping[str, Any]) -> list[str]:
-    """What the stair filter did to one split, in words: episodes and paths, by rule."""
+    """Return what the stair filter did to one split, in words: episodes and paths, by rule."""
     if "counts" not in facts:
         return []
     counts, split = facts["counts"], facts["split"]

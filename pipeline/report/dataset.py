@@ -64,7 +64,7 @@ _FILLING = frozenset(
 
 
 def dataset_plots(episodes: Sequence[Episode]) -> list[Plot]:
-    """Figures of the paths that were walked, one curve per split."""
+    """Return the figures of the paths that were walked, one curve per split."""
     splits = sorted({e.split for e in episodes})
     by_split = {split: [e for e in episodes if e.split == split] for split in splits}
     texts = {split: [t for e in some for t in texts_of(e)] for split, some in by_split.items()}
@@ -93,7 +93,7 @@ def dataset_plots(episodes: Sequence[Episode]) -> list[Plot]:
 
 
 def dataset_rows(episodes: Sequence[Episode]) -> list[dict[str, Any]]:
-    """One row per split: how many paths, instructions, scenes and similarity groups."""
+    """Return one row per split: how many paths, instructions, scenes and similarity groups."""
     rows = []
     for split in sorted({e.split for e in episodes}):
         some = [e for e in episodes if e.split == split]
@@ -112,12 +112,12 @@ def dataset_rows(episodes: Sequence[Episode]) -> list[dict[str, Any]]:
 
 
 def texts_of(episode: Episode) -> list[str]:
-    """All instructions of a path."""
+    """Return all instructions of a path."""
     return episode.extra.get(TEXTS) or [text for text in [episode.instruction] if text]
 
 
 def count_words(texts: Sequence[str]) -> Counter[str]:
-    """How often each word occurs that says something."""
+    """Return how often each word occurs that says something."""
     found = re.findall(r"[^\W\d_]{2,}(?:['’-][^\W\d_]+)*", " ".join(texts).lower())
     return Counter(word for word in found if word not in _FILLING)
 

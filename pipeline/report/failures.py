@@ -73,7 +73,7 @@ def _figure(row: Row, clip: Path | None, embedded: bool) -> dict[str, Any]:
 
 
 def _in_turn(rows: Sequence[Row]) -> list[Row]:
-    """One of each robot and controller, then the next of each, and so on."""
+    """Return one of each robot and controller, then the next of each, and so on."""
     groups: dict[str, list[Row]] = {}
     for row in rows:
         groups.setdefault(row.item.rsplit("/", 1)[0], []).append(row)

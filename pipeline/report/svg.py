@@ -33,7 +33,7 @@ def step_histogram(
     width: float | None = None,
     marks: Mapping[str, float] | None = None,
 ) -> str:
-    """Histograms of several groups over the same bins, as shares of each group.
+    """Return the histograms of several groups over the same bins, as shares of each group.
 
     Args:
         values: numbers by group.
@@ -112,7 +112,7 @@ def bars(shares: Mapping[str, Mapping[str, float]], label: str) -> str:
 
 
 def word_cloud(counts: Mapping[str, int], most: int = 60) -> str:
-    """The most frequent words, the larger the more frequent, packed along a spiral."""
+    """Return the most frequent words, the larger the more frequent, packed along a spiral."""
     words = sorted(counts.items(), key=lambda item: (-item[1], item[0]))[:most]
     largest = words[0][1] if words else 1
     boxes: list[tuple[float, float, float, float]] = []
@@ -196,7 +196,7 @@ def _y(value: float, top: float) -> float:
 
 
 def _round_step(step: float) -> float:
-    """The least of 1, 2, 5 × 10ⁿ that is not below `step`."""
+    """Return the least of 1, 2, 5 × 10ⁿ that is not below `step`."""
     scale = 10.0 ** math.floor(math.log10(step))
     return next(m * scale for m in (1, 2, 5, 10) if m * scale >= step * (1 - 1e-9))
 

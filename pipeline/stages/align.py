@@ -52,7 +52,7 @@ def items(
     outs: Mapping[str, Path],
     config: AlignConfig,
 ) -> list[WorkItem]:
-    """One item per file and scene that it names and that was repaired.
+    """Return one item per file and scene that it names and that was repaired.
 
     Args:
         sources: what each file's content depends on, by file.
@@ -74,7 +74,10 @@ def items(
 
 
 def part_name(split: str, scene: str, files: int) -> str:
-    """The name of one scene's share of a file; of one among several files, with its split."""
+    """Return the name of one scene's share of a file.
+
+    Of one among several files, with its split.
+    """
     return scene if files == 1 else f"{split}@{scene}"
 
 

@@ -30,7 +30,7 @@ def items(
     view: View,
     actions: str,
 ) -> list[WorkItem]:
-    """One item per episode.
+    """Return one item per episode.
 
     Args:
         episodes: what to walk.

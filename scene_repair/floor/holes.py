@@ -72,7 +72,7 @@ class Hole:
     added_m2: float = 0.0
 
     def area_m2(self, grid: GridSpec) -> float:
-        """Area [m²] by cells."""
+        """Return the area [m²] by cells."""
         return float(self.cells.sum()) * grid.cell_m**2
 
 
@@ -121,7 +121,7 @@ class _Around:
 
 
 def find_holes(evidence: Evidence, grid: GridSpec) -> tuple[list[Hole], Mask]:
-    """All gaps inside the building, each judged.
+    """Return all gaps inside the building, each judged.
 
     Returns:
         The gaps, and the (rows, columns) cells under lintels and bridged pieces of wall, which part
@@ -163,7 +163,7 @@ def find_holes(evidence: Evidence, grid: GridSpec) -> tuple[list[Hole], Mask]:
 
 
 def floors_run_under_walls(evidence: Evidence, grid: GridSpec) -> bool:
-    """Whether floor lies between the faces of most walls, as in modelled buildings."""
+    """Return whether floor lies between the faces of most walls, as in modelled buildings."""
     steps = round(WALL_THICKNESS_M / grid.cell_m)
     wall = np.pad(evidence.wall, steps)
     between = np.zeros_like(wall)
@@ -174,7 +174,7 @@ def floors_run_under_walls(evidence: Evidence, grid: GridSpec) -> bool:
 
 
 def _filled(covered: Mask, holes: list[Hole]) -> Mask:
-    """The floor with the gaps that are to be filled."""
+    """Return the floor with the gaps that are to be filled."""
     floor = covered.copy()
     for hole in holes:
         floor[hole.window] |= hole.cells & hole.fill
@@ -182,7 +182,7 @@ def _filled(covered: Mask, holes: list[Hole]) -> Mask:
 
 
 def _openings(holes: list[Hole], grid: GridSpec) -> Mask:
-    """The gaps that are openings, and a little around them."""
+    """Return the gaps that are openings, and a little around them."""
     found = np.zeros(grid.shape, dtype=bool)
     for hole in holes:
         if hole.cause == "opening":
@@ -191,7 +191,7 @@ def _openings(holes: list[Hole], grid: GridSpec) -> Mask:
 
 
 def _joined(evidence: Evidence, gaps: Mask, grid: GridSpec) -> Mask:
-    """Gaps and floor that no wall parts from floor with room for a robot."""
+    """Return the gaps and floor that no wall parts from floor with room for a robot."""
     stand = evidence.covered & ~evidence.wall
     parts, count = label((stand | gaps) & ~evidence.wall)
     joined = np.zeros(count + 1, dtype=bool)
@@ -201,7 +201,7 @@ def _joined(evidence: Evidence, gaps: Mask, grid: GridSpec) -> Mask:
 
 
 def _bridges(evidence: Evidence, grid: GridSpec) -> Mask:
-    """Cells without floor that continue a wall across a gap, along x or y."""
+    """Return the cells without floor that continue a wall across a gap, along x or y."""
     line = evidence.wall | evidence.lintel
     steps = round(WALL_GAP_M / grid.cell_m)
     # A line of wall must already run this far on both sides, or furniture would make walls.
@@ -219,7 +219,10 @@ def _bridges(evidence: Evidence, grid: GridSpec) -> Mask:
 
 
 def _gaps(evidence: Evidence, line: Mask, grid: GridSpec) -> tuple[Mask, Mask]:
-    """Cells without floor inside the building's outline, walls apart; and the outside."""
+    """Return the cells without floor inside the building's outline, walls apart.
+
+    And the outside.
+    """
     empty = ~evidence.covered & ~line
     radius = OUTSIDE_RADIUS_M / grid.cell_m
     pad = int(np.ceil(radius)) + 2
@@ -268,7 +271,7 @@ def _look_around(cells: Mask, window: Window, around: _Around) -> _Rim:
 
 
 def _sides(cells: Mask, window: Window, around: _Around) -> int:
-    """Connected pieces of floor within `SIDE_M` of a gap."""
+    """Return the connected pieces of floor within `SIDE_M` of a gap."""
     reach = round(SIDE_M / around.grid.cell_m)
     wide = grown_window(window, reach, around.grid.shape)
     gap = np.zeros_like(around.rooms[wide])
@@ -278,7 +281,7 @@ def _sides(cells: Mask, window: Window, around: _Around) -> int:
 
 
 def _judge(rim: _Rim, ceiled: bool, floored: bool) -> tuple[bool, str, str]:
-    """Whether to fill, the likely cause, and the reason in words."""
+    """Return whether to fill, the likely cause, and the reason in words."""
     thin = rim.thickness_m < WALL_THICKNESS_M
     # Between a wall's faces lies the wall of the storey below, or what hides in it: no opening.
     if not (thin and rim.wall >= BETWEEN_FACES_SHARE):

@@ -142,7 +142,7 @@ def infer_unit(sizes: Sizes) -> tuple[str, str, float]:
 
 
 def _fit(sizes: Sizes, length: float) -> float:
-    """Log-likelihood of the sizes in a unit of `length` metres."""
+    """Return the log-likelihood of the sizes in a unit of `length` metres."""
     total = 0.0
     for value, usual, spread in (
         (sizes.room, ROOM_M, ROOM_SPREAD),

@@ -174,7 +174,7 @@ def bake_corner_colors(colors: NDArray[np.uint8]) -> tuple[Image.Image, NDArray[
 
 
 def _tiles(colors: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Tiles (n, TILE, TILE, 3) of triangles with corner colours (n, 3, 3)."""
+    """Return the tiles (n, TILE, TILE, 3) of triangles with corner colours (n, 3, 3)."""
     corner = colors.astype(np.float32)
     steps = np.arange(TILE, dtype=np.float32) - 1
     across = (corner[:, 1] - corner[:, 0])[:, None, None]

@@ -214,7 +214,7 @@ def _triangles(
 def _by_look(
     mesh: UsdGeom.Mesh, owner: NDArray[np.int64], polygons: int, parts: PartList
 ) -> list[tuple[Look, NDArray[np.int64]]]:
-    """Triangles by material: subsets of faces first, the mesh's own for the rest."""
+    """Return the triangles by material: subsets of faces first, the mesh's own for the rest."""
     prim = mesh.GetPrim()
     number = np.zeros(polygons, dtype=np.int64)
     looks = [parts.materials.of(_bound(prim))]

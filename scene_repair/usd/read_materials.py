@@ -113,7 +113,7 @@ class StageMaterials:
         return None, self._any_texture(shader), None
 
     def _any_texture(self, shader: UsdShade.Shader) -> tuple[str, Sdf.Layer] | None:
-        """A picture in an input of another shading language, or in its source file."""
+        """Return a picture in an input of another shading language, or in its source file."""
         for port in shader.GetInputs():
             if TEXTURE_INPUT.search(port.GetBaseName()):
                 asset = _asset(port)
@@ -196,7 +196,7 @@ def _coordinates(texture: UsdShade.Shader) -> tuple[str, NDArray[np.float64]]:
 
 
 def _transform(shader: UsdShade.Shader) -> NDArray[np.float64]:
-    """(3, 3) of a UsdTransform2d: scale, then rotation, then translation."""
+    """Return (3, 3) of a UsdTransform2d: scale, then rotation, then translation."""
 
     def get(name: str, default: Any) -> Any:
         port = shader.GetInput(name)

@@ -11,7 +11,7 @@ from .piece import Piece
 
 
 def bathtub(kit: Kit, rng: np.random.Generator) -> Piece:
-    """A built-in tub with water in it and a tap."""
+    """Return a built-in tub with water in it and a tap."""
     white, w, d, h = kit.ceramic, 0.84, 0.74, 0.56
     parts = [
         box((-w, 0.0, 0.0), (w, 0.05, h), white),
@@ -27,7 +27,7 @@ def bathtub(kit: Kit, rng: np.random.Generator) -> Piece:
 
 
 def toilet(kit: Kit, rng: np.random.Generator) -> Piece:
-    """A toilet with cistern, bowl and lid."""
+    """Return a toilet with cistern, bowl and lid."""
     white = kit.ceramic
     bowl = turned(
         [(0.13, 0.0), (0.12, 0.16), (0.19, 0.36), (0.2, 0.41), (0.001, 0.42)], (0.0, 0.0), white
@@ -44,7 +44,7 @@ def toilet(kit: Kit, rng: np.random.Generator) -> Piece:
 
 
 def washbasin(kit: Kit, rng: np.random.Generator) -> list[Piece]:
-    """A basin on a vanity, and the mirror above it."""
+    """Return a basin on a vanity, and the mirror above it."""
     k, w = int(rng.integers(1, 6)), float(rng.uniform(0.3, 0.45))
     vanity = [
         box((-w, 0.0, 0.12), (w, 0.44, 0.78), kit.front_color(k)),
@@ -70,7 +70,7 @@ def washbasin(kit: Kit, rng: np.random.Generator) -> list[Piece]:
 
 
 def washing_machine(kit: Kit, rng: np.random.Generator) -> Piece:
-    """A washing machine with towels on it."""
+    """Return a washing machine with towels on it."""
     face = kit.palette.unique("washer", pictures.washer, (0.6, 0.84))
     parts = [
         box((-0.3, 0.02, 0.02), (0.3, 0.58, 0.86), kit.white),
@@ -86,7 +86,7 @@ def washing_machine(kit: Kit, rng: np.random.Generator) -> Piece:
 
 
 def towel_rail(kit: Kit, rng: np.random.Generator) -> Piece:
-    """A ladder radiator with a towel."""
+    """Return a ladder radiator with a towel."""
     parts = [rod((x, 0.06, 0.5), (x, 0.06, 1.6), 0.04, kit.white) for x in (-0.25, 0.25)]
     parts += [
         rod((-0.25, 0.06, z), (0.25, 0.06, z), 0.035, kit.white)

@@ -11,7 +11,7 @@ from .storage import nightstand
 
 
 def bed(kit: Kit, rng: np.random.Generator, width: float) -> Piece:
-    """A bed: frame, headboard, mattress, duvet hanging over the sides, pillows, blanket."""
+    """Return a bed: frame, headboard, mattress, duvet hanging over the sides, pillows, blanket."""
     k, style = int(rng.integers(8)), int(rng.integers(4))
     wood, linen = kit.wood(k), kit.linen(k, style)
     w, length = width / 2, 2.05
@@ -54,7 +54,7 @@ def bed(kit: Kit, rng: np.random.Generator, width: float) -> Piece:
 
 
 def bed_set(kit: Kit, rng: np.random.Generator, width: float, stands: int) -> Arrangement:
-    """A bed with `stands` (0–2) nightstands beside its head."""
+    """Return a bed with `stands` (0–2) nightstands beside its head."""
     pieces = [bed(kit, rng, width)]
     k = int(rng.integers(3))
     for side in (-1, 1)[:stands]:

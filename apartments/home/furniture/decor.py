@@ -14,7 +14,7 @@ from .piece import Piece
 
 
 def plant(kit: Kit, rng: np.random.Generator) -> Piece:
-    """A pot plant: trunk, a crown of leafy lumps."""
+    """Return a pot plant: trunk, a crown of leafy lumps."""
     height = float(rng.uniform(0.9, 1.6))
     color = [(206, 200, 190), (160, 92, 66), (70, 76, 84)][int(rng.integers(3))]
     pot = turned(
@@ -33,7 +33,7 @@ def plant(kit: Kit, rng: np.random.Generator) -> Piece:
 
 
 def floor_lamp(kit: Kit, rng: np.random.Generator) -> Piece:
-    """A standing lamp."""
+    """Return a standing lamp."""
     parts = [
         cylinder((0.0, 0.2), 0.0, 0.035, 0.15, kit.black, 18),
         cylinder((0.0, 0.2), 0.03, 1.35, 0.024, kit.black, 8),
@@ -43,7 +43,7 @@ def floor_lamp(kit: Kit, rng: np.random.Generator) -> Piece:
 
 
 def pendant(kit: Kit, rng: np.random.Generator, ceiling_m: float) -> Piece:
-    """A ceiling lamp, high enough to walk under."""
+    """Return a ceiling lamp, high enough to walk under."""
     z = ceiling_m - float(rng.uniform(0.22, 0.3))
     if rng.random() < 0.5:
         parts = [cylinder((0, 0), z - 0.12, z + 0.06, 0.24, kit.shade, 20)]
@@ -57,7 +57,7 @@ def pendant(kit: Kit, rng: np.random.Generator, ceiling_m: float) -> Piece:
 
 
 def rug(kit: Kit, rng: np.random.Generator, width: float, depth: float) -> Piece:
-    """A flat rug centred on the origin."""
+    """Return a flat rug centred on the origin."""
     start = int(rng.integers(8))
     colors = [kit.cloth_color(start + k) for k in (0, 2, 5)]
     image = kit.palette.unique("rug", lambda r, s: rug_image(r, s, colors), (width, depth))
@@ -71,7 +71,7 @@ def rug(kit: Kit, rng: np.random.Generator, width: float, depth: float) -> Piece
 
 
 def picture(kit: Kit, rng: np.random.Generator) -> Piece:
-    """A framed picture; its back is at y = 0, its centre at height 0."""
+    """Return a framed picture; its back is at y = 0, its centre at height 0."""
     w, h = rng.uniform(0.2, 0.45), rng.uniform(0.2, 0.36)
     frame = kit.black if rng.random() < 0.5 else kit.wood(int(rng.integers(3)))
     image = kit.palette.unique("picture", pictures.painting, (2 * w, 2 * h))
@@ -83,7 +83,7 @@ def picture(kit: Kit, rng: np.random.Generator) -> Piece:
 
 
 def clock(kit: Kit, rng: np.random.Generator) -> Piece:
-    """A wall clock, centred at height 0."""
+    """Return a wall clock, centred at height 0."""
     face = kit.palette.unique("clock", pictures.clock, (0.34, 0.34))
     parts = [
         box((-0.18, 0.0, -0.18), (0.18, 0.03, 0.18), kit.black),
@@ -93,7 +93,7 @@ def clock(kit: Kit, rng: np.random.Generator) -> Piece:
 
 
 def mirror(kit: Kit, rng: np.random.Generator) -> Piece:
-    """A tall mirror, centred at height 0."""
+    """Return a tall mirror, centred at height 0."""
     glass = kit.palette.unique("mirror", pictures.mirror, (0.5, 1.3))
     parts = [
         box((-0.28, 0.0, -0.68), (0.28, 0.025, 0.68), kit.wood()),
@@ -103,7 +103,7 @@ def mirror(kit: Kit, rng: np.random.Generator) -> Piece:
 
 
 def coat_rack(kit: Kit, rng: np.random.Generator) -> Piece:
-    """Hooks with coats, centred at height 0."""
+    """Return the hooks with coats, centred at height 0."""
     parts = [box((-0.5, 0.0, -0.06), (0.5, 0.025, 0.06), kit.wood())]
     for k, x in enumerate(np.linspace(-0.4, 0.4, 5)):
         parts.append(rod((x, 0.02, 0.0), (x, 0.08, 0.02), 0.025, kit.black))
@@ -116,7 +116,7 @@ def coat_rack(kit: Kit, rng: np.random.Generator) -> Piece:
 
 
 def curtain(kit: Kit, width: float, bottom: float, top: float, k: int) -> Piece:
-    """A gathered curtain centred on x = 0, 5–11 cm before the wall."""
+    """Return a gathered curtain centred on x = 0, 5–11 cm before the wall."""
     x = np.linspace(-width / 2, width / 2, 33)
     y = 0.075 + 0.03 * np.cos(np.linspace(0, 2 * np.pi * max(round(width / 0.12), 2), 33))
     cloth = kit.cloth(k)
@@ -133,7 +133,7 @@ def curtain(kit: Kit, width: float, bottom: float, top: float, k: int) -> Piece:
 
 
 def curtain_rod(kit: Kit, width: float, z: float) -> Piece:
-    """The rod above a window."""
+    """Return the rod above a window."""
     return Piece(
         "Curtain_rod",
         "curtain rod",
@@ -142,7 +142,7 @@ def curtain_rod(kit: Kit, width: float, z: float) -> Piece:
 
 
 def radiator(kit: Kit, width: float, top: float) -> Piece:
-    """A ribbed radiator under a window."""
+    """Return a ribbed radiator under a window."""
     count = max(int(width / 0.09), 3)
     xs = np.linspace(-width / 2, width / 2, count + 1)
     parts = [

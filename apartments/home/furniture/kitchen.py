@@ -103,7 +103,7 @@ def counter(
 
 
 def refrigerator(kit: Kit) -> Piece:
-    """A tall refrigerator."""
+    """Return a tall refrigerator."""
     w = _FRIDGE_M / 2
     shape = [
         box((-w, 0.0, 0.02), (w, 0.62, 1.9), kit.metal),

@@ -14,7 +14,7 @@ _DESK_M, _DESK_DEPTH_M = 1.4, 0.72
 
 
 def _desk(kit: Kit, wood: int) -> list[Triangles]:
-    """A desk with a screen and a keyboard; its user sits towards +y."""
+    """Return a desk with a screen and a keyboard; its user sits towards +y."""
     w, d = _DESK_M / 2, _DESK_DEPTH_M
     monitor = kit.palette.unique("screen", pictures.screen, (0.56, 0.34))
     return [
@@ -50,7 +50,7 @@ def desk_island(kit: Kit, rng: np.random.Generator, pairs: int) -> Arrangement:
 
 
 def conference_set(kit: Kit, rng: np.random.Generator, seats: int) -> Arrangement:
-    """A long table in the middle of a room with swivel chairs along both sides."""
+    """Return a long table in the middle of a room with swivel chairs along both sides."""
     wood = kit.wood(int(rng.integers(3)))
     half = seats // 2
     w, d = 0.375 * half + 0.1, 0.5
@@ -76,7 +76,7 @@ def conference_set(kit: Kit, rng: np.random.Generator, seats: int) -> Arrangemen
 
 
 def whiteboard(kit: Kit, rng: np.random.Generator) -> Piece:
-    """A whiteboard on a stand with feet, at the wall."""
+    """Return a whiteboard on a stand with feet, at the wall."""
     w = float(rng.uniform(0.6, 0.8))
     parts = [
         box((-w, 0.06, 0.85), (w, 0.09, 1.85), kit.metal),
@@ -96,7 +96,7 @@ def whiteboard(kit: Kit, rng: np.random.Generator) -> Piece:
 
 
 def filing_cabinet(kit: Kit, rng: np.random.Generator, doors: int) -> Piece:
-    """A steel cabinet of chest height."""
+    """Return a steel cabinet of chest height."""
     k, width, height = int(rng.integers(6)), 0.45 * doors, float(rng.uniform(1.0, 1.3))
     front = kit.front(width - 0.03, height - 0.1, 3, doors, k)
     parts = [

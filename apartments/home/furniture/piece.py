@@ -31,11 +31,14 @@ class Piece:
     def moved(
         self, yaw_rad: float = 0.0, x_m: float = 0.0, y_m: float = 0.0, z_m: float = 0.0
     ) -> Piece:
-        """The same piece turned about z, then shifted."""
+        """Return the same piece turned about z, then shifted."""
         return replace(self, shape=self.shape.moved(yaw_rad, (x_m, y_m, z_m)))
 
     def footprint(self) -> NDArray[np.float64] | None:
-        """(2, 2) lower and upper corner of what a robot could hit; None for rugs and lamps."""
+        """Return (2, 2) lower and upper corner of what a robot could hit.
+
+        None for rugs and lamps.
+        """
         (x0, y0, z0), (x1, y1, z1) = self.shape.bounds()
         if z0 >= OVERHEAD_M or z1 <= FLAT_M:
             return None
@@ -59,19 +62,19 @@ class Arrangement:
     on_window: bool = False
 
     def moved(self, yaw_rad: float, x_m: float, y_m: float) -> Arrangement:
-        """Turned about z, then shifted."""
+        """Return this turned about z, then shifted."""
         return replace(self, pieces=tuple(p.moved(yaw_rad, x_m, y_m) for p in self.pieces))
 
     def bounds(self) -> NDArray[np.float64]:
-        """(2, 3) bounds of everything [m]."""
+        """Return (2, 3) bounds of everything [m]."""
         all_bounds = np.array([p.shape.bounds() for p in self.pieces])
         return np.stack([all_bounds[:, 0].min(0), all_bounds[:, 1].max(0)])
 
     def footprints(self) -> list[NDArray[np.float64]]:
-        """(2, 2) footprints of its pieces that a robot could hit."""
+        """Return (2, 2) footprints of its pieces that a robot could hit."""
         return [f for p in self.pieces if (f := p.footprint()) is not None]
 
 
 def alone(piece: Piece, front_m: float = 0.4, on_window: bool = False) -> Arrangement:
-    """An arrangement of one piece at the wall."""
+    """Return an arrangement of one piece at the wall."""
     return Arrangement((piece,), front_m, on_window=on_window)

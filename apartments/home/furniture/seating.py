@@ -21,7 +21,7 @@ def _legs(
 
 
 def sofa(kit: Kit, rng: np.random.Generator, seats: int = 3) -> Piece:
-    """A sofa with arms, seat and back cushions, throw pillows and a blanket."""
+    """Return a sofa with arms, seat and back cushions, throw pillows and a blanket."""
     k = int(rng.integers(4))
     cloth, arm = kit.cloth(k), float(rng.uniform(0.16, 0.24))
     seat = float(rng.uniform(0.58, 0.66))
@@ -54,7 +54,7 @@ def sofa(kit: Kit, rng: np.random.Generator, seats: int = 3) -> Piece:
 
 
 def armchair(kit: Kit, rng: np.random.Generator) -> Piece:
-    """A padded armchair on wooden legs."""
+    """Return a padded armchair on wooden legs."""
     k = int(rng.integers(4, 8))
     cloth = kit.cloth(k)
     w, depth = 0.39, 0.82
@@ -70,7 +70,7 @@ def armchair(kit: Kit, rng: np.random.Generator) -> Piece:
 
 
 def chair(kit: Kit, rng: np.random.Generator, k: int = 0) -> Piece:
-    """A dining chair; its back is towards −y like every back."""
+    """Return a dining chair; its back is towards −y like every back."""
     wood = kit.wood(k)
     w, depth, seat = 0.215, 0.46, 0.45
     parts = [
@@ -88,7 +88,7 @@ def chair(kit: Kit, rng: np.random.Generator, k: int = 0) -> Piece:
 
 
 def office_chair(kit: Kit, rng: np.random.Generator) -> Piece:
-    """A swivel chair on five feet."""
+    """Return a swivel chair on five feet."""
     cloth = kit.cloth(int(rng.integers(8)))
     parts = [cylinder((0.0, 0.3), 0.06, 0.44, 0.035, kit.metal)]
     for k in range(5):
@@ -105,7 +105,7 @@ def office_chair(kit: Kit, rng: np.random.Generator) -> Piece:
 
 
 def pouf(kit: Kit, rng: np.random.Generator) -> Piece:
-    """A round upholstered stool."""
+    """Return a round upholstered stool."""
     cloth = kit.cloth(int(rng.integers(8)))
     return Piece(
         "Pouf", "pouf", soft_box((-0.25, 0.0, 0.0), (0.25, 0.5, 0.4), 0.14, cloth, 0.03, steps=8)
@@ -113,7 +113,7 @@ def pouf(kit: Kit, rng: np.random.Generator) -> Piece:
 
 
 def bench(kit: Kit, rng: np.random.Generator) -> Piece:
-    """A hall bench with a cushion, shallow enough for a corridor."""
+    """Return a hall bench with a cushion, shallow enough for a corridor."""
     wood = kit.wood()
     parts = [
         *_legs(0.42, 0.05, 0.27, 0.42, 0.05, wood),

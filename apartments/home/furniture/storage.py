@@ -70,7 +70,7 @@ def bookshelf(kit: Kit, rng: np.random.Generator) -> Piece:
 
 
 def wardrobe(kit: Kit, rng: np.random.Generator, doors: int) -> Piece:
-    """A tall wardrobe, half a metre per door."""
+    """Return a tall wardrobe, half a metre per door."""
     k = int(rng.integers(6))
     width, depth, height = 0.5 * doors, 0.58, float(rng.uniform(2.0, 2.2))
     wooden = rng.random() < 0.5
@@ -96,7 +96,7 @@ def wardrobe(kit: Kit, rng: np.random.Generator, doors: int) -> Piece:
 
 
 def dresser(kit: Kit, rng: np.random.Generator) -> Piece:
-    """A chest of drawers with things on it."""
+    """Return a chest of drawers with things on it."""
     k, width, height = int(rng.integers(6)), float(rng.uniform(0.85, 1.15)), 0.82
     wooden = rng.random() < 0.6
     body = kit.wood(k) if wooden else kit.front_color(k)
@@ -121,7 +121,7 @@ def dresser(kit: Kit, rng: np.random.Generator) -> Piece:
 
 
 def sideboard(kit: Kit, rng: np.random.Generator) -> Piece:
-    """A low, long cupboard with a table lamp."""
+    """Return a low, long cupboard with a table lamp."""
     k, width, height = int(rng.integers(6)), float(rng.uniform(1.3, 1.7)), 0.78
     wooden = rng.random() < 0.7
     body = kit.wood(k) if wooden else kit.front_color(k)
@@ -152,7 +152,7 @@ def sideboard(kit: Kit, rng: np.random.Generator) -> Piece:
 
 
 def tv_stand(kit: Kit, rng: np.random.Generator, width: float) -> list[Piece]:
-    """A low board and the television on it."""
+    """Return a low board and the television on it."""
     k = int(rng.integers(6))
     wooden = rng.random() < 0.6
     body = kit.wood(k) if wooden else kit.front_color(k)
@@ -185,7 +185,7 @@ def tv_stand(kit: Kit, rng: np.random.Generator, width: float) -> list[Piece]:
 
 
 def shoe_cabinet(kit: Kit, rng: np.random.Generator) -> Piece:
-    """A shallow cabinet for a hallway, with a bowl for keys."""
+    """Return a shallow cabinet for a hallway, with a bowl for keys."""
     k, width = int(rng.integers(6)), float(rng.uniform(0.75, 1.0))
     parts = [
         box((-width / 2, 0.0, 0.0), (width / 2, 0.24, 0.98), kit.white),
@@ -197,7 +197,7 @@ def shoe_cabinet(kit: Kit, rng: np.random.Generator) -> Piece:
 
 
 def nightstand(kit: Kit, rng: np.random.Generator, k: int) -> Piece:
-    """A bedside cabinet with a lamp and books."""
+    """Return a bedside cabinet with a lamp and books."""
     wood = kit.wood(k)
     parts = [
         box((-0.23, 0.0, 0.1), (0.23, 0.38, 0.52), wood),
@@ -214,7 +214,7 @@ def nightstand(kit: Kit, rng: np.random.Generator, k: int) -> Piece:
 
 
 def table_lamp_parts(kit: Kit, x: float, y: float, z: float) -> list[Triangles]:
-    """A lamp with a ceramic foot and a lit shade."""
+    """Return a lamp with a ceramic foot and a lit shade."""
     return [
         turned(
             [(0.06, z), (0.075, z + 0.07), (0.03, z + 0.18), (0.02, z + 0.25)],
@@ -231,7 +231,7 @@ def table_lamp_parts(kit: Kit, x: float, y: float, z: float) -> list[Triangles]:
 
 
 def basket(kit: Kit, rng: np.random.Generator) -> Piece:
-    """A laundry basket."""
+    """Return a laundry basket."""
     shape = turned(
         [(0.001, 0.02), (0.17, 0.0), (0.21, 0.5), (0.2, 0.52), (0.19, 0.46), (0.001, 0.42)],
         (0.0, 0.22),
@@ -241,12 +241,12 @@ def basket(kit: Kit, rng: np.random.Generator) -> Piece:
 
 
 def bin_(kit: Kit, rng: np.random.Generator) -> Piece:
-    """A waste bin."""
+    """Return a waste bin."""
     return Piece("Bin", "bin", cylinder((0.0, 0.14), 0.0, 0.4, 0.13, kit.metal))
 
 
 def toy_shelf(kit: Kit, rng: np.random.Generator) -> Piece:
-    """A low children's shelf with bright boxes."""
+    """Return a low children's shelf with bright boxes."""
     parts = [
         box((-0.6, 0.0, 0.0), (0.6, 0.02, 0.8), kit.white),
         *(

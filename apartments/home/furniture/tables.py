@@ -24,7 +24,7 @@ def _frame(
 
 
 def bowl(kit: Kit, x: float, y: float, z: float, k: int) -> list[Triangles]:
-    """A fruit bowl."""
+    """Return a fruit bowl."""
     rim = turned(
         [(0.001, z + 0.01), (0.06, z), (0.13, z + 0.07), (0.12, z + 0.075), (0.05, z + 0.02)],
         (x, y),
@@ -44,7 +44,7 @@ def bowl(kit: Kit, x: float, y: float, z: float, k: int) -> list[Triangles]:
 
 
 def vase(kit: Kit, x: float, y: float, z: float) -> list[Triangles]:
-    """A vase with a bunch of flowers."""
+    """Return a vase with a bunch of flowers."""
     body = turned(
         [(0.04, z), (0.07, z + 0.08), (0.035, z + 0.18), (0.045, z + 0.2)],
         (x, y),
@@ -68,7 +68,7 @@ def vase(kit: Kit, x: float, y: float, z: float) -> list[Triangles]:
 
 
 def books(kit: Kit, rng: np.random.Generator, x: float, y: float, z: float) -> list[Triangles]:
-    """A few books lying on each other."""
+    """Return a few books lying on each other."""
     parts = []
     for k in range(int(rng.integers(2, 5))):
         r, g, b = (int(c) for c in rng.integers(40, 210, 3))
@@ -80,7 +80,7 @@ def books(kit: Kit, rng: np.random.Generator, x: float, y: float, z: float) -> l
 
 
 def dining_set(kit: Kit, rng: np.random.Generator, seats: int) -> Arrangement:
-    """A table in the middle with chairs around it."""
+    """Return a table in the middle with chairs around it."""
     k = int(rng.integers(3))
     width, depth = (1.65, 0.9) if seats == 6 else (1.2, 0.8)
     w, d = width / 2, depth / 2
@@ -109,7 +109,7 @@ def dining_set(kit: Kit, rng: np.random.Generator, seats: int) -> Arrangement:
 
 
 def coffee_table(kit: Kit, rng: np.random.Generator) -> Piece:
-    """A low table with books and a bowl, centred on the origin."""
+    """Return a low table with books and a bowl, centred on the origin."""
     k = int(rng.integers(3))
     if rng.random() < 0.35:
         parts = [
@@ -128,7 +128,7 @@ def coffee_table(kit: Kit, rng: np.random.Generator) -> Piece:
 
 
 def desk_set(kit: Kit, rng: np.random.Generator) -> Arrangement:
-    """A desk at the wall with screen, keyboard, lamp, books, and a swivel chair."""
+    """Return a desk at the wall with screen, keyboard, lamp, books, and a swivel chair."""
     k = int(rng.integers(3))
     w = float(rng.uniform(0.6, 0.75))
     wood = kit.wood(k)

@@ -22,7 +22,7 @@ CRUMB_M2 = 1e-10
 
 
 def cut_exactly(part: Part, chosen: NDArray[np.bool_], outline: Outline) -> Part:
-    """The part without what lies inside the outline, seen from above.
+    """Return the part without what lies inside the outline, seen from above.
 
     Args:
         part: to cut.
@@ -59,7 +59,7 @@ def cut_exactly(part: Part, chosen: NDArray[np.bool_], outline: Outline) -> Part
 
 
 def cut_whole(part: Part, chosen: NDArray[np.bool_], outline: Outline) -> Part:
-    """The part without the chosen triangles whose middle lies inside the outline."""
+    """Return the part without the chosen triangles whose middle lies inside the outline."""
     middle = part.points_m[part.faces].mean(axis=1)[:, :2]
     gone = chosen.copy()
     gone[chosen] = outline.contains(middle[chosen])
@@ -74,7 +74,7 @@ def _section(rings: list[NDArray[np.float64]]) -> manifold3d.CrossSection:
 
 
 def _triangles(section: manifold3d.CrossSection) -> list[NDArray[np.float64]]:
-    """Triangles (3, 2), counter-clockwise."""
+    """Return the triangles (3, 2), counter-clockwise."""
     loops: Any = section.to_polygons()
     if not len(loops):
         return []
@@ -89,7 +89,7 @@ def _rebuilt(
     kept: list[NDArray[np.float64]],
     parents: list[int],
 ) -> Part:
-    """The part with its changed faces replaced by triangles `kept` of the same planes."""
+    """Return the part with its changed faces replaced by triangles `kept` of the same planes."""
     if not changed.any():
         return part
     if not kept:
@@ -137,7 +137,7 @@ def _barycentric(
 
 
 def _merged(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points with those nearer than `SAME_M` made equal."""
+    """Return the points with those nearer than `SAME_M` made equal."""
     if not len(points):
         return points
     tree = KDTree(points)

@@ -116,7 +116,7 @@ def courtyard(
 def atrium(
     lower: Corner, upper: Corner, floor_z: float, ceiling_z: float, rng: np.random.Generator
 ) -> Decoy:
-    """A void behind a balustrade, a hall's floor a storey below, a glass roof far above."""
+    """Return a void behind a balustrade, a hall's floor a storey below, a glass roof far above."""
     low, high = lower + 0.1, upper - 0.1
     bottom = floor_z - STOREY_M
     shapes = [_ring(low, high, floor_z - SLAB_M, floor_z), _sheet(low, high, bottom)]
@@ -173,7 +173,7 @@ def _rect(low: Corner, high: Corner) -> Outline:
 
 
 def _ring(low: Corner, high: Corner, bottom: float, top: float) -> Triangles:
-    """The four upright sides of a box."""
+    """Return the four upright sides of a box."""
     (x0, y0), (x1, y1) = low, high
     loop = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
     found = []

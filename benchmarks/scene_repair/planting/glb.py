@@ -181,7 +181,7 @@ class Glb:
         path.write_bytes(glb_bytes(self.tree, self.body))
 
     def _poses(self) -> list[NDArray[np.float64]]:
-        """(4, 4) of every node to the scene."""
+        """Return (4, 4) of every node to the scene."""
         nodes = self.tree["nodes"]
         poses = [_matrix(node) for node in nodes]
         done: list[NDArray[np.float64] | None] = [None] * len(nodes)

@@ -137,7 +137,7 @@ def plant(
 
 
 def floor_faces(part: Part, floor_z_m: float, band_m: float = CUT_BAND_M) -> NDArray[np.bool_]:
-    """(F,) nearly level faces at the floor's height."""
+    """Return (F,) nearly level faces at the floor's height."""
     corners = part.points_m[part.faces]
     near = np.abs(corners[..., 2] - floor_z_m).max(axis=1) <= band_m
     cross = triangle_cross(corners)
@@ -146,7 +146,7 @@ def floor_faces(part: Part, floor_z_m: float, band_m: float = CUT_BAND_M) -> NDA
 
 
 def _fine(site: Site) -> bool:
-    """Whether most of the floor consists of small triangles."""
+    """Return whether most of the floor consists of small triangles."""
     corners = [p.points_m[p.faces[floor_faces(p, site.floor_z_m)]] for p in site.parts]
     joint = np.concatenate(corners)
     sides = np.roll(joint, -1, axis=1) - joint
@@ -163,7 +163,7 @@ def _cut(part: Part, outline: Outline, floor_z_m: float, whole: bool) -> Part:
 
 
 def _opened(part: Part, decoy: Decoy, floor_z_m: float) -> Part:
-    """The part without the floor, and if need be the ceiling, of a decoy's opening."""
+    """Return the part without the floor, and if need be the ceiling, of a decoy's opening."""
     part = cut_exactly(part, floor_faces(part, floor_z_m, 0.07), decoy.opening)
     if decoy.open_above:
         high = part.points_m[part.faces][..., 2].min(axis=1) > floor_z_m + 1.7
@@ -179,7 +179,7 @@ def _placed(
     sizes_m: tuple[float, float] | None,
     within: Mask | None,
 ) -> Outline | None:
-    """An outline of a kind at a place that suits it; None if none is found."""
+    """Return an outline of a kind at a place that suits it; None if none is found."""
     floor = site.true_floor & site.scanned
     where = _haunts(site, kind, floor) & ~taken
     if within is not None:
@@ -212,7 +212,7 @@ def _placed(
 
 
 def _haunts(site: Site, kind: str, floor: Mask) -> Mask:
-    """Cells in whose neighbourhood holes of a kind lie."""
+    """Return the cells in whose neighbourhood holes of a kind lie."""
     if kind == "at a wall":
         near = np.asarray(ndimage.distance_transform_edt(~site.wall)) * site.grid.cell_m
         return floor & (near < 0.12)
@@ -222,7 +222,7 @@ def _haunts(site: Site, kind: str, floor: Mask) -> Mask:
 
 
 def _near(site: Site, outline: Outline, within_m: float) -> Mask:
-    """Cells whose centre lies inside an outline or near it; never none."""
+    """Return the cells whose centre lies inside an outline or near it; never none."""
     lower, upper = outline.bounds_m()
     mask = np.zeros(site.grid.shape, dtype=bool)
     first = np.maximum(site.grid.cell_of(lower) - 2, 0)
@@ -254,7 +254,7 @@ def _free_rectangle(
     taken: Mask,
     sizes_m: tuple[tuple[float, float], tuple[float, float]],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """A box in plan where floor is and nothing stands, at random among the places."""
+    """Return a box in plan where floor is and nothing stands, at random among the places."""
     (short_low, short_high), (long_low, long_high) = sizes_m
     free = site.true_floor & site.scanned & ~site.furniture & ~site.wall & ~taken
     total = np.pad(free.astype(np.int64), ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
@@ -281,7 +281,10 @@ def _free_rectangle(
 
 
 def _ceiling(site: Site, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> float:
-    """Height of what hangs over the middle of a box; 2.6 m above the floor if nothing does."""
+    """Return the height of what hangs over the middle of a box.
+
+    2.6 m above the floor if nothing does.
+    """
     vertices, _ = soup_of(site.parts)
     inside = np.all((vertices[:, :2] > lower) & (vertices[:, :2] < upper), axis=1)
     high = vertices[inside, 2]
@@ -292,7 +295,7 @@ def _ceiling(site: Site, lower: NDArray[np.float64], upper: NDArray[np.float64])
 def removed_floor(
     site: Site, before: Surfaces, after: Surfaces, points: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(N,) height of the true floor that was cut away at points (N, 2), NaN where none was.
+    """Return (N,) height of the true floor that was cut away at points (N, 2), NaN where none was.
 
     Args:
         site: the scene.

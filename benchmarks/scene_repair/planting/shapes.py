@@ -26,19 +26,19 @@ class Outline:
         return points.min(axis=0), points.max(axis=0)
 
     def size_m(self) -> float:
-        """The longest distance within it."""
+        """Return the longest distance within it."""
         points = np.concatenate(self.rings)
         apart = points[:, None] - points[None]
         return float(np.sqrt((apart**2).sum(axis=-1).max()))
 
     def moved(self, by_m: NDArray[np.float64], turn_rad: float = 0.0) -> Outline:
-        """Turned about the origin, then shifted."""
+        """Return this turned about the origin, then shifted."""
         c, s = np.cos(turn_rad), np.sin(turn_rad)
         turn = np.array([[c, s], [-s, c]])
         return Outline([ring @ turn + by_m for ring in self.rings])
 
     def contains(self, points_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether points (N, 2) lie inside."""
+        """Return whether points (N, 2) lie inside."""
         inside = np.zeros(len(points_m), dtype=bool)
         x, y = points_m[:, 0], points_m[:, 1]
         for ring in self.rings:
@@ -50,12 +50,12 @@ class Outline:
 
 
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    """A number whose logarithm is uniform."""
+    """Return a number whose logarithm is uniform."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def disc(radius_m: float, wobble: float, rng: np.random.Generator) -> NDArray[np.float64]:
-    """A ring (n, 2) around the origin, more or less round."""
+    """Return a ring (n, 2) around the origin, more or less round."""
     count = int(np.clip(2 * np.pi * radius_m / 0.03, 12, 60))
     angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
     wave = sum(
@@ -66,18 +66,18 @@ def disc(radius_m: float, wobble: float, rng: np.random.Generator) -> NDArray[np
 
 
 def rectangle(length_m: float, width_m: float) -> NDArray[np.float64]:
-    """A ring (4, 2) around the origin, its longer side along x."""
+    """Return a ring (4, 2) around the origin, its longer side along x."""
     x, y = length_m / 2, width_m / 2
     return np.array([[-x, -y], [x, -y], [x, y], [-x, y]])
 
 
 def round_hole(rng: np.random.Generator, size_m: float) -> Outline:
-    """A wobbly disc."""
+    """Return a wobbly disc."""
     return Outline([disc(size_m / 2, rng.uniform(0, 0.15), rng)])
 
 
 def crack(rng: np.random.Generator, size_m: float) -> Outline:
-    """A long bent line, a few mm to some cm wide, with pointed ends."""
+    """Return a long bent line, a few mm to some cm wide, with pointed ends."""
     count = max(int(size_m / 0.12), 3) + 1
     x = np.linspace(-size_m / 2, size_m / 2, count)
     y = np.cumsum(rng.normal(0, 0.15 * size_m / count, count))
@@ -89,12 +89,12 @@ def crack(rng: np.random.Generator, size_m: float) -> Outline:
 
 
 def sliver(rng: np.random.Generator, size_m: float) -> Outline:
-    """The straight gap between two tiles."""
+    """Return the straight gap between two tiles."""
     return Outline([rectangle(size_m, log_uniform(rng, 0.002, 0.015))])
 
 
 def concave(rng: np.random.Generator, size_m: float) -> Outline:
-    """An L or a U."""
+    """Return an L or a U."""
     a, b = size_m * rng.uniform(0.45, 0.7), size_m * rng.uniform(0.5, 0.7)
     arm = min(a, b) * rng.uniform(0.2, 0.33)
     if rng.random() < 0.5:
@@ -106,13 +106,13 @@ def concave(rng: np.random.Generator, size_m: float) -> Outline:
 
 
 def ring_hole(rng: np.random.Generator, size_m: float) -> Outline:
-    """A ring around an island of floor."""
+    """Return a ring around an island of floor."""
     outer = disc(size_m / 2, rng.uniform(0, 0.08), rng)
     return Outline([outer, outer * rng.uniform(0.35, 0.75)])
 
 
 def block(rng: np.random.Generator, size_m: float) -> Outline:
-    """A rectangle, as things and walls hide one."""
+    """Return a rectangle, as things and walls hide one."""
     width = size_m * rng.uniform(0.35, 0.8)
     return Outline([rectangle(np.sqrt(size_m**2 - width**2), width)])
 
@@ -143,7 +143,7 @@ KINDS = {
 
 
 def ragged(outline: Outline, rng: np.random.Generator, tooth_m: float = 0.025) -> Outline:
-    """The outline with teeth, as if whole small triangles were missing."""
+    """Return the outline with teeth, as if whole small triangles were missing."""
     rings = []
     for ring in outline.rings:
         after = np.roll(ring, -1, axis=0)
