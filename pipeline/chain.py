@@ -125,6 +125,7 @@ class Chain:
             InputError: a scene cannot hold its share.
         """
         planned = {s: row for s, row in scenes.items() if quotas is None or s in quotas}
+        before = [row for summary in self.summaries for row in summary.rows]
         parts = {s: self.folder.episodes(f"sampled/{s}") for s in planned}
         items = [
             episodes.sample_item(
@@ -135,7 +136,7 @@ class Chain:
         self._unselect(align.FILTER_STAGE, align.STAGE)
         sampled = self._stage(episodes.STAGE, items, required=True)
         if quotas is not None:
-            episodes.check_complete(sampled.rows, quotas, exact=exact)
+            episodes.check_complete(sampled.rows, quotas, exact=exact, before=before)
         return self._instructed(sampled, parts)
 
     def aligned(

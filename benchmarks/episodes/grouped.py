@@ -5,8 +5,8 @@ as R2R is: Habitat's coordinates, an episode per instruction, three episodes of 
 second file has the same episodes, each with a `trajectory_id` of its own, as if they were
 different paths. Both are aligned, replayed, rendered and exported by the commands of the product
 with one worker. CPU seconds, disk and the largest process are measured, and extrapolated to 3,000
-paths. What is done is not done again, so a run that was stopped goes on; its measurements are kept
-in OUT/measured.json.
+paths. A run that was stopped goes on with the stage it was in, from its beginning; the measurements
+of the others are in OUT/measured.json.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import gzip
 import json
+import shutil
 import subprocess
 import sys
 import time
@@ -52,6 +53,7 @@ def main() -> int:
         for stage, command, made in commands(options, name):
             key = f"{name} {stage}"
             if key not in measured:
+                shutil.rmtree(made, ignore_errors=True)  # half a stage would look cheap
                 measured[key] = run(command) | {"bytes": size(made)}
                 journal.write_text(json.dumps(measured, indent=1))
             say(f"{key}: {measured[key]}")

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...formats.core.atomic import file_digest
+from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError
 from ...formats.scene.bundle import INDEX_NAME
 from ...formats.vlnce.files import read_vlnce, write_episodes
@@ -184,6 +186,7 @@ def run_sample(options: Sample) -> int:
             episodes.check_complete(summary.rows, plan.quotas, exact=plan.exact)
         made = [parts[name] for name in summary.good()]
         paths, written = episodes.merge(made, _file_of(out, plan is not None))
+    pictures = _pictures(options.pictures, folders, paths)
     by_split = {s: sum(p.split == s for p in paths) for s in written}
     dropped: dict[str, int] = {}
     for row in summary.good().values():
@@ -205,9 +208,25 @@ def run_sample(options: Sample) -> int:
         "splits": by_split,
         "scenes": {row.item: row.facts for row in summary.good().values()},
         "dropped": dropped,
+        "pictures": [str(path) for path in pictures],
     }
     print_result(options, facts, text)
     return int(summary.quarantined > options.max_failed)
+
+
+def _pictures(out: Path | None, scenes: Sequence[Path], paths: Sequence[Episode]) -> list[Path]:
+    if out is None:
+        return []
+    from ...formats.scene.bundle import load_bundle
+    from ...trajectory_sampler.picture import write_pictures
+
+    out.mkdir(parents=True, exist_ok=True)
+    written = []
+    for scene in scenes:
+        bundle = replace(load_bundle(scene), scene_id=scene.resolve().name)
+        here = [path for path in paths if path.scene_id == bundle.scene_id]
+        written += write_pictures(out, bundle, here)
+    return written
 
 
 def scene_rows(folders: Sequence[Path]) -> dict[str, Row]:

@@ -137,6 +137,8 @@ class Sample(Sampling):
     """Clearance kept at every point of a path [m], if no robot is named."""
     seed: int = 0
     """Random seed."""
+    pictures: Path | None = None
+    """Folder for pictures of the paths over the planning map, one PNG per scene and level."""
     workers: int = 0
     """Number of worker processes; 0 uses one per core."""
     max_failed: int = 0

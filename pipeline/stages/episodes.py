@@ -44,7 +44,11 @@ def sample_item(
 
 
 def check_complete(
-    rows: Iterable[Row], planned: Mapping[str, Mapping[str, int]], *, exact: bool = True
+    rows: Iterable[Row],
+    planned: Mapping[str, Mapping[str, int]],
+    *,
+    exact: bool = True,
+    before: Iterable[Row] = (),
 ) -> None:
     """Raise, or warn, unless every scene holds the paths that were planned for it.
 
@@ -52,18 +56,20 @@ def check_complete(
         rows: of this stage.
         planned: paths by split, by scene.
         exact: a shortage is an error; otherwise it is logged.
+        before: of earlier stages, which say why a scene was not sampled.
 
     Raises:
         InputError: names each scene that cannot hold its share, how many it holds, and what would.
     """
-    found = {row.item: row for row in rows}
+    lost = {row.item: row for row in before if row.status == "quarantined"}
+    found = lost | {row.item: row for row in rows}
     problems = []
     for scene, quotas in planned.items():
         total = sum(quotas.values())
         row = found.get(scene)
         if row is None or row.status != "done":
-            reason = row.error.get("reason", "") if row else "it was not sampled"
-            problems.append(f"{scene} holds none of {total} paths ({reason})")
+            reason = f"{row.stage} failed: {row.error['reason']}" if row else "it was not sampled"
+            problems.append(f"{scene} holds none of {total} paths: {reason}")
         elif row.facts["missing"]:
             problems.append(_shortage(row, quotas))
     if problems and not exact:

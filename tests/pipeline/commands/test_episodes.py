@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
+from PIL import Image
 
 from tests.pipeline.commands.test_bad_input import room, write_mesh
 from tests.support.runs.work import InlineWorkers
 from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.core.frames import world_to_habitat_position
+from vlnpe.formats.core.geometry import point_along
 from vlnpe.formats.scene.bundle import load_bundle
 from vlnpe.formats.vlnce.files import (
     VlnceEpisode,
@@ -81,6 +83,29 @@ def test_scenes_go_by_the_names_of_their_folders(two_rooms, tmp_path, capsys):
     assert {e.scene_id for e in episodes} == {"flat-1", "flat-2"}
     assert all(e.episode_id.startswith(e.scene_id) for e in episodes)
     assert all(e.extra["similarity_group"].startswith(e.scene_id) for e in episodes)
+
+
+def test_pictures_show_every_path_on_free_floor(scenes, tmp_path, capsys):
+    out, pictures = tmp_path / "one.json.gz", tmp_path / "pictures"
+    call = ("sample", scenes / "a", "--count", 4, *COMMON, "--out", out, "--pictures", pictures)
+    code, told = run(capsys, *call)
+    assert code == 0
+    assert told["pictures"] == [str(pictures / "a-0.png")]
+    freemap = load_bundle(scenes / "a").freemap(0)
+    image = np.asarray(Image.open(pictures / "a-0.png").convert("RGB")).astype(int)
+    px_per_m = image.shape[1] / (freemap.grid.columns * freemap.grid.cell_m)
+    colored = np.ptp(image, axis=2) > 60  # the map is grey
+    for episode in read_episodes(out):
+        along = np.linspace(0, episode.reference_length_m, 50)
+        xy = point_along(episode.reference_path_world_m, along)[:, :2]
+        left_m, low_m = freemap.grid.origin_xy_m
+        column = ((xy[:, 0] - left_m) * px_per_m).astype(int)
+        row = (image.shape[0] - (xy[:, 1] - low_m) * px_per_m).astype(int)
+        assert colored[row, column].mean() > 0.9
+    # Nothing is drawn where nobody can walk.
+    rows, columns = np.nonzero(colored)
+    xy = np.stack([columns / px_per_m + left_m, (image.shape[0] - rows) / px_per_m + low_m], -1)
+    assert freemap.traversable[tuple(freemap.grid.cell_of(xy).T)].mean() > 0.99
 
 
 def test_a_repaired_scene_has_its_folder_s_name(tmp_path, capsys):
