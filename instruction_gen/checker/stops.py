@@ -85,7 +85,8 @@ def after_stop_claims(index: int, clause: Clause, parse: Parse, ground: Ground) 
     for noun in clause.nouns:
         found: Found | None
         seen = clause.verb == "see" or noun.prep == "with" or not clause.until
-        if clause.verb == "pass" and noun.kind == "object":
+        behind = clause.until and noun.prep == "past" and noun.side
+        if noun.kind == "object" and (clause.verb == "pass" or behind):
             found = ground.stopped_after(noun)
         elif clause.until and clause.verb == "see" and noun.side and noun.kind == "object":
             found = ground.beside(noun)

@@ -50,10 +50,14 @@ def _skeleton(marked: str) -> str:
 
 
 def _pick(options: Sequence[str], rng: np.random.Generator, memory: Sequence[str]) -> str:
-    """Return one at random, rather one that begins with no verb used just before."""
+    """Return the shorter of two at random, rather one that begins with no verb used just before.
+
+    People are brief: without this the texts are a tenth longer.
+    """
     fresh = [o for o in options if o.split()[0] not in memory]
     pool = fresh or list(options)
-    return pool[int(rng.integers(len(pool)))]
+    first, second = (pool[int(k)] for k in rng.integers(len(pool), size=2))
+    return min(first, second, key=lambda o: len(o.split()))
 
 
 def _turn(step: Step, rng: np.random.Generator, memory: Sequence[str]) -> str:
@@ -229,8 +233,8 @@ _OPENED = 0.3
 _STANDING = ("at ", "once ", "when ", "as ", "stop", "wait", "halt", "come")
 
 
-_AFTER_COMMA = (", then ", ", and then ", ", then ")
-_JOINTS = (", then ", " and ", " and then ", " and ")
+_AFTER_COMMA = (", then ", ", and ", ", then ")
+_JOINTS = (", then ", " and ", ", then ", " and ")
 
 
 def _join(group: Sequence[str], rng: np.random.Generator) -> str:

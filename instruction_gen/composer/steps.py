@@ -76,9 +76,9 @@ class Taste:
 
 
 TASTES = {
-    "terse": Taste(4.5, 0.25, 0.3, 0.1, 1),
-    "natural": Taste(2.6, 0.5, 0.6, 0.3, 2),
-    "rich": Taste(1.5, 0.75, 0.8, 0.6, 4),
+    "terse": Taste(4.5, 0.2, 0.3, 0.1, 1),
+    "natural": Taste(3.0, 0.35, 0.5, 0.25, 1),
+    "rich": Taste(2.0, 0.6, 0.7, 0.5, 2),
 }
 
 

@@ -119,7 +119,7 @@ INSIDE = ("just inside {B}", "just inside the doorway", "inside {B}")
 AFTER = (
     "walk about {n} further and stop", "go on for about {n} and stop there",
     "continue for roughly {n} and stop", "stop after about {n}", "walk another {n} and stop there",
-    "keep straight for about {n}, then stop",
+    "keep straight for about {n} and stop",
 )  # fmt: skip
 AFTER_SHORT = (
     "walk one more metre and stop", "take one or two more steps and stop",

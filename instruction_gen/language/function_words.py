@@ -7,12 +7,14 @@ VERBS = {
         spin face bends curves drift slant swerve lean""",
     "move": """walk go head move continue proceed step keep follow cross travel advance come carry
         stay get march stroll start begin set make take traverse cut run return heading walking
+        wander amble saunter stride trek squeeze slip duck nip pop thread navigate wend venture push
         going moving continuing keeping following leads lead round""",
     "enter": "enter entering entered",
-    "leave": "leave exit leaving exiting",
+    "leave": "leave exit leaving exiting depart quit",
     "pass": "pass passing passed skirt skirting",
-    "stop": "stop wait halt stand pause finish park rest stopping waiting done end ends arrived",
-    "see": "see notice find spot seeing look looking is are",
+    "stop": """stop wait halt stand pause finish park rest stopping waiting done end ends arrived
+        halting pausing finishing finished freeze linger conclude cease""",
+    "see": "see observe notice find spot seeing look looking is are",
     "reach": "reach reached approach reaching approaching arrive arriving meet hit",
 }
 VERB_OF = {word: verb for verb, words in VERBS.items() for word in words.split()}

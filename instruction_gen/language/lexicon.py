@@ -8,43 +8,58 @@ from __future__ import annotations
 
 # canonical noun = synonyms < kinds it may also be called; a comma goes on in the next line.
 _OBJECTS = """
-sofa=couch,settee,loveseat<seat,seating
-armchair=easy chair,lounge chair,recliner,sofa chair,arm chair<chair,seat
+sofa=sectional,divan,chesterfield,futon,three-seater,
+couch,settee,loveseat<seat,seating
+armchair=club chair,wing chair,reading chair,accent chair,comfy chair,comfortable chair,cosy chair,
+easy chair,lounge chair,recliner,sofa chair,arm chair<chair,seat
 chair=dining chair,office chair,desk chair,swivel chair,computer chair,kitchen chair<seat
 stool=bar stool,barstool<seat
-pouf=ottoman,footstool,puff,footrest,foot stool<seat
+pouf=hassock,beanbag,bean bag,
+ottoman,footstool,puff,footrest,foot stool<seat
 bench=<seat
-coffee table=low table<table
-dining table=dinner table<table
+coffee table=cocktail table,centre table,center table,
+low table<table
+dining table=eating table,
+dinner table<table
 kitchen table=<table,dining table
 side table=end table<table
-nightstand=bedside table,night stand,night table,bedside cabinet<table,cabinet
+nightstand=bedside unit,bedside stand,bedside drawers,
+bedside table,night stand,night table,bedside cabinet<table,cabinet
 table=
-desk=reading desk,writing desk,work desk,work table,study table<table
+desk=computer desk,study desk,computer table,workstation,
+reading desk,writing desk,work desk,work table,study table<table
 bed=
 bunk bed=<bed
 crib=cot<bed
-wardrobe=closet,armoire<cabinet,cupboard
-dresser=chest of drawers,drawers,bureau<cabinet
+wardrobe=clothes cabinet,clothes cupboard,clothes closet,
+closet,armoire<cabinet,cupboard
+dresser=tallboy,highboy,set of drawers,drawer unit,chest,
+chest of drawers,drawers,bureau<cabinet
 sideboard=credenza,buffet,console,console table<cabinet,cupboard
 cabinet=cupboard
 kitchen cabinet=<cabinet,cupboard
 wall cupboard=wall cabinet<cupboard,cabinet
-shoe cabinet=shoe cupboard,shoe storage,shoe closet,shoe chest<cabinet,cupboard
+shoe cabinet=shoe unit,shoe dresser,shoe locker,
+shoe cupboard,shoe storage,shoe closet,shoe chest<cabinet,cupboard
 shoe rack=<rack,shelf
 tv stand=television stand,tv unit,media console,tv console,tv table,tv bench,
 entertainment center,media unit,television unit<stand,cabinet
 tv cabinet=television cabinet<cabinet,tv stand
-television=tv,tv set,flat screen,screen,telly,television set
+television=flatscreen,tv screen,big screen,flat-screen tv,flat screen tv,flat-screen,
+tv,tv set,flat screen,screen,telly,television set
 monitor=computer screen,display<screen
-bookshelf=bookcase,book shelf,shelf of books,shelf with books,book case,bookshelves<shelf,shelves
+bookshelf=bookrack,book rack,wall of books,
+bookcase,book shelf,shelf of books,shelf with books,book case,bookshelves<shelf,shelves
 shelf=shelves,shelving,shelving unit
 rack=
-coat rack=coat stand,clothes rack,hat stand,coat hanger,coat hook,coat tree,garment rack,
+coat rack=coat hooks,coat hangers,clothes stand,clothes hanger,coat pegs,hat rack,coat rail,hanger stand,
+coat stand,clothes rack,hat stand,coat hanger,coat hook,coat tree,garment rack,
 hall tree<rack,stand
-kitchen counter=counter,countertop,worktop,kitchen unit,kitchen units,kitchen cabinets
+kitchen counter=kitchen worktop,kitchen countertop,work surface,kitchen work surface,kitchen top,
+counter,countertop,worktop,kitchen unit,kitchen units,kitchen cabinets
 counter=
-refrigerator=fridge,freezer
+refrigerator=fridge-freezer,fridge freezer,
+fridge,freezer
 stove=cooker,hob,range
 oven=
 cooking bench=cooking counter<bench,counter,stove
@@ -52,14 +67,17 @@ microwave=
 dishwasher=
 range hood=rangehood,extractor hood,hood
 sink=
-washbasin=wash basin,basin<sink
-toilet=commode,toilet bowl,loo
+washbasin=hand basin,handbasin,bathroom sink,wash-basin,wash bowl,
+wash basin,basin<sink
+toilet=lavatory,toilet seat,toilet bowl,
+commode,toilet bowl,loo
 bathtub=bath,tub,bath tub
 shower=shower cabin
 washing machine=washer,laundry machine,clothes washer<machine
 dryer=<machine
 towel rail=towel rack,towel bar,towel holder,towel hanger<rail
-radiator=heater,heating
+radiator=heat radiator,central heating,
+heater,heating
 fireplace=
 piano=grand piano
 guitar=
@@ -67,24 +85,29 @@ drum=drums
 fitness equipment=exercise machine,exercise equipment,gym equipment,workout machine<machine
 treadmill=<machine
 dumbbell=dumbbells,weights
-plant=potted plant,houseplant,pot plant,house plant,plant pot
+plant=indoor plant,planter,greenery,flowerpot,flower pot,potted tree,
+potted plant,houseplant,pot plant,house plant,plant pot
 flower=flowers
 tree=
 vase=
 lamp=light
-floor lamp=standing lamp,tall lamp,lamp stand<lamp,light
+floor lamp=upright lamp,reading lamp,lampstand,light stand,floor light,standing light,
+standing lamp,tall lamp,lamp stand<lamp,light
 table lamp=<lamp,light
 ceiling lamp=ceiling light,pendant lamp<lamp,light
 chandelier=<lamp,light
 clock=wall clock
-mirror=
-picture=painting,photo,photograph,poster,artwork
+mirror=looking glass,wall mirror,standing mirror
+picture=wall art,framed picture,
+painting,photo,photograph,poster,artwork
 window=
 curtain=curtains,drape,drapes
 curtain rod=
-rug=carpet,mat,area rug,floor mat,floor rug
+rug=floor covering,runner,
+carpet,mat,area rug,floor mat,floor rug
 carpet=rug,mat
-bin=trash can,trash bin,garbage can,waste bin,wastebasket,dustbin,rubbish bin,garbage bin,trash,
+bin=garbage bin,paper bin,waste basket,
+trash can,trash bin,garbage can,waste bin,wastebasket,dustbin,rubbish bin,garbage bin,trash,
 rubbish,litter bin
 trash can=trash bin,garbage can,bin,waste bin,wastebasket
 box=
@@ -136,18 +159,27 @@ speaker=
 """
 
 _ROOMS = """
-living room=lounge,sitting room,family room,living area,front room
-kitchen=kitchen area
-bedroom=bed room
-children's room=childrens room,kids room,kid's room,child's room,children room,child room,
+living room=lounge room,tv room,sitting area,lounge area,
+lounge,sitting room,family room,living area,front room
+kitchen=kitchenette,
+kitchen area
+bedroom=sleeping room,master bedroom,guest bedroom,guest room,
+bed room
+children's room=childs room,kids area,
+childrens room,kids room,kid's room,child's room,children room,child room,
 kid room,kids bedroom,kids' room,kids' bedroom,kid's bedroom,children's bedroom<bedroom
-bathroom=restroom,washroom,bath room,wc,shower room
-hallway=hall,corridor,passage,passageway,landing,hall way
-dining room=dining area,dining hall,dining space
-exercise room=gym,fitness room,workout room,exercise area
+bathroom=powder room,shower area,
+restroom,washroom,bath room,wc,shower room
+hallway=passage way,hall area,corridor area,
+hall,corridor,passage,passageway,landing,hall way
+dining room=eating area,dining corner,
+dining area,dining hall,dining space
+exercise room=workout area,training room,fitness area,
+gym,fitness room,workout room,exercise area
 laundry room=utility room
 music room=
-office=study,home office,study room,den,work room
+office=workroom,study area,office room,
+study,home office,study room,den,work room
 entrance hall=entryway,foyer,entrance way,vestibule<hallway
 closet room=walk-in closet,dressing room
 garage=

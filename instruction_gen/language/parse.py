@@ -258,6 +258,8 @@ class _Reader:
         for said, place in BY_YOU.items():
             if tuple(words[: len(said)]) == said and self.draft.nouns:
                 last = self.draft.nouns[-1]
+                if place == "behind" and last.side in ("left", "right"):
+                    self.draft.nouns.insert(-1, replace(last, prep="past"))
                 # "Once the bed on your left is behind you": behind is where it is then.
                 self.draft.nouns[-1] = replace(
                     last, side=place if place == "behind" else last.side or place

@@ -60,8 +60,8 @@ def test_compound_names_mean_things_with_the_same_words(noun, phrase, right):
 
 
 def test_the_side_before_behind_is_where_a_thing_was():
-    (noun,) = parse("Stop once the sofa on your left is behind you.").clauses[-1].nouns
-    assert noun.side == "behind"
+    passed, there = parse("Stop once the sofa on your left is behind you.").clauses[-1].nouns
+    assert (passed.prep, passed.side, there.side) == ("past", "left", "behind")
 
 
 def test_a_turn_to_the_only_door_of_the_first_room_need_not_be_told(two_rooms):
