@@ -1,4 +1,4 @@
-"""Where the time of a collection goes: per stage of whole runs, and per part of a frame in one process.
+"""Where the time of a collection goes: per stage of whole runs, per part of a frame.
 
     python -m benchmarks throughput                     # all of it, into benchmarks/README.md
     python -m benchmarks.throughput parts --robot h1    # one part, printed
@@ -53,12 +53,13 @@ KEPT_CALLS = 64
 # As on a machine that keeps compiled modules, whatever this shell says.
 ENVIRONMENT = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
 
-HISTORY = """Earlier, small_house, Aliengo, 48 episodes in a prepared scene, two idle cores (Xeon, Sapphire Rapids):
+HISTORY = """History: small_house, Aliengo, 48 episodes in a prepared scene, two cores (idle for
+episodes/h; Xeon, Sapphire Rapids, but for the first line):
 
 | what | episodes/h | render stage s | drawing, CPU-ms a frame |
 | --- | ---: | ---: | ---: |
-| packets of rays, one kernel (another machine) | 3,430 | 37.6 | 21 |
-| the kernel in steps that share a tuple of arrays: references counted at every access | 1,850 | 80.7 | 53 |
+| packets of rays, one kernel | 3,430 | 37.6 | 21 |
+| a kernel in steps that count references to arrays | 1,850 | 80.7 | 53 |
 | kernels without reference counting | | | 15 |
 | texture filter and light look-up as vector code, no prefetching, edges | | | 12 |
 """
@@ -276,9 +277,8 @@ def _split_rays(calls: list[tuple[Any, ...]], total_ms: float) -> dict[str, floa
     def plain(arrays: Any) -> Any:
         return untextured(arrays)._replace(shaded=np.zeros_like(arrays.shaded))
 
-    whole, bare, rays = (
-        min(seconds(c) for _ in range(2)) for c in (lambda a: a, untextured, plain)
-    )
+    changes = (lambda arrays: arrays, untextured, plain)
+    whole, bare, rays = (min(seconds(change) for _ in range(2)) for change in changes)
     return {
         "rays": total_ms * rays / whole,
         "light": total_ms * (bare - rays) / whole,
