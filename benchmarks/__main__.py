@@ -27,6 +27,7 @@ from benchmarks import (
     physics,
     render,
     scaling,
+    throughput,
     write,
 )
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
@@ -38,6 +39,7 @@ PAGE = ROOT / "benchmarks" / "README.md"
 # In the page's order. All but the first read what the first collected.
 SECTIONS: dict[str, Callable[[Path], str]] = {
     "chain": chain.report,
+    "throughput": throughput.report,
     "physics": lambda run: physics.report(scenes(run)),
     "labels": lambda run: labels.report(scenes(run)),
     "render": lambda run: render.report(runs(run)),

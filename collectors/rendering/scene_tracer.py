@@ -14,7 +14,7 @@ from ...formats.scene.bundle import SceneBundle, VisualMesh
 from .camera.rays import SUBPIXELS, fill_directions, list_order, subpixel_directions, tile_order
 from .frame import RenderRequest
 from .kernels.data import Hits, LightArrays, Packets
-from .kernels.edges import add_samples, find_edges
+from .kernels.edges import add_samples, find_edges, in_order
 from .kernels.eye_rays import render_rays
 from .kernels.packets import TILES, PacketScene
 from .kernels.srgb import encode_srgb, encode_table
@@ -155,7 +155,8 @@ class SceneTracer:
             marked &= ~skip
         order = self.pixel_order(camera)
         # Tile by tile, so that rays of a packet are close together.
-        pixels = order[(order >= 0) & marked[order]]
+        pixels = np.empty(len(order), dtype=np.int32)
+        pixels = pixels[: in_order(order, marked, pixels)]
         if not len(pixels):
             return
         directions = subpixel_directions(pixels, SUBPIXELS, request.rotation, focal, width, height)

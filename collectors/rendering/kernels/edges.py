@@ -76,6 +76,22 @@ def find_edges(
                     marked[j] = True
 
 
+@kernel(**UNCOUNTED)
+def in_order(order: NDArray[np.int32], marked: NDArray[np.bool_], out: NDArray[np.int32]) -> int:
+    """Write the marked pixels to `out` in the order of `order`, which has −1 for none.
+
+    Returns:
+        How many there are.
+    """
+    count = 0
+    for k in range(order.shape[0]):
+        i = order[k]
+        if i >= 0 and marked[i]:
+            out[count] = i
+            count += 1
+    return count
+
+
 @kernel()
 def add_samples(samples: F32, count: int, pixels: NDArray[np.int32], color: F32) -> F32:
     """Return the mean (K, 3) of each pixel's own colour in `color` (N, 3) and its `count` samples.
