@@ -68,6 +68,8 @@ def rollout_metrics(
     stopped by itself, and less than the goal's radius (3 m) away; the stricter rule for collection
     (stopped within 0.25 m) is `end_reason == "success"`. SPL uses the episode's geodesic distance
     as the shortest length.
+    Who leaves the reachable floor (`flash` goes through walls) succeeds nowhere farther than
+    `SNAP_M` from it; NE is then the straight way back to it and the distance from there.
     nDTW compares both paths every 0.25 m of way, one FORWARD action, so that it does not depend on
     the robot's speed.
 
@@ -86,6 +88,7 @@ def rollout_metrics(
     if field is None:
         field = distance_field(freemap, goal, AGENT_RADIUS_M)
     distance = field.at(track)
+    error = field.at(track[-1], math.inf)
     length = path_length(track)
     success = end_reason in _STOPPED and bool(distance[-1] < episode.goal_radius_m)
     shortest = episode.geodesic_distance_m
@@ -93,7 +96,7 @@ def rollout_metrics(
     reference = space_evenly(episode.reference_path_world_m[:, :2], REFERENCE_STEP_M)
     return Metrics(
         trajectory_length_m=length,
-        navigation_error_m=float(distance[-1]),
+        navigation_error_m=float(error),
         navigation_error_euclidean_m=float(np.linalg.norm(track[-1] - goal)),
         success=success,
         oracle_success=bool((distance < episode.goal_radius_m).any()),

@@ -19,7 +19,10 @@ from .observation import (
     NO_ACTION,
     BlankEye,
     Eye,
+    Labels,
+    Lens,
     Observation,
+    Start,
     checked_action,
     proprioception,
     relative_pose,
@@ -50,6 +53,7 @@ class PolicyChooser:
     kind: str = DISCRETE
     waypoints: int = 1
     _start: tuple[float, float, float] | None = None
+    _frame: Start | None = None
     _previous: Action | Motion | None = None
     _count: int = 0
 
@@ -58,7 +62,15 @@ class PolicyChooser:
         if self._start is None:
             pose = self.world.pose
             self._start = (pose.x_m, pose.y_m, pose.yaw_rad)
-        rgb, depth_m = self.eye.look() if self.eye else _nothing(self.world)
+        lens: Lens | None = None
+        labels: Labels | None = None
+        if isinstance(self.eye, Eye) and getattr(self.policy, "wants_labels", False):
+            rgb, depth_m, labels = self.eye.look_labelled()
+        else:
+            rgb, depth_m = self.eye.look() if self.eye else _nothing(self.world)
+        if isinstance(self.eye, Eye) and getattr(self.policy, "wants_lens", False):
+            self._frame = self._frame or Start.of(self.world)
+            lens = self.eye.lens(self._frame)
         return Observation(
             rgb=rgb,
             depth_m=depth_m,
@@ -67,6 +79,8 @@ class PolicyChooser:
             proprioception=proprioception(self.world),
             previous_action=self._shown(self._previous),
             step=self._count,
+            lens=lens,
+            labels=labels,
         )
 
     def next_action(self, pose: Pose, rest: Pose | None = None) -> Action:

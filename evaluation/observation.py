@@ -12,10 +12,69 @@ from ..collectors.rendering.camera.mounting import body_for
 from ..collectors.rendering.camera.views import View
 from ..collectors.rendering.interface import Renderer
 from ..collectors.world import World
+from ..formats.core.camera import CameraModel
 from ..formats.core.frames import quat_to_matrix, wrap_angle
 from ..formats.core.rollout import Action
+from ..wayfinding.planning import floor_z
 
 NO_ACTION = -1  # previous action before the first one
+
+
+@dataclass(frozen=True)
+class Start:
+    """The start frame: on the floor under the base, gravity up, x along the first heading.
+
+    Attributes:
+        x_m, y_m, z_m: origin in the world [m].
+        yaw_rad: heading in the world [rad].
+    """
+
+    x_m: float
+    y_m: float
+    z_m: float
+    yaw_rad: float
+
+    @classmethod
+    def of(cls, world: World) -> Start:
+        """Return the frame of a robot's present pose."""
+        pose = world.pose
+        z = float(floor_z(world.freemap, np.array([pose.x_m, pose.y_m])))
+        return cls(pose.x_m, pose.y_m, z, pose.yaw_rad)
+
+    @property
+    def rotation(self) -> NDArray[np.float64]:
+        """(3, 3) rotation of world vectors into the start frame."""
+        cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
+        return np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+
+@dataclass(frozen=True)
+class Lens:
+    """The camera of an observation, as odometry and joint angles give it.
+
+    Attributes:
+        model: intrinsics.
+        position_m: (3,) optical centre in the start frame [m].
+        rotation: (3, 3) optical axes (columns x right, y down, z forward) in the start frame.
+    """
+
+    model: CameraModel
+    position_m: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Labels:
+    """What each pixel shows, from the renderer: an oracle that no robot has.
+
+    Attributes:
+        thing: (H, W) int32 index into `categories`; negative = nothing, or the robot itself.
+        categories: of the scene's objects, one each (`dining table`), then the scene's labels, for
+            surfaces that belong to no object.
+    """
+
+    thing: NDArray[np.int32]
+    categories: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -33,6 +92,8 @@ class Observation:
         previous_action: `Action` taken before, `NO_ACTION` at first; a (3,) velocity or (K, 3)
             waypoints where those are the actions, zeros at first.
         step: number of actions taken so far.
+        lens: the camera; only for policies with `wants_lens`, and never sent to servers.
+        labels: the renderer's labels; only for policies with `wants_labels`.
     """
 
     rgb: NDArray[np.uint8]
@@ -42,10 +103,13 @@ class Observation:
     proprioception: NDArray[np.float64]
     previous_action: int | NDArray[np.float64]
     step: int
+    lens: Lens | None = None
+    labels: Labels | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields by name; arrays stay arrays."""
-        return {name: getattr(self, name) for name in self.__dataclass_fields__}
+        """Return the fields by name, without `lens` and `labels`; arrays stay arrays."""
+        names = [name for name in self.__dataclass_fields__ if name not in ("lens", "labels")]
+        return {name: getattr(self, name) for name in names}
 
 
 class Eye:
@@ -68,11 +132,38 @@ class Eye:
 
     def look(self) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """Return RGB (H, W, 3) uint8 and depth (H, W) float32 [m] of the state now."""
+        return self._renderer.render(*self._asked())
+
+    def look_labelled(self) -> tuple[NDArray[np.uint8], NDArray[np.float32], Labels]:
+        """Return RGB, depth and the labels of the state now."""
+        frame = self._renderer.render_labelled(*self._asked())
+        bundle = self._world.bundle
+        categories = (*(thing.category for thing in bundle.objects), *bundle.labels)
+        # Scans may have labels without objects: all that has one label is one thing then.
+        alone = (frame.thing < 0) & (frame.label >= 0)
+        thing = np.where(alone, len(bundle.objects) + frame.label, frame.thing)
+        return frame.rgb, frame.depth_m, Labels(thing, categories)
+
+    def lens(self, start: Start) -> Lens:
+        """Return the camera of the state now in the frame of the start."""
+        position, quat = self._camera_pose()
+        moved = np.asarray(position) - (start.x_m, start.y_m, start.z_m)
+        rotation = start.rotation
+        return Lens(self._view.camera, rotation @ moved, rotation @ quat_to_matrix(quat))
+
+    def _state(self) -> tuple[NDArray[np.float64], ...]:
         world = self._world
-        state = (world.base[:3], world.base[3:], world.data.qpos[world.handles.joint_qpos])
-        position, quat = self._body.camera_pose(world.robot.camera.name, *state)
-        body = self._body.pose(*state) if self._view.shows_robot else None
-        return self._renderer.render(self._view.camera, position, quat, body)
+        return world.base[:3], world.base[3:], world.data.qpos[world.handles.joint_qpos]
+
+    def _camera_pose(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        position, quat = self._body.camera_pose(self._world.robot.camera.name, *self._state())
+        return np.asarray(position), np.asarray(quat)
+
+    def _asked(self) -> tuple[Any, ...]:
+        """Return what the renderer is asked for: camera, position, quaternion, body."""
+        position, quat = self._camera_pose()
+        body = self._body.pose(*self._state()) if self._view.shows_robot else None
+        return self._view.camera, position, quat, body
 
 
 class BlankEye:

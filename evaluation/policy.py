@@ -21,6 +21,7 @@ from .observation import Observation
 
 if TYPE_CHECKING:
     from .learned import LearnedPolicy
+    from .map_policy.policy import MapPolicy
     from .remote import RemotePolicy
     from .vlm import VlmPolicy
 
@@ -60,7 +61,8 @@ class Policy(Protocol):
     """Chooses one action after another.
 
     A policy may have a list `said`: texts in it are taken out after each action and kept among the
-    rollout's events.
+    rollout's events. One with a true `wants_lens` or `wants_labels` gets those fields of
+    `Observation`.
 
     Attributes:
         blind: it looks at no images, so that none need be rendered.
@@ -135,6 +137,7 @@ class Random:
 
 ORACLE = "oracle"
 VLM = "vlm"  # a vision-language model; the environment says where
+MAP = "map"  # an online semantic map; labels are the renderer's
 SERVER_SCHEMES = ("ws://", "wss://")
 CHECKPOINT_SUFFIX = ".safetensors"
 # By name, made from the seed. The oracle is not among them: it is the expert, which knows the path.
@@ -142,6 +145,7 @@ POLICIES: dict[str, Callable[[int], Policy]] = {
     "stop": lambda seed: Stop(),
     "forward": lambda seed: Forward(),
     "random": Random,
+    MAP: lambda seed: _map(),
 }
 
 
@@ -253,6 +257,12 @@ def _learned(path: Path, seed: int) -> LearnedPolicy:
     except ModuleNotFoundError as error:
         raise MissingExtraError(f"{path.name}: a learned policy", "train") from error
     return LearnedPolicy.load(path, Choice(seed=seed))
+
+
+def _map() -> MapPolicy:
+    from .map_policy.policy import MapPolicy
+
+    return MapPolicy()
 
 
 def _vlm() -> VlmPolicy:

@@ -71,11 +71,11 @@ class DistanceField:
         index = distance_transform_edt(blocked, return_distances=False, return_indices=True)
         return np.moveaxis(np.asarray(index, dtype=np.int64), 0, -1)
 
-    def at(self, xy_m: ArrayLike) -> NDArray[np.float64]:
+    def at(self, xy_m: ArrayLike, within_m: float = SNAP_M) -> NDArray[np.float64]:
         """Return distances (...) [m] from points (..., 2) [m]; inf where unreachable.
 
         A point's value is the least over the 3 × 3 cells about the reachable cell nearest to it
-        of their distance plus the straight way to their centre. Points farther than `SNAP_M`
+        of their distance plus the straight way to their centre. Points farther than `within_m`
         from every reachable cell are unreachable. Within 1.5 cells of the goal the straight
         distance is exact.
         """
@@ -89,7 +89,7 @@ class DistanceField:
             base, blocked = cells.copy(), ~np.isfinite(self.distance_m[cells[:, 0], cells[:, 1]])
             if blocked.any():  # the search for reachable cells takes as long as all the rest
                 base[blocked] = self._nearest_reachable[cells[blocked, 0], cells[blocked, 1]]
-            home = np.linalg.norm(self.grid.center_of(base) - flat, axis=1) <= SNAP_M
+            home = np.linalg.norm(self.grid.center_of(base) - flat, axis=1) <= within_m
             for dr in (-1, 0, 1):
                 for dc in (-1, 0, 1):
                     near = np.clip(base + np.array([dr, dc]), 0, limit)

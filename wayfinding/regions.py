@@ -102,14 +102,21 @@ def region_map(bundle: SceneBundle, level: int) -> RegionMap:
     hole_cells = int(_MIN_ROOM_M2 / grid.cell_m**2)
     covered = remove_small_holes(floor.covered, max_size=hole_cells)
     open_floor = covered & ~_walls(bundle, level, grid)
+    here = [o for o in bundle.objects if o.level in (level, -1)]
+    return split_rooms(open_floor, here, grid)
+
+
+def split_rooms(
+    open_floor: NDArray[np.bool_], objects: Sequence[LabeledObject], grid: GridSpec
+) -> RegionMap:
+    """Split the floor between walls, (rows, columns), into rooms; see `region_map`."""
     width = 2.0 * np.asarray(distance_transform_edt(np.pad(open_floor, 1)))[1:-1, 1:-1]
     width = np.maximum(width - 1.0, 0.0) * grid.cell_m
-    here = [o for o in bundle.objects if o.level in (level, -1)]
-    rooms = [o for o in here if o.category.startswith(ROOM_PREFIX)]
+    rooms = [o for o in objects if o.category.startswith(ROOM_PREFIX)]
     if rooms:
         region, names = _labelled(rooms, grid), tuple(o.category[len(ROOM_PREFIX) :] for o in rooms)
     else:
-        region, names = _furnished(_necks(width, open_floor, grid.cell_m), width, here, grid)
+        region, names = _furnished(_necks(width, open_floor, grid.cell_m), width, objects, grid)
     return RegionMap(grid, _extend(region, open_floor, grid.cell_m), names, width)
 
 

@@ -9,6 +9,7 @@ none is left, the follower is lost.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,24 +70,38 @@ def follow(text: str, world: World, start_m: Array, start_yaw_rad: float) -> Fol
 
 def _along(goals: list[SubGoal], ways: Ways, world: World) -> tuple[Followed, float]:
     """Return how following ends on one tree of ways, and what it costs; inf when lost."""
+    costs = prefix_costs(goals, ways, world)
+    number, here = len(costs) - 1, costs[-1]
+    if number < len(goals):
+        best = int(np.argmin(here))
+        return Followed(ways.points_m[best], f"lost at {goals[number].said!r}", number), np.inf
+    total = here + _PER_METRE * ways.along_m
+    best = int(np.argmin(total))
+    if here[best] > _LOST:
+        return Followed(ways.points_m[best], "no way fits well enough", len(goals)), np.inf
+    return Followed(ways.points_m[best], "", len(goals)), float(total[best])
+
+
+def prefix_costs(goals: Sequence[SubGoal], ways: Ways, world: World) -> list[Array]:
+    """Return the costs (N,) of having just met the first 0, 1, … sub-goals at each cell.
+
+    The list ends before the first sub-goal that is met nowhere: it has one entry more than there
+    are sub-goals met.
+    """
     here = np.full(len(ways.points_m), np.inf)
-    here[0] = 0.0  # cost of having just met the last sub-goal at a cell
-    walked = False
+    here[0] = 0.0
+    costs, walked = [here], False
     for number, goal in enumerate(goals):
         if goal.kind == "stop" and number and goals[number - 1].kind == "stop":
             after = here + stop_cost(goal, ways, world)  # a second thing at the same place
         else:
             after = _met(goal, here, ways, world, walked)
         if not np.isfinite(after).any():
-            best = int(np.argmin(here))
-            return Followed(ways.points_m[best], f"lost at {goal.said!r}", number), np.inf
+            break
         if goal.kind != "see":
             here, walked = after, goal.kind == "walk"
-    total = here + _PER_METRE * ways.along_m
-    best = int(np.argmin(total))
-    if here[best] > _LOST:
-        return Followed(ways.points_m[best], "no way fits well enough", len(goals)), np.inf
-    return Followed(ways.points_m[best], "", len(goals)), float(total[best])
+        costs.append(here)
+    return costs
 
 
 def _met(goal: SubGoal, here: Array, ways: Ways, world: World, walked: bool) -> Array:

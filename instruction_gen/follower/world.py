@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.scene.bundle import LabeledObject, SceneBundle
+from ...formats.scene.freemap import Freemap
 from ...wayfinding.regions import ROOM_PREFIX, RegionMap, region_map
 from ..facts.doors import DOOR, doorways
 from ..facts.geometry import no_wall_between, skin_of
@@ -54,8 +56,28 @@ class World:
 
     def __init__(self, bundle: SceneBundle, level: int, regions: RegionMap | None = None):
         """Read a level of a scene."""
+        here = [o for o in bundle.objects if o.level in (level, -1)]
         regions = regions or region_map(bundle, level)
-        freemap = bundle.freemap(level)
+        floor = bundle.level_floor_z_m[level]
+        self._read(bundle.freemap(level), regions, here, level, floor)
+
+    @classmethod
+    def of_map(
+        cls, freemap: Freemap, regions: RegionMap, objects: Sequence[LabeledObject]
+    ) -> World:
+        """Read a map that was made otherwise, for example by a robot, with its floor at z = 0."""
+        world = cls.__new__(cls)
+        world._read(freemap, regions, objects, 0, 0.0)
+        return world
+
+    def _read(
+        self,
+        freemap: Freemap,
+        regions: RegionMap,
+        here: Sequence[LabeledObject],
+        level: int,
+        floor: float,
+    ) -> None:
         low = np.asarray(freemap.grid.origin_xy_m)
         size = np.array([freemap.grid.columns, freemap.grid.rows]) * freemap.grid.cell_m
         columns, rows = (int(n) for n in np.ceil(size / CELL_M))
@@ -69,15 +91,11 @@ class World:
         # Walking close to things is dearer, as people keep away from them.
         self.cost = np.where(free, 1.0 + np.clip(0.6 - clear, 0.0, 0.4), -1.0)
         self.region = regions.at(self.centers_m)
-        here = [o for o in bundle.objects if o.level in (level, -1)]
         self.rooms = room_names(regions, here)
-        floor = bundle.level_floor_z_m[level]
         self.things = [
             _thing(noun_of(o.category), o, regions)
-            for o in bundle.objects
-            if o.level in (level, -1)
-            and not o.category.startswith(ROOM_PREFIX)
-            and noun_of(o.category) not in ("", "door")
+            for o in here
+            if not o.category.startswith(ROOM_PREFIX) and noun_of(o.category) not in ("", "door")
         ]
         self.things += [_thing(DOOR, d, regions) for d in doorways(regions, level, floor)]
         self._regions = regions

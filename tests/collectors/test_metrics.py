@@ -16,7 +16,7 @@ from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.geometry import path_length, space_evenly
 from vlnpe.formats.core.rollout import EndReason
 from vlnpe.formats.scene.bundle import SceneBundle
-from vlnpe.wayfinding.distance import distance_field
+from vlnpe.wayfinding.distance import AGENT_RADIUS_M, distance_field
 
 POINTS = arrays(np.float64, st.tuples(st.integers(1, 12), st.just(2)), elements=st.floats(-9, 9))
 REFERENCE = np.array([[1.0, 1.0, 0], [3.0, 2.0, 0], [5.0, 2.0, 0], [7.0, 3.0, 0]])
@@ -147,5 +147,18 @@ def test_the_shortest_way_is_that_of_the_reference_agent(two_rooms: SceneBundle)
     blocked[row : row + 2, column - 1 : column + 1] = True  # 0.1 m of a door, ajar
     ajar = replace(freemap, traversable=blocked)
     m = rollout_metrics(episode(), ajar, walk((1, 1), (3, 2)), EndReason.STOPPED_FAR)
-    assert math.isinf(m.navigation_error_m)
+    assert math.isinf(float(distance_field(ajar, (7.0, 3.0), AGENT_RADIUS_M).at((3.0, 2.0))))
+    assert not m.success
     assert math.isfinite(float(distance_field(ajar, (7.0, 3.0)).at((3.0, 2.0))))
+
+
+def test_outside_of_the_building_the_error_is_the_way_back_and_nothing_succeeds(
+    two_rooms: SceneBundle,
+) -> None:
+    """A flash agent goes through walls; its NE stays finite, so that means exist."""
+    freemap = two_rooms.freemap(0)
+    outside = (7.0, -1.2)  # beyond the wall, near the goal
+    m = rollout_metrics(episode((7.0, 1.0)), freemap, walk((1, 1), outside), EndReason.STOPPED_FAR)
+    assert m.navigation_error_euclidean_m < 3.0
+    assert m.navigation_error_euclidean_m <= m.navigation_error_m < 4.0
+    assert not m.success

@@ -1,0 +1,44 @@
+"""Where the labels of an image come from: the renderer's ids, or a vision model's boxes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from ...instruction_gen.language.nouns import noun_of
+from ..observation import Observation
+from .seen_map import Detection
+
+STRUCTURE = frozenset(("wall", "door frame", "door"))
+_SILENT = frozenset(("ceiling", "floor"))
+
+
+class Labeller(Protocol):
+    """Finds things in an observation."""
+
+    def detect(self, observation: Observation) -> Sequence[Detection]:
+        """Return the things in the image."""
+        ...
+
+
+class OracleLabeller:
+    """The renderer's own labels, the same thing under the same key in every image."""
+
+    def detect(self, observation: Observation) -> Sequence[Detection]:
+        """See `Labeller.detect`.
+
+        Raises:
+            ValueError: If the observation has no labels.
+        """
+        labels = observation.labels
+        if labels is None:
+            raise ValueError("the observation has no labels; valid: from a renderer with labels")
+        found = []
+        for k in np.unique(labels.thing[labels.thing >= 0]).tolist():
+            category = labels.categories[k]
+            noun = category if category in STRUCTURE else noun_of(category)
+            if noun and noun not in _SILENT:
+                found.append(Detection(noun, f"{noun}-{k}", labels.thing == k))
+        return found

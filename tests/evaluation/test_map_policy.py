@@ -1,0 +1,124 @@
+"""The policy `map`: its map against the known rooms, and that it knows nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.collectors.test_replay import make_episode
+from vlnpe.collectors.rendering.camera.views import make_view
+from vlnpe.collectors.rendering.registry import make_renderer
+from vlnpe.collectors.replay import ReplayConfig
+from vlnpe.collectors.robots import get_robot
+from vlnpe.collectors.world import open_world
+from vlnpe.evaluation.episode import closed_loop, evaluate_episode
+from vlnpe.evaluation.map_policy.inference import goals_of
+from vlnpe.evaluation.map_policy.picture import draw_map
+from vlnpe.evaluation.map_policy.policy import MapPolicy
+from vlnpe.evaluation.map_policy.routes import Routes, next_action, waypoints
+from vlnpe.evaluation.map_policy.seen_map import SeenMap
+from vlnpe.evaluation.observation import Eye
+from vlnpe.evaluation.policy import Assignment, PolicyError
+from vlnpe.formats.core.rollout import Action, Rollout
+from vlnpe.formats.scene.bundle import SceneBundle
+
+START = (2.6, 2.0)  # in the kitchen, looking through the doorway
+TEXT = "Go through the doorway into the living room and stop near the sofa."
+
+
+class Watched(MapPolicy):
+    """Keeps what it was told and shown."""
+
+    def reset(self, assignment: Assignment) -> None:
+        self.told, self.shown = [assignment], []
+        super().reset(assignment)
+
+    def act(self, observation):
+        self.shown.append(observation)
+        return super().act(observation)
+
+
+def walked(two_rooms: SceneBundle, policy: MapPolicy, goal, *, kind="discrete") -> Rollout:
+    episode = replace(make_episode(two_rooms, START, goal), instruction=TEXT)
+    controller = "flash" if kind == "discrete" else "path"
+    robot = "vlnce" if kind == "discrete" else "jetbot"
+    config = closed_loop(ReplayConfig(robot=robot, controller=controller))
+    world = open_world(two_rooms, 0, get_robot(robot))
+    eye = Eye(world, make_view("ego", robot, width_px=96), make_renderer(two_rooms, "embree"))
+    return evaluate_episode(world, episode, config, policy, eye, kind=kind)
+
+
+@pytest.fixture(scope="module")
+def walk(two_rooms: SceneBundle) -> tuple[Watched, Rollout]:
+    policy = Watched()
+    return policy, walked(two_rooms, policy, (6.6, 1.5))
+
+
+def test_it_finds_the_sofa_in_the_other_room_and_stops_there(walk) -> None:
+    _, rollout = walk
+    assert rollout.metrics.success
+    x, y = rollout.position_world_m[-1, :2]
+    assert x > 4.0 and np.linalg.norm(np.clip((x, y), (6.0, 0.2), (7.6, 1.0)) - (x, y)) < 2.2
+    assert any(event.kind == "said" and "ends here" in event.detail for event in rollout.events)
+
+
+def test_its_map_is_that_of_the_rooms(walk) -> None:
+    seen = walk[0].seen
+    cells = seen.grid.cell_of
+
+    def at(mask, x: float, y: float) -> bool:  # world [m]; the start frame begins at START, yaw 0
+        return bool(mask[tuple(cells(np.array([x - START[0], y - START[1]])))])
+
+    assert at(seen.free, 4.0, 2.0) and at(seen.free, 5.0, 2.5)  # the doorway, the other room
+    assert at(seen.obstacle, 8.05, 2.0) and not at(seen.free, 8.05, 2.0)  # the east wall
+    assert not seen.explored[tuple(cells(np.array([0.0, 4.0])))]  # beyond the north wall
+    sofa = next(thing for thing in seen.things.values() if thing.noun == "sofa")
+    assert np.allclose(sofa.low_m[:2] + START, (6.0, 0.2), atol=0.15)
+    assert np.allclose(sofa.high_m[:2] + START, (7.6, 1.0), atol=0.15)
+    picture = draw_map(seen, np.zeros((1, 2)), np.array([2.0, 0.0]))
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) == 6  # unseen, free, solid, wall, marks
+
+
+def test_it_is_told_neither_goal_nor_path_nor_where_the_world_is(two_rooms, walk) -> None:
+    """Another goal and another path, hence another episode, and the same walk to the bit."""
+    policy, rollout = walk
+    other = Watched()
+    again = walked(two_rooms, other, (5.0, 3.4))
+    assert np.array_equal(again.position_world_m, rollout.position_world_m)
+    assert [o.to_dict().keys() for o in other.shown[:1]] == [
+        o.to_dict().keys() for o in policy.shown[:1]
+    ]
+    assert set(vars(policy.told[0])) == {
+        "episode_id", "scene_id", "instruction", "robot", "controller", "actions"
+    }  # fmt: skip
+    first = policy.shown[0]
+    assert np.allclose(first.pose, 0.0) and np.abs(first.lens.position_m[:2]).max() < 0.5
+    assert 0.1 < first.lens.position_m[2] < 2.0  # above the floor, not in world coordinates
+
+
+def test_it_moves_by_waypoints_in_physics_too(two_rooms) -> None:
+    assert walked(two_rooms, MapPolicy(), (6.6, 1.5), kind="waypoints").metrics.success
+
+
+def test_a_way_leads_round_what_stands_there() -> None:
+    seen = SeenMap()
+    middle = seen.grid.rows // 2
+    seen.floor[middle - 20 : middle + 20, middle - 10 : middle + 40] = True
+    seen.hits[middle - 10 : middle + 20, middle + 10 : middle + 12] = 9  # a wall ahead, to the left
+    path = Routes.spread(seen, np.zeros(2), 0.2).path_to(np.array([2.5, 0.0]))
+    assert np.allclose(path[[0, -1]], [(0.0, 0.0), (2.5, 0.0)], atol=0.1)
+    assert path[:, 1].min() < -1.1 and not seen.obstacle[tuple(seen.grid.cell_of(path).T)].any()
+    assert next_action(path, np.zeros(3)) is Action.RIGHT
+    assert next_action(path, np.array([0.0, 0.0, np.arctan2(*path[6][::-1])])) is Action.FORWARD
+    steps = waypoints(path, np.zeros(3))
+    assert steps.shape == (4, 3) and np.hypot(*steps[0, :2]) == pytest.approx(0.3, abs=0.1)
+
+
+def test_instructions_are_read_and_nonsense_is_refused() -> None:
+    assert [goal.kind for goal in goals_of(TEXT)] == ["place", "place", "stop"]
+    assert goals_of("Turn left and walk past the bed")[-1].kind == "stop"  # no stop was said
+    policy = MapPolicy()
+    with pytest.raises(PolicyError, match="velocity; valid: discrete, waypoints"):
+        policy.reset(Assignment("e", "s", TEXT, "h1", "speed", "velocity"))
