@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.measure import label
 
-from vlnpe.apartments import build_scene, building_config, generate_splats
+from vlnpe.apartments import build_scene, building_config
+from vlnpe.apartments.generate_splats import generate_splats
 from vlnpe.apartments.home.shell import wall_frame
 from vlnpe.apartments.home.true_scene import TrueScene
 from vlnpe.apartments.scanner.lookup import exact_surface
@@ -27,7 +28,7 @@ from vlnpe.apartments.truth import covered_cells, true_floor
 from vlnpe.formats.core.geometry import triangle_normals, triangle_normals_and_areas
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.scene.grid import GridSpec
-from vlnpe.scene_repair.repair import repair_scene
+from vlnpe.scene_repair.splats.repair import repair_splats
 
 # Between these heights above the floor anything is an obstacle.
 LOW_M, HIGH_M = 0.06, 1.9
@@ -164,7 +165,7 @@ def main() -> None:
             (folder / "scene").mkdir(parents=True, exist_ok=True)
             if not (folder / "scan.ply").is_file():
                 generate_splats(seed, folder)
-            bundle = repair_scene(folder / "scan.ply", folder / "scene")
+            bundle = repair_splats(folder / "scan.ply", folder / "scene")
             scene = build_scene(np.random.default_rng(seed), building_config("apartment"))
             s = score(scene, bundle, np.random.default_rng(0))
         say(

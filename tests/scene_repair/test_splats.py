@@ -26,6 +26,8 @@ from vlnpe.scene_repair.labels.files import read_labels
 from vlnpe.scene_repair.repair import repair_scene
 from vlnpe.scene_repair.scan.dispatch import read_scan
 from vlnpe.scene_repair.splats import fuse
+from vlnpe.scene_repair.splats.read import read_splat_scan
+from vlnpe.scene_repair.splats.repair import repair_splats
 from vlnpe.scene_repair.splats.solid import find_solid
 
 ROOM_M = np.array([4.4, 3.4, 2.5])
@@ -122,7 +124,7 @@ def test_a_room_of_splats_becomes_a_sound_scene(tmp_path: Path) -> None:
     source = tmp_path / "lab.ply"
     write_ply_splats(source, cloud.transformed(np.linalg.inv(HABITAT_TO_WORLD)))
     (tmp_path / "out").mkdir()
-    bundle = repair_scene(source, tmp_path / "out")
+    bundle = repair_splats(source, tmp_path / "out")
     record = json.loads((tmp_path / "out" / "repair.json").read_text())
     assert record["source"]["up"] == "y"
     assert record["source"]["unit"] == "m"
@@ -157,12 +159,12 @@ def test_a_given_surface_takes_the_place_of_the_fused_one(tmp_path: Path) -> Non
     source = tmp_path / "lab.ply"
     write_ply_splats(source, room_cloud())
     mesh = scans.write_glb(scans.room(), tmp_path / "room.glb")
-    scan = read_scan(source, mesh)
+    scan = read_splat_scan(source, print, mesh)
     assert np.array_equal(scan.faces, read_scan(mesh).faces)
-    assert scan.splats is not None
+    assert scan.companion is not None
     assert "their surface is given" in scan.warnings[0]
     with pytest.raises(InputError, match="--collision"):
-        read_scan(mesh, mesh)
+        repair_scene(mesh, tmp_path, RepairConfig(collision=str(mesh)))
 
 
 def test_an_object_is_no_room() -> None:
@@ -170,7 +172,7 @@ def test_an_object_is_no_room() -> None:
     if not path.is_file():
         pytest.skip(f"no {path}")
     with pytest.raises(FileFormatError, match=r"an object, not a room|no surface"):
-        read_scan(path)
+        read_splat_scan(path, print)
 
 
 def test_meshes_with_vertex_colours_stay_meshes(tmp_path: Path) -> None:
@@ -179,13 +181,13 @@ def test_meshes_with_vertex_colours_stay_meshes(tmp_path: Path) -> None:
     colors = np.random.default_rng(0).integers(0, 255, (len(mesh.vertices), 4))
     mesh.visual = ColorVisuals(mesh, vertex_colors=colors)
     mesh.export(str(tmp_path / "a.ply"))
-    assert read_scan(tmp_path / "a.ply").splats is None
+    assert read_scan(tmp_path / "a.ply").companion is None
 
 
 def test_damaged_splats_are_refused_by_name(tmp_path: Path) -> None:
     (tmp_path / "a.spz").write_bytes(b"nothing")
     with pytest.raises(FileFormatError, match="SPZ"):
-        repair_scene(tmp_path / "a.spz", tmp_path, RepairConfig())
+        repair_splats(tmp_path / "a.spz", tmp_path, RepairConfig())
 
 
 def corners(lower: tuple[float, ...], upper: tuple[float, ...], turn_deg: float) -> list[dict]:
