@@ -64,6 +64,17 @@ def obstacle_cells(grid: GridSpec, triangles_m: NDArray[np.float64]) -> NDArray[
     return covered_cells(grid, triangles_m[(z.max(1) > LOW_M) & (z.min(1) < HIGH_M)])
 
 
+def reachable(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the free cells in one piece with most others, less those beside an obstacle.
+
+    The floor inside a closed wardrobe or refrigerator is none that anybody sees or walks on. A cell
+    beside an obstacle may fall to either side.
+    """
+    piece = np.asarray(label(free, connectivity=1))
+    largest = int(np.argmax(np.bincount(piece[free])))
+    return ndimage.binary_erosion(piece == largest)
+
+
 def score(scene: TrueScene, bundle: SceneBundle, seed_rng: np.random.Generator) -> Score:
     """Compare a bundle with the exact building; both in the same world."""
     plan = scene.plan
@@ -83,8 +94,7 @@ def score(scene: TrueScene, bundle: SceneBundle, seed_rng: np.random.Generator) 
     on = fine.inside(at)
     true = np.zeros(len(at), dtype=bool)
     true[on] = mask[at[on, 0], at[on, 1]]
-    # A cell beside an obstacle may fall to either side.
-    open_ = ndimage.binary_erosion(true.reshape(free.grid.shape) & ~blocked)
+    open_ = reachable(true.reshape(free.grid.shape) & ~blocked)
     doors = [o for o in plan.openings if o.kind in ("door", "passage") and o.room < o.other_room]
     closed = sum(_closed(free.traversable, free.grid, plan, door) for door in doors)
     missed, things = _missed(scene, free.traversable, free.grid)
