@@ -29,6 +29,9 @@ BAKED = "baked"
 # nearer by less than this, nor a robot by a mesh.
 SCATTER_M = 0.03
 NO_SURFACE, UNLIT = 0, 1
+# Gaussians are merged where they are narrower than this [px], and a pixel is finished when what
+# follows would change it by less than half a step of 8 bits.
+DETAIL_PX, LEAST_LIGHT = 0.3, 1 / 512
 
 
 class SplatRenderer(Renderer):
@@ -54,7 +57,7 @@ class SplatRenderer(Renderer):
                 f" of their capture; valid: {BAKED} (or --renderer embree, which draws its mesh)"
             )
         super().__init__(bundle, light)
-        self._splats = SplatScene.of(load_splats(bundle.root))
+        self._splats = SplatScene.of(load_splats(bundle.root), detail=True)
         self._robot = RobotTracer(())
         self._decode = decode_table()
 
@@ -78,6 +81,8 @@ class SplatRenderer(Renderer):
             Eye(camera, request.position, request.rotation),
             cover_m=cover.reshape(shape),
             cut_above_m=request.cut_above_m,
+            detail_px=DETAIL_PX,
+            least_light=LEAST_LIGHT,
         )
         through = image.light[..., None]
         mixed = 255 * image.color + through * backdrop.reshape(*shape, 3)
