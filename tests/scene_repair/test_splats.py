@@ -215,6 +215,7 @@ def test_labels_of_interior_gs(tmp_path: Path) -> None:
                     "label": "wall lamp",
                     "bounding_box": corners((3, 3, 1), (4, 4, 2), 0),
                 },
+                {"ins_id": "11", "label": "other"},
             ]
         )
     )
