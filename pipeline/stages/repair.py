@@ -71,9 +71,11 @@ def item(source: Path, out: Path, config: RepairConfig) -> WorkItem:
         FileFormatError: If the source does not exist or is not a file.
     """
     job = (SplatRepairJob if is_splats(source) else RepairJob)(source, out, config)
-    named = {"scan": source_digest(source)}
+    named: dict[str, object] = {"scan": source_digest(source)}
     if config.collision:
-        named["collision"] = source_digest(Path(config.collision))
+        given = Path(config.collision)
+        beside = given.with_suffix(".json")  # of an occupancy map
+        named["collision"] = (source_digest(given), beside.is_file() and file_digest(beside))
     return work_item(STAGE, out.name, job, (out,), config, **named)
 
 

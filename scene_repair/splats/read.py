@@ -19,9 +19,12 @@ from ..scan.dispatch import check_scan, read_scan
 from ..scan.record import Scan, ScanMaterial
 from ..scan.soup import Part, merge_parts
 from .fuse import fuse_splats
+from .occupancy import read_occupancy
 from .solid import find_solid
 
 LEAST_FACES = 200
+# Suffix of InteriorGS' map of free floor.
+OCCUPANCY = ".png"
 
 
 @dataclass(frozen=True)
@@ -48,8 +51,8 @@ def read_splat_scan(path: Path, tell: Callable[[str], None], collision: Path | N
     Args:
         path: the file.
         tell: called with one short line before each step.
-        collision: file of a surface in the same coordinates, which takes the place of the fused
-            one; None = fuse one.
+        collision: mesh, USD stage or InteriorGS' `occupancy.png` in the same coordinates, which
+            takes the place of the fused surface; None = fuse one.
 
     Raises:
         FileFormatError: damaged, or no surface that cameras could look at from inside.
@@ -58,7 +61,8 @@ def read_splat_scan(path: Path, tell: Callable[[str], None], collision: Path | N
     kind = splat_kind(path)
     cloud = read_splats(path)
     if collision is not None:
-        surface = read_scan(collision)
+        occupancy = collision.suffix.lower() == OCCUPANCY
+        surface = read_occupancy(collision, cloud) if occupancy else read_scan(collision)
         notes = (*cloud.warnings, f"{len(cloud):,} Gaussians ({kind}); their surface is given")
         return replace(
             surface,
