@@ -2,7 +2,7 @@
 
 from .config import BUILDINGS, ApartmentConfig, ScanConfig, building_config
 from .exact import generate_exact
-from .generate import generate_scan, generate_splats
+from .generate import generate_scan
 from .home.building import build_scene
 from .home.true_scene import TrueScene
 
@@ -15,5 +15,4 @@ __all__ = [
     "building_config",
     "generate_exact",
     "generate_scan",
-    "generate_splats",
 ]

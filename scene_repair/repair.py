@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..formats.core.errors import SceneError
+from ..formats.core.errors import InputError, SceneError
 from ..formats.scene.bundle import SceneBundle, VisualMesh
 from ..formats.scene.grid import GridSpec
 from .collide.level_collision import build_collision
@@ -41,11 +41,32 @@ LEAST_CLEARANCE_M = 0.08
 MAX_CELLS = 30_000_000
 
 
+Reader = Callable[[Path, RepairConfig, Callable[[str], None]], Scan]
+
+
+def read_surface(source: Path, config: RepairConfig, tell: Callable[[str], None]) -> Scan:
+    """Read a mesh, USD stage or point cloud; see `read_scan`.
+
+    Raises:
+        FileFormatError: as `read_scan`.
+        InputError: a collision surface is given for what has a surface of its own.
+    """
+    tell(f"reading {source.name}")
+    scan = read_scan(source)
+    if config.collision:
+        raise InputError(
+            f"--collision {config.collision}: {source.name} has a surface of its own; "
+            "valid: Gaussian splats"
+        )
+    return scan
+
+
 def repair_scene(
     source: Path,
     out_dir: Path,
     config: RepairConfig | None = None,
     progress: Callable[[str], None] | None = None,
+    read: Reader = read_surface,
 ) -> SceneBundle:
     """Read the scan `source` and write the repaired scene into the existing folder `out_dir`.
 
@@ -55,6 +76,7 @@ def repair_scene(
         out_dir: an empty folder; the caller makes it atomic.
         config: settings; None = the defaults.
         progress: called with one short line before each step.
+        read: reads the source; `splats.repair` reads Gaussian splats.
 
     Returns:
         The bundle as it was written.
@@ -66,8 +88,7 @@ def repair_scene(
     config = config or RepairConfig()
     tell = progress or log.info
     source = Path(source)
-    tell(f"reading {source.name}")
-    scan = read_scan(source, Path(config.collision) if config.collision else None)
+    scan = read(source, config, tell)
     scan = replace(scan, licence=scan.licence or licence_beside(source))
     scan, boxes = label_scan(source, scan)
     way = orient(scan, config)

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.measure import label
 
-from vlnpe.apartments import build_scene, building_config, generate_splats
+from vlnpe.apartments import build_scene, building_config
+from vlnpe.apartments.generate_splats import generate_splats
 from vlnpe.apartments.home.shell import wall_frame
 from vlnpe.apartments.home.true_scene import TrueScene
 from vlnpe.apartments.scanner.lookup import exact_surface
@@ -27,7 +28,7 @@ from vlnpe.apartments.truth import covered_cells, true_floor
 from vlnpe.formats.core.geometry import triangle_normals, triangle_normals_and_areas
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.scene.grid import GridSpec
-from vlnpe.scene_repair.repair import repair_scene
+from vlnpe.scene_repair.splats.repair import repair_splats
 
 # Between these heights above the floor anything is an obstacle.
 LOW_M, HIGH_M = 0.06, 1.9
@@ -63,6 +64,17 @@ def obstacle_cells(grid: GridSpec, triangles_m: NDArray[np.float64]) -> NDArray[
     return covered_cells(grid, triangles_m[(z.max(1) > LOW_M) & (z.min(1) < HIGH_M)])
 
 
+def reachable(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the free cells in one piece with most others, less those beside an obstacle.
+
+    The floor inside a closed wardrobe or refrigerator is none that anybody sees or walks on. A cell
+    beside an obstacle may fall to either side.
+    """
+    piece = np.asarray(label(free, connectivity=1))
+    largest = int(np.argmax(np.bincount(piece[free])))
+    return ndimage.binary_erosion(piece == largest)
+
+
 def score(scene: TrueScene, bundle: SceneBundle, seed_rng: np.random.Generator) -> Score:
     """Compare a bundle with the exact building; both in the same world."""
     plan = scene.plan
@@ -82,8 +94,7 @@ def score(scene: TrueScene, bundle: SceneBundle, seed_rng: np.random.Generator) 
     on = fine.inside(at)
     true = np.zeros(len(at), dtype=bool)
     true[on] = mask[at[on, 0], at[on, 1]]
-    # A cell beside an obstacle may fall to either side.
-    open_ = ndimage.binary_erosion(true.reshape(free.grid.shape) & ~blocked)
+    open_ = reachable(true.reshape(free.grid.shape) & ~blocked)
     doors = [o for o in plan.openings if o.kind in ("door", "passage") and o.room < o.other_room]
     closed = sum(_closed(free.traversable, free.grid, plan, door) for door in doors)
     missed, things = _missed(scene, free.traversable, free.grid)
@@ -164,7 +175,7 @@ def main() -> None:
             (folder / "scene").mkdir(parents=True, exist_ok=True)
             if not (folder / "scan.ply").is_file():
                 generate_splats(seed, folder)
-            bundle = repair_scene(folder / "scan.ply", folder / "scene")
+            bundle = repair_splats(folder / "scan.ply", folder / "scene")
             scene = build_scene(np.random.default_rng(seed), building_config("apartment"))
             s = score(scene, bundle, np.random.default_rng(0))
         say(

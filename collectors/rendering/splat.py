@@ -7,14 +7,16 @@ of the mesh that was fused from the splats, metric as in every other scene.
 
 from __future__ import annotations
 
+import logging
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.errors import InputError
 from ...formats.scene.bundle import SceneBundle, VisualMesh
 from ...formats.splats.store import has_splats, load_splats
-from ...formats.splatting.draw import Eye, draw_splats
-from ...formats.splatting.scene import SplatScene
+from ...formats.splatting.backend import make_drawer
+from ...formats.splatting.draw import Eye
 from .frame import Drawn, RenderRequest
 from .interface import Renderer
 from .kernels.data import Hits
@@ -30,9 +32,11 @@ BAKED = "baked"
 SCATTER_M = 0.03
 NO_SURFACE, UNLIT = 0, 1
 
+log = logging.getLogger(__name__)
+
 
 class SplatRenderer(Renderer):
-    """RGB by splatting, depth by ray tracing."""
+    """RGB by splatting, on the GPU where gsplat is; depth by ray tracing."""
 
     name = "splat"
 
@@ -54,7 +58,8 @@ class SplatRenderer(Renderer):
                 f" of their capture; valid: {BAKED} (or --renderer embree, which draws its mesh)"
             )
         super().__init__(bundle, light)
-        self._splats = SplatScene.of(load_splats(bundle.root))
+        self._splats = make_drawer(load_splats(bundle.root))
+        log.info("splats are drawn by %s", self._splats.name)
         self._robot = RobotTracer(())
         self._decode = decode_table()
 
@@ -73,12 +78,8 @@ class SplatRenderer(Renderer):
         backdrop = np.empty((len(directions), 3), dtype=np.uint8)
         self._scene.encode(np.where(robot[:, None], body.color, mesh.color), backdrop)
         cover = np.where(robot, body.depth - np.float32(SCATTER_M), np.float32(np.inf))
-        image = draw_splats(
-            self._splats,
-            Eye(camera, request.position, request.rotation),
-            cover_m=cover.reshape(shape),
-            cut_above_m=request.cut_above_m,
-        )
+        eye = Eye(camera, request.position, request.rotation)
+        image = self._splats.draw(eye, cover.reshape(shape), request.cut_above_m)
         through = image.light[..., None]
         mixed = 255 * image.color + through * backdrop.reshape(*shape, 3)
         rgb = np.clip(mixed + np.float32(0.5), 0, 255).astype(np.uint8)

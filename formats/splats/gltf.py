@@ -17,14 +17,10 @@ import numpy as np
 
 from ..core.errors import FileFormatError
 from ..core.frames import quat_to_matrix
-from ..untrusted.documents import parse_json
-from ..untrusted.files import read_input
-from ..untrusted.glb import read_glb
-from ..untrusted.limits import limits
+from .kind import EXTENSION, gltf_tree, splat_primitives
 from .packed import spz_cloud
 from .record import F32, GaussianCloud, check_count, cleaned
 
-EXTENSION = "KHR_gaussian_splatting"
 SPZ_EXTENSIONS = (
     "KHR_gaussian_splatting_compression_spz_2",
     "KHR_gaussian_splatting_compression_spz",
@@ -40,36 +36,6 @@ MAX_NODES, MAX_DEPTH = 10_000, 64
 MAX_BUFFER_BYTES = 4 << 30
 
 
-def gltf_tree(path: Path) -> tuple[dict[str, Any], memoryview]:
-    """Return the JSON tree and the binary chunk of a GLB or glTF file.
-
-    Raises:
-        ValueError: damaged, or beyond a limit.
-    """
-    try:
-        if path.suffix.lower() == ".glb":
-            text, body = read_glb(path)
-        else:
-            text = read_input(path, max_bytes=limits().json_bytes)
-            body = memoryview(b"")
-        tree = parse_json(path, text)
-    except FileFormatError as error:
-        raise ValueError(error.reason) from error
-    if not isinstance(tree, dict):
-        raise ValueError("no JSON object")
-    return tree, body
-
-
-def declares_splats(path: Path) -> bool:
-    """Return whether a GLB or glTF file names the extension; damaged files do not."""
-    try:
-        tree, _ = gltf_tree(path)
-        used = tree.get("extensionsUsed", [])
-        return isinstance(used, list) and EXTENSION in used and bool(_splat_primitives(tree))
-    except (FileFormatError, ValueError, OSError, TypeError, AttributeError):
-        return False
-
-
 def read_gltf_splats(path: Path) -> GaussianCloud:
     """Read all splats of a GLB or glTF file, each moved as its node says.
 
@@ -79,7 +45,7 @@ def read_gltf_splats(path: Path) -> GaussianCloud:
     try:
         tree, body = gltf_tree(path)
         reader = _Reader(path, tree, body)
-        primitives = _splat_primitives(tree)
+        primitives = splat_primitives(tree)
         total = sum(len(mesh.get("primitives", [])) for mesh in tree.get("meshes", []))
         if len(primitives) < total:
             raise FileFormatError(
@@ -99,15 +65,6 @@ def read_gltf_splats(path: Path) -> GaussianCloud:
         raise FileFormatError(path, "contains no Gaussian splats in its scene")
     check_count(path, sum(len(c) for c in clouds), max(c.degree for c in clouds))
     return cleaned(path, replace(_joined(clouds), up=UP, unit=UNIT))
-
-
-def _splat_primitives(tree: dict[str, Any]) -> list[dict[str, Any]]:
-    return [
-        primitive
-        for mesh in tree.get("meshes", [])
-        for primitive in mesh.get("primitives", [])
-        if EXTENSION in primitive.get("extensions", {})
-    ]
 
 
 def _placed(tree: dict[str, Any]) -> list[tuple[int, np.ndarray]]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..core.atomic import atomic_file
 from ..core.errors import FileFormatError
 from .harmonics import C0
+from .kind import COMPRESSED, ply_splat_kind
 from .ply_header import PlyHeader, ply_rows, read_ply_header
 from .record import F32, GaussianCloud, check_count, cleaned
 
@@ -21,9 +22,6 @@ SPLAT_PROPERTIES = (
     "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2",
     "rot_0", "rot_1", "rot_2", "rot_3",
 )  # fmt: skip
-# Any one of these says that splats are meant; meshes and point clouds have none of them.
-TELLING = {"f_dc_0", "scale_0", "rot_0"}
-PACKED = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
 CHUNK = 256
 LICENCE_WORDS = ("licence", "license", "licence:", "license:")
 BOUNDS = tuple(f"{end}_{what}" for end in ("min", "max") for what in ("x", "y", "z"))
@@ -31,19 +29,6 @@ SCALE_BOUNDS = tuple(f"{end}_scale_{axis}" for end in ("min", "max") for axis in
 COLOR_BOUNDS = tuple(f"{end}_{channel}" for end in ("min", "max") for channel in "rgb")
 # PlayCanvas stores harmonics as bytes over −4 … 4.
 HARMONICS_SPAN = 8.0
-PLAIN, COMPRESSED = "PLY of 3D Gaussian splatting", "compressed PLY, as SuperSplat writes it"
-
-
-def ply_splat_kind(header: PlyHeader) -> str:
-    """Return which kind of splats a PLY file holds; empty for meshes and point clouds."""
-    vertex = header.elements.get("vertex")
-    faces = header.elements.get("face")
-    if vertex is None or (faces is not None and faces.count > 0):
-        return ""
-    names = set(vertex.properties)
-    if set(PACKED) <= names:
-        return COMPRESSED
-    return PLAIN if len(TELLING & names) >= 2 else ""
 
 
 def read_ply_splats(path: Path) -> GaussianCloud:

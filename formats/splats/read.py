@@ -1,4 +1,4 @@
-"""Recognise and read Gaussian splats of any file format."""
+"""Read Gaussian splats of any file format."""
 
 from __future__ import annotations
 
@@ -7,33 +7,11 @@ from pathlib import Path
 from ..core.errors import FileFormatError
 from ..untrusted.files import check_input
 from ..untrusted.limits import limits
-from .gltf import declares_splats, read_gltf_splats
+from .gltf import read_gltf_splats
+from .kind import OWN_SUFFIXES, SHARED_SUFFIXES
 from .packed import read_dot_splat, read_spz
-from .ply import ply_splat_kind, read_ply_splats
-from .ply_header import read_ply_header
+from .ply import read_ply_splats
 from .record import GaussianCloud
-
-OWN_SUFFIXES = (".splat", ".spz")
-SHARED_SUFFIXES = (".ply", ".glb", ".gltf")
-
-
-def splat_kind(path: Path) -> str:
-    """Return which kind of Gaussian splats a file holds; empty for anything else.
-
-    A mesh with vertex colours or a point cloud is none, whatever its attributes are called: splats
-    need the extension in glTF, and in PLY their own properties and no faces.
-
-    Raises:
-        FileFormatError: a `.ply` without a header.
-    """
-    suffix = path.suffix.lower()
-    if suffix in OWN_SUFFIXES:
-        return suffix
-    if suffix == ".ply":
-        return ply_splat_kind(read_ply_header(path))
-    if suffix in SHARED_SUFFIXES and declares_splats(path):
-        return "glTF with KHR_gaussian_splatting"
-    return ""
 
 
 def read_splats(path: Path) -> GaussianCloud:

@@ -34,6 +34,7 @@ MIN_LIGHT = 1e-4
 TABLE_END, TABLE_STEPS = 5.6, 2048
 TABLE = np.exp(-np.linspace(0, TABLE_END, TABLE_STEPS + 1)).astype(np.float32)
 RADIX_BITS = 11
+TILE_BITS = 4
 
 
 @kernel()
@@ -75,19 +76,21 @@ def split_by_depth(rows, count, limit):
 
 
 @kernel()
-def list_tiles(rows, order, alive):
-    """Return the Gaussians of each unfinished tile in order of depth, and where its list starts."""
+def list_tiles(rows, alive):
+    """Return the rows of each unfinished tile, in their order, and where the tile's list starts."""
     tile_rows, columns = alive.shape
     starts = np.zeros(alive.size + 1, dtype=np.int64)
-    box = np.empty((order.shape[0], 4), dtype=np.int16)
-    for i in range(order.shape[0]):
-        g = order[i]
+    count = rows.shape[0]
+    box = np.empty((count, 4), dtype=np.int16)
+    across, down = np.float32(TILE * columns - 1), np.float32(TILE * tile_rows - 1)
+    zero = np.float32(0)
+    for g in range(count):
         x, y, hx, hy = rows[g, X], rows[g, Y], rows[g, HALF_X], rows[g, HALF_Y]
-        left = max(math.floor(max(x - hx, np.float32(-1)) / TILE), 0)
-        top = max(math.floor(max(y - hy, np.float32(-1)) / TILE), 0)
-        right = math.floor(min(x + hx, np.float32(TILE * columns - 1)) / TILE)
-        bottom = math.floor(min(y + hy, np.float32(TILE * tile_rows - 1)) / TILE)
-        box[i, 0], box[i, 1], box[i, 2], box[i, 3] = left, top, right, bottom
+        left = int(max(x - hx, zero)) >> TILE_BITS
+        top = int(max(y - hy, zero)) >> TILE_BITS
+        right = int(min(x + hx, across)) >> TILE_BITS
+        bottom = int(min(y + hy, down)) >> TILE_BITS
+        box[g, 0], box[g, 1], box[g, 2], box[g, 3] = left, top, right, bottom
         for r in range(top, bottom + 1):
             for c in range(left, right + 1):
                 if alive[r, c] > 0:
@@ -96,12 +99,12 @@ def list_tiles(rows, order, alive):
         starts[t + 1] += starts[t]
     at = starts[:-1].copy()
     listed = np.empty(starts[-1], dtype=np.int32)
-    for i in range(order.shape[0]):
-        for r in range(box[i, 1], box[i, 3] + 1):
-            for c in range(box[i, 0], box[i, 2] + 1):
+    for g in range(count):
+        for r in range(box[g, 1], box[g, 3] + 1):
+            for c in range(box[g, 0], box[g, 2] + 1):
                 if alive[r, c] > 0:
                     t = r * columns + c
-                    listed[at[t]] = order[i]
+                    listed[at[t]] = g
                     at[t] += 1
     return listed, starts
 
@@ -114,7 +117,8 @@ def blend_tiles(rows, lists, alive, size, image, table):
         rows: projected Gaussians, see `COLUMNS`.
         lists: those of each tile, and where each tile's list starts; see `list_tiles`.
         alive: (rows, columns) pixels of each tile that are not finished, updated.
-        size: width and height [px].
+        size: width and height [px], and the share of light below which a pixel is finished once
+            another Gaussian is blended; 0 = only where the published formula stops.
         image: four arrays by tile and pixel. (tiles, 256) light that gets through so far, negative
             once finished, updated; (tiles, 256, 3) colour, updated; (tiles, 256) depth [m] of an
             opaque body that hides what is behind it; (tiles, 256, 3) sums of depth and of its
@@ -122,7 +126,7 @@ def blend_tiles(rows, lists, alive, size, image, table):
             unless it has no rows.
         table: `TABLE`.
     """
-    width, height = size
+    width, height, enough = size
     listed, starts = lists
     light, color, cover, depth = image
     columns = alive.shape[1]
@@ -142,16 +146,17 @@ def blend_tiles(rows, lists, alive, size, image, table):
             a, b, d = rows[g, CONIC_XX], rows[g, CONIC_XY], rows[g, CONIC_YY]
             o, limit, z = rows[g, OPACITY], rows[g, LIMIT], rows[g, DEPTH]
             red, green, blue = rows[g, RED], rows[g, GREEN], rows[g, BLUE]
+            inverse, flat = one / a, a * d - b * b
             y0 = max(math.ceil(my - rows[g, HALF_Y]), y_tile)
             y1 = min(math.floor(my + rows[g, HALF_Y]), y_end)
             for y in range(y0, y1 + 1):
                 dy = np.float32(y) - my
                 # Where the row leaves the ellipse of the least visible opacity.
-                inside = limit * a - (a * d - b * b) * dy * dy
+                inside = limit * a - flat * dy * dy
                 if inside < 0:
                     continue
-                span = math.sqrt(inside) / a
-                middle = mx - b * dy / a
+                span = math.sqrt(inside) * inverse
+                middle = mx - b * dy * inverse
                 x0 = max(math.ceil(middle - span), x_tile)
                 x1 = min(math.floor(middle + span), x_end)
                 base = (y - y_tile) * TILE - x_tile
@@ -185,6 +190,9 @@ def blend_tiles(rows, lists, alive, size, image, table):
                     color[t, p, 1] += weight * green
                     color[t, p, 2] += weight * blue
                     light[t, p] = after
+                    if after < enough:
+                        light[t, p] = -after
+                        left -= 1
                     if wanted:
                         at_pixel = z + rows[g, SLOPE_X] * dx + rows[g, SLOPE_Y] * dy
                         depth[t, p, 0] += weight * at_pixel

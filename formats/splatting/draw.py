@@ -19,7 +19,7 @@ from .scene import CHUNK, F32, SplatScene
 
 NEAR_M = 0.05
 # Gaussians that are projected, sorted and blended together.
-GROUP = 48_000
+GROUP = 32_768
 
 
 @dataclass(frozen=True)
@@ -64,6 +64,8 @@ def draw_splats(
     cut_above_m: float = np.inf,
     with_depth: bool = False,
     near_m: float = NEAR_M,
+    detail_px: float = 0.0,
+    least_light: float = 0.0,
 ) -> SplatImage:
     """Draw the Gaussians as seen from `eye`.
 
@@ -75,6 +77,10 @@ def draw_splats(
         cut_above_m: if the camera is above this world z, Gaussians above it are left out.
         with_depth: compute the depths, which are empty otherwise.
         near_m: Gaussians nearer than this are left out.
+        detail_px: chunks are drawn at the coarsest level of detail whose Gaussians have a standard
+            deviation below this [px]; 0 = draw the capture itself.
+        least_light: a pixel is finished as soon as less of the light than this gets through: the
+            colour then is at most so far off. 0 = where the published formula stops.
     """
     camera = eye.camera
     width, height = camera.width_px, camera.height_px
@@ -83,16 +89,26 @@ def draw_splats(
     rotation = np.ascontiguousarray(eye.rotation_world, dtype=np.float64)
     cut = cut_above_m if position[2] > cut_above_m else np.inf
     view = np.array([0.5 * width / camera.focal_px, 0.5 * height / camera.focal_px, near_m])
-    nearest = np.empty(len(scene.low))
-    cull_chunks(scene.low, scene.high, scene.reach, rotation, position, view, nearest)
+    count = scene.width.shape[1]
+    nearest = np.empty(count)
+    low, high, reach = (bound[:count] for bound in (scene.low, scene.high, scene.reach))
+    cull_chunks(low, high, reach, rotation, position, view, nearest)
     visible = np.flatnonzero(np.isfinite(nearest))
     visible = visible[np.argsort(nearest[visible], kind="stable")]
+    limits = nearest[visible]
+    if detail_px > 0:
+        visible = _at_detail(scene, visible, limits, detail_px / camera.focal_px)
     settings = (near_m, float(scene.antialiased), cut)
     lines = (rotation, position, np.array([camera.focal_px, width, height, *settings]))
-    data = (scene.position, scene.covariance, scene.opacity, scene.color, scene.harmonics)
+    data = (
+        *(scene.position, scene.covariance, scene.opacity),
+        scene.color,
+        scene.harmonics,
+        scene.starts,
+    )
     bounds = (scene.low, scene.high, scene.reach)
     image = (state.light, state.color, state.cover, state.depth)
-    step = GROUP // CHUNK
+    step, enough = GROUP // CHUNK, np.float32(least_light)
     rows = np.empty((2 * GROUP, COLUMNS), dtype=np.float32)
     waiting = 0
     for start in range(0, len(visible), step):
@@ -102,16 +118,33 @@ def draw_splats(
             rows = np.concatenate([rows, np.empty((needed, COLUMNS), dtype=np.float32)])
         count = project_chunks(group, data, bounds, lines, state.alive, rows, waiting)
         last = start + step >= len(visible)
-        limit = np.inf if last else nearest[visible[start + step]]
+        limit = np.inf if last else limits[start + step]
         order, rest = split_by_depth(rows, count, limit)
         if len(order):
-            lists = list_tiles(rows, order, state.alive)
-            blend_tiles(rows, lists, state.alive, (width, height), image, TABLE)
+            # In order of depth: each tile then reads its Gaussians from front to back of memory.
+            near = rows[order]
+            lists = list_tiles(near, state.alive)
+            blend_tiles(near, lists, state.alive, (width, height, enough), image, TABLE)
             if not state.alive.any():
                 break
         waiting = len(rest)
         rows[:waiting] = rows[rest]
     return state.image(width, height)
+
+
+def _at_detail(
+    scene: SplatScene, visible: NDArray[np.int64], nearest_m: NDArray[np.float64], slope: float
+) -> NDArray[np.int64]:
+    """Return chunks at their coarsest levels whose Gaussians look narrower than `slope`.
+
+    A merged Gaussian may lie before the chunk's nearest centre by no more than the bounds of that
+    chunk, since it is a mean of centres: the order of chunks holds for all levels.
+    """
+    count = scene.width.shape[1]
+    level = np.zeros(len(visible), dtype=np.int64)
+    for k in range(1, len(scene.width)):
+        level[scene.width[k, visible] < slope * nearest_m] = k
+    return visible + count * level
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from ..core.kernel import kernel
-from .scene import CHUNK, MIN_ALPHA, STEP
+from .scene import MIN_ALPHA, STEP
 
 TILE = 16
 BLUR_PX2 = 0.3
@@ -67,7 +67,7 @@ def project_chunks(chunks, scene, bounds, eye, alive, out, first):
 
     Args:
         chunks: (M,) chunk numbers.
-        scene: position, covariance, opacity, colour and harmonics as in `SplatScene`.
+        scene: position, covariance, opacity, colour, harmonics and starts as in `SplatScene`.
         bounds: lower and upper bounds of chunks, and how far beyond them they are seen.
         eye: (3, 3) optical axes in the world; (3,) optical centre [m]; focal length [px], image
             width and height [px], near plane [m], whether anti-aliased (1 or 0), and the height
@@ -76,7 +76,7 @@ def project_chunks(chunks, scene, bounds, eye, alive, out, first):
         out: (N, 15) see `COLUMNS`.
         first: first row to write.
     """
-    position, covariance, opacity, color, harmonics = scene
+    position, covariance, opacity, color, harmonics, starts = scene
     rotation, center, lens = eye
     focal, width, height, near = lens[0], int(lens[1]), int(lens[2]), lens[3]
     antialiased, cut = lens[4] > 0, lens[5]
@@ -91,7 +91,7 @@ def project_chunks(chunks, scene, bounds, eye, alive, out, first):
     for c in chunks:
         if _hidden(bounds, c, eye, alive):
             continue
-        for g in range(c * CHUNK, min((c + 1) * CHUNK, position.shape[0])):
+        for g in range(starts[c], starts[c + 1]):
             if position[g, 2] > cut:
                 continue
             dx = position[g, 0] - center[0]

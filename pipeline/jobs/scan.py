@@ -18,28 +18,20 @@ class ScanJob:
         folder: output.
         kind: key of `apartments.BUILDINGS`.
         scanned: scan it virtually.
-        splats: capture Gaussian splats instead of a mesh.
     """
 
     seed: int
     folder: Path
     kind: str = "apartment"
     scanned: bool = True
-    splats: bool = False
 
     def run(self) -> ItemResult:
         """Generate one scan."""
         # Takes long to import: only where the work is done.
-        from ...apartments import (
-            building_config,
-            generate_exact,
-            generate_scan,
-            generate_splats,
-        )
+        from ...apartments import building_config, generate_exact, generate_scan
 
         with atomic_folder(self.folder) as temporary:
-            scanned = generate_splats if self.splats else generate_scan
-            generate = scanned if self.scanned else generate_exact
+            generate = generate_scan if self.scanned else generate_exact
             scan = generate(self.seed, temporary, building_config(self.kind))
             size = scan.stat().st_size
             # The scan is made by this project, so that the data made from it may be used as freely.

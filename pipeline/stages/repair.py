@@ -10,6 +10,7 @@ from typing import Any
 from ...formats.core.atomic import file_digest
 from ...formats.core.errors import FileFormatError, InputError
 from ...formats.scene.bundle import INDEX_NAME
+from ...formats.splats.kind import is_splats
 from ...formats.untrusted.files import check_input
 from ...formats.untrusted.limits import limits
 from ...scene_repair.config import RepairConfig
@@ -17,11 +18,13 @@ from ...scene_repair.scan.files import USD_SUFFIXES, side_names
 from ..engine.keys import digest
 from ..engine.ledger import JOURNAL_NAME, MANIFEST_NAME, Row
 from ..engine.lock import LOCK_NAME
-from ..engine.work import WorkItem, work_item
+from ..engine.work import Job, WorkItem, work_item
 from ..inputs.builtin import BuiltIn
 from ..inputs.folders import scenes_in
 from ..jobs.repair import RepairJob, SoundnessJob
+from ..jobs.repair_splats import SplatRepairJob
 from ..jobs.scan import ScanJob
+from ..jobs.scan_splats import SplatScanJob
 
 SCAN_STAGE = "scan"
 STAGE = "repair"
@@ -42,7 +45,9 @@ def scan_item(building: BuiltIn, folder: Path, splats: bool = False) -> WorkItem
         folder: output.
         splats: capture it as Gaussian splats instead of a mesh.
     """
-    job = ScanJob(building.seed, folder, building.kind, building.scanned, splats)
+    job: Job = ScanJob(building.seed, folder, building.kind, building.scanned)
+    if splats:
+        job = SplatScanJob(building.seed, folder, building.kind)
     built = {"seed": building.seed, "kind": building.kind, "scanned": building.scanned}
     return work_item(SCAN_STAGE, building.name, job, (folder,), **built, splats=splats)
 
@@ -65,10 +70,12 @@ def item(source: Path, out: Path, config: RepairConfig) -> WorkItem:
     Raises:
         FileFormatError: If the source does not exist or is not a file.
     """
-    job = RepairJob(source, out, config)
-    named = {"scan": source_digest(source)}
+    job = (SplatRepairJob if is_splats(source) else RepairJob)(source, out, config)
+    named: dict[str, object] = {"scan": source_digest(source)}
     if config.collision:
-        named["collision"] = source_digest(Path(config.collision))
+        given = Path(config.collision)
+        beside = given.with_suffix(".json")  # of an occupancy map
+        named["collision"] = (source_digest(given), beside.is_file() and file_digest(beside))
     return work_item(STAGE, out.name, job, (out,), config, **named)
 
 

@@ -163,6 +163,7 @@ def _rotation(xyzw: NDArray[np.float64]) -> NDArray[np.float64]:
 def read_interior_labels(path: Path) -> list[LabelBox]:
     """Return the boxes of an InteriorGS scene: objects with a label and the 8 corners of a box.
 
+    Layout: the dataset's README and SAGE-3D's public code, which also meets objects without a box.
     A `labels.json` of any other content is not ours and gives none.
 
     Raises:
@@ -177,10 +178,14 @@ def read_interior_labels(path: Path) -> list[LabelBox]:
         return []
     if not isinstance(data, list) or not data:
         return []
-    if not all(isinstance(e, dict) and {"label", "bounding_box"} <= e.keys() for e in data):
+    if not all(isinstance(e, dict) and "label" in e for e in data):
         return []
     try:
-        return [_interior(k, entry) for k, entry in enumerate(within_limit(path, data))]
+        return [
+            _interior(k, entry)
+            for k, entry in enumerate(within_limit(path, data))
+            if "bounding_box" in entry
+        ]
     except (ValueError, KeyError, TypeError, OverflowError) as error:
         raise FileFormatError(
             path, f"not InteriorGS labels ({type(error).__name__}: {brief(str(error))})"

@@ -1,18 +1,18 @@
-"""Read a scan of any file type; the suffix selects the reader."""
+"""Read a scan of any file type but splats; the suffix selects the reader.
+
+Splats are only recognised here: an edit of what fuses them must not repair meshes again.
+"""
 
 from __future__ import annotations
 
-import logging
-from dataclasses import replace
 from pathlib import Path
 
 from PIL import Image
 
-from ...formats.core.errors import FileFormatError, InputError
-from ...formats.splats.read import splat_kind
+from ...formats.core.errors import FileFormatError
+from ...formats.splats.kind import splat_kind
 from ...formats.untrusted.files import check_input, is_text, read_input
 from ...formats.untrusted.limits import limits
-from ..splats.read import read_splat_scan
 from ..usd.package import read_member
 from .files import CLOUD_SUFFIXES, SUFFIXES, USD_SUFFIXES, why_not
 from .headers import has_faces
@@ -24,40 +24,33 @@ from .resolver import MAX_BYTES
 from .sandbox import read_in_child
 from .soup import Part, merge_parts
 
-log = logging.getLogger(__name__)
 
-
-def read_scan(path: Path, surface: Path | None = None) -> Scan:
-    """Read meshes, USD stages, point clouds and Gaussian splats into one triangle soup.
-
-    Args:
-        path: the file.
-        surface: a mesh in the same coordinates, to take instead of the one fused from splats.
+def read_scan(path: Path) -> Scan:
+    """Read meshes, USD stages and point clouds into one triangle soup.
 
     Raises:
         FileFormatError: missing, damaged, of a kind that is not read, referring outside its folder,
-            or without any usable triangle.
-        InputError: a point cloud, and open3d is not installed; or a surface for what has its own.
+            without any usable triangle, or Gaussian splats, which `splats.read` reads.
+        InputError: a point cloud, and open3d is not installed.
     """
-    check_input(path, max_bytes=limits().scan_bytes)
-    if not is_text(path):
-        raise FileFormatError(path, "its name, or that of a folder above, is not UTF-8; rename it")
+    check_scan(path)
+    if kind := splat_kind(path):
+        raise FileFormatError(path, f"holds Gaussian splats ({kind}), not a mesh or point cloud")
     suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise FileFormatError(path, why_not(path.name))
-    if splat_kind(path):
-        given = None if surface is None else read_scan(surface)
-        scan, cloud = read_splat_scan(path, log.info, given)
-        return replace(scan, splats=cloud)
-    if surface is not None:
-        raise InputError(
-            f"--collision {surface}: {path.name} has a surface of its own; valid: Gaussian splats"
-        )
     if suffix in USD_SUFFIXES:
         return scan_of(path, read_in_child("usd", path))
     if suffix in CLOUD_SUFFIXES or (suffix == ".ply" and not has_faces(path)):
         return scan_of(path, read_in_child("points", path))
     return read_mesh(path)
+
+
+def check_scan(path: Path) -> None:
+    """Raise FileFormatError unless `path` is an existing file of a kind that is read."""
+    check_input(path, max_bytes=limits().scan_bytes)
+    if not is_text(path):
+        raise FileFormatError(path, "its name, or that of a folder above, is not UTF-8; rename it")
+    if path.suffix.lower() not in SUFFIXES:
+        raise FileFormatError(path, why_not(path.name))
 
 
 def scan_of(path: Path, readings: Readings) -> Scan:

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
+from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-
-from ...formats.splats.record import GaussianCloud
 
 # Surfaces that say nothing of their colour: plaster.
 DEFAULT_COLOR = (0.75, 0.74, 0.72)
@@ -36,6 +35,14 @@ class ScanObject:
     category: str
 
 
+class Companion(Protocol):
+    """What a scan holds beside its surface, and the bundle keeps: Gaussian splats."""
+
+    def save(self, folder: Path, source_to_world: NDArray[np.float64]) -> dict[str, Any]:
+        """Write it into a bundle's folder, in world coordinates; return facts of the source."""
+        ...
+
+
 @dataclass(frozen=True)
 class Scan:
     """Triangles in source coordinates.
@@ -52,7 +59,7 @@ class Scan:
         licence: what the file says, empty if nothing.
         generator: facts of a generated scene, empty for a real scan.
         warnings: what had to be dropped or replaced while reading.
-        splats: the Gaussians that the surface was fused from, source coordinates; None for others.
+        companion: what the bundle keeps beside the surface; None for meshes and point clouds.
     """
 
     vertices: NDArray[np.float64]
@@ -67,7 +74,7 @@ class Scan:
     licence: str = ""
     generator: dict[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
-    splats: GaussianCloud | None = None
+    companion: Companion | None = None
 
     def object_faces(self) -> list[NDArray[np.int64]]:
         """Return the face indices of each object."""

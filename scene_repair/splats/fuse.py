@@ -6,7 +6,7 @@ fusion's distances are those of rooms.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from ...formats.splats.record import GaussianCloud
 from ...formats.splatting.draw import Eye, SplatImage, draw_splats
 from ...formats.splatting.scene import SplatScene
 from ..grid.morphology import label
+from .closer import closer_views
 from .solid import Solid
 
 VOXELS, VOXEL_M = 24_000_000, 0.025
@@ -30,6 +31,8 @@ MARGIN_VOXELS = 8
 SIDE_PX, HFOV_DEG = 128, 92.0
 STATIONS, STATION_SPACING_M, STATION_CLEARANCE_M = 72, 0.9, 0.22
 LEAST_SPACE_M3 = 0.8
+# Rounds of further cameras for what the stations do not see.
+CLOSER_ROUNDS = 2
 RANGE_M, NEAR_M = (0.12, 5.0), 0.06
 # Where more light than this gets through there is no surface.
 MAX_LIGHT = 0.35
@@ -67,14 +70,13 @@ def fuse_splats(
         raise SceneError("its Gaussians enclose no space: an object, not a room")
     tell(f"looking from {len(places)} places at {len(surfaces):,} Gaussians")
     camera = CameraModel("virtual", SIDE_PX, SIDE_PX, HFOV_DEG)
-    for eye in _eyes(camera, places):
-        image = draw_splats(scene, eye, with_depth=True, near_m=NEAR_M)
-        volume.integrate(
-            surface_depth(image),
-            focal_px=camera.focal_px,
-            position_m=eye.position_world_m,
-            rotation=eye.rotation_world,
-        )
+    _look(scene, volume, (Eye(camera, place, side) for place in places for side in SIDES))
+    for _ in range(CLOSER_ROUNDS):
+        views = closer_views(surfaces, volume, solid, factor)
+        if not views:
+            break
+        tell(f"looking closer at {len(views)} places")
+        _look(scene, volume, (Eye(camera, *view) for view in views))
     tell("meshing")
     if not ((volume.value < 0) & (volume.weight > LEAST_WEIGHT)).any():
         raise SceneError("no surface could be fused from its Gaussians")
@@ -136,10 +138,16 @@ def surface_depth(image: SplatImage) -> NDArray[np.float32]:
     return np.where(good, depth, 0).astype(np.float32)
 
 
-def _eyes(camera: CameraModel, places: NDArray[np.float64]) -> Iterator[Eye]:
-    for place in places:
-        for side in SIDES:
-            yield Eye(camera, place, side)
+def _look(scene: SplatScene, volume: DistanceVolume, eyes: Iterable[Eye]) -> None:
+    """Add the depth images of `eyes` to the volume."""
+    for eye in eyes:
+        image = draw_splats(scene, eye, with_depth=True, near_m=NEAR_M)
+        volume.integrate(
+            surface_depth(image),
+            focal_px=eye.camera.focal_px,
+            position_m=eye.position_world_m,
+            rotation=eye.rotation_world,
+        )
 
 
 def _colors(cloud: GaussianCloud, points: NDArray[np.float64]) -> NDArray[np.uint8]:

@@ -3,41 +3,73 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...formats.core.errors import FileFormatError, SceneError
-from ...formats.splats.read import read_splats, splat_kind
+from ...formats.splats.kind import splat_kind
+from ...formats.splats.read import read_splats
 from ...formats.splats.record import GaussianCloud
+from ...formats.splats.store import save_splats
+from ..scan.dispatch import check_scan, read_scan
 from ..scan.record import Scan, ScanMaterial
 from ..scan.soup import Part, merge_parts
 from .fuse import fuse_splats
+from .occupancy import read_occupancy
 from .solid import find_solid
 
 LEAST_FACES = 200
+# Suffix of InteriorGS' map of free floor.
+OCCUPANCY = ".png"
 
 
-def read_splat_scan(
-    path: Path, tell: Callable[[str], None], surface: Scan | None = None
-) -> tuple[Scan, GaussianCloud]:
+@dataclass(frozen=True)
+class KeptSplats:
+    """The splats of a scan, for rendering (a `Companion`).
+
+    Attributes:
+        cloud: all of them, source coordinates.
+        surface: where the surface comes from: `fused`, or the name of the user's file.
+    """
+
+    cloud: GaussianCloud
+    surface: str
+
+    def save(self, folder: Path, source_to_world: NDArray[np.float64]) -> dict[str, Any]:
+        """Write the splats into a bundle's folder, in world coordinates; return their facts."""
+        save_splats(folder, self.cloud.transformed(source_to_world))
+        return {"splats": {"count": len(self.cloud), "surface": self.surface}}
+
+
+def read_splat_scan(path: Path, tell: Callable[[str], None], collision: Path | None = None) -> Scan:
     """Read the splats of `path` and the surface that they show.
 
     Args:
         path: the file.
         tell: called with one short line before each step.
-        surface: a surface in the same coordinates, which takes the place of the fused one.
+        collision: mesh, USD stage or InteriorGS' `occupancy.png` in the same coordinates, which
+            takes the place of the fused surface; None = fuse one.
 
     Raises:
         FileFormatError: damaged, or no surface that cameras could look at from inside.
     """
-    cloud = read_splats(path)
+    check_scan(path)
     kind = splat_kind(path)
-    if surface is not None:
+    cloud = read_splats(path)
+    if collision is not None:
+        occupancy = collision.suffix.lower() == OCCUPANCY
+        surface = read_occupancy(collision, cloud) if occupancy else read_scan(collision)
         notes = (*cloud.warnings, f"{len(cloud):,} Gaussians ({kind}); their surface is given")
-        licence = surface.licence or cloud.licence
-        return replace(surface, licence=licence, warnings=(*notes, *surface.warnings)), cloud
+        return replace(
+            surface,
+            licence=surface.licence or cloud.licence,
+            warnings=(*notes, *surface.warnings),
+            companion=KeptSplats(cloud, collision.name),
+        )
     try:
         solid = find_solid(cloud)
         mesh, color = fuse_splats(cloud, solid, tell)
@@ -55,4 +87,4 @@ def read_splat_scan(
     uv = np.zeros((len(mesh.faces), 3, 2), dtype=np.float32)
     part = Part("splats", "", mesh.vertices, mesh.faces, uv, white, color[mesh.faces])
     scan = merge_parts([part], warnings, cloud.up, cloud.unit)
-    return replace(scan, licence=cloud.licence), cloud
+    return replace(scan, licence=cloud.licence, companion=KeptSplats(cloud, "fused"))

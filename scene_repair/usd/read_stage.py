@@ -21,6 +21,11 @@ from .read_materials import StageMaterials
 
 # What instancing may blow a file up to.
 MAX_PRIMS, MAX_DEPTH = 3_000_000, 200
+NUREC = "omni:nurec:isNuRecVolume"
+AS_PLY = (
+    "splats in USD are not read: convert them with 3DGRUT: "
+    "python -m threedgrut.export.scripts.transcode IN.usdz -o OUT.ply --format ply"
+)
 TIME = Usd.TimeCode.EarliestTime()
 Matrix = NDArray[np.float64]
 
@@ -40,10 +45,28 @@ def read(path: Path) -> Readings:
     # Values of other types than their names promise fail in many ways.
     except (Tf.ErrorException, TypeError, ValueError, AttributeError, IndexError) as error:
         raise FileFormatError(path, f"damaged: {brief(error)}") from error
+    if splats := _splats(stage):
+        if not parts.parts:
+            raise FileFormatError(path, f"holds Gaussian splats ({splats}) and no mesh; {AS_PLY}")
+        warnings.append(f"Gaussian splats ({splats}) beside the meshes left out; {AS_PLY}")
     if scale != 1.0:
         for part in parts.parts:
             part.vertices[...] *= scale
     return Readings(parts.parts, parts.looks, up, unit, warnings)
+
+
+def _splats(stage: Usd.Stage) -> str:
+    """Return how the stage holds Gaussian splats; empty if it holds none.
+
+    3DGRUT writes volumes with a `.nurec` file, or prims of USD's particle field schemas.
+    """
+    for prim in stage.Traverse():
+        kind = str(prim.GetTypeName())
+        if kind.startswith("ParticleField"):
+            return kind
+        if kind == "Volume" and prim.GetAttribute(NUREC).IsValid():
+            return "NuRec volume of 3DGRUT"
+    return ""
 
 
 def _open(path: Path, warnings: list[str]) -> Usd.Stage:

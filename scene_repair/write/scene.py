@@ -24,7 +24,6 @@ from ...formats.scene.bundle import (
 )
 from ...formats.scene.freemap import Freemap
 from ...formats.scene.grid import GridSpec
-from ...formats.splats.store import save_splats
 from ..collide.level_collision import LevelCollision
 from ..config import RepairConfig
 from ..floor.repair_level import RepairedFloor
@@ -102,13 +101,8 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
             facts={key: facts[key] for key in ("path", "sha256", "licence")},
         ),
     )
-    splats = repaired.scan.splats
-    if splats is not None:
-        save_splats(out_dir, splats.transformed(way.source_to_world))
-        facts["splats"] = {
-            "count": len(splats),
-            "surface": Path(config.collision).name if config.collision else "fused",
-        }
+    if repaired.scan.companion is not None:
+        facts |= repaired.scan.companion.save(out_dir, way.source_to_world)
     record = {
         "scene_id": scene_id,
         "source": facts,

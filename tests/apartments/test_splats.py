@@ -8,14 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vlnpe.apartments import build_scene, generate_splats
+from vlnpe.apartments import build_scene
 from vlnpe.apartments.config import ApartmentConfig
+from vlnpe.apartments.generate_splats import generate_splats
 from vlnpe.apartments.home.true_scene import TrueScene
 from vlnpe.apartments.scanner.splat_faults import BACKGROUND, FLOATERS_PER_M2
 from vlnpe.apartments.scanner.tracing import Tracer
 from vlnpe.formats.core.camera import CameraModel
 from vlnpe.formats.core.frames import HABITAT_TO_WORLD
-from vlnpe.formats.splats.read import read_splats, splat_kind
+from vlnpe.formats.splats.kind import splat_kind
+from vlnpe.formats.splats.read import read_splats
 from vlnpe.formats.splats.record import GaussianCloud
 from vlnpe.formats.splatting.draw import Eye, draw_splats
 from vlnpe.formats.splatting.scene import SplatScene

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 from scipy.spatial import KDTree
 from trimesh.visual import ColorVisuals
 
@@ -26,6 +27,8 @@ from vlnpe.scene_repair.labels.files import read_labels
 from vlnpe.scene_repair.repair import repair_scene
 from vlnpe.scene_repair.scan.dispatch import read_scan
 from vlnpe.scene_repair.splats import fuse
+from vlnpe.scene_repair.splats.read import read_splat_scan
+from vlnpe.scene_repair.splats.repair import repair_splats
 from vlnpe.scene_repair.splats.solid import find_solid
 
 ROOM_M = np.array([4.4, 3.4, 2.5])
@@ -122,7 +125,7 @@ def test_a_room_of_splats_becomes_a_sound_scene(tmp_path: Path) -> None:
     source = tmp_path / "lab.ply"
     write_ply_splats(source, cloud.transformed(np.linalg.inv(HABITAT_TO_WORLD)))
     (tmp_path / "out").mkdir()
-    bundle = repair_scene(source, tmp_path / "out")
+    bundle = repair_splats(source, tmp_path / "out")
     record = json.loads((tmp_path / "out" / "repair.json").read_text())
     assert record["source"]["up"] == "y"
     assert record["source"]["unit"] == "m"
@@ -157,12 +160,57 @@ def test_a_given_surface_takes_the_place_of_the_fused_one(tmp_path: Path) -> Non
     source = tmp_path / "lab.ply"
     write_ply_splats(source, room_cloud())
     mesh = scans.write_glb(scans.room(), tmp_path / "room.glb")
-    scan = read_scan(source, mesh)
+    scan = read_splat_scan(source, print, mesh)
     assert np.array_equal(scan.faces, read_scan(mesh).faces)
-    assert scan.splats is not None
+    assert scan.companion is not None
     assert "their surface is given" in scan.warnings[0]
     with pytest.raises(InputError, match="--collision"):
-        read_scan(mesh, mesh)
+        repair_scene(mesh, tmp_path, RepairConfig(collision=str(mesh)))
+
+
+def write_occupancy(folder: Path, *, mirrored: bool = False) -> Path:
+    """Write the map of `room_cloud`, 2 cm a pixel: rows along +y, columns along −x."""
+    scale, lower = 0.02, np.array([-0.5, -0.4])
+    columns, rows = np.ceil((ROOM_M[:2] + 1.0) / scale).astype(int)
+    x, y = lower[0] + (np.arange(columns) + 0.5) * scale, lower[1] + (np.arange(rows) + 0.5) * scale
+    in_room = ((x > 0.02) & (x < ROOM_M[0] - 0.02)) & ((y > 0.02) & (y < ROOM_M[1] - 0.02))[:, None]
+    (x0, y0), (x1, y1), _ = TABLE
+    table = ((x > x0) & (x < x1)) & ((y > y0) & (y < y1))[:, None]
+    values = np.where(table, 0, np.where(in_room, 255, 127)).astype(np.uint8)
+    Image.fromarray(values if mirrored else values[:, ::-1]).save(folder / "occupancy.png")
+    meta = {"scale": scale, "min": [*lower.tolist(), 0.0]}
+    (folder / "occupancy.json").write_text(json.dumps(meta))
+    return folder / "occupancy.png"
+
+
+def test_an_occupancy_map_is_a_surface(tmp_path: Path) -> None:
+    source = tmp_path / "lab.ply"
+    write_ply_splats(source, room_cloud())
+    given = write_occupancy(tmp_path)
+    scan = read_splat_scan(source, print, given)
+    middle = scan.vertices[scan.faces].mean(1)
+    level = np.ptp(scan.vertices[scan.faces][..., 2], axis=1) < 1e-9
+    assert np.abs(middle[level, 2]).max() < 1e-9
+    (x0, y0), (x1, y1), _ = TABLE
+    assert not ((middle[level, :2] > (x0, y0)) & (middle[level, :2] < (x1, y1))).all(1).any()
+    corners = scan.vertices[scan.faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (normal[level, 2] > 0).all()
+    # Walls face the room: away from the table's middle at the table, toward the middle elsewhere.
+    west = ~level & (np.abs(middle[:, 0] - 0.02) < 0.03)
+    assert west.any() and (normal[west, 0] > 0).all()
+    table_west = ~level & (np.abs(middle[:, 0] - x0) < 0.03) & (middle[:, 1] > y0)
+    assert table_west.any() and (normal[table_west & (middle[:, 1] < y1), 0] < 0).all()
+    assert scan.up is not None and scan.up[0] == "z"
+    with pytest.raises(FileFormatError, match="not as documented"):
+        read_splat_scan(source, print, write_occupancy(tmp_path, mirrored=True))
+    write_occupancy(tmp_path)
+    (tmp_path / "occupancy.json").write_text('{"scale": 0}')
+    with pytest.raises(FileFormatError, match="scale"):
+        read_splat_scan(source, print, given)
+    (tmp_path / "occupancy.json").unlink()
+    with pytest.raises(FileFormatError, match="missing"):
+        read_splat_scan(source, print, given)
 
 
 def test_an_object_is_no_room() -> None:
@@ -170,7 +218,7 @@ def test_an_object_is_no_room() -> None:
     if not path.is_file():
         pytest.skip(f"no {path}")
     with pytest.raises(FileFormatError, match=r"an object, not a room|no surface"):
-        read_scan(path)
+        read_splat_scan(path, print)
 
 
 def test_meshes_with_vertex_colours_stay_meshes(tmp_path: Path) -> None:
@@ -179,13 +227,13 @@ def test_meshes_with_vertex_colours_stay_meshes(tmp_path: Path) -> None:
     colors = np.random.default_rng(0).integers(0, 255, (len(mesh.vertices), 4))
     mesh.visual = ColorVisuals(mesh, vertex_colors=colors)
     mesh.export(str(tmp_path / "a.ply"))
-    assert read_scan(tmp_path / "a.ply").splats is None
+    assert read_scan(tmp_path / "a.ply").companion is None
 
 
 def test_damaged_splats_are_refused_by_name(tmp_path: Path) -> None:
     (tmp_path / "a.spz").write_bytes(b"nothing")
     with pytest.raises(FileFormatError, match="SPZ"):
-        repair_scene(tmp_path / "a.spz", tmp_path, RepairConfig())
+        repair_splats(tmp_path / "a.spz", tmp_path, RepairConfig())
 
 
 def corners(lower: tuple[float, ...], upper: tuple[float, ...], turn_deg: float) -> list[dict]:
@@ -213,6 +261,7 @@ def test_labels_of_interior_gs(tmp_path: Path) -> None:
                     "label": "wall lamp",
                     "bounding_box": corners((3, 3, 1), (4, 4, 2), 0),
                 },
+                {"ins_id": "11", "label": "other"},
             ]
         )
     )

@@ -167,3 +167,54 @@ def test_turning_scene_and_camera_together_changes_nothing() -> None:
     first = draw_splats(SplatScene.of(cloud), eye).color
     second = draw_splats(SplatScene.of(cloud.transformed(matrix)), moved).color
     assert psnr_db(first, second) > 60
+
+
+def surface(rng: np.random.Generator, count: int) -> GaussianCloud:
+    """Return flat Gaussians on a wall at x = 0, 4 × 3 m, with a smooth pattern."""
+    y, z = rng.uniform(-2, 2, count), rng.uniform(-1.5, 1.5, count)
+    spacing = (12 / count) ** 0.5
+    color = 0.5 + 0.4 * np.stack([np.sin(3 * y), np.cos(2 * z), np.sin(y + z)], axis=-1)
+    return GaussianCloud(
+        position=np.stack([0 * y, y, z], axis=-1).astype(np.float32),
+        scale=np.tile(np.array([0.002, spacing, spacing], np.float32), (count, 1)),
+        quat_wxyz=np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1)),
+        opacity=rng.uniform(0.4, 0.95, count).astype(np.float32),
+        harmonics=((color[:, None] - 0.5) / 0.28209479).astype(np.float32),
+    )
+
+
+@pytest.mark.parametrize("antialiased", [False, True])
+def test_merged_gaussians_look_alike_where_they_are_small(antialiased: bool) -> None:
+    cloud = surface(np.random.default_rng(3), 120_000)
+    scene = SplatScene.of(cloud, detail=True, antialiased=antialiased)
+    assert scene.width.shape[0] == 3
+    per_level = np.diff(scene.starts[:: scene.width.shape[1]])
+    assert per_level[1] < 0.35 * per_level[0] and per_level[2] < 0.35 * per_level[1]
+    far, close = eye_at(-3.0), eye_at(-0.2)
+    whole = draw_splats(scene, far)
+    coarse = draw_splats(scene, far, detail_px=0.3)
+    assert psnr_db(coarse.color, whole.color) >= 40.0
+    assert not np.array_equal(coarse.color, whole.color)
+    inner = np.s_[8:-8, 8:-8]  # the outline is a little thinner
+    assert psnr_db(coarse.light[inner], whole.light[inner]) >= 40.0
+    # Nearby nothing is below the threshold.
+    near = draw_splats(scene, close, detail_px=0.1)
+    assert np.array_equal(near.color, draw_splats(scene, close).color)
+    # The capture itself is drawn as without levels.
+    plain = SplatScene.of(cloud, antialiased=antialiased)
+    assert np.array_equal(draw_splats(plain, far).color, whole.color)
+
+
+def test_what_bridges_a_gap_is_not_merged() -> None:
+    rng = np.random.default_rng(4)
+    cloud = random_cloud(rng, 512, sizes=(1e-4, 2e-4), spread=3.0)
+    scene = SplatScene.of(cloud, detail=True)
+    assert len(scene) == len(scene.width) * 512, "Gaussians metres apart are not one"
+
+
+def test_finished_pixels_are_off_by_the_light_that_is_left() -> None:
+    scene = SplatScene.of(random_cloud(np.random.default_rng(5), 3_000, spread=0.5))
+    whole = draw_splats(scene, eye_at(-3.0))
+    early = draw_splats(scene, eye_at(-3.0), least_light=0.01)
+    assert np.abs(early.color - whole.color).max() <= 0.01 * whole.color.max() + 0.01
+    assert not np.array_equal(early.color, whole.color)

@@ -13,7 +13,9 @@ import pytest
 ROOT = Path(__file__).resolve().parents[3]
 JOBS = {
     "scan": "scan",
+    "scan as splats": "scan_splats",
     "repair": "repair",
+    "repair of splats": "repair_splats",
     "sample": "episodes",
     "instruct": "instructions.instruct",
     "replay": "replay",
@@ -61,7 +63,7 @@ EDITS = {
         "apartments/home/furniture/storage.py",
         "from __future__ import annotations\n",
         "from __future__ import annotations\nCOLOUR = 1\n",
-        {"scan"},
+        {"scan", "scan as splats"},
     ),
     "a shader": (
         "collectors/rendering/kernels/surface_light.py",
@@ -86,7 +88,37 @@ EDITS = {
         "scene_repair/usd/read_stage.py",
         "from __future__ import annotations\n",
         "from __future__ import annotations\nDEEPER = 2\n",
-        {"repair"},
+        {"repair", "repair of splats"},
+    ),
+    "how splats are drawn": (
+        "formats/splatting/blend.py",
+        "from __future__ import annotations\n",
+        "from __future__ import annotations\nMORE = 2\n",
+        {"repair of splats", "render", "pictures", "look"},
+    ),
+    "how depth is fused, which the virtual scanner does, too": (
+        "formats/fusion/volume.py",
+        "from __future__ import annotations\n",
+        "from __future__ import annotations\nMORE = 2\n",
+        {"scan", "scan as splats", "repair of splats"},
+    ),
+    "where virtual cameras stand": (
+        "scene_repair/splats/closer.py",
+        "from __future__ import annotations\n",
+        "from __future__ import annotations\nMORE = 2\n",
+        {"repair of splats"},
+    ),
+    "reading a format of splats": (
+        "formats/splats/packed.py",
+        "from __future__ import annotations\n",
+        "from __future__ import annotations\nMORE = 2\n",
+        {"repair of splats"},
+    ),
+    "where a capture has Gaussians": (
+        "apartments/scanner/splats.py",
+        "from __future__ import annotations\n",
+        "from __future__ import annotations\nMORE = 2\n",
+        {"scan as splats"},
     ),
     "the stage runner": (
         "pipeline/engine/executors/base.py",

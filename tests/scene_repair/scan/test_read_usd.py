@@ -627,3 +627,24 @@ def test_enormous_picture_files_leave_the_colour(
     found = read_scan_module._materials(folder, looks, warnings)
     assert all(m.image is None for m in found)
     assert len(warnings) == 2
+
+
+@pytest.mark.parametrize("kind", ["Volume", "ParticleField3DGaussianSplat"])
+def test_splats_in_usd_are_refused_by_name_and_meshes_beside_them_read(
+    kind: str, tmp_path: Path
+) -> None:
+    stage = new_stage(tmp_path / "gauss.usda")
+    prim = stage.DefinePrim("/Root/gauss", kind)
+    if kind == "Volume":
+        prim.CreateAttribute("omni:nurec:isNuRecVolume", Sdf.ValueTypeNames.Bool).Set(True)
+    stage.Save()
+    with pytest.raises(FileFormatError, match=r"Gaussian splats .*transcode IN.usdz -o OUT.ply"):
+        read_here(tmp_path / "gauss.usda")
+    mesh = UsdGeom.Mesh.Define(stage, "/Root/floor")
+    mesh.CreatePointsAttr(SQUARE)
+    mesh.CreateFaceVertexCountsAttr([4])
+    mesh.CreateFaceVertexIndicesAttr([0, 1, 2, 3])
+    stage.Save()
+    scan = read_here(tmp_path / "gauss.usda")
+    assert len(scan.faces) == 2
+    assert any("Gaussian splats" in text and "left out" in text for text in scan.warnings)

@@ -1,0 +1,147 @@
+"""Further cameras for surfaces that no station sees: the inside of a bathtub, floor behind a chair.
+
+Gaussians around which the volume has seen nothing are grouped, and for each group a camera is
+chosen from which most of it can be seen.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...formats.fusion.volume import DistanceVolume
+from ...formats.splats.record import GaussianCloud
+from .solid import Solid
+
+# Gaussians fainter than this make no surface worth a camera.
+LEAST_OPACITY = 0.3
+GROUP_M, LEAST_GAUSSIANS = 0.4, 12
+# Groups that are looked at in one round, those with the most Gaussians first.
+MOST_GROUPS = 160
+# A voxel of less weight counts as unseen, as for meshing.
+SEEN_WEIGHT = 0.5
+# How far from a group its camera stands, and how far from any surface.
+NEAREST_M, FARTHEST_M, CLEARANCE_M = 0.25, 2.2, 0.09
+CANDIDATES, SAMPLES = 160, 12
+# Cells in which lines of sight are tested. A line may end so far before its Gaussian.
+SIGHT_CELL_M, SIGHT_END_M = 0.05, 0.1
+LEAST_SHARE = 0.25
+
+View = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
+def closer_views(
+    surfaces: GaussianCloud, volume: DistanceVolume, solid: Solid, factor: float
+) -> list[View]:
+    """Return cameras, each as optical centre (3,) [m] and optical axes as columns (3, 3).
+
+    Args:
+        surfaces: the Gaussians of surfaces, in normalised lengths [m].
+        volume: what was seen of them so far.
+        solid: where cameras may stand, in units of the file.
+        factor: normalised metres per unit of the file.
+    """
+    position = surfaces.position.astype(np.float64)
+    opaque = surfaces.opacity >= LEAST_OPACITY
+    hidden = position[opaque & ~_seen(volume, position)]
+    places = _places(solid, factor)
+    if not len(hidden) or not len(places):
+        return []
+    sight = _Sight.of(position[opaque])
+    # One stream of random numbers for a capture: the same file gives the same surface.
+    rng = np.random.default_rng(len(position))
+    views = []
+    for group in _groups(hidden):
+        view = _view_of(group, places, sight, rng)
+        if view is not None:
+            views.append(view)
+    return views
+
+
+def look_at(eye: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the optical axes (3, 3), as columns, of a camera that looks from `eye` at `target`."""
+    ahead = (target - eye) / np.linalg.norm(target - eye)
+    helper = np.eye(3)[int(np.argmin(np.abs(ahead)))]
+    right = np.cross(helper, ahead)
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(ahead, right), ahead], axis=1)
+
+
+def _seen(volume: DistanceVolume, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return whether the voxel of each point (N, 3) or one that shares a face with it was seen."""
+    index = np.rint((points - volume.origin_m) / volume.voxel_m).astype(np.int64)
+    most = np.array(volume.weight.shape) - 1
+    seen = np.zeros(len(points), dtype=bool)
+    for step in (np.zeros(3), *np.eye(3), *-np.eye(3)):
+        at = np.clip(index + step.astype(np.int64), 0, most)
+        seen |= volume.weight[tuple(at.T)] > SEEN_WEIGHT
+    return seen
+
+
+def _groups(points: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Return points that lie in the same cell of a coarse grid, the largest groups first."""
+    cell = np.floor(points / GROUP_M).astype(np.int64)
+    _, of, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
+    largest = np.argsort(-count, kind="stable")[:MOST_GROUPS]
+    order = np.argsort(of.ravel(), kind="stable")
+    ends = np.cumsum(count)
+    return [
+        points[order[ends[k] - count[k] : ends[k]]] for k in largest if count[k] >= LEAST_GAUSSIANS
+    ]
+
+
+def _places(solid: Solid, factor: float) -> NDArray[np.float64]:
+    cells = np.argwhere(solid.clearance * factor > CLEARANCE_M)
+    return factor * (solid.origin + solid.cell * cells)
+
+
+class _Sight:
+    """Cells that surfaces occupy, for testing lines of sight."""
+
+    def __init__(self, lower: NDArray[np.float64], occupied: NDArray[np.bool_]):
+        self._lower, self._occupied = lower, occupied
+
+    @staticmethod
+    def of(points: NDArray[np.float64]) -> _Sight:
+        lower = points.min(0)
+        index = ((points - lower) / SIGHT_CELL_M).astype(np.int64)
+        occupied = np.zeros(index.max(0) + 1, dtype=bool)
+        occupied[tuple(index.T)] = True
+        return _Sight(lower, occupied)
+
+    def open(self, eyes: NDArray[np.float64], targets: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return (E, T) whether the line from an eye (E, 3) to a target (T, 3) is free."""
+        way = targets[None] - eyes[:, None]
+        length = np.linalg.norm(way, axis=2)
+        way = way / np.maximum(length, 1e-9)[..., None]
+        free = length > SIGHT_END_M
+        shape = np.array(self._occupied.shape)
+        for reached in np.arange(0, float(length.max()), 0.6 * SIGHT_CELL_M):
+            point = eyes[:, None] + reached * way
+            index = np.floor((point - self._lower) / SIGHT_CELL_M).astype(np.int64)
+            met = self._occupied[tuple(np.moveaxis(np.clip(index, 0, shape - 1), -1, 0))]
+            met &= ((index >= 0) & (index < shape)).all(2)
+            free &= ~met | (reached > length - SIGHT_END_M)
+        return free
+
+
+def _view_of(
+    group: NDArray[np.float64],
+    places: NDArray[np.float64],
+    sight: _Sight,
+    rng: np.random.Generator,
+) -> View | None:
+    """Return the camera that sees most of a group (N, 3); None if none sees enough of it."""
+    target = np.median(group, axis=0)
+    distance = np.linalg.norm(places - target, axis=1)
+    near = np.flatnonzero((distance > NEAREST_M) & (distance < FARTHEST_M))
+    if not len(near):
+        return None
+    near = rng.choice(near, min(CANDIDATES, len(near)), replace=False)
+    samples = rng.choice(group, min(SAMPLES, len(group)), replace=False)
+    share = sight.open(places[near], samples).mean(1)
+    # Of those that see as much the nearest, whose image is the finest.
+    best = near[np.lexsort((distance[near], -np.round(share, 1)))[0]]
+    if share.max() < LEAST_SHARE:
+        return None
+    return places[best], look_at(places[best], target)

@@ -1,0 +1,32 @@
+"""Repair a scan of Gaussian splats into a simulation-ready scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from ...formats.scene.bundle import SceneBundle
+from ..config import RepairConfig
+from ..repair import repair_scene
+from ..scan.record import Scan
+from .read import read_splat_scan
+
+
+def repair_splats(
+    source: Path,
+    out_dir: Path,
+    config: RepairConfig | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> SceneBundle:
+    """Write the repaired scene of the splats `source`, them included; see `repair_scene`.
+
+    Raises:
+        FileFormatError: the file or one beside it is missing, damaged or shows no surface.
+        SceneError: the surface is no building with a floor.
+    """
+    return repair_scene(source, out_dir, config, progress, _read)
+
+
+def _read(source: Path, config: RepairConfig, tell: Callable[[str], None]) -> Scan:
+    tell(f"reading {source.name}")
+    return read_splat_scan(source, tell, Path(config.collision) if config.collision else None)
