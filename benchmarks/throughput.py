@@ -381,7 +381,7 @@ def report(_: Path) -> str:
 
 
 def main(arguments: list[str]) -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("kind", choices=("parts", "runs"))
     parser.add_argument("--scene", choices=[*SCENES], default="small_house")
     parser.add_argument("--robot", choices=ROBOTS, default="aliengo")

@@ -36,7 +36,8 @@ def draw_paths(freemap: Freemap, episodes: Sequence[Episode]) -> Image.Image:
     cells[freemap.traversable] = _FREE
     px_per_m = min(_MOST_PX_PER_M, _LONGEST_SIDE_PX / (max(grid.shape) * grid.cell_m))
     scale = px_per_m * _OVERSAMPLED
-    size = tuple(max(1, round(n * grid.cell_m * scale)) for n in grid.shape[::-1])
+    height, width = (max(1, round(n * grid.cell_m * scale)) for n in grid.shape)
+    size = width, height
     image = Image.fromarray(cells[::-1].copy()).resize(size, Image.Resampling.NEAREST)
     pen = ImageDraw.Draw(image)
 

@@ -41,10 +41,10 @@ def find_frontiers(seen: SeenMap, reachable: NDArray[np.bool_]) -> list[Frontier
     """Return the frontiers whose border touches `reachable` (R, C) cells."""
     unknown = ~seen.explored
     border = seen.free & binary_dilation(unknown) & ~binary_dilation(seen.obstacle)
-    parts, count = label(border, connectivity=2, return_num=True)
+    parts = np.asarray(label(border, connectivity=2))
     found = []
     near = binary_dilation(reachable, iterations=3)
-    for k in range(1, count + 1):
+    for k in range(1, int(parts.max()) + 1):
         cells = np.argwhere((parts == k) & near)
         if len(cells) < _SMALLEST:
             continue

@@ -120,6 +120,7 @@ class MapPolicy:
         """Choose a target and the way to it; return whether the robot stands at the end."""
         pose, self._age = observation.pose, 0
         routes = Routes.spread(self.seen, pose[:2], self._radius_m)
+        target, path = None, self._path
         for _ in range(3):
             target = choose_target(
                 self._goals,
@@ -141,8 +142,9 @@ class MapPolicy:
             if target.is_end or there >= _AT_FRONTIER_M:
                 break
             self._exhausted.append(target.xy_m)  # standing at it, and it still looks unexplored
-        self._note(target, pose)
-        self.target, self._path = target, path
+        if target is not None:
+            self._note(target, pose)
+            self.target, self._path = target, path
         return False
 
     def _note(self, target: Target, pose: Array) -> None:

@@ -90,7 +90,8 @@ def prefix_costs(goals: Sequence[SubGoal], ways: Ways, world: World) -> list[Arr
     """
     here = np.full(len(ways.points_m), np.inf)
     here[0] = 0.0
-    costs, walked = [here], False
+    costs: list[Array] = [here]
+    walked = False
     for number, goal in enumerate(goals):
         if goal.kind == "stop" and number and goals[number - 1].kind == "stop":
             after = here + stop_cost(goal, ways, world)  # a second thing at the same place

@@ -94,11 +94,11 @@ def test_pictures_show_every_path_on_free_floor(scenes, tmp_path, capsys):
     freemap = load_bundle(scenes / "a").freemap(0)
     image = np.asarray(Image.open(pictures / "a-0.png").convert("RGB")).astype(int)
     px_per_m = image.shape[1] / (freemap.grid.columns * freemap.grid.cell_m)
+    left_m, low_m = freemap.grid.origin_xy_m
     colored = np.ptp(image, axis=2) > 60  # the map is grey
     for episode in read_episodes(out):
         along = np.linspace(0, episode.reference_length_m, 50)
         xy = point_along(episode.reference_path_world_m, along)[:, :2]
-        left_m, low_m = freemap.grid.origin_xy_m
         column = ((xy[:, 0] - left_m) * px_per_m).astype(int)
         row = (image.shape[0] - (xy[:, 1] - low_m) * px_per_m).astype(int)
         assert colored[row, column].mean() > 0.9
