@@ -82,7 +82,7 @@ class AlignResult:
         episodes: the aligned ones, in file order.
         rejected: (episode_id, reason) of the others.
         moved: (episode_id, distance [m]) of starts that stood in collision and were moved.
-        paths: how many paths the aligned episodes tell; those of one path share its geometry.
+        paths: Number of paths of the aligned episodes; episodes of one path share its geometry.
         changed: how many paths had a `start moved`, a `goal moved`, `waypoints moved`, `waypoints
             bypassed`, `heights snapped`.
     """

@@ -28,7 +28,7 @@ from vlnpe.formats.core.frames import transform_points, world_to_habitat_rotatio
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.formats.vlnce.files import read_episodes
 from vlnpe.formats.vlnce.groups import TEXTS
-from vlnpe.pipeline.folders import scenes_in
+from vlnpe.pipeline.inputs.folders import scenes_in
 
 GROUPED, APART = "grouped", "apart"
 INSTRUCTIONS = 3

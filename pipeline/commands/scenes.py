@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from ...formats.core.errors import InputError
 from ...scene_repair.config import RepairConfig
-from ..builtin import BuiltIn, check_kind
 from ..engine.context import run_single
-from ..folders import refuse_to_replace
+from ..inputs.builtin import BuiltIn, check_kind
+from ..inputs.folders import refuse_to_replace
 from ..options.scenes import Repair, Scan
 from ..stages import repair
-from ..summary import tell
+from ..summary import print_result
 
 SCAN_NAMES = frozenset({"scan.glb", "scan.ply", "scan.labels.json", "truth.npz", "LICENSE.scan"})
 SCENE_NAMES = frozenset(
@@ -32,7 +32,9 @@ def run_scan(options: Scan) -> int:
     building = BuiltIn(options.kind, options.seed, not options.exact)
     item = repair.scan_item(building, out, options.splats)
     facts = run_single(out, repair.SCAN_STAGE, item).facts
-    return tell(options, facts, f"{options.out / facts['scan']}: {options.kind} {options.seed}")
+    return print_result(
+        options, facts, f"{options.out / facts['scan']}: {options.kind} {options.seed}"
+    )
 
 
 def run_repair(options: Repair) -> int:
@@ -53,5 +55,5 @@ def run_repair(options: Repair) -> int:
         *repair.decisions(facts),
         f"{options.out}: {end}; see repair.json, before.png, after.png",
     ]
-    tell(options, facts, "\n".join(lines))
+    print_result(options, facts, "\n".join(lines))
     return int(not facts["sound"] and not options.allow_unsound)

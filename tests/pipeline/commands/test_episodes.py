@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from PIL import Image
 
 from tests.pipeline.commands.test_bad_input import room, write_mesh
-from tests.support.work import InlineWorkers
+from tests.support.runs.work import InlineWorkers
 from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.core.frames import world_to_habitat_position
 from vlnpe.formats.core.geometry import point_along
@@ -27,7 +27,7 @@ from vlnpe.formats.vlnce.files import (
     write_vlnce,
 )
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.engine import executors
+from vlnpe.pipeline.engine.executors import base as executors
 from vlnpe.pipeline.stages.replay import item_names
 
 COMMON = ("--min-length-m", "4", "--min-gap-m", "0.8", "--family-gap-m", "1.0")
