@@ -267,8 +267,16 @@ def _fit(
 
 
 def _level(freemaps: list[Freemap], points: Array, config: AlignConfig) -> tuple[int, Array]:
-    """The level under a path (P, 3) [m], and the heights above its floor (P,) [m]."""
+    """The level under a path (P, 3) [m], and the heights above its floor (P,) [m].
+
+    Its ends must lie on that floor. Inner points without floor nearby are compared with the level's
+    usual height: at a hole they can be bypassed, on stairs they are too high or too low.
+    """
     gaps = level_gaps(freemaps, points)
+    for freemap, inner in zip(freemaps, gaps[:, 1:-1], strict=True):
+        if np.isfinite(freemap.floor_z_m).any():
+            usual_m = float(np.nanmedian(freemap.floor_z_m))
+            inner[:] = np.where(np.isinf(inner), points[1:-1, 2] - usual_m, inner)
     worst = np.abs(gaps).max(axis=1)
     level = int(np.argmin(worst))
     if worst[level] <= config.max_floor_gap_m:

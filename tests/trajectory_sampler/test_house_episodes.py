@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import gzip
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -107,7 +108,9 @@ def over_the_stairs(house: House, spacing_m: float) -> np.ndarray:
     return np.stack([np.interp(at, along, corners[:, k]) for k in range(3)], axis=1)
 
 
-def processed(house: House, tmp_path: Path, *records: dict) -> tuple[dict[str, Episode], list[str]]:
+def processed(
+    house: House, tmp_path: Path, *records: dict, options: Sequence[str] = ()
+) -> tuple[dict[str, Episode], list[str]]:
     """Filter and align a file with the commands; the episodes by id, and the ids filtered out."""
     source, kept = tmp_path / "val_unseen.json.gz", tmp_path / "kept.json.gz"
     with gzip.open(source, "wt") as stream:
@@ -117,7 +120,7 @@ def processed(house: House, tmp_path: Path, *records: dict) -> tuple[dict[str, E
         left = {str(e["episode_id"]) for e in json.load(stream)["episodes"]}
     out, scenes = tmp_path / "aligned.json.gz", str(house.scene.root.parent)
     arguments = ["align", str(kept), "--scenes", scenes, "--out", str(out), "--max-failed", "99"]
-    assert main(arguments) == 0
+    assert main([*arguments, *options]) == 0
     return (
         {e.episode_id: e for e in read_episodes(out)},
         [str(r["episode_id"]) for r in records if str(r["episode_id"]) not in left],
@@ -197,6 +200,36 @@ def test_a_path_over_the_stairwell_goes_around_it(house: House, tmp_path: Path) 
     assert_walkable(house, aligned["1"])
     freemap = house.scene.freemap(1)
     assert not freemap.traversable[tuple(freemap.grid.cell_of(middle[:2]))]
+
+
+def test_a_waypoint_over_the_void_is_bypassed_and_recorded(house: House, tmp_path: Path) -> None:
+    plan = house.home.storeys[1]
+    void = next(b for b in plan.blocks if b.kind == "void")
+    middle = np.append(void.rect().mean(0), plan.floor_z_m)
+    hall = house.path(1, house.room(1, "hallway"), house.room(1, "stairwell"))
+    inner = len(hall) // 2 + 1
+    assert len(hall) >= 3
+    path = np.vstack([hall[:inner], middle, hall[inner:]])
+    aligned, _ = processed(house, tmp_path, record(1, path))
+    changes = aligned["1"].extra["alignment"]
+    assert [one["waypoint"] for one in changes["bypassed"]] == [inner]
+    np.testing.assert_allclose(changes["bypassed"][0]["position_world_m"], middle, atol=2e-3)
+    assert_walkable(house, aligned["1"])
+
+
+def test_goals_in_collision_are_refused_unless_that_is_allowed(
+    house: House, tmp_path: Path
+) -> None:
+    """20 cm from a wall are less than the robot needs; the start stands free and stays."""
+    path = house.path(0, house.room(0, "living room"), house.room(0, "hallway"))
+    freemap = house.scene.freemap(0)
+    tight = np.argwhere(freemap.traversable & (np.abs(freemap.clearance_m - 0.2) < 0.03))
+    places = freemap.grid.center_of(tight)
+    goal = places[np.argmin(np.linalg.norm(places - path[-1, :2], axis=1))]
+    walked = record(1, np.vstack([path, [*goal, 0.0]]))
+    assert processed(house, tmp_path, walked)[0] == {}
+    loose = processed(house, tmp_path, walked, options=("--goal-beyond-start",))[0]
+    assert 0.0 < loose["1"].extra["alignment"]["goal_moved_m"] <= 0.5
 
 
 def test_bad_starts_are_moved_or_refused(house: House, tmp_path: Path) -> None:
