@@ -158,6 +158,8 @@ def _run(arguments: Sequence[str]) -> int:
             return 2
     verb, options = parse(arguments)
     try:
+        if check := getattr(options, "check", None):
+            check()  # before seconds of imports
         return verb.run()(options)
     except OnlyDone as only:
         return int(not only.good)

@@ -12,6 +12,12 @@ from ...formats.core.errors import InputError
 from ..engine.executors import available_cores
 from ..options.training import Train
 
+RDP = "rdp"
+_NO_DAGGER = (
+    f"--dagger: {RDP} predicts waypoints, and the expert corrects discrete actions; valid: --model "
+    "cma or seq2seq, or no --dagger"
+)
+
 
 def run(options: Train) -> int:
     """Train, and print where the checkpoint is and how to evaluate it.
@@ -43,6 +49,8 @@ def run(options: Train) -> int:
 
     path = recipe_path(options.recipe)
     recipe = read_recipe(path)
+    if options.dagger and _changes(options, recipe.train)["model"].get("name") == RDP:
+        raise InputError(_NO_DAGGER)
     torch.set_num_threads(threads)
     if options.out.is_dir():
         sweep(options.out)
