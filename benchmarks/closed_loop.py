@@ -24,7 +24,7 @@ from vlnpe.formats.vlnce.files import read_episodes
 from vlnpe.learning.card import Card, View
 from vlnpe.learning.checkpoint import Checkpoint
 from vlnpe.learning.config import ModelConfig, TrainConfig
-from vlnpe.learning.models import build_model
+from vlnpe.learning.models.registry import build_model
 
 ROBOTS = ("aliengo", "h1", "g1", "jetbot")
 STEPS = 30  # actions of each of the first episodes
