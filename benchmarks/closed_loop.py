@@ -1,25 +1,44 @@
-"""Closed loop: observations per second of the environment, and the memory of many resets."""
+"""Closed loop: observations and episodes per time, two workers against one, memory of resets."""
 
 from __future__ import annotations
 
+import gc
+import os
 import resource
+import subprocess
+import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import torch
 
+from vlnpe.collectors.rendering.camera.views import make_view
 from vlnpe.evaluation.env import NavigationEnv
+from vlnpe.evaluation.learned import LearnedPolicy
+from vlnpe.evaluation.observation import Observation
+from vlnpe.evaluation.policy import Assignment, Policy, Random
+from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.vlnce.files import read_episodes
+from vlnpe.learning.card import Card, View
+from vlnpe.learning.checkpoint import Checkpoint
+from vlnpe.learning.config import ModelConfig, TrainConfig
+from vlnpe.learning.models.registry import build_model
 
 ROBOTS = ("aliengo", "h1", "g1", "jetbot")
 STEPS = 30  # actions of each of the first episodes
 EPISODES = 3
 RESETS = 1000
-WARM_UP = 50  # resets before memory is looked at
+WARM_UP = 100  # resets before memory is looked at
+SECONDS = 20.0  # how long each worker steps in the comparison of one with two
+IMAGE_PX = 256
+# CMA at the sizes of VLN-CE's: hidden states of 512, images of 224.
+CMA = ModelConfig(hidden=512, words=50)
 
 
 def report(run: Path) -> str:
-    """Step through episodes of `run` and reset many times; a Markdown section."""
+    """Step through episodes of `run`, evaluate, and reset many times; a Markdown section."""
     scene = sorted((run / "scenes").iterdir())[0]
     found = read_episodes(sorted((run / "episodes").glob("*.json.gz"))[0])
     episodes = [e for e in found if e.scene_id == scene.name and e.level == found[0].level]
@@ -32,9 +51,19 @@ def report(run: Path) -> str:
             env.close()
         seeing, blind = cost_ms
         rows.append(f"| {robot} | {seeing:.1f} | {blind:.1f} | {1000 / seeing:.0f} |")
-    env = NavigationEnv(scene, episodes, robot="jetbot", images=False)
+    env = NavigationEnv(scene, episodes, robot="h1")
+    hourly = [
+        f"| {name} | {_per_cpu_hour(env, policy):.0f} |"
+        for name, policy in (("random", Random()), ("CMA, VLN-CE's sizes", _cma(episodes)))
+    ]
+    env.close()
+    env = NavigationEnv(
+        scene, episodes, robot="jetbot", view=make_view("ego", "jetbot", width_px=IMAGE_PX)
+    )
     growth_mib = _growth_mib(env)
     env.close()
+    load = os.getloadavg()[0]
+    alone, both = _rates(run, 1)[0], sum(_rates(run, 2))
     return "\n".join(
         [
             "## Closed loop",
@@ -45,7 +74,19 @@ def report(run: Path) -> str:
             "| --- | --- | --- | --- |",
             *rows,
             "",
-            f"{RESETS} resets with one action each: memory grew by {growth_mib:.1f} MiB.",
+            f"Evaluation of H1 under `speed`, {EPISODES} episodes to their end, at most 500",
+            "actions; VLN-PE states 62 to 78 episodes per GPU-hour on Isaac Sim:",
+            "",
+            "| policy | episodes per CPU-hour (one core) |",
+            "| --- | --- |",
+            *hourly,
+            "",
+            f"Two processes make {both / alone:.2f} times the observations per second of one "
+            f"({both:.0f} against {alone:.0f} in {SECONDS:g} s of wall time; load before: "
+            f"{load:.1f} on {os.cpu_count()} cores).",
+            "",
+            f"{RESETS} resets with images and one action each: from reset {WARM_UP} on, memory "
+            f"grew by {growth_mib:.1f} MiB.",
         ]
     )
 
@@ -67,12 +108,93 @@ def _milliseconds(env: NavigationEnv) -> float:
     return 1000 * (time.process_time() - start) / count
 
 
+def _per_cpu_hour(env: NavigationEnv, policy: Policy) -> float:
+    """Episodes that one core evaluates in an hour of CPU time, with images."""
+    torch.set_num_threads(1)
+    count = min(EPISODES, len(env.episodes))
+    start = time.process_time()
+    for number in range(count):
+        shown, _ = env.reset(options={"episode": number})
+        policy.reset(Assignment.of(env.episodes[number], "h1", "speed"))
+        over, step = False, 0
+        while not over:
+            action = policy.act(Observation(**shown, step=step))
+            shown, _, terminated, truncated, _ = env.step(action)
+            over, step = terminated or truncated, step + 1
+    return 3600 * count / (time.process_time() - start)
+
+
+def _cma(episodes: Sequence[Episode]) -> LearnedPolicy:
+    """Return a CMA with random weights: what it costs does not depend on them."""
+    words = sorted({word for e in episodes for word in e.instruction.lower().split()})
+    card = Card(
+        TrainConfig(model=CMA, size_px=224), ("<pad>", "<unk>", *words), View(256, 256, 90.0, 10.0)
+    )
+    torch.manual_seed(0)
+    return LearnedPolicy(Checkpoint(card, build_model(card.tokens, CMA).eval(), ""))
+
+
 def _growth_mib(env: NavigationEnv) -> float:
-    """Growth of the peak resident size over many resets."""
+    """Growth of the peak resident size over many resets with images."""
     before = 0
     for k in range(RESETS):
         if k == WARM_UP:
+            gc.collect()
             before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         env.reset(seed=k)
         env.step(1)
     return (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
+
+
+_WORKER = """
+import sys, time
+from pathlib import Path
+import numpy as np
+from vlnpe.evaluation.env import NavigationEnv
+from vlnpe.formats.vlnce.files import read_episodes
+run, seconds = Path(sys.argv[1]), float(sys.argv[2])
+scene = sorted((run / "scenes").iterdir())[0]
+found = read_episodes(sorted((run / "episodes").glob("*.json.gz"))[0])
+episodes = [e for e in found if e.scene_id == scene.name and e.level == found[0].level]
+env = NavigationEnv(scene, episodes, robot="aliengo")
+rng = np.random.default_rng(0)
+env.reset(seed=0)
+env.step(1)
+print("ready", flush=True)
+sys.stdin.readline()
+start, count, over = time.perf_counter(), 0, True
+while time.perf_counter() - start < seconds:
+    if over:
+        env.reset(seed=count)
+        over = False
+    else:
+        _, _, terminated, truncated, _ = env.step(int(rng.choice([1, 1, 1, 2, 3])))
+        over = terminated or truncated
+    count += 1
+print(count / (time.perf_counter() - start), flush=True)
+env.close()
+"""
+
+
+def _rates(run: Path, workers: int) -> list[float]:
+    """Observations per second of wall time of processes that step at the same time."""
+    started = [
+        subprocess.Popen(
+            [sys.executable, "-c", _WORKER, str(run), str(SECONDS)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env=os.environ | {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"},
+        )
+        for _ in range(workers)
+    ]
+    pipes = [(p.stdin, p.stdout) for p in started if p.stdin and p.stdout]
+    for _, out in pipes:
+        out.readline()
+    for into, _ in pipes:
+        into.write("\n")
+        into.flush()
+    rates = [float(out.readline()) for _, out in pipes]
+    for process in started:
+        process.wait()
+    return rates

@@ -22,6 +22,7 @@ from .observation import Observation
 if TYPE_CHECKING:
     from .learned import LearnedPolicy
     from .map_policy.policy import MapPolicy
+    from .map_policy.restated import ModelReader
     from .remote import RemotePolicy
     from .vlm import VlmPolicy
 
@@ -138,6 +139,7 @@ class Random:
 ORACLE = "oracle"
 VLM = "vlm"  # a vision-language model; the environment says where
 MAP = "map"  # an online semantic map; labels are the renderer's
+MAP_LLM = "map-llm"  # the same with sub-goals by a language model; the environment says where
 SERVER_SCHEMES = ("ws://", "wss://")
 CHECKPOINT_SUFFIX = ".safetensors"
 # By name, made from the seed. The oracle is not among them: it is the expert, which knows the path.
@@ -146,6 +148,7 @@ POLICIES: dict[str, Callable[[int], Policy]] = {
     "forward": lambda seed: Forward(),
     "random": Random,
     MAP: lambda seed: _map(),
+    MAP_LLM: lambda seed: _map_llm(),
 }
 
 
@@ -201,6 +204,8 @@ def policy_identity(name: str, timeout_s: float) -> str:
     """
     if name == VLM:
         return f"{name} {_vlm().version}"
+    if name == MAP_LLM:
+        return f"{name} {_reader().version}"
     if (path := checkpoint_path(name)) is not None:
         if find_spec("torch") is None:
             raise MissingExtraError(f"{path.name}: a learned policy", "train")
@@ -263,6 +268,18 @@ def _map() -> MapPolicy:
     from .map_policy.policy import MapPolicy
 
     return MapPolicy()
+
+
+def _map_llm() -> MapPolicy:
+    from .map_policy.policy import MapPolicy
+
+    return MapPolicy(read=_reader())
+
+
+def _reader() -> ModelReader:
+    from .map_policy.restated import ModelReader
+
+    return ModelReader(settings_from(asked_by=f"--policy {MAP_LLM}"))
 
 
 def _vlm() -> VlmPolicy:

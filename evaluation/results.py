@@ -119,9 +119,14 @@ def read_results(path: Path) -> dict[str, Any]:
     """Read a results file, or that of an evaluation's folder.
 
     Raises:
-        FileFormatError: there is none, or it is none.
+        InputError: there is none.
+        FileFormatError: it is none.
     """
     file = path / RESULTS_NAME if path.is_dir() else path
+    if not file.is_file():
+        raise InputError(
+            f"{file}: no such file; valid: the folder of a `vlnpe evaluate`, or its {RESULTS_NAME}"
+        )
     try:
         value = json.loads(file.read_text())
         known = value["format"] == "vlnpe-results/1" and isinstance(value["episodes"], list)

@@ -94,7 +94,8 @@ class VlmPolicy:
         reason = ""
         for _ in range(UNCLEAR):
             try:
-                answer = self._sent([{"role": "user", "content": content}])
+                messages = [{"role": "user", "content": content}]
+                answer = ask(self._backend, self._settings, messages, self._sleep)
                 self.said.append(answer)
                 return parse_actions(answer)
             except ValueError as error:
@@ -103,18 +104,29 @@ class VlmPolicy:
             f"{self._settings.model} gave {UNCLEAR} unclear answers; the last {reason}"
         )
 
-    def _sent(self, messages: Any) -> str:
-        reason = ""
-        for attempt in range(self._settings.attempts):
-            try:
-                return self._backend(messages).content
-            except RetryableError as error:
-                reason = str(error)
-                wait_s = error.wait_s
-                if wait_s is None:
-                    wait_s = self._settings.backoff_s * 2**attempt
-                self._sleep(min(wait_s, self._settings.longest_wait_s))
-        raise PolicyError(f"{self._settings.model}: {reason}")
+
+def ask(
+    backend: Backend,
+    settings: LlmSettings,
+    messages: Sequence[dict[str, Any]],
+    sleep: Callable[[float], None],
+) -> str:
+    """Return a model's answer, after `settings.attempts` tries at most.
+
+    Raises:
+        PolicyError: If the model cannot be had.
+    """
+    reason = ""
+    for attempt in range(settings.attempts):
+        try:
+            return backend(messages).content
+        except RetryableError as error:
+            reason = str(error)
+            wait_s = error.wait_s
+            if wait_s is None:
+                wait_s = settings.backoff_s * 2**attempt
+            sleep(min(wait_s, settings.longest_wait_s))
+    raise PolicyError(f"{settings.model}: {reason}")
 
 
 def evenly(count: int, most: int) -> list[int]:

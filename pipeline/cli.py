@@ -177,6 +177,8 @@ def _run(arguments: Sequence[str]) -> int:
     try:
         if verb.name != "verify":  # which must read what the store holds now
             options = _with_local_inputs(options)
+        if check := getattr(options, "check", None):
+            check()  # before seconds of imports
         return verb.run()(options)
     except OnlyDone as only:
         return int(not only.good)

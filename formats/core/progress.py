@@ -1,8 +1,9 @@
-"""Progress on stderr: a bar on a terminal, elsewhere a line per tenth, so that logs stay small."""
+"""Progress on stderr: a bar on a terminal, elsewhere a line per tenth or half minute."""
 
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Iterable
 from typing import Any
 
@@ -10,6 +11,7 @@ from tqdm import tqdm
 
 _BAR = "{desc} {percentage:3.0f}%|{bar:24}| {n_fmt}/{total_fmt} [{elapsed}<{remaining}]{postfix}"
 _LINE = "{desc} {percentage:3.0f}% {n_fmt}/{total_fmt} [{elapsed}<{remaining}]{postfix}"
+SILENCE_S = 30.0  # progress is told after that long, whatever its share
 
 
 def progress_bar(
@@ -23,8 +25,8 @@ def progress_bar(
 ) -> tqdm:
     """Return a progress bar: a context manager with `update`, and an iterator over `items`.
 
-    Where stderr is no terminal, it writes a line at the start, one whenever another tenth is done,
-    and one for where it was closed: twelve at most.
+    Where stderr is no terminal, it writes a line at the start, one whenever another tenth is done
+    or `SILENCE_S` have passed, and one for where it was closed.
 
     Args:
         name: what is being done.
@@ -53,11 +55,13 @@ class _Lines(tqdm):
 
     _tenth = -1
     _written = -1
+    _told_s = 0.0
 
     def display(self, msg: str | None = None, pos: int | None = None) -> None:
-        """Write a line where another tenth is done."""
+        """Write a line where another tenth is done, or nothing was written for long."""
         tenth = 10 * self.n // self.total if self.total else 10
-        if tenth > self._tenth:
+        silent = time.monotonic() - self._told_s > SILENCE_S and self.n != self._written
+        if tenth > self._tenth or silent:
             self._tenth = tenth
             self._write()
 
@@ -69,6 +73,6 @@ class _Lines(tqdm):
         super().close()
 
     def _write(self) -> None:
-        self._written = self.n
+        self._written, self._told_s = self.n, time.monotonic()
         self.fp.write(f"{self}\n")
         self.fp.flush()

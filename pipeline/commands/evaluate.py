@@ -12,8 +12,15 @@ from typing import Any
 from ...collectors.controllers import controller_for, get_controller
 from ...collectors.rendering.camera.views import CameraOverrides, View
 from ...evaluation.episode import closed_loop
-from ...evaluation.motions import DISCRETE, check_kind
-from ...evaluation.policy import SERVER_SCHEMES, check_policy, checkpoint_path, policy_identity
+from ...evaluation.motions import DISCRETE, WAYPOINTS, check_kind
+from ...evaluation.policy import (
+    MAP,
+    MAP_LLM,
+    SERVER_SCHEMES,
+    check_policy,
+    checkpoint_path,
+    policy_identity,
+)
 from ...evaluation.results import (
     COLUMNS,
     RESULTS_NAME,
@@ -47,10 +54,11 @@ def run_evaluate(options: Evaluate) -> int:
         InputError: If a name is unknown, or a file or folder cannot be used.
     """
     check_policy(options.policy)
-    if options.actions != DISCRETE and not options.policy.startswith(SERVER_SCHEMES):
+    maps = options.policy in (MAP, MAP_LLM) and options.actions == WAYPOINTS
+    if options.actions != DISCRETE and not (options.policy.startswith(SERVER_SCHEMES) or maps):
         raise InputError(
-            f"--actions {options.actions}: only a policy server gives such actions, not "
-            f"{options.policy}; valid: {DISCRETE}, or --policy ws://HOST:PORT"
+            f"--actions {options.actions}: only a policy server gives such actions, and {MAP} "
+            f"{WAYPOINTS}, not {options.policy}; valid: {DISCRETE}, or --policy ws://HOST:PORT"
         )
     get_controller(options.controller)
     check_kind(options.actions, options.controller)

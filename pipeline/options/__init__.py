@@ -4,8 +4,21 @@
 that belong to such modules are repeated here; a test compares them.
 """
 
+from pathlib import Path
 from typing import Annotated
 
 import tyro
 
+from ...formats.core.errors import InputError
+
 Json = Annotated[bool, tyro.conf.arg(name="json")]
+
+
+def must_exist(*paths: Path | None) -> None:
+    """Raise InputError if one of some paths is missing; `check` of options calls it.
+
+    A command's libraries take seconds to import, which nobody should wait for a typing error.
+    """
+    for path in paths:
+        if path is not None and not path.exists():
+            raise InputError(f"{path}: no such file or folder")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import tyro
 
-from . import Json
+from . import Json, must_exist
 from .running import Running
 
 
@@ -22,8 +22,9 @@ class Evaluate(Running):
     """Run folder of `collect`, or an episode file (.json.gz) together with --scenes."""
     policy: str = "random"
     """Policy: random (R2R's action proportions), forward, stop, oracle (the expert, which knows the
-    path), vlm (a vision-language model, see docs/evaluation.md), a checkpoint of `vlnpe train`
-    (FILE.safetensors), or the address of a policy server (ws://HOST:PORT)."""
+    path), map (an online semantic map, without training), vlm (a vision-language model, see
+    docs/evaluation.md), a checkpoint of `vlnpe train` (FILE.safetensors), or the address of a
+    policy server (ws://HOST:PORT)."""
     scenes: Path | None = None
     """Folder of repaired scenes; defaults to the run's own."""
     robot: str = "aliengo"
@@ -33,7 +34,7 @@ class Evaluate(Running):
     path for --actions waypoints."""
     actions: str = "discrete"
     """Actions of a policy server: discrete (controller speed or flash), velocity (speed) or
-    waypoints (path)."""
+    waypoints (path, also of the policy map)."""
     split: str | None = None
     """Evaluate only this split, for example val_unseen; all by default."""
     limit: int | None = None
@@ -68,6 +69,10 @@ class Evaluate(Running):
     json: Json = False
     """Print one JSON object with the results' summary as the last line."""
 
+    def check(self) -> None:
+        """Raise InputError if a file or folder is missing."""
+        must_exist(self.episodes, self.scenes)
+
 
 @dataclass(frozen=True)
 class Compare:
@@ -79,3 +84,7 @@ class Compare:
     """Folder or results.json of the other evaluation."""
     json: Json = False
     """Print one JSON object with the comparison as the last line."""
+
+    def check(self) -> None:
+        """Raise InputError if a file or folder is missing."""
+        must_exist(self.first, self.second)

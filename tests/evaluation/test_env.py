@@ -239,6 +239,15 @@ def make_env(root, episodes):
 
 
 @pytest.mark.slow
+def test_without_images_it_shows_black_ones_of_the_cameras_size(two_rooms, episodes) -> None:
+    blind = NavigationEnv(two_rooms.root, episodes, view=small_view(), images=False)
+    shown, _ = blind.reset(seed=0)
+    assert shown in blind.observation_space and blind.render() is None
+    assert shown["rgb"].shape == (48, 64, 3) and shown["depth_m"].shape == (48, 64)
+    assert not shown["rgb"].any() and not shown["depth_m"].any()
+    blind.close()
+
+
 def test_it_runs_vectorised_in_processes(two_rooms, episodes, env) -> None:
     makers = [partial(make_env, two_rooms.root, episodes)] * 2
     several = gym.vector.AsyncVectorEnv(makers, context="spawn")

@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from tests.support.misbehaving_server import Server, completion
+from vlnpe.evaluation.map_policy.restated import ModelReader
 from vlnpe.evaluation.observation import Observation
 from vlnpe.evaluation.policy import Assignment, PolicyError, policy_identity
 from vlnpe.evaluation.text_actions import parse_actions
@@ -124,3 +125,17 @@ def test_where_the_model_is_must_be_said(monkeypatch) -> None:
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(InputError, match="--policy vlm needs VLNPE_LLM_BASE_URL"):
         policy_identity("vlm", 1.0)
+
+
+def test_a_model_says_an_instruction_again_and_the_grammar_checks_it() -> None:
+    said = ["It is near the flurb.", "Turn left.\nGo into the kitchen.\nStop near the stove."]
+    text = "Hang a louie, find where the food is made and halt by where it is cooked."
+    with Server(lambda number, request: completion(said[number - 1])).running() as server:
+        reader = ModelReader(LlmSettings(server.url, "model-x", attempts=3), sleep=lambda s: None)
+        goals = reader(text)
+    assert [goal.kind for goal in goals] == ["turn", "place", "stop"]
+    assert text in server.requests[0]["messages"][0]["content"]
+    with Server(lambda number, request: completion("Dance.")).running() as server:
+        reader = ModelReader(LlmSettings(server.url, "model-x", attempts=3), sleep=lambda s: None)
+        with pytest.raises(PolicyError, match=r"model-x gave 3 unclear answers; the last 'Dance"):
+            reader(text)

@@ -113,3 +113,13 @@ def test_wrong_options_are_answered_with_the_valid_ones(
     assert main(call) == 2
     assert told in capsys.readouterr().err
     assert not list(out.glob("*"))
+
+
+def test_dagger_is_refused_for_a_model_of_waypoints(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    call = ["train", recipe(tmp_path, steps=2), "--data", str(tmp_path), "--model", "rdp"]
+    assert main([*call, "--out", str(tmp_path / "o"), "--run", str(run), "--dagger", "1"]) == 2
+    error = capsys.readouterr().err
+    assert "--dagger: rdp predicts waypoints" in error and "valid: --model cma" in error
+    assert not (tmp_path / "o").exists()

@@ -11,6 +11,12 @@ from ....formats.core.errors import InputError
 from ...options.training import Train
 from .threads import start_torch
 
+RDP = "rdp"
+_NO_DAGGER = (
+    f"--dagger: {RDP} predicts waypoints, and the expert corrects discrete actions; valid: --model "
+    "cma or seq2seq, or no --dagger"
+)
+
 
 def run(options: Train) -> int:
     """Train, and print where the checkpoint is and how to evaluate it.
@@ -31,6 +37,8 @@ def run(options: Train) -> int:
 
     path = recipe_path(options.recipe)
     recipe = read_recipe(path)
+    if options.dagger and _changes(options, recipe.train)["model"].get("name") == RDP:
+        raise InputError(_NO_DAGGER)
     if options.out.is_dir():
         sweep(options.out)
     request = Request(

@@ -5,8 +5,11 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
+
+from vlnpe.formats.core import progress
 
 BARS = """
 from vlnpe.formats.core.progress import progress_bar
@@ -47,6 +50,16 @@ def test_a_pipe_gets_a_line_per_tenth() -> None:
     assert len(by_name["nothing"]) == 1 and "hidden" not in by_name
     # Where it broke is told, though no new tenth was reached.
     assert [words[2] for words in by_name["broken"]] == ["0/100", "42/100", "47/100"]
+
+
+def test_a_slow_bar_is_not_silent_between_tenths(monkeypatch, capsys) -> None:
+    clock = iter(range(0, 1000, 7))
+    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+    with progress.progress_bar("train", 1000) as bar:
+        for _ in range(20):
+            bar.update()
+    told = [line.split()[2] for line in capsys.readouterr().err.splitlines()]
+    assert told[0] == "0/1000" and told[-1] == "20/1000" and 4 <= len(told) <= 8
 
 
 @pytest.mark.skipif(not hasattr(os, "openpty"), reason="no pseudo-terminals here")

@@ -126,6 +126,14 @@ def test_the_report_has_films_of_each_ending_and_mcap_what_was_seen_and_said(
     assert any("rgb" in topic for topic in topics), topics
 
 
+def test_missing_the_goal_is_a_result_and_no_failure(run, tmp_path, capsys) -> None:
+    found = evaluated(run, "--policy", "forward", "--controller", "flash", "--out", str(tmp_path))
+    assert found["summary"]["SR"]["mean"] == 0.0
+    # It went through the wall and 4 m on; NE is the way back, so that there is a mean.
+    assert found["summary"]["NE"]["mean"] > 3.0
+    assert "failed 0, quarantined 0" in capsys.readouterr().err.splitlines()[-1]
+
+
 def test_a_second_call_reuses_and_a_seed_does_not(run, tmp_path, capsys) -> None:
     out = ("--policy", "random", "--controller", "flash", "--out", str(tmp_path))
     first = evaluated(run, *out)
@@ -219,4 +227,19 @@ def test_an_episode_file_needs_its_scenes_and_results_must_be_results(run, tmp_p
     assert main(["evaluate", str(file)]) == 2
     assert "--scenes" in capsys.readouterr().err
     assert main(["compare", str(tmp_path), str(tmp_path)]) == 2
+    assert "no such file; valid: the folder of a `vlnpe evaluate`" in capsys.readouterr().err
+    (tmp_path / "results.json").write_text("{}")
+    assert main(["compare", str(tmp_path), str(tmp_path)]) == 2
     assert "no results of `vlnpe evaluate`" in capsys.readouterr().err
+
+
+def test_a_missing_folder_is_told_before_any_library_is_loaded(tmp_path) -> None:
+    code = (
+        "import sys; from vlnpe.pipeline.cli import main; code = main(sys.argv[1:])\n"
+        "assert code == 2 and 'mujoco' not in sys.modules and 'numpy' not in sys.modules"
+    )
+    for verb in (["evaluate", "gone"], ["compare", "gone", "too"]):
+        done = subprocess.run(
+            [sys.executable, "-c", code, *verb], cwd=tmp_path, capture_output=True, text=True
+        )
+        assert done.returncode == 0 and "gone: no such file or folder" in done.stderr
