@@ -51,30 +51,30 @@ def generate_scan(
     Raises:
         ValueError: `config` admits no building.
     """
-    tell = progress or _log.info
+    report = progress or _log.info
     rng = np.random.default_rng(seed)
-    tell(f"building the {config.kind}")
+    report(f"building the {config.kind}")
     scene = build_scene(rng, config)
     tracer = Tracer(scene.shape.corners)
-    tell("scanning")
+    report("scanning")
     volume = fuse(rng, scene, tracer, config.scan)
-    tell("meshing")
+    report("meshing")
     mesh = extract(volume, config.scan.target_faces)
     del volume
-    tell("unfolding")
+    report("unfolding")
     label = label_faces(mesh, tracer, scene.face_object)
     charts = cut(mesh, label, _texel_sizes(scene, config))
     packing = pack(charts, config.scan.page_px)
     split = chart_vertices(mesh, charts)
-    tell("lighting")
+    report("lighting")
     baker = Baker(rng, scene, tracer, config.scan)
     light = baker.vertex_light(mesh, split)
-    tell("painting")
+    report("painting")
     pages = [
         encode_page(baker.page(mesh, charts, split, light, packing, k), config.scan.jpeg_quality)
         for k in range(len(packing.page_size))
     ]
-    tell("writing")
+    report("writing")
     pose = scan_pose(config)
     nodes = _nodes(scene, mesh, label, charts, packing, split, pose)
     write_glb(out_dir / "scan.glb", nodes, pages, {"seed": seed, "licence": "Apache-2.0"})

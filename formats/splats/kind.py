@@ -8,11 +8,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from ..core.documents import parse_json
 from ..core.errors import FileFormatError
-from ..core.glb import read_glb
-from ..core.limits import limits
-from ..core.untrusted import read_input
+from ..untrusted.documents import parse_json
+from ..untrusted.files import read_input
+from ..untrusted.glb import read_glb
+from ..untrusted.limits import limits
 from .ply_header import PlyHeader, read_ply_header
 
 OWN_SUFFIXES = (".splat", ".spz")

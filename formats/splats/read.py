@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..core.errors import FileFormatError
-from ..core.limits import limits
-from ..core.untrusted import check_input
+from ..untrusted.files import check_input
+from ..untrusted.limits import limits
 from .gltf import read_gltf_splats
 from .kind import OWN_SUFFIXES, SHARED_SUFFIXES
 from .packed import read_dot_splat, read_spz

@@ -212,7 +212,7 @@ COLOURS = {
     "cream": "beige",
     "tan": "beige",
 }
-# Colours that people do not tell apart reliably.
+# Colours that people confuse.
 COLOUR_NEIGHBOURS = {
     "black": {"grey"},
     "white": {"grey", "beige"},

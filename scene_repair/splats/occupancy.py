@@ -14,10 +14,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.core.documents import parse_json
 from ...formats.core.errors import FileFormatError
-from ...formats.core.untrusted import read_input
 from ...formats.splats.record import GaussianCloud
+from ...formats.untrusted.documents import parse_json
+from ...formats.untrusted.files import read_input
 from ..scan.record import Scan, ScanMaterial
 from ..scan.soup import Part, merge_parts
 

@@ -17,12 +17,12 @@ JOBS = {
     "repair": "repair",
     "repair of splats": "repair_splats",
     "sample": "episodes",
-    "instruct": "instruct",
+    "instruct": "instructions.instruct",
     "replay": "replay",
     "render": "render",
     "pictures": "pictures",
     "export": "export",
-    "look": "visibility",
+    "look": "instructions.visibility",
     "mcap": "mcap",
     "report": "report",
 }
@@ -121,7 +121,7 @@ EDITS = {
         {"scan as splats"},
     ),
     "the stage runner": (
-        "pipeline/engine/executors.py",
+        "pipeline/engine/executors/base.py",
         "from __future__ import annotations\n",
         "from __future__ import annotations\nMORE = 2\n",
         set(),
