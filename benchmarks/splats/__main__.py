@@ -106,7 +106,7 @@ def main() -> None:
         for eye in eyes(rng):
             image, spent = timed(scene, eye)
             whole.append(spent)
-            faster, spent = timed(scene, eye, detail_px=DETAIL_PX, least_light=LEAST_LIGHT)
+            faster, spent = timed(scene, eye, DETAIL_PX, LEAST_LIGHT)
             drawn.append(spent)
             error.append(psnr_db(faster, image))
         whole, drawn, error = whole[WARM_UP:], drawn[WARM_UP:], error[WARM_UP:]
@@ -118,10 +118,12 @@ def main() -> None:
         sys.stdout.flush()
 
 
-def timed(scene: SplatScene, eye: Eye, **how: float) -> tuple[SplatImage, float]:
+def timed(
+    scene: SplatScene, eye: Eye, detail_px: float = 0.0, least_light: float = 0.0
+) -> tuple[SplatImage, float]:
     """Return an image and the CPU time it took [ms]."""
     start = time.process_time()
-    image = draw_splats(scene, eye, **how)
+    image = draw_splats(scene, eye, detail_px=detail_px, least_light=least_light)
     return image, 1e3 * (time.process_time() - start)
 
 
