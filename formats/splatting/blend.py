@@ -109,7 +109,7 @@ def list_tiles(rows, alive):
     return listed, starts
 
 
-@kernel(fastmath={"nnan", "nsz", "arcp", "contract", "afn"})
+@kernel(fastmath={"nnan", "nsz", "arcp", "contract", "afn"}, error_model="numpy")
 def blend_tiles(rows, lists, alive, size, image, table):
     """Blend lists of Gaussians into the tiles (Kerbl et al., 2023, equation 3).
 
@@ -131,6 +131,7 @@ def blend_tiles(rows, lists, alive, size, image, table):
     light, color, cover, depth = image
     columns = alive.shape[1]
     wanted = depth.shape[0] > 0
+    slope, last = table[1:] - table[:-1], np.uint32(TABLE_STEPS)
     per_step = np.float32(TABLE_STEPS / TABLE_END)
     half, one = np.float32(0.5), np.float32(1)
     least, most, dark = np.float32(MIN_ALPHA), np.float32(MAX_ALPHA), np.float32(MIN_LIGHT)
@@ -138,6 +139,7 @@ def blend_tiles(rows, lists, alive, size, image, table):
         left = alive[t // columns, t % columns]
         if left == 0:
             continue
+        row = np.uint32(t)
         x_tile, y_tile = t % columns * TILE, t // columns * TILE
         x_end, y_end = min(x_tile + TILE, width) - 1, min(y_tile + TILE, height) - 1
         for i in range(starts[t], starts[t + 1]):
@@ -162,43 +164,44 @@ def blend_tiles(rows, lists, alive, size, image, table):
                 base = (y - y_tile) * TILE - x_tile
                 cdy, bdy = half * d * dy * dy, b * dy
                 for x in range(x0, x1 + 1):
-                    p = base + x
-                    through = light[t, p]
+                    # Unsigned, so that no index is tested for counting from the end.
+                    p = np.uint32(base + x)
+                    through = light[row, p]
                     if through <= 0:
                         continue
-                    if z > cover[t, p]:
-                        light[t, p] = -through
+                    if z > cover[row, p]:
+                        light[row, p] = -through
                         left -= 1
                         continue
                     dx = np.float32(x) - mx
                     power = half * a * dx * dx + cdy + bdy * dx
                     step = max(power, np.float32(0)) * per_step
-                    at = int(step)
-                    if at >= TABLE_STEPS:
+                    at = np.uint32(step)
+                    if at >= last:
                         continue
-                    alpha = o * (table[at] + (step - np.float32(at)) * (table[at + 1] - table[at]))
+                    alpha = o * (table[at] + (step - np.float32(at)) * slope[at])
                     if alpha < least:
                         continue
                     alpha = min(alpha, most)
                     after = through * (one - alpha)
                     if after < dark:
-                        light[t, p] = -through
+                        light[row, p] = -through
                         left -= 1
                         continue
                     weight = alpha * through
-                    color[t, p, 0] += weight * red
-                    color[t, p, 1] += weight * green
-                    color[t, p, 2] += weight * blue
-                    light[t, p] = after
+                    color[row, p, 0] += weight * red
+                    color[row, p, 1] += weight * green
+                    color[row, p, 2] += weight * blue
+                    light[row, p] = after
                     if after < enough:
-                        light[t, p] = -after
+                        light[row, p] = -after
                         left -= 1
                     if wanted:
                         at_pixel = z + rows[g, SLOPE_X] * dx + rows[g, SLOPE_Y] * dy
-                        depth[t, p, 0] += weight * at_pixel
-                        depth[t, p, 1] += weight * at_pixel * at_pixel
+                        depth[row, p, 0] += weight * at_pixel
+                        depth[row, p, 1] += weight * at_pixel * at_pixel
                         if through > half >= after:
-                            depth[t, p, 2] = at_pixel
+                            depth[row, p, 2] = at_pixel
             if left == 0:
                 break
         alive[t // columns, t % columns] = left

@@ -59,7 +59,7 @@ def cull_chunks(low, high, reach, rotation, eye, view, depth):
         depth[c] = max(least, near)
 
 
-@kernel()
+@kernel(error_model="numpy")
 def project_chunks(chunks, scene, bounds, eye, alive, out, first):
     """Project the Gaussians of `chunks` into rows of `out` from `first` on; return their end.
 

@@ -91,7 +91,7 @@ class Collect(Running, Sampling):
     unit: str = "auto"
     """Length unit of the scans: m, cm, mm, in, ft, or auto to detect it."""
     collision: Path | None = None
-    """Mesh or USD stage to use as the surface of Gaussian splats, in the same coordinates."""
+    """Mesh, USD stage or InteriorGS' occupancy.png to use as the surface of Gaussian splats."""
     allow_unsound: bool = False
     """Also collect in scenes whose repair is not sound, instead of quarantining them. The report
     and the dataset card list them."""
