@@ -8,7 +8,7 @@ import logging
 import os
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Union
@@ -23,6 +23,7 @@ from .engine.signals import (
     closed_streams,
     interruptible,
 )
+from .store.address import store_url
 
 
 @dataclass(frozen=True)
@@ -174,6 +175,8 @@ def _run(arguments: Sequence[str]) -> int:
             return 2
     verb, options = parse(arguments)
     try:
+        if verb.name != "verify":  # which must read what the store holds now
+            options = _with_local_inputs(options)
         return verb.run()(options)
     except OnlyDone as only:
         return int(not only.good)
@@ -191,6 +194,17 @@ def _run(arguments: Sequence[str]) -> int:
     except VlnpeError as error:
         _complain(error)
         return 1
+
+
+def _with_local_inputs(options: Any) -> Any:
+    """Return the options with local copies in the place of runs in an object store."""
+    paths = {f.name: getattr(options, f.name) for f in fields(options) if f.name != "out"}
+    urls = {n: store_url(path) for n, path in paths.items() if isinstance(path, Path)}
+    if not any(urls.values()):
+        return options
+    from .store.mirror import fetched
+
+    return replace(options, **{name: fetched(url) for name, url in urls.items() if url})
 
 
 def _complain(message: object) -> None:

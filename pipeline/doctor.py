@@ -54,6 +54,7 @@ def examine(out: Path) -> list[Finding]:
         _extra("evaluate", ["gymnasium", "msgpack", "websockets"]),
         _extra("cluster", ["ray", "submitit"]),
         _extra("onnxruntime", ["onnxruntime"]),
+        _extra("s3", ["s3fs"]),
         Finding("uv", uv is not None, uv or "not found"),
     ]
 

@@ -17,7 +17,7 @@ SHARED_SCENES = Path(__file__).resolve().parents[2] / "shared" / "scenes"
 # What the core environment lacks: libraries of the extras and of the group `dev`.
 NOT_CORE = re.compile(
     r"^\s*(?:import|from) (?:torch|lerobot|lerobot_doctor|datasets|accelerate|onnx|onnxruntime"
-    r"|rsl_rl|huggingface_hub|open3d|pyvista|setuptools|gymnasium"
+    r"|rsl_rl|huggingface_hub|open3d|s3fs|moto|pyvista|setuptools|gymnasium"
     r"|vlnpe\.evaluation\.(?:env|remote|server)"
     r"|vlnpe\.collectors\.gait_training\.(?:env|export|mirror|train))\b"
     r"|vlnpe\.learning|vlnpe\.evaluation\.learned",

@@ -66,7 +66,7 @@ class RobotSpec:
     name: str
     title: str
     mass_kg: float
-    link_mass_kg: Mapping[str, float]
+    link_mass_kg: Mapping[str, float] = field(hash=False)
     joints: tuple[JointFacts, ...]
     policy_joints: int
     action_scale_rad: float

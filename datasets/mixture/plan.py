@@ -253,12 +253,12 @@ def _filter(
         if wanted:
             labels = whole.labels(label)
             name = label.removesuffix("_id").removesuffix("_name")
-            reasons = np.array([f"{name} {value}" for value in labels], object)
-            keep(np.isin(labels.astype(str), wanted), reasons)
+            why = np.array([f"{name} {value}" for value in labels], object)
+            keep(np.isin(labels.astype(str), wanted), why)
     if training and not source.splits:
         splits = whole.labels("split")
-        reasons = np.array([f"published hold-out {value}" for value in splits], object)
-        keep(~np.array([is_published_holdout(str(s)) for s in splits], bool), reasons)
+        why = np.array([f"published hold-out {value}" for value in splits], object)
+        keep(~np.array([is_published_holdout(str(s)) for s in splits], bool), why)
     new = np.ones(len(whole), bool)
     facts = list(zip(*(whole.labels(name) for name in _IDENTITY), strict=True))
     for number in np.flatnonzero(mask):

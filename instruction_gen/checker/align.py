@@ -21,6 +21,7 @@ REQUIRED_DEG = 58.0
 _AROUND_DEG = 125.0
 _LATE_M = 1.6  # how far beyond an untold turn a claim may already lie
 _ONE_BEND_M = 2.0
+_U_TURN_M = 3.0
 _SPOT_M = 0.6
 _ONE_TURN_DEG = 130.0  # more than this, not on the spot, is two turns
 _PLAIN_DEG = 30.0  # "turn left" is no smaller turn
@@ -70,7 +71,9 @@ class _Aligner:
                     continue
                 passed_m = claim.abeam_m
             after = self._step(claim)
-            if after:
+            if claim.maybe:
+                self.states = _either(self.states, after)
+            elif after:
                 self.states = after
             elif not claim.optional:
                 problems.append((claim.clause, self._why(claim)))
@@ -174,7 +177,8 @@ class _Aligner:
             turn = self.turns[j]
             if j > k and (
                 turn.side != self.turns[k].side
-                or turn.along_m - self.turns[j - 1].along_m > _ONE_BEND_M
+                or turn.along_m - self.turns[j - 1].along_m
+                > (_U_TURN_M if claim.side == "around" else _ONE_BEND_M)
             ):
                 break
             total += abs(turn.angle_deg)
@@ -314,6 +318,14 @@ class _Aligner:
     def _skipped(self, k: int) -> str:
         turn = self.turns[k]
         return f"the turn {turn.side} after {turn.along_m:.1f} m is left out"
+
+
+def _either(first: States, second: States) -> States:
+    """The states of both."""
+    result = dict(first)
+    for made, mask in second.items():
+        result[made] = result[made] | mask if made in result else mask
+    return result
 
 
 def _required(turn: TurnFact, ground: Ground) -> bool:

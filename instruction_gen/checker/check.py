@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 from ..facts.records import PathFacts
 from ..language.clauses import Parse
+from ..language.ending import last_stop
 from ..language.parse import parse
 from .align import align
 from .claims import claims_of
 from .form import form_problems
 from .ground import Ground
-from .stops import last_stop
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..language.clauses import Clause, Noun
+from ..language.lexicon import singular
+from ..language.other_things import OTHER_THINGS
 from .ground import Found, Ground, Mask, spread
 
 _ABREAST_M = 1.8
@@ -30,7 +32,8 @@ class Claim:
         still: it is seen or passed meanwhile and does not move the walker on.
         bends: a path around a thing, which implies the turns made there.
         optional: it may have been mentioned before.
-        turned: A door whose clear turn the same clause describes.
+        maybe: a turn that the words may describe, or may not.
+        turned: a door whose clear turn the same clause describes.
         abeam_m: where a thing that is passed once is beside the walker [m], None = unclear.
     """
 
@@ -47,6 +50,7 @@ class Claim:
     still: bool = False
     bends: bool = False
     optional: bool = False
+    maybe: bool = False
     turned: bool = False
     abeam_m: float | None = None
 
@@ -132,7 +136,7 @@ def found_at(noun: Noun, ground: Ground, verb: str) -> Found | None:
     """Return where what a noun phrase says with its verb is true, None when it claims nothing."""
     prep = noun.prep
     if noun.kind == "unknown":
-        return Found(np.zeros(len(ground.along_m), dtype=bool), unknown_noun(noun))
+        return unknown(noun, ground)
     if noun.kind == "object":
         return _object(noun, ground, verb, prep)
     if noun.kind == "room":
@@ -187,6 +191,16 @@ def _room(noun: Noun, ground: Ground, verb: str, prep: str) -> Found:
     return ground.inside(noun)
 
 
-def unknown_noun(noun: Noun) -> str:
-    """Return why a phrase with a noun that no table has is false."""
-    return f"nothing here is called {noun.text!r}"
+def unknown(noun: Noun, ground: Ground, *, needed: bool = False) -> Found | None:
+    """Return why a phrase with a noun that no landmark has is false, None if it claims nothing.
+
+    Args:
+        noun: the phrase.
+        ground: of the path.
+        needed: nothing else says where this is, so it has to be understood.
+    """
+    head = noun.text.split()[-1]
+    if not needed and not OTHER_THINGS & {head, singular(head)}:
+        return None
+    nothing = np.zeros(len(ground.along_m), dtype=bool)
+    return Found(nothing, f"nothing here is called {noun.text!r}")

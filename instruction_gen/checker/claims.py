@@ -7,43 +7,64 @@ from dataclasses import replace
 import numpy as np
 
 from ..language.clauses import Clause, Parse
+from ..language.ending import last_stop
 from .claim import Claim, noun_claim, noun_claims
 from .ground import Ground, spread
-from .stops import after_stop_claims, last_stop, stop_claims
+from .hints import elliptic, loose_sides
+from .stops import after_stop_claims, stop_claims
 
 _AT_TURN_M = 0.5
 _INTO_M = 2.0
+# A clause with words that were not understood may say otherwise where things are.
+_UNSURE = frozenset(("place", "door", "exit", "walk"))
 
 
 def claims_of(parse: Parse, ground: Ground) -> list[Claim]:
     """Return the claims of a text."""
-    everywhere = np.ones(len(ground.along_m), dtype=bool)
     result: list[Claim] = []
     last = last_stop(parse)
+    loose = loose_sides(parse)
     for index, clause in enumerate(parse.clauses):
         if clause.negated:
             result += [c for c in noun_claims(index, clause, ground, "see") if c.kind == "false"]
         elif clause.verb == "stop" or index == last:
             result += stop_claims(index, clause, parse, ground)
         elif last is not None and index > last:
-            result += after_stop_claims(index, clause, ground)
-        elif clause.verb == "turn" or clause.side:
-            result += _turn(index, clause, ground)
+            result += after_stop_claims(index, clause, parse, ground)
         else:
-            if clause.distance_m:
-                result.append(
-                    Claim(
-                        index,
-                        "walk",
-                        everywhere,
-                        f"walk {clause.distance_m:.1f} m",
-                        distance_m=clause.distance_m,
-                        vague=clause.vague,
-                    )
-                )
-            # "Turn left before you reach the bed": it lies ahead and need not be reached.
-            result += noun_claims(index, clause, ground, "see" if clause.before else clause.verb)
+            told = _moving_claims(index, clause, ground)
+            if elliptic(clause, parse):
+                told = [replace(c, maybe=c.kind == "turn") for c in told]
+            if clause.unparsed:
+                told = [replace(c, optional=c.kind in _UNSURE) for c in told]
+            hints = [_hint(index, side, ground) for side in loose[index]]
+            result += [*hints, *told, *(hints if told else ())]
     return result
+
+
+def _moving_claims(index: int, clause: Clause, ground: Ground) -> list[Claim]:
+    if clause.verb == "turn" or clause.side:
+        return _turn(index, clause, ground)
+    result = []
+    if clause.distance_m:
+        everywhere = np.ones(len(ground.along_m), dtype=bool)
+        result.append(
+            Claim(
+                index,
+                "walk",
+                everywhere,
+                f"walk {clause.distance_m:.1f} m",
+                distance_m=clause.distance_m,
+                vague=clause.vague,
+            )
+        )
+    # "Turn left before you reach the bed": it lies ahead and need not be reached.
+    return result + noun_claims(index, clause, ground, "see" if clause.before else clause.verb)
+
+
+def _hint(index: int, side: str, ground: Ground) -> Claim:
+    everywhere = np.ones(len(ground.along_m), dtype=bool)
+    return Claim(index, "turn", everywhere, f"turn {side}", side, "some", maybe=True)
 
 
 def _turn(index: int, clause: Clause, ground: Ground) -> list[Claim]:

@@ -2,31 +2,17 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+
 import numpy as np
 
 from ..language.clauses import Clause, Noun, Parse
-from .claim import Claim, found_at, unknown_noun
+from ..language.ending import STATIC
+from .claim import Claim, found_at, unknown
 from .ground import Found, Ground
 
 MOVING = frozenset({"turn", "move", "enter", "leave", "pass"})
-
-
-def last_stop(parse: Parse) -> int | None:
-    """Return the index of the clause that says where to stop, None when no clause does.
-
-    `Walk on until you are next to the bed.` needs no word for stopping at the end of a text.
-    """
-    stops = [k for k, c in enumerate(parse.clauses) if c.verb == "stop" and not c.negated]
-    if stops:
-        return stops[-1]
-    last = parse.clauses[-1] if parse.clauses else None
-    if last is None or not last.until or last.before or last.negated or len(parse.clauses) < 2:
-        return None
-    if parse.clauses[-2].verb in ("turn", "see", "") or parse.clauses[-2].side:
-        return None
-    arrives = last.verb in ("", "pass", "reach", "enter")
-    arrives = arrives or any(n.prep or n.side for n in last.nouns)
-    return len(parse.clauses) - 1 if last.nouns and arrives else None
 
 
 def stop_claims(index: int, clause: Clause, parse: Parse, ground: Ground) -> list[Claim]:
@@ -39,11 +25,17 @@ def stop_claims(index: int, clause: Clause, parse: Parse, ground: Ground) -> lis
         )
     mask = ground.at_goal()
     named = bool(clause.distance_m)
+    alone = all(n.kind == "unknown" for n in clause.nouns) and not clause.distance_m
     for noun in clause.nouns:
         passed = clause.verb == "pass" and noun.kind == "object"
         found = ground.stopped_after(noun) if passed else _stop_noun(noun, ground)
+        if noun.kind == "unknown":
+            found = unknown(noun, ground, needed=alone)
         if found is None:
             continue
+        if found.reason and clause.unparsed and noun.prep == "past":
+            # Where the verb is not known, "by the bed" may be next to it.
+            found = _stop_noun(replace(noun, prep="near"), ground) or found
         visited = len(ground.facts.visits) > 1 and noun.prep not in ("before", "at")
         if noun.kind == "room" and not found.reason and visited:
             # "Stop inside the kitchen" implies entering it.
@@ -52,10 +44,10 @@ def stop_claims(index: int, clause: Clause, parse: Parse, ground: Ground) -> lis
                 phrase = f"the {noun.text}"
                 result.append(Claim(index, "door", entered.mask, phrase, optional=True))
         named = True
-        if found.reason:
-            result.append(Claim(index, "false", everywhere, found.reason))
-        else:
+        if not found.reason:
             mask = mask & found.mask
+        elif not clause.unparsed or noun.kind != "room":
+            result.append(Claim(index, "false", everywhere, found.reason))
     # "Stop when you reach the bed": what comes next says where.
     nexts = parse.clauses[index + 1 : index + 2]
     named = named or any(c.until or c.verb in ("see", "reach", "") for c in nexts)
@@ -75,15 +67,20 @@ def _stop_noun(noun: Noun, ground: Ground) -> Found | None:
     if noun.kind == "door":
         return ground.stopped_at_door()
     if noun.kind == "unknown":
-        return Found(np.zeros(len(ground.along_m), dtype=bool), unknown_noun(noun))
+        return unknown(noun, ground)
     return None
 
 
-def after_stop_claims(index: int, clause: Clause, ground: Ground) -> list[Claim]:
-    """Check that the text after the last stop only describes the place."""
+def after_stop_claims(index: int, clause: Clause, parse: Parse, ground: Ground) -> list[Claim]:
+    """Check that the text after the last stop describes the place, and does not walk on."""
+    said = parse.text[clause.start : clause.stop].strip(" ,.;")
     everywhere = np.ones(len(ground.along_m), dtype=bool)
     if clause.verb in MOVING and not clause.until and not clause.meanwhile:
-        return [Claim(index, "false", everywhere, "the text goes on after its stop")]
+        if _goes_on(clause, said):
+            return [Claim(index, "false", everywhere, "the text goes on after its stop")]
+        clause = replace(
+            clause, verb="", nouns=tuple(replace(n, prep="near") for n in clause.nouns)
+        )
     result = []
     for noun in clause.nouns:
         found: Found | None
@@ -106,3 +103,14 @@ def after_stop_claims(index: int, clause: Clause, ground: Ground) -> list[Claim]
             reason = found.reason or f"the {noun.text} is not so at the end of the path"
             result.append(Claim(index, "false", everywhere, reason))
     return result
+
+
+def _goes_on(clause: Clause, said: str) -> bool:
+    """Whether a clause after the stop leads on; `(stop) walking by the bed` does not."""
+    if clause.side:
+        return True
+    if re.match(r"\w+ing\b", said):
+        return any(n.prep in ("into", "through", "from") for n in clause.nouns)
+    if not said:
+        return False
+    return not clause.nouns or any(n.prep not in STATIC for n in clause.nouns)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..language.clauses import Clause, Noun, Parse
+from ..language.ending import last_stop
 
 _AT = frozenset(("at", "near", "before", "past", "after", "in", "with", ""))
 _MOVING = frozenset(("turn", "move", "enter", "leave", "pass"))
@@ -44,7 +45,9 @@ def sub_goals(read: Parse) -> list[SubGoal]:
     Raises:
         UnfollowableError: it never says where to stop, or goes on after that.
     """
-    stop = _stop(read)
+    stop = last_stop(read)
+    if stop is None:
+        raise UnfollowableError("the text never says to stop")
     result: list[SubGoal] = []
     for index, clause in enumerate(read.clauses[:stop]):
         if not clause.negated:
@@ -60,16 +63,6 @@ def sub_goals(read: Parse) -> list[SubGoal]:
         places += after.nouns
     named = [SubGoal("stop", said, noun=n, verb=clause.verb) for n in places]
     return [*result, *named] if named else [*result, SubGoal("stop", said)]
-
-
-def _stop(read: Parse) -> int:
-    stops = [k for k, c in enumerate(read.clauses) if c.verb == "stop" and not c.negated]
-    if stops:
-        return stops[-1]
-    last = read.clauses[-1] if read.clauses else None
-    if last is not None and last.until and last.nouns:
-        return len(read.clauses) - 1
-    raise UnfollowableError("the text never says to stop")
 
 
 def _moves(clause: Clause, said: str) -> list[SubGoal]:

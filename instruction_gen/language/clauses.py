@@ -58,6 +58,7 @@ class Clause:
         until: it begins with `until`, `when`, `once`, …
         before: it begins with `before`: what it names has not been reached.
         meanwhile: a participle after a comma: it holds around the clause before it.
+        unparsed: how many of its words fit nowhere in the grammar.
     """
 
     start: int
@@ -73,6 +74,7 @@ class Clause:
     until: bool = False
     before: bool = False
     meanwhile: bool = False
+    unparsed: int = 0
 
 
 @dataclass(frozen=True)

@@ -56,6 +56,7 @@ class _Draft:
     until: bool = False
     before: bool = False
     meanwhile: bool = False
+    unparsed: int = 0
     pending_side: str = ""
 
     @property
@@ -66,7 +67,7 @@ class _Draft:
         return Clause(
             self.start, self.stop, self.verb, self.side, self.degree, tuple(self.nouns),
             self.distance_m, self.vague, self.negated, self.there, self.until, self.before,
-            self.meanwhile,
+            self.meanwhile, self.unparsed,
         )  # fmt: skip
 
 
@@ -159,6 +160,7 @@ class _Reader:
         elif not self._noun():
             if word not in FILLERS and not word.isdigit():
                 self.unparsed.append(word)
+                self.draft.unparsed += 1
             self._extend(token)
             self.k += 1
 

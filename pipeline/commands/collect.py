@@ -88,7 +88,9 @@ def run(options: Collect) -> int:
         scenes = chain.scenes(sources, repairing, options.allow_unsound)
         sampling = _roomy(sampling, robots, context.ledger)
         fitting = AlignConfig(
-            robot_radius_m=_fitting_radius(robots, context.ledger), free_height_m=height_m
+            robot_radius_m=_fitting_radius(robots, context.ledger),
+            free_height_m=height_m,
+            goal_beyond_start=options.goal_beyond_start,
         )
         if episode_files:
             asked = chain.aligned(episode_files, scenes, rules, fitting)

@@ -43,6 +43,7 @@ def run_align(options: Align) -> int:
         free_height_m=chosen_free_height(robots, options.free_height_m),
         max_start_nudge_m=options.max_start_nudge_m,
         max_goal_nudge_m=options.max_goal_nudge_m,
+        goal_beyond_start=options.goal_beyond_start,
         max_waypoint_nudge_m=options.max_waypoint_nudge_m,
         max_bypassed_share=options.max_bypassed_share,
         max_floor_gap_m=options.max_floor_gap_m,

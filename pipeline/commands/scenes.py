@@ -45,7 +45,8 @@ def run_repair(options: Repair) -> int:
     """
     out = options.out.resolve()
     collision = str(options.collision.resolve()) if options.collision else ""
-    config = RepairConfig(up=options.up, unit=options.unit, collision=collision)
+    # Later commands find a scene by its folder's name, and every generated scan is a scan.glb.
+    config = RepairConfig(up=options.up, unit=options.unit, scene_id=out.name, collision=collision)
     item = repair.item(options.scan, out, config)
     refuse_to_replace(options.out, SCENE_NAMES)
     facts = run_single(out, repair.STAGE, item).facts

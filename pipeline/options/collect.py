@@ -49,6 +49,9 @@ class Collect(Running, Sampling):
     stair_rules: str = "step"
     """Rules by which episodes of a VLN-CE file are dropped, comma-separated: step, geometric, text;
     see `vlnpe filter`."""
+    goal_beyond_start: bool = False
+    """Let the goal of a VLN-CE path be moved out of collision farther than its start is, instead of
+    rejecting the path."""
     per_instruction: bool = False
     """Write one episode per instruction into episode files and LeRobot datasets. By default a path
     is one episode that carries all its instructions."""

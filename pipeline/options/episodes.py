@@ -76,6 +76,8 @@ class Align:
     """Maximum distance by which a start in collision may be moved [m]."""
     max_goal_nudge_m: float = 0.5
     """Farthest that a goal in collision may be moved; no farther than a start [m]."""
+    goal_beyond_start: bool = False
+    """Let a path's goal be moved farther than its own start is, instead of rejecting the path."""
     max_waypoint_nudge_m: float = 0.5
     """Maximum distance by which an inner waypoint may be moved [m]; others are bypassed."""
     max_bypassed_share: float = 0.5

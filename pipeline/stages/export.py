@@ -30,17 +30,14 @@ STAGE = "export"
 MCAP_STAGE = "mcap"
 DATASET_STAGE = "dataset"
 # What makes episodes and writes their pixels.
-CODE = tuple(
-    f"pipeline.jobs.{job}"
-    for job in (
-        "scan",
-        "repair",
-        "episodes",
-        "instructions.visibility",
-        "instructions.instruct",
-        "replay",
-        "render",
-    )
+CODE = (
+    "pipeline.jobs.scan",
+    "pipeline.jobs.repair",
+    "pipeline.jobs.episodes",
+    "pipeline.jobs.instructions.visibility",
+    "pipeline.jobs.instructions.instruct",
+    "pipeline.jobs.replay",
+    "pipeline.jobs.render",
 )
 
 
