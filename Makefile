@@ -55,9 +55,9 @@ test:  ## Run the tests but for the slow ones, about 11 minutes on 2 cores (inst
 	@echo "about 11 minutes on 2 cores; make test-fast needs neither torch nor lerobot, make test-slow runs the rest"
 	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder -m "not slow"
 
-test-fast:  ## Run the fast tests of the core, without torch and lerobot
+test-fast:  ## Run the fast tests of the core: no torch, no lerobot, no generated buildings, no whole runs
 	@$(SETUP) test
-	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder --core -m "not slow"
+	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder --core -m "not slow and not chain"
 
 test-slow:  ## Run the slow tests: whole chains, buildings, kills, clusters
 	@$(SETUP) full

@@ -1,9 +1,9 @@
 """Instructions as word indices, as VLN-CE's agents take them.
 
-Words are lower-case, punctuation marks are words (`formats.vocabulary.tokenize`). Index 0 pads and
-1 stands for every word that is not in the vocabulary, as in VLN-CE's files. The vocabulary is that
-of the training instructions alone, or one read from a VLN-CE file, so that embeddings trained
-elsewhere fit.
+Words are lower-case, punctuation marks are words (`formats.vlnce.vocabulary.tokenize`). Index 0 is
+padding, 1 stands for every word that is not in the vocabulary, as in VLN-CE's files. The
+vocabulary is that of the training instructions alone, or one read from a VLN-CE file, so that
+embeddings trained elsewhere fit.
 """
 
 from __future__ import annotations

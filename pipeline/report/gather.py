@@ -28,7 +28,7 @@ class RobotRow:
         collected: that ended within 0.25 m of the goal; SR, OS, SPL follow VLN-CE.
         tl: mean length walked.
         ne: mean over the episodes whose goal could still be reached from where they ended.
-        os, sr, spl, ndtw: see `formats.rollout.Metrics`.
+        os, sr, spl, ndtw: see `formats.core.rollout.Metrics`.
         fr, str: rates of falls and of stuck robots.
         fr_down: rate of falls after which the robot was down a second later; the others stumbled.
         recovered, down: how many of the falls the robot stood up from by itself, and after how

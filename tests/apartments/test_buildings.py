@@ -15,6 +15,8 @@ from vlnpe.apartments.home.planner import draw_storeys
 from vlnpe.collectors.robots import ROBOTS
 from vlnpe.formats.core.errors import UnknownNameError
 
+pytestmark = pytest.mark.chain
+
 LARGE = sorted(set(BUILDINGS) - {"apartment"})
 # Of the geometry of apartments as it was before there were other buildings. Users' runs and
 # published numbers refer to these homes, so a digest must not change by accident.

@@ -16,6 +16,8 @@ from vlnpe.collectors.rendering.scene.textures import load_materials
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
 
+pytestmark = pytest.mark.chain
+
 SEED = 5
 
 

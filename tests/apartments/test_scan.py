@@ -19,6 +19,8 @@ from vlnpe.apartments.scanner.stations import look
 from vlnpe.apartments.scanner.tracing import Tracer
 from vlnpe.formats.scene.grid import GridSpec
 
+pytestmark = pytest.mark.chain
+
 SEED = 3
 # Coarser than the default in everything but what is tested: quick.
 COARSE = ApartmentConfig(

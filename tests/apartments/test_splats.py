@@ -22,6 +22,8 @@ from vlnpe.formats.splats.record import GaussianCloud
 from vlnpe.formats.splatting.draw import Eye, draw_splats
 from vlnpe.formats.splatting.scene import SplatScene
 
+pytestmark = pytest.mark.chain
+
 COUNT = 60_000
 SEED = 5
 

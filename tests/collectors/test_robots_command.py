@@ -20,6 +20,8 @@ from vlnpe.formats.core.errors import InputError
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.robot_sheet import details, sheet_of, table
 
+pytestmark = pytest.mark.chain
+
 
 def run_json(capsys: pytest.CaptureFixture, *arguments: object) -> dict:
     assert main(["robots", *map(str, arguments), "--json"]) == 0

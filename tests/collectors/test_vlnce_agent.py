@@ -21,6 +21,8 @@ from vlnpe.formats.mcap.rollout import read_rollout, write_rollout
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.pipeline.inputs.crews import chosen_robots, crews
 
+pytestmark = pytest.mark.chain
+
 FLASH = ReplayConfig(robot="vlnce", controller="flash")
 
 

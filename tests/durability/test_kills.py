@@ -16,6 +16,8 @@ from tests.support.runs.content import content
 from tests.support.runs.kills import kill_in
 from vlnpe.formats.core.atomic import TEMPORARY_PREFIX
 
+pytestmark = pytest.mark.chain
+
 
 def test_kills_in_three_stages_change_nothing(
     scan: Path, finished: Path, prepared: Path, tmp_path: Path

@@ -19,6 +19,8 @@ from vlnpe.pipeline.jobs.replay import actions
 from vlnpe.pipeline.report.gather import driven, robot_rows
 from vlnpe.pipeline.stages.replay import item_names, label_of
 
+pytestmark = pytest.mark.chain
+
 SPEED = ReplayConfig(robot="aliengo", controller="speed")
 CLOSED = replace(SPEED, speed=replace(SpeedConfig(), end_on_displacement=True))
 

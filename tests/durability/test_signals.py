@@ -18,6 +18,8 @@ from vlnpe.pipeline.engine.context import open_context
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.options.running import Running
 
+pytestmark = pytest.mark.chain
+
 TOP = Path(__file__).parents[2]
 
 

@@ -22,6 +22,8 @@ from vlnpe.pipeline.verify.dataset import check_dataset, check_splits
 from vlnpe.pipeline.verify.outputs import READERS, check_output
 from vlnpe.pipeline.verify.run import verify_run
 
+pytestmark = pytest.mark.chain
+
 QUICK = pytest.mark.usefixtures("quick")
 
 

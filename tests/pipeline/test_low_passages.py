@@ -22,6 +22,8 @@ from vlnpe.trajectory_sampler.config import SampleConfig
 from vlnpe.trajectory_sampler.sampling import sample_episodes
 from vlnpe.wayfinding.distance import distance_field
 
+pytestmark = pytest.mark.chain
+
 BOARD_M = 0.72
 HERE, THERE = (1.0, 2.0), (7.0, 2.0)
 

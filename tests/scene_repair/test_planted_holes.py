@@ -25,6 +25,8 @@ from tests.support.scenes import scans
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
 
+pytestmark = pytest.mark.chain
+
 
 def flat(step: float = 0.5) -> Part:
     """A floor of 4 × 4 m as one part, with a texture coordinate that is its position."""

@@ -25,6 +25,8 @@ from vlnpe.scene_repair.floor.repair_level import RepairedFloor
 from vlnpe.scene_repair.grid.world_mesh import WorldMesh
 from vlnpe.wayfinding.distance import distance_field
 
+pytestmark = pytest.mark.chain
+
 CONFIG = RepairConfig()
 SHIFT = st.floats(0.0, 0.05, allow_nan=False)
 TURN = st.floats(0.0, 90.0, allow_nan=False)

@@ -31,6 +31,8 @@ from vlnpe.scene_repair.splats.read import read_splat_scan
 from vlnpe.scene_repair.splats.repair import repair_splats
 from vlnpe.scene_repair.splats.solid import find_solid
 
+pytestmark = pytest.mark.chain
+
 ROOM_M = np.array([4.4, 3.4, 2.5])
 TABLE = ((1.4, 1.2), (2.6, 2.0), 0.72)
 SPACING_M = 0.05

@@ -19,6 +19,8 @@ from vlnpe.pipeline.inputs.benchmark_sets import SETS, episodes_digest, paths_di
 from vlnpe.pipeline.inputs.builtin import parse_builtin
 from vlnpe.trajectory_sampler.presets import choose_seen, plan_quotas
 
+pytestmark = pytest.mark.chain
+
 
 @pytest.fixture
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
