@@ -31,7 +31,7 @@ _TURN = re.compile(
 )
 _SIDED = re.compile(r"\b(?:on|to) (?:your|the) (left|right)\b(?! of)")
 _THING = re.compile(
-    r"\b(?:"
+    r"(?<!o')\b(?:"
     + "|".join(sorted(map(re.escape, OBJECT_PHRASES), key=len, reverse=True))
     + r")(?:e?s)?\b",
     re.IGNORECASE,

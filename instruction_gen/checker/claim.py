@@ -170,7 +170,9 @@ def _object(noun: Noun, ground: Ground, verb: str, prep: str) -> Found:
         return ground.reached(noun)
     if prep in ("from", "away"):
         return ground.passed(noun)
-    if verb in ("move", "leave") or (not verb and noun.side):
+    if verb == "leave":  # "leave the bed behind you"
+        return ground.beside(noun)
+    if verb == "move" or (not verb and noun.side):
         return ground.passed(noun)
     return ground.seen_at(noun)
 
@@ -178,7 +180,8 @@ def _object(noun: Noun, ground: Ground, verb: str, prep: str) -> Found:
 def _room(noun: Noun, ground: Ground, verb: str, prep: str) -> Found:
     if noun.part in ("end", "far"):
         return ground.room_end(noun)
-    if verb == "see" or prep == "with":
+    aside = noun.side in ("left", "right") and not verb and not prep
+    if verb == "see" or prep == "with" or aside:
         return ground.room_in_view(noun)
     if prep == "from" or (verb == "leave" and prep != "into"):
         return ground.left(noun)

@@ -26,7 +26,9 @@ def claims_of(parse: Parse, ground: Ground) -> list[Claim]:
     loose = loose_sides(parse)
     for index, clause in enumerate(parse.clauses):
         if clause.negated:
-            result += [c for c in noun_claims(index, clause, ground, "see") if c.kind == "false"]
+            # Rooms and doors that are not to be entered need not be on the way.
+            things = replace(clause, nouns=tuple(n for n in clause.nouns if n.kind == "object"))
+            result += [c for c in noun_claims(index, things, ground, "see") if c.kind == "false"]
         elif clause.verb == "stop" or index == last:
             result += stop_claims(index, clause, parse, ground)
         elif last is not None and index > last:

@@ -36,6 +36,8 @@ _IDIOMS = (
     ("on|to the|your other|opposite|far side of", "past"),
     ("with the? your? back to|toward|towards", "away from"),
     ("so that", "with"),
+    ("that|which stands|stand", "that is"),
+    ("you are there", "stop there"),
     ("at|by which point", "then"),
     ("hug|hugging the left|right wall?", "keep {2}"),
 )

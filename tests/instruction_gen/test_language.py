@@ -10,6 +10,7 @@ import pytest
 from benchmarks.instructions.rewording import reworded
 from tests.instruction_gen.test_instruct import EAST, LEFT, facts_of
 from vlnpe.instruction_gen.checker import check_text
+from vlnpe.instruction_gen.checker.hints import loose_sides
 from vlnpe.instruction_gen.language.nouns import called
 from vlnpe.instruction_gen.language.parse import parse
 
@@ -89,3 +90,37 @@ def test_reworded_true_texts_stay_true(two_rooms):
     texts = {reworded(text, rng) for _ in range(40)}
     assert len(texts) > 15
     assert not [t for t in texts if not check_text(t, facts).ok]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Turn left into the kitchen, mosey through the gap, and stop next to the table.",
+        "Whizz round to the left into the kitchen, then stop next to the table.",
+        "Turn left into the kitchen and plonk yourself next to the table.",
+        "Turn left into the kitchen and stop moving next to the table.",
+    ],
+)
+def test_words_that_are_not_known_claim_nothing(two_rooms, text):
+    assert check_text(text, facts_of(LEFT, two_rooms)).problems == ()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Turn left into the kitchen past the harpsichord, then stop next to the table.",
+        "Whizz round to the right into the kitchen, then stop next to the table.",
+        "Turn left into the kitchen and walk between the table and the wall.",
+        "Turn left into the kitchen, stop next to the table and go through the doorway.",
+    ],
+)
+def test_what_is_understood_and_false_is_refused_among_unknown_words(two_rooms, text):
+    assert not check_text(text, facts_of(LEFT, two_rooms)).ok
+
+
+def test_a_side_that_is_bound_to_a_thing_is_no_hint_of_a_turn():
+    bound = parse("Whizz past the sofa on your left and stop at the bed.")
+    loose = parse("Whizz round it to the left past the sofa and stop at the bed.")
+    assert loose_sides(bound)[0] == ()
+    told = zip(loose.clauses, loose_sides(loose), strict=True)
+    assert any("left" in (*sides, clause.side) for clause, sides in told)
