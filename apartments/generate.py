@@ -57,30 +57,30 @@ def generate_scan(
     Raises:
         ValueError: `config` admits no building.
     """
-    tell = progress or _log.info
+    report = progress or _log.info
     rng = np.random.default_rng(seed)
-    tell(f"building the {config.kind}")
+    report(f"building the {config.kind}")
     scene = build_scene(rng, config)
     tracer = Tracer(scene.shape.corners)
-    tell("scanning")
+    report("scanning")
     volume = fuse(rng, scene, tracer, config.scan)
-    tell("meshing")
+    report("meshing")
     mesh = extract(volume, config.scan.target_faces)
     del volume
-    tell("unfolding")
+    report("unfolding")
     label = label_faces(mesh, tracer, scene.face_object)
     charts = cut(mesh, label, _texel_sizes(scene, config))
     packing = pack(charts, config.scan.page_px)
     split = chart_vertices(mesh, charts)
-    tell("lighting")
+    report("lighting")
     baker = Baker(rng, scene, tracer, config.scan)
     light = baker.vertex_light(mesh, split)
-    tell("painting")
+    report("painting")
     pages = [
         encode_page(baker.page(mesh, charts, split, light, packing, k), config.scan.jpeg_quality)
         for k in range(len(packing.page_size))
     ]
-    tell("writing")
+    report("writing")
     pose = scan_pose(config)
     nodes = _nodes(scene, mesh, label, charts, packing, split, pose)
     write_glb(out_dir / "scan.glb", nodes, pages, {"seed": seed, "licence": "Apache-2.0"})
@@ -114,15 +114,15 @@ def generate_splats(
     Raises:
         ValueError: `config` admits no building.
     """
-    tell = progress or _log.info
+    report = progress or _log.info
     rng = np.random.default_rng(seed)
-    tell(f"building the {config.kind}")
+    report(f"building the {config.kind}")
     scene = build_scene(rng, config)
-    tell("placing Gaussians")
+    report("placing Gaussians")
     cloud = place_splats(rng, scene, Tracer(scene.shape.corners), config.scan, count)
     seen = floor_patches(cloud)
     cloud, faults = with_faults(rng, scene, cloud)
-    tell(f"writing {len(cloud):,} Gaussians, {faults.floaters:,} of them floaters")
+    report(f"writing {len(cloud):,} Gaussians, {faults.floaters:,} of them floaters")
     pose = scan_pose(config)
     moved = cloud.transformed(np.linalg.inv(HABITAT_TO_WORLD) @ pose)
     write_ply_splats(out_dir / "scan.ply", moved, ("licence Apache-2.0", f"seed {seed}"))

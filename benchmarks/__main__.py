@@ -30,7 +30,7 @@ from benchmarks import (
     write,
 )
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
-from vlnpe.pipeline.engine.executors import available_cores
+from vlnpe.pipeline.engine.executors.base import available_cores
 
 ROOT = Path(__file__).resolve().parents[1]
 SCANS = (ROOT.parent / "shared" / "scenes" / "small_house.glb",)

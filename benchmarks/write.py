@@ -37,7 +37,7 @@ from vlnpe.formats.video.mp4 import (
     write_depth_video,
     write_rgb_video,
 )
-from vlnpe.pipeline.engine.executors import available_cores
+from vlnpe.pipeline.engine.executors.base import available_cores
 from vlnpe.pipeline.engine.ledger import Ledger
 
 EPISODES = 24

@@ -48,7 +48,7 @@ class OutcomeWatch:
     def __init__(self, world: World, config: OutcomeConfig) -> None:
         self._world, self._config = world, config
         data, handles = world.data, world.handles
-        # Views of the simulation's own memory: asking `data` for them anew costs more than a look.
+        # Views of the simulation's memory: access through `data` costs more than the check.
         self._base = data.qpos[handles.root_qpos : handles.root_qpos + 7]
         self._qvel, self._geom_xpos = data.qvel, data.geom_xpos
         self._com = data.subtree_com[handles.root_body]

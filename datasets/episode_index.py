@@ -11,11 +11,11 @@ from typing import Any
 import pyarrow as pa
 
 from ..formats.core.errors import FileFormatError
-from ..formats.core.tables import read_schema, read_table
-from ..formats.core.untrusted import check_links
 from ..formats.lerobot.episode_columns import EDITED_ADVICE
 from ..formats.lerobot.info import PLACE_FIELDS, fill_template, read_info, video_start_s
 from ..formats.lerobot.layout import DATA_PATH, RGB_KEY, VIDEO_PATH
+from ..formats.untrusted.files import check_links
+from ..formats.untrusted.tables import read_schema, read_table
 
 log = logging.getLogger(__name__)
 

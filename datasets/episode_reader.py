@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from ..formats.core.camera import DepthRange
 from ..formats.core.errors import FileFormatError
-from ..formats.core.tables import check_size
-from ..formats.core.untrusted import check_input
 from ..formats.lerobot.layout import DEPTH_KEY, RGB_KEY
+from ..formats.untrusted.files import check_input
+from ..formats.untrusted.tables import check_size
 from ..formats.video.depth_codes import (
     DEPTH_PIXEL_FORMAT,
     SHIFT_M,

@@ -13,12 +13,12 @@ CHOICES = (OWN, ANY)
 
 
 @dataclass(frozen=True)
-class Telling:
-    """How a path that has several instructions is told.
+class InstructionChoice:
+    """Which of a path's instructions a loader returns.
 
     Attributes:
         choice: `own` is the episode's first text, always; `any` draws one of all its texts.
-        seed: of the draws.
+        seed: Random seed of the draws.
         epoch: another one draws other instructions; `replace` it between passes over the data.
     """
 
@@ -31,7 +31,7 @@ class Telling:
             raise UnknownNameError("choice of instructions", self.choice, CHOICES)
 
     def text(self, entry: EpisodeEntry) -> str:
-        """The instruction of an episode; the same for every robot, worker and order of items."""
+        """Return an episode's instruction; the same for every robot, worker and order of items."""
         texts = list(entry.instructions)
         if self.choice == OWN or len(texts) < 2:
             return texts[0]
@@ -40,4 +40,4 @@ class Telling:
         return texts[drawn % len(texts)]
 
 
-OWN_TEXT = Telling()
+OWN_TEXT = InstructionChoice()

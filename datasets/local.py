@@ -6,9 +6,9 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..formats.core.errors import FileFormatError, InputError
-from ..formats.core.untrusted import check_links
+from ..formats.core.errors import FileFormatError, MissingExtraError
 from ..formats.lerobot.info import read_info
+from ..formats.untrusted.files import check_links
 
 if TYPE_CHECKING:
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
@@ -24,7 +24,7 @@ def open_dataset(root: Path, **options: Any) -> LeRobotDataset:
 
     Raises:
         FileFormatError: no dataset there, or one that leads out of its folder.
-        InputError: the extra `train` is not installed.
+        MissingExtraError: The extra `train` is not installed.
     """
     if not (root / "meta" / "info.json").is_file():
         raise FileFormatError(root, "no LeRobot dataset here (meta/info.json is missing)")
@@ -36,9 +36,7 @@ def open_dataset(root: Path, **options: Any) -> LeRobotDataset:
     try:
         from lerobot.datasets.lerobot_dataset import LeRobotDataset
     except ImportError as error:
-        raise InputError(
-            "lerobot is not installed (extra `train`); `vlnpe doctor` prints how to install it"
-        ) from error
+        raise MissingExtraError("opening a dataset with LeRobot", "train") from error
     options.setdefault("depth_output_unit", "m")  # LeRobot's own default is millimetres
     options.setdefault("video_backend", _video_backend())
     return LeRobotDataset(f"vlnpe/{root.name}", root=root, **options)

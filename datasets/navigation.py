@@ -15,7 +15,7 @@ from ..formats.core.errors import InputError, UnknownNameError
 from ..formats.lerobot.layout import DEPTH_KEY, RGB_KEY
 from .episode_index import EpisodeEntry, read_index
 from .episode_reader import EpisodeReader
-from .instructions import OWN_TEXT, Telling
+from .instructions import OWN_TEXT, InstructionChoice
 from .local import open_dataset
 from .selection import Selection, common_columns, select_all
 from .video_cursor import OpenVideos
@@ -59,7 +59,7 @@ class NavigationDataset(Dataset[dict[str, Any]]):
     """Frames of a selection; items go through its episodes in order.
 
     Keys and conventions are LeRobot's, as with `delta_timestamps` of `history` images and `future`
-    actions: windows repeat the episode's edge, `<key>_is_pad` tells where. With one frame a window
+    actions: windows repeat the episode's edge, `<key>_is_pad` marks where. With one frame a window
     has no time axis. Images come decoded from videos that stay open, not opened for every item.
 
     | key | type, shape | meaning |
@@ -81,7 +81,7 @@ class NavigationDataset(Dataset[dict[str, Any]]):
         self,
         source: Selection | Path,
         config: NavigationConfig = NavigationConfig(),
-        telling: Telling = OWN_TEXT,
+        instruction_choice: InstructionChoice = OWN_TEXT,
     ):
         """Open `source`, a selection or a dataset's folder.
 
@@ -96,7 +96,7 @@ class NavigationDataset(Dataset[dict[str, Any]]):
         for name in config.columns or ():
             if name not in rows:
                 raise UnknownNameError("column in all datasets", name, rows)
-        self.selection, self.config, self.telling = selection, config, telling
+        self.selection, self.config, self.instruction_choice = selection, config, instruction_choice
         chosen = config.columns or [key for key in COMMON if key in rows]
         self._now = [k for k in chosen if not k.startswith("action") or k == "action.velocity"]
         self._ahead = [key for key in chosen if key not in self._now]
@@ -113,7 +113,11 @@ class NavigationDataset(Dataset[dict[str, Any]]):
         entry = self.selection.entry(episode)
         dataset = int(self.selection.dataset[episode])
         item = self._columns(dataset, entry, frame) | self._images(dataset, entry, frame)
-        item["task"], item["robot"], item["uid"] = self.telling.text(entry), entry.robot, entry.uid
+        item["task"], item["robot"], item["uid"] = (
+            self.instruction_choice.text(entry),
+            entry.robot,
+            entry.uid,
+        )
         item["frame_index"] = torch.tensor(frame)
         item["episode_index"] = torch.tensor(entry.number)
         return item

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..formats.core.errors import InputError
 from .episode_index import DatasetIndex, EpisodeEntry, read_index
 
-# What tells an episode from all others, and what it says.
+# What identifies an episode, and its texts.
 _IDENTITY = (
     "episode_uid",
     "robot",

@@ -16,7 +16,7 @@ from ..formats.core.errors import InputError
 from ..formats.core.rollout import DISCRETE_RATE_HZ
 from ..formats.rendered.discrete_steps import discrete_steps
 from .episode_reader import EpisodeReader
-from .instructions import OWN_TEXT, Telling
+from .instructions import OWN_TEXT, InstructionChoice
 from .poses import future_poses, motions, planar_poses, relative
 from .selection import Selection, check_frame_rate
 from .tokens import Tokens
@@ -89,7 +89,7 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
         selection: Selection,
         tokens: Tokens,
         config: SequenceConfig = SequenceConfig(),
-        telling: Telling = OWN_TEXT,
+        instruction_choice: InstructionChoice = OWN_TEXT,
     ):
         """Set up the dataset without reading anything.
 
@@ -104,7 +104,7 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
                 f"valid: {DISCRETE_RATE_HZ}"
             )
         self.selection, self.tokens, self.config = selection, tokens, config
-        self.telling = telling
+        self.instruction_choice = instruction_choice
         videos = OpenVideos()
         self._readers = [EpisodeReader(d, config.size_px, videos) for d in selection.datasets]
 
@@ -127,7 +127,7 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
         count, steps = len(frames), min(len(frames), self.config.max_steps)
         changed = np.concatenate([[True], np.diff(actions) != 0])
         item: dict[str, Any] = {
-            "tokens": torch.from_numpy(self.tokens.encode(self.telling.text(entry))),
+            "tokens": torch.from_numpy(self.tokens.encode(self.instruction_choice.text(entry))),
             "action": _tensor(actions, steps),
             "previous_action": _tensor(np.concatenate([[0], 1 + actions[:-1]]), steps),
             "weight": _tensor(

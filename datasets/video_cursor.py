@@ -13,7 +13,7 @@ from av.error import FFmpegError
 from av.video.stream import VideoStream
 
 from ..formats.core.errors import FileFormatError
-from ..formats.core.untrusted import check_input
+from ..formats.untrusted.files import check_input
 
 # Decoding on over this many unwanted frames is cheaper than seeking: key frames are 2 apart.
 _NEAR = 2

@@ -14,7 +14,7 @@ from torch.utils.data import Dataset
 from ..formats.core.errors import InputError
 from .episode_index import EpisodeEntry
 from .episode_reader import EpisodeReader
-from .instructions import OWN_TEXT, Telling
+from .instructions import OWN_TEXT, InstructionChoice
 from .poses import planar_poses, relative
 from .selection import Selection, check_frame_rate
 from .tokens import Tokens
@@ -75,7 +75,7 @@ class WaypointWindows(Dataset[dict[str, Any]]):
         selection: Selection,
         tokens: Tokens,
         config: WindowConfig = WindowConfig(),
-        telling: Telling = OWN_TEXT,
+        instruction_choice: InstructionChoice = OWN_TEXT,
     ):
         """Set up the dataset without reading anything.
 
@@ -84,7 +84,7 @@ class WaypointWindows(Dataset[dict[str, Any]]):
         """
         check_frame_rate(selection.datasets)
         self.selection, self.tokens, self.config = selection, tokens, config
-        self.telling = telling
+        self.instruction_choice = instruction_choice
         videos = OpenVideos()
         self._readers = [EpisodeReader(d, config.size_px, videos) for d in selection.datasets]
         self._rows: OrderedDict[int, dict[str, NDArray[Any]]] = OrderedDict()
@@ -102,7 +102,7 @@ class WaypointWindows(Dataset[dict[str, Any]]):
         ahead, behind = self._neighbours(frame)
         last = entry.length - 1
         item: dict[str, Any] = {
-            "tokens": torch.from_numpy(self.tokens.encode(self.telling.text(entry))),
+            "tokens": torch.from_numpy(self.tokens.encode(self.instruction_choice.text(entry))),
             "waypoints": _floats(relative(poses, frame)[np.minimum(ahead, last)]),
             "motions": _floats(motion[np.minimum(ahead - 1, last)]),
             "waypoint_valid": torch.from_numpy(ahead <= last),

@@ -14,8 +14,8 @@ from ..formats.core.episode import Episode
 from ..formats.core.errors import InputError
 from ..formats.core.rollout import Action
 from ..learning.checkpoint import Checkpoint
-from ..learning.corrections import Correction
 from ..learning.images import depth_input, rgb_input
+from ..learning.training.corrections import Correction
 from .episode import PolicyChooser
 from .learned import LearnedPolicy
 from .observation import Eye, Observation

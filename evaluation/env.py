@@ -16,7 +16,7 @@ from ..collectors.replay import ReplayConfig
 from ..collectors.robots import get_robot
 from ..collectors.world import World, open_world
 from ..formats.core.episode import Episode
-from ..formats.core.errors import InputError, UnknownNameError
+from ..formats.core.errors import InputError, MissingExtraError, UnknownNameError
 from ..formats.core.rollout import Action, EndReason
 from ..formats.scene.bundle import load_bundle
 from ..wayfinding.distance import AGENT_RADIUS_M, DistanceField, distance_field
@@ -38,9 +38,7 @@ try:
     import gymnasium as gym
     from gymnasium import spaces
 except ModuleNotFoundError as missing:
-    raise ModuleNotFoundError(
-        "NavigationEnv needs the extra evaluate; `vlnpe doctor` prints the command that installs it"
-    ) from missing
+    raise MissingExtraError("NavigationEnv", "evaluate") from missing
 
 SUCCESS_REWARD = 2.5
 
@@ -139,7 +137,7 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
         self._config = closed_loop(replace(base, robot=robot, controller=controller))
         spec = get_robot(robot)
         self._bundle = load_bundle(Path(scene))
-        lowest = min(episodes, key=lambda episode: episode.free_height_m or np.inf)
+        lowest = min(episodes, key=lambda episode: episode.free_height_m)
         physics = base.physics.for_episode(lowest)
         self.world: World = open_world(self._bundle, lowest.level, spec, None, physics, cache_dir)
         self._view = view or make_view("ego", spec, renderer=scene_renderer_name(Path(scene)))

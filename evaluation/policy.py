@@ -14,7 +14,7 @@ import numpy as np
 
 from ..formats.core.atomic import file_digest
 from ..formats.core.episode import Episode
-from ..formats.core.errors import InputError, UnknownNameError, VlnpeError
+from ..formats.core.errors import InputError, MissingExtraError, UnknownNameError, VlnpeError
 from ..formats.core.rollout import Action
 from ..instruction_gen.llm.settings import settings_from
 from .observation import Observation
@@ -137,9 +137,6 @@ ORACLE = "oracle"
 VLM = "vlm"  # a vision-language model; the environment says where
 SERVER_SCHEMES = ("ws://", "wss://")
 CHECKPOINT_SUFFIX = ".safetensors"
-_NEEDS_TRAIN = (
-    "a learned policy needs the extra train; `vlnpe doctor` prints the command that installs it"
-)
 # By name, made from the seed. The oracle is not among them: it is the expert, which knows the path.
 POLICIES: dict[str, Callable[[int], Policy]] = {
     "stop": lambda seed: Stop(),
@@ -202,7 +199,7 @@ def policy_identity(name: str, timeout_s: float) -> str:
         return f"{name} {_vlm().version}"
     if (path := checkpoint_path(name)) is not None:
         if find_spec("torch") is None:
-            raise InputError(f"{path.name}: {_NEEDS_TRAIN}")
+            raise MissingExtraError(f"{path.name}: a learned policy", "train")
         card = file_digest(path.with_suffix(".json"))
         return f"{path.stem} {file_digest(path)} {card}"
     if not name.startswith(SERVER_SCHEMES):
@@ -245,10 +242,7 @@ def _server(url: str, timeout_s: float) -> RemotePolicy:
     try:
         from .remote import RemotePolicy
     except ModuleNotFoundError as error:
-        raise InputError(
-            f"{url}: a policy server needs the extra evaluate ({error.name} is not installed); "
-            "`vlnpe doctor` prints the command that installs it"
-        ) from error
+        raise MissingExtraError(f"{url}: a policy server", "evaluate") from error
     return RemotePolicy(url, timeout_s)
 
 
@@ -257,7 +251,7 @@ def _learned(path: Path, seed: int) -> LearnedPolicy:
         from ..learning.stepper import Choice
         from .learned import LearnedPolicy
     except ModuleNotFoundError as error:
-        raise InputError(f"{path.name}: {_NEEDS_TRAIN} ({error.name} is not installed)") from error
+        raise MissingExtraError(f"{path.name}: a learned policy", "train") from error
     return LearnedPolicy.load(path, Choice(seed=seed))
 
 

@@ -106,7 +106,7 @@ def instruct_episodes(
     """Write the instructions of each path whose episodes have none.
 
     All texts of a path go to `extra["instructions"]`, the first is the episode's instruction, and
-    how they were made goes to `extra["instruction"]`. A path of which no true text could be
+    how they were made goes to `extra["instruction"]`. A path for which no true text could be
     written is left out and named in `failed`.
 
     Args:
@@ -136,7 +136,7 @@ def instruct_episodes(
         facts = path_facts(episode, levels.of(episode), visibility)
         result.facts[episode.trajectory_id] = facts
 
-    def tell(path: str) -> tuple[list[WrittenText], list[str]]:
+    def describe(path: str) -> tuple[list[WrittenText], list[str]]:
         facts = result.facts[paths[path].trajectory_id]
         texts, problems = write(Ground(facts), path_generator(seed, path))
         taken.update(text.text for text in texts)
@@ -146,7 +146,7 @@ def instruct_episodes(
     workers = config.llm.workers if config.llm and writer is None else 1
     names = list(reversed(paths))
     with ThreadPoolExecutor(workers) as pool:
-        futures = {name: pool.submit(tell, name) for name in names}
+        futures = {name: pool.submit(describe, name) for name in names}
         try:
             done = {name: future.result() for name, future in futures.items()}
         except BaseException:

@@ -15,7 +15,7 @@ from torch import Tensor
 from ..formats.core.atomic import write_bytes
 from ..formats.core.errors import FileFormatError, InputError
 from .card import SUFFIX, Card, card_path, read_card, write_card
-from .models import Model, build_model
+from .models.registry import Model, build_model
 
 
 @dataclass(frozen=True)

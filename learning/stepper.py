@@ -14,10 +14,10 @@ from ..formats.core.errors import InputError
 from ..formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
 from ..formats.rendered.discrete_steps import discrete_steps
 from .checkpoint import Checkpoint
-from .cma import Memory
 from .images import depth_input, rgb_input
-from .rdp import EXECUTED, PAST, STOP_PROGRESS, Rdp, seen_from, still
-from .senses import Read
+from .models.cma import Memory
+from .models.rdp import EXECUTED, PAST, STOP_PROGRESS, Rdp, seen_from, still
+from .models.senses import Read
 
 
 @dataclass(frozen=True)

@@ -62,8 +62,8 @@ def licence_of(distribution: Distribution) -> str:
     plain = (metadata.get("License") or "").strip()
     # Some packages put the whole text there; its title is in the first lines.
     first = " ".join(plain.split()[:40])
-    told = [metadata.get("License-Expression") or "", *classifiers, first]
-    return "; ".join(text for text in told if text and text.upper() != "UNKNOWN")
+    stated = [metadata.get("License-Expression") or "", *classifiers, first]
+    return "; ".join(text for text in stated if text and text.upper() != "UNKNOWN")
 
 
 def licence_faults(installed: Iterable[Distribution] | None = None) -> list[Fault]:

@@ -18,12 +18,12 @@ from ..scene_repair.config import RepairConfig
 from ..trajectory_sampler.alignment import AlignConfig
 from ..trajectory_sampler.config import SampleConfig
 from ..trajectory_sampler.stairs import StairRules
-from .builtin import BuiltIn
-from .crews import action_timing, kept
 from .engine.ledger import Row
 from .engine.run_folder import RunFolder
 from .engine.runner import Context, StageSummary, WorkItem, run_stage
-from .jobs.instruct import CACHE, InstructJob
+from .inputs.builtin import BuiltIn
+from .inputs.crews import action_timing, kept
+from .jobs.instructions.instruct import CACHE, InstructJob
 from .stages import align, episodes, export, instruct, render, repair, replay, visibility
 
 
@@ -178,8 +178,8 @@ class Chain:
         """
         ledger = self.context.ledger
         done = {tuple(row.item.split("/")[:2]) for row in ledger.rows(replay.STAGE)}
-        mine = {(robot, self._label(robot, controller)) for robot, controller in pairs}
-        for robot, controller in sorted(done - mine):
+        current = {(robot, self._label(robot, controller)) for robot, controller in pairs}
+        for robot, controller in sorted(done - current):
             try:
                 seed, actions, driver = self._driven(robot, controller)
                 if seed != self.seed:

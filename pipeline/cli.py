@@ -8,14 +8,22 @@ import logging
 import os
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Union
 
 from ..formats.core.errors import InputError, VlnpeError
-from ..formats.core.untrusted import is_text
-from .engine.signals import DryRun, Interrupted, OnlyDone, interruptible
+from ..formats.untrusted.files import is_text
+from .engine.signals import (
+    PIPE_CLOSED,
+    DryRun,
+    Interrupted,
+    OnlyDone,
+    closed_streams,
+    interruptible,
+)
+from .store.address import store_url
 
 
 @dataclass(frozen=True)
@@ -51,7 +59,7 @@ class Verb:
 
 
 def _imported(package: str, path: str) -> Any:
-    module, name = path.split(".")
+    module, _, name = path.rpartition(".")
     return getattr(import_module(f".{package}.{module}", __package__), name)
 
 
@@ -71,9 +79,9 @@ _TABLE = (
     Verb("convert", "convert.Convert", "convert.run_convert"),
     Verb("restore", "convert.Restore", "convert.run_restore"),
     Verb("robots", "robots.Robots", "robots.run_robots"),
-    Verb("mix", "training.Mix", "mix.run"),
-    Verb("train", "training.Train", "train.run"),
-    Verb("ablate", "training.Ablate", "ablate.run"),
+    Verb("mix", "training.Mix", "training.mix.run"),
+    Verb("train", "training.Train", "training.train.run"),
+    Verb("ablate", "training.Ablate", "training.ablate.run"),
     Verb("evaluate", "evaluate.Evaluate", "evaluate.run_evaluate"),
     Verb("benchmark", "benchmark.Benchmark", "benchmark.run"),
     Verb("compare", "evaluate.Compare", "evaluate.run_compare"),
@@ -144,9 +152,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one subcommand and return the exit code."""
     try:
         with interruptible():
-            return _run(sys.argv[1:] if arguments is None else arguments)
+            try:
+                return _run(sys.argv[1:] if arguments is None else arguments)
+            finally:
+                sys.stdout.flush()  # a closed pipe must show here, not when Python ends
     except Interrupted as stop:
         return stop.exit_code
+    except BrokenPipeError:
+        if not (closed := closed_streams()):
+            raise
+        for stream in closed:  # Python flushes them once more
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        return PIPE_CLOSED
 
 
 def _run(arguments: Sequence[str]) -> int:
@@ -158,6 +175,8 @@ def _run(arguments: Sequence[str]) -> int:
             return 2
     verb, options = parse(arguments)
     try:
+        if verb.name != "verify":  # which must read what the store holds now
+            options = _with_local_inputs(options)
         return verb.run()(options)
     except OnlyDone as only:
         return int(not only.good)
@@ -168,11 +187,24 @@ def _run(arguments: Sequence[str]) -> int:
         _complain(error)
         return 2
     except OSError as error:
+        if isinstance(error, BrokenPipeError) and closed_streams():
+            raise
         _complain(f"cannot use {error.filename or 'a file'}: {error.strerror or error}")
         return 2
     except VlnpeError as error:
         _complain(error)
         return 1
+
+
+def _with_local_inputs(options: Any) -> Any:
+    """Return the options with local copies in the place of runs in an object store."""
+    paths = {f.name: getattr(options, f.name) for f in fields(options) if f.name != "out"}
+    urls = {n: store_url(path) for n, path in paths.items() if isinstance(path, Path)}
+    if not any(urls.values()):
+        return options
+    from .store.mirror import fetched
+
+    return replace(options, **{name: fetched(url) for name, url in urls.items() if url})
 
 
 def _complain(message: object) -> None:

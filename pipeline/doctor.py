@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .engine.executors import available_cores
+from .engine.executors.base import available_cores
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
@@ -53,6 +53,8 @@ def examine(out: Path) -> list[Finding]:
         _extra("scan", ["open3d"]),
         _extra("evaluate", ["gymnasium", "msgpack", "websockets"]),
         _extra("cluster", ["ray", "submitit"]),
+        _extra("onnxruntime", ["onnxruntime"]),
+        _extra("s3", ["s3fs"]),
         Finding("uv", uv is not None, uv or "not found"),
     ]
 

@@ -17,7 +17,7 @@ from ..formats.scene.bundle import SceneBundle
 from ..formats.video.mp4 import DEPTH_CODEC, RGB_CODECS
 from .engine.keys import digest
 
-# Facts of a rollout that tell how it was made, not what happened in it.
+# Facts of a rollout that say how it was made, not what happened in it.
 MAKING = (
     "seed",
     "policy_sha256",
@@ -54,7 +54,7 @@ def provenance(
     Args:
         episodes: `episode_facts` of each episode.
         bundles: the scenes they lie in.
-        scenes: names of all scenes of the run, of which some are held out for validation.
+        scenes: Names of all scenes of the run; some are held out for validation.
         encoding: frame rate, light, codecs, … of the pixels.
         facts: `options`, as the user chose them.
         code_sha256: digest of the code that made the episodes and their pixels.

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 from ..formats.convert.dataset import ROLLOUTS_PATH
 from ..formats.core.atomic import TEMPORARY_PREFIX, file_digest
-from ..formats.core.errors import FileFormatError, InputError, VlnpeError
+from ..formats.core.errors import FileFormatError, InputError, MissingExtraError, VlnpeError
 from ..formats.core.licences import UNKNOWN, licence_id, may_pass_on, why_not
 from ..formats.lerobot.episode_columns import EDITED_ADVICE
 from ..formats.lerobot.layout import CODEBASE_VERSION, INFO_PATH, PROVENANCE_PATH
@@ -233,9 +233,7 @@ def _hub() -> Hub:
     try:
         from huggingface_hub import HfApi
     except ImportError as error:
-        raise InputError(
-            "huggingface_hub is not installed (extra `train`); see `vlnpe doctor`"
-        ) from error
+        raise MissingExtraError("publishing on the hub", "train") from error
     return HfApi()
 
 

@@ -118,7 +118,7 @@ def looking_commands(folder: RunFolder, summaries: Sequence[StageSummary], page:
     return "\n".join(lines)
 
 
-def tell(options: Any, facts: dict[str, Any], text: str) -> int:
+def print_result(options: Any, facts: dict[str, Any], text: str) -> int:
     """Print `text` or, with `--json`, one JSON object; return 0."""
     value = {**{k: str(v) for k, v in asdict(options).items() if k == "out"}, **facts}
     sys.stdout.write((json.dumps(value) if options.json else text) + "\n")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.rooms import write_two_rooms
+from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.video.scheduling import ordinary_threads
 
@@ -17,13 +17,13 @@ SHARED_SCENES = Path(__file__).resolve().parents[2] / "shared" / "scenes"
 # What the core environment lacks: libraries of the extras and of the group `dev`.
 NOT_CORE = re.compile(
     r"^\s*(?:import|from) (?:torch|lerobot|lerobot_doctor|datasets|accelerate|onnx|onnxruntime"
-    r"|rsl_rl|huggingface_hub|open3d|pyvista|setuptools|gymnasium"
+    r"|rsl_rl|huggingface_hub|open3d|s3fs|moto|pyvista|setuptools|gymnasium"
     r"|vlnpe\.evaluation\.(?:env|remote|server)"
     r"|vlnpe\.collectors\.gait_training\.(?:env|export|mirror|train))\b"
     r"|vlnpe\.learning|vlnpe\.evaluation\.learned",
     re.MULTILINE,
 )
-SUPPORT = re.compile(r"^from tests\.support\.(\w+) import", re.MULTILINE)
+SUPPORT = re.compile(r"^from tests\.(support[\w.]+) import (\w+)", re.MULTILINE)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -37,8 +37,12 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     if not (config.getoption("--core") and collection_path.suffix == ".py"):
         return None
     source = collection_path.read_text()
-    support = Path(__file__).parent / "support"
-    sources = [source, *((support / f"{name}.py").read_text() for name in SUPPORT.findall(source))]
+    tests = Path(__file__).parent
+    sources = [source]
+    for module, name in SUPPORT.findall(source):
+        path = tests.joinpath(*module.split("."))
+        file = path / name if path.is_dir() else path
+        sources.append(file.with_suffix(".py").read_text())
     return True if any(NOT_CORE.search(text) for text in sources) else None
 
 
@@ -76,7 +80,7 @@ def offline() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def two_rooms(tmp_path_factory: pytest.TempPathFactory) -> SceneBundle:
-    """A known two-room scene; see `tests.support.rooms`."""
+    """A known two-room scene; see `tests.support.scenes.rooms`."""
     return write_two_rooms(tmp_path_factory.mktemp("two_rooms"))
 
 

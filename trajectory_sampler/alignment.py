@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
@@ -41,6 +41,8 @@ class AlignConfig:
             under tables [m].
         max_start_nudge_m: farthest that a start in collision may be moved [m].
         max_goal_nudge_m: farthest that a goal may be moved; no farther than a start [m].
+        goal_beyond_start: let a path's goal be moved farther than its own start is. By default such
+            a path is rejected: a goal that moves is another task, a start that moves hardly.
         max_waypoint_nudge_m: farthest that an inner waypoint may be moved; one that would need more
             is bypassed [m].
         max_bypassed_share: greatest share of the inner waypoints that may be bypassed.
@@ -54,6 +56,7 @@ class AlignConfig:
     free_height_m: float = FULL_HEIGHT_M
     max_start_nudge_m: float = 0.5
     max_goal_nudge_m: float = 0.5
+    goal_beyond_start: bool = False
     max_waypoint_nudge_m: float = 0.5
     max_bypassed_share: float = 0.5
     max_floor_gap_m: float = 1.0
@@ -79,7 +82,7 @@ class AlignResult:
         episodes: the aligned ones, in file order.
         rejected: (episode_id, reason) of the others.
         moved: (episode_id, distance [m]) of starts that stood in collision and were moved.
-        paths: how many paths the aligned episodes tell; those of one path share its geometry.
+        paths: Number of paths of the aligned episodes; episodes of one path share its geometry.
         changed: how many paths had a `start moved`, a `goal moved`, `waypoints moved`, `waypoints
             bypassed`, `heights snapped`.
     """
@@ -314,15 +317,28 @@ def _connected_ends(
             "start and goal are not connected for a robot of radius "
             f"{config.robot_radius_m:g} m, {_place(start)} and {_place(goal)}"
         )
-    cost = {
-        part: sum(
+    moved = {
+        part: [
             float(np.linalg.norm(found[part] - point[:2]))
             for found, point in zip(options, (start, goal), strict=True)
-        )
+        ]
         for part in sorted(common)
     }
-    part = min(cost, key=lambda one: cost[one])
+    part = min(moved, key=lambda one: (_too_far(moved[one], config), sum(moved[one])))
+    if _too_far(moved[part], config):
+        start_moved, goal_moved = moved[part]
+        raise _RejectedError(
+            f"the goal at {_place(goal)} would be moved by {goal_moved:.2f} m, the start by "
+            f"{start_moved:.2f} m, for a robot of radius {config.robot_radius_m:g} m; goals are "
+            "moved no farther than their starts, unless --goal-beyond-start is given"
+        )
     return parts == part, options[0][part], options[1][part]
+
+
+def _too_far(moved_m: Sequence[float], config: AlignConfig) -> bool:
+    """Return whether a goal is moved farther than allowed, given the moves of start and goal."""
+    start_m, goal_m = moved_m
+    return not config.goal_beyond_start and goal_m > start_m + 1e-9
 
 
 def _parts_near(

@@ -1,4 +1,4 @@
-"""Which scene holds how many paths of which split: the published sets, or one's own."""
+"""How many paths each scene holds per split: published sets, or your own."""
 
 from __future__ import annotations
 
@@ -132,13 +132,13 @@ def plan_quotas(
             raise UnknownNameError("scene with a quota", scene, scenes)
     result: dict[str, dict[str, int]] = {scene: {} for scene in scenes}
     for kind in (True, False):
-        mine = [scene for scene in scenes if (scene in seen) == kind]
+        own = [scene for scene in scenes if (scene in seen) == kind]
         wanted = {split: n for split, n in splits.items() if is_seen(split) == kind and n}
         total = sum(wanted.values())
         if not total:
             continue
-        set_here = {scene: fixed[scene] for scene in mine if scene in fixed}
-        free = [scene for scene in mine if scene not in fixed]
+        set_here = {scene: fixed[scene] for scene in own if scene in fixed}
+        free = [scene for scene in own if scene not in fixed]
         left = total - sum(set_here.values())
         if left < 0 or (left and not free):
             raise InputError(

@@ -2,7 +2,7 @@
 
 Three rules can be combined. `step` is VLN-PE's public one. `geometric` asks the repaired scene
 whether the way leaves its level. `text` reads the instruction; it is never on by default, because
-many instructions mention stairs that nobody climbs.
+many instructions mention stairs that the path does not climb.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ def line_is_free(
     """Return whether every cell that the segment between two cell centres touches is free.
 
     Walks the supercover of the segment in integer arithmetic: at an exact corner crossing both
-    side cells must be free, so that nothing slips between two diagonal obstacles.
+    side cells must be free, so no path slips between two diagonal obstacles.
     """
     rows, columns = abs(to_row - row), abs(to_column - column)
     step_row = 1 if to_row > row else -1

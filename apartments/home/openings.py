@@ -161,7 +161,7 @@ class Openings:
             joined = kinds == {"kitchen", "living room"} or kinds in _PASSAGES
             loop = not private and "bathroom" not in kinds
             if group[i] != group[j] or joined or (loop and rng.random() < 0.3):
-                # Nobody walks through a bathroom or over the stairs into a private room.
+                # Private rooms are not entered through a bathroom or over the stairs.
                 closed = "bathroom" in kinds or "stairwell" in kinds
                 if private and group[i] != group[j] and closed:
                     continue

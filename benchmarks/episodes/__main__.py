@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.support.exact_scene import write_exact_scene
+from tests.support.scenes.exact_scene import write_exact_scene
 from vlnpe.apartments import build_scene, building_config
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.formats.vlnce.files import read_vlnce, write_vlnce

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.support import damage
+from tests.support.scenes import damage
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def _scan(suffix: str) -> Callable[[Path], Target]:
 
 
 def _gltf(folder: Path) -> Target:
-    from tests.security.test_glb import POINTS, tree
+    from tests.security.scans.test_glb import POINTS, tree
     from vlnpe.scene_repair.scan.mesh import read_mesh
 
     (folder / "points.bin").write_bytes(POINTS)
@@ -128,7 +128,7 @@ def _labels(folder: Path) -> Target:
 
 
 def _house(folder: Path) -> Target:
-    from tests.security.test_house import THING, house
+    from tests.security.scans.test_house import THING, house
     from vlnpe.scene_repair.labels.matterport import read_house
 
     room = "R 0 0 0 0 a 0 0 0 0 0 0 2 2 2\n"
@@ -259,7 +259,7 @@ def _internnav(pattern: str) -> Callable[[Path], Target]:
 
 
 def _arrays(folder: Path) -> Target:
-    from vlnpe.formats.core.arrays import read_arrays
+    from vlnpe.formats.untrusted.arrays import read_arrays
 
     stream = io.BytesIO()
     np.savez_compressed(stream, allow_pickle=False, a=np.arange(9), b=np.zeros((2, 3), np.float32))

@@ -24,7 +24,7 @@ from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.scene.bundle import load_bundle
 from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.facts import LevelFacts, path_facts
-from vlnpe.pipeline.jobs.visibility import look
+from vlnpe.pipeline.jobs.instructions.visibility import look
 
 from .lies import KINDS
 from .rewording import reworded

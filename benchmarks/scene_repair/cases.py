@@ -17,12 +17,12 @@ from vlnpe.pipeline.engine.keys import digest
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
 
-from .decoys import DECOYS
 from .fillers import FillerScore, compare
-from .plant import PlantedHole, plant
+from .planting.decoys import DECOYS
+from .planting.plant import PlantedHole, plant
+from .planting.shapes import Outline
 from .scenes import HEADSETS, HOUSE, SHARED, Source, apartment, headset, house, write_planted
 from .score import HoleScore, Score, score
-from .shapes import Outline
 
 HOLES, HOUSE_ROUNDS = 24, 3
 # Pictures are drawn small: nobody looks at hundreds of them.

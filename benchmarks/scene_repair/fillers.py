@@ -16,8 +16,8 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from .glb import Glb
-from .plant import Planted
+from .planting.glb import Glb
+from .planting.plant import Planted
 from .score import COUNTED_FROM_M, HoleScore, score_hole, truth_of
 from .site import NEAR_FLOOR_M, soup_of
 from .vertical import Surfaces

@@ -10,9 +10,9 @@ import numpy as np
 
 from .cases import Case, Result, repair_code
 from .fillers import table as filler_table
+from .planting.shapes import KINDS
 from .scenes import HEADSETS, HELD_OUT_SEEDS, HOUSE, TUNING_SEEDS
 from .score import COUNTED_FROM_M, HoleScore, Score
-from .shapes import KINDS
 from .speed import PICTURE, TARGET_TRIANGLES, Run
 from .speed import report as speed_report
 from .walk import ROBOT, RUN_UP_M, Walk

@@ -17,8 +17,8 @@ from vlnpe.apartments.generate import generate_scan
 from vlnpe.formats.core.frames import habitat_to_world_position
 from vlnpe.formats.scene.grid import GridSpec
 
-from .glb import Glb
-from .plant import Planted, replaced
+from .planting.glb import Glb
+from .planting.plant import Planted, replaced
 from .site import Site, filled, floor_height, survey
 
 TUNING_SEEDS = tuple(range(20))

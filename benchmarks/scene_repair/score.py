@@ -14,9 +14,9 @@ from scipy.spatial import KDTree
 from vlnpe.formats.core.frames import habitat_to_world_position, world_to_habitat_position
 from vlnpe.formats.scene.bundle import SceneBundle
 
-from .decoys import WALL_M
-from .plant import Planted, PlantedHole, removed_floor
-from .shapes import Outline
+from .planting.decoys import WALL_M
+from .planting.plant import Planted, PlantedHole, removed_floor
+from .planting.shapes import Outline
 from .site import NEAR_FLOOR_M, cell_centers, soup_of
 from .vertical import Surfaces, heights_near
 

@@ -12,7 +12,7 @@ from scipy import ndimage
 from vlnpe.formats.core.geometry import triangle_cross
 from vlnpe.formats.scene.grid import GridSpec
 
-from .glb import Part
+from .planting.glb import Part
 from .vertical import Surfaces, heights_near
 
 CELL_M = 0.02

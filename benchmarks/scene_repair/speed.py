@@ -14,7 +14,7 @@ import numpy as np
 
 from vlnpe.apartments.generate import generate_scan
 
-from .glb import Glb
+from .planting.glb import Glb
 from .scenes import APARTMENT, apartment
 
 # Triangles of a single apartment, and numbers of apartments that stand side by side.

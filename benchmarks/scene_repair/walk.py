@@ -30,7 +30,7 @@ from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.scene_repair.repair import repair_scene
 
 from .cases import CONFIG
-from .plant import Planted, PlantedHole, plant
+from .planting.plant import Planted, PlantedHole, plant
 from .scenes import Source, apartment, write_planted
 from .score import in_world
 from .site import Mask, Site, cell_centers, soup_of

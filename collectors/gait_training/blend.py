@@ -2,7 +2,7 @@
 
 `python -m vlnpe.collectors.gait_training.blend h1 FOLDER OTHER --share 0.5 --out runs/blend-h1`
 
-Networks of which one was trained from the other lie in one valley of the loss, and so does all
+A network and one that was fine-tuned from it lie in one basin of the loss, and so does all
 between them (Wortsman et al. 2022, "Robust fine-tuning of zero-shot models"): what a refinement
 gains and what it forgets come in about the same proportion as the weights.
 """

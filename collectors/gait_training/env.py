@@ -152,7 +152,7 @@ class GaitEnv(VecEnv):
         """(N, 16) what happens to each robot whatever it does, and the shape of the ground.
 
         A critic may know it: the next command and the next kick, weighted by how near they are,
-        and the heights around the robot. Without it, most of what an advantage tells is luck.
+        and the heights around the robot. Without it, advantages are mostly noise.
         """
         now = self._age * STEP_S
         soon, kick_soon = (

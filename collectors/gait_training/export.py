@@ -91,7 +91,7 @@ def _matrix(order: torch.Tensor, signs: torch.Tensor) -> Array:
 
 
 def motor_speeds(robot: RobotSpec) -> tuple[float | None, ...]:
-    """Greatest speed of each joint's motor [rad/s], as a card tells it."""
+    """Return the maximum speed of each joint's motor [rad/s], as listed on the card."""
     speeds = (joint.speed_rad_s for joint in robot.joints)
     return tuple(speed if math.isfinite(speed) else None for speed in speeds)
 

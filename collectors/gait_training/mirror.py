@@ -27,8 +27,8 @@ _BLOCK_SIGNS = {
 def mirror_joints(robot: RobotSpec) -> tuple[list[int], list[int]]:
     """Permutation and signs that mirror vectors of policy joints.
 
-    Sides are told by the names' first part; a joint about the y axis keeps its sense under a
-    reflection of y, joints about x and z reverse theirs.
+    The first part of a name is its side. A joint about the y axis keeps its sense under a
+    reflection of y; joints about x and z reverse theirs.
     """
     names = list(robot.policy_joint_names)
     other = {"FL": "FR", "FR": "FL", "RL": "RR", "RR": "RL", "left": "right", "right": "left"}

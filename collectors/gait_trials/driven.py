@@ -25,7 +25,7 @@ from .trial import STEP_S, Conditions, Trial
 
 Array = NDArray[np.float64]
 
-CONTROL_HZ = 100  # `Trial` tells two poses per step of 20 ms
+CONTROL_HZ = 100  # `Trial` reads two poses per step of 20 ms
 REST_S = 2.5  # a robot must still stand so long after it stopped
 NOMINAL = {
     Action.FORWARD: (FORWARD_STEP_M, 0.0, 0.0),

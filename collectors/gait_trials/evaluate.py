@@ -130,7 +130,7 @@ def main(
     Args:
         robot: registry name.
         policy: folder of `<robot>.onnx` and `<robot>.json`; default the installed one.
-        seed: of terrain, friction, paths and starts; another one tells what was tuned to the first.
+        seed: of terrain, friction, paths and starts; another one shows overfitting to the first.
         scale: below 1 takes fewer robots, for a quick look.
         publish_it: install the policy, with its table, beside this file.
         strips: measure nothing, write film strips of walking, turning and standing here.

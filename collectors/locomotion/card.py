@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ...formats.core.atomic import write_json
-from ...formats.core.documents import read_json_object
 from ...formats.core.errors import FileFormatError, brief
+from ...formats.untrusted.documents import read_json_object
 from ..robots import POLICY_DECIMATION, TIMESTEP_S, RobotSpec
 from .gait import FACTORS, GaitClock
 from .observation import layout

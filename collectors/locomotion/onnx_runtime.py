@@ -7,7 +7,7 @@ import os
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.core.errors import FileFormatError
+from ...formats.core.errors import FileFormatError, MissingExtraError
 from .network import Network
 from .onnx_file import OnnxFile
 from .onnx_mlp import NotAnMlpError, read_mlp
@@ -25,7 +25,8 @@ def load_network(file: OnnxFile, content: bytes) -> Network:
         content: the same, as it lies on disk.
 
     Raises:
-        FileFormatError: damaged, or not a plain chain of layers and the extra is not installed.
+        FileFormatError: The file is damaged.
+        MissingExtraError: It is not a plain chain of layers, and onnxruntime is not installed.
     """
     try:
         return read_mlp(file)
@@ -33,11 +34,8 @@ def load_network(file: OnnxFile, content: bytes) -> Network:
         try:
             return RuntimeNetwork(file, content)
         except ImportError:
-            raise FileFormatError(
-                file.path,
-                f"not a plain chain of layers ({error.reason}); to run it nevertheless, install "
-                f"the extra {EXTRA}: uv sync --inexact --extra {EXTRA}, or pip install {EXTRA}",
-            ) from None
+            user = f"{file.path}: not a plain chain of layers ({error.reason}); running it"
+            raise MissingExtraError(user, EXTRA) from None
 
 
 class RuntimeNetwork:

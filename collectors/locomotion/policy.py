@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...formats.core.errors import FileFormatError
-from ...formats.core.untrusted import read_input
+from ...formats.untrusted.files import read_input
 from ..robots import CARD_NAME, POLICY_NAME, RobotHandles, RobotSpec
 from .card import POLICY_FOLDER, PolicyCard, PolicyMismatchError, load_card
 from .network import Network

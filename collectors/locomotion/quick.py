@@ -48,7 +48,7 @@ class QuickStep:
         robot = handles.robot
         joints, limits = robot.policy_joints, robot.command_limits
         self.data = data
-        # Asking `data` for its arrays anew costs as much as a look.
+        # Accessing the arrays of `data` again costs as much as reading the state.
         self._qpos, self._qvel = data.qpos, data.qvel
         self._at = np.array([handles.root_qpos, handles.root_dof])
         self._joint_qpos = handles.joint_qpos[:joints]

@@ -31,4 +31,4 @@ class LevelModelConfig:
 
     def for_episode(self, episode: Episode) -> LevelModelConfig:
         """Return this with the free height that the episode's path was planned for."""
-        return replace(self, free_height_m=episode.free_height_m or FULL_HEIGHT_M)
+        return replace(self, free_height_m=episode.free_height_m)

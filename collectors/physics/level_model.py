@@ -69,7 +69,7 @@ def build_level_model(
     The floor is a plane at the median height when its reachable part is flat within
     `config.flat_within_m`, otherwise a height field through the heights at the cell centres, or at
     every few of them where that is as exact. The height field drops by `config.void_depth_m` more
-    than `SKIRT_M` outside the covered cells, so that nothing walks outside the building; over a
+    than `SKIRT_M` outside the covered cells, so nothing walks outside the building; over a
     plane, replay checks for the same border.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Compiled models on disk: checked when read, built anew when damaged."""
+"""Compiled models on disk: verified when read, rebuilt when damaged."""
 
 from __future__ import annotations
 

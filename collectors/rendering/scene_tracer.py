@@ -15,10 +15,10 @@ from .camera.rays import SUBPIXELS, fill_directions, list_order, subpixel_direct
 from .frame import RenderRequest
 from .kernels.data import Hits, LightArrays, Packets
 from .kernels.edges import add_samples, find_edges
-from .kernels.embree_library import lanes
 from .kernels.eye_rays import render_rays
-from .kernels.packets import TILES, PacketScene, packet
+from .kernels.packets import TILES, PacketScene
 from .kernels.srgb import encode_srgb, encode_table
+from .light.contact_shadow import shadow_bounds
 from .light.lights import get_light
 from .light.scene_light import light_arrays, with_lamp
 from .scene.arrays import scene_arrays
@@ -37,10 +37,12 @@ class Lighting(NamedTuple):
     Attributes:
         light: the scene's light, with the lamp at its pose.
         spheres: (S, 4) centre and radius [m] of the robot's spheres, which darken nearby surfaces.
+        reach: (2, 3) bounds of what they darken [m].
     """
 
     light: LightArrays
     spheres: F32
+    reach: F32
 
 
 class SceneTracer:
@@ -71,7 +73,7 @@ class SceneTracer:
         any_shaded = bool(self.arrays.shaded.any())
         self._light = light_arrays(kind, bundle, mesh, self.rays, any_shaded)
         self._lamp = kind.lamp
-        self._packets = Packets(self.rays.handle, self.rays.arguments, packet(), packet(), lanes())
+        self._packets = Packets.of(self.rays)
         self._encode = encode_table()
 
     def lighting(self, request: RenderRequest, spheres: F32 | None = None) -> Lighting:
@@ -82,7 +84,9 @@ class SceneTracer:
             request.lamp_pose or (request.position, request.quat_wxyz),
             apart=request.lamp_pose is not None,
         )
-        return Lighting(light, np.zeros((0, 4), dtype=np.float32) if spheres is None else spheres)
+        if spheres is None:
+            spheres = np.zeros((0, 4), dtype=np.float32)
+        return Lighting(light, spheres, shadow_bounds(spheres))
 
     def trace(
         self,
@@ -112,7 +116,7 @@ class SceneTracer:
         render_rays(
             order, directions, per_px.astype(np.float32), request.position.astype(np.float32),
             request.cut_above_m, self._packets, self.arrays, lighting.light, lighting.spheres,
-            hits,
+            lighting.reach, hits,
         )  # fmt: skip
         return hits
 
@@ -143,8 +147,9 @@ class SceneTracer:
         """
         camera = request.camera
         width, height, focal = camera.width_px, camera.height_px, camera.focal_px
-        marked = find_edges(
-            rgb, hits.depth, hits.surface, width, height, EDGE_BEND / focal, MIN_CONTRAST
+        marked = np.zeros(width * height, dtype=np.bool_)
+        find_edges(
+            rgb, hits.depth, hits.surface, width, height, EDGE_BEND / focal, MIN_CONTRAST, marked
         )
         if skip is not None:
             marked &= ~skip
@@ -154,7 +159,7 @@ class SceneTracer:
         if not len(pixels):
             return
         directions = subpixel_directions(pixels, SUBPIXELS, request.rotation, focal, width, height)
-        order = list_order(len(directions), lanes=self._packets.lanes)
+        order = list_order(len(directions), lanes=self._packets.size)
         samples = self.trace(directions, order, request, lighting, 0.5)
         if overlay is not None:
             overlay(pixels, directions, samples)
@@ -165,7 +170,7 @@ class SceneTracer:
 
     def pixel_order(self, camera: CameraModel) -> I32:
         """Return the pixels of an image tile by tile, a packet of rays each; −1 = none."""
-        return _pixel_order((camera.width_px, camera.height_px), self._packets.lanes)
+        return _pixel_order((camera.width_px, camera.height_px), self._packets.size)
 
     def triangles(self, request: RenderRequest) -> I32:
         """Return the triangle (H, W) at each pixel's centre, −1 = none."""

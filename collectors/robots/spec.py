@@ -21,7 +21,7 @@ POLICY_DECIMATION = 4  # physics steps per policy step: 50 Hz
 def apply_physics_options(spec: mujoco.MjSpec) -> None:
     """Set the options that a robot's policy was trained with on the root spec of a model.
 
-    `attach` does not copy options to the parent, so whoever builds a scene around a robot calls
+    `attach` does not copy options to the parent, so code that builds a scene around a robot calls
     this on the scene's own spec.
     """
     spec.option.timestep = TIMESTEP_S
@@ -66,7 +66,7 @@ class RobotSpec:
     name: str
     title: str
     mass_kg: float
-    link_mass_kg: Mapping[str, float]
+    link_mass_kg: Mapping[str, float] = field(hash=False)
     joints: tuple[JointFacts, ...]
     policy_joints: int
     action_scale_rad: float

@@ -31,7 +31,7 @@ class JoinedSources(Dataset[Any]):
 class MixtureLoader:
     """Iterate over batches; each pass is one epoch and continues the sequence of draws.
 
-    `state_dict` tells how many batches the caller has had, whatever workers have fetched ahead;
+    `state_dict` holds how many batches the caller has had, whatever workers have fetched ahead;
     with `load_state_dict` a new loader yields the very next one.
 
     Args:

@@ -28,7 +28,7 @@ _LABELS = {
     "scene_id": "scenes",
     "end_reason": "outcomes",
 }
-# What tells two recordings apart; any two that agree in all are copies of one.
+# What distinguishes two recordings; any two that agree in all are copies of one.
 _IDENTITY = (
     "episode_uid",
     "robot",
@@ -200,7 +200,7 @@ def choose(
     the source names them.
 
     Raises:
-        InputError: nothing is left; tells what the data has.
+        InputError: Nothing is left; the message lists what the data has.
     """
     indices = library.find(source.data)
     kept, rows, dropped = [], [], {}
@@ -253,12 +253,12 @@ def _filter(
         if wanted:
             labels = whole.labels(label)
             name = label.removesuffix("_id").removesuffix("_name")
-            told = np.array([f"{name} {value}" for value in labels], object)
-            keep(np.isin(labels.astype(str), wanted), told)
+            why = np.array([f"{name} {value}" for value in labels], object)
+            keep(np.isin(labels.astype(str), wanted), why)
     if training and not source.splits:
         splits = whole.labels("split")
-        told = np.array([f"published hold-out {value}" for value in splits], object)
-        keep(~np.array([is_published_holdout(str(s)) for s in splits], bool), told)
+        why = np.array([f"published hold-out {value}" for value in splits], object)
+        keep(~np.array([is_published_holdout(str(s)) for s in splits], bool), why)
     new = np.ones(len(whole), bool)
     facts = list(zip(*(whole.labels(name) for name in _IDENTITY), strict=True))
     for number in np.flatnonzero(mask):

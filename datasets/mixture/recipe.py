@@ -23,7 +23,7 @@ from typing import Any
 
 from ...formats.core.errors import FileFormatError, InputError, UnknownNameError, brief
 from ...formats.core.rollout import EndReason
-from ...formats.core.yaml_document import read_yaml
+from ...formats.untrusted.yaml_document import read_yaml
 
 VERSION = 1
 OUTCOMES = tuple(str(reason) for reason in EndReason)

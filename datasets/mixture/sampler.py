@@ -39,7 +39,7 @@ class MixtureSampler:
         length: draws per epoch and process; by default all items together, divided by `world`.
         rank, world: of how many processes this is which.
         content: what the items are (`MixturePlan.digest`), so that a saved state is refused where
-            they have changed; sizes alone would not tell.
+            they have changed; sizes alone would not show it.
     """
 
     def __init__(

@@ -14,7 +14,7 @@ _HEAD = ("source", "dataset", "robot", "episodes", "frames", "weight", "share", 
 def plan_text(plan: MixturePlan) -> str:
     """A table in fixed columns: a line per dataset, with what was left out of it and why.
 
-    Datasets of which a source takes nothing share a line.
+    Datasets that a source takes nothing from share a line.
     """
     lines: list[tuple[str, ...]] = [_HEAD]
     for source in plan.sources:

@@ -10,11 +10,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from ..core.documents import read_json_object
 from ..core.errors import FileFormatError, brief
-from ..core.limits import limits
-from ..core.tables import read_schema, read_table
-from ..core.untrusted import check_input, check_links, read_input
 from ..lerobot import info as info_module
 from ..lerobot.episode_columns import EDITED_ADVICE, EPISODE_COLUMNS, LATER_COLUMNS
 from ..lerobot.info import PLACE_FIELDS, fill_template, video_start_s
@@ -29,6 +25,10 @@ from ..lerobot.layout import (
 )
 from ..lerobot.statistics import MOMENTS, QUANTILES
 from ..lerobot.unit_rows import unit_schema
+from ..untrusted.documents import read_json_object
+from ..untrusted.files import check_input, check_links, read_input
+from ..untrusted.limits import limits
+from ..untrusted.tables import read_schema, read_table
 from ..video.mux import copy_frames
 from .units import UnitParts, write_unit
 

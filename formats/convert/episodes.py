@@ -19,7 +19,6 @@ import numpy as np
 import pyarrow as pa
 
 from ..core.atomic import atomic_file, atomic_folder
-from ..core.documents import read_json_object
 from ..core.errors import FileFormatError
 from ..core.rollout import Rollout
 from ..lerobot import DatasetSummary, assemble_dataset, read_episode_unit, write_episode_unit
@@ -42,6 +41,7 @@ from ..mcap.recording import read_recording
 from ..mcap.shown import extract_shown
 from ..rendered.folder import video_name
 from ..rendered.table import build_frame_table
+from ..untrusted.documents import read_json_object
 from .dataset import ROLLOUTS_PATH, DatasetFacts, extract_unit, kept_rollout, read_facts
 from .stored_depth import depth_video
 from .unit_mcap import UNIT_METADATA, extract_unit_mcap, write_unit_mcap

@@ -104,7 +104,7 @@ def frame_view(unit: EpisodeUnit, rows: Rows, depth: Path) -> FrameFolder:
 
 
 def episode_of(columns: Mapping[str, Any], task: str) -> Episode:
-    """The episode that a unit's columns tell of."""
+    """Return the episode described by a unit's columns."""
     return Episode(
         episode_id=columns["episode_id"],
         trajectory_id=columns["trajectory_id"],

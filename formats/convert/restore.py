@@ -20,14 +20,14 @@ import pyarrow.parquet as pq
 
 from ..core.atomic import atomic_file, write_bytes, write_json
 from ..core.errors import FileFormatError
-from ..core.tables import read_table
-from ..core.untrusted import check_input
 from ..lerobot.card import FILM_STRIP, CameraFacts, CardFacts, dataset_card
 from ..lerobot.episode_columns import EPISODE_COLUMNS, camera_of
 from ..lerobot.layout import PROVENANCE_PATH, SPLITS_PATH
+from ..untrusted.files import check_input
+from ..untrusted.tables import read_table
 from .dataset import episode_files, open_dataset, read_facts, read_info
 
-# What tells an episode from all others; LeRobot's tools copy both.
+# What identifies an episode; LeRobot's tools copy both.
 IDENTITY = ("observation.state", "action")
 POSE = "observation.camera_pose"
 

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..scene import FULL_HEIGHT_M
+
 
 @dataclass(frozen=True)
 class Episode:
@@ -46,9 +48,9 @@ class Episode:
     extra: dict[str, Any] = field(default_factory=dict)
 
     @property
-    def free_height_m(self) -> float | None:
-        """Return the free height [m] that the path needs; None where any robot can walk it."""
-        return self.extra.get("free_height_m")
+    def free_height_m(self) -> float:
+        """Return the free height [m] above the path; `FULL_HEIGHT_M` suits every robot."""
+        return self.extra.get("free_height_m") or FULL_HEIGHT_M
 
     @property
     def reference_length_m(self) -> float:

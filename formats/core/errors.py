@@ -66,6 +66,25 @@ class UnknownNameError(InputError):
         return type(self), (self.kind, self.name, self.valid)
 
 
+class MissingExtraError(InputError):
+    """An optional dependency of vlnpe is not installed.
+
+    Attributes:
+        user: What needs it, the start of a sentence.
+        extra: Its name, as in `pip install vlnpe[extra]`.
+    """
+
+    def __init__(self, user: str, extra: str):
+        self.user, self.extra = user, extra
+        super().__init__(
+            f"{user} needs the extra `{extra}`; `vlnpe doctor` prints how to install it"
+        )
+
+    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
+        """Support pickling, so that the error can be raised in a worker process."""
+        return type(self), (self.user, self.extra)
+
+
 class DivergedError(VlnpeError):
     """The physics simulation diverged (NaN or implausibly large values)."""
 

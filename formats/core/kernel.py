@@ -25,7 +25,7 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
     """Return `numba.njit(cache=True, **options)` with a cache for each state of the code.
 
     The cache is keyed by `code_digest` of the function's module: an edit of any module that it
-    imports, transitively, compiles it anew.
+    imports, transitively, compiles it again.
     """
 
     def decorate(function: Function) -> Function:

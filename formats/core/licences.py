@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 UNKNOWN, OTHER = "unknown", "other"
 
-# Identifier → whether the hub knows it. All let anybody pass on renderings, with attribution.
+# Identifier → whether the hub knows it. All permit redistribution of renderings, with attribution.
 _REDISTRIBUTABLE = {
     "0bsd": False,
     "apache-2.0": True,

@@ -14,7 +14,7 @@ from .episode import Episode
 STATE_RATE_HZ = 100  # divisible by 4, 5, 10, 20, 25 and 50: every frame time is a sample
 DISCRETE_RATE_HZ = 4  # a discrete action takes 0.25 s in VLN-PE's timing
 REST_M_S = 0.05  # a base slower than this is at rest
-REST_EVENT = "rest"  # kind of the event that tells when a robot that had stopped came to rest
+REST_EVENT = "rest"  # kind of the event at which a stopped robot came to rest
 FORWARD_STEP_M = 0.25
 TURN_STEP_RAD = math.radians(15.0)
 
@@ -63,7 +63,7 @@ class Metrics:
     """VLN metrics of one rollout (Anderson et al. 2018; nDTW: Ilharco et al. 2019).
 
     Distances to the goal are geodesic on the freemap unless named otherwise. `fall` follows the
-    VLN-PE paper, at an instant; of falls `recovered` tells whether the robot stood up by itself (it
+    VLN-PE paper, at an instant; for falls `recovered` says whether the robot stood up by itself (it
     was up for the second half of the second behind it), `down` whether it was down a second later.
     """
 

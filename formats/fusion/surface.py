@@ -1,6 +1,6 @@
 """The triangle mesh of a fused volume, and the neighbourhood of its triangles.
 
-Only cells all of which was seen become surface.
+Only cells that were seen entirely become surface.
 """
 
 from __future__ import annotations

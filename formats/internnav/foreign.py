@@ -87,7 +87,7 @@ class Assumptions:
                 "start frame: the first pose, with the floor base_height_m below it",
                 "metrics: from poses and finish status; unknown numbers are NaN",
                 "metrics/oracle_success: that of metrics/success; a failed episode may have passed "
-                "its goal, which the layout does not tell",
+                "its goal, which the layout does not store",
             ],
             "missing": ["goal", "reference path", "joints", "IMU", "contacts", "commands"],
         }

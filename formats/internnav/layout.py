@@ -19,10 +19,10 @@ from typing import Any
 
 import pyarrow as pa
 
-from ..core import documents
 from ..core.errors import FileFormatError
-from ..core.limits import limits
-from ..core.untrusted import read_input
+from ..untrusted import documents
+from ..untrusted.files import read_input
+from ..untrusted.limits import limits
 
 VERSION = "v2.1"
 EPISODES_PER_CHUNK = 1000

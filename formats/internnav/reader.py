@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.arrays import map_array
 from ..core.errors import FileFormatError
-from ..core.tables import read_table
+from ..untrusted.arrays import map_array
+from ..untrusted.tables import read_table
 from . import layout
 from .episode_tasks import read_tasks
 from .layout import COLUMNS, read_json, read_lines

@@ -29,7 +29,7 @@ def chosen_rows(
     """Choose the rows of an episode: one per discrete step, or one per frame.
 
     Returns:
-        The numbers of the frames that the rows show (N,), ascending, some of which may repeat; the
+        Frame numbers of the rows (N,), ascending, possibly repeated; the
         unit as if it had these frames alone; and its columns then.
 
     Raises:

@@ -33,7 +33,7 @@ class LayoutFacts:
     """Facts of a converted episode.
 
     Attributes:
-        ours: vlnpe wrote it, so that nothing had to be assumed.
+        ours: vlnpe wrote it, and nothing had to be assumed.
         finish_status, fail_reason: as written.
         fps: of info.json.
         timestamp_step_s: seconds between rows by their timestamps; None if unknown.

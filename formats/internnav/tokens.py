@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ..core.errors import FileFormatError
-from ..core.limits import limits
+from ..untrusted.limits import limits
 from ..vlnce.load import load_json
 from ..vlnce.vocabulary import PAD, UNKNOWN, Vocabulary
 from .layout import VOCABULARY_SIZE

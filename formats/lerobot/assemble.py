@@ -73,7 +73,7 @@ def assemble_dataset(
         provenance: JSON values for meta/provenance.json: configuration hash, code version, …;
             `scenes` (name → its source's facts) gives the card its licences, and training
             episodes in `held_out_scenes` are published as validation.
-        licence: a licence identifier, for the card of scenes of which nothing is known.
+        licence: Licence identifier for the card of scenes without one.
         title: of the card.
         limits: when to begin new files.
 

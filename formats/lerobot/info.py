@@ -1,4 +1,4 @@
-"""Read a LeRobot dataset's meta/info.json, which may come from anybody.
+"""Read a LeRobot dataset's meta/info.json, an untrusted file.
 
 Its path templates are filled in by `str.format` and its feature names become file names, by LeRobot
 and here; both are checked before anything relies on them.
@@ -12,9 +12,9 @@ from pathlib import Path
 from string import Formatter
 from typing import Any
 
-from ..core.documents import read_json_object
 from ..core.errors import FileFormatError, brief
-from ..core.untrusted import is_relative, require_inside
+from ..untrusted.documents import read_json_object
+from ..untrusted.files import is_relative, require_inside
 from .layout import INFO_PATH
 
 PLACE_FIELDS = ("chunk_index", "file_index")

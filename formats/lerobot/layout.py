@@ -29,7 +29,7 @@ DATASET_ROWS = {"episode_index": "int64", "index": "int64", "task_index": "int64
 
 Features = dict[str, dict[str, Any]]
 
-# An image within a row: an encoded file, and its name, which tells its kind.
+# An image within a row: an encoded file, and its name with the format as its suffix.
 IMAGE_TYPE = pa.struct([("bytes", pa.binary()), ("path", pa.string())])
 
 

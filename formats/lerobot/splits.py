@@ -10,7 +10,7 @@ HELD_OUT_SHARE = 0.1
 
 
 def is_published_holdout(split: str) -> bool:
-    """Whether a split of an episode file is held out from training by whoever published it.
+    """Return whether the publisher of an episode file holds its split out from training.
 
     `val_seen`, `val_unseen`, `test`, … are; `val` is made by vlnpe, of training episodes.
     """

@@ -25,13 +25,13 @@ from numpy.typing import NDArray
 
 from ..core.atomic import atomic_folder
 from ..core.camera import CameraModel, DepthRange
-from ..core.documents import read_json_object
 from ..core.errors import FileFormatError, UnknownNameError
 from ..core.rollout import Rollout
-from ..core.tables import read_table
 from ..rendered.folder import FrameFolder
 from ..rendered.image_counts import add_depth_codes, add_rgb, new_depth_counts, new_rgb_counts
 from ..rendered.table import FrameTable, build_frame_table
+from ..untrusted.documents import read_json_object
+from ..untrusted.tables import read_table
 from ..video.depth_codes import DEPTH_PIXEL_FORMAT, codes_to_depth, decode_depth_tiff
 from ..video.mp4 import VideoFacts, iterate_depth_codes, iterate_rgb_video, probe_video
 from ..video.stream import pick_frames

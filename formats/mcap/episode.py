@@ -1,4 +1,4 @@
-"""A rollout with its rendered frames as one MCAP file that tells the whole episode, and back.
+"""A rollout with its rendered frames as one MCAP file that holds the whole episode, and back.
 
 Everything `write_rollout` writes, and: colour as the video's own packets (CompressedVideo, no loss
 beyond the video's), depth as 16-bit millimetres (RawImage 16UC1, 0 = invalid), camera calibration,
@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.arrays import read_arrays
 from ..core.atomic import atomic_folder
-from ..core.documents import parse_json
 from ..core.errors import FileFormatError
 from ..core.rollout import STATE_RATE_HZ, Rollout
 from ..rendered.folder import FrameFolder, read_frame_folder
 from ..rendered.table import build_frame_table
+from ..untrusted.arrays import read_arrays
+from ..untrusted.documents import parse_json
 from ..video.mp4 import probe_video
 from .camera import camera_messages
 from .camera_streams import extract_videos

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ..core.documents import parse_json
 from ..core.episode import Episode
 from ..core.errors import FileFormatError
 from ..core.rollout import Action, ActionSpan, EndReason, Event, Metrics, Rollout
+from ..untrusted.documents import parse_json
 
 METADATA_NAME = "vlnpe.rollout"
 JSON_KEY = "json"

@@ -29,8 +29,8 @@ from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 
 from ..core.atomic import atomic_file
 from ..core.errors import FileFormatError, brief
-from ..core.limits import limits
-from ..core.untrusted import read_input
+from ..untrusted.files import read_input
+from ..untrusted.limits import limits
 
 NANOSECONDS = 1_000_000_000
 # No threads: episodes are written in parallel.

@@ -129,7 +129,7 @@ def motion_messages(recording: Recording, rollout: Rollout, every: int) -> Itera
 
 
 def event_messages(recording: Recording, rollout: Rollout) -> Iterator[Write]:
-    """Events as log messages; the last one tells how the episode ended."""
+    """Return events as log messages; the last one says how the episode ended."""
     channel = LogChannel(LOG_TOPIC, context=recording.context)
 
     def log(time_s: float, level: LogLevel, text: str, name: str) -> Write:

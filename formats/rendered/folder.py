@@ -17,10 +17,10 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ..core.arrays import read_arrays
 from ..core.camera import CameraModel, DepthRange
-from ..core.documents import read_json_object
 from ..core.errors import FileFormatError, brief
+from ..untrusted.arrays import read_arrays
+from ..untrusted.documents import read_json_object
 
 _VIDEO_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}\.(mp4|mov|mkv)")
 

@@ -24,11 +24,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.arrays import read_arrays
 from ..core.atomic import atomic_file, write_json
-from ..core.documents import read_json_object
 from ..core.errors import FileFormatError, brief
-from ..core.untrusted import is_relative
+from ..untrusted.arrays import read_arrays
+from ..untrusted.documents import read_json_object
+from ..untrusted.files import is_relative
 from .freemap import Freemap
 from .grid import GridSpec
 

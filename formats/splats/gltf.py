@@ -15,12 +15,12 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from ..core.documents import parse_json
 from ..core.errors import FileFormatError
 from ..core.frames import quat_to_matrix
-from ..core.glb import read_glb
-from ..core.limits import limits
-from ..core.untrusted import read_input
+from ..untrusted.documents import parse_json
+from ..untrusted.files import read_input
+from ..untrusted.glb import read_glb
+from ..untrusted.limits import limits
 from .packed import spz_cloud
 from .record import F32, GaussianCloud, check_count, cleaned
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..core.errors import FileFormatError
-from ..core.limits import limits
-from ..core.untrusted import check_input
+from ..untrusted.files import check_input
+from ..untrusted.limits import limits
 from .gltf import declares_splats, read_gltf_splats
 from .packed import read_dot_splat, read_spz
 from .ply import ply_splat_kind, read_ply_splats

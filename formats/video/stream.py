@@ -14,7 +14,7 @@ from av.error import FFmpegError
 from av.video.stream import VideoStream
 
 from ..core.errors import FileFormatError
-from ..core.untrusted import check_input
+from ..untrusted.files import check_input
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """VLN-CE episode files: gzip JSON in Habitat coordinates.
 
-`read_vlnce` reads anybody's file as it stands; `write_episodes` and `read_episodes` carry our
+`read_vlnce` reads any VLN-CE file as it is; `write_episodes` and `read_episodes` carry our
 world-frame `Episode` records in the same schema. Our extra keys lie in `info.vlnpe`, because
 Habitat's loader accepts only the known keys at an episode's top level, but any in `info`.
 """
@@ -21,7 +21,7 @@ from ..core.frames import (
     world_to_habitat_position,
     world_to_habitat_rotation,
 )
-from ..core.limits import Limits
+from ..untrusted.limits import Limits
 from .load import load_document
 from .overlay import overlay
 from .reader import BadEpisodeError, EpisodeReader, unsafe_scene_id

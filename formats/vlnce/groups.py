@@ -1,7 +1,7 @@
 """Episodes of one path as one: it is walked once and carries the instructions of all of them.
 
-R2R tells each path three times, in three episodes. `group_by_path` joins them into one record with
-the first one's id; `ungroup` gives the very episodes back.
+R2R describes each path three times, in three episodes. `group_by_path` joins them into one record
+with the id of the first; `ungroup` restores the original episodes.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 from ..core.episode import Episode
 
 TEXTS = "instructions"  # in `extra`: all texts of the path
-MEMBERS = "members"  # in `extra`: what tells the joined episodes apart
+MEMBERS = "members"  # in `extra`: what distinguishes the joined episodes
 
 
 def group_by_path(episodes: Iterable[Episode]) -> list[Episode]:
@@ -49,13 +49,13 @@ def ungroup(episode: Episode) -> list[Episode]:
 def per_instruction(episode: Episode) -> list[Episode]:
     """Return one episode per instruction, for tools that know one text per episode.
 
-    Joined episodes are told apart again; of one that has several texts, the second gets the id
+    Joined episodes are separated again; of one that has several texts, the second gets the id
     `<id>-2`, and so on.
     """
     texts = episode.extra.get(TEXTS, [])
     originals = ungroup(episode)
-    told = [t for one in originals for t in one.extra.get(TEXTS) or [one.instruction] if t]
-    if texts and told != texts:  # people edited or rejected some in review
+    found = [t for one in originals for t in one.extra.get(TEXTS) or [one.instruction] if t]
+    if texts and found != texts:  # people edited or rejected some in review
         extra = {key: value for key, value in episode.extra.items() if key != MEMBERS}
         originals = [replace(episode, extra=extra)]
     result = []
@@ -66,8 +66,8 @@ def per_instruction(episode: Episode) -> list[Episode]:
             name = one.episode_id if number == 0 else f"{one.episode_id}-{number + 1}"
             extra = one.extra | {TEXTS: [text]} if TEXTS in one.extra else one.extra
             if len(made.get("texts", ())) == len(texts):
-                told = made | {"texts": [made["texts"][number]]}
-                extra = extra | {"instruction": told}
+                facts = made | {"texts": [made["texts"][number]]}
+                extra = extra | {"instruction": facts}
             result.append(replace(one, episode_id=name, instruction=text, extra=extra))
     return result
 

@@ -7,10 +7,10 @@ import zlib
 from pathlib import Path
 from typing import Any
 
-from ..core.documents import DocumentScanner, parse_json
 from ..core.errors import FileFormatError
-from ..core.limits import VARIABLE, Limits, limits
-from ..core.untrusted import open_input
+from ..untrusted.documents import DocumentScanner, parse_json
+from ..untrusted.files import open_input
+from ..untrusted.limits import VARIABLE, Limits, limits
 
 _READ_BYTES = 1 << 20
 # Every usable episode has it once.
@@ -18,7 +18,7 @@ _EPISODE_KEY = b'"start_rotation"'
 
 
 def load_document(path: Path, caps: Limits | None = None) -> dict[str, Any]:
-    """Load an episode file, gzip or plain JSON (told apart by content, not by name).
+    """Load an episode file, gzip or plain JSON (distinguished by content, not by name).
 
     Size, values and episodes are counted while it is decompressed, before anything is parsed.
 

@@ -64,9 +64,9 @@ class VlnceEpisode:
         """
         if self.source is None:
             return {}
-        told = _without(self.source.get("instruction"), _INSTRUCTION_KEYS)
+        other = _without(self.source.get("instruction"), _INSTRUCTION_KEYS)
         goals = [_without(goal, _GOAL_KEYS) for goal in self.source.get("goals") or ()]
-        found = {"source_instruction": told, "source_goals": goals if any(goals) else None}
+        found = {"source_instruction": other, "source_goals": goals if any(goals) else None}
         return {key: value for key, value in found.items() if value}
 
     @property

@@ -25,7 +25,7 @@ _U_TURN_M = 3.0
 _SPOT_M = 0.6
 _ONE_TURN_DEG = 130.0  # more than this, not on the spot, is two turns
 _PLAIN_DEG = 30.0  # "turn left" is no smaller turn
-_IMPLIED_M = 1.4  # a room entered this near to a turn tells that turn
+_IMPLIED_M = 1.4  # a room entered this near to a turn implies that turn
 _IMPLIED_DEG = 65.0
 _IMPLIED_AFTER_M = 0.1
 _OTHER_SIDE_DEG = 35.0  # a door mentioned on one side hides no turn to the other
@@ -233,12 +233,12 @@ class _Aligner:
         return np.inf
 
     def _implied(self, made: int, claim: Claim) -> list[int]:
-        """Numbers of turns that may be made once a claim holds: entering a room tells its turn."""
+        """Return how many turns may be made once a claim holds: entering a room implies one."""
         options = [made]
         if claim.bends:
             return self._rounded(made, claim)
         if self._only_way_out(claim):
-            # Nobody needs to be told how to turn to the only door of the room one stands in.
+            # The turn to the only door of a room need not be described.
             out_m = self.ground.facts.passages[0].along_m
             inside = [k for k, t in enumerate(self.turns) if t.along_m <= out_m]
             options += [k + 1 for k in inside if k >= made]

@@ -30,10 +30,10 @@ class Claim:
         slack_m: how far it may lie before the claim before it [m].
         bare: a stop that names no place.
         still: it is seen or passed meanwhile and does not move the walker on.
-        bends: a path around a thing, which tells the turns made there.
+        bends: a path around a thing, which implies the turns made there.
         optional: it may have been mentioned before.
-        maybe: a turn that the words may tell, or may not.
-        turned: a door whose clear turn the same clause tells.
+        maybe: a turn that the words may describe, or may not.
+        turned: a door whose clear turn the same clause describes.
         abeam_m: where a thing that is passed once is beside the walker [m], None = unclear.
     """
 

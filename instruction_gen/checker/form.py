@@ -23,7 +23,7 @@ _WAYS = frozenset({"along", "through", "into", "past", "to"})
 
 
 def _leads(clause: Clause) -> bool:
-    """Whether a clause without a verb tells a way: `straight ahead down the hall, then …`."""
+    """Return whether a clause without a verb gives a direction: `straight down the hall, …`."""
     return not clause.verb and any(n.prep in _WAYS for n in clause.nouns)
 
 
@@ -52,14 +52,14 @@ def form_problems(parse: Parse) -> list[str]:
     if found := _FIRST_PERSON.search(text):
         problems.append(f"{found[0]!r}: an instruction does not speak of itself")
     if not any(c.verb in _IMPERATIVE or c.side or _leads(c) for c in parse.clauses):
-        problems.append("not an instruction: nothing in it tells to move")
+        problems.append("not an instruction: no part of it says to move")
     if len(parse.unparsed) > max(2, 0.2 * parse.words):
         odd = ", ".join(parse.unparsed[:4])
         problems.append(f"words that belong into no route: {odd}")
     sentences = [s.strip().lower() for s in re.split(r"[.!;]", text) if s.strip()]
     if len(sentences) != len(set(sentences)):
         problems.append("a sentence is repeated")
-    telling = [w for w in words if w not in ("the", "and", "a", "your", "to", "of")]
-    if telling and max(telling.count(w) for w in set(telling)) > max(5, 0.2 * len(words)):
+    content = [w for w in words if w not in ("the", "and", "a", "your", "to", "of")]
+    if content and max(content.count(w) for w in set(content)) > max(5, 0.2 * len(words)):
         problems.append("one word is repeated over and over")
     return problems

@@ -38,7 +38,7 @@ def stop_claims(index: int, clause: Clause, parse: Parse, ground: Ground) -> lis
             found = _stop_noun(replace(noun, prep="near"), ground) or found
         visited = len(ground.facts.visits) > 1 and noun.prep not in ("before", "at")
         if noun.kind == "room" and not found.reason and visited:
-            # "Stop inside the kitchen" tells how one comes there.
+            # "Stop inside the kitchen" implies entering it.
             entered = ground.entered(noun)
             if not entered.reason:
                 phrase = f"the {noun.text}"
@@ -72,13 +72,15 @@ def _stop_noun(noun: Noun, ground: Ground) -> Found | None:
 
 
 def after_stop_claims(index: int, clause: Clause, parse: Parse, ground: Ground) -> list[Claim]:
-    """What follows the last stop tells how it looks there; it must not go on walking."""
+    """Check that the text after the last stop describes the place, and does not walk on."""
     said = parse.text[clause.start : clause.stop].strip(" ,.;")
     everywhere = np.ones(len(ground.along_m), dtype=bool)
     if clause.verb in MOVING and not clause.until and not clause.meanwhile:
         if _goes_on(clause, said):
             return [Claim(index, "false", everywhere, "the text goes on after its stop")]
-        clause = replace(clause, verb="", nouns=tuple(replace(n, prep="near") for n in clause.nouns))
+        clause = replace(
+            clause, verb="", nouns=tuple(replace(n, prep="near") for n in clause.nouns)
+        )
     result = []
     for noun in clause.nouns:
         found: Found | None

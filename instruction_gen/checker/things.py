@@ -124,7 +124,7 @@ class Things:
         reach = REACH_M
         here = self.distance[:, -1]
         mask[:, -1] = (here <= reach) & (self.open[:, -1] | (here <= 0.8))
-        # What lies well behind has been passed, and nobody stops at it.
+        # What lies well behind has been passed; it is not where one stops.
         mask[:, -1] &= (here <= 1.3) | (np.abs(self.bearing[:, -1]) <= 130.0)
         found = self._where(noun, mask, "at the end of the path")
         if found.reason:

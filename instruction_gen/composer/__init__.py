@@ -1,4 +1,4 @@
-"""The offline writer: texts from a path's facts, as a person would tell the way."""
+"""The offline writer: texts from a path's facts, worded as a person would give directions."""
 
 from .compose import Composed, compose_texts
 

@@ -47,7 +47,7 @@ def compose_texts(
         ground: the path's facts.
         count: how many.
         styles: of `STYLES`.
-        rng: chooses what to tell and how.
+        rng: Chooses what to mention, and the wording.
         taken: texts that other paths have already.
 
     Returns:
@@ -59,7 +59,7 @@ def compose_texts(
     for number in range(count):
         style = styles[number % len(styles)]
         for attempt in range(1, ATTEMPTS + 1):
-            # A path with little around it has little to tell: any style will do then.
+            # A path with few landmarks yields little text: any style will do then.
             if attempt > ATTEMPTS // 2:
                 style = STYLES[attempt % len(STYLES)]
             steps = plan(ground.facts, style, rng)

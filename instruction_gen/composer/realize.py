@@ -218,8 +218,8 @@ def _sentences(
     opened = False  # one "after that" is enough for a text
     for k, group in enumerate(groups):
         text = _join(group, rng)
-        told = "then" in _plain(text).split()  # "then … then" reads like a list
-        standing = text.startswith(_STANDING) or told
+        repeated = "then" in _plain(text).split()  # "then … then" reads like a list
+        standing = text.startswith(_STANDING) or repeated
         if k and not opened and not standing and rng.random() < _OPENED:
             opened = True
             text = str(rng.choice(words.THEN)) + text

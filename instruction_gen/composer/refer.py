@@ -74,7 +74,7 @@ def stop_candidates(facts: PathFacts, rng: np.random.Generator, colours: float) 
 def turn_marker(
     facts: PathFacts, turn: TurnFact, named: set[str], rng: np.random.Generator, colours: float
 ) -> Reference | None:
-    """A thing at a turn, to tell where it is."""
+    """Return a reference to a thing at a turn, to say where the turn is."""
     found = []
     for mark in facts.landmarks:
         if not mark.nameable or mark.name in named or mark.count > 1:
@@ -82,7 +82,7 @@ def turn_marker(
         near = [m for m in mark.moments if abs(m.along_m - turn.along_m) <= 0.3 and m.open]
         if not near or min(m.distance_m for m in near) > _TURN_M:
             continue
-        # It must have been ahead before the turn, or nobody would turn by it.
+        # It must have been ahead before the turn, or it would be no landmark for the turn.
         if not any(m.along_m < turn.along_m and abs(m.bearing_deg) < 75.0 for m in mark.moments):
             continue
         distance = min(m.distance_m for m in near)
@@ -121,7 +121,7 @@ def _refer(
             and (not at_goal or m.goal_open)
         ]  # fmt: skip
         same_room = [m for m in alike if m.room == mark.room]
-        # Counted in its room alone: nobody counts the chairs of a whole walk.
+        # Counted within its room, not over the whole path.
         rank = 1 + sum(m.along_m < mark.along_m for m in same_room)
         if together:
             plural, adjective = True, ""

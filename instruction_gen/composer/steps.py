@@ -1,4 +1,4 @@
-"""What to tell of a path, before it is put into words."""
+"""Choose what to mention of a path, before it is put into words."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _FAR_AHEAD_M = 2.5
 
 @dataclass(frozen=True)
 class Step:
-    """One thing to tell.
+    """One thing to mention.
 
     Attributes:
         kind: `turn`, `leave`, `enter`, `turn_enter`, `enter_turn`, `pass`, `toward`, `between`,
@@ -39,7 +39,7 @@ class Step:
         other: a second thing (`between`).
         far_m: how far to walk [m].
         place: how to stop: `front`, `beside`, `near`, `between`, `inside`, `after`.
-        covers: turns that this step tells, as indices into the facts' turns.
+        covers: Turns that this step describes, as indices into the facts' turns.
     """
 
     kind: str
@@ -58,7 +58,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Taste:
-    """How much a style tells.
+    """How much a style mentions.
 
     Attributes:
         gap_m: a stretch longer than this gets a thing that is passed.
@@ -83,7 +83,7 @@ TASTES = {
 
 
 def plan(facts: PathFacts, style: str, rng: np.random.Generator) -> list[Step]:
-    """Choose what to tell, in order, the stop last."""
+    """Choose what to mention, in order, the stop last."""
     taste = TASTES[style]
     stop = _stop(facts, rng, taste)
     named = {mark.name for mark in (stop.mark, stop.other) if mark}
@@ -111,7 +111,7 @@ def plan(facts: PathFacts, style: str, rng: np.random.Generator) -> list[Step]:
 
 
 def told_turns(facts: PathFacts) -> list[tuple[int, TurnFact]]:
-    """Turns worth telling; small ones that undo each other are weaving."""
+    """Return the turns worth mentioning; small ones that undo each other are weaving."""
     result = []
     for k, turn in enumerate(facts.turns):
         size = abs(turn.angle_deg)

@@ -122,7 +122,7 @@ def _turn(goal: SubGoal, reached: Array, ways: Ways) -> Array:
     slight = goal.degree in ("slight", "some")
     least = _HINT_RAD if slight else _PLAIN_RAD
     hint = np.where((angle >= least) & ~ways.event, reached, np.inf) + (0.1 if slight else 0.5)
-    # Two turns close together are one bend for whoever looks two metres back.
+    # Two turns close together are one bend when seen two metres back.
     double = np.where(sign * ways.long_turn_rad >= np.deg2rad(110.0), reached, np.inf) + 0.4
     turned = np.minimum(np.minimum(made, hint), double)
     on = ways.before[_ON]

@@ -41,7 +41,7 @@ def _arrives(last: Clause, before: Clause, parse: Parse) -> bool:
 
 
 def _settles(last: Clause) -> bool:
-    """Whether the last clause moves nowhere, by a verb that is not known or that keeps one there."""
+    """Return whether the last clause moves nowhere: its verb is unknown, or keeps one there."""
     if last.side:
         return False
     if not last.nouns:

@@ -52,7 +52,8 @@ bookshelf=bookrack,book rack,wall of books,
 bookcase,book shelf,shelf of books,shelf with books,book case,bookshelves<shelf,shelves
 shelf=shelves,shelving,shelving unit
 rack=
-coat rack=coat hooks,coat hangers,clothes stand,clothes hanger,coat pegs,hat rack,coat rail,hanger stand,
+coat rack=coat hooks,coat hangers,clothes stand,clothes hanger,
+coat pegs,hat rack,coat rail,hanger stand,
 coat stand,clothes rack,hat stand,coat hanger,coat hook,coat tree,garment rack,
 hall tree<rack,stand
 kitchen counter=kitchen worktop,kitchen countertop,work surface,kitchen work surface,kitchen top,
@@ -244,7 +245,7 @@ COLOURS = {
     "cream": "beige",
     "tan": "beige",
 }
-# Colours that people do not tell apart reliably.
+# Colours that people confuse.
 COLOUR_NEIGHBOURS = {
     "black": {"grey"},
     "white": {"grey", "beige"},

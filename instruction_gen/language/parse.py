@@ -224,9 +224,9 @@ class _Reader:
         if prep in ("on", "to", "at") and pointing and self._side_of_last(side, k):
             return True
         # "Veer right between the chair to the left and …": the side of the chair.
-        told = bool(draft.side) and bool(draft.nouns) and draft.nouns[-1].kind == "object"
+        about_object = bool(draft.side) and bool(draft.nouns) and draft.nouns[-1].kind == "object"
         if prep in ("on", "at", "in", "off") or (
-            prep == "to" and draft.nouns and (draft.verb != "turn" or told)
+            prep == "to" and draft.nouns and (draft.verb != "turn" or about_object)
         ):
             open_ = bool(draft.nouns) and draft.nouns[-1].side in ("", "ahead")
             if open_ and draft.nouns[-1].kind != "generic":

@@ -48,11 +48,13 @@ def foreign_problems(text: str, language: str, english: str) -> list[str]:
     meant = [side.lower() for side in _SIDES.findall(english)]
     read = parse(english)
     turns = _either(text, TURN_LEFT[language], TURN_RIGHT[language])
-    told = [c.side for c in read.clauses if c.verb == "turn" and c.side in ("left", "right")]
+    expected = [c.side for c in read.clauses if c.verb == "turn" and c.side in ("left", "right")]
     if sorted(sides) != sorted(meant):
         problems.append(f"its sides ({', '.join(sides)}) are not the English ({', '.join(meant)})")
-    elif len(turns) == len(told) and turns != told:
-        problems.append(f"its turns ({', '.join(turns)}) are not the English ({', '.join(told)})")
+    elif len(turns) == len(expected) and turns != expected:
+        problems.append(
+            f"its turns ({', '.join(turns)}) are not the English ({', '.join(expected)})"
+        )
     problems += _distance_problems(text, language, [c.distance_m for c in read.clauses])
     problems += _colour_problems(text, COLOUR_WORDS[language], english)
     problems += _count_problems(text, language, [n for c in read.clauses for n in c.nouns])
@@ -75,9 +77,9 @@ def _distance_problems(text: str, language: str, english_m: list[float]) -> list
 
 def _colour_problems(text: str, words: Mapping[str, str], english: str) -> list[str]:
     """Return the colours of the tables that the English does not say."""
-    told = {COLOURS[w] for w in re.findall(r"[a-z]+", english.lower()) if w in COLOURS}
+    mentioned = {COLOURS[w] for w in re.findall(r"[a-z]+", english.lower()) if w in COLOURS}
     found = {colour: match[0] for word, colour in words.items() if (match := re.search(word, text))}
-    return [f"{said} is not in the English" for c, said in found.items() if c not in told]
+    return [f"{said} is not in the English" for c, said in found.items() if c not in mentioned]
 
 
 def _count_problems(text: str, language: str, nouns: Sequence[Noun]) -> list[str]:

@@ -110,7 +110,7 @@ def apply_decisions(
 ) -> tuple[list[Episode], dict[str, str]]:
     """Episodes with what people decided, and why others lost all their texts, by episode id.
 
-    A text that anybody rejects is dropped; of several edits the last one holds. A decision about
+    A text rejected by any reviewer is dropped; the last of several edits holds. A decision about
     a text that has been rewritten since is left out.
     """
     from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The review page's server: on this machine alone, for whoever knows the token."""
+"""The review page's server: on this machine only, protected by a token."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ class Review:
             films: ego film (MP4) of a path, by trajectory id.
             seen: what the robot's camera sees along the paths, by scene.
         """
-        told = [e for e in episodes if e.instruction]
-        self.paths = {e.trajectory_id: e for e in reversed(told)}
+        instructed = [e for e in episodes if e.instruction]
+        self.paths = {e.trajectory_id: e for e in reversed(instructed)}
         self.paths = dict(reversed(self.paths.items()))
         self.file = DecisionFile(decisions)
         self.films = films or {}

@@ -11,9 +11,9 @@ import torch
 from numpy.typing import NDArray
 
 from ...datasets.sequences import ACTIONS, collate_sequences
-from ..cache import CachedSequences
-from ..losses import near_end
-from ..models import Model
+from ..models.registry import Model
+from ..training.cache import CachedSequences
+from ..training.losses import near_end
 
 _BATCH = 8
 

@@ -54,7 +54,7 @@ def paired_differences(
     its trainings. Trajectories: the variance of the difference over bootstrap samples of them, the
     same for both mixtures, because both predict the same ones. The width is Student's t with the
     degrees of freedom of the sum (Welch, 1947; Satterthwaite, 1946): with few trainings an interval
-    from resampled seeds alone would be much too narrow. One training, or one trajectory, tells
+    from resampled seeds alone would be much too narrow. One training, or one trajectory, says
     nothing of what varies: the ends are NaN.
 
     Args:
@@ -103,9 +103,9 @@ def caution(trainings: int, trajectories: int) -> str:
     """
     missing = []
     if trajectories < 2:
-        missing.append("one held-out trajectory cannot tell how much trajectories vary")
+        missing.append("one held-out trajectory cannot show how much trajectories vary")
     if trainings < 2:
-        missing.append("one training per row cannot tell how much trainings vary")
+        missing.append("one training per row cannot show how much trainings vary")
     if missing:
         return f"no interval, because {' and '.join(missing)}."
     if trajectories < FEW:

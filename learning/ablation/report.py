@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...datasets.mixture.table import plan_json
-from ..holdout import scene_of
+from ..training.holdout import scene_of
 from .evaluate import EpisodeScore, Summary
 from .fit import training_fit
 from .intervals import Difference, Estimate, caution, over_seeds, paired_differences
@@ -140,7 +140,7 @@ def _setting(ablation: Ablation) -> list[str]:
         f"± is Student's t-interval at 95 % over {config.seeds} seeds: how much trainings vary, "
         "not trajectories or scenes."
         if config.seeds > 1
-        else "No row has an interval: one training tells nothing of how much trainings vary.",
+        else "No row has an interval: one training does not show how much trainings vary.",
     ]
 
 

@@ -25,11 +25,11 @@ from ...formats.core.errors import InputError, UnknownNameError
 from ...formats.core.progress import progress_bar
 from ...formats.core.source import code_digest
 from ...formats.lerobot.layout import STATS_PATH
-from ..cache import CachedSequences
 from ..config import DISCRETE, TrainConfig, train_config
-from ..heads import FUTURE
-from ..holdout import Holdout, hold_out, published_holdout
-from ..train import Watcher, train_model
+from ..models.heads import FUTURE
+from ..training.cache import CachedSequences
+from ..training.holdout import Holdout, hold_out, published_holdout
+from ..training.train import Watcher, train_model
 from .evaluate import EpisodeScore, score_constant, score_model, score_repeat
 
 _TRAINING_SAMPLE = 16  # training episodes that are predicted, too: does the agent fit them?
@@ -244,7 +244,7 @@ def training_job(
         "sources": [[s.name, s.share, episodes(s.selection)] for s in plan.sources],
         "held": {name: episodes(selection) for name, selection in held.items()},
         "seed": seed,
-        "code": code_digest("learning.train", "learning.ablation.evaluate"),
+        "code": code_digest("learning.training.train", "learning.ablation.evaluate"),
         "torch": torch.__version__,
     }
     digest = hashlib.blake2b(json.dumps(facts, sort_keys=True).encode(), digest_size=6).hexdigest()

@@ -22,10 +22,10 @@ from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError, UnknownNameError
 from ...formats.core.source import ROOT, code_digest
 from ...formats.vlnce.files import read_episodes, write_episodes
-from ..benchmark_sets import SETS, BenchmarkSet, episodes_digest, paths_digest
-from ..crews import chosen_robots
 from ..engine.context import open_context
 from ..engine.ledger import MANIFEST_NAME
+from ..inputs.benchmark_sets import SETS, BenchmarkSet, episodes_digest, paths_digest
+from ..inputs.crews import chosen_robots
 from ..options.benchmark import Benchmark
 from ..options.collect import Collect
 from ..options.evaluate import Evaluate

@@ -19,20 +19,20 @@ from ...trajectory_sampler.alignment import AlignConfig
 from ...trajectory_sampler.config import SampleConfig
 from ...trajectory_sampler.presets import PRESETS
 from ...trajectory_sampler.stairs import StairRules
-from ..builtin import BuiltIn, parse_builtin
 from ..chain import Chain, Product
-from ..crews import action_timing, chosen_robots, crews, keep_all, kept
 from ..engine.context import open_context
 from ..engine.ledger import Ledger
 from ..engine.run_folder import RunFolder, safe_name
 from ..engine.runner import StageSummary
-from ..folders import find_scans
+from ..inputs.builtin import BuiltIn, parse_builtin
+from ..inputs.crews import action_timing, chosen_robots, crews, keep_all, kept
+from ..inputs.folders import find_scans
+from ..inputs.sampling_plan import SamplingPlan, chosen_free_height, sample_config
+from ..inputs.views import check_frame_rate, chosen_views
 from ..options.collect import Collect
-from ..sampling_plan import SamplingPlan, chosen_free_height, sample_config
 from ..stages import align, repair, report, visibility
 from ..stages.export import check_depth_storage
-from ..summary import joined, show_summary, stage_table, tell
-from ..views import check_frame_rate, chosen_views
+from ..summary import joined, print_result, show_summary, stage_table
 from .instruct import instruct_config
 
 log = logging.getLogger(__name__)
@@ -66,7 +66,7 @@ def run(options: Collect) -> int:
     instructing = instruct_config(options)
     sources = _sources(options, episode_files)
     plan = None if episode_files else SamplingPlan.of(options, preset, list(sources))
-    height_m = chosen_free_height(options.robot, options.free_height_m)
+    height_m = chosen_free_height(robots, options.free_height_m)
     sampling = sample_config(
         options, count, options.robot_radius_m, height_m, strict=plan is not None
     )
@@ -88,7 +88,9 @@ def run(options: Collect) -> int:
         scenes = chain.scenes(sources, repairing, options.allow_unsound)
         sampling = _roomy(sampling, robots, context.ledger)
         fitting = AlignConfig(
-            robot_radius_m=_fitting_radius(robots, context.ledger), free_height_m=height_m
+            robot_radius_m=_fitting_radius(robots, context.ledger),
+            free_height_m=height_m,
+            goal_beyond_start=options.goal_beyond_start,
         )
         if episode_files:
             asked = chain.aligned(episode_files, scenes, rules, fitting)
@@ -139,7 +141,9 @@ def _tell_episodes(options: Collect, folder: RunFolder, summaries: Sequence[Stag
         "stages": {s.stage: s.counts() for s in joined(summaries)},
         "quarantined": quarantined,
     }
-    tell(options, facts, f"\n{stage_table(summaries)}\n\nepisodes: {folder.root / 'episodes'}")
+    print_result(
+        options, facts, f"\n{stage_table(summaries)}\n\nepisodes: {folder.root / 'episodes'}"
+    )
     return int(quarantined > options.max_failed)
 
 

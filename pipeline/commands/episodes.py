@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ...formats.core.atomic import file_digest
 from ...formats.core.errors import InputError
@@ -17,11 +18,14 @@ from ..engine.context import open_single
 from ..engine.keys import digest
 from ..engine.ledger import Row
 from ..engine.runner import Context, StageSummary, run_stage
-from ..folders import scenes_in
+from ..inputs.folders import scenes_in
+from ..inputs.sampling_plan import SamplingPlan, chosen_free_height, sample_config
 from ..options.episodes import Align, Filter, Sample
-from ..sampling_plan import SamplingPlan, chosen_free_height, sample_config
 from ..stages import align, episodes, repair
-from ..summary import tell
+from ..summary import print_result
+
+if TYPE_CHECKING:
+    from ...collectors.robots import RobotSpec
 
 PARTS = "parts"  # of results, beside the ledger
 
@@ -33,11 +37,13 @@ def run_align(options: Align) -> int:
         InputError: A tolerance is invalid, or a file or folder cannot be used.
     """
     out = _out(options.out, "aligned", len(options.episodes) > 1)
+    robots = _robots(options.robot)
     config = AlignConfig(
-        robot_radius_m=_radius(options.robot, options.robot_radius_m),
-        free_height_m=chosen_free_height(options.robot, options.free_height_m),
+        robot_radius_m=_radius(robots, options.robot_radius_m),
+        free_height_m=chosen_free_height(robots, options.free_height_m),
         max_start_nudge_m=options.max_start_nudge_m,
         max_goal_nudge_m=options.max_goal_nudge_m,
+        goal_beyond_start=options.goal_beyond_start,
         max_waypoint_nudge_m=options.max_waypoint_nudge_m,
         max_bypassed_share=options.max_bypassed_share,
         max_floor_gap_m=options.max_floor_gap_m,
@@ -88,7 +94,7 @@ def run_align(options: Align) -> int:
         f"{out}: {facts['episodes']} episodes of {len(paths)} paths aligned for a robot of radius "
         f"{config.robot_radius_m:g} m, {len(bad) + len(rejected)} rejected"
     )
-    tell(options, facts, text)
+    print_result(options, facts, text)
     return int(len(bad) + len(rejected) > options.max_failed)
 
 
@@ -120,20 +126,22 @@ def run_filter(options: Filter) -> int:
     total = {key: sum(one[key] for one in files.values()) for key in ("kept", "dropped")}
     text = "\n".join([*lines, f"{out}: {total['kept']} kept, {total['dropped']} dropped"])
     reasons = [r for row in summary.good().values() for r in row.facts["reasons"]]
-    return tell(options, {"out": str(out), **total, "splits": files, "reasons": reasons}, text)
+    return print_result(
+        options, {"out": str(out), **total, "splits": files, "reasons": reasons}, text
+    )
 
 
 def filter_lines(row: Row) -> list[str]:
     """What the stair filter did to one split, in words: episodes and paths, by reason."""
     counts, split = row.facts["counts"], row.facts["split"]
 
-    def told(pair: Sequence[int]) -> str:
+    def counted(pair: Sequence[int]) -> str:
         return f"{pair[0]} episodes ({pair[1]} paths)"
 
-    lines = [f"{split}: kept {told(counts['kept'])}, dropped {told(counts['dropped'])}"]
-    lines += [f"  by {rule}: {told(pair)}" for rule, pair in counts["by_rule"].items()]
+    lines = [f"{split}: kept {counted(counts['kept'])}, dropped {counted(counts['dropped'])}"]
+    lines += [f"  by {rule}: {counted(pair)}" for rule, pair in counts["by_rule"].items()]
     lines += [
-        f"  cannot be judged by {rule}: {told(pair)} without "
+        f"  cannot be judged by {rule}: {counted(pair)} without "
         + ("a repaired scene or a reference path" if rule == "geometric" else "a reference path")
         + "; kept"
         for rule, pair in counts["not_judged"].items()
@@ -151,9 +159,10 @@ def run_sample(options: Sample) -> int:
     """
     folders = _scene_folders(options.scenes)
     scenes = scene_rows(folders)
-    radius_m = _radius(options.robot, options.robot_radius_m)
+    robots = _robots(options.robot)
+    radius_m = _radius(robots, options.robot_radius_m)
     plan = SamplingPlan.of(options, options.preset, list(scenes))
-    height_m = chosen_free_height(options.robot, options.free_height_m)
+    height_m = chosen_free_height(robots, options.free_height_m)
     config = sample_config(options, options.count, radius_m, height_m, strict=plan is not None)
     out = _out(options.out, "episodes", plan is not None)
     with open_single(out, options.workers) as context:
@@ -180,9 +189,9 @@ def run_sample(options: Sample) -> int:
     for row in summary.good().values():
         for reason, count in row.facts["dropped"].items():
             dropped[reason] = dropped.get(reason, 0) + count
-    told = ", ".join(f"{count} {split}" for split, count in by_split.items())
+    per_split = ", ".join(f"{count} {split}" for split, count in by_split.items())
     text = f"{out}: {len(paths)} paths in {len(made)} scene{'s' * (len(made) > 1)}"
-    text += f" ({told})" if plan else ""
+    text += f" ({per_split})" if plan else ""
     if dropped:
         text += "; dropped candidates: "
         text += ", ".join(f"{count} {reason}" for reason, count in sorted(dropped.items()))
@@ -197,7 +206,7 @@ def run_sample(options: Sample) -> int:
         "scenes": {row.item: row.facts for row in summary.good().values()},
         "dropped": dropped,
     }
-    tell(options, facts, text)
+    print_result(options, facts, text)
     return int(summary.quarantined > options.max_failed)
 
 
@@ -225,12 +234,16 @@ def _scene_folders(given: Sequence[Path]) -> list[Path]:
     ]
 
 
-def _radius(robots: str, radius_m: float) -> float:
-    if not robots:
-        return radius_m
-    from ..crews import chosen_robots
+def _robots(names: str) -> list[RobotSpec]:
+    if not names:
+        return []
+    from ..inputs.crews import chosen_robots
 
-    return max(robot.footprint_radius_m for robot in chosen_robots(robots))
+    return chosen_robots(names)
+
+
+def _radius(robots: Sequence[RobotSpec], radius_m: float) -> float:
+    return max((robot.footprint_radius_m for robot in robots), default=radius_m)
 
 
 def _out(given: Path | None, name: str, folder: bool) -> Path:

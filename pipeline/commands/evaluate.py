@@ -27,15 +27,15 @@ from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError, UnknownNameError
 from ...formats.vlnce.files import read_episodes
 from ...learning.card import read_card
-from ..crews import action_timing, chosen_robots, keep_all
 from ..engine.context import open_context
 from ..engine.keys import digest
 from ..engine.ledger import Row
 from ..engine.run_folder import safe_name
 from ..engine.runner import Context, run_stage
+from ..inputs.crews import action_timing, chosen_robots, keep_all
+from ..inputs.views import chosen_views
 from ..options.evaluate import Compare, Evaluate
 from ..stages import evaluate, export, policy_report, render, repair, replay
-from ..views import chosen_views
 
 FRAMES_PER_SECOND = 4  # of images in MCAP files: one per action in VLN-PE's timing
 

@@ -19,12 +19,12 @@ from ..engine.keys import digest
 from ..engine.ledger import Row
 from ..engine.runner import Context, StageSummary, run_stage
 from ..engine.work import work_item
-from ..jobs.instruct import CACHE, InstructJob, read_facts, read_sights
-from ..jobs.name_things import NameThingsJob
+from ..jobs.instructions.instruct import CACHE, InstructJob, read_facts, read_sights
+from ..jobs.instructions.name_things import NameThingsJob
 from ..options.collect import Collect
 from ..options.instructions import Instruct
 from ..stages import instruct, repair, visibility
-from ..summary import tell
+from ..summary import print_result
 
 # In the ledger's folder.
 EPISODES, FACTS, OBJECTS = "episodes.json.gz", "facts.json.gz", "objects.json"
@@ -102,7 +102,7 @@ def run(options: Instruct) -> int:
         for label, count in made["unnamed_labels"].items():
             sys.stdout.write(f"no noun is known for the label {label!r} ({count} objects)\n")
     text = f"{options.out}: {made['episodes']} episodes, {made['texts']} texts"
-    tell(options, made | {"quarantined": failed}, text)
+    print_result(options, made | {"quarantined": failed}, text)
     return int(len(failed) > options.max_failed)
 
 

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 import sys
+from contextlib import nullcontext
 from dataclasses import asdict
 
 from ..doctor import examine, remedy
-from ..engine.executors import Workers
+from ..engine.executors.base import Workers
 from ..engine.ledger import Ledger
 from ..engine.run_folder import RunFolder
 from ..engine.runner import Context
 from ..options.results import Doctor, Report, Verify
 from ..stages import report
+from ..store.address import store_url
+from ..store.mirror import local_copy
 from ..verify.run import verify_run
 
 
@@ -22,7 +25,9 @@ def run_verify(options: Verify) -> int:
     Raises:
         InputError: If the folder contains no run.
     """
-    checks = verify_run(options.run)
+    url = store_url(options.run)
+    with local_copy(url) if url else nullcontext(options.run) as run:
+        checks = verify_run(run)
     bad = [c for c in checks if c.problem]
     if options.json:
         value = {"checked": len(checks), "problems": [asdict(c) for c in bad]}

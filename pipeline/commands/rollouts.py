@@ -13,15 +13,15 @@ from ...formats.core.errors import FileFormatError
 from ...formats.video.mp4 import check_rgb_codec
 from ...formats.vlnce.files import read_episodes
 from ...formats.vlnce.groups import group_by_path
-from ..crews import action_timing, chosen_robots, crews, keep_all, kept
 from ..engine.context import open_context
 from ..engine.ledger import Ledger, Row
 from ..engine.runner import StageSummary, run_stage
+from ..inputs.crews import action_timing, chosen_robots, crews, keep_all, kept
+from ..inputs.views import check_frame_rate, chosen_lights, chosen_views
 from ..options.rollouts import Export, Render, Replay
 from ..report.gather import robot_rows
 from ..stages import export, render, repair, replay
 from ..summary import joined, robot_table, stage_table
-from ..views import check_frame_rate, chosen_lights, chosen_views
 
 FRAME_RATE, VIDEO_RATE = 4, 25  # default frames per second
 

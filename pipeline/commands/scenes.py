@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from ...formats.core.errors import InputError
 from ...scene_repair.config import RepairConfig
-from ..builtin import BuiltIn, check_kind
 from ..engine.context import run_single
-from ..folders import refuse_to_replace
+from ..inputs.builtin import BuiltIn, check_kind
+from ..inputs.folders import refuse_to_replace
 from ..options.scenes import Repair, Scan
 from ..stages import repair
-from ..summary import tell
+from ..summary import print_result
 
 SCAN_NAMES = frozenset({"scan.glb", "scan.ply", "scan.labels.json", "truth.npz", "LICENSE.scan"})
 SCENE_NAMES = frozenset(
@@ -32,7 +32,9 @@ def run_scan(options: Scan) -> int:
     building = BuiltIn(options.kind, options.seed, not options.exact)
     item = repair.scan_item(building, out, options.splats)
     facts = run_single(out, repair.SCAN_STAGE, item).facts
-    return tell(options, facts, f"{options.out / facts['scan']}: {options.kind} {options.seed}")
+    return print_result(
+        options, facts, f"{options.out / facts['scan']}: {options.kind} {options.seed}"
+    )
 
 
 def run_repair(options: Repair) -> int:
@@ -43,7 +45,8 @@ def run_repair(options: Repair) -> int:
     """
     out = options.out.resolve()
     collision = str(options.collision.resolve()) if options.collision else ""
-    config = RepairConfig(up=options.up, unit=options.unit, collision=collision)
+    # Later commands find a scene by its folder's name, and every generated scan is a scan.glb.
+    config = RepairConfig(up=options.up, unit=options.unit, scene_id=out.name, collision=collision)
     item = repair.item(options.scan, out, config)
     refuse_to_replace(options.out, SCENE_NAMES)
     facts = run_single(out, repair.STAGE, item).facts
@@ -52,5 +55,5 @@ def run_repair(options: Repair) -> int:
         *repair.decisions(facts),
         f"{options.out}: {end}; see repair.json, before.png, after.png",
     ]
-    tell(options, facts, "\n".join(lines))
+    print_result(options, facts, "\n".join(lines))
     return int(not facts["sound"] and not options.allow_unsound)

@@ -5,16 +5,20 @@ from __future__ import annotations
 import contextlib
 import json
 import shutil
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from ...formats.core.atomic import sweep_beside, write_bytes
 from ...formats.core.errors import InputError, VlnpeError
 from ..options.running import Running
+from ..store.address import store_url
+from ..store.mirror import MirroredLedger, mirrored
 from .command_line import command_line
-from .executors import Execution, make_executor
+from .executors.base import Execution, make_executor
 from .files import records_of
 from .ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger, Row
 from .lock import LOCK_NAME, lock, sweep_unlocked
@@ -33,7 +37,8 @@ def open_context(root: Path, options: Running) -> Iterator[Context]:
     """Open an output folder with its ledger, lock it, and start what runs its items.
 
     Args:
-        root: Output folder; created if it does not exist.
+        root: Output folder, created if it does not exist; or the URL of one in an object store,
+            which is worked on in a scratch folder.
         options: The command's, which say how items are run.
 
     Raises:
@@ -43,6 +48,21 @@ def open_context(root: Path, options: Running) -> Iterator[Context]:
     execution = options.execution()
     if options.only and ":" not in options.only:
         raise InputError(f"--only {options.only}: valid: STAGE:ITEM, as quarantine.json lists them")
+    with contextlib.ExitStack() as stack:
+        if url := store_url(root):
+            root, store = stack.enter_context(mirrored(url, wait=options.wait))
+            sys.stderr.write(f"{url}: worked on in {root}\n")
+            ledger_of = partial(MirroredLedger, store=store)
+        else:
+            ledger_of = Ledger
+        yield stack.enter_context(_opened(root, options, execution, ledger_of))
+
+
+@contextmanager
+def _opened(
+    root: Path, options: Running, execution: Execution, ledger_of: Callable[[Path], Ledger]
+) -> Iterator[Context]:
+    """Open a local output folder; see `open_context`."""
     new = not root.exists()
     ours = any((root / name).is_file() for name in (MANIFEST_NAME, JOURNAL_NAME, LOCK_NAME))
     if root.is_dir() and any(root.iterdir()) and not ours:
@@ -53,7 +73,7 @@ def open_context(root: Path, options: Running) -> Iterator[Context]:
     with lock(folder.root, wait=options.wait):
         sweep_unlocked(folder.root)
         try:
-            with _working(folder.root, execution) as context:
+            with _working(folder.root, execution, ledger_of) as context:
                 yield replace(
                     context,
                     explain=options.explain,
@@ -113,13 +133,16 @@ def open_single(out: Path, workers: int = 1) -> Iterator[Context]:
 
 
 @contextmanager
-def _working(root: Path, execution: Execution) -> Iterator[Context]:
-    ledger = Ledger(root)
+def _working(
+    root: Path, execution: Execution, ledger_of: Callable[[Path], Ledger] = Ledger
+) -> Iterator[Context]:
+    ledger = ledger_of(root)
     ledger.save()
     with make_executor(execution, root) as executor, ended_first(executor.kill_processes):
         yield Context(ledger, executor)
     if (root / JOURNAL_NAME).is_file():
         ledger.save()
+    ledger.finish()
 
 
 def run_single(out: Path, stage: str, item: WorkItem) -> Row:
@@ -154,7 +177,7 @@ def run_output(context: Context, out: Path, stage: str, item: WorkItem) -> Row:
 
 
 def _state(key: str, out: Path) -> str:
-    """Return what tells whether `out` is still what the item with this key wrote, as JSON.
+    """Return a record of whether `out` is still what the item with this key wrote, as JSON.
 
     Content counts, not times: some file systems keep times of two seconds, and clocks jump.
     """

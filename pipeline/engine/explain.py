@@ -74,10 +74,10 @@ def _differences(name: str, old: Mapping[str, str], new: Mapping[str, str]) -> l
     for key in sorted({*old, *new}):
         if old.get(key) != new.get(key):
             where = f"{name}.{key}" if key else name
-            told = f"{old.get(key, 'nothing')} → {new.get(key, 'nothing')}"
-            # A digest of code says nothing to anybody.
+            change = f"{old.get(key, 'nothing')} → {new.get(key, 'nothing')}"
+            # A digest of code means nothing to a reader.
             found.append(f"{where} changed" if name == CODE and ":" not in key else
-                         f"{where}: {told}")  # fmt: skip
+                         f"{where}: {change}")  # fmt: skip
     return found or [f"{name} changed"]
 
 

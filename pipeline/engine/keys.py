@@ -1,4 +1,4 @@
-"""Digests that tell whether a work item must run again."""
+"""Digests that decide whether a work item must run again."""
 
 from __future__ import annotations
 

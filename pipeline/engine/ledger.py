@@ -126,6 +126,14 @@ class Ledger:
         """Return the rows of a stage, those of earlier options too, in item order."""
         return [self._rows[key] for key in sorted(self._rows) if key[0] == stage]
 
+    def every_row(self) -> list[Row]:
+        """Return the rows of all stages, those of earlier options too."""
+        return [self._rows[key] for key in sorted(self._rows)]
+
+    def records(self, row: Row) -> dict[str, Records]:
+        """Return the records of the files of an item's outputs, by output."""
+        return {output: self._files[output] for output in row.outputs if output in self._files}
+
     def select(self, stage: str, scope: str, names: Collection[str]) -> None:
         """Make `names` the current items of a stage among those that start with `scope`."""
         for (row_stage, item), row in self._rows.items():
@@ -241,13 +249,30 @@ class Ledger:
 
     def save(self) -> None:
         """Fold the journal into the manifest, and list what is quarantined."""
-        rows = [asdict(self._rows[k]) for k in sorted(self._rows)]
-        used = {digest for row in self._rows.values() for digest in row.parts.values()}
-        values = {digest: one for digest, one in self._values.items() if digest in used}
-        body = _text({"files": self._files, "parts": values, "rows": rows})
-        write_bytes(self.root / MANIFEST_NAME, _signed(body))
+        write_bytes(self.root / MANIFEST_NAME, self.manifest_text())
         write_bytes(self.root / QUARANTINE_NAME, self.quarantine_text())
         (self.root / JOURNAL_NAME).unlink(missing_ok=True)
+
+    def manifest_text(self, without: Collection[str] = ()) -> bytes:
+        """Return the content of the manifest.
+
+        Args:
+            without: Paths of files relative to `root`; outputs that have one of them are left out,
+                and so are their rows.
+        """
+        left_out = {
+            output
+            for output, records in self._files.items()
+            if without and any(os.path.normpath(f"{output}/{name}") in without for name in records)
+        }
+        rows = [row for row in self.every_row() if left_out.isdisjoint(row.outputs)]
+        files = {output: one for output, one in self._files.items() if output not in left_out}
+        used = {digest for row in rows for digest in row.parts.values()}
+        values = {digest: one for digest, one in self._values.items() if digest in used}
+        return _signed(_text({"files": files, "parts": values, "rows": [asdict(r) for r in rows]}))
+
+    def finish(self) -> None:
+        """End a run whose rows are saved; ledgers that are copied elsewhere complete the copy."""
 
     def quarantine_text(self) -> bytes:
         """Return the content of the list of quarantined items."""

@@ -49,7 +49,7 @@ class Holder:
 
     Attributes:
         host: Name of the machine.
-        boot: Identifies the machine's current start, and the container, where the system tells.
+        boot: Identifies the machine's current boot, and the container, where available.
         pid: Process id on that machine.
         started: Start time of the process, as the system counts it: ids are used again.
         token: Unique to this holding.
@@ -102,7 +102,7 @@ def lock(folder: Path, *, wait: bool = False) -> Iterator[None]:
     tries = 0
     while (held := _try(path)) is None:
         tries += 1
-        if tries <= GLANCES:  # somebody may only be looking, or just leaving
+        if tries <= GLANCES:  # the holder may be about to leave
             time.sleep(GLANCE_S)
             continue
         if not wait:
@@ -230,7 +230,7 @@ def _take(path: Path, descriptor: int) -> _Held | None:
         os.fsync(descriptor)
         return _Held(path, holder, descriptor)
     if before is None and path.stat().st_size and not _is_old(path):
-        return None  # somebody is just writing it
+        return None  # it is being written
     temporary = path.with_name(f"{TEMPORARY_PREFIX}{LOCK_NAME}.{holder.token}")
     temporary.write_text(json.dumps(asdict(holder)))
     temporary.replace(path)
@@ -240,7 +240,7 @@ def _take(path: Path, descriptor: int) -> _Held | None:
 
 
 def _is_dead(holder: Holder, path: Path, supported: bool) -> bool:
-    """Return whether the holder named in a lock has died, as far as this machine can tell.
+    """Return whether the holder named in a lock has died, as far as this machine knows.
 
     Args:
         holder: Who it is.
@@ -253,7 +253,7 @@ def _is_dead(holder: Holder, path: Path, supported: bool) -> bool:
 
 
 def _is_old(path: Path) -> bool:
-    """Return whether nobody has renewed the lock, by the file system's clock, not by ours."""
+    """Return whether the lock has not been renewed, by the file system's clock, not by ours."""
     try:
         with tempfile.NamedTemporaryFile(dir=path.parent, prefix=TEMPORARY_PREFIX) as probe:
             now_s = os.fstat(probe.fileno()).st_mtime

@@ -15,8 +15,8 @@ from pathlib import Path
 from ...formats.core.atomic import sweep_beside
 from ...formats.core.errors import InputError, VlnpeError
 from ...formats.core.progress import progress_bar
-from .attempts import TRANSIENT, Outcome, attempt, run_items
-from .executors import Executor
+from .executors.attempts import TRANSIENT, Outcome, attempt, run_items
+from .executors.base import Executor
 from .explain import changes, parts_of
 from .files import Records
 from .ledger import Ledger, Row
@@ -138,8 +138,8 @@ def run_stage(
         row = ledger.row(stage, item.name)
         reason = _why(context, stage, item, row, required)
         if context.explain:
-            told = f"runs: {reason}" if reason else f"is reused ({_state(row)})"
-            sys.stderr.write(f"{stage} {item.name} {told}\n")
+            verdict = f"runs: {reason}" if reason else f"is reused ({_state(row)})"
+            sys.stderr.write(f"{stage} {item.name} {verdict}\n")
         if reason or row is None:
             waiting.append(item)
             continue

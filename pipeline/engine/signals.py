@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from types import FrameType
+from typing import TextIO
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+PIPE_CLOSED = 128 + signal.SIGPIPE  # what a shell reports of a program that SIGPIPE has ended
 GRACE_S = 8.0  # after it, the process ends whatever it is doing
 
 
@@ -62,7 +65,7 @@ def ended_first(end: Callable[[], None]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def interruptible() -> Iterator[None]:
-    """Raise `Interrupted` in the block when a signal arrives, and tell the user once.
+    """Raise `Interrupted` in the block when a signal arrives, and print one line.
 
     Every output and every line of a ledger is complete at any moment, so a second signal, or a
     block that has not ended after `GRACE_S`, ends the process at once. Elsewhere than in the main
@@ -77,7 +80,7 @@ def interruptible() -> Iterator[None]:
         if came:
             _end(came[0])
         came.append(number)
-        _tell(f"{signal.Signals(number).name}: stopping; run the same command again to resume")
+        _report(f"{signal.Signals(number).name}: stopping; run the same command again to resume")
         watchdog = threading.Timer(GRACE_S, _end, (number,))
         watchdog.daemon = True
         watchdog.start()
@@ -96,7 +99,19 @@ def interruptible() -> Iterator[None]:
                 signal.signal(number, handler)
 
 
-def _tell(text: str) -> None:
+def closed_streams() -> list[TextIO]:
+    """Return which of stdout and stderr are pipes whose reader has gone, as after `| head`."""
+    closed = []
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(AttributeError, OSError, ValueError):  # no file behind it
+            poll = select.poll()
+            poll.register(stream.fileno(), select.POLLERR)
+            if poll.poll(0):
+                closed.append(stream)
+    return closed
+
+
+def _report(text: str) -> None:
     # Not through `sys.stderr`: the signal may have come while it was being written to.
     with contextlib.suppress(OSError):
         os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, f"\nvlnpe: {text}\n".encode())

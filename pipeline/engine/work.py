@@ -65,7 +65,7 @@ def work_item(
         outputs: what the job writes.
         inputs: everything else that decides the result: configuration, keys of the items that
             the job reads, digests of the user's files. Not the job's paths, which may move.
-        named: more inputs, whose names `--explain` prints; for values that do not tell what
+        named: more inputs, whose names `--explain` prints; for values that do not show what
             they are.
     """
     code = source_digest(type(job).__module__)

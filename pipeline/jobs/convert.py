@@ -40,9 +40,9 @@ class Options:
     """How to convert.
 
     Attributes:
-        licence: of data that does not tell its own.
+        licence: For data that does not state its own.
         vocabulary: VLN-CE episode file whose words give InternNav's tokens; None: our own words.
-        assumptions: of what InternData-N1 does not tell.
+        assumptions: What InternData-N1 does not state.
         scan: InternData-N1's folder to write, one of `layout.SCANS`; None: as the robot says.
         every_frame: InternData-N1 gets a row per frame instead of one per discrete step.
     """

@@ -39,7 +39,9 @@ class SampleJob:
     def run(self) -> ItemResult:
         """Sample one scene's episodes."""
         rng = np.random.default_rng(self.seed)
-        result = sample_episodes(load_bundle(self.scene), self.config, rng, self.quotas or None)
+        # Later stages find a scene by its folder's name, whatever the scan was called.
+        bundle = replace(load_bundle(self.scene), scene_id=self.scene.name)
+        result = sample_episodes(bundle, self.config, rng, self.quotas or None)
         write_episodes(self.out, result.episodes)
         facts = {
             "episodes": len(result.episodes),

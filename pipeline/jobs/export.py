@@ -43,10 +43,10 @@ class UnitJob:
         seen = read_frame_folder(self.frames)
         recorded = reviewed_rollout(self.rollout, self.review)
         if self.number is not None:
-            told = per_instruction(recorded.episode)
-            if self.number >= len(told):
+            texts = per_instruction(recorded.episode)
+            if self.number >= len(texts):
                 raise VlnpeError(f"instruction {self.number + 1} was rejected in review")
-            recorded = replace(recorded, episode=told[self.number])
+            recorded = replace(recorded, episode=texts[self.number])
         write_episode_unit(self.out, recorded, seen, depth_storage=self.depth_storage)
         facts = {
             "frames": seen.facts["frames"],

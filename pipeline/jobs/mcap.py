@@ -14,7 +14,6 @@ from ...formats.mcap.robot_links import robot_topics
 from ...formats.mcap.rollout import SHOW_EVERY
 from ...formats.mcap.shown import map_topic
 from ...formats.rendered.folder import read_frame_folder
-from ...formats.scene import FULL_HEIGHT_M
 from ...formats.scene.bundle import load_bundle
 from ..engine.work import ItemResult
 from ..provenance import encoding_facts, scene_provenance
@@ -61,8 +60,7 @@ class McapJob:
         )
         recorded = reviewed_rollout(self.rollout, self.review)
         episode = recorded.episode
-        height_m = episode.free_height_m or FULL_HEIGHT_M
-        freemap = bundle.freemap(episode.level).for_height(height_m)
+        freemap = bundle.freemap(episode.level).for_height(episode.free_height_m)
         links = robot_links(get_robot(self.robot).build_model(floor=False), recorded, SHOW_EVERY)
         write_episode_mcap(
             self.out,

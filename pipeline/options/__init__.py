@@ -1,4 +1,4 @@
-"""What each command can be told, one dataclass per command.
+"""The options of every command, one dataclass per command.
 
 `vlnpe COMMAND --help` imports nothing else, so these modules import no numerical library. Defaults
 that belong to such modules are repeated here; a test compares them.

@@ -44,11 +44,14 @@ class Collect(Running, Sampling):
     """Number of paths to sample per scene, a preset (gru_vln10, lab_3dgs), a VLN-CE episode file
     (.json.gz), or several of them, comma-separated, one per split."""
     robot_radius_m: float = SampleConfig.robot_radius_m
-    """Clearance of sampled paths [m]; a wider robot of the run raises it. Give that of the widest
-    robot that will ever join the run, so that the paths stay the same (jetbot: 0.38)."""
+    """Clearance of sampled paths [m]; a wider robot in the run raises it. Set it to that of the
+    widest robot that may join the run later, so that the paths stay the same (jetbot: 0.38)."""
     stair_rules: str = "step"
     """Rules by which episodes of a VLN-CE file are dropped, comma-separated: step, geometric, text;
     see `vlnpe filter`."""
+    goal_beyond_start: bool = False
+    """Let the goal of a VLN-CE path be moved out of collision farther than its start is, instead of
+    rejecting the path."""
     per_instruction: bool = False
     """Write one episode per instruction into episode files and LeRobot datasets. By default a path
     is one episode that carries all its instructions."""
@@ -71,7 +74,7 @@ class Collect(Running, Sampling):
     docs/instructions.md), or local (a GGUF model on disk)."""
     style: str = "mixed"
     """Styles of the instructions: natural, terse, rich, a comma-separated list (terse,rich), or
-    mixed, which takes all in turn."""
+    mixed, which alternates between all."""
     count: int = 3
     """Number of instructions per path and language."""
     language: str = "en"
@@ -88,7 +91,7 @@ class Collect(Running, Sampling):
     unit: str = "auto"
     """Length unit of the scans: m, cm, mm, in, ft, or auto to detect it."""
     collision: Path | None = None
-    """Mesh or USD stage to take as the surface of Gaussian splats, in the same coordinates."""
+    """Mesh or USD stage to use as the surface of Gaussian splats, in the same coordinates."""
     allow_unsound: bool = False
     """Also collect in scenes whose repair is not sound, instead of quarantining them. The report
     and the dataset card list them."""
@@ -104,7 +107,7 @@ class Collect(Running, Sampling):
     frames_per_second: int = 4
     """Rendered frames per second: 4, 5, 10, 20, 25 or 50."""
     only_episodes: bool = False
-    """Stop when scenes and instructed episodes are there; no robot walks."""
+    """Stop after scenes and instructed episodes are written, before any robot runs."""
     only_success: bool = False
     """Export only successful episodes. By default all are exported, each with its end reason."""
     rgb_codec: str = "h264"

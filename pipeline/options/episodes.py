@@ -22,35 +22,35 @@ class Sampling:
     max_length_m: float = SampleConfig.max_length_m
     """Maximum length of a sampled reference path [m]; the geodesic distance is never longer."""
     free_height_m: float = FULL_HEIGHT_M
-    """Free height above every path [m]. The default suits every robot; less lets paths for low
-    robots lead under tables, and 0 takes what the tallest of the robots needs."""
+    """Free height above every path [m]. The default suits every robot; a lower value lets paths for
+    low robots lead under tables, and 0 selects the height of the run's tallest robot."""
     min_crossings: int = SampleConfig.min_crossings
     """Minimum number of room-to-room transitions per sampled path; use 0 for a single-room scan."""
     similarity: str = SampleConfig.similarity
     """How sampled paths are compared: frechet (greatest distance, keeps other goals and other
     routes apart) or dtw (mean distance under time warping)."""
     min_gap_m: float = SampleConfig.min_gap_m
-    """Sampled paths nearer to each other than this are too similar [m]."""
+    """Minimum distance between sampled paths [m]; closer ones count as too similar."""
     family_gap_m: float = SampleConfig.family_gap_m
-    """Paths of different splits in one scene are farther apart than this, both ways [m]."""
+    """Minimum distance between paths of different splits in one scene, in both directions [m]."""
     max_detour: float = SampleConfig.max_detour
     """Maximum length of a sampled path relative to the shortest one."""
     max_turning_deg: float | None = SampleConfig.max_turning_deg
     """Maximum sum of a sampled path's turns [deg]."""
     heading: str = SampleConfig.heading
-    """Where the robot looks at the start: path (along it) or random."""
+    """Initial heading of the robot: path (along it) or random."""
     splits: str = ""
     """Number of paths per split over all scenes, e.g. train=147,val_seen=37,val_unseen=429.
     val_seen shares scenes with train, but no similar paths; val_unseen has scenes of its own."""
     train_scenes: str = ""
-    """Scenes to train in, for --splits and presets: comma-separated names, or a number, which takes
-    the first so many; by default as many as the splits' sizes ask for."""
+    """Scenes to train in, for --splits and presets: comma-separated names, or a number N for the
+    first N scenes; by default as many as the sizes of the splits need."""
     quota: str = ""
     """Total number of paths in single scenes, for --splits and presets: home_1=40,home_2=80; the
     other scenes share the rest."""
     allow_fewer: bool = False
-    """With --splits and presets: take what a scene holds instead of failing where it holds fewer
-    paths than asked for."""
+    """With --splits and presets: accept fewer paths from a scene that cannot hold the requested
+    number, instead of failing."""
 
 
 @dataclass(frozen=True)
@@ -70,18 +70,20 @@ class Align:
     robot_radius_m: float = 0.30
     """Clearance that starts, goals and paths need [m], if no robot is named."""
     free_height_m: float = FULL_HEIGHT_M
-    """Free height above every path [m]. The default suits every robot; less lets paths for low
-    robots lead under tables, and 0 takes what the tallest of the robots needs."""
+    """Free height above every path [m]. The default suits every robot; a lower value lets paths for
+    low robots lead under tables, and 0 selects the height of the run's tallest robot."""
     max_start_nudge_m: float = 0.5
-    """Farthest that a start in collision may be moved [m]."""
+    """Maximum distance by which a start in collision may be moved [m]."""
     max_goal_nudge_m: float = 0.5
     """Farthest that a goal in collision may be moved; no farther than a start [m]."""
+    goal_beyond_start: bool = False
+    """Let a path's goal be moved farther than its own start is, instead of rejecting the path."""
     max_waypoint_nudge_m: float = 0.5
-    """Farthest that an inner waypoint may be moved; one that needs more is bypassed [m]."""
+    """Maximum distance by which an inner waypoint may be moved [m]; others are bypassed."""
     max_bypassed_share: float = 0.5
-    """Greatest share of a path's inner waypoints that may be bypassed."""
+    """Maximum share of a path's inner waypoints that may be bypassed."""
     max_floor_gap_m: float = 1.0
-    """Farthest that a point may lie above or below its floor [m]."""
+    """Maximum height of a point above or below its floor [m]."""
     workers: int = 0
     """Number of worker processes; 0 uses one per core."""
     max_failed: int = 0

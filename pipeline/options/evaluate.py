@@ -13,7 +13,7 @@ from .running import Running
 
 @dataclass(frozen=True)
 class Evaluate(Running):
-    """Let a policy walk episodes in closed loop and score it: TL, NE, FR, StR, OS, SR, SPL, nDTW.
+    """Evaluate a policy in closed loop: TL, NE, FR, StR, OS, SR, SPL, nDTW.
 
     Example: vlnpe evaluate runs/apartment-0 --policy random --robot h1
     """
@@ -29,15 +29,15 @@ class Evaluate(Running):
     robot: str = "aliengo"
     """Robot: a name (see `vlnpe robots`), or the folder of your own robot."""
     controller: str = "speed"
-    """How actions are carried out: speed (physics), flash (placed without physics), or path for
-    --actions waypoints."""
+    """Controller that executes the actions: speed (physics), flash (placed without physics), or
+    path for --actions waypoints."""
     actions: str = "discrete"
     """Actions of a policy server: discrete (controller speed or flash), velocity (speed) or
     waypoints (path)."""
     split: str | None = None
     """Evaluate only this split, for example val_unseen; all by default."""
     limit: int | None = None
-    """Evaluate only the first so many episodes."""
+    """Maximum number of episodes; the first ones are evaluated."""
     camera: str = "ego"
     """Camera of the policy, with an optional size and field of view (ego:224x224:79); a learned
     policy by default has the one of its training data."""
@@ -55,11 +55,11 @@ class Evaluate(Running):
     closed_loop: bool = False
     """Run each discrete action of the speed controller until its 0.25 m or 15° is reached."""
     timeout_s: float = 30.0
-    """Longest time a policy server may take for one action [s]; physics stands still meanwhile."""
+    """Maximum time that a policy server may take for one action [s]; physics waits meanwhile."""
     seed: int = 0
     """Random seed."""
     films: int = 0
-    """Write report.html with films of so many successes and of each kind of failure: the policy's
+    """Write report.html with this many films of successes and of each kind of failure: the policy's
     view and one from behind, with the instruction and the chosen actions."""
     mcap: bool = False
     """Also write one MCAP file per episode with the images that the policy saw, for Foxglove."""
@@ -71,11 +71,11 @@ class Evaluate(Running):
 
 @dataclass(frozen=True)
 class Compare:
-    """Compare two evaluations episode by episode: which flipped, and how metrics changed."""
+    """Compare two evaluations episode by episode: changed outcomes and metrics."""
 
     first: tyro.conf.Positional[Path]
     """Folder of `evaluate`, or its results.json."""
     second: tyro.conf.Positional[Path]
-    """The same, of the other evaluation."""
+    """Folder or results.json of the other evaluation."""
     json: Json = False
     """Print one JSON object with the comparison as the last line."""

@@ -24,8 +24,8 @@ class Instruct:
     """Writer: composer (offline), llm (any OpenAI-compatible server, see
     docs/instructions.md), or local (a GGUF model on disk)."""
     style: str = "mixed"
-    """Styles: natural, terse, rich, a comma-separated list (terse,rich), or mixed, which takes all
-    in turn."""
+    """Styles: natural, terse, rich, a comma-separated list (terse,rich), or mixed, which
+    alternates between all."""
     count: int = 3
     """Number of texts per path and language."""
     language: str = "en"
@@ -56,23 +56,23 @@ class Instruct:
     workers: int = 0
     """Number of worker processes; 0 uses one per core."""
     max_failed: int = 0
-    """Exit with code 1 when more episodes than this have no true instruction."""
+    """Maximum number of episodes without a valid instruction; exit with code 1 above it."""
     json: Json = False
     """Print one JSON object with the summary as the last line."""
 
 
 @dataclass(frozen=True)
 class Review:
-    """Review the instructions of a run on a local page (127.0.0.1); decisions flow into export."""
+    """Review the instructions of a run on a local page (127.0.0.1); decisions apply at export."""
 
     run: tyro.conf.Positional[Path]
-    """A run folder, or an episode file of `instruct` (then say --scenes)."""
+    """A run folder, or an episode file of `instruct` (then --scenes is required)."""
     scenes: Path | None = None
     """Folder of repaired scenes; by default the run's."""
     decisions: Path | None = None
     """Append-only file of decisions; by default review.jsonl in the run folder, or beside the
     file."""
     port: int = 0
-    """Port of the page; 0 takes a free one."""
+    """Port of the page; 0 selects a free one."""
     open: bool = False
     """Open the page in the default browser."""

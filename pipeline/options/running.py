@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..engine.executors import LOCAL, Execution
+from ..engine.executors.base import LOCAL, Execution
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,13 +18,13 @@ class Running:
     wait: bool = False
     """If another process works in the output folder, wait for it to end instead of refusing."""
     explain: bool = False
-    """Say of every item why it runs or is reused, on stderr."""
+    """Print to stderr why each item runs or is reused."""
     retry_quarantined: bool = False
-    """Run quarantined items again although nothing has changed that they depend on. Those that
-    failed for want of memory, disk space or a server are run again anyway."""
+    """Run quarantined items again even if their inputs are unchanged. Items that failed for lack of
+    memory, disk space or a server are always run again."""
     only: str = ""
-    """Run one item alone, in this process, and print its traceback if it fails: STAGE:ITEM, as
-    quarantine.json lists them. All that it depends on must be done."""
+    """Run a single item in this process and print its traceback if it fails: STAGE:ITEM, as listed
+    in quarantine.json. The items that it depends on must be done."""
     executor: str = LOCAL
     """Where to run: local (processes of this machine), ray (a Ray cluster), or slurm (batch jobs).
     The machines share the run folder; see docs/scaling.md."""

@@ -43,7 +43,7 @@ class Repair:
     unit: str = "auto"
     """Length unit of the scan: m, cm, mm, in, ft, or auto to detect it."""
     collision: Path | None = None
-    """Mesh or USD stage to take as the surface of Gaussian splats, in the same coordinates; without
+    """Mesh or USD stage to use as the surface of Gaussian splats, in the same coordinates; without
     it the surface is fused from the splats."""
     allow_unsound: bool = False
     """Exit with code 0 even if the repaired scene fails its soundness checks."""

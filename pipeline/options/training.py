@@ -41,7 +41,7 @@ class Train:
 
     Writes <out>/<model>.safetensors with its card <model>.json, and curves.csv. Run the same
     command again to resume after an interruption. The recipe names the data and holds all settings
-    under `train` (docs/training.md); `vlnpe mix` shows what data that is.
+    under `train` (docs/training.md); `vlnpe mix` shows the selected data.
 
     Example: collect, train, evaluate:
       vlnpe collect --robot vlnce --scene 'builtin*4' --episodes 20 --out runs/homes
@@ -70,21 +70,21 @@ class Train:
     start: Path | None = None
     """Checkpoint (.safetensors) to start from (fine-tuning); its vocabulary is kept."""
     run: Path | None = None
-    """Run folder whose scenes and episodes --validate and --dagger walk."""
+    """Run folder with the scenes and episodes of --validate and --dagger."""
     validate: int = 0
-    """Walk so many episodes of --run in closed loop at each checkpoint, always the same ones, and
-    keep the checkpoint with the highest success rate; 0 keeps the last one."""
+    """Number of episodes of --run to evaluate in closed loop at each checkpoint, always the same
+    ones; the checkpoint with the highest success rate is kept. 0 keeps the last one."""
     validate_split: str | None = None
     """Split of those episodes, for example val_seen; all by default."""
     dagger: int = 0
-    """Rounds of DAgger after the training: the model walks training episodes of --run, the expert
-    says what it would have done, and training goes on with both, in <out>/dagger-<round>."""
+    """Rounds of DAgger after the training: the model executes training episodes of --run, the
+    expert labels each pose, and training continues on both, in <out>/dagger-<round>."""
     dagger_episodes: int = 50
-    """Walks per round."""
+    """Number of episodes per round of DAgger."""
     robot: str = "vlnce"
     """Robot of --validate and --dagger: a name (see `vlnpe robots`), or the folder of your own."""
     controller: str = "flash"
-    """How it carries actions out: flash (placed without physics) or speed."""
+    """Controller of --validate and --dagger: flash (placed without physics) or speed."""
     device: str | None = None
     """Torch device: cpu, cuda or auto; overrides the recipe."""
     threads: int = 0

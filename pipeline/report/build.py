@@ -109,14 +109,16 @@ def filter_notes(facts: Mapping[str, Any]) -> list[str]:
         return []
     counts, split = facts["counts"], facts["split"]
 
-    def told(pair: Sequence[int]) -> str:
+    def counted(pair: Sequence[int]) -> str:
         episodes, paths = ("" if count == 1 else "s" for count in pair)
         return f"{pair[0]} episode{episodes} ({pair[1]} path{paths})"
 
-    notes = [f"{split}: {told(counts['kept'])} kept, {told(counts['dropped'])} dropped for stairs"]
-    notes += [f"by {rule}: {told(pair)}" for rule, pair in counts["by_rule"].items() if pair[0]]
+    notes = [
+        f"{split}: {counted(counts['kept'])} kept, {counted(counts['dropped'])} dropped for stairs"
+    ]
+    notes += [f"by {rule}: {counted(pair)}" for rule, pair in counts["by_rule"].items() if pair[0]]
     notes += [
-        f"{told(pair)} cannot be judged by {rule} and are kept"
+        f"{counted(pair)} cannot be judged by {rule} and are kept"
         for rule, pair in counts["not_judged"].items()
         if pair[0]
     ]
@@ -132,7 +134,7 @@ def _episodes(rows: Sequence[Row], paths: ScenePaths) -> list[dict[str, Any]]:
         {
             "id": paths.episodes[name].episode_id,
             "split": paths.episodes[name].split,
-            "told": len(texts_of(paths.episodes[name])),
+            "texts": len(texts_of(paths.episodes[name])),
             "path": paths.episodes[name].reference_length_m,
             "instruction": paths.episodes[name].instruction,
             "walks": walks[name],

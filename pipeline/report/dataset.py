@@ -69,7 +69,7 @@ def dataset_plots(episodes: Sequence[Episode]) -> list[Plot]:
     by_split = {split: [e for e in episodes if e.split == split] for split in splits}
     texts = {split: [t for e in some for t in texts_of(e)] for split, some in by_split.items()}
     lengths = {split: [e.reference_length_m for e in some] for split, some in by_split.items()}
-    words = {split: [len(text.split()) for text in told] for split, told in texts.items()}
+    words = {split: [len(text.split()) for text in listed] for split, listed in texts.items()}
     rooms = {split: _rooms_crossed(some) for split, some in by_split.items()}
     plots = [
         Plot(
@@ -85,10 +85,10 @@ def dataset_plots(episodes: Sequence[Episode]) -> list[Plot]:
     if any(rooms.values()):
         caption = f"Passages from room to room per path. {_means(rooms, '')}"
         plots.append(Plot(step_histogram(rooms, "rooms crossed", "paths", width=1.0), caption))
-    for split, told in texts.items():
-        if told:
+    for split, listed in texts.items():
+        if listed:
             caption = f"Words of the instructions of {split}, without filling words."
-            plots.append(Plot(word_cloud(count_words(told)), caption))
+            plots.append(Plot(word_cloud(count_words(listed)), caption))
     return plots
 
 
@@ -136,9 +136,9 @@ def _actions(by_split: dict[str, list[Episode]]) -> dict[str, dict[str, float]]:
 
 
 def _steps(episode: Episode) -> Sequence[int]:
-    told = episode.extra.get("actions")
-    if told:
-        return told
+    given = episode.extra.get("actions")
+    if given:
+        return given
     return ideal_actions(episode.reference_path_world_m, episode.start_yaw_rad)
 
 
@@ -148,5 +148,5 @@ def _actions_note(by_split: dict[str, list[Episode]]) -> str:
 
 
 def _means(values: dict[str, list[Any]], unit: str) -> str:
-    told = [f"{s} {fmean(v):.1f}" for s, v in values.items() if v]
-    return f"Mean: {', '.join(told)}{f' {unit}' if unit else ''}." if told else ""
+    means = [f"{s} {fmean(v):.1f}" for s, v in values.items() if v]
+    return f"Mean: {', '.join(means)}{f' {unit}' if unit else ''}." if means else ""

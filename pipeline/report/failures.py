@@ -35,7 +35,7 @@ def failure_figures(
 
     Args:
         rows: rollouts of the replay stage.
-        diverged: episodes of which there is no rollout.
+        diverged: Episodes without a rollout.
         clips: by the rows' items, with the last frame beside each as `.jpg`.
         budget_bytes: of all embedded clips and pictures.
     """

@@ -108,7 +108,7 @@ def _robot_row(
         values = [m[key] for m in metrics if m[key] is not None]
         return scale * fmean(values) if values else None
 
-    # Diverged episodes carry as many instructions as nobody recorded; each counts as one.
+    # The number of instructions of a diverged episode was not recorded; each counts as one.
     texts = [max(1, f.get("instructions", 1)) for f in facts]
     good = sum(n * bool(m["success"]) for n, m in zip(texts, metrics, strict=True))
     return RobotRow(

@@ -19,7 +19,7 @@ from .pictures import data_uri
 
 REFERENCE, START, GOAL = "#ffffff", "#1a9850", "#2b5fb8"
 BAD = "#d1332b"
-# Told apart by everybody, on wood and on carpet (after Okabe and Ito, 2008).
+# Distinguishable with every colour vision, on wood and on carpet (after Okabe and Ito, 2008).
 ROBOT_COLORS = ("#e8a317", "#56b4e9", "#cc79a7", "#009e73", "#f0e442", "#8060d0")
 TRACK_STEP = 10  # samples, 0.1 s
 

@@ -9,7 +9,7 @@ from html import escape
 
 import numpy as np
 
-# Told apart by everybody (Okabe and Ito, 2008).
+# Distinguishable with every colour vision (Okabe and Ito, 2008).
 COLORS = ("#2b5fb8", "#d55e00", "#009e73", "#cc79a7", "#8060d0", "#5c6878")
 
 

@@ -9,9 +9,9 @@ from typing import Any
 
 from ...formats.convert.dataset import open_dataset
 from ...formats.core.errors import FileFormatError
-from ...formats.core.untrusted import check_input
 from ...formats.internnav import layout
 from ...formats.internnav.reader import find_scenes, is_layout
+from ...formats.untrusted.files import check_input
 from ..engine.keys import digest
 from ..engine.work import Job, WorkItem, work_item
 from ..jobs.convert import DatasetUnitJob, Kind, LayoutUnitJob, McapUnitJob, Options

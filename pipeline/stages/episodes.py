@@ -111,6 +111,6 @@ def merge(
             by_split.setdefault(episode.split, []).append(episode)
     files = {split: out(split) for split in by_split}
     for split, episodes in by_split.items():
-        told = [one for e in episodes for one in per_instruction(e)] if expand else episodes
-        write_episodes(files[split], told)
+        written = [one for e in episodes for one in per_instruction(e)] if expand else episodes
+        write_episodes(files[split], written)
     return [path for episodes in by_split.values() for path in group_by_path(episodes)], files

@@ -16,11 +16,11 @@ from ...formats.scene.bundle import INDEX_NAME
 from ...formats.vlnce.files import read_episodes
 from ...formats.vlnce.groups import group_by_path
 from ...instruction_gen.review.decisions import DecisionFile
-from ..crews import kept
 from ..engine.keys import digest
 from ..engine.ledger import Row
 from ..engine.runner import Context, StageSummary, run_stage
 from ..engine.work import WorkItem, work_item
+from ..inputs.crews import kept
 from ..jobs.export import DatasetJob, UnitJob
 from ..jobs.mcap import McapJob
 from ..jobs.reviewed import REVIEW_NAME
@@ -30,9 +30,14 @@ STAGE = "export"
 MCAP_STAGE = "mcap"
 DATASET_STAGE = "dataset"
 # What makes episodes and writes their pixels.
-CODE = tuple(
-    f"pipeline.jobs.{job}"
-    for job in ("scan", "repair", "episodes", "visibility", "instruct", "replay", "render")
+CODE = (
+    "pipeline.jobs.scan",
+    "pipeline.jobs.repair",
+    "pipeline.jobs.episodes",
+    "pipeline.jobs.instructions.visibility",
+    "pipeline.jobs.instructions.instruct",
+    "pipeline.jobs.replay",
+    "pipeline.jobs.render",
 )
 
 
@@ -238,7 +243,7 @@ def dataset_item(
 
 
 def _divided(rows: Mapping[str, Row], scenes: Path) -> tuple[str, ...]:
-    """The scenes of which some are to validate: none where the episodes' source says what does."""
+    """Return the scenes to hold some out from; none where the episodes' source has a split."""
     own = any(is_published_holdout(str(row.facts.get("split", ""))) for row in rows.values())
     return () if own else _scene_names(scenes)
 

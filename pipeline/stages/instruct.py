@@ -6,7 +6,7 @@ from ...instruction_gen.llm.brief import prompts_sha256
 from ..engine.ledger import Ledger, Row
 from ..engine.runner import StageSummary
 from ..engine.work import WorkItem, work_item
-from ..jobs.instruct import InstructJob
+from ..jobs.instructions.instruct import InstructJob
 
 STAGE = "instruct"
 

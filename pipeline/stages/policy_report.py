@@ -10,10 +10,10 @@ from typing import Any
 from ...collectors.rendering.camera.views import View
 from ...collectors.rendering.registry import scene_renderer_name
 from ...formats.core.atomic import atomic_file
-from ..crews import kept
 from ..engine.ledger import Row
 from ..engine.runner import Context, run_stage
 from ..engine.work import WorkItem, work_item
+from ..inputs.crews import kept
 from ..jobs.policy_film import PolicyFilmJob
 from ..report.policy_page import KINDS, kind_of, policy_page
 

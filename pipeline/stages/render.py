@@ -10,9 +10,9 @@ from pathlib import Path
 from ...collectors.rendering.camera.extras import Extras
 from ...collectors.rendering.camera.views import View
 from ...collectors.rendering.registry import scene_renderer_name
-from ..crews import kept
 from ..engine.ledger import Row
 from ..engine.work import WorkItem, work_item
+from ..inputs.crews import kept
 from ..jobs.pictures import FilmJob
 from ..jobs.render import RenderJob
 

@@ -9,17 +9,17 @@ from typing import Any
 
 from ...formats.core.atomic import file_digest
 from ...formats.core.errors import FileFormatError, InputError
-from ...formats.core.limits import limits
-from ...formats.core.untrusted import check_input
 from ...formats.scene.bundle import INDEX_NAME
+from ...formats.untrusted.files import check_input
+from ...formats.untrusted.limits import limits
 from ...scene_repair.config import RepairConfig
 from ...scene_repair.scan.files import USD_SUFFIXES, side_names
-from ..builtin import BuiltIn
 from ..engine.keys import digest
 from ..engine.ledger import JOURNAL_NAME, MANIFEST_NAME, Row
 from ..engine.lock import LOCK_NAME
 from ..engine.work import WorkItem, work_item
-from ..folders import scenes_in
+from ..inputs.builtin import BuiltIn
+from ..inputs.folders import scenes_in
 from ..jobs.repair import RepairJob, SoundnessJob
 from ..jobs.scan import ScanJob
 

@@ -8,11 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from ...collectors.controllers import CONTROLLERS
-from ..crews import kept
 from ..engine.ledger import Ledger, Row
 from ..engine.run_folder import RunFolder
 from ..engine.runner import Context, StageSummary, run_stage
 from ..engine.work import WorkItem, work_item
+from ..inputs.crews import kept
 from ..jobs.pictures import ClipJob, MapJob, StripJob
 from ..jobs.report import ReportJob
 from ..report.gather import replay_rows
@@ -22,7 +22,7 @@ from ..report.pictures import Pictures
 STAGE = "report"
 CLIP_S = 5.0  # how much of a failure's end is shown
 PAGE = "index.html"
-TIMES = {"cpu_s", "seconds"}  # facts that tell how long work took
+TIMES = {"cpu_s", "seconds"}  # facts about how long work took
 
 
 def write(folder: RunFolder, context: Context, summaries: list[StageSummary]) -> Path:
@@ -31,7 +31,7 @@ def write(folder: RunFolder, context: Context, summaries: list[StageSummary]) ->
     made, summary = _pictures(folder, context, replay_rows(ledger))
     page = folder.report / PAGE
     shown = [row for row in ledger.rows() if row.stage != STAGE]
-    # The page shows outcomes, not only what was done: a mended item keeps its key.
+    # The page shows outcomes, not only what was done: a repaired item keeps its key.
     content = [_untimed(row) for row in shown]
     item = work_item(STAGE, PAGE, ReportJob(folder.root, made, page), (page,), content=content)
     summaries += [summary, run_stage(context, STAGE, [item])]

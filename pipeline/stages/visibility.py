@@ -7,7 +7,7 @@ from pathlib import Path
 from ...collectors.robots import get_robot
 from ..engine.ledger import Row
 from ..engine.work import WorkItem, work_item
-from ..jobs.visibility import LookJob
+from ..jobs.instructions.visibility import LookJob
 
 STAGE = "look"
 

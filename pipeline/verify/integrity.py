@@ -14,9 +14,13 @@ from ..engine.files import FileRecord
 from ..engine.ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger
 from ..engine.lock import LOCK_NAME
 from ..jobs.reviewed import REVIEW_NAME
+from ..store.address import MARKER_NAME
 
-# The ledger's own files, and the one that people edit: none has a record.
-UNRECORDED = {MANIFEST_NAME, JOURNAL_NAME, QUARANTINE_NAME, LOCK_NAME, REVIEW_NAME}
+# The files of the ledger and of the store, and the one that people edit: none has a record.
+UNRECORDED = {
+    *(MANIFEST_NAME, JOURNAL_NAME, QUARANTINE_NAME),
+    *(LOCK_NAME, MARKER_NAME, REVIEW_NAME),
+}
 
 
 @dataclass(frozen=True)

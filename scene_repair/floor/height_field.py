@@ -25,7 +25,7 @@ def coarse_floor(fine: GridSpec, z_m: NDArray[np.float64], grid: GridSpec) -> Fl
     blocks = z_m.reshape(grid.rows, factor, grid.columns, factor).swapaxes(1, 2)
     blocks = blocks.reshape(grid.rows, grid.columns, factor * factor)
     counted = np.isfinite(blocks).sum(axis=2)
-    # A cell counts only whole, so that nothing dropped anywhere in it falls through.
+    # A cell counts only whole, so nothing dropped inside it falls through.
     covered = counted == factor * factor
     total = np.nansum(blocks, axis=2)
     height = np.where(counted > 0, total / np.maximum(counted, 1), np.nan)

@@ -80,7 +80,7 @@ class Hole:
 class _Rim:
     """Shares of a gap's rim, and of what lies over and under its cells.
 
-    `sides` is the number of connected pieces of floor that lie near; `joined` tells whether no wall
+    `sides` is the number of connected pieces of floor that lie near; `joined` says whether no wall
     stands between it and floor that has room for a robot.
     """
 
@@ -227,7 +227,7 @@ def _gaps(evidence: Evidence, line: Mask, grid: GridSpec) -> tuple[Mask, Mask]:
     parts, _ = label(distance_to(~padded) > radius)
     outside = distance_to(parts == parts[0, 0]) <= radius
     inside = empty & ~outside[pad:-pad, pad:-pad]
-    # Where a wall is missing the outside seems to reach in; a ceiling tells otherwise.
+    # Where a wall is missing the outside seems to reach in; a ceiling shows otherwise.
     sheltered = empty & evidence.overhead
     near = evidence.covered | inside
     reached = grow(near, round(UNDER_CEILING_REACH_M / grid.cell_m), within=sheltered | near)

@@ -24,7 +24,7 @@ STOREY_M = 1.5
 # A surface this far above a floor that surrounds it is furniture, unless it is large.
 FURNITURE_M = (0.15, 1.4)
 PLATFORM_M2 = 8.0
-# What lies this far around a surface tells whether a room is over or under it.
+# What lies this far around a surface decides whether a room is over or under it.
 AROUND_M = 0.3
 WALLS_ABOVE_SHARE = 0.5
 RISES_M = np.array([0.5, 1.0, 1.5])
@@ -180,7 +180,7 @@ def averted_faces(
 ) -> NDArray[np.bool_]:
     """Return (F,) faces wound opposite to the floors: undersides of walls and furniture.
 
-    None, if the floors' faces are not wound alike and so tell nothing.
+    None, if the floors' faces have inconsistent winding.
     """
     cells = len(columns.start) - 1
     total, count = 0.0, 0

@@ -56,7 +56,7 @@ def find_surfaces(
     clear = _clearance(columns.start, columns.z, STACK_M)
     hidden = _hidden(columns.start, columns.z, np.ones(len(z), dtype=np.bool_), STACK_M)
     # A ceiling in the plane of the floor above it, as storeys stacked by an exporter have, does not
-    # hide that floor; the underside of a box does, for nobody can stand in it.
+    # hide that floor; the underside of a box does, because there is no room to stand in it.
     ceiled = hidden & (clear >= STANDING_M) & ~_hidden(columns.start, columns.z, level, STACK_M)
     index = np.flatnonzero(level & (~hidden | ceiled) & (clear >= clear_m))
     start = np.searchsorted(cell[index], np.arange(len(columns.start)))

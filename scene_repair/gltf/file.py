@@ -14,11 +14,11 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.core.documents import parse_json
 from ...formats.core.errors import FileFormatError
-from ...formats.core.glb import glb_bytes, read_glb
-from ...formats.core.limits import limits
-from ...formats.core.untrusted import check_input, read_input
+from ...formats.untrusted.documents import parse_json
+from ...formats.untrusted.files import check_input, read_input
+from ...formats.untrusted.glb import glb_bytes, read_glb
+from ...formats.untrusted.limits import limits
 from ..scan.resolver import ConfinedResolver
 
 # Parts of the tree that are lists of objects.
@@ -178,7 +178,7 @@ class GltfFile:
         """Return the file's bytes without images and unused vertex attributes.
 
         Pictures are opened apart, in bounded memory; materials are named by their number, which
-        tells whose they are.
+        says which node they belong to.
         """
         tree = {k: v for k, v in self.tree.items() if k not in ("images", "textures")}
         materials = [

@@ -6,7 +6,7 @@ import re
 
 from ...formats.scene.things import THINGS as THINGS
 
-# Words that tell variants of one thing apart, or where it is used, but not what it is.
+# Words for variants of a thing or where it is used, not for what it is.
 _GENERIC = {
     "geometry", "mesh", "node", "object", "obj", "group", "default", "root", "scene", "world",
     "polysurface", "shape", "primitive", "untitled", "none", "material", "model", "instance",

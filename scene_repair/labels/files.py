@@ -11,17 +11,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.core.documents import parse_json
 from ...formats.core.errors import FileFormatError, brief
 from ...formats.core.frames import quat_to_matrix, xyzw_to_wxyz
-from ...formats.core.limits import limits
+from ...formats.untrusted.documents import parse_json
+from ...formats.untrusted.limits import limits
 from ..scan.files import INTERIOR_NAME, LABELS_NAME, MAX_LABELS_BYTES, side_file
 from ..scan.soup import MAX_COORDINATE
 from .categories import category_of_name
 
 # Half thickness given to flat labels (walls, doors, table tops), in source units.
 FLAT = 0.05
-# Shorter quaternions tell no direction.
+# Shorter quaternions define no rotation.
 LEAST_QUATERNION = 1e-6
 
 

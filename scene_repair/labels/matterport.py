@@ -1,6 +1,6 @@
 """Read Matterport3D's `.house` files: rooms and objects of a building, z up, in metres.
 
-The format (lines whose first letter tells their kind, fields separated by blanks) is described in
+The format (lines whose first letter is their kind, fields separated by blanks) is described in
 the data set's "data organization" document.
 """
 

@@ -41,7 +41,7 @@ def label_by_boxes(scan: Scan, boxes: list[LabelBox], source_to_world: NDArray[n
     Args:
         scan: in source coordinates.
         boxes: in source coordinates; rooms are no things and left out.
-        source_to_world: (4, 4) similarity, which tells what is up.
+        source_to_world: (4, 4) similarity, which defines the up direction.
     """
     things = [b for b in boxes if not b.category.startswith(ROOM_PREFIX) and b.category]
     things = [b for b, copied in zip(things, copies(things), strict=True) if not copied]

@@ -42,7 +42,7 @@ DOUBT = 8.0
 ASLANT, NARROW_LEAD = 0.7, 2.0
 # How narrowly area must agree with a vertical to speak for it, and what a tilted one must gain.
 NARROW_DEG, LEAST_GAIN = 2.0, 0.03
-# Objects that tell up from down by their names.
+# Objects whose names reveal which way is up.
 LOW_THINGS, HIGH_THINGS = frozenset({"floor", "rug", "carpet"}), frozenset({"ceiling", "roof"})
 
 
@@ -114,7 +114,7 @@ def _up(
             return axis, reason, promised, []
         best = found[np.argmax(like)]
         lead = float(like.max()) / max(likeness(surfaces, promised), 1e-9)
-        # Bare walls lying flat look like floor and ceiling; what stands between them would tell.
+        # Bare walls lying flat look like floor and ceiling; the objects between them would show it.
         bare = side_evidence(surfaces, best)[0] == 0.0
         if lead < OVERRULE or bare or abs(float(best @ promised)) > 0.9:
             return axis, reason, promised, []
@@ -238,7 +238,7 @@ def _levelling(up: NDArray[np.float64], config: RepairConfig) -> tuple[NDArray[n
     """Return the rotation from `up` (3,) to z, and its angle [deg].
 
     None is made for less than the tilt that is worth levelling, or for more than a scan may have
-    whose up axis somebody named.
+    whose up axis was given.
     """
     tilt_deg = float(np.rad2deg(np.arccos(np.clip(up[2], -1.0, 1.0))))
     named = config.up != "auto"

@@ -9,9 +9,9 @@ from pathlib import Path
 from PIL import Image
 
 from ...formats.core.errors import FileFormatError, InputError
-from ...formats.core.limits import limits
-from ...formats.core.untrusted import check_input, is_text, read_input
 from ...formats.splats.read import splat_kind
+from ...formats.untrusted.files import check_input, is_text, read_input
+from ...formats.untrusted.limits import limits
 from ..splats.read import read_splat_scan
 from ..usd.package import read_member
 from .files import CLOUD_SUFFIXES, SUFFIXES, USD_SUFFIXES, why_not

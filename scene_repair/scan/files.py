@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ...formats.core.errors import FileFormatError
-from ...formats.core.untrusted import read_input
+from ...formats.untrusted.files import read_input
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off")
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")

@@ -18,8 +18,8 @@ from trimesh.visual.material import PBRMaterial, SimpleMaterial
 from trimesh.visual.texture import TextureVisuals
 
 from ...formats.core.errors import FileFormatError
-from ...formats.core.limits import limits
-from ...formats.core.untrusted import check_input, read_input
+from ...formats.untrusted.files import check_input, read_input
+from ...formats.untrusted.limits import limits
 from ..gltf.checks import check_gltf
 from ..gltf.file import GltfFile, gltf_facts
 from ..gltf.textures import with_images
@@ -153,7 +153,7 @@ def _parts(scene: trimesh.Scene, named: bool, warnings: list[str]) -> list[Part]
             if not len(faces):
                 continue
         corner_uv, material, colors = _look(mesh, faces)
-        # Pieces may share one buffer of vertices, of which each takes few.
+        # Pieces may share one buffer of vertices and use few of them each.
         used, inverse = np.unique(faces, return_inverse=True)
         vertices, faces = vertices[used], inverse.reshape(-1, 3)
         with np.errstate(invalid="ignore", over="ignore"):

@@ -17,13 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ...formats.core.errors import FileFormatError, InputError
+from ...formats.core.errors import FileFormatError, InputError, MissingExtraError
 from .headers import check_pcd, read_header
 from .readings import LookRef, RawPart, Readings
 from .record import DEFAULT_COLOR
 
 LIBRARIES = "libgl1 libgomp1 libusb-1.0-0 libx11-6"
-INSTALL = "point clouds need the extra `scan`; `vlnpe doctor` prints how to install it"
 # More points than this are thinned out evenly first; a room has 2 cm between them then.
 MAX_POINTS = 400_000
 LEAST_POINTS = 100
@@ -76,7 +75,7 @@ def read(path: Path) -> Readings:
 
 def _open3d() -> Any:
     if importlib.util.find_spec("open3d") is None:
-        raise InputError(INSTALL)
+        raise MissingExtraError("reading a point cloud", "scan")
     try:
         import open3d as o3d
     # What is missing is a library of the system, raised as an ImportError or an OSError.
@@ -116,7 +115,7 @@ def _points(
             normals = normals / np.maximum(length, 1e-9)[:, None]
         else:
             normals = None
-            warnings.append("normals are not of unit length; estimated anew")
+            warnings.append("normals do not have unit length; estimated again")
     return points[usable], None if colors is None else np.nan_to_num(colors), normals
 
 

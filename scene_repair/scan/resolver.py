@@ -9,7 +9,7 @@ from typing import Any
 from trimesh.resolvers import Resolver
 
 from ...formats.core.errors import FileFormatError, brief
-from ...formats.core.untrusted import read_input
+from ...formats.untrusted.files import read_input
 from .images import PixelBudget, open_image
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".gif", ".webp", ".tga")

@@ -23,8 +23,8 @@ def object_of(prim: Usd.Prim) -> tuple[str, str]:
     """Return name (a prim path) and category of the object of `prim`; both empty if unknown.
 
     Written labels come first, the nearest ancestor's first. Then names count: the nearest model's
-    (a prim of kind `component`), or else the nearest telling one. Where that is a folder of things
-    (`bed/model_1a2b/…`), the thing is the prim below it.
+    (a prim of kind `component`), or else the nearest one with a meaningful name. Where that is a
+    folder of things (`bed/model_1a2b/…`), the thing is the prim below it.
     """
     chain = []
     at = prim

@@ -82,7 +82,7 @@ def floor_surface(floor: Floor) -> tuple[NDArray[np.float64], NDArray[np.int64]]
     """Return the floor as quads facing up; corner heights average the cells around them.
 
     Cells that lie a step higher or lower do not count, so that edges stay sharp. It reaches one
-    cell beyond the covered ones: under walls, so that nothing slips in between.
+    cell beyond the covered ones: under walls, so nothing slips in between.
     """
     width = floor.grid.columns + 1
     height = np.pad(floor.height_m.astype(np.float64), 1, mode="edge")

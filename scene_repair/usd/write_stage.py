@@ -1,6 +1,6 @@
 """Write the repaired scene as one USD file: materials, labelled objects, collision.
 
-Layout, for whoever reads it (Isaac Sim among others):
+Layout, as read by Isaac Sim and others:
 
     /World                      default prim
       Looks, Friction           materials
@@ -223,7 +223,7 @@ def _collision(stage: Usd.Stage, levels: list[tuple[Floor, Obstacles]], paths: l
 
 
 def _collapsed(visual: VisualMesh) -> NDArray[np.bool_]:
-    """(F,) faces two corners of which coincide."""
+    """Return which faces are degenerate (two equal corners), (F,) bool."""
     a, b, c = (visual.vertices[visual.faces[:, k]] for k in range(3))
     return (a == b).all(axis=1) | (b == c).all(axis=1) | (c == a).all(axis=1)
 

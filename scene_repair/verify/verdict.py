@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 # Gaps of a kind that together are smaller than this, and than this share of the floor where that is
-# more, are a doubt: cells above them are taken out of the maps, so that nobody is sent there.
+# more, are a doubt: cells above them are taken out of the maps, so no robot is sent there.
 DOUBT_M2, DOUBT_SHARE, MOST_DOUBT_M2 = 0.05, 0.001, 0.5
 LOOK = "look at after.png there; scan that place again, or close it, if robots are to walk on it"
 

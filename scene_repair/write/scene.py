@@ -141,7 +141,7 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
     proof = verify_scene(bundle, usd_checked=True)
     write_json(out_dir / RECORD_NAME, {**record, "verification": proof})
     if not proof["sound"]:
-        # Whoever makes data of it must be able to tell.
+        # Datasets made from it must be able to state this.
         bundle = replace(bundle, source={**bundle.source, UNSOUND: proof["problems"]})
         save_index(bundle)
     return bundle

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tests.support.homes import exact_freemap, faults, joined, unreachable
+from tests.support.scenes.homes import exact_freemap, faults, joined, unreachable
 from vlnpe.apartments import BUILDINGS, TrueScene, build_scene, building_config
 from vlnpe.apartments.home.planner import draw_storeys
 from vlnpe.collectors.robots import ROBOTS

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from tests.support.homes import exact_freemap
+from tests.support.scenes.homes import exact_freemap
 from vlnpe.apartments import build_scene, building_config, generate_exact
 from vlnpe.collectors.rendering.scene.arrays import scene_arrays
 from vlnpe.collectors.rendering.scene.textures import load_materials

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import label
 
-from tests.support.homes import exact_freemap, joined
+from tests.support.scenes.homes import exact_freemap, joined
 from vlnpe.apartments import ApartmentConfig, TrueScene, build_scene
 from vlnpe.apartments.home.planner import draw_plan
 from vlnpe.wayfinding.distance import distance_field

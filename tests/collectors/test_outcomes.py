@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from tests.collectors.test_replay import make_episode
-from tests.support.rooms import write_two_rooms
+from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.collectors.outcome import OutcomeConfig
 from vlnpe.collectors.replay import ReplayConfig
 from vlnpe.formats.mcap.rollout import read_rollout

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.support.cart import CartGait, make_cart
-from tests.support.rooms import write_two_rooms
+from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.collectors.controllers import Pose
 from vlnpe.collectors.physics import (
     FloorSurface,

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tests.support.cart import CartGait, make_cart
-from tests.support.rooms import write_two_rooms
+from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.collectors.controllers import FlashConfig, SpeedConfig
 from vlnpe.collectors.outcome import OutcomeConfig
 from vlnpe.collectors.physics import ObstacleGate

@@ -18,7 +18,7 @@ import pytest
 import trimesh
 
 from tests.collectors.test_replay import make_episode, same
-from tests.support.rooms import write_two_rooms
+from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.collectors.drives import gait_for
 from vlnpe.collectors.locomotion.policy import PolicyMismatchError, policy_files
 from vlnpe.collectors.rendering.scene.robot_body import RobotBody
@@ -32,8 +32,8 @@ from vlnpe.formats.rendered.folder import read_frame_folder
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.vlnce.files import write_episodes
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.crews import chosen_robots
 from vlnpe.pipeline.engine.ledger import Row
+from vlnpe.pipeline.inputs.crews import chosen_robots
 from vlnpe.pipeline.stages import replay
 
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "robots.md"

@@ -19,7 +19,7 @@ from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.core.rollout import EndReason, Rollout
 from vlnpe.formats.mcap.rollout import read_rollout, write_rollout
 from vlnpe.formats.scene.bundle import SceneBundle
-from vlnpe.pipeline.crews import chosen_robots, crews
+from vlnpe.pipeline.inputs.crews import chosen_robots, crews
 
 FLASH = ReplayConfig(robot="vlnce", controller="flash")
 

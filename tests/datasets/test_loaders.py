@@ -19,7 +19,7 @@ from tests.support.lerobot_data import DEPTH, RGB, write_unit, write_units
 from tests.support.rollouts import make_frames
 from tests.support.training_data import WORDS, make_walk, write_dataset
 from vlnpe.datasets.episode_index import read_index
-from vlnpe.datasets.instructions import Telling
+from vlnpe.datasets.instructions import InstructionChoice
 from vlnpe.datasets.local import open_dataset
 from vlnpe.datasets.navigation import NavigationConfig, NavigationDataset
 from vlnpe.datasets.poses import future_poses, relative
@@ -292,15 +292,15 @@ def test_any_of_a_path_s_instructions_is_drawn_by_seed_and_epoch(
     assert entries[2].instructions == tuple(f"{text} 2" for text in WORDS)
     table = pq.read_table(out / "meta/episodes/chunk-000/file-000.parquet")
     assert table["instruction_episode_ids"][2].as_py() == ["2-0", "2-1", "2-2"]
-    assert [Telling().text(e) for e in entries] == [e.instructions[0] for e in entries]
-    drawn = [[Telling("any", 3, epoch).text(e) for e in entries] for epoch in range(60)]
-    assert drawn[4] == [Telling("any", 3, 4).text(e) for e in entries]
+    assert [InstructionChoice().text(e) for e in entries] == [e.instructions[0] for e in entries]
+    drawn = [[InstructionChoice("any", 3, epoch).text(e) for e in entries] for epoch in range(60)]
+    assert drawn[4] == [InstructionChoice("any", 3, 4).text(e) for e in entries]
     for number, entry in enumerate(entries):
         assert {texts[number] for texts in drawn} == set(entry.instructions)
     told = EpisodeSequences(
-        select_all([index]), tokens, SequenceConfig(images=False), Telling("any")
+        select_all([index]), tokens, SequenceConfig(images=False), InstructionChoice("any")
     )
-    expected = tokens.encode(Telling("any").text(entries[1]))
+    expected = tokens.encode(InstructionChoice("any").text(entries[1]))
     assert told[1]["tokens"].tolist() == expected.tolist()
     with pytest.raises(UnknownNameError, match="own"):
-        Telling("all")
+        InstructionChoice("all")

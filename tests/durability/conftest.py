@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support import tiny_run
+from tests.support.runs import tiny_run
 
 
 @pytest.fixture(scope="session")

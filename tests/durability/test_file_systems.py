@@ -12,13 +12,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.support import work
-from tests.support.content import content
-from tests.support.work import InlineWorkers
+from tests.support.runs import work
+from tests.support.runs.content import content
+from tests.support.runs.work import InlineWorkers
 from vlnpe.formats.core.atomic import TEMPORARY_PREFIX
 from vlnpe.formats.core.errors import InputError
-from vlnpe.pipeline.engine import executors
 from vlnpe.pipeline.engine.context import open_context, run_single
+from vlnpe.pipeline.engine.executors import base as executors
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.engine.runner import Context, StageSummary, run_stage
 from vlnpe.pipeline.engine.work import WorkItem

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support import tiny_run
-from tests.support.content import content
-from tests.support.kills import kill_in
+from tests.support.runs import tiny_run
+from tests.support.runs.content import content
+from tests.support.runs.kills import kill_in
 from vlnpe.formats.core.atomic import TEMPORARY_PREFIX
 
 

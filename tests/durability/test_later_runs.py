@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support import tiny_run
+from tests.support.runs import tiny_run
 from vlnpe.collectors.controllers import SpeedConfig
 from vlnpe.collectors.replay import ReplayConfig
 from vlnpe.formats.core.episode import Episode

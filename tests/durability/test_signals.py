@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support import tiny_run
+from tests.support.runs import tiny_run
 from vlnpe.formats.core.atomic import TEMPORARY_PREFIX
 from vlnpe.pipeline.engine.context import open_context
 from vlnpe.pipeline.engine.ledger import Ledger
@@ -46,7 +46,7 @@ def start() -> Iterator[Callable[..., subprocess.Popen[str]]]:
 
 
 def lingering(root: Path, *options: object) -> list[str]:
-    return [sys.executable, "-m", "tests.support.lingering", str(root), *map(str, options)]
+    return [sys.executable, "-m", "tests.support.runs.lingering", str(root), *map(str, options)]
 
 
 def until(true: Callable[[], bool], seconds: float = 120.0) -> None:

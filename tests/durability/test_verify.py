@@ -12,8 +12,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from tests.support.flips import flipped
-from tests.support.rooms import write_two_rooms
+from tests.support.runs.flips import flipped
+from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.scene.bundle import load_bundle
 from vlnpe.pipeline.cli import main

@@ -28,7 +28,7 @@ from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.core.rollout import Action, EndReason
 from vlnpe.formats.scene.bundle import SceneBundle
-from vlnpe.pipeline.crews import action_timing
+from vlnpe.pipeline.inputs.crews import action_timing
 from vlnpe.pipeline.stages import replay
 
 

@@ -17,7 +17,7 @@ import pyvista
 from numpy.typing import NDArray
 
 from tests.formats.mcap.test_episode import decode, rotation
-from tests.support.render_scenes import facing
+from tests.support.scenes.render_scenes import facing
 from tests.support.walks import glide
 from vlnpe.collectors.rendering.camera.rollout_views import render_rollout
 from vlnpe.collectors.rendering.camera.views import make_view

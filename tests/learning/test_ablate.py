@@ -29,12 +29,12 @@ from vlnpe.learning.ablation.evaluate import (
 )
 from vlnpe.learning.ablation.intervals import over_seeds, paired_differences
 from vlnpe.learning.ablation.run import training_job
-from vlnpe.learning.cache import CachedSequences
 from vlnpe.learning.config import ModelConfig, TrainConfig, train_config
-from vlnpe.learning.heads import FUTURE
-from vlnpe.learning.holdout import hold_out
-from vlnpe.learning.models import MODELS, Model
-from vlnpe.learning.train import Watcher, learning_rate_factor, train_model
+from vlnpe.learning.models.heads import FUTURE
+from vlnpe.learning.models.registry import MODELS, Model
+from vlnpe.learning.training.cache import CachedSequences
+from vlnpe.learning.training.holdout import hold_out
+from vlnpe.learning.training.train import Watcher, learning_rate_factor, train_model
 from vlnpe.pipeline.cli import main
 
 MODEL = {"channels": [4, 8], "hidden": 16, "words": 8}

@@ -19,7 +19,7 @@ from vlnpe.learning.ablation.page import plot_png, report_html
 from vlnpe.learning.ablation.report import differences, estimates, report_markdown
 from vlnpe.learning.ablation.run import Ablation, Row
 from vlnpe.learning.config import train_config
-from vlnpe.learning.holdout import Holdout
+from vlnpe.learning.training.holdout import Holdout
 
 ROBOTS = ["humanoid", "small_humanoid", "quadruped", "wheeled_robot", "vlnce_style"]
 LONG = "three robots and the VLN-CE-style agent together"

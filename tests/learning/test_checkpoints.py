@@ -20,8 +20,8 @@ from tests.learning.test_closed_loop import request
 from vlnpe.evaluation.policy import check_policy, make_policy, policy_identity
 from vlnpe.formats.core.errors import FileFormatError, InputError, UnknownNameError
 from vlnpe.learning.checkpoint import load_checkpoint
-from vlnpe.learning.session import train_recipe
 from vlnpe.learning.stepper import Choice, Sight, Stepper
+from vlnpe.learning.training.session import train_recipe
 
 
 @pytest.fixture(scope="module")

@@ -24,10 +24,10 @@ from vlnpe.formats.core.rollout import Action, Rollout
 from vlnpe.learning.card import Card, View
 from vlnpe.learning.checkpoint import Checkpoint, load_checkpoint
 from vlnpe.learning.config import ModelConfig, TrainConfig
-from vlnpe.learning.models import build_model
-from vlnpe.learning.rdp import FUTURE, future_motions
-from vlnpe.learning.session import Request, train_recipe
+from vlnpe.learning.models.rdp import FUTURE, future_motions
+from vlnpe.learning.models.registry import build_model
 from vlnpe.learning.stepper import Choice, Sight, Stepper, discrete_plan
+from vlnpe.learning.training.session import Request, train_recipe
 
 SMALL = {"channels": [8, 16], "hidden": 48, "words": 16, "dropout": 0.0, "layers": 1}
 RECIPE: dict[str, Any] = {

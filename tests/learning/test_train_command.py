@@ -17,7 +17,7 @@ from vlnpe.formats.core.atomic import file_digest
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.vlnce.files import write_episodes
 from vlnpe.learning.card import read_card
-from vlnpe.learning.corrections import CorrectedEpisodes
+from vlnpe.learning.training.corrections import CorrectedEpisodes
 from vlnpe.pipeline.cli import main
 
 

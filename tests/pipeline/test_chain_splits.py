@@ -9,7 +9,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from tests.support.work import InlineWorkers
+from tests.support.runs.work import InlineWorkers
 from vlnpe.collectors.controllers import SpeedConfig
 from vlnpe.collectors.rendering.camera.extras import Extras
 from vlnpe.collectors.rendering.camera.views import CameraOverrides
@@ -20,9 +20,9 @@ from vlnpe.pipeline.chain import Chain, Product
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.engine.run_folder import RunFolder
 from vlnpe.pipeline.engine.runner import Context
+from vlnpe.pipeline.inputs.views import chosen_views
 from vlnpe.pipeline.report.gather import robot_rows
 from vlnpe.pipeline.stages import repair
-from vlnpe.pipeline.views import chosen_views
 from vlnpe.trajectory_sampler.alignment import AlignConfig
 from vlnpe.trajectory_sampler.config import SampleConfig
 from vlnpe.trajectory_sampler.stairs import StairRules

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support import scans
-from tests.support.flips import flipped
+from tests.support.runs.flips import flipped
+from tests.support.scenes import scans
 from vlnpe.formats.core.frames import world_to_habitat_position, world_to_habitat_rotation
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.vlnce.files import (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchmarks import dataset
-from vlnpe.pipeline.builtin import parse_builtin
+from vlnpe.pipeline.inputs.builtin import parse_builtin
 from vlnpe.trajectory_sampler.presets import choose_seen, parse_splits, plan_quotas
 
 

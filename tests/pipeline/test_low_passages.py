@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.support import scans
+from tests.support.scenes import scans
 from vlnpe.collectors.physics import free_height
 from vlnpe.collectors.replay import ReplayConfig, replay_episode
 from vlnpe.collectors.robots import get_robot
@@ -14,7 +14,8 @@ from vlnpe.formats.core.rollout import EndReason
 from vlnpe.formats.scene import FULL_HEIGHT_M
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.formats.scene.freemap import Freemap
-from vlnpe.pipeline.sampling_plan import chosen_free_height
+from vlnpe.pipeline.inputs.crews import chosen_robots
+from vlnpe.pipeline.inputs.sampling_plan import chosen_free_height
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
 from vlnpe.trajectory_sampler.config import SampleConfig
@@ -79,9 +80,11 @@ def test_aliengo_walks_the_sampled_path_under_the_board_and_h1_cannot(barred):
 
 
 def test_the_free_height_follows_the_tallest_robot():
-    assert chosen_free_height("jetbot@1", FULL_HEIGHT_M) == FULL_HEIGHT_M
-    assert chosen_free_height("aliengo,jetbot@1", 0) == free_height(get_robot("aliengo"))
+    assert chosen_free_height(chosen_robots("jetbot@1"), FULL_HEIGHT_M) == FULL_HEIGHT_M
+    assert chosen_free_height(chosen_robots("aliengo,jetbot@1"), 0) == free_height(
+        get_robot("aliengo")
+    )
     with pytest.raises(InputError, match="aliengo needs"):
-        chosen_free_height("aliengo", 0.3)
+        chosen_free_height(chosen_robots("aliengo"), 0.3)
     with pytest.raises(InputError, match="--robot"):
-        chosen_free_height("", 0)
+        chosen_free_height([], 0)

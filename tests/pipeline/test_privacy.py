@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from tests.collectors.test_replay import make_episode
-from tests.support import scans
-from tests.support.rooms import write_two_rooms
+from tests.support.scenes import scans
+from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.formats.vlnce.files import write_episodes
 
 pytestmark = pytest.mark.slow

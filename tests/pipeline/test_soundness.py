@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.support import scans
+from tests.support.scenes import scans
 from vlnpe.formats.core.camera import CameraModel
 from vlnpe.formats.core.errors import SceneError
 from vlnpe.formats.lerobot import usage
@@ -17,7 +17,7 @@ from vlnpe.formats.lerobot.layout import DEPTH_KEY
 from vlnpe.formats.scene.bundle import UNSOUND, load_bundle
 from vlnpe.pipeline.commands import scenes
 from vlnpe.pipeline.commands.scenes import Repair, run_repair
-from vlnpe.pipeline.engine.executors import Workers
+from vlnpe.pipeline.engine.executors.base import Workers
 from vlnpe.pipeline.engine.ledger import Ledger, Row
 from vlnpe.pipeline.engine.runner import Context, run_stage
 from vlnpe.pipeline.engine.work import WorkItem

@@ -11,17 +11,17 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.scene_repair.cases import Result, load, save
-from benchmarks.scene_repair.cut import cut_exactly
-from benchmarks.scene_repair.decoys import DECOYS
-from benchmarks.scene_repair.glb import Glb, Part
-from benchmarks.scene_repair.plant import Planted, floor_faces, plant
+from benchmarks.scene_repair.planting.cut import cut_exactly
+from benchmarks.scene_repair.planting.decoys import DECOYS
+from benchmarks.scene_repair.planting.glb import Glb, Part
+from benchmarks.scene_repair.planting.plant import Planted, floor_faces, plant
+from benchmarks.scene_repair.planting.shapes import KINDS, Outline, ragged
 from benchmarks.scene_repair.report import by_kind, counted, missed, summary
 from benchmarks.scene_repair.scenes import Source, write_planted
 from benchmarks.scene_repair.score import score, score_hole, truth_of
-from benchmarks.scene_repair.shapes import KINDS, Outline, ragged
 from benchmarks.scene_repair.site import survey
 from benchmarks.scene_repair.speed import Run, fit
-from tests.support import scans
+from tests.support.scenes import scans
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
 

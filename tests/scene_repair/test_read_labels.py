@@ -12,7 +12,7 @@ from PIL import Image
 from trimesh.visual.material import PBRMaterial
 from trimesh.visual.texture import TextureVisuals
 
-from tests.support import scans
+from tests.support.scenes import scans
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.labels.attach import label_scan

@@ -13,7 +13,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.support import scans
+from tests.support.scenes import scans
 from vlnpe.apartments.generate import ApartmentConfig, build_scene
 from vlnpe.formats.core.errors import SceneError
 from vlnpe.pipeline.cli import main

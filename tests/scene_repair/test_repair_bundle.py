@@ -16,7 +16,7 @@ import pytest
 from PIL import Image
 from scipy import ndimage
 
-from tests.support import scans
+from tests.support.scenes import scans
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.scene_repair.config import RepairConfig

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from tests.support import scans
+from tests.support.scenes import scans
 from vlnpe.formats.scene.bundle import Obstacles, SceneBundle
 from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.scene_repair.collide.boxes import MAY, MUST, NEVER, cover_with_boxes

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from trimesh.transformations import rotation_matrix
 
-from tests.support import scans
-from tests.support.bodies import level_geoms, touched_on_the_way
+from tests.support.scenes import scans
+from tests.support.scenes.bodies import level_geoms, touched_on_the_way
 from vlnpe.apartments import ApartmentConfig, build_scene
 from vlnpe.formats.scene.bundle import Obstacles, SceneBundle, save_bundle
 from vlnpe.formats.scene.grid import GridSpec

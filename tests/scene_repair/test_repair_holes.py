@@ -10,7 +10,7 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
-from tests.support import scans
+from tests.support.scenes import scans
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.scene_repair.config import RepairConfig

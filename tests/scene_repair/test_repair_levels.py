@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from tests.support import buildings, scans
+from tests.support.scenes import buildings, scans
 from vlnpe.formats.scene.bundle import Floor, SceneBundle
 from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.scene_repair.config import RepairConfig

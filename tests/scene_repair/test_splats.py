@@ -13,8 +13,8 @@ from scipy.spatial import KDTree
 from trimesh.visual import ColorVisuals
 
 from tests.conftest import SHARED_SCENES
-from tests.support import scans
-from tests.support.splats import random_cloud
+from tests.support.scenes import scans
+from tests.support.scenes.splats import random_cloud
 from vlnpe.formats.core.errors import FileFormatError, InputError
 from vlnpe.formats.core.frames import HABITAT_TO_WORLD, matrix_to_quat
 from vlnpe.formats.splats.harmonics import C0

@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 
 from tests.security.hostile import CLOSED_DEEP_JSON, DEEP, DEEP_JSON, not_files, put, refusal
-from vlnpe.formats.core import limits as limits_module
-from vlnpe.formats.core.documents import deeper_than, parse_json, read_json, read_toml
 from vlnpe.formats.core.errors import FileFormatError, InputError, brief
-from vlnpe.formats.core.limits import Limits, limits
-from vlnpe.formats.core.untrusted import check_input, check_links, open_input, read_input
-from vlnpe.formats.core.yaml_document import read_yaml
+from vlnpe.formats.untrusted import limits as limits_module
+from vlnpe.formats.untrusted.documents import deeper_than, parse_json, read_json, read_toml
+from vlnpe.formats.untrusted.files import check_input, check_links, open_input, read_input
+from vlnpe.formats.untrusted.limits import Limits, limits
+from vlnpe.formats.untrusted.yaml_document import read_yaml
 
 
 @not_files

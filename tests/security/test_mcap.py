@@ -18,11 +18,11 @@ from tests.formats.convert.test_convert import export_mcap
 from tests.security.hostile import DEEP_JSON, not_files, put, refusal
 from tests.support.rollouts import make_rollout
 from vlnpe.formats.convert.episodes import mcap_from_unit, unit_from_mcap
-from vlnpe.formats.core.arrays import read_arrays
 from vlnpe.formats.mcap.episode import FRAMES_ATTACHMENT, VIEW_METADATA
 from vlnpe.formats.mcap.facts import METADATA_NAME
 from vlnpe.formats.mcap.recording import open_recording, read_recording
 from vlnpe.formats.mcap.rollout import read_rollout, write_rollout
+from vlnpe.formats.untrusted.arrays import read_arrays
 
 MAGIC = b"\x89MCAP0\r\n"
 

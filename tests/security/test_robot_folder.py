@@ -21,7 +21,7 @@ from vlnpe.collectors.locomotion.onnx_mlp import read_mlp
 from vlnpe.collectors.locomotion.policy import policy_files
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.errors import FileFormatError
-from vlnpe.pipeline.crews import keep
+from vlnpe.pipeline.inputs.crews import keep
 
 SECRET = "the user's own"
 

@@ -42,15 +42,15 @@ CALLS = {
 # (file, what is found) → why it is safe.
 REVIEWED = {
     (
-        "pipeline/engine/attempts.py",
+        "pipeline/engine/executors/attempts.py",
         "import pickle",
     ): "a copy of an error of this process, to see whether a worker can send it",
     (
-        "learning/encoders.py",
+        "learning/models/encoders.py",
         "import pickle",
     ): "its UnpicklingError alone, which torch.load raises with weights_only",
     (
-        "learning/train.py",
+        "learning/training/train.py",
         "import pickle",
     ): "its UnpicklingError alone, which torch.load raises with weights_only",
 }

@@ -13,8 +13,8 @@ import pytest
 
 from tests.formats.vlnce.test_vlnce import PUBLIC, save
 from tests.security.hostile import not_files, put, refusal
-from vlnpe.formats.core.limits import DEFAULTS
 from vlnpe.formats.internnav.tokens import read_vocabulary
+from vlnpe.formats.untrusted.limits import DEFAULTS
 from vlnpe.formats.vlnce.files import read_vlnce
 
 

@@ -30,7 +30,7 @@ JOINTS = tuple(f"{leg}_{part}" for leg in ("FL", "FR", "RL", "RR") for part in (
 def make_episode(
     number: int = 0, instruction: str = "Walk past the table and stop by the sofa."
 ) -> Episode:
-    """Across the two rooms of `tests.support.rooms`."""
+    """Across the two rooms of `tests.support.scenes.rooms`."""
     path = np.array([[1.0, 2.0, 0.0], [4.0, 2.0, 0.0], [7.0, 2.5 + 0.1 * number, 0.0]])
     return Episode(
         episode_id=f"ep{number}",

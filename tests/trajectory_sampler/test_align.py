@@ -323,9 +323,32 @@ def test_a_wider_robot_moves_what_a_narrow_one_leaves(two_rooms):
     assert nudge["moved_m"] == pytest.approx(wide.moved[0][1], abs=1e-4)
 
 
-def test_goals_are_moved_no_farther_than_starts():
+def test_goals_may_be_moved_no_farther_than_starts():
     with pytest.raises(InputError, match="goals"):
         AlignConfig(max_start_nudge_m=0.2, max_goal_nudge_m=0.3)
+
+
+def near_wall(start_off_m, goal_off_m):
+    """A path whose ends lie so far from the lower wall; a robot of 0.3 m fits from 0.3 m on."""
+    return [(1.0, start_off_m, 0.0), *GOOD[1:3], (5.5, goal_off_m, 0.0)]
+
+
+@pytest.mark.parametrize(
+    ("start_off_m", "goal_off_m", "kept"),
+    [(0.08, 0.2, True), (0.08, 2.0, True), (0.2, 0.08, False), (1.0, 0.2, False)],
+)
+def test_no_goal_is_moved_by_more_than_its_start(two_rooms, start_off_m, goal_off_m, kept):
+    raw = foreign(near_wall(start_off_m, goal_off_m))
+    result = align(raw, bundles={"two_rooms": two_rooms})
+    assert len(result.episodes) == kept
+    for episode in result.episodes:
+        changes = episode.extra["alignment"]
+        assert changes["goal_moved_m"] <= changes["start_moved_m"]
+    for _, reason in result.rejected:
+        assert re.search(r"goal .* by 0\.\d\d m.*start by 0\.\d\d m.*--goal-beyond-start", reason)
+    loose = AlignConfig(goal_beyond_start=True)
+    (episode,) = align(raw, bundles={"two_rooms": two_rooms}, config=loose).episodes
+    assert episode.extra["alignment"]["goal_moved_m"] <= loose.max_goal_nudge_m
 
 
 def test_episodes_of_one_path_are_fitted_once(two_rooms):

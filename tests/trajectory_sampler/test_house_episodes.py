@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tests.support.exact_scene import write_exact_scene
+from tests.support.scenes.exact_scene import write_exact_scene
 from vlnpe.apartments import TrueScene, build_scene, building_config
 from vlnpe.apartments.home.stairs import eyes_on_stairs
 from vlnpe.formats.core.episode import Episode

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.support.rooms import PARTS
+from tests.support.scenes.rooms import PARTS
 from vlnpe.formats.core.geometry import path_length, resample
 from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.formats.scene.grid import GridSpec

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import queue
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -80,7 +81,7 @@ class RolloutFrames:
                 f"not {renderer.name} with {renderer.light}"
             )
         robot = robot or get_robot(rollout.robot)
-        body = body_for(robot, rollout.joint_names, view)
+        body = _body(robot, tuple(rollout.joint_names), view)
         shot = Shot(rollout, samples, view.camera, robot, body, renderer)
         kind = VIEWS[view.kind]
         carried = get_light(view.light).lamp > 0 and not kind.onboard
@@ -116,6 +117,12 @@ class RolloutFrames:
             float(self.path.cut_above_m[n]),
             self.body.camera_pose(self.lamp, *state) if self.lamp else None,
         )
+
+
+# Tessellating a body, and building its ray structures, takes as long as drawing four frames.
+@functools.lru_cache(maxsize=4)
+def _body(robot: RobotSpec, joint_names: tuple[str, ...], view: View) -> RobotBody:
+    return body_for(robot, joint_names, view)
 
 
 def render_rollout(

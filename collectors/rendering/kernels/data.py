@@ -9,11 +9,16 @@ from numpy.typing import NDArray
 
 from ..light.cube_grid import CubeGrid
 from ..scene.textures import TexturePack
+from .embree_library import lanes
+from .packets import PacketScene, packet
 
 F32 = NDArray[np.float32]
 
 # All of LLVM's fast-math flags but those that assume that there are no infinities and NaNs.
 FAST = {"contract", "arcp", "nsz", "reassoc"}
+# Numba counts references to arrays with locked instructions, several for each array that a loop
+# touches; here these took nine tenths of the time. A kernel compiled so must create no arrays.
+UNCOUNTED = {"_nrt": False}
 
 
 class SceneArrays(NamedTuple):
@@ -55,20 +60,40 @@ class LightArrays(NamedTuple):
 
 
 class Packets(NamedTuple):
-    """What kernels need to trace rays.
+    """One packet of rays on its way through a kernel, and how to trace it.
 
     Attributes:
         scene: address of Embree's scene.
         arguments: RTCIntersectArguments of a packet call.
-        rays, shadow_rays: memory for one packet each; see `packets.packet`.
-        lanes: rays per packet.
+        size: rays per packet.
+        rays, bits: the packet, and the same memory as int32; see `packets.packet`.
+        shadow_rays, shadow_bits: the packet of its shadow rays, likewise.
+        starts: (16,) ray parameters of the rays' origins.
+        taps: (16,) taps of the texture footprints.
+        samples: (16, 5) u, v, mip level, and the longer side of the footprints.
     """
 
     scene: int
     arguments: NDArray[np.int32]
+    size: int
     rays: F32
+    bits: NDArray[np.int32]
     shadow_rays: F32
-    lanes: int
+    shadow_bits: NDArray[np.int32]
+    starts: F32
+    taps: NDArray[np.int32]
+    samples: F32
+
+    @classmethod
+    def of(cls, scene: PacketScene) -> Packets:
+        """Allocate the packets for a scene."""
+        rays, shadow_rays = packet(), packet()
+        return cls(
+            scene.handle, scene.arguments, lanes(),
+            rays, rays.view(np.int32), shadow_rays, shadow_rays.view(np.int32),
+            np.zeros(16, dtype=np.float32), np.zeros(16, dtype=np.int32),
+            np.zeros((16, 5), dtype=np.float32),
+        )  # fmt: skip
 
 
 class Hits(NamedTuple):

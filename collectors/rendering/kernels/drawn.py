@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from ....formats.core.kernel import kernel
-from .data import F32, FAST, LightArrays
+from .data import F32, FAST, UNCOUNTED, LightArrays
 from .packets import PacketHits
 from .surface_light import background, exposed, incident, robot_shadow, viewer_side
 
 f32 = np.float32
 
 
-@kernel(error_model="numpy", fastmath=FAST)
+@kernel(error_model="numpy", fastmath=FAST, **UNCOUNTED)
 def shade_robot(
     rays: NDArray[np.int64],
     directions: F32,
@@ -38,20 +39,14 @@ def shade_robot(
         light: what lights it.
         out: (N, 3) linear light, written at `rays`.
     """
-    local = np.empty(3, dtype=np.float32)
     for j in range(rays.shape[0]):
         face, i = hits.prim[j], rays[j]
         u, v, t = hits.u[j], hits.v[j], hits.depth[j]
         w = f32(1.0) - u - v
-        for k in range(3):
-            local[k] = (
-                w * corner_normal[face, 0, k]
-                + u * corner_normal[face, 1, k]
-                + v * corner_normal[face, 2, k]
-            )
-        nx = rotation[0, 0] * local[0] + rotation[0, 1] * local[1] + rotation[0, 2] * local[2]
-        ny = rotation[1, 0] * local[0] + rotation[1, 1] * local[1] + rotation[1, 2] * local[2]
-        nz = rotation[2, 0] * local[0] + rotation[2, 1] * local[1] + rotation[2, 2] * local[2]
+        lx, ly, lz = _between(corner_normal, face, w, u, v)
+        nx = rotation[0, 0] * lx + rotation[0, 1] * ly + rotation[0, 2] * lz
+        ny = rotation[1, 0] * lx + rotation[1, 1] * ly + rotation[1, 2] * lz
+        nz = rotation[2, 0] * lx + rotation[2, 1] * ly + rotation[2, 2] * lz
         dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
         scale, cosine = viewer_side(nx, ny, nz, dx, dy, dz, f32(1e-12))
         factor = incident(
@@ -70,7 +65,17 @@ def shade_robot(
             out[i, k] = exposed(base_linear[k] * factor, light)
 
 
-@kernel(error_model="numpy", fastmath=FAST)
+@njit(inline="always", error_model="numpy")
+def _between(corner: F32, face, w, u, v):
+    """Return the mean of a triangle's three corner vectors with weights `w`, `u`, `v`."""
+    return (
+        w * corner[face, 0, 0] + u * corner[face, 1, 0] + v * corner[face, 2, 0],
+        w * corner[face, 0, 1] + u * corner[face, 1, 1] + v * corner[face, 2, 1],
+        w * corner[face, 0, 2] + u * corner[face, 1, 2] + v * corner[face, 2, 2],
+    )
+
+
+@kernel(error_model="numpy", fastmath=FAST, **UNCOUNTED)
 def light_pixels(
     rgb: NDArray[np.uint8],
     depth: F32,

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from ....formats.core.kernel import kernel
+from .data import UNCOUNTED
 
 F32 = NDArray[np.float32]
 
 
-@kernel()
+@njit(inline="always")
 def _contrast(rgb: NDArray[np.uint8], i: int, j: int) -> np.int32:
     biggest = np.int32(0)
     for k in range(3):
@@ -19,7 +21,7 @@ def _contrast(rgb: NDArray[np.uint8], i: int, j: int) -> np.int32:
     return biggest
 
 
-@kernel()
+@kernel(**UNCOUNTED)
 def find_edges(
     rgb: NDArray[np.uint8],
     depth: F32,
@@ -28,8 +30,9 @@ def find_edges(
     height: int,
     relative_bend: float,
     min_contrast: int,
-) -> NDArray[np.bool_]:
-    """Return which pixels (N,) lie on a visible geometric edge.
+    marked: NDArray[np.bool_],
+) -> None:
+    """Mark the pixels that lie on a visible geometric edge.
 
     An edge is where neighbours differ in colour and lie on different surfaces, or where inverse
     depth bends: on a plane it is linear in the image, so that its second difference is zero at
@@ -43,8 +46,8 @@ def find_edges(
         height: image height [px].
         relative_bend: second difference of inverse depth, relative to it, that counts as a bend.
         min_contrast: smallest difference in sRGB bytes that counts as visible.
+        marked: (N,) set to True at edges.
     """
-    marked = np.zeros(width * height, dtype=np.bool_)
     for direction in range(2):
         step = 1 if direction == 0 else width
         columns = width - 1 if direction == 0 else width
@@ -71,7 +74,6 @@ def find_edges(
                 if edge:
                     marked[i] = True
                     marked[j] = True
-    return marked
 
 
 @kernel()

@@ -16,11 +16,8 @@ from typing import Any
 
 import embreex
 import llvmlite.binding as llvm
-import llvmlite.ir as ir
 from numba import njit, types
-from numba.core import cgutils
 from numba.core.typing.templates import signature
-from numba.extending import intrinsic
 
 from ....formats.core.errors import VlnpeError
 
@@ -96,25 +93,6 @@ def device() -> int:
 def lanes() -> int:
     """Return how many rays this processor traces per packet: 16, 8 or 4."""
     return next((n for n in _NATIVE if library().rtcGetDeviceProperty(device(), _NATIVE[n])), 4)
-
-
-@intrinsic
-def _prefetch(typingctx, address):
-    """Prefetch the cache line at an address (uintp)."""
-
-    def generate(context, builder, signature_, arguments):
-        number, pointer = ir.IntType(32), ir.IntType(8).as_pointer()
-        kind = ir.FunctionType(ir.VoidType(), [pointer, number, number, number])
-        function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
-        line = builder.inttoptr(arguments[0], pointer)
-        read, keep, data = (ir.Constant(number, value) for value in (0, 3, 1))
-        builder.call(function, [line, read, keep, data])
-        return context.get_dummy_value()
-
-    return types.void(types.uintp), generate
-
-
-prefetch: Any = _prefetch
 
 
 @njit(inline="always")

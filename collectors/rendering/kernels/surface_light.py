@@ -7,6 +7,7 @@ from numba import njit
 
 from ..light.cube_grid import CubeGrid
 from .data import F32, LightArrays
+from .vectors import blend_cells
 
 f32 = np.float32
 
@@ -38,34 +39,25 @@ def cube_at(grid: CubeGrid, x, y, z, nx, ny, nz):
     gx = (x - grid.lower_m[0]) * grid.per_m + off * nx
     gy = (y - grid.lower_m[1]) * grid.per_m + off * ny
     gz = (z - grid.lower_m[2]) * grid.per_m + off * nz
-    gx = min(max(gx, f32(0.0)), f32(grid.cube.shape[2] - 1))
-    gy = min(max(gy, f32(0.0)), f32(grid.cube.shape[1] - 1))
-    gz = min(max(gz, f32(0.0)), f32(grid.cube.shape[0] - 1))
-    x0 = np.int64(gx)
-    y0 = np.int64(gy)
-    z0 = np.int64(gz)
-    fx = gx - f32(x0)
-    fy = gy - f32(y0)
-    fz = gz - f32(z0)
-    x1 = min(x0 + 1, grid.cube.shape[2] - 1)
-    y1 = min(y0 + 1, grid.cube.shape[1] - 1)
-    z1 = min(z0 + 1, grid.cube.shape[0] - 1)
-    result = f32(0.0)
-    for axis in range(3):
-        side = nx if axis == 0 else (ny if axis == 1 else nz)
-        k = 2 * axis if side >= f32(0.0) else 2 * axis + 1
-        low = (f32(1.0) - fy) * (
-            (f32(1.0) - fx) * f32(grid.cube[z0, y0, x0, k]) + fx * f32(grid.cube[z0, y0, x1, k])
-        ) + fy * (
-            (f32(1.0) - fx) * f32(grid.cube[z0, y1, x0, k]) + fx * f32(grid.cube[z0, y1, x1, k])
-        )
-        high = (f32(1.0) - fy) * (
-            (f32(1.0) - fx) * f32(grid.cube[z1, y0, x0, k]) + fx * f32(grid.cube[z1, y0, x1, k])
-        ) + fy * (
-            (f32(1.0) - fx) * f32(grid.cube[z1, y1, x0, k]) + fx * f32(grid.cube[z1, y1, x1, k])
-        )
-        result += side * side * (low + fz * (high - low))
-    return result * grid.scale
+    columns, rows, layers = grid.cube.shape[2], grid.cube.shape[1], grid.cube.shape[0]
+    gx = min(max(gx, f32(0.0)), f32(columns - 1))
+    gy = min(max(gy, f32(0.0)), f32(rows - 1))
+    gz = min(max(gz, f32(0.0)), f32(layers - 1))
+    x0 = np.int32(gx)
+    y0 = np.int32(gy)
+    z0 = np.int32(gz)
+    x1 = min(x0 + 1, columns - 1)
+    y1 = min(y0 + 1, rows - 1)
+    z1 = min(z0 + 1, layers - 1)
+    layer = columns * rows
+    total = blend_cells(
+        grid.cube.ctypes.data,
+        (np.int32(x0), np.int32(y0 * columns), np.int32(z0 * layer)),
+        (np.int32(x1), np.int32(y1 * columns), np.int32(z1 * layer)),
+        (gx - f32(x0), gy - f32(y0), gz - f32(z0)),
+        (nx, ny, nz),
+    )
+    return total * grid.scale
 
 
 @njit(inline="always", error_model="numpy")

@@ -4,70 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from ..scene.textures import TexturePack
-from .embree_library import prefetch
+from .vectors import filter_texels
 
 f32 = np.float32
 
 MAX_TAPS = f32(6.0)
 EXPONENT_BIAS = np.int32(127 << 23)
 HALF_PER_OCTAVE = f32(0.5 / (1 << 23))
+U0, U1 = np.uint64(0), np.uint64(1)  # indices that need no check for negative ones
 PER_SQUARE = f32(1.0 / 1023.0**2)  # texels hold 10-bit square roots
-
-
-@njit(inline="always", error_model="numpy")
-def _square(texel: np.uint32, shift: int) -> np.float32:
-    value = f32(np.int32((texel >> np.uint32(shift)) & np.uint32(1023)))
-    return value * value
-
-
-@njit(inline="always", error_model="numpy")
-def bilinear(texels: NDArray[np.uint32], start, width, height, u, v):
-    """Return the bilinear colour at (u, v) of one mip level, as sums of squared 10-bit roots.
-
-    Args:
-        texels: all texels.
-        start: index of the level's first texel.
-        width: of the level [px], int32.
-        height: of the level [px], int32.
-        u: texture coordinate to the right, float32, repeating.
-        v: texture coordinate upwards, float32, repeating.
-    """
-    x = (u - np.floor(u)) * f32(width) - f32(0.5)
-    y = (f32(1.0) - (v - np.floor(v))) * f32(height) - f32(0.5)  # v points up, rows go down
-    left = np.floor(x)
-    top = np.floor(y)
-    fx = x - left
-    fy = y - top
-    x0 = np.int32(left)
-    y0 = np.int32(top)
-    x1 = x0 + np.int32(1)
-    y1 = y0 + np.int32(1)
-    if x0 < 0:
-        x0 += width
-    if y0 < 0:
-        y0 += height
-    if x1 >= width:
-        x1 -= width
-    if y1 >= height:
-        y1 -= height
-    row0 = start + np.int64(y0) * width
-    row1 = start + np.int64(y1) * width
-    a = texels[np.uint64(row0 + x0)]
-    b = texels[np.uint64(row0 + x1)]
-    c = texels[np.uint64(row1 + x0)]
-    d = texels[np.uint64(row1 + x1)]
-    wd = fx * fy
-    wb = fx - wd
-    wc = fy - wd
-    wa = f32(1.0) - fx - wc
-    return (
-        wa * _square(a, 0) + wb * _square(b, 0) + wc * _square(c, 0) + wd * _square(d, 0),
-        wa * _square(a, 10) + wb * _square(b, 10) + wc * _square(c, 10) + wd * _square(d, 10),
-        wa * _square(a, 20) + wb * _square(b, 20) + wc * _square(c, 20) + wd * _square(d, 20),
-    )
 
 
 @njit(inline="always", error_model="numpy")
@@ -120,28 +67,12 @@ def footprint(pack: TexturePack, texture, du_dx, dv_dx, du_dy, dv_dy):
 
 
 @njit(inline="always", error_model="numpy")
-def prefetch_texels(pack: TexturePack, texels, texture, lod, u, v):
-    """Prefetch the texels around (u, v), which are read soon; `texels` is their address."""
-    level = np.int32(lod)
-    for _ in range(2):
-        width = pack.size_px[texture, level, 0]
-        height = pack.size_px[texture, level, 1]
-        x = np.int64((u - np.floor(u)) * f32(width) - f32(0.5))
-        y = np.int64((f32(1.0) - (v - np.floor(v))) * f32(height) - f32(0.5))
-        at = texels + np.int64(4) * (pack.offset[texture, level] + y * width + x)
-        prefetch(np.uintp(at))
-        prefetch(np.uintp(at + np.int64(4) * width))
-        if lod <= f32(level):
-            break
-        level += np.int32(1)
-
-
-@njit(inline="always", error_model="numpy")
-def sample_texture(pack: TexturePack, texture, u, v, taps, lod, step_u, step_v):
+def sample_texture(pack: TexturePack, texels, texture, u, v, taps, lod, step_u, step_v):
     """Return the colour of a texture over a footprint: red, green, blue in linear light.
 
     Args:
         pack: all textures.
+        texels: address of their texels.
         texture: index of the texture.
         u: texture coordinate to the right, float32.
         v: texture coordinate upwards, float32.
@@ -152,38 +83,24 @@ def sample_texture(pack: TexturePack, texture, u, v, taps, lod, step_u, step_v):
     """
     level = np.int32(lod)
     fraction = lod - f32(level)
-    red = green = blue = f32(0.0)
+    next_level = level
+    if fraction > f32(0.0):
+        next_level = level + np.int32(1)
     share = f32(1.0) / f32(taps)
     step_u *= share
     step_v *= share
     first = f32(0.5) * (f32(taps) - f32(1.0))
-    u -= first * step_u
-    v -= first * step_v
-    for _ in range(taps):
-        r, g, b = bilinear(
-            pack.texels,
-            pack.offset[texture, level],
-            pack.size_px[texture, level, 0],
-            pack.size_px[texture, level, 1],
-            u,
-            v,
-        )
-        if fraction > f32(0.0):
-            r1, g1, b1 = bilinear(
-                pack.texels,
-                pack.offset[texture, level + 1],
-                pack.size_px[texture, level + 1, 0],
-                pack.size_px[texture, level + 1, 1],
-                u,
-                v,
-            )
-            r += fraction * (r1 - r)
-            g += fraction * (g1 - g)
-            b += fraction * (b1 - b)
-        red += r
-        green += g
-        blue += b
-        u += step_u
-        v += step_v
-    share *= PER_SQUARE
-    return red * share, green * share, blue * share
+    t, a, b = np.uint64(texture), np.uint64(level), np.uint64(next_level)
+    return filter_texels(
+        texels,
+        (np.int32(pack.offset[t, a]), np.int32(pack.offset[t, b])),
+        (
+            pack.size_px[t, a, U0], pack.size_px[t, a, U1],
+            pack.size_px[t, b, U0], pack.size_px[t, b, U1],
+        ),
+        (u - first * step_u, v - first * step_v),
+        (step_u, step_v),
+        taps,
+        share * PER_SQUARE,
+        fraction,
+    )  # fmt: skip

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels.surface_light import SPHERE_REACH_M
 from ..scene.robot_body import GeomSurface, RobotGeometryPose
 
 F32 = NDArray[np.float32]
@@ -40,6 +41,15 @@ class ContactShadow:
         larger = self._radius[:, None] < self._radius
         keep = ~(larger & (apart < self._radius)).any(1)
         return np.column_stack([center, self._radius])[keep].astype(np.float32)
+
+
+def shadow_bounds(spheres: F32) -> F32:
+    """Return the bounds (2, 3) [m] of what spheres (S, 4) darken, an empty box for none."""
+    bounds = np.array([[np.inf] * 3, [-np.inf] * 3], dtype=np.float32)
+    if len(spheres):
+        reach = np.float32(SPHERE_REACH_M)
+        bounds[:] = spheres[:, :3].min(0) - reach, spheres[:, :3].max(0) + reach
+    return bounds
 
 
 def _spheres(surface: GeomSurface) -> tuple[NDArray[np.float64], float]:

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from ....formats.core.camera import CameraModel
-from ....formats.core.documents import read_toml
 from ....formats.core.errors import FileFormatError, brief
+from ....formats.untrusted.documents import read_toml
 from ..parts import CommandLimits, FallThresholds, Foot, WheelDrive
 
 FACTS_NAME = "robot.toml"

@@ -14,8 +14,8 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from ....formats.core.errors import FileFormatError, brief
-from ....formats.core.limits import limits
-from ....formats.core.untrusted import check_input, open_input, read_input
+from ....formats.untrusted.files import check_input, open_input, read_input
+from ....formats.untrusted.limits import limits
 
 MAX_ELEMENTS = 20_000
 MAX_PIXELS = 8192

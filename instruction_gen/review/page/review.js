@@ -85,8 +85,8 @@ function card(text, number) {
   line.append(text.text.slice(at));
   box.append(line);
   if (text.verdict.problems.length) box.append(element("div", "problems", text.verdict.problems.join(" · ")));
-  const told = [text.own && `you: ${text.own}` + (text.reason ? ` (${text.reason})` : ""), text.others.length && `others: ${text.others.join(", ")}`];
-  box.append(element("div", "status", told.filter(Boolean).join(" — ")));
+  const status = [text.own && `you: ${text.own}` + (text.reason ? ` (${text.reason})` : ""), text.others.length && `others: ${text.others.join(", ")}`];
+  box.append(element("div", "status", status.filter(Boolean).join(" — ")));
   if (number === state.text && state.mode === "reject") {
     const reason = element("input", "reason");
     reason.placeholder = "reason, then Enter";

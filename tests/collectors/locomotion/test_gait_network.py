@@ -18,7 +18,7 @@ from vlnpe.collectors.locomotion.onnx_mlp import NotAnMlpError, read_mlp
 from vlnpe.collectors.locomotion.onnx_runtime import RuntimeNetwork, load_network
 from vlnpe.collectors.locomotion.policy import GaitPolicy, policy_files
 from vlnpe.collectors.robots import get_robot
-from vlnpe.formats.core.errors import FileFormatError
+from vlnpe.formats.core.errors import FileFormatError, MissingExtraError
 
 pytest.importorskip("onnx", reason="extra `train` is not installed")
 
@@ -224,7 +224,7 @@ def test_without_onnxruntime_the_message_names_the_extra(monkeypatch: pytest.Mon
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
     made = model(NOT_MLPS["another operator"][0], W)
     with pytest.raises(
-        FileFormatError, match=r"policy.onnx: .*operator Softmax.*--extra onnxruntime"
+        MissingExtraError, match=r"policy.onnx: .*operator Softmax.*extra `onnxruntime`"
     ) as told:
         loaded(made.SerializeToString())
     assert "\n" not in str(told.value)

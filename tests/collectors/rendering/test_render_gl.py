@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.render_scenes import ball_robot, facing, write_covered_floor, write_wall
+from tests.support.scenes.render_scenes import ball_robot, facing, write_covered_floor, write_wall
 from vlnpe.collectors.rendering import registry
 from vlnpe.collectors.rendering.frame import NOTHING, ROBOT
 from vlnpe.collectors.rendering.gl import draw as gl_draw

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from tests.support.render_scenes import SQUARE, ball_robot, facing
+from tests.support.scenes.render_scenes import SQUARE, ball_robot, facing
 from vlnpe.collectors.rendering.interface import Renderer
 from vlnpe.collectors.rendering.registry import make_renderer
 from vlnpe.collectors.rendering.scene.primitives import geom_surface

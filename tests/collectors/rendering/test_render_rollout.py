@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from tests.support.rooms import PARTS
+from tests.support.scenes.rooms import PARTS
 from tests.support.walks import glide
 from vlnpe.collectors.rendering.camera import rollout_views
 from vlnpe.collectors.rendering.camera.extras import ROBOT_CODE, Extras

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.support.render_scenes import SQUARE, facing, write_wall
-from tests.support.rooms import PARTS
+from tests.support.scenes.render_scenes import SQUARE, facing, write_wall
+from tests.support.scenes.rooms import PARTS
 from vlnpe.collectors.rendering.interface import Renderer
 from vlnpe.collectors.rendering.kernels.srgb import to_linear, to_srgb
 from vlnpe.collectors.rendering.registry import make_renderer

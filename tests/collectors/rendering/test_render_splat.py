@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.rooms import write_two_rooms
+from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.collectors.rendering.registry import make_renderer, scene_renderer_name
 from vlnpe.collectors.rendering.scene.robot_body import RobotBody
 from vlnpe.collectors.robots import get_robot

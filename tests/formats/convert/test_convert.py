@@ -21,7 +21,7 @@ from tests.formats.mcap.test_episode import decode, small_links, small_map, writ
 from tests.formats.mcap.test_rollout import assert_same
 from tests.support.lerobot_data import write_unit, write_units
 from tests.support.rollouts import make_rollout
-from tests.support.work import InlineWorkers
+from tests.support.runs.work import InlineWorkers
 from vlnpe.formats.convert.dataset import DatasetFacts, open_dataset
 from vlnpe.formats.convert.episodes import (
     dataset_from_units,
@@ -60,7 +60,7 @@ ASSEMBLY: dict[str, Any] = {
 
 @pytest.fixture
 def inline(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vlnpe.pipeline.engine.executors.Workers", InlineWorkers)
+    monkeypatch.setattr("vlnpe.pipeline.engine.executors.base.Workers", InlineWorkers)
 
 
 def files(root: Path) -> dict[str, bytes]:

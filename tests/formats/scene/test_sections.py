@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from tests.support import scans
+from tests.support.scenes import scans
 from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.formats.scene.sections import inside_solids
 

@@ -13,14 +13,14 @@ import trimesh
 from scipy.spatial import KDTree
 
 from tests.conftest import SHARED_SCENES
-from tests.support.splats import random_cloud
+from tests.support.scenes.splats import random_cloud
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.core.frames import quat_to_matrix
-from vlnpe.formats.core.glb import glb_bytes
 from vlnpe.formats.splats.harmonics import C0, basis
 from vlnpe.formats.splats.ply import write_ply_splats
 from vlnpe.formats.splats.read import read_splats, splat_kind
 from vlnpe.formats.splats.record import GaussianCloud, covariances
+from vlnpe.formats.untrusted.glb import glb_bytes
 
 FILES = SHARED_SCENES / "splats"
 shared = pytest.mark.skipif(not FILES.is_dir(), reason=f"no splat files in {FILES}")

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.support.splat_reference import psnr_db, reference_image
-from tests.support.splats import random_cloud
+from tests.support.scenes.splat_reference import psnr_db, reference_image
+from tests.support.scenes.splats import random_cloud
 from vlnpe.formats.core.camera import CameraModel
 from vlnpe.formats.core.frames import matrix_to_quat, quat_to_matrix
 from vlnpe.formats.splats.record import GaussianCloud

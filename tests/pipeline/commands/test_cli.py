@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import inspect
+import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -12,9 +14,9 @@ import pytest
 from vlnpe.collectors.controllers import SpeedConfig
 from vlnpe.formats.internnav.foreign import Assumptions
 from vlnpe.instruction_gen.records import MIXED, InstructConfig
-from vlnpe.pipeline.builtin import BUILTIN
 from vlnpe.pipeline.cli import VERBS, main
-from vlnpe.pipeline.crews import AUTO
+from vlnpe.pipeline.inputs.builtin import BUILTIN
+from vlnpe.pipeline.inputs.crews import AUTO
 from vlnpe.pipeline.options.collect import Collect
 from vlnpe.pipeline.options.convert import Convert
 from vlnpe.pipeline.options.evaluate import Evaluate
@@ -101,3 +103,18 @@ def test_bad_calls_exit_with_code_2(
         main(arguments)
     assert exit_.value.code == 2
     assert "vlnpe" in "".join(capsys.readouterr())
+
+
+@pytest.mark.parametrize("words", [["--help"], ["collect", "--help"], ["robots", "--json"]])
+def test_a_closed_pipe_ends_a_command_quietly(words: list[str]) -> None:
+    """As in `vlnpe collect --help | head`, where head has read enough."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-m", "vlnpe.pipeline.cli", *words]
+    try:
+        done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True)
+    finally:
+        os.close(writer)
+    # Argparse, which writes the overview, takes no notice of a closed pipe.
+    assert done.returncode in (0, 128 + signal.SIGPIPE)
+    assert done.stderr == ""

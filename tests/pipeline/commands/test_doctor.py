@@ -14,6 +14,10 @@ from vlnpe.pipeline import doctor
 from vlnpe.pipeline.cli import main
 
 EXTRAS = {"train": "rsl_rl", "scan": "open3d"}
+EXTRA_MODULES = {
+    "torch", "lerobot", "rsl_rl", "onnx", "open3d", "gymnasium", "msgpack", "websockets", "ray",
+    "submitit", "onnxruntime",
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -25,7 +29,7 @@ def lacking(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
         def find(name: str, package: str | None = None) -> object:
             if name in missing:
                 return None
-            known = name in {"torch", "lerobot", "rsl_rl", "onnx", "open3d"}
+            known = name in EXTRA_MODULES
             return real("json") if known else real(name, package)
 
         monkeypatch.setattr(importlib.util, "find_spec", find)

@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from tests.support.work import InlineWorkers
+from tests.pipeline.commands.test_bad_input import room, write_mesh
+from tests.support.runs.work import InlineWorkers
 from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.core.frames import world_to_habitat_position
+from vlnpe.formats.scene.bundle import load_bundle
 from vlnpe.formats.vlnce.files import (
     VlnceEpisode,
     VlnceFile,
@@ -23,7 +25,7 @@ from vlnpe.formats.vlnce.files import (
     write_vlnce,
 )
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.engine import executors
+from vlnpe.pipeline.engine.executors import base as executors
 from vlnpe.pipeline.stages.replay import item_names
 
 COMMON = ("--min-length-m", "4", "--min-gap-m", "0.8", "--family-gap-m", "1.0")
@@ -66,6 +68,25 @@ def test_splits_over_several_scenes_are_exact_and_reused(scenes, tmp_path, capsy
     before = {path: path.read_bytes() for path in out.glob("*.json.gz")}
     run(capsys, *call, "--out", out)
     assert {path: path.read_bytes() for path in out.glob("*.json.gz")} == before
+
+
+def test_scenes_go_by_the_names_of_their_folders(two_rooms, tmp_path, capsys):
+    """As later stages look them up; every generated building's file is called scan.glb."""
+    for name in ("flat-1", "flat-2"):
+        shutil.copytree(two_rooms.root, tmp_path / "scenes" / name)
+    out = tmp_path / "episodes.json.gz"
+    call = ("sample", tmp_path / "scenes", "--count", 2, "--min-length-m", 4, "--out", out)
+    assert run(capsys, *call)[0] == 0
+    episodes = read_episodes(out)
+    assert {e.scene_id for e in episodes} == {"flat-1", "flat-2"}
+    assert all(e.episode_id.startswith(e.scene_id) for e in episodes)
+    assert all(e.extra["similarity_group"].startswith(e.scene_id) for e in episodes)
+
+
+def test_a_repaired_scene_has_its_folder_s_name(tmp_path, capsys):
+    write_mesh(tmp_path / "scan.glb", room(1.0))
+    run(capsys, "repair", tmp_path / "scan.glb", "--out", tmp_path / "flat-1")
+    assert load_bundle(tmp_path / "flat-1").scene_id == "flat-1"
 
 
 def test_fewer_paths_can_be_allowed(scenes, tmp_path, capsys, caplog):

@@ -19,7 +19,7 @@ from mcap.reader import make_reader
 
 from tests.collectors.test_replay import make_episode
 from tests.support.misbehaving_server import Server, completion
-from tests.support.rooms import write_two_rooms
+from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.pipeline.cli import main

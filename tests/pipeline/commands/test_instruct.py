@@ -15,13 +15,13 @@ import pytest
 
 from tests.support.episodes import episode_along
 from tests.support.misbehaving_server import Server, completion
-from tests.support.work import InlineWorkers
+from tests.support.runs.work import InlineWorkers
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.instruction_gen.instruct import instruct_episodes
 from vlnpe.instruction_gen.records import InstructConfig
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.engine import executors
+from vlnpe.pipeline.engine.executors import base as executors
 
 EAST = np.array([[1.0, 1.0], [3.0, 1.0], [6.5, 1.2]])
 

@@ -12,13 +12,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.support import work
+from tests.support.runs import work
 from vlnpe.formats.core.errors import InputError, UnknownNameError
-from vlnpe.pipeline.engine.executors import Execution, make_executor
+from vlnpe.pipeline.engine.executors.base import Execution, make_executor
+from vlnpe.pipeline.engine.executors.slurm import parse_options
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.engine.runner import Context, run_stage
 from vlnpe.pipeline.engine.signals import DryRun
-from vlnpe.pipeline.engine.slurm_executor import parse_options
 from vlnpe.pipeline.engine.work import WorkItem
 
 pytestmark = pytest.mark.slow

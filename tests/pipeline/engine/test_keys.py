@@ -15,12 +15,12 @@ JOBS = {
     "scan": "scan",
     "repair": "repair",
     "sample": "episodes",
-    "instruct": "instruct",
+    "instruct": "instructions.instruct",
     "replay": "replay",
     "render": "render",
     "pictures": "pictures",
     "export": "export",
-    "look": "visibility",
+    "look": "instructions.visibility",
     "mcap": "mcap",
     "report": "report",
 }
@@ -89,7 +89,7 @@ EDITS = {
         {"repair"},
     ),
     "the stage runner": (
-        "pipeline/engine/executors.py",
+        "pipeline/engine/executors/base.py",
         "from __future__ import annotations\n",
         "from __future__ import annotations\nMORE = 2\n",
         set(),

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tests.support import work
+from tests.support.runs import work
 from vlnpe.formats.core.errors import InputError, VlnpeError
-from vlnpe.pipeline.engine.executors import Workers
+from vlnpe.pipeline.engine.executors.base import Workers
 from vlnpe.pipeline.engine.ledger import JOURNAL_NAME, MANIFEST_NAME, Ledger
 from vlnpe.pipeline.engine.run_folder import file_names, safe_name
 from vlnpe.pipeline.engine.runner import Context, StageFailedError, run_stage
@@ -251,8 +251,8 @@ def test_a_ledger_that_cannot_be_written_does_not_hide_why(tmp_path, workers, mo
 def test_a_piped_run_tells_each_stage_in_few_lines(tmp_path: Path) -> None:
     code = f"""
 from pathlib import Path
-from tests.support import work
-from vlnpe.pipeline.engine.executors import Workers
+from tests.support.runs import work
+from vlnpe.pipeline.engine.executors.base import Workers
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.engine.runner import Context, run_stage
 from vlnpe.pipeline.engine.work import WorkItem

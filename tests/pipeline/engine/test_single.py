@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.work import InlineWorkers
+from tests.support.runs.work import InlineWorkers
 from vlnpe.formats.core.atomic import write_bytes
 from vlnpe.formats.core.errors import InputError
-from vlnpe.pipeline.engine import executors
 from vlnpe.pipeline.engine.context import LEDGERS, open_single, run_single
+from vlnpe.pipeline.engine.executors import base as executors
 from vlnpe.pipeline.engine.work import ItemResult, WorkItem
 
 

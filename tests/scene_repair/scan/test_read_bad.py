@@ -17,8 +17,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from tests.support import scans
-from tests.support.damage import damage, picture_bytes, sound_files
+from tests.support.scenes import scans
+from tests.support.scenes.damage import damage, picture_bytes, sound_files
 from vlnpe.formats.core.errors import FileFormatError, InputError, SceneError
 from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.scene_repair.gltf import checks as gltf_check

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from tests.support import scans
+from tests.support.scenes import scans
 from vlnpe.formats.core.errors import FileFormatError, InputError
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.orient.transform import orient

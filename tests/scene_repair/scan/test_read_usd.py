@@ -14,8 +14,8 @@ import trimesh
 from PIL import Image
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, UsdShade, UsdUtils
 
-from tests.support import scans
-from tests.support.damage import USDA
+from tests.support.scenes import scans
+from tests.support.scenes.damage import USDA
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.orient.transform import orient

@@ -17,7 +17,7 @@ from trimesh.exchange.gltf import export_gltf
 from trimesh.visual import ColorVisuals, TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
-from tests.support import scans
+from tests.support.scenes import scans
 from vlnpe.formats.core.errors import FileFormatError, InputError, SceneError, UnknownNameError
 from vlnpe.formats.core.frames import habitat_to_world_position
 from vlnpe.scene_repair.config import RepairConfig

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support import scans
+from tests.support.scenes import scans
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.pipeline.stages import repair
 from vlnpe.scene_repair.labels.attach import label_scan

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from pxr import Usd, UsdGeom, Vt
 
-from tests.support import scans
+from tests.support.scenes import scans
 from vlnpe.collectors.physics.level_model import build_level_model
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.errors import FileFormatError

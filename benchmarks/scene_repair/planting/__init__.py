@@ -1,0 +1,1 @@
+"""Holes and decoys cut into scenes whose floors are known."""

@@ -1,0 +1,1 @@
+"""Splats: speed of the rasteriser, and geometry of repaired captures."""

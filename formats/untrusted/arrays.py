@@ -1,0 +1,94 @@
+"""Read untrusted NumPy files: without pickle, and within a limit of memory."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+import zlib
+from pathlib import Path
+from tokenize import TokenError
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import FileFormatError, brief
+from .files import check_input, open_input
+from .limits import limits
+
+# A header is a Python literal, and an archive has many parts; damaged, they raise all of these.
+_DAMAGED = (
+    OSError,
+    EOFError,
+    ValueError,
+    KeyError,
+    TypeError,
+    SyntaxError,
+    OverflowError,
+    MemoryError,
+    RecursionError,
+    NotImplementedError,
+    RuntimeError,
+    TokenError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+
+
+def read_arrays(path: Path, data: bytes | None = None) -> dict[str, NDArray[Any]]:
+    """Return the arrays of an .npz file by name.
+
+    Args:
+        path: the file; for errors alone if `data` is given.
+        data: its content.
+
+    Raises:
+        FileFormatError: missing, not a regular file, damaged, with objects that would need
+            pickle, or larger than the limit `array_bytes` when decompressed.
+    """
+    if data is not None:
+        return _read(path, io.BytesIO(data))
+    with open_input(path, max_bytes=limits().array_bytes) as stream:
+        return _read(path, stream)
+
+
+def map_array(path: Path, *, root: Path | None = None) -> NDArray[Any]:
+    """Return the array of an .npy file, which stays on disk until it is looked at.
+
+    Args:
+        path: the file.
+        root: the folder that it must lie in after links are followed; None: anywhere.
+
+    Raises:
+        FileFormatError: missing, not a regular file, a link out of `root`, truncated, damaged, or
+            with objects that would need pickle.
+    """
+    check_input(path, root=root)
+    try:
+        return np.load(path, mmap_mode="r", allow_pickle=False)
+    except _DAMAGED as error:
+        raise FileFormatError(path, f"truncated or corrupt ({_line(error)})") from error
+
+
+def _read(path: Path, stream: BinaryIO) -> dict[str, NDArray[Any]]:
+    cap = limits().array_bytes
+    try:
+        with zipfile.ZipFile(stream) as archive:
+            total = sum(member.file_size for member in archive.infolist())
+        if total > cap:
+            raise FileFormatError(
+                path, f"unpacks to {total:,} bytes; valid: up to {cap:,} (array_bytes)"
+            )
+        stream.seek(0)
+        with np.load(stream, allow_pickle=False) as data:
+            arrays = {key: data[key] for key in data.files}
+        for key, values in arrays.items():
+            if not isinstance(values, np.ndarray):
+                raise ValueError(f"{brief(key)} is no array")
+        return arrays
+    except _DAMAGED as error:
+        raise FileFormatError(path, f"damaged arrays ({_line(error)})") from error
+
+
+def _line(error: BaseException) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())[:300]

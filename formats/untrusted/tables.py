@@ -1,0 +1,113 @@
+"""Read Parquet files from untrusted sources, within a limit of memory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from ..core.errors import FileFormatError
+from .files import check_input
+from .limits import limits
+
+_BYTES_PER_VALUE = 8
+
+
+def read_schema(path: Path, *, root: Path | None = None) -> pa.Schema:
+    """Return the schema of a Parquet file.
+
+    Args:
+        path: the file.
+        root: the folder that it must lie in after links are followed; None: anywhere.
+
+    Raises:
+        FileFormatError: missing, not a regular file, a link out of `root`, or damaged.
+    """
+    check_input(path, root=root)
+    try:
+        return pq.read_schema(path)
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise _damaged(path, error) from error
+
+
+def read_table(
+    path: Path,
+    columns: Sequence[str] | None = None,
+    *,
+    filters: Any = None,
+    root: Path | None = None,
+) -> pa.Table:
+    """Return a Parquet file's table.
+
+    Repeated values take next to nothing in a file; how much the table takes in memory is
+    estimated first.
+
+    Args:
+        path: the file.
+        columns: their names; None: all.
+        filters: as of `pyarrow.parquet.read_table`.
+        root: the folder that it must lie in after links are followed; None: anywhere.
+
+    Raises:
+        FileFormatError: missing, not a regular file, a link out of `root`, damaged, beyond the
+            limit `table_bytes`, or without one of the columns.
+    """
+    check_input(path, root=root)
+    try:
+        with pq.ParquetFile(path) as file:
+            check_size(path, file, columns)
+        return pq.read_table(path, columns=None if columns is None else [*columns], filters=filters)
+    except (OSError, ValueError, KeyError, pa.ArrowException) as error:
+        raise _damaged(path, error) from error
+
+
+def check_size(path: Path, file: pq.ParquetFile, columns: Sequence[str] | None = None) -> None:
+    """Estimate what the columns of an open Parquet file take in memory.
+
+    Raises:
+        FileFormatError: more than the limit `table_bytes`.
+    """
+    metadata, cap = file.metadata, limits().table_bytes
+    names = None if columns is None else set(columns)
+    total, texts = 0, dict[str, int]()
+    for group in range(metadata.num_row_groups):
+        for number in range(metadata.num_columns):
+            column = metadata.row_group(group).column(number)
+            name = column.path_in_schema.split(".")[0]
+            if names is not None and name not in names:
+                continue
+            plain = column.num_values * _BYTES_PER_VALUE
+            total += max(plain, column.total_uncompressed_size)
+            # Texts of a dictionary, each of them perhaps as long as the whole of it.
+            if column.physical_type == "BYTE_ARRAY" and any(
+                "DICTIONARY" in encoding for encoding in column.encodings
+            ):
+                most = column.num_values * column.total_uncompressed_size
+                texts[column.path_in_schema] = texts.get(column.path_in_schema, 0) + most
+    if total <= cap < total + sum(texts.values()):
+        total += _text_bytes(path, list(texts))
+    if total > cap:
+        raise FileFormatError(
+            path, f"takes {total:,} bytes in memory; valid: up to {cap:,} (table_bytes)"
+        )
+
+
+def _text_bytes(path: Path, columns: list[str]) -> int:
+    """Return an upper bound of what text columns take when their dictionaries are written out."""
+    total = 0
+    with pq.ParquetFile(path, read_dictionary=columns) as file:
+        for batch in file.iter_batches(columns=columns):
+            for values in batch.columns:
+                if not pa.types.is_dictionary(values.type):
+                    total += values.nbytes
+                elif len(values.dictionary):
+                    longest = max(len(text.as_buffer() or b"") for text in values.dictionary)
+                    total += longest * len(values)
+    return total
+
+
+def _damaged(path: Path, error: Exception) -> FileFormatError:
+    return FileFormatError(path, f"not readable ({' '.join(str(error).split())[:300]})")

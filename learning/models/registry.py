@@ -1,0 +1,45 @@
+"""The registry of models."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from torch import nn
+
+from ...datasets.tokens import Tokens
+from ..config import ModelConfig
+from .cma import Cma
+from .rdp import Rdp
+from .senses import load_word_vectors
+from .seq2seq import Seq2Seq
+
+Model = Cma | Seq2Seq | Rdp
+MODELS: dict[str, type[Cma] | type[Seq2Seq] | type[Rdp]] = {
+    "cma": Cma,
+    "seq2seq": Seq2Seq,
+    "rdp": Rdp,
+}
+
+
+def build_model(tokens: Tokens, config: ModelConfig, *, pretrained: bool = True) -> Model:
+    """Return a new model.
+
+    Args:
+        tokens: whose vocabulary it reads.
+        config: which one, and its sizes.
+        pretrained: read the configuration's files of weights and word vectors; a checkpoint's
+            weights contain them.
+
+    Raises:
+        FileFormatError: such a file cannot be read, or belongs to something else.
+    """
+    words = tokens.vocabulary.words
+    model = MODELS[config.name](len(words), config, pretrained=pretrained)
+    if config.word_vectors and pretrained:
+        load_word_vectors(model.reader.embedding, tuple(words), Path(config.word_vectors))
+    return model
+
+
+def parameter_count(model: nn.Module) -> int:
+    """Return the number of trained numbers."""
+    return sum(parameter.numel() for parameter in model.parameters())

@@ -1,0 +1,120 @@
+"""Episodes that a policy walked and an expert corrected (DAgger; Ross et al., 2011)."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch.utils.data import Dataset
+
+from ...datasets.poses import motions
+from ...datasets.tokens import Tokens
+from ...formats.core.atomic import atomic_file
+from ...formats.core.errors import FileFormatError
+from ..config import TrainConfig
+from ..models.heads import FUTURE
+
+_DEPTH_STEP_M = 0.001
+
+
+@dataclass(frozen=True)
+class Correction:
+    """One walk of T steps.
+
+    Attributes:
+        rgb: (T, 3, S, S) uint8, as the model got them.
+        depth_m: (T, 1, S, S) float32.
+        action: (T,) what the expert would have done at each step.
+        executed: (T,) what was done.
+        pose: (T, 3) x, y [m], yaw [rad] relative to the first step.
+        progress: (T,) 0 … 1 of the expert's route.
+        instruction: Its text.
+        name: of the episode.
+        robot: whose walk it is.
+    """
+
+    rgb: NDArray[np.uint8]
+    depth_m: NDArray[np.float32]
+    action: NDArray[np.int64]
+    executed: NDArray[np.int64]
+    pose: NDArray[np.float64]
+    progress: NDArray[np.float32]
+    instruction: str
+    name: str
+    robot: str
+
+
+def write_correction(path: Path, walk: Correction) -> None:
+    """Write one walk."""
+    values = {key: value for key, value in vars(walk).items() if key != "depth_m"}
+    millimetres = np.rint(walk.depth_m / _DEPTH_STEP_M).clip(0, 65535).astype(np.uint16)
+    with atomic_file(path) as temporary, temporary.open("wb") as stream:
+        np.savez(stream, depth_mm=millimetres, **values)
+
+
+class CorrectedEpisodes(Dataset[dict[str, Any]]):
+    """Corrected walks as items of `EpisodeSequences`, but without waypoints.
+
+    Attributes:
+        digest: of all files.
+    """
+
+    def __init__(self, files: Sequence[Path], tokens: Tokens, config: TrainConfig):
+        """Read nothing yet but the files' digests."""
+        self._files, self._tokens, self._config = list(files), tokens, config
+        state = hashlib.blake2b(digest_size=12)
+        for path in self._files:
+            state.update(path.read_bytes())
+        self.digest = state.hexdigest()
+
+    def __len__(self) -> int:
+        return len(self._files)
+
+    def begin_pass(self, epoch: int) -> None:
+        """Do nothing: a walk has the instruction that the policy was given."""
+
+    def __getitem__(self, number: int) -> dict[str, Any]:
+        """Walk `number`.
+
+        Raises:
+            FileFormatError: the file is damaged.
+        """
+        path = self._files[number]
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                found = {key: file[key] for key in file.files}
+            steps = min(len(found["action"]), self._config.max_steps)
+            return self._item(found, steps)
+        except (OSError, ValueError, KeyError) as error:
+            raise FileFormatError(path, f"no corrected walk ({error})") from error
+
+    def _item(self, found: dict[str, NDArray[Any]], steps: int) -> dict[str, Any]:
+        action, executed = found["action"], found["executed"]
+        changed = np.concatenate([[True], action[1:] != executed[:-1]])
+        inflection = np.float32(self._config.inflection)
+        values: dict[str, NDArray[Any]] = {
+            "rgb": found["rgb"],
+            "depth": found["depth_mm"].astype(np.float32) * np.float32(_DEPTH_STEP_M),
+            "action": action,
+            "previous_action": np.concatenate([[0], 1 + executed[:-1]]),
+            "weight": np.where(changed, inflection, np.float32(1)),
+            "progress": found["progress"],
+            "motion": motions(found["pose"]),
+            "pose": found["pose"].astype(np.float32),
+            "waypoints": np.zeros((len(action), FUTURE, 3), np.float32),
+            "waypoint_valid": np.zeros((len(action), FUTURE), bool),
+        }
+        item: dict[str, Any] = {k: torch.from_numpy(v[:steps].copy()) for k, v in values.items()}
+        return item | {
+            "tokens": torch.from_numpy(self._tokens.encode(str(found["instruction"]))),
+            "length": torch.tensor(steps),
+            "cut": torch.tensor(int(action[steps - 1]) != 0),
+            "uid": str(found["name"]),
+            "robot": str(found["robot"]),
+        }

@@ -1,0 +1,1 @@
+"""Commands on recipes and models: mix, train, ablate."""

@@ -1,0 +1,57 @@
+"""`vlnpe mix`: show the training data that each mixture of a recipe selects."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Any
+
+from ....datasets.mixture.plan import Library, MixturePlan, plan_mixture
+from ....datasets.mixture.recipe import read_recipe, recipe_path
+from ....datasets.mixture.table import plan_json, plan_text
+from ....formats.core.atomic import write_json
+from ....formats.core.errors import InputError, UnknownNameError
+from ...options.training import Mix
+
+
+def run(options: Mix) -> int:
+    """Plan the mixtures and print them.
+
+    Raises:
+        InputError: If the recipe is invalid, or the data does not exist.
+    """
+    if options.draws not in ("episodes", "frames"):
+        raise UnknownNameError("draws", options.draws, ("episodes", "frames"))
+    if not options.dry_run and options.out is None:
+        raise InputError("vlnpe mix: pass --dry-run, or an output file with --out FILE.json")
+    recipe = read_recipe(recipe_path(options.recipe))
+    if options.mixture is not None and options.mixture not in recipe.mixtures:
+        raise UnknownNameError("mixture", options.mixture, recipe.mixtures)
+    library = Library(options.data)
+    names = [options.mixture] if options.mixture else list(recipe.mixtures)
+    plans = [plan_mixture(recipe, name, library, options.draws) for name in names]
+    for plan in plans:
+        sys.stdout.write(f"{plan.name}: draws are {plan.unit}\n{plan_text(plan)}\n\n")
+    value: dict[str, Any] = {"recipe": recipe.title, "mixtures": [plan_json(p) for p in plans]}
+    if not options.dry_run and options.out is not None:
+        chosen = {plan.name: _episodes(plan) for plan in plans}
+        write_json(options.out, value | {"episodes": chosen})
+        sys.stdout.write(f"{options.out}\n")
+    if options.json:
+        sys.stdout.write(json.dumps(value) + "\n")
+    return 0
+
+
+def _episodes(plan: MixturePlan) -> dict[str, dict[str, list[int]]]:
+    """Return the episode indices by source and dataset folder."""
+    result: dict[str, dict[str, list[int]]] = {}
+    for source in plan.sources:
+        chosen = source.selection
+        result[source.name] = {
+            str(index.root): [
+                index.table["episode_index"][int(row)].as_py()
+                for row in chosen.row[chosen.dataset == number]
+            ]
+            for number, index in enumerate(chosen.datasets)
+        }
+    return result

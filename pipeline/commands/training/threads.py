@@ -1,0 +1,27 @@
+"""Threads of torch, which commands import late."""
+
+from __future__ import annotations
+
+import os
+
+from ....formats.core.errors import InputError, MissingExtraError
+from ...engine.executors.base import available_cores
+
+
+def start_torch(threads: int) -> None:
+    """Import torch and limit it to `threads` threads; 0 takes one per core.
+
+    Raises:
+        InputError: The number is negative.
+        MissingExtraError: The extra `train` is not installed.
+    """
+    if threads < 0:
+        raise InputError(f"--threads {threads}: valid: 0 (one per core) and above")
+    count = threads or available_cores()
+    # Torch reads it once, when it is imported.
+    os.environ.setdefault("OMP_NUM_THREADS", str(count))
+    try:
+        import torch
+    except ImportError as error:
+        raise MissingExtraError("training", "train") from error
+    torch.set_num_threads(count)

@@ -1,0 +1,88 @@
+"""`vlnpe train`: train a policy on a mixture of a recipe."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Any
+
+from ....formats.core.atomic import file_digest, sweep
+from ....formats.core.errors import InputError
+from ...options.training import Train
+from .threads import start_torch
+
+
+def run(options: Train) -> int:
+    """Train, and print where the checkpoint is and how to evaluate it.
+
+    Raises:
+        InputError: If the recipe, settings or data are invalid, or the extra `train` is missing.
+    """
+    for name in ("validate", "dagger", "dagger_episodes"):
+        if getattr(options, name) < 0:
+            flag = "--" + name.replace("_", "-")
+            raise InputError(f"{flag} {getattr(options, name)}; valid: 0 or more")
+    if (options.validate or options.dagger) and options.run is None:
+        raise InputError("--validate and --dagger walk episodes of a run; name it: --run FOLDER")
+    start_torch(options.threads)
+    from ....datasets.mixture.recipe import read_recipe, recipe_path
+    from ....learning.training.session import CURVES, Request, train_recipe
+    from .loop import dagger, validation
+
+    path = recipe_path(options.recipe)
+    recipe = read_recipe(path)
+    if options.out.is_dir():
+        sweep(options.out)
+    request = Request(
+        recipe=recipe,
+        data=options.data,
+        out=options.out,
+        mixture=options.mixture,
+        seed=options.seed,
+        changes=_changes(options, recipe.train),
+        start=options.start,
+        validate=validation(options),
+        recipe_sha256=file_digest(path),
+    )
+    result = dagger(options, request, train_recipe(request))
+    last = dict(result.curves[-1]) if result.curves else {}
+    if options.json:
+        value = {"checkpoint": str(result.checkpoint), "step": result.chosen, "last": last}
+        sys.stdout.write(json.dumps(value) + "\n")
+        return 0
+    sys.stdout.write("\n" + "\n".join(_told(last)) + "\n")
+    sys.stdout.write(
+        f"\ncheckpoint: {result.checkpoint} (step {result.chosen})\n"
+        f"curves:     {options.out / CURVES}\n"
+        f"evaluate:   vlnpe evaluate <run> --policy {result.checkpoint} --robot <robot>\n"
+    )
+    return 0
+
+
+def _changes(options: Train, train: Any) -> dict[str, Any]:
+    changes: dict[str, Any] = {
+        name: value for name in ("steps", "device") if (value := getattr(options, name)) is not None
+    }
+    model = dict(train.get("model") or {})
+    if options.model is not None:
+        model["name"] = options.model
+    if options.inputs is not None:
+        model["inputs"] = [name.strip() for name in options.inputs.split(",") if name.strip()]
+    return changes | {"model": model}
+
+
+def _told(last: dict[str, Any]) -> list[str]:
+    """Return the last scores in words."""
+    lines = []
+    for where, name in (("train", "training"), ("held", "held-out")):
+        if f"{where} action" in last:
+            action, constant = last[f"{where} action"], last[f"{where} constant"]
+            lines.append(
+                f"{name} steps: {100 * action:.1f} % of the actions right (the commonest action: "
+                f"{100 * constant:.1f} %), {100 * last[f'{where} stop']:.0f} % of the stops"
+            )
+        elif f"{where} loss" in last:
+            lines.append(f"{name} loss: {last[f'{where} loss']:.3f}")
+    if "SR" in last:
+        lines.append(f"closed loop: SR {last['SR']:.1f} %")
+    return lines

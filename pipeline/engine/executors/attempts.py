@@ -1,0 +1,129 @@
+"""Run items in worker processes, and find the one that kills its worker."""
+
+from __future__ import annotations
+
+import pickle
+import time
+import traceback
+from collections.abc import Generator, Iterable, Sequence
+from concurrent.futures import BrokenExecutor, Future, as_completed
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ....formats.core.atomic import sweep_beside
+from ....formats.core.errors import VlnpeError
+from ..files import Records, all_records
+from ..work import ItemResult, Job, WorkItem
+from .base import Executor
+
+# Failures that the same item need not have again, by name: memory, servers, budgets.
+TRANSIENT = frozenset(
+    {"WorkerDiedError", "ModelError", "ModelDownError", "BudgetError", "PolicyError"}
+)
+
+
+class WorkerDiedError(VlnpeError):
+    """A worker process died while it worked on an item alone."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of one item.
+
+    Attributes:
+        result: What its job returned, if it ended well.
+        seconds: Wall time that it took [s].
+        cpu_seconds: CPU time that it took, of all threads [s].
+        files: Records of the files of its outputs, by output.
+        error: What its job raised, or None.
+        traceback: Of the error, as text.
+    """
+
+    result: ItemResult = field(default_factory=ItemResult)
+    seconds: float = 0.0
+    cpu_seconds: float = 0.0
+    files: dict[Path, Records] = field(default_factory=dict)
+    error: BaseException | None = None
+    traceback: str = ""
+
+
+def run_items(workers: Executor, items: Sequence[WorkItem]) -> Iterable[tuple[WorkItem, Outcome]]:
+    """Yield outcomes as they come.
+
+    A dying worker breaks the whole pool, and it is unknown which item killed it. So all items that
+    were lost are tried together once more; those lost again are tried alone, which finds the one.
+    """
+    lost = yield from _attempt(workers, items)
+    if lost:
+        _restart(workers, lost)
+        lost = yield from _attempt(workers, lost)
+    for item in lost:
+        _restart(workers, [item])
+        if (yield from _attempt(workers, [item])):
+            _restart(workers, [item])
+            error = WorkerDiedError("its worker process died (out of memory?)")
+            yield item, Outcome(error=error, traceback=f"{error}\n")
+
+
+def _restart(workers: Executor, lost: Iterable[WorkItem]) -> None:
+    """Replace the pool, and remove what the dead left half-written."""
+    workers.restart()
+    sweep_beside(path for item in lost for path in item.outputs)
+
+
+def _attempt(
+    workers: Executor, items: Sequence[WorkItem]
+) -> Generator[tuple[WorkItem, Outcome], None, list[WorkItem]]:
+    """Run items in the pool; return those that were lost because the pool broke."""
+    lost: list[WorkItem] = []
+    futures: dict[Future[Outcome], WorkItem] = {}
+    # A lone item (a big scene) may use all the cores that its idle neighbours leave.
+    threads = max(1, workers.cores // max(1, len(items)))
+    for item in items:
+        try:
+            futures[workers.submit(attempt, item.job, item.outputs, threads)] = item
+        except BrokenExecutor:
+            lost.append(item)
+    workers.flush()
+    for future in as_completed(futures):
+        try:
+            yield futures[future], future.result()
+        except BrokenExecutor:
+            lost.append(futures[future])
+        except Exception as error:  # its arguments or its result cannot be pickled
+            yield futures[future], Outcome(error=error, traceback=traceback.format_exc())
+    return lost
+
+
+def attempt(job: Job, outputs: Sequence[Path], threads: int) -> Outcome:
+    """Run a job in this process, and record the files that it wrote.
+
+    Args:
+        job: What to do.
+        outputs: What it writes.
+        threads: How many threads compiled kernels may use.
+    """
+    import numba
+
+    most = numba.config.NUMBA_NUM_THREADS  # pyright: ignore
+    numba.set_num_threads(min(threads, most))
+    started, cpu_started = time.perf_counter(), time.process_time()
+    try:
+        result = job.run()
+        seconds = time.perf_counter() - started
+        cpu_seconds = time.process_time() - cpu_started
+        # Now, while the files are still in the page cache.
+        return Outcome(result, seconds, cpu_seconds, all_records(outputs))
+    except Exception as error:
+        text = traceback.format_exc()
+        return Outcome(error=_portable(error), traceback=text)
+
+
+def _portable(error: Exception) -> Exception:
+    """Return an error that can be pickled; any other would break the worker pool."""
+    error.__traceback__ = None
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return VlnpeError(f"{type(error).__name__}: {error}")
+    return error

@@ -1,0 +1,97 @@
+"""Names of the built-in scenes: `builtin`, `builtin:house`, `builtin-exact:villa*10@100`."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from ...formats.core.errors import InputError, UnknownNameError
+
+BUILTIN = "builtin"
+_DEFAULT_KIND = "apartment"
+_FORM = re.compile(
+    rf"{BUILTIN}(?P<exact>-exact)?(?::(?P<kind>[^*@]*))?(?:\*(?P<count>[^@]*))?(?:@(?P<seed>.*))?"
+)
+_MOST = 1000
+
+
+@dataclass(frozen=True)
+class BuiltIn:
+    """A building to generate.
+
+    Attributes:
+        kind: key of `apartments.BUILDINGS`.
+        seed: of the building.
+        scanned: scan it virtually; otherwise its exact, textured geometry is used as the scan.
+    """
+
+    kind: str
+    seed: int
+    scanned: bool = True
+
+    @property
+    def name(self) -> str:
+        """Name of the scene; the same building has the same name in every run."""
+        return f"{'' if self.scanned else 'exact-'}{self.kind}-{self.seed}"
+
+
+def parse_builtin(text: str, seed: int) -> list[BuiltIn]:
+    """Return the buildings that a scene's name asks for; none if it names a file.
+
+    `builtin` is the apartment of `seed`, `builtin:KIND` another kind of building, `builtin:KIND*N`
+    the N buildings of `seed`, `seed` + 1, …, and `builtin:KIND*N@S` those of S, S + 1, ….
+    `builtin-exact…` are the same buildings without the virtual scan. Several, comma-separated,
+    follow one another.
+
+    Raises:
+        InputError: the kind is unknown, the number is not one from 1 to 1,000, a seed is not a
+            whole number, a building is asked for twice, or built-in scenes are listed with files.
+    """
+    parts = [part.strip() for part in text.split(",")]
+    found = [_FORM.fullmatch(part) for part in parts]
+    if not any(found):
+        return []
+    result: list[BuiltIn] = []
+    for part, match in zip(parts, found, strict=True):
+        if match is None:
+            raise InputError(
+                f"scene {text!r}: {part!r} is no built-in scene; valid: one file, or {BUILTIN}…"
+            )
+        result += _buildings(part, match, seed)
+    names = [building.name for building in result]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(f"scene {text!r}: {twice} is asked for twice; valid: each building once")
+    return result
+
+
+def _buildings(text: str, found: re.Match[str], seed: int) -> list[BuiltIn]:
+    kind = _DEFAULT_KIND if found["kind"] is None else found["kind"]
+    check_kind(kind)
+    count, first = found["count"], found["seed"]
+    if count is not None and not (_is_number(count) and 1 <= int(count) <= _MOST):
+        raise InputError(
+            f"scene {text!r}: {count!r} is not a number of buildings; valid: 1 to {_MOST:,}, "
+            f"for example {BUILTIN}:{kind}*10"
+        )
+    if first is not None and not _is_number(first):
+        raise InputError(
+            f"scene {text!r}: {first!r} is not a seed; valid: a whole number, for example "
+            f"{BUILTIN}:{kind}*10@100"
+        )
+    start = seed if first is None else int(first)
+    numbers = range(start, start + (1 if count is None else int(count)))
+    return [BuiltIn(kind, number, not found["exact"]) for number in numbers]
+
+
+def _is_number(text: str) -> bool:
+    return text.isascii() and text.isdigit()
+
+
+def check_kind(kind: str) -> None:
+    """Raise UnknownNameError if there is no such kind of building."""
+    # Takes long to import, and most runs have scans of their own.
+    from ...apartments.config import BUILDINGS
+
+    if kind not in BUILDINGS:
+        raise UnknownNameError("built-in building", kind, BUILDINGS)

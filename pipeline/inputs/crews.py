@@ -1,0 +1,134 @@
+"""The robots of a run: which ones take part under which controllers, and copies of a user's own."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from ...collectors.controllers import CONTROLLERS, SpeedConfig, get_controller, valid_controllers
+from ...collectors.controllers.speed import SpeedController
+from ...collectors.robots import ROBOTS, TIMESTEP_S, RobotSpec, get_robot
+from ...collectors.robots.folder.load import folder_digest
+from ...collectors.robots.folder.safety import folder_files
+from ...formats.core.atomic import atomic_folder
+from ...formats.core.errors import InputError
+from ...formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD
+from ..engine.ledger import Ledger
+
+ALL, AUTO = "all", "auto"
+USUAL = "path"  # what `auto` means for whatever has a body
+
+
+def chosen_robots(text: str) -> list[RobotSpec]:
+    """Return the robots of `ROBOT=<text>`: a name, a folder of a user's robot, several, or `all`.
+
+    A bodyless agent is no robot: it takes part only when it is named, also beside `all`.
+
+    Raises:
+        InputError: an unknown name, or none at all; or a robot whose gait cannot be loaded.
+    """
+    # Late, because policies are run by a library that takes its time to load.
+    from ...collectors.drives import gait_for
+
+    bodies = [name for name, robot in ROBOTS.items() if robot.joints]
+    robots = [get_robot(name) for name in _names("ROBOT", text, bodies)]
+    for robot in robots:
+        gait_for(robot)  # says at once when its policy is missing, broken or another robot's
+    by_name = {robot.name: robot for robot in robots}
+    for robot in robots:
+        alike = [r for r in by_name.values() if r.name.casefold() == robot.name.casefold()]
+        if len(alike) > 1 or alike[0].folder != robot.folder:
+            raise InputError(f"ROBOT={text}: two robots are named {robot.name}; rename one")
+    return list(by_name.values())
+
+
+def crews(robots: Iterable[RobotSpec], text: str) -> list[tuple[str, str]]:
+    """Return each robot with each controller of `CONTROLLER=<text>` that can drive it, by name.
+
+    `text` is a name, names with commas, `all`, or `auto`: path, and flash for what has no joints
+    and therefore cannot be driven, only placed.
+
+    Raises:
+        InputError: an unknown name, or a robot that none of the controllers can drive.
+    """
+    names = [] if text == AUTO else _names("CONTROLLER", text, CONTROLLERS)
+    for name in names:
+        get_controller(name)
+    result = []
+    for robot in robots:
+        valid = valid_controllers(robot)
+        able = [n for n in names or [USUAL if USUAL in valid else valid[0]] if n in valid]
+        if not able:
+            raise InputError(
+                f"CONTROLLER={text}: {robot.name} has no joints to drive; valid for it: "
+                f"{', '.join(valid)}"
+            )
+        result += [(robot.name, name) for name in able]
+    return result
+
+
+def action_timing(steps: int, closed_loop: bool) -> SpeedConfig:
+    """Return how discrete actions are executed: for `steps` physics steps, or until done.
+
+    The speed asked for is what 0.25 m or 15° in so many steps need, within the robot's limits.
+
+    Raises:
+        InputError: `steps` is not a whole number of the controller's own steps.
+    """
+    least = round(1.0 / (SpeedController.rate_hz * TIMESTEP_S))  # between two looks of it
+    if steps < least or steps % least:
+        raise InputError(f"action steps {steps}: valid are multiples of {least}; VLN-PE takes 50")
+    seconds = steps * TIMESTEP_S
+    return SpeedConfig(
+        linear_m_s=FORWARD_STEP_M / seconds,
+        yaw_rad_s=TURN_STEP_RAD / seconds,
+        steps_per_action=steps,
+        end_on_displacement=closed_loop,
+    )
+
+
+def _names(variable: str, text: str, everything: Iterable[str]) -> list[str]:
+    """Return the comma-separated names in `text`, each once, with `all` expanded."""
+    given = [part.strip() for part in text.split(",")]
+    if not all(given):
+        raise InputError(f"{variable}={text}: an empty name; valid: a name, or a,b,c, or {ALL}")
+    spelled = [name for part in given for name in (everything if part == ALL else (part,))]
+    return list(dict.fromkeys(spelled))
+
+
+FOLDER = "robots"
+
+
+def keep(robot: RobotSpec, root: Path) -> str:
+    """Copy a robot that came from a folder to `<root>/robots/<name>`; built-in ones need no copy.
+
+    Returns:
+        What to pass to `get_robot` from now on.
+    """
+    if robot.folder is not None:
+        copy = root / FOLDER / robot.name
+        if not copy.is_dir() or folder_digest(copy) != robot.content_sha256:
+            with atomic_folder(copy) as temporary:
+                for path in folder_files(robot.folder):
+                    target = temporary / path.relative_to(robot.folder)
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copyfile(path, target)
+    return kept(robot.name, root)
+
+
+def keep_all(robots: Sequence[RobotSpec], ledger: Ledger) -> dict[str, str]:
+    """Keep robots in a run's folder, with records of their files; see `keep`.
+
+    Returns:
+        What to pass to `get_robot` from now on, by name.
+    """
+    found = {robot.name: keep(robot, ledger.root) for robot in robots}
+    ledger.record(ledger.root / FOLDER / r.name for r in robots if r.folder is not None)
+    return found
+
+
+def kept(name: str, root: Path) -> str:
+    """Return what to pass to `get_robot` for a run's robot `name`: its copy, or its name."""
+    copy = root / FOLDER / name
+    return str(copy) if copy.is_dir() else name

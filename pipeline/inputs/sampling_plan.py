@@ -1,0 +1,142 @@
+"""What `sample` and `collect` are asked to sample, and where."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from ...formats.core.errors import InputError
+from ...formats.scene import FULL_HEIGHT_M
+from ...trajectory_sampler.config import SampleConfig
+from ...trajectory_sampler.presets import (
+    choose_seen,
+    get_preset,
+    parse_quotas,
+    parse_splits,
+    plan_quotas,
+)
+from ..options.episodes import Sampling
+
+if TYPE_CHECKING:
+    from ...collectors.robots import RobotSpec
+
+
+@dataclass(frozen=True)
+class SamplingPlan:
+    """Paths of several splits over several scenes.
+
+    Attributes:
+        splits: paths by split.
+        train_scenes: the scenes that are trained in.
+        quotas: paths by split, by scene.
+        instructions: per path; 0 if the user did not ask for a published set.
+        exact: a scene that holds fewer paths is an error.
+    """
+
+    splits: Mapping[str, int]
+    train_scenes: tuple[str, ...]
+    quotas: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
+    instructions: int = 0
+    exact: bool = True
+
+    @staticmethod
+    def of(options: Sampling, preset: str, scenes: Sequence[str]) -> SamplingPlan | None:
+        """The plan that options ask for; None where every scene gives as many as the others.
+
+        Raises:
+            InputError: an unknown preset, or splits that do not fit the scenes.
+        """
+        if preset and options.splits:
+            raise InputError(f"--splits {options.splits} and the preset {preset}: give one of them")
+        if not preset and not options.splits:
+            for name in ("quota", "train_scenes", "allow_fewer"):
+                if value := getattr(options, name):
+                    flag = f"--{name.replace('_', '-')}"
+                    given = flag if value is True else f"{flag} {value}"
+                    raise InputError(f"{given}: only with --splits or a preset")
+            return None
+        published = get_preset(preset) if preset else None
+        if published and len(scenes) != published.scenes:
+            raise InputError(
+                f"the preset {preset} needs {published.scenes} scene"
+                f"{'s' * (published.scenes > 1)}, not {len(scenes)}; for other numbers give "
+                f"--splits {','.join(f'{s}={n}' for s, n in published.splits.items())}"
+            )
+        splits = dict(published.splits) if published else parse_splits(options.splits)
+        named = [name.strip() for name in options.train_scenes.split(",") if name.strip()]
+        first = published.seen if published else 0
+        if len(named) == 1 and named[0].isdecimal() and named[0] not in scenes:
+            first, named = _first(named[0], scenes), []
+        seen = choose_seen(splits, scenes, first, named)
+        quotas = plan_quotas(splits, scenes, seen, parse_quotas(options.quota))
+        count = published.instructions if published else 0
+        return SamplingPlan(splits, tuple(seen), quotas, count, not options.allow_fewer)
+
+
+def _first(number: str, scenes: Sequence[str]) -> int:
+    if not 1 <= int(number) <= len(scenes):
+        raise InputError(f"--train-scenes {number}; valid: 1 to {len(scenes)} scenes, or names")
+    return int(number)
+
+
+def chosen_free_height(robots: Iterable[RobotSpec], asked_m: float) -> float:
+    """Return the free height [m] that paths need: `asked_m`, or for 0 that of the tallest robot.
+
+    Args:
+        robots: the run's robots; empty if none is named.
+        asked_m: the option's value [m].
+
+    Raises:
+        InputError: a robot is taller than asked, or 0 without robots.
+    """
+    if asked_m >= FULL_HEIGHT_M:
+        return asked_m
+    from ...collectors.physics import free_height
+
+    needed = {robot.name: free_height(robot) for robot in robots}
+    if not needed:
+        if asked_m == 0:
+            raise InputError("--free-height-m 0 takes the robots' own height; name them: --robot")
+        return asked_m
+    tallest = max(needed, key=lambda name: needed[name])
+    if 0 < asked_m < needed[tallest]:
+        raise InputError(
+            f"--free-height-m {asked_m:g}: {tallest} needs {needed[tallest]:g} m; valid: that, up "
+            f"to {FULL_HEIGHT_M:g}, or 0 for what the tallest of the robots needs"
+        )
+    return asked_m or needed[tallest]
+
+
+def sample_config(
+    options: Sampling, count: int, radius_m: float, free_height_m: float, strict: bool
+) -> SampleConfig:
+    """What to sample in each scene.
+
+    Args:
+        options: of the command.
+        count: paths per scene, where no plan says how many.
+        radius_m: footprint of the widest robot [m].
+        free_height_m: free height above every path [m].
+        strict: never take paths that are more similar than asked for.
+
+    Raises:
+        InputError: an option is invalid.
+    """
+    return SampleConfig(
+        count=count,
+        robot_radius_m=radius_m,
+        free_height_m=free_height_m,
+        end_clearance_m=max(SampleConfig.end_clearance_m, radius_m),
+        min_length_m=options.min_length_m,
+        max_length_m=options.max_length_m,
+        min_crossings=options.min_crossings,
+        similarity=options.similarity,
+        min_gap_m=options.min_gap_m,
+        family_gap_m=options.family_gap_m,
+        max_detour=options.max_detour,
+        max_turning_deg=options.max_turning_deg,
+        heading=options.heading,
+        relax=not strict,
+        patience=60 if strict else SampleConfig.patience,
+    )

@@ -1,0 +1,49 @@
+"""Views that a user names on the command line."""
+
+from __future__ import annotations
+
+from ...collectors.rendering.camera.views import CameraOverrides, View, parse_views
+from ...collectors.rendering.light.lights import LIGHTS
+from ...collectors.rendering.registry import AUTO, chosen_renderer
+from ...collectors.robots import RobotSpec
+from ...formats.core.errors import InputError, UnknownNameError
+from ...formats.core.rollout import STATE_RATE_HZ
+
+ALL = "all"
+
+
+def chosen_lights(text: str) -> list[str]:
+    """Return the light names of `DL5000,CL` or `all`, each once.
+
+    Raises:
+        UnknownNameError: there is no such light; the message lists the valid names.
+    """
+    names = sorted(LIGHTS) if text == ALL else [part.strip() for part in text.split(",")]
+    for name in names:
+        if name not in LIGHTS:
+            raise UnknownNameError("light", name, [*LIGHTS, ALL])
+    return list(dict.fromkeys(names))
+
+
+def chosen_views(
+    camera: str, light: str, renderer: str, robot: str | RobotSpec, wishes: CameraOverrides
+) -> list[View]:
+    """Return every camera in `camera` under every light in `light`.
+
+    Raises:
+        UnknownNameError: no such camera, light, renderer or robot; the message lists valid names.
+        InputError: a camera that cannot be read, or `gl` where nothing can be drawn with it.
+    """
+    # What `auto` means is up to each scene: see `scene_renderer_name`.
+    drawn_by = AUTO if renderer == AUTO else chosen_renderer(renderer)
+    return [
+        view
+        for name in chosen_lights(light)
+        for view in parse_views(camera, robot, wishes, light=name, renderer=drawn_by)
+    ]
+
+
+def check_frame_rate(rate: int) -> None:
+    """Raise InputError if `rate` does not divide the state rate."""
+    if rate < 1 or STATE_RATE_HZ % rate:
+        raise InputError(f"--frames-per-second {rate}: valid: 4, 5, 10, 20, 25, 50")

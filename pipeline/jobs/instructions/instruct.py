@@ -1,0 +1,120 @@
+"""Write instructions for episodes."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ....formats.core.atomic import write_bytes
+from ....formats.scene.bundle import LabeledObject
+from ....formats.scene.visibility import Visibility, read_visibility
+from ....formats.vlnce.files import read_episodes, write_episodes
+from ....formats.vlnce.groups import group_by_path, per_instruction
+from ....instruction_gen.instruct import InstructResult, instruct_episodes
+from ....instruction_gen.records import InstructConfig
+from ...engine.work import ItemResult
+
+CACHE = "llm_cache"  # name of the folder of a language model's answers, which were paid for
+
+
+@dataclass(frozen=True)
+class InstructJob:
+    """Write instructions for the episodes of one file that have none.
+
+    Attributes:
+        scenes: Folder of the repaired scenes.
+        episodes: Episode file.
+        seen: What the camera sees along the paths, one record per scene; without any, the facts
+            come from the map alone.
+        out: Episode file to write.
+        facts: Facts records to write.
+        cache: Folder of a language model's answers.
+        config: How to write.
+        seed: Random seed of the phrasing.
+        per_instruction: Write one episode per instruction; a path then has several.
+        objects: Objects that a vision-language model named in scenes without labels; or None.
+    """
+
+    scenes: Path
+    episodes: Path
+    seen: tuple[Path, ...]
+    out: Path
+    facts: Path
+    cache: Path
+    config: InstructConfig
+    seed: int
+    per_instruction: bool = False
+    objects: Path | None = None
+
+    def run(self) -> ItemResult:
+        """Instruct one file's episodes."""
+        started = time.process_time()
+        asked = read_episodes(self.episodes)
+        sight = read_sights(self.seen)
+        objects = read_objects(self.objects) if self.objects else None
+        result = instruct_episodes(
+            asked, self.scenes, self.config, self.seed, sight, cache=self.cache, objects=objects
+        )
+        made = result.episodes
+        if self.per_instruction:
+            made = [one for path in group_by_path(made) for one in per_instruction(path)]
+        write_episodes(self.out, made)
+        write_facts(self.facts, result.facts)
+        return ItemResult({**summary(result), "cpu_s": round(time.process_time() - started, 2)})
+
+
+def read_objects(path: Path) -> dict[str, list[LabeledObject]]:
+    """Read the objects by scene that `NameThingsJob` wrote."""
+    scenes = json.loads(path.read_text()).items()
+    return {scene: [_object(**values) for values in objects] for scene, objects in scenes}
+
+
+def _object(
+    name: str, category: str, lower_m: list[float], upper_m: list[float], level: int
+) -> LabeledObject:
+    x0, y0, z0 = lower_m
+    x1, y1, z1 = upper_m
+    return LabeledObject(name, category, (x0, y0, z0), (x1, y1, z1), level)
+
+
+def read_sights(paths: Sequence[Path]) -> Visibility | None:
+    """Read what is seen along the paths of several scenes; None without any record.
+
+    Raises:
+        FileFormatError: If a record cannot be read.
+    """
+    parts = [read_visibility(path) for path in paths]
+    if not parts:
+        return None
+    sights = {name: sight for part in parts for name, sight in part.paths.items()}
+    return Visibility(parts[0].camera, sights, sum(part.seconds for part in parts))
+
+
+def summary(result: InstructResult) -> dict[str, Any]:
+    """Return the facts of a file's instructions for the ledger and `--json`."""
+    texts = [t for e in result.episodes for t in e.extra.get("instructions", [])]
+    return {
+        "episodes": len(result.episodes),
+        "texts": len(texts),
+        "skeletons": len(result.skeletons),
+        "quarantined": dict(result.failed),
+        "unnamed_labels": result.unnamed,
+        "language_model": result.usage(),
+    }
+
+
+def write_facts(path: Path, facts: Mapping[str, Any]) -> None:
+    """Write facts records by trajectory id, as compressed JSON."""
+    document = {name: asdict(one) for name, one in sorted(facts.items())}
+    data = json.dumps(document, separators=(",", ":")).encode()
+    write_bytes(path, gzip.compress(data, compresslevel=6, mtime=0))
+
+
+def read_facts(path: Path) -> dict[str, Any]:
+    """Read what `write_facts` wrote: plain records by trajectory id."""
+    return json.loads(gzip.decompress(path.read_bytes()))

@@ -1,0 +1,100 @@
+"""One process at a time in a run folder of an object store.
+
+The lock is an object that only one process can create; it names its holder, who renews it. A
+holder of this machine that is dead is replaced at once, one of another machine when the lock has
+not been renewed while this process watched for `STALE_S`: no two clocks are compared.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import asdict
+
+from ..engine.lock import LOCK_NAME, Holder, LockedError
+from .objects import ObjectFolder, StoreError
+
+log = logging.getLogger(__name__)
+
+RENEW_S = 20.0
+STALE_S = 100.0
+POLL_S = 5.0
+
+
+@contextlib.contextmanager
+def hold(store: ObjectFolder, *, wait: bool = False) -> Iterator[None]:
+    """Hold the lock of a run folder.
+
+    Args:
+        store: The run folder.
+        wait: Wait until another process has left it, instead of raising.
+
+    Raises:
+        LockedError: If another process holds it, and `wait` is false.
+        StoreError: If the store cannot be used.
+    """
+    holder = Holder.this()
+    watched, since_s, warned = None, 0.0, False
+    while not store.create(LOCK_NAME, _text(holder, 0)):
+        found = store.read(LOCK_NAME)
+        if found is None:
+            continue
+        other = _holder(found)
+        if found != watched:
+            watched, since_s = found, time.monotonic()
+        dead_here = other is not None and other.is_here() and not other.is_alive_here()
+        if dead_here or time.monotonic() - since_s > STALE_S:
+            store.remove([LOCK_NAME])
+            continue
+        if not wait:
+            raise LockedError(
+                f"{store.url} is in use by {other or 'another process'}; wait for it to end "
+                f"(--wait does, and goes on {STALE_S:.0f} s after a process that has died), or "
+                "choose another folder"
+            )
+        if not warned:
+            log.warning("%s is in use by %s: waiting for it to end", store.url, other)
+            warned = True
+        time.sleep(POLL_S)
+    ended = threading.Event()
+    threading.Thread(target=_renew, args=(store, holder, ended), daemon=True).start()
+    try:
+        yield
+    finally:
+        ended.set()
+        with contextlib.suppress(StoreError):
+            if _holder(store.read(LOCK_NAME) or b"") == holder:
+                store.remove([LOCK_NAME])
+
+
+def _renew(store: ObjectFolder, holder: Holder, ended: threading.Event) -> None:
+    count = 0
+    while not ended.wait(RENEW_S):
+        count += 1
+        with contextlib.suppress(StoreError):  # the network may be down for a while
+            found = _holder(store.read(LOCK_NAME) or b"")
+            if found is not None and found.token != holder.token:
+                log.error("%s took over %s; this run stops", found, store.url)
+                os.kill(os.getpid(), signal.SIGTERM)
+                return
+            if not ended.is_set():
+                store.write(LOCK_NAME, _text(holder, count))
+
+
+def _text(holder: Holder, count: int) -> bytes:
+    return json.dumps({**asdict(holder), "renewed": count}).encode()
+
+
+def _holder(text: bytes) -> Holder | None:
+    try:
+        fields = json.loads(text)
+        fields.pop("renewed")
+        return Holder(**fields)
+    except (AttributeError, KeyError, TypeError, ValueError):
+        return None

@@ -1,0 +1,102 @@
+"""Jobs and workers for tests of the runner; at module level, because workers are spawned."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from vlnpe.formats.core.atomic import atomic_file
+from vlnpe.formats.core.errors import FileFormatError, SceneError
+from vlnpe.pipeline.engine.executors.base import Workers
+from vlnpe.pipeline.engine.work import ItemResult
+
+
+class InlineWorkers(Workers):
+    """Runs items in this process, as they come."""
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        try:
+            future.set_result(function(*arguments))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+@dataclass(frozen=True)
+class Call:
+    """A job that calls one of the functions below."""
+
+    function: Callable[..., ItemResult]
+    arguments: tuple[Any, ...]
+
+    def run(self) -> ItemResult:
+        return self.function(*self.arguments)
+
+
+def write(path: Path, text: str) -> ItemResult:
+    with atomic_file(path) as temporary:
+        temporary.write_text(text)
+    return ItemResult({"length": len(text)}, failed=text == "fell")
+
+
+def refuse(path: Path) -> ItemResult:
+    raise SceneError(f"{path.name} has no floor")
+
+
+class StubbornError(Exception):
+    """Cannot be pickled back, as many a library's errors."""
+
+    def __init__(self, first: str, second: str):
+        super().__init__(first + second)
+
+
+def refuse_stubbornly(path: Path) -> ItemResult:
+    raise StubbornError("not ", "portable")
+
+
+def misread(path: Path) -> ItemResult:
+    raise FileFormatError(path, "no mesh")
+
+
+def crash(path: Path) -> ItemResult:
+    raise ZeroDivisionError("a bug")
+
+
+def write_half(path: Path) -> ItemResult:
+    with atomic_file(path) as temporary:
+        temporary.write_text("half")
+        raise ValueError("broke in the middle")
+
+
+def run_out_of_memory(path: Path) -> ItemResult:
+    raise MemoryError
+
+
+def linger(path: Path, seconds: float) -> ItemResult:
+    """Write half a file, and the rest after a while; beside it stands which process does."""
+    with atomic_file(path) as temporary:
+        temporary.write_text("half")
+        path.with_suffix(".pid").write_text(str(os.getpid()))
+        time.sleep(seconds)
+    return ItemResult()
+
+
+def die(path: Path) -> ItemResult:
+    os._exit(9)
+
+
+def fill_disk(path: Path) -> ItemResult:
+    raise OSError(28, "No space left on device", str(path))
+
+
+def write_late(path: Path, text: str, seconds: float, started: Path | None = None) -> ItemResult:
+    if started is not None:
+        started.touch()
+    time.sleep(seconds)
+    return write(path, text)
