@@ -52,8 +52,9 @@ bookshelf=bookrack,book rack,wall of books,
 bookcase,book shelf,shelf of books,shelf with books,book case,bookshelves<shelf,shelves
 shelf=shelves,shelving,shelving unit
 rack=
-coat rack=coat hooks,coat hangers,clothes stand,clothes hanger,coat pegs,hat rack,coat rail,
-hanger stand,coat stand,clothes rack,hat stand,coat hanger,coat hook,coat tree,garment rack,
+coat rack=coat hooks,coat hangers,clothes stand,clothes hanger,
+coat pegs,hat rack,coat rail,hanger stand,
+coat stand,clothes rack,hat stand,coat hanger,coat hook,coat tree,garment rack,
 hall tree<rack,stand
 kitchen counter=kitchen worktop,kitchen countertop,work surface,kitchen work surface,kitchen top,
 counter,countertop,worktop,kitchen unit,kitchen units,kitchen cabinets
