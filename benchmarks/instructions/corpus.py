@@ -4,7 +4,9 @@
 until then, `later` was written afterwards about two more apartments. `fresh` was written from maps
 and boxes alone about four more apartments and a villa, before the checker was worked on again,
 `last` about one more apartment after its failures were mended, `voices` about two more and a villa
-in eight manners of speaking, named beside the texts, by a writer who had not seen the checker.
+in eight manners of speaking, named beside the texts, by a writer who had not seen the checker. `sealed`
+was written about three more apartments by another such writer, and measured after the last change
+of the checker; its paths were sampled in the exact buildings (`vlnpe scan --exact`).
 """
 
 from __future__ import annotations
@@ -30,7 +32,10 @@ from .lies import KINDS
 from .rewording import reworded
 
 FOLDER = Path(__file__).parent / "corpus"
-PARTS = ("earlier", "tuning", "held_out", "later", "fresh", "last", "voices")
+PARTS = (
+    *("earlier", "tuning", "held_out", "later"),
+    *("fresh", "last", "voices", "sealed"),
+)
 
 
 @dataclass(frozen=True)
