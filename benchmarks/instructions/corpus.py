@@ -4,9 +4,9 @@
 until then, `later` was written afterwards about two more apartments. `fresh` was written from maps
 and boxes alone about four more apartments and a villa, before the checker was worked on again,
 `last` about one more apartment after its failures were mended, `voices` about two more and a villa
-in eight manners of speaking, named beside the texts, by a writer who had not seen the checker. `sealed`
-was written about three more apartments by another such writer, and measured after the last change
-of the checker; its paths were sampled in the exact buildings (`vlnpe scan --exact`).
+in eight manners of speaking, named beside the texts, by a writer who had not seen the checker.
+`sealed` was written about three more apartments by another such writer, and measured after the
+last change of the checker; its paths were sampled in the exact buildings (`vlnpe scan --exact`).
 """
 
 from __future__ import annotations
