@@ -22,6 +22,7 @@ from .engine.signals import (
     OnlyDone,
     closed_streams,
     interruptible,
+    without_interrupts,
 )
 from .store.address import store_url
 
@@ -179,7 +180,9 @@ def _run(arguments: Sequence[str]) -> int:
             options = _with_local_inputs(options)
         if check := getattr(options, "check", None):
             check()  # before seconds of imports
-        return verb.run()(options)
+        with without_interrupts():
+            run = verb.run()
+        return run(options)
     except OnlyDone as only:
         return int(not only.good)
     except DryRun as written:

@@ -99,6 +99,20 @@ def interruptible() -> Iterator[None]:
                 signal.signal(number, handler)
 
 
+@contextlib.contextmanager
+def without_interrupts() -> Iterator[None]:
+    """Hold back SIGINT in this thread; processes started meanwhile never receive it.
+
+    Otherwise Ctrl-C would print the traceback of a process that is still importing: of a worker, or
+    of one that a library starts when it is imported, as GLFW's does.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def closed_streams() -> list[TextIO]:
     """Return which of stdout and stderr are pipes whose reader has gone, as after `| head`."""
     closed = []

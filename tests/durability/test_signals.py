@@ -126,6 +126,17 @@ def handles(pid: int, number: int) -> bool:
     return bool(int(caught.split()[1], 16) >> (number - 1) & 1)
 
 
+def test_no_worker_ever_receives_ctrl_c():
+    code = (
+        "import signal; from vlnpe.pipeline.engine.executors.base import Workers\n"
+        "with Workers(1) as workers:\n"
+        "    held = workers.submit(signal.pthread_sigmask, signal.SIG_BLOCK, []).result()\n"
+        "print(signal.SIGINT in held)"
+    )
+    done = tiny_run.run([sys.executable, "-c", code])
+    assert done.stdout == "True\n", done.stderr
+
+
 @pytest.mark.parametrize("after_s", [0.0, 0.5])
 def test_ctrl_c_at_start_up_prints_no_traceback(tmp_path: Path, start, after_s: float):
     scan = tiny_run.write_scan(tmp_path / "scan.glb")

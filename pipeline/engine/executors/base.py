@@ -7,13 +7,14 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
 from ....formats.core.errors import InputError, UnknownNameError
+from ..signals import without_interrupts
 
 LOCAL, RAY, SLURM = "local", "ray", "slurm"
 EXECUTORS = (LOCAL, RAY, SLURM)
@@ -133,7 +134,7 @@ class Workers(Executor):
             self._pool = ProcessPoolExecutor(
                 self.count, mp_context=context, initializer=_lead_and_watch
             )
-        with _without_interrupts():
+        with without_interrupts():
             return self._pool.submit(function, *arguments)
 
     def restart(self) -> None:
@@ -168,19 +169,6 @@ class Workers(Executor):
             self.close()
         else:
             self.kill()
-
-
-@contextlib.contextmanager
-def _without_interrupts() -> Iterator[None]:
-    """Hold back SIGINT in this thread; processes started meanwhile never receive it.
-
-    Otherwise Ctrl-C would print the traceback of a worker that is still importing.
-    """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _lead_and_watch() -> None:

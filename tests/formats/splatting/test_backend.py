@@ -29,6 +29,7 @@ def rasterization(
     scales: Any,
     opacities: Any,
     colors: Any,
+    *,
     viewmats: Any,
     Ks: Any,
     width: int,
