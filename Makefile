@@ -44,7 +44,8 @@ dataset-bench:  ## Collect the training data of the baselines: make dataset-benc
 
 evaluate:  ## Evaluate a policy in closed loop: make evaluate POLICY=random ROBOT=h1 [OUT=runs/<name>]
 	@$(SETUP) $(if $(filter %.safetensors,$(POLICY)),full,core)
-	@$(BIN)/vlnpe evaluate "$(or $(OUT),runs/apartment-$(SEED))" --policy "$(POLICY)" --robot "$(ROBOT)" $(ARGS)
+	@$(BIN)/vlnpe evaluate "$(or $(OUT),runs/apartment-$(SEED))" --policy "$(POLICY)" --robot "$(ROBOT)" \
+	    --controller "$(CONTROLLER)" $(ARGS)
 
 train-gait:  ## Train a locomotion policy: make train-gait ROBOT=aliengo [OUT=folder]
 	@$(SETUP) full

@@ -18,7 +18,7 @@ from .engine.runner import StageSummary
 from .report.gather import RobotRow, robot_rows
 
 log = logging.getLogger(__name__)
-LEROBOT = "lerobot[viz]==0.6.1"
+LEROBOT = "lerobot[dataset,viz]==0.6.1"
 
 
 def show_summary(
@@ -108,7 +108,7 @@ def looking_commands(folder: RunFolder, summaries: Sequence[StageSummary], page:
     if datasets:
         data = datasets[0]
         lines.append(
-            f"  LeRobot   {uvx} --from '{LEROBOT}' lerobot-dataset-viz"
+            f"  LeRobot   {uvx} --python {shlex.quote(sys.executable)} --from '{LEROBOT}' lerobot-dataset-viz"
             f" --repo-id vlnpe/{data.name} --root {shlex.quote(str(data))} --episode-index 0"
         )
     if episodes:

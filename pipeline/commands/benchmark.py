@@ -62,6 +62,8 @@ def run(options: Benchmark) -> int:
         _prepare(known, folder, options)
     splits = _splits(options, known, folder)
     asked = folder / FOLDER / "asked"
+    for left in asked.glob("*.json.gz"):  # splits that an earlier call asked for
+        left.unlink()
     kept: dict[str, list[Episode]] = {}
     for split, episodes in splits.items():
         kept[split] = list(spread(episodes, options.limit or len(episodes)))

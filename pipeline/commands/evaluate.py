@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from ...collectors.controllers import controller_for, get_controller
+from ...collectors.controllers import controller_for, valid_controllers
 from ...collectors.rendering.camera.views import CameraOverrides, View
+from ...collectors.robots import RobotSpec
 from ...evaluation.episode import closed_loop
-from ...evaluation.motions import DISCRETE, WAYPOINTS, check_kind
+from ...evaluation.motions import DISCRETE, WAYPOINTS, check_kind, controllers_for
 from ...evaluation.policy import (
     MAP,
     MAP_LLM,
@@ -39,7 +40,7 @@ from ..engine.keys import digest
 from ..engine.ledger import Row
 from ..engine.run_folder import safe_name
 from ..engine.runner import Context, run_stage
-from ..inputs.crews import action_timing, chosen_robots, keep_all
+from ..inputs.crews import AUTO, action_timing, chosen_robots, keep_all
 from ..inputs.views import chosen_views
 from ..options.evaluate import Compare, Evaluate
 from ..stages import evaluate, export, policy_report, render, repair, replay
@@ -60,13 +61,14 @@ def run_evaluate(options: Evaluate) -> int:
             f"--actions {options.actions}: only a policy server gives such actions, and {MAP} "
             f"{WAYPOINTS}, not {options.policy}; valid: {DISCRETE}, or --policy ws://HOST:PORT"
         )
-    get_controller(options.controller)
-    check_kind(options.actions, options.controller)
     robots = chosen_robots(options.robot)
     if len(robots) != 1:
         raise InputError(f"--robot {options.robot}: an evaluation has one robot")
     (robot,) = robots
+    if options.controller == AUTO:
+        options = replace(options, controller=_suitable_controller(options.actions, robot))
     controller_for(robot, options.controller)
+    check_kind(options.actions, options.controller)
     wishes = CameraOverrides(height_m=options.camera_height, pitch_down_deg=options.camera_pitch)
     views = chosen_views(_camera(options), options.light, options.renderer, robot, wishes)
     if len(views) != 1 or views[0].kind != "ego":
@@ -216,6 +218,13 @@ def _camera(options: Evaluate) -> str:
     return read_card(path)[0].view.camera(options.camera)
 
 
+def _suitable_controller(actions: str, robot: RobotSpec) -> str:
+    """Return the controller for some kind of actions that suits a robot, rather a physical one."""
+    names = controllers_for(actions)
+    valid = [name for name in names if name in valid_controllers(robot)] or names
+    return "speed" if "speed" in valid else valid[0]
+
+
 def _default_out(options: Evaluate, robot: str, view: View) -> Path:
     path = checkpoint_path(options.policy)
     policy = f"{path.stem}-{file_digest(path)[:6]}" if path else options.policy
@@ -248,6 +257,6 @@ def _tell(options: Evaluate, out: Path, value: dict[str, Any], scenes: Path) -> 
         sys.stdout.write(f"report:  {out / policy_report.PAGE_NAME}\n")
         return
     sys.stdout.write(
-        f"films:   --films 2, or vlnpe render {out} --scenes {scenes} --video --camera chase "
-        f"--out {out}/films\n"
+        f"films:   the same command with --films 2, or vlnpe render {out} --scenes {scenes} "
+        f"--video --camera chase --out {out}/films\n"
     )

@@ -22,3 +22,9 @@ def must_exist(*paths: Path | None) -> None:
     for path in paths:
         if path is not None and not path.exists():
             raise InputError(f"{path}: no such file or folder")
+
+
+def check_limit(limit: int | None) -> None:
+    """Raise InputError if a number of episodes is below 1."""
+    if limit is not None and limit < 1:
+        raise InputError(f"--limit {limit}; valid: 1 or more")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import tyro
 
-from . import Json, must_exist
+from . import Json, check_limit, must_exist
 from .running import Running
 
 
@@ -29,9 +29,9 @@ class Evaluate(Running):
     """Folder of repaired scenes; defaults to the run's own."""
     robot: str = "aliengo"
     """Robot: a name (see `vlnpe robots`), or the folder of your own robot."""
-    controller: str = "speed"
-    """Controller that executes the actions: speed (physics), flash (placed without physics), or
-    path for --actions waypoints."""
+    controller: str = "auto"
+    """Controller that executes the actions: speed (physics), flash (placed without physics), path
+    for --actions waypoints, or auto: the first of these that suits robot and actions."""
     actions: str = "discrete"
     """Actions of a policy server: discrete (controller speed or flash), velocity (speed) or
     waypoints (path, also of the policy map)."""
@@ -70,8 +70,9 @@ class Evaluate(Running):
     """Print one JSON object with the results' summary as the last line."""
 
     def check(self) -> None:
-        """Raise InputError if a file or folder is missing."""
+        """Raise InputError if a file or folder is missing, or `limit` is below 1."""
         must_exist(self.episodes, self.scenes)
+        check_limit(self.limit)
 
 
 @dataclass(frozen=True)

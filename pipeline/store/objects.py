@@ -124,4 +124,6 @@ class ObjectFolder:
             raise StoreError(f"{self.url}: {error or 'not found'}") from error
         except Exception as error:
             reason = " ".join(str(error).split()) or type(error).__name__
+            if "credentials" in reason.lower():
+                reason += ": set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE"
             raise StoreError(f"{self.url}: {reason}") from error
