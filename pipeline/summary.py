@@ -103,12 +103,12 @@ def looking_commands(folder: RunFolder, summaries: Sequence[StageSummary], page:
     made = [row for summary in summaries for row in summary.good().values()]
     datasets = [folder.root / row.outputs[0] for row in made if row.stage == "dataset"]
     episodes = [folder.root / row.outputs[0] for row in made if row.stage == "mcap"]
-    uvx = find_uv("uvx") or "uvx"
+    uvx = f"{find_uv('uvx') or 'uvx'} --python {shlex.quote(sys.executable)}"
     lines = ["Look at it:"]
     if datasets:
         data = datasets[0]
         lines.append(
-            f"  LeRobot   {uvx} --python {shlex.quote(sys.executable)} --from '{LEROBOT}' lerobot-dataset-viz"
+            f"  LeRobot   {uvx} --from '{LEROBOT}' lerobot-dataset-viz"
             f" --repo-id vlnpe/{data.name} --root {shlex.quote(str(data))} --episode-index 0"
         )
     if episodes:
