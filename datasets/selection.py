@@ -106,7 +106,7 @@ class Selection:
 
 
 def joined_digest(selections: Iterable[Selection]) -> str:
-    """Of several selections, in order."""
+    """Return the digest of several selections, in order."""
     return "-".join(selection.digest for selection in selections)
 
 
@@ -128,7 +128,7 @@ def select_all(datasets: Iterable[DatasetIndex | Path]) -> Selection:
 def common_columns(
     datasets: Sequence[DatasetIndex],
 ) -> dict[str, tuple[str, tuple[int, ...]]]:
-    """Features that all datasets have in the same type and shape: what can be batched together.
+    """Return the features that all datasets have in one type and shape, which can be batched.
 
     Joints and feet differ between robots, so only datasets of one robot have them in common.
     """

@@ -1,6 +1,6 @@
 """One walk per path or one per instruction: `python -m benchmarks.episodes.grouped SCENES OUT`.
 
-SCENES is a folder of repaired scenes. Paths are sampled in them and told three times, and written
+SCENES is a folder of repaired scenes. Paths are sampled in them, described three times, and written
 as R2R is: Habitat's coordinates, an episode per instruction, three episodes of a `trajectory_id`. A
 second file has the same episodes, each with a `trajectory_id` of its own, as if they were
 different paths. Both are aligned, replayed, rendered and exported by the commands of the product

@@ -68,7 +68,7 @@ class MixtureLoader:
         self._given = sampler.drawn  # draws in the batches that the caller has had
 
     def __len__(self) -> int:
-        """Batches left in this epoch."""
+        """Return the number of batches left in this epoch."""
         left = self._sampler.length - self._given % self._sampler.length
         return -(-left // self._batch_size)
 

@@ -174,7 +174,7 @@ def recipe_of(value: Any) -> Recipe:
 
 
 def _mixture(name: str, value: Any) -> Mixture:
-    """A list of sources, a mapping of weights, or those under `sources` with `shares` beside."""
+    """Return a mixture: a list of sources, weights by source, or `sources` beside `shares`."""
     shares = "size"
     if isinstance(value, dict) and "sources" in value:
         extra = set(value) - {"sources", "shares"}
@@ -198,7 +198,7 @@ def _mixture(name: str, value: Any) -> Mixture:
 
 
 def _record[T](kind: type[T], what: str, value: Any) -> T:
-    """A frozen record from a mapping, its values checked against the types of its defaults."""
+    """Return a record from a mapping, with values checked against the types of its defaults."""
     given = _mapping(what, value if value is not None else {})
     known = {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
     for key, entry in given.items():

@@ -279,7 +279,7 @@ def _facts(root: Path, info: dict[str, Any]) -> DatasetFacts:
 
 
 def _megabytes(value: Any) -> float:
-    """Return a size as it is written, so that it is written back alike."""
+    """Return a size in the notation of the file, so that it is written back unchanged."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e9:
         raise ValueError(f"a size of {brief(value)} MB")
     return value

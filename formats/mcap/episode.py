@@ -238,7 +238,7 @@ def write_frame_records(
 
 
 def _labels(rollout: Rollout, view: FrameFolder) -> dict[float, int]:
-    """`action.discrete` by the frame's time, where a dataset of these frames would have it."""
+    """Return `action.discrete` by frame time, if a dataset of these frames would have it."""
     table = build_frame_table(rollout, view.arrays, view.frames_per_second)
     labels = np.ravel(table.columns.get("action.discrete", ())).tolist()
     times = rollout.time_s[view.arrays["sample_index"]].tolist()

@@ -99,7 +99,7 @@ class Contents:
     attachments: dict[str, Attachment] = field(default_factory=dict)
 
     def add(self, record: McapRecord) -> None:
-        """Sort a record in; those of other kinds (indexes, headers) are left out.
+        """Add a record; those of other kinds (indexes, headers) are left out.
 
         Raises:
             KeyError: a message of an unknown channel.

@@ -1,4 +1,4 @@
-"""Tell files of Gaussian splats from meshes and point clouds, without reading the splats.
+"""Distinguish files of Gaussian splats from meshes and point clouds without reading them.
 
 It imports no reader, so that what decides how a mesh is read does not depend on them.
 """

@@ -58,7 +58,7 @@ def run(
 
 
 def _check_alike(rows: Mapping[str, Row]) -> None:
-    """One dataset holds one robot, one camera and one frame rate."""
+    """Raise InputError unless all units have one robot, one camera and one frame rate."""
     first = next(iter(rows.values()))
     for row in rows.values():
         if row.facts["alike"] != first.facts["alike"]:

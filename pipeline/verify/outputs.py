@@ -101,7 +101,7 @@ def _mcap(path: Path) -> None:
 
 
 def _instructed(path: Path) -> None:
-    """An episode file, or facts records beside it."""
+    """Read an episode file, or the facts records beside it."""
     if path.parent.name == "facts":
         json.loads(gzip.decompress(path.read_bytes()))
     else:
