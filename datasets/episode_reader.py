@@ -144,7 +144,7 @@ def _part(entry: EpisodeEntry, first: int, count: int | None) -> tuple[int, int]
     if count is None:
         count = entry.length - first
     if first < 0 or count < 1 or first + count > entry.length:
-        raise ValueError(f"frames {first} … {first + count - 1}; the episode has {entry.length}")
+        raise ValueError(f"frames {first} … {first + count - 1}; valid: 0 … {entry.length - 1}")
     return first, count
 
 

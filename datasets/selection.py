@@ -150,5 +150,7 @@ def check_frame_rate(datasets: Iterable[DatasetIndex]) -> int:
     """
     rates = sorted({index.frames_per_second for index in datasets})
     if len(rates) != 1:
-        raise InputError(f"frame rates {rates} frames/s; valid: datasets of one rate")
+        raise InputError(
+            f"the datasets have different frame rates ({rates} frames/s); valid: one rate"
+        )
     return rates[0]

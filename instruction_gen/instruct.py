@@ -178,7 +178,7 @@ def _writer(
         return composer_writer(config, taken, skeletons)
     settings = config.llm
     if settings is None:
-        raise InputError(f"--writer {config.writer}: no language model is set")
+        raise InputError(f"--writer {config.writer}: no language model is configured")
     # Only now: most runs need no client.
     from .llm.client import Client
     from .llm.local import local_backend

@@ -52,7 +52,7 @@ class GaitPolicy:
         card = load_card(card_path)
         card.check(robot, card_path)
         if not onnx_path.is_file():
-            raise FileFormatError(onnx_path, "the policy's network is missing")
+            raise FileFormatError(onnx_path, "missing; it is the policy's network")
         content = read_input(onnx_path, max_bytes=MAX_NETWORK_BYTES)
         if hashlib.sha256(content).hexdigest() != card.onnx_sha256:
             raise PolicyMismatchError(onnx_path, f"is not the network that {card_path} describes")

@@ -150,7 +150,7 @@ class Library:
         try:
             return sorted(root.glob(relative))
         except (OSError, ValueError, NotImplementedError) as error:
-            raise InputError(f"data: {brief(pattern)} is no pattern ({error})") from error
+            raise InputError(f"data: {brief(pattern)} is not a valid pattern ({error})") from error
 
 
 def plan_mixture(

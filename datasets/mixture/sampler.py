@@ -60,7 +60,8 @@ class MixtureSampler:
         given = np.asarray(shares, np.float64)
         if not sizes or min(sizes) < 1 or len(given) != len(sizes) or not (given > 0).all():
             raise InputError(
-                f"sizes {list(sizes)}, shares {given.tolist()}; valid: as many, all above 0"
+                f"sizes {list(sizes)}, shares {given.tolist()}; valid: as many shares as sizes, "
+                "all above 0"
             )
         if not 0 <= rank < world:
             raise InputError(f"rank {rank} of {world}; valid: 0 … {world - 1}")

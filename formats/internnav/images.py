@@ -59,5 +59,5 @@ def _write_images(
         out[done] = image
         done += 1
     if done != count:
-        raise FileFormatError(path, f"{done} images, the unit has {count} frames")
+        raise FileFormatError(path, f"contains {done} images; the unit has {count} frames")
     out.flush()

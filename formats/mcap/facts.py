@@ -66,7 +66,7 @@ def rollout_fields(metadata: dict[str, str], path: Path) -> dict[str, Any]:
         facts = parse_json(path, metadata[JSON_KEY].encode())
         if facts["format_version"] != FORMAT_VERSION:
             raise FileFormatError(
-                path, f"rollout version {facts['format_version']}, this code reads {FORMAT_VERSION}"
+                path, f"rollout version {facts['format_version']}; this code reads {FORMAT_VERSION}"
             )
         samples = facts["samples"]
         for _, start, stop in facts["actions"]:

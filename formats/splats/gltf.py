@@ -49,7 +49,7 @@ def read_gltf_splats(path: Path) -> GaussianCloud:
         total = sum(len(mesh.get("primitives", [])) for mesh in tree.get("meshes", []))
         if len(primitives) < total:
             raise FileFormatError(
-                path, "contains meshes and Gaussian splats; export one file for each"
+                path, "contains both meshes and Gaussian splats; export them to separate files"
             )
         clouds = [
             reader.cloud(primitive).transformed(matrix)

@@ -79,7 +79,7 @@ def gltf_tree(path: Path) -> tuple[dict[str, Any], memoryview]:
     except FileFormatError as error:
         raise ValueError(error.reason) from error
     if not isinstance(tree, dict):
-        raise ValueError("no JSON object")
+        raise ValueError("not a JSON object")
     return tree, body
 
 

@@ -127,7 +127,9 @@ class Client:
         with self._lock:
             self._failed += 1
         self._check_up(reason)
-        raise ModelError(f"no usable answer in {self.settings.attempts} tries; the last: {reason}")
+        raise ModelError(
+            f"no usable answer in {self.settings.attempts} tries; the last error: {reason}"
+        )
 
     def _kept[Form: BaseModel](self, path: Path, reply: Reply, form: type[Form]) -> Form:
         """Return the answer in a reply, cached before it is counted: a kill costs nothing twice.
@@ -155,11 +157,11 @@ class Client:
 
     def _check_up(self, reason: str = "") -> None:
         if self._failed >= self.settings.failures:
-            last = f" The last: {reason}." if reason else ""
+            last = f" The last error: {reason}." if reason else ""
             raise ModelDownError(
-                f"{self._failed} requests to the language model failed in a row, so it is left "
-                f"alone.{last} What it wrote is kept: the same command goes on from there; "
-                "--writer composer needs no server"
+                f"{self._failed} requests to the language model failed in a row; giving "
+                f"up.{last} Its answers are kept; run the same command to continue, or use "
+                "--writer composer, which needs no server"
             )
 
     def _wait(self, attempt: int, asked_s: float | None) -> None:

@@ -64,7 +64,7 @@ def _check_alike(rows: Mapping[str, Row]) -> None:
         if row.facts["alike"] != first.facts["alike"]:
             what = "robot" if row.facts["robot"] != first.facts["robot"] else "view or frame rate"
             raise InputError(
-                f"{row.facts['source']} ({row.facts['robot']}) has another {what} than "
+                f"{row.facts['source']} ({row.facts['robot']}) has a different {what} from "
                 f"{first.facts['source']} ({first.facts['robot']}); a dataset holds one only: "
                 "convert them from separate folders"
             )
