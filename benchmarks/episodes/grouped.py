@@ -69,12 +69,22 @@ def fixture(options: argparse.Namespace) -> None:
         return
     scenes = list(scenes_in(options.scenes))
     count = -(-options.paths // len(scenes))
-    sampled, told = out / "sampled.json.gz", out / "told.json.gz"
+    sampled, instructed = out / "sampled.json.gz", out / "told.json.gz"
     flags = ["--count", str(count), "--robot", options.robot, "--workers", "1"]
     run(["sample", str(options.scenes), "--out", str(sampled), *flags])
     flags = ["--count", str(INSTRUCTIONS), "--robot", "none", "--workers", "1"]
-    run(["instruct", str(sampled), "--scenes", str(options.scenes), "--out", str(told), *flags])
-    paths = read_episodes(told)[: options.paths]
+    run(
+        [
+            "instruct",
+            str(sampled),
+            "--scenes",
+            str(options.scenes),
+            "--out",
+            str(instructed),
+            *flags,
+        ]
+    )
+    paths = read_episodes(instructed)[: options.paths]
     bundles = {name: load_bundle(options.scenes / name) for name in scenes}
     for name in (GROUPED, APART):
         episodes = [
@@ -138,10 +148,10 @@ def run(command: list[str]) -> dict[str, float]:
     vlnpe = str(Path(sys.executable).with_name("vlnpe"))
     start = time.perf_counter()
     whole = [sys.executable, "-c", script, vlnpe, *command]
-    told = subprocess.run(whole, check=True, capture_output=True, text=True)
-    code, cpu_s, largest = json.loads(told.stdout)
+    done = subprocess.run(whole, check=True, capture_output=True, text=True)
+    code, cpu_s, largest = json.loads(done.stdout)
     if code:
-        raise SystemExit(f"{' '.join(command)}: exit code {code}\n{told.stderr[-2000:]}")
+        raise SystemExit(f"{' '.join(command)}: exit code {code}\n{done.stderr[-2000:]}")
     return {"cpu_s": round(cpu_s, 1), "s": time.perf_counter() - start, "mib": round(largest)}
 
 

@@ -53,9 +53,9 @@ def _things(text: str) -> list[str]:
 def wrong_turn(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
     """Swap the side of one stated turn, if no unstated turn to that side makes it true."""
     turns = _turns(text)
-    told = Counter(m[1].lower() for m in turns)
+    stated = Counter(m[1].lower() for m in turns)
     made = Counter(t.side for t in facts.turns)
-    turns = [m for m in turns if made[_OTHER[m[1].lower()]] <= told[_OTHER[m[1].lower()]]]
+    turns = [m for m in turns if made[_OTHER[m[1].lower()]] <= stated[_OTHER[m[1].lower()]]]
     return _swapped(text, [turns[int(rng.integers(len(turns)))]]) if turns else None
 
 

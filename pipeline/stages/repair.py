@@ -167,7 +167,7 @@ def _beside(source: Path) -> list[Path]:
         if looked > MAX_BESIDE:
             raise FileFormatError(
                 source,
-                f"its folder {source.parent} contains more than {MAX_BESIDE:,} files, to any of which "
+                f"its folder {source.parent} has more than {MAX_BESIDE:,} files, to all of which "
                 "it may refer; move the scan and its textures to a folder of their own",
             )
         found += [
