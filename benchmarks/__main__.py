@@ -27,9 +27,9 @@ from benchmarks import (
     physics,
     render,
     scaling,
-    throughput,
     write,
 )
+from benchmarks.throughput import page as throughput
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.pipeline.engine.executors.base import available_cores
 
