@@ -125,7 +125,7 @@ def test_the_dataset_card_names_them() -> None:
     def card(source: dict[str, Any]) -> str:
         view = CameraFacts(CameraModel("ego", 4, 4, 90.0), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0))
         splits = ({"train": [0]}, {"train": {"s"}})
-        facts = CardFacts("t", "mit", *splits, 10.0, view, {"scenes": {"s": source}})
+        facts = CardFacts("t", "mit", *splits, 10.0, view, {"scenes": {"s": source}}, 1)
         return dataset_card(facts, info)
 
     assert "Unsound" not in card({"licence": "MIT"})
