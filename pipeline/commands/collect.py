@@ -98,7 +98,7 @@ def run(options: Collect) -> int:
             quotas, exact = (plan.quotas, plan.exact) if plan else (None, True)
             asked = chain.sampled(sampling, scenes, quotas, exact=exact)
         if options.only_episodes:
-            return _tell_episodes(options, folder, chain.summaries)
+            return _print_episodes(options, folder, chain.summaries)
         chain.keep(asked, scenes, pairs)
         for robot, controller in pairs:
             chain.collected(
@@ -134,7 +134,7 @@ def run(options: Collect) -> int:
     return show_summary(folder, chain.summaries, page, options.max_failed, options.json)
 
 
-def _tell_episodes(options: Collect, folder: RunFolder, summaries: Sequence[StageSummary]) -> int:
+def _print_episodes(options: Collect, folder: RunFolder, summaries: Sequence[StageSummary]) -> int:
     quarantined = sum(summary.quarantined for summary in summaries)
     facts = {
         "out": str(folder.root),
