@@ -86,7 +86,7 @@ def run(options: Collect) -> int:
             folder, context, options.seed, actions, instructing, eye, options.per_instruction
         )
         scenes = chain.scenes(sources, repairing, options.allow_unsound)
-        sampling = _roomy(sampling, robots, context.ledger)
+        sampling = _widened(sampling, robots, context.ledger)
         fitting = AlignConfig(
             robot_radius_m=_fitting_radius(robots, context.ledger),
             free_height_m=height_m,
@@ -156,7 +156,7 @@ def _eye(ledger: Ledger) -> str | None:
     return next((row.facts["robot"] for row in rows if "robot" in row.facts), None)
 
 
-def _roomy(sampling: SampleConfig, robots: Sequence[RobotSpec], ledger: Ledger) -> SampleConfig:
+def _widened(sampling: SampleConfig, robots: Sequence[RobotSpec], ledger: Ledger) -> SampleConfig:
     """Widen the sampling clearance to the widest robot of this run and of earlier runs.
 
     Episodes that fit a wide robot also fit the others, so the episodes of a run folder change only

@@ -62,7 +62,7 @@ def test_executing_the_labels_ends_where_the_robot_did(
 ) -> None:
     for r in rollouts(open_world(two_rooms, 0, get_robot(name)), controller):
         assert r.end_reason is EndReason.SUCCESS
-        # Whoever turns back at once has answered a turn that was not over yet.
+        # An immediate turn back would answer a turn that is still under way.
         executed = [span.action for span in r.actions]
         assert sum({a, b} == {Action.LEFT, Action.RIGHT} for a, b in pairwise(executed)) <= 2
         at = r.frame_samples(4)
