@@ -12,7 +12,7 @@ from vlnpe.collectors.controllers import CONTROLLERS, SpeedConfig
 from vlnpe.collectors.replay import ReplayConfig
 from vlnpe.collectors.robots import ROBOTS
 from vlnpe.formats.core.errors import InputError
-from vlnpe.pipeline.commands.collect import _roomy
+from vlnpe.pipeline.commands.collect import _widened
 from vlnpe.pipeline.engine.ledger import Ledger, Row
 from vlnpe.pipeline.inputs.crews import action_timing, chosen_robots, crews
 from vlnpe.pipeline.stages import replay
@@ -85,14 +85,14 @@ def test_episodes_keep_room_for_the_widest_robot(
         facts = {"robot_radius_m": radius_m}
         ledger.add(Row("sample", "scene", "k", "done", facts=facts))
 
-    assert _roomy(plain, [narrow], ledger) == plain
-    both = _roomy(plain, [narrow, wide], ledger)
+    assert _widened(plain, [narrow], ledger) == plain
+    both = _widened(plain, [narrow, wide], ledger)
     assert both.robot_radius_m == both.end_clearance_m == 0.5
     sampled(0.5)
     # A narrower robot that joins later walks the same episodes.
-    assert _roomy(plain, [narrow], ledger) == both
+    assert _widened(plain, [narrow], ledger) == both
     assert not caplog.records
     sampled(0.3)
-    assert _roomy(plain, [wide], ledger) == both
+    assert _widened(plain, [wide], ledger) == both
     assert "wide needs 0.50 m" in caplog.text
     assert "sampling new episodes" in caplog.text
