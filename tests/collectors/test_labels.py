@@ -27,6 +27,8 @@ from vlnpe.formats.core.rollout import (
 from vlnpe.formats.rendered.discrete_steps import discrete_steps, execute, total_turning
 from vlnpe.formats.scene.bundle import SceneBundle
 
+pytestmark = pytest.mark.chain
+
 WALKS = (((1, 1), (7, 3), 0.4), ((7, 3), (0.8, 1.2), -2.6))
 ROBOTS = ("aliengo", "jetbot", "h1", "g1")
 CREWS = [*((robot, drive) for robot in ROBOTS for drive in ("path", "speed")), ("aliengo", "flash")]
