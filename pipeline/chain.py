@@ -246,7 +246,7 @@ class Chain:
             for s, row in rows.items()
         ]
         seen = self._stage(visibility.STAGE, items).good()
-        told = {s: folder.episodes(f"told/{s}") for s in seen}
+        instructed = {s: folder.episodes(f"told/{s}") for s in seen}
         items = [
             instruct.item(
                 s,
@@ -254,7 +254,7 @@ class Chain:
                     scenes=folder.scenes,
                     episodes=parts[s],
                     seen=(folder.seen(s),),
-                    out=told[s],
+                    out=instructed[s],
                     facts=folder.facts(s),
                     cache=folder.root / CACHE,
                     config=config,
@@ -268,7 +268,7 @@ class Chain:
         done = self._stage(instruct.STAGE, items)
         instruct.record_failed(self.context.ledger, done)
         paths, files = episodes.merge(
-            [told[s] for s in done.good()], folder.episodes, self.per_instruction
+            [instructed[s] for s in done.good()], folder.episodes, self.per_instruction
         )
         self.context.ledger.record(files.values())
         self.context.ledger.record_new(folder.root / CACHE)

@@ -170,6 +170,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(arguments: Sequence[str]) -> int:
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(message)s")
     os.environ.setdefault("MPLCONFIGDIR", str(FONT_LIST_FOLDER))
+    # GLFW's import starts a process in every worker; the renderer `gl` opens EGL itself.
+    os.environ.setdefault("MUJOCO_GL", "disable")
     for argument in arguments:
         if not is_text(Path(argument)):
             _complain(f"{argument!a} is not UTF-8; rename the file or folder")

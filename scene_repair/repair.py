@@ -55,7 +55,7 @@ def read_surface(source: Path, config: RepairConfig, tell: Callable[[str], None]
     scan = read_scan(source)
     if config.collision:
         raise InputError(
-            f"--collision {config.collision}: {source.name} has a surface of its own; "
+            f"--collision {config.collision}: {source.name} already has a surface; "
             "valid: Gaussian splats"
         )
     return scan

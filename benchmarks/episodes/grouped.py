@@ -1,6 +1,6 @@
 """One walk per path or one per instruction: `python -m benchmarks.episodes.grouped SCENES OUT`.
 
-SCENES is a folder of repaired scenes. Paths are sampled in them and told three times, and written
+SCENES is a folder of repaired scenes. Paths are sampled in them, described three times, and written
 as R2R is: Habitat's coordinates, an episode per instruction, three episodes of a `trajectory_id`. A
 second file has the same episodes, each with a `trajectory_id` of its own, as if they were
 different paths. Both are aligned, replayed, rendered and exported by the commands of the product
@@ -69,12 +69,22 @@ def fixture(options: argparse.Namespace) -> None:
         return
     scenes = list(scenes_in(options.scenes))
     count = -(-options.paths // len(scenes))
-    sampled, told = out / "sampled.json.gz", out / "told.json.gz"
+    sampled, instructed = out / "sampled.json.gz", out / "told.json.gz"
     flags = ["--count", str(count), "--robot", options.robot, "--workers", "1"]
     run(["sample", str(options.scenes), "--out", str(sampled), *flags])
     flags = ["--count", str(INSTRUCTIONS), "--robot", "none", "--workers", "1"]
-    run(["instruct", str(sampled), "--scenes", str(options.scenes), "--out", str(told), *flags])
-    paths = read_episodes(told)[: options.paths]
+    run(
+        [
+            "instruct",
+            str(sampled),
+            "--scenes",
+            str(options.scenes),
+            "--out",
+            str(instructed),
+            *flags,
+        ]
+    )
+    paths = read_episodes(instructed)[: options.paths]
     bundles = {name: load_bundle(options.scenes / name) for name in scenes}
     for name in (GROUPED, APART):
         episodes = [
@@ -138,10 +148,10 @@ def run(command: list[str]) -> dict[str, float]:
     vlnpe = str(Path(sys.executable).with_name("vlnpe"))
     start = time.perf_counter()
     whole = [sys.executable, "-c", script, vlnpe, *command]
-    told = subprocess.run(whole, check=True, capture_output=True, text=True)
-    code, cpu_s, largest = json.loads(told.stdout)
+    done = subprocess.run(whole, check=True, capture_output=True, text=True)
+    code, cpu_s, largest = json.loads(done.stdout)
     if code:
-        raise SystemExit(f"{' '.join(command)}: exit code {code}\n{told.stderr[-2000:]}")
+        raise SystemExit(f"{' '.join(command)}: exit code {code}\n{done.stderr[-2000:]}")
     return {"cpu_s": round(cpu_s, 1), "s": time.perf_counter() - start, "mib": round(largest)}
 
 

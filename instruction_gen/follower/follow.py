@@ -106,7 +106,7 @@ def prefix_costs(goals: Sequence[SubGoal], ways: Ways, world: World) -> list[Arr
 
 
 def _met(goal: SubGoal, here: Array, ways: Ways, world: World, walked: bool) -> Array:
-    """Cost (N,) of meeting a sub-goal at each cell, after the last was met somewhere before."""
+    """Return costs (N,) of meeting a sub-goal at each cell, the last being met somewhere before."""
     if goal.kind == "walk":
         return _walk(goal, here, ways)
     reached = ways.lately(here, _TIGHT) if walked else ways.onward(here)

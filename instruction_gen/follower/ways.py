@@ -111,7 +111,7 @@ class Ways:
         return range(int(back_m[0] / (1.45 * CELL_M)), int(back_m[1] / CELL_M) + 2)
 
     def ancestors(self, count: int) -> list[Ids]:
-        """Ancestors 0 … `count` back."""
+        """Return the ancestors 0 … `count` cells back."""
         chain = list(self.before[: count + 1])
         while len(chain) <= count:
             chain.append(self._parent[chain[-1]])
@@ -128,5 +128,5 @@ def _levels(parent: Ids) -> list[Ids]:
 
 
 def wrap(angle_rad: Array) -> Array:
-    """Angles to −π … π."""
+    """Wrap angles to −π … π."""
     return (angle_rad + np.pi) % (2 * np.pi) - np.pi

@@ -61,7 +61,7 @@ def parse_builtin(text: str, seed: int) -> list[BuiltIn]:
     names = [building.name for building in result]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
-        raise InputError(f"scene {text!r}: {twice} is asked for twice; valid: each building once")
+        raise InputError(f"scene {text!r}: {twice} is listed twice; valid: each building once")
     return result
 
 

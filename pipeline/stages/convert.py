@@ -58,13 +58,13 @@ def run(
 
 
 def _check_alike(rows: Mapping[str, Row]) -> None:
-    """One dataset holds one robot, one camera and one frame rate."""
+    """Raise InputError unless all units have one robot, one camera and one frame rate."""
     first = next(iter(rows.values()))
     for row in rows.values():
         if row.facts["alike"] != first.facts["alike"]:
             what = "robot" if row.facts["robot"] != first.facts["robot"] else "view or frame rate"
             raise InputError(
-                f"{row.facts['source']} ({row.facts['robot']}) has another {what} than "
+                f"{row.facts['source']} ({row.facts['robot']}) has a different {what} from "
                 f"{first.facts['source']} ({first.facts['robot']}); a dataset holds one only: "
                 "convert them from separate folders"
             )

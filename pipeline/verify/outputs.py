@@ -89,7 +89,7 @@ def _mcap(path: Path) -> None:
         reader = make_reader(stream, validate_crcs=True)
         summary = reader.get_summary()
         if summary is None or summary.statistics is None:
-            raise ValueError("no index")
+            raise ValueError("it has no index")
         count, last_ns = 0, 0
         for _, _, message in reader.iter_messages():
             count += 1
@@ -101,7 +101,7 @@ def _mcap(path: Path) -> None:
 
 
 def _instructed(path: Path) -> None:
-    """An episode file, or facts records beside it."""
+    """Read an episode file, or the facts records beside it."""
     if path.parent.name == "facts":
         json.loads(gzip.decompress(path.read_bytes()))
     else:

@@ -1,4 +1,4 @@
-"""Gaps in a level's floor: which a person would expect to be floor, and which are real openings."""
+"""Gaps in a level's floor: defects that a person would expect to be floor, and real openings."""
 
 from __future__ import annotations
 

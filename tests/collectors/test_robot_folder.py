@@ -63,7 +63,7 @@ def dog(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(params=["rover", "mydog"])
 def copied(request: pytest.FixtureRequest, dog: Path, tmp_path: Path) -> Path:
-    """A robot to spoil."""
+    """Return a copy of a robot's folder to be damaged."""
     folder = tmp_path / request.param
     return written_rover(folder) if folder.name == "rover" else Path(shutil.copytree(dog, folder))
 

@@ -98,11 +98,11 @@ print(json.dumps({{
         [sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False
     )
     seen = last_json(done)
-    told = {e.instruction for e in read_episodes(run_root / "episodes" / "train.json.gz")}
+    instructions = {e.instruction for e in read_episodes(run_root / "episodes" / "train.json.gz")}
     assert seen["episodes"] == EPISODES
     assert seen["frames"] > EPISODES * 20
     assert seen["fps"] == 4
-    assert seen["task"] in told
+    assert seen["task"] in instructions
     assert seen["robot"] == "aliengo"
     assert seen["shapes"]["observation.images.rgb"] == [3, 256, 256]
     assert seen["shapes"]["observation.images.depth"][-2:] == [256, 256]
@@ -133,8 +133,10 @@ def test_mcap_opens_in_its_own_reader_with_every_topic(run_root):
     } <= schemas
     assert schemas & {"foxglove.CompressedImage", "foxglove.CompressedVideo"}
     assert times == sorted(times)
-    told = {e.instruction for e in read_episodes(run_root / "episodes" / "train.json.gz")}
-    assert next(m.metadata["text"] for m in metadata if m.name == "vlnpe.instruction") in told
+    instructions = {e.instruction for e in read_episodes(run_root / "episodes" / "train.json.gz")}
+    assert (
+        next(m.metadata["text"] for m in metadata if m.name == "vlnpe.instruction") in instructions
+    )
 
 
 def test_report_is_one_file_with_everything(run_root):

@@ -1,4 +1,4 @@
-"""Scenes whose repaired floor has faults: told, refused by `collect`, and named where data are."""
+"""Unsound scenes: reported, refused by `collect`, and listed in report and dataset card."""
 
 from __future__ import annotations
 

@@ -171,8 +171,8 @@ def test_an_implausible_result_asks_for_up(up: str, tmp_path: Path) -> None:
     except SceneError as error:
         assert "--up" in str(error)
     else:
-        told = json.loads((out / "repair.json").read_text())["doubts"]
-        assert any("--up" in doubt for doubt in told)
+        doubts = json.loads((out / "repair.json").read_text())["doubts"]
+        assert any("--up" in doubt for doubt in doubts)
 
 
 def test_doubts_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

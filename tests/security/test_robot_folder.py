@@ -1,4 +1,4 @@
-"""A robot's folder reads nothing outside itself, and nobody's machine is filled by one."""
+"""A robot's folder reads nothing outside itself and cannot exhaust memory or disk."""
 
 from __future__ import annotations
 

@@ -29,7 +29,9 @@ def run(options: Train) -> int:
             flag = "--" + name.replace("_", "-")
             raise InputError(f"{flag} {getattr(options, name)}; valid: 0 or more")
     if (options.validate or options.dagger) and options.run is None:
-        raise InputError("--validate and --dagger walk episodes of a run; name it: --run FOLDER")
+        raise InputError(
+            "--validate and --dagger need the episodes of a run; name it with --run FOLDER"
+        )
     start_torch(options.threads)
     from ....datasets.mixture.recipe import read_recipe, recipe_path
     from ....learning.training.session import CURVES, Request, train_recipe

@@ -1,4 +1,4 @@
-"""A calibrated gait is asked for what makes it do what it is told, alike to the left and right."""
+"""Calibration maps commands so that a gait reaches them, symmetrically to left and right."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ SCENES = {
 
 @pytest.fixture
 def refused(capsys, monkeypatch, tmp_path):
-    """Run `vlnpe collect` and demand that it says one clear line and exits with code 2."""
+    """Return a function that runs `vlnpe collect` and requires one error line and exit code 2."""
     monkeypatch.chdir(tmp_path)
 
     def run(says: str, *options: object) -> None:

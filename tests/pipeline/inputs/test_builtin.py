@@ -61,7 +61,7 @@ def test_built_in_scenes_can_be_listed_each_with_its_first_seed() -> None:
     [
         ("builtin:villa@x", "'x' is not a seed"),
         ("builtin:villa@-1", "'-1' is not a seed"),
-        ("builtin*3@1,builtin@2", "apartment-2 is asked for twice"),
+        ("builtin*3@1,builtin@2", "apartment-2 is listed twice"),
         ("builtin,scan.glb", "'scan.glb' is no built-in scene"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Files that lie, are cut off, or mean harm: a typed error, or a warning and a sound result."""
+"""Inconsistent, truncated and malicious files: a typed error, or a warning and a sound result."""
 
 from __future__ import annotations
 

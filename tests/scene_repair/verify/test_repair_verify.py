@@ -1,4 +1,4 @@
-"""A scene that does not carry is found out, from its files, whatever file it is that leaks."""
+"""Verification finds a floor that does not carry, whichever file of the scene is at fault."""
 
 # usd-core builds its modules at run time and ships no stubs.
 # pyright: reportAttributeAccessIssue=false

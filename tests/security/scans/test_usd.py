@@ -1,4 +1,4 @@
-"""USD and USDZ: files that are none, types that lie, packages, recursion.
+"""USD and USDZ: other files under these names, false types, packages, recursion.
 
 Layers and pictures outside the folder, cycles and instancing bombs are in
 tests/scene_repair/scan/test_read_usd.py.
