@@ -17,7 +17,7 @@ from ...scene_repair.config import RepairConfig
 from ...scene_repair.scan.files import SUFFIXES
 from ...trajectory_sampler.alignment import AlignConfig
 from ...trajectory_sampler.config import SampleConfig
-from ...trajectory_sampler.presets import PRESETS
+from ...trajectory_sampler.presets import PRESETS, get_preset
 from ...trajectory_sampler.stairs import StairRules
 from ..chain import Chain, Product
 from ..engine.context import open_context
@@ -64,7 +64,7 @@ def run(options: Collect) -> int:
     check_depth_storage(options.depth)
     episode_files, preset, count = _episodes(options.episodes)
     instructing = instruct_config(options)
-    sources = _sources(options, episode_files)
+    sources = _sources(options, episode_files, preset)
     plan = None if episode_files else SamplingPlan.of(options, preset, list(sources))
     height_m = chosen_free_height(robots, options.free_height_m)
     sampling = sample_config(
@@ -186,10 +186,14 @@ def _fitting_radius(robots: Sequence[RobotSpec], ledger: Ledger) -> float:
     return max([*before, *(robot.footprint_radius_m for robot in robots)])
 
 
-def _sources(options: Collect, episode_files: Sequence[Path]) -> Mapping[str, Path | BuiltIn]:
+def _sources(
+    options: Collect, episode_files: Sequence[Path], preset: str
+) -> Mapping[str, Path | BuiltIn]:
     """Return the scan, or the building to generate, of each scene id."""
     if options.scenes is None:
         if built := parse_builtin(options.scene, options.seed):
+            if preset and len(built) == 1 and "*" not in options.scene:
+                built = built[0].and_next(get_preset(preset).scenes)
             return {building.name: building for building in built}
         source = Path(options.scene)
         repair.source_digest(source)  # fails early if the file does not exist
