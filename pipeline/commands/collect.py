@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -34,8 +33,6 @@ from ..stages import align, repair, report, visibility
 from ..stages.export import check_depth_storage
 from ..summary import joined, print_result, show_summary, stage_table
 from .instruct import instruct_config
-
-log = logging.getLogger(__name__)
 
 
 def run(options: Collect) -> int:
@@ -164,20 +161,8 @@ def _roomy(sampling: SampleConfig, robots: Sequence[RobotSpec], ledger: Ledger) 
     """
     # Rows written by another version may lack this fact, and quarantined rows always do.
     before = [row.facts.get("robot_radius_m", 0.0) for row in ledger.rows("sample")]
-    before_m = max(before, default=0.0)
-    widest = max(robots, key=lambda robot: robot.footprint_radius_m)
-    radius_m = max(sampling.robot_radius_m, before_m, widest.footprint_radius_m)
-    if before_m and radius_m > before_m:
-        log.warning(
-            "%s needs %.2f m of clearance, but the existing episodes have %.2f m: sampling new "
-            "episodes. Results of other robots on the old episodes are dropped from the report; "
-            "add these robots to ROBOT to run them on the new episodes",
-            widest.name,
-            radius_m,
-            before_m,
-        )
-    ends_m = max(sampling.end_clearance_m, radius_m)
-    return replace(sampling, robot_radius_m=radius_m, end_clearance_m=ends_m)
+    widest_m = max(robot.footprint_radius_m for robot in robots)
+    return sampling.for_radius(max(sampling.robot_radius_m, widest_m, *before))
 
 
 def _fitting_radius(robots: Sequence[RobotSpec], ledger: Ledger) -> float:
