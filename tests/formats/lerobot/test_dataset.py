@@ -232,7 +232,13 @@ def test_scenes_are_in_one_split_only(tmp_path: Path) -> None:
     for number in range(8):
         rollout = make_rollout(0.5, number)
         split = "val_unseen" if number == 7 else "train"
-        episode = replace(rollout.episode, scene_id=f"scene-{number // 2}", split=split)
+        texts = [rollout.episode.instruction, f"Another way to say it, number {number}."]
+        episode = replace(
+            rollout.episode,
+            scene_id=f"scene-{number // 2}",
+            split=split,
+            extra={**rollout.episode.extra, "instructions": texts},
+        )
         units.append(write_unit(tmp_path, replace(rollout, episode=episode), number))
     scenes = {f"scene-{k}": {"licence": name} for k, name in enumerate(("MIT", "MIT-0", "", ""))}
     held_out = held_out_scenes(scenes)
@@ -250,8 +256,10 @@ def test_scenes_are_in_one_split_only(tmp_path: Path) -> None:
     assert splits["val_unseen"] == [7]
     card = (tmp_path / "set/README.md").read_text()
     assert '"mit-and-mit-0-and-unknown"' in card and "| scene-1 | mit-0 |" in card
-    told = "Some scenes are in two splits" if held_out != {"scene-3"} else "No scene"
-    assert told in card
+    tasks = json.loads((tmp_path / "set/meta/info.json").read_text())["total_tasks"]
+    assert f"{tasks + 8} instructions, {tasks} of them as tasks" in card
+    statement = "Some scenes are in two splits" if held_out != {"scene-3"} else "No scene"
+    assert statement in card
 
 
 @given(st.sets(st.text(min_size=1), max_size=60))
