@@ -2,11 +2,11 @@
 
 SCENES is a folder of repaired scenes. Paths are sampled in them, described three times, and written
 as R2R is: Habitat's coordinates, an episode per instruction, three episodes of a `trajectory_id`. A
-second file has the same episodes, each with a `trajectory_id` of its own, as if they were
-different paths. Both are aligned, replayed, rendered and exported by the commands of the product
-with `--workers` processes. CPU seconds, disk and the largest process are measured, and extrapolated
-to 3,000 paths. A run that was stopped goes on with the stage it was in, from its beginning; the measurements
-of the others are in OUT/measured.json.
+second file has the same episodes, each with a `trajectory_id` of its own, as if they were different
+paths. Both are aligned, replayed, rendered and exported by the commands of the product with
+`--workers` processes. CPU seconds, disk and the largest process are measured, and extrapolated to
+3,000 paths. A run that was stopped goes on with the stage it was in, from its beginning; the
+measurements of the others are in OUT/measured.json.
 """
 
 from __future__ import annotations
