@@ -19,7 +19,7 @@ from .ground import Ground, Mask, spread
 # A turn of this much must be mentioned.
 REQUIRED_DEG = 58.0
 _AROUND_DEG = 125.0
-_LATE_M = 1.6  # how far beyond an untold turn a claim may already lie
+_LATE_M = 1.6  # how far beyond an unmentioned turn a claim may already lie
 _ONE_BEND_M = 2.0
 _U_TURN_M = 3.0
 _SPOT_M = 0.6

@@ -142,7 +142,7 @@ def _turn(goal: SubGoal, reached: Array, ways: Ways) -> Array:
     double = np.where(sign * ways.long_turn_rad >= np.deg2rad(110.0), reached, np.inf) + 0.4
     turned = np.minimum(np.minimum(made, hint), double)
     on = ways.before[_ON]
-    return turned[on] + ways.untold - ways.untold[on]
+    return turned[on] + ways.unmentioned - ways.unmentioned[on]
 
 
 def _walk(goal: SubGoal, here: Array, ways: Ways) -> Array:
@@ -156,6 +156,6 @@ def _walk(goal: SubGoal, here: Array, ways: Ways) -> Array:
         length = ways.along_m - ways.along_m[from_]
         off = 0.05 if goal.vague else np.abs(length - d) / max(d, 1.5)
         bent = np.abs(wrap(ways.heading_rad - ways.heading_rad[from_]))
-        cost = here[from_] + ways.untold - ways.untold[from_] + off + _BENT * bent
+        cost = here[from_] + ways.unmentioned - ways.unmentioned[from_] + off + _BENT * bent
         result = np.minimum(result, np.where((length >= low) & (length <= high), cost, np.inf))
     return result

@@ -83,7 +83,7 @@ def run(options: Collect) -> int:
             folder, context, options.seed, actions, instructing, eye, options.per_instruction
         )
         scenes = chain.scenes(sources, repairing, options.allow_unsound)
-        sampling = _roomy(sampling, robots, context.ledger)
+        sampling = _widened(sampling, robots, context.ledger)
         fitting = AlignConfig(
             robot_radius_m=_fitting_radius(robots, context.ledger),
             free_height_m=height_m,
@@ -95,7 +95,7 @@ def run(options: Collect) -> int:
             quotas, exact = (plan.quotas, plan.exact) if plan else (None, True)
             asked = chain.sampled(sampling, scenes, quotas, exact=exact)
         if options.only_episodes:
-            return _tell_episodes(options, folder, chain.summaries)
+            return _print_episodes(options, folder, chain.summaries)
         chain.keep(asked, scenes, pairs)
         for robot, controller in pairs:
             chain.collected(
@@ -131,7 +131,7 @@ def run(options: Collect) -> int:
     return show_summary(folder, chain.summaries, page, options.max_failed, options.json)
 
 
-def _tell_episodes(options: Collect, folder: RunFolder, summaries: Sequence[StageSummary]) -> int:
+def _print_episodes(options: Collect, folder: RunFolder, summaries: Sequence[StageSummary]) -> int:
     quarantined = sum(summary.quarantined for summary in summaries)
     facts = {
         "out": str(folder.root),
@@ -153,7 +153,7 @@ def _eye(ledger: Ledger) -> str | None:
     return next((row.facts["robot"] for row in rows if "robot" in row.facts), None)
 
 
-def _roomy(sampling: SampleConfig, robots: Sequence[RobotSpec], ledger: Ledger) -> SampleConfig:
+def _widened(sampling: SampleConfig, robots: Sequence[RobotSpec], ledger: Ledger) -> SampleConfig:
     """Widen the sampling clearance to the widest robot of this run and of earlier runs.
 
     Episodes that fit a wide robot also fit the others, so the episodes of a run folder change only

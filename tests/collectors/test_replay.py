@@ -25,6 +25,8 @@ from vlnpe.formats.core.rollout import Action, EndReason, Rollout
 from vlnpe.formats.scene.bundle import Obstacles, SceneBundle, load_bundle, save_bundle
 from vlnpe.wayfinding.planning import plan_path
 
+pytestmark = pytest.mark.chain
+
 PHYSICAL = ("path", "speed")
 
 

@@ -36,6 +36,8 @@ from vlnpe.pipeline.engine.ledger import Row
 from vlnpe.pipeline.inputs.crews import chosen_robots
 from vlnpe.pipeline.stages import replay
 
+pytestmark = pytest.mark.chain
+
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "robots.md"
 
 

@@ -69,7 +69,7 @@ def test_every_episode_is_collected_by_walking(run_root):
         assert row.facts["end_reason"] == "success", row.facts
         assert row.facts["metrics"]["trajectory_length_m"] > 4.5
         rollout = read_rollout(run_root / row.outputs[0])
-        # Nobody teleports: no step of 10 ms moves the base faster than a robot can.
+        # No teleporting: no step of 10 ms moves the base faster than a robot can.
         steps = np.linalg.norm(np.diff(rollout.position_world_m, axis=0), axis=1)
         assert steps.max() < 0.03
         # Feet leave the floor and come down again, each many times.

@@ -27,6 +27,8 @@ from vlnpe.pipeline.stages import repair
 from vlnpe.scene_repair.verify.verdict import judge_level
 from vlnpe.scene_repair.write import scene as output
 
+pytestmark = pytest.mark.chain
+
 SOUND_LEVEL: dict[str, Any] = {
     "floor_area_m2": 60.0,
     "rays": {},

@@ -24,6 +24,8 @@ from vlnpe.scene_repair.scan.dispatch import read_scan
 from vlnpe.scene_repair.scan.record import Scan, ScanMaterial, ScanObject
 from vlnpe.scene_repair.scan.soup import Part, merge_parts
 
+pytestmark = pytest.mark.chain
+
 GREY = ScanMaterial("grey", (0.5, 0.5, 0.5))
 
 

@@ -17,6 +17,8 @@ from vlnpe.scene_repair.repair import repair_scene
 from vlnpe.scene_repair.verify.exported import Surface
 from vlnpe.scene_repair.verify.scene import _balls_lost
 
+pytestmark = pytest.mark.chain
+
 QUICK = RepairConfig(picture_px=200)
 
 

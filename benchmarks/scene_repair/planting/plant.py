@@ -181,7 +181,7 @@ def _placed(
 ) -> Outline | None:
     """Return an outline of a kind at a place that suits it; None if none is found."""
     floor = site.true_floor & site.scanned
-    where = _haunts(site, kind, floor) & ~taken
+    where = _usual_cells(site, kind, floor) & ~taken
     if within is not None:
         where &= within
     cells = np.argwhere(where)
@@ -211,7 +211,7 @@ def _placed(
     return None
 
 
-def _haunts(site: Site, kind: str, floor: Mask) -> Mask:
+def _usual_cells(site: Site, kind: str, floor: Mask) -> Mask:
     """Return the cells in whose neighbourhood holes of a kind lie."""
     if kind == "at a wall":
         near = np.asarray(ndimage.distance_transform_edt(~site.wall)) * site.grid.cell_m

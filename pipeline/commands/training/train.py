@@ -60,7 +60,7 @@ def run(options: Train) -> int:
         value = {"checkpoint": str(result.checkpoint), "step": result.chosen, "last": last}
         sys.stdout.write(json.dumps(value) + "\n")
         return 0
-    sys.stdout.write("\n" + "\n".join(_told(last)) + "\n")
+    sys.stdout.write("\n" + "\n".join(_described(last)) + "\n")
     sys.stdout.write(
         f"\ncheckpoint: {result.checkpoint} (step {result.chosen})\n"
         f"curves:     {options.out / CURVES}\n"
@@ -81,7 +81,7 @@ def _changes(options: Train, train: Any) -> dict[str, Any]:
     return changes | {"model": model}
 
 
-def _told(last: dict[str, Any]) -> list[str]:
+def _described(last: dict[str, Any]) -> list[str]:
     """Return the last scores in words."""
     lines = []
     for where, name in (("train", "training"), ("held", "held-out")):

@@ -12,6 +12,8 @@ from vlnpe.collectors.gait_trials.trial import STEP_S, Conditions, Trial
 from vlnpe.collectors.locomotion.policy import GaitPolicy
 from vlnpe.collectors.robots import get_robot
 
+pytestmark = pytest.mark.chain
+
 MIRROR = np.array([1.0, -1.0, -1.0])
 
 

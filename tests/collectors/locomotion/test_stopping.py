@@ -14,6 +14,8 @@ from vlnpe.collectors.locomotion.gait import GaitClock
 from vlnpe.collectors.locomotion.policy import GaitPolicy
 from vlnpe.collectors.robots import get_robot
 
+pytestmark = pytest.mark.chain
+
 
 def measured(policy: GaitPolicy, every: int = 12) -> dict:
     rng = np.random.default_rng(77)

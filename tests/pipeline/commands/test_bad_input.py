@@ -11,6 +11,8 @@ import trimesh
 
 from vlnpe.pipeline.cli import main
 
+pytestmark = pytest.mark.chain
+
 
 def write_mesh(path: Path, mesh: trimesh.Trimesh) -> Path:
     mesh.export(path)

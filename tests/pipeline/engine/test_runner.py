@@ -22,6 +22,8 @@ from vlnpe.pipeline.engine.runner import Context, StageFailedError, run_stage
 from vlnpe.pipeline.engine.work import WorkItem, work_item
 from vlnpe.trajectory_sampler.stairs import StairRules
 
+pytestmark = pytest.mark.chain
+
 
 @pytest.fixture(scope="module")
 def workers():

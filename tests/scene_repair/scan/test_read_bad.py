@@ -34,6 +34,8 @@ from vlnpe.scene_repair.scan.record import Scan
 from vlnpe.scene_repair.scan.resolver import ConfinedResolver
 from vlnpe.scene_repair.usd import read_stage as read_usd
 
+pytestmark = pytest.mark.chain
+
 
 def check_sound(scan: Scan) -> None:
     assert np.isfinite(scan.vertices).all()

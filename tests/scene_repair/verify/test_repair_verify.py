@@ -28,6 +28,8 @@ from vlnpe.scene_repair.repair import repair_scene
 from vlnpe.scene_repair.verify.probe_balls import drop_balls
 from vlnpe.scene_repair.verify.scene import verify_scene
 
+pytestmark = pytest.mark.chain
+
 HOLE = (3.5, 1.0, 0.4)
 Arrays = dict[str, NDArray]
 

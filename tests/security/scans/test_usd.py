@@ -19,6 +19,8 @@ from vlnpe.scene_repair.usd import read_stage
 from vlnpe.scene_repair.usd.layers import check_layers
 from vlnpe.scene_repair.usd.package import check_package, read_member
 
+pytestmark = pytest.mark.chain
+
 
 @pytest.mark.parametrize("suffix", [".usd", ".usda", ".usdc", ".usdz"])
 @not_files
