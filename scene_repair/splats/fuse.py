@@ -29,8 +29,8 @@ from .thin import with_thin_spots_closed
 VOXELS, VOXEL_M = 24_000_000, 0.025
 MARGIN_VOXELS = 8
 # Cameras look along the six sides of a cube, so that none is missing whichever way is up.
-# A pixel's blur makes floor seen at a grazing angle rise towards the camera: with 256 pixels a third
-# as much floor is over 10 mm off as with 128.
+# A pixel's blur makes floor seen at a grazing angle rise towards the camera: with 256 pixels a
+# third as much floor is over 10 mm off as with 128.
 SIDE_PX, HFOV_DEG = 256, 92.0
 STATIONS, STATION_SPACING_M, STATION_CLEARANCE_M = 72, 0.9, 0.22
 LEAST_SPACE_M3 = 0.8
