@@ -68,8 +68,9 @@ class Collect(Running, Sampling):
     """Lighting: baked (as scanned), DL5000 (panel lights, day), DL300 (night), CL (a lamp on the
     robot), a comma-separated list (DL5000,CL), or `all`. Each becomes a separate dataset."""
     renderer: str = "auto"
-    """Renderer: embree (ray tracing on the CPU), gl (MuJoCo through EGL), splat (Gaussian splats),
-    or auto, which selects splat in scenes of splats, else gl if a GPU is available, else embree."""
+    """Renderer: embree (ray tracing on the CPU), gl (MuJoCo through EGL), splat (Gaussian splats,
+    depth of the mesh), splat_depth (depth of the splats too), or auto, which selects splat in
+    scenes of splats, else gl if a GPU is available, else embree."""
     writer: str = "composer"
     """Writer of the instructions: composer (offline), llm (any OpenAI-compatible server, see
     docs/instructions.md), or local (a GGUF model on disk)."""
