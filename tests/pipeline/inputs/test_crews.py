@@ -70,7 +70,7 @@ def test_timing_of_discrete_actions_concerns_the_speed_controller_alone() -> Non
         assert config == ReplayConfig(robot="h1", controller=controller, seed=3)
     assert replay.config("h1", "speed", 3, closed).speed == closed
     for steps in (0, -2, 33):
-        with pytest.raises(InputError, match="VLN-PE takes 50"):
+        with pytest.raises(InputError, match="VLN-PE uses 50"):
             action_timing(steps, closed_loop=False)
 
 
