@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ...formats.core.errors import InputError, UnknownNameError
 
@@ -33,6 +33,10 @@ class BuiltIn:
     def name(self) -> str:
         """Name of the scene; the same building has the same name in every run."""
         return f"{'' if self.scanned else 'exact-'}{self.kind}-{self.seed}"
+
+    def and_next(self, count: int) -> list[BuiltIn]:
+        """Return `count` buildings of consecutive seeds, of which this is the first."""
+        return [replace(self, seed=self.seed + k) for k in range(count)]
 
 
 def parse_builtin(text: str, seed: int) -> list[BuiltIn]:
@@ -80,8 +84,7 @@ def _buildings(text: str, found: re.Match[str], seed: int) -> list[BuiltIn]:
             f"{BUILTIN}:{kind}*10@100"
         )
     start = seed if first is None else int(first)
-    numbers = range(start, start + (1 if count is None else int(count)))
-    return [BuiltIn(kind, number, not found["exact"]) for number in numbers]
+    return BuiltIn(kind, start, not found["exact"]).and_next(1 if count is None else int(count))
 
 
 def _is_number(text: str) -> bool:

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from ....formats.core.camera import CameraModel
-from ....formats.core.frames import yaw_to_quat
+from ....formats.core.frames import look_at, matrix_to_quat, yaw_to_quat
 from ...robots import RobotSpec
 from ...stroll import Stroll
-from ..camera.chase import look_at
 from ..embree import SceneRenderer
 from ..scene.robot_body import RobotBody, RobotGeometryPose
 
@@ -164,7 +163,7 @@ class _Shot:
         """Return a camera that looks along −`away` and frames all points (N, 3) tightly."""
         low, high = points.min(0), points.max(0)
         target = 0.5 * (low + high)
-        quat = look_at(target + away, target_world_m=target)
+        quat = matrix_to_quat(look_at(target + away, target))
         forward = -away
         right = np.cross(forward, [0.0, 0.0, 1.0])
         right /= np.linalg.norm(right)

@@ -105,6 +105,14 @@ def test_bad_calls_exit_with_code_2(
     assert "vlnpe" in "".join(capsys.readouterr())
 
 
+@pytest.mark.parametrize(
+    "words", [["scan"], ["collect", "--robot", "vlnce", "--seed"], ["evaluate", "run", "--seed"]]
+)
+def test_a_negative_seed_is_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*words, "-5"]) == 2
+    assert "SEED=-5: valid: 0 and above" in capsys.readouterr().err
+
+
 def test_mujoco_is_imported_without_glfw() -> None:
     """GLFW's import starts a process and takes a quarter of MuJoCo's time; EGL does without it."""
     code = "import sys; from vlnpe.pipeline.cli import main; main(['report', 'missing'])"

@@ -74,25 +74,13 @@ def test_timing_of_discrete_actions_concerns_the_speed_controller_alone() -> Non
             action_timing(steps, closed_loop=False)
 
 
-def test_episodes_keep_room_for_the_widest_robot(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_episodes_keep_room_for_the_widest_robot(tmp_path: Path) -> None:
     ledger, plain = Ledger(tmp_path), SampleConfig()
     narrow = replace(make_cart(), footprint_radius_m=0.2)
     wide = replace(make_cart(), name="wide", footprint_radius_m=0.5)
-
-    def sampled(radius_m: float) -> None:
-        facts = {"robot_radius_m": radius_m}
-        ledger.add(Row("sample", "scene", "k", "done", facts=facts))
-
     assert _widened(plain, [narrow], ledger) == plain
     both = _widened(plain, [narrow, wide], ledger)
     assert both.robot_radius_m == both.end_clearance_m == 0.5
-    sampled(0.5)
+    ledger.add(Row("sample", "scene", "k", "done", facts={"robot_radius_m": 0.5}))
     # A narrower robot that joins later walks the same episodes.
     assert _widened(plain, [narrow], ledger) == both
-    assert not caplog.records
-    sampled(0.3)
-    assert _widened(plain, [wide], ledger) == both
-    assert "wide needs 0.50 m" in caplog.text
-    assert "sampling new episodes" in caplog.text
