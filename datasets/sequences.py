@@ -178,7 +178,7 @@ def collate_sequences(items: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def pack(batch: Mapping[str, torch.Tensor], key: str) -> PackedSequence:
-    """Return one key (B, T, …) of a batch, packed for `torch.nn.GRU` and its kin."""
+    """Return one key (B, T, …) of a batch, packed for `torch.nn.GRU` and similar modules."""
     return pack_padded_sequence(
         batch[key], batch["length"].cpu(), batch_first=True, enforce_sorted=False
     )

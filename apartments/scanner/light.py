@@ -144,7 +144,7 @@ class Lighting:
             for s in range(_WINDOW_SAMPLES):
                 spot = rng.random((len(use), 3))
                 spot[:, 2] = (s + spot[:, 2]) / _WINDOW_SAMPLES
-                # A hand's breadth before the pane, clear of reveal and frame.
+                # Some centimetres before the pane, clear of reveal and frame.
                 target = low + spot * span + 0.03 * axis
                 add = self._from(start[use], normals[use], target, axis)
                 result[use] += (add * size * (0.75 / _WINDOW_SAMPLES))[:, None] * _SKY

@@ -1,1 +1,1 @@
-"""Coverage-guided fuzzing of every reader of files that somebody else may have made."""
+"""Coverage-guided fuzzing of every reader of untrusted files."""

@@ -165,7 +165,7 @@ class SteeredController:
         error = wrap_angle(math.atan2(dy, dx) - pose.yaw_rad)
         cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
         ahead, left = cos * dx + sin * dy, -sin * dx + cos * dy
-        if distance < config.near_m:  # overshot, or beside it: no pirouette for a hand's breadth
+        if distance < config.near_m:  # overshot, or beside it: not worth a turn
             vx, vy = config.linear_gain * ahead, config.linear_gain * left
             turn = self._turn(wrap_angle(target.yaw_rad - pose.yaw_rad))
             return clip(vx, *limits.vx_m_s), clip(vy, *limits.vy_m_s), turn

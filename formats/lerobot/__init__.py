@@ -1,6 +1,6 @@
 """LeRobot v3.0 datasets, written without lerobot or torch; LeRobot 0.6.1 reads them as its own.
 
-Two steps: `write_episode_unit` makes each episode an atomic folder, in parallel as one likes;
+Two steps: `write_episode_unit` makes each episode an atomic folder, possibly in parallel;
 `assemble_dataset` joins the folders by copying streams.
 """
 

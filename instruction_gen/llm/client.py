@@ -100,7 +100,7 @@ class Client:
             ModelError: no usable answer after all tries.
             ModelDownError: so did too many requests in a row before.
             BudgetError: no more may be spent.
-            InputError: the server refuses the request for good (wrong key, unknown model, …).
+            InputError: the server refuses the request permanently (wrong key, unknown model, …).
         """
         path = self._cache / f"{self.key(messages, form)}.json"
         if path.is_file():
@@ -135,7 +135,7 @@ class Client:
         """Return the answer in a reply, cached before it is counted: a kill costs nothing twice.
 
         Raises:
-            AnswerError: there is none; the reply is counted all the same.
+            AnswerError: there is none; the reply is counted nevertheless.
         """
         try:
             answer = read_answer(reply.content, form)

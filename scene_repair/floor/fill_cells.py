@@ -104,7 +104,7 @@ def cracked_cells(
 ) -> NDArray[np.bool_]:
     """Return cells well inside the floor through which its open edges run: pinholes, cracks, seams.
 
-    Most of these edges fit to a neighbour all the same; the patch finds out by their outlines.
+    Most of these edges do meet a neighbour; the patch determines that from their outlines.
     """
     edges = face_outline(mesh.faces[floor_faces], mesh.normals[floor_faces, 2] > 0)
     if not len(edges):

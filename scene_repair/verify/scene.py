@@ -36,7 +36,7 @@ MAX_PLACES = 100
 def probe_level(visual: VisualMesh, level: LevelCollision) -> tuple[LevelCollision, dict[str, Any]]:
     """Shoot rays down onto every covered cell, every 2 cm, and compare with the height field.
 
-    Cells through which a probe falls all the same lose their floor in the maps: mostly sampled
+    Cells through which a probe still falls lose their floor in the maps: mostly sampled
     cells that reach into walls. Walkable ones among them are reported apart, for they should not.
 
     Args:

@@ -263,7 +263,7 @@ def test_another_robot_and_controller_join_a_run_on_the_same_episodes(run_root, 
     ]
     rows = Ledger(tmp_path / "run").rows("replay")
     walked = [read_rollout(tmp_path / "run" / row.outputs[0]) for row in rows]
-    assert len({str(r.episode) for r in walked}) == EPISODES  # the same for everybody
+    assert len({str(r.episode) for r in walked}) == EPISODES  # the same for all robots
     ghost = tmp_path / "run" / "lerobot" / f"vlnce-flash-{SMALL}" / "meta" / "info.json"
     assert "observation.joints" not in json.loads(ghost.read_text())["features"]
     page = (tmp_path / "run" / "report" / "index.html").read_text()

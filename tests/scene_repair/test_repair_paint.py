@@ -35,7 +35,7 @@ def test_a_rug_is_not_copied_under_furniture() -> None:
     hole[101:170, 61:160] = True
     painted = inpaint(picture, ~hole, hole, TEXEL_M)
     red = painted[..., 0] - painted[..., 1]
-    # It may go on for a hand's breadth, not further.
+    # It may continue for some centimetres, not further.
     assert red[125:170, 61:160].max() < 0.1
 
 

@@ -18,7 +18,7 @@ F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
 f32 = np.float32
 
-# Rows of a packet of rays and hits, each as long as the packet (RTCRayHit16 and its kin).
+# Rows of a packet of rays and hits, each as long as the packet (RTCRayHit16 and similar).
 ORIGIN, NEAR, DIRECTION, TIME, FAR, MASK, RAY_ID, RAY_FLAGS = 0, 3, 4, 7, 8, 9, 10, 11
 NORMAL, HIT_U, HIT_V, PRIM, GEOM = 12, 15, 16, 17, 18
 PACKET_ROWS = 24  # of which Embree uses 21
