@@ -88,7 +88,7 @@ def test_a_scan_under_a_cut_off_ceiling_keeps_its_colours(needs_gl: None, tmp_pa
     image = np.random.default_rng(0).integers(0, 256, (64, 64, 3), dtype=np.uint8)
     image[8:56, 8:56] = (200, 120, 40)
     bundle = write_covered_floor(tmp_path, image)
-    view = [-2.2, 0.0, 4.0], facing(0.0, 1.05)  # at an angle: from straight above, light changes little
+    view = [-2.2, 0.0, 4.0], facing(0.0, 1.05)  # oblique: from above, light changes little
     camera = CameraModel("narrow", 64, 64, 15.0)
     for name in ("embree", "gl"):
         renderer = make_renderer(bundle, name)
