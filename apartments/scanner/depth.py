@@ -73,7 +73,7 @@ def measure(
     ).ravel()
     sigma = config.noise_m + config.noise_per_m2 * depth**2
     noisy = depth + sigma * (rng.standard_normal(len(depth), dtype=np.float32) + 0.9 * bias)
-    # Said by what is good, so that a reading which is no number counts as none.
+    # Said by what is good, so that a reading which is not a number counts as none.
     good = (hits.face >= 0) & ~lost & (depth >= RANGE_M[0]) & (depth <= RANGE_M[1])
     image = np.where(good & np.isfinite(noisy), noisy, 0.0).astype(np.float32)
     return image.reshape(camera.height_px, camera.width_px)

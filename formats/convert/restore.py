@@ -44,7 +44,7 @@ def restore(root: Path, originals: Sequence[Path]) -> Restored:
     """Write into dataset `root` what its episodes had in `originals`; nothing else changes.
 
     Raises:
-        FileFormatError: one of them is no dataset, or an episode of `root` is in no original.
+        FileFormatError: one of them is not a dataset, or an episode of `root` is in no original.
     """
     info = read_info(root)
     known: dict[str, tuple[Path, dict[str, Any]]] = {}

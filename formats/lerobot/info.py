@@ -110,7 +110,7 @@ def fill_template(root: Path, template: str, **fields: Any) -> Path:
     """Return the file in `root` that a checked template names.
 
     Raises:
-        FileFormatError: it leads out of `root`, also by a link, or a field is no number.
+        FileFormatError: it leads out of `root`, also by a link, or a field is not a number.
     """
     try:
         relative = template.format(**fields)

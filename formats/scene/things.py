@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-# Last words of labels of what certainly is no floor. Any other word (`apartment`, `ground truth`)
+# Last words of labels of what is certainly not floor. Any other word (`apartment`, `ground truth`)
 # may be the name of a node that holds the floor too.
 _THINGS = """
 airconditioner appliance armchair bag ball banister banisters bar barrel basin basket bath

@@ -60,7 +60,7 @@ def limits() -> Limits:
     """Return the defaults, with what the environment changes.
 
     Raises:
-        InputError: the variable names an unknown limit, or a value is no whole number above 0.
+        InputError: the variable names an unknown limit, or a value is not a whole number above 0.
     """
     known = [f.name for f in fields(Limits)]
     changes: dict[str, int] = {}

@@ -11,7 +11,7 @@ from ..core.errors import FileFormatError
 from .files import read_input
 from .limits import limits
 
-# Longer plain scalars are no numbers or dates, and turning them into some takes quadratic time.
+# Longer plain scalars are not numbers or dates, and turning them into some takes quadratic time.
 MAX_PLAIN_SCALAR = 1000
 
 

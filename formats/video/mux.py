@@ -72,7 +72,7 @@ def copy_frames(path: Path, out: Path, first: int, count: int) -> None:
     """Write frames `first` … `first + count − 1` of a video as one of their own, unchanged.
 
     Raises:
-        FileFormatError: there are not so many frames, or the first is no key frame.
+        FileFormatError: there are not so many frames, or the first is not a key frame.
     """
     try:
         _copy_frames(path, out, first, count)

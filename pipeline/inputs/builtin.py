@@ -59,7 +59,7 @@ def parse_builtin(text: str, seed: int) -> list[BuiltIn]:
     for part, match in zip(parts, found, strict=True):
         if match is None:
             raise InputError(
-                f"scene {text!r}: {part!r} is no built-in scene; valid: one file, or {BUILTIN}…"
+                f"scene {text!r}: {part!r} is not a built-in scene; valid: one file, or {BUILTIN}…"
             )
         result += _buildings(part, match, seed)
     names = [building.name for building in result]

@@ -56,7 +56,7 @@ def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> li
     """Return one item per scan; `sources` are files by scene id.
 
     Raises:
-        FileFormatError: a source does not exist or is no file.
+        FileFormatError: a source does not exist or is not a file.
     """
     return [
         item(source, scenes / scene_id, replace(config, scene_id=scene_id))

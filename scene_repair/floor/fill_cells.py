@@ -21,7 +21,7 @@ REACH_M = 0.75
 SLOPE_M = 0.25
 # Steeper than any ramp.
 SLOPE_NORMAL_Z = 0.98
-# Smaller pieces of floor between walls and lintels are no rooms.
+# Smaller pieces of floor between walls and lintels are not rooms.
 ROOM_M2 = 0.5
 
 

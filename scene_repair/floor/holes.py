@@ -44,7 +44,7 @@ SILL_CLOSED_SHARE, NICHE_CLOSED_SHARE = 0.5, 0.85
 PARTED_SHARE, SIDE_M = 0.95, 0.25
 # Without a ceiling above, in a building that has ceilings, only smaller gaps are scan defects.
 SKYLIGHT_M2 = 1.0
-# A gap that opens to the outside along more of its rim than this is no hole; under a ceiling, where
+# A gap that opens to the outside along more of its rim than this is none; under a ceiling, where
 # a wall may be missing from the scan, more is tolerated.
 OPEN_EDGE, OPEN_EDGE_SHELTERED = 0.05, 0.4
 # A ceiling proves an inside this far from known floor.
@@ -125,7 +125,7 @@ def find_holes(evidence: Evidence, grid: GridSpec) -> tuple[list[Hole], Mask]:
 
     Returns:
         The gaps, and the (rows, columns) cells under lintels and bridged pieces of wall, which part
-        gaps but are no gaps themselves.
+        gaps but are not gaps themselves.
     """
     line = evidence.wall | evidence.lintel | _bridges(evidence, grid)
     gaps, outside = _gaps(evidence, line, grid)

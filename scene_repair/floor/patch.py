@@ -75,7 +75,7 @@ def build_patch(
             wanted = wanted - _cross_section(loops)
         builder.start(rim)
         for piece in wanted.decompose():
-            # Slivers of rounding along edges that fit already are no gaps.
+            # Slivers of rounding along edges that fit already are not gaps.
             if piece.area() < MIN_PIECE_M2 or piece.offset(-MIN_WIDTH_M / 2).is_empty():
                 continue
             areas.append(piece.area())

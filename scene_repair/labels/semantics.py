@@ -26,7 +26,7 @@ MOST_OF_ALL = 0.1
 # Level faces this near to a box's bottom are the floor it stands on.
 FOOT_M, LEVEL_NORMAL = 0.06, 0.7
 ROOM_PREFIX = "room:"
-# What a robot walks on; everything else that carries a name is no floor.
+# What a robot walks on; everything else that has a name is not floor.
 FLOOR_CATEGORIES = frozenset(
     {"floor", "carpet", "rug", "mat", "ground", "tile", "tiles", "threshold", "doormat", "ramp"}
 )

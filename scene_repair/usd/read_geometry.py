@@ -102,7 +102,7 @@ def add_gprim(gprim: UsdGeom.Gprim, to_world: Matrix, instance: str, parts: Part
         return
     shape = simple_shape(prim)
     if shape is None:
-        parts.warn(f"{prim.GetPath()}: {prim.GetTypeName()} is no surface; skipped")
+        parts.warn(f"{prim.GetPath()}: {prim.GetTypeName()} is not a surface; skipped")
         return
     points, faces = shape
     if np.linalg.det(to_world[:3, :3]) < 0:

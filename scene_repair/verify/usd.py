@@ -1,7 +1,7 @@
 """Validate a USD scene: topology, assets, colliders, and usd-core's validators.
 
 The validators of usd-core look at metadata, schemas and bindings, but not at arrays: face indices
-out of range, points that are no numbers, primvars of the wrong length pass them. So do faces
+out of range, points that are not numbers, primvars of the wrong length pass them. So do faces
 whose corners coincide, which physics engines refuse to cook.
 """
 
@@ -95,7 +95,7 @@ def mesh_problems(mesh: UsdGeom.Mesh) -> Iterator[str]:
         yield "mesh without points or faces"
     if not np.isfinite(points).all():
         bad = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
-        yield f"point {bad} is no number"
+        yield f"point {bad} is not a number"
     if len(counts) and counts.min() < 3:
         yield f"face {int(counts.argmin())} has {counts.min()} corners"
     if counts.sum() != len(index):
@@ -158,7 +158,7 @@ def _primvar(primvar: UsdGeom.Primvar, size: int) -> Iterator[str]:
         yield f"primvar {name} ({kind}) has {count} values, the mesh needs {size}"
     array = np.asarray(values)
     if array.dtype.kind == "f" and not np.isfinite(array).all():
-        yield f"primvar {name} has values that are no numbers"
+        yield f"primvar {name} has values that are not numbers"
 
 
 def _material(prim: Usd.Prim) -> Iterator[str]:

@@ -89,7 +89,7 @@ def jetbot(scale: float) -> RobotSpec:
         spawn_height_m=1.001 * WHEEL_RADIUS_M * scale,
         footprint_radius_m=0.076 * scale,
         camera=_camera(scale),
-        # It stands on its wheels up to 45°, so a slight lean is no fall.
+        # It stands on its wheels up to 45°, so a slight lean is not a fall.
         fall=FallThresholds(com_to_foot_m=0.022 * scale, roll_rad=math.radians(30.0)),
         command_limits=CommandLimits(
             vx_m_s=(-BACKWARDS_M_S * slower, SPEED_M_S * slower),

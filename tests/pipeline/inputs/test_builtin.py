@@ -79,7 +79,7 @@ def test_one_kind_of_building_is_as_many_as_a_preset_needs(scene, preset, first,
         ("builtin:villa@x", "'x' is not a seed"),
         ("builtin:villa@-1", "'-1' is not a seed"),
         ("builtin*3@1,builtin@2", "apartment-2 is listed twice"),
-        ("builtin,scan.glb", "'scan.glb' is no built-in scene"),
+        ("builtin,scan.glb", "'scan.glb' is not a built-in scene"),
     ],
 )
 def test_a_bad_list_of_buildings_is_refused(text: str, message: str) -> None:

@@ -151,11 +151,11 @@ BREAKS: dict[str, tuple[Callable[[Usd.Stage], object], str]] = {
     ),
     "not a number": (
         lambda s: points(s, [(0, 0, 0), (1, 0, 0), (np.nan, 1, 0)]),
-        "point 2 is no number",
+        "point 2 is not a number",
     ),
     "infinite": (
         lambda s: points(s, [(0, np.inf, 0), (1, 0, 0), (0, 1, 0)]),
-        "point 0 is no number",
+        "point 0 is not a number",
     ),
     "a corner named twice": (
         lambda s: mesh(s).GetFaceVertexIndicesAttr().Set(Vt.IntArray([0, 1, 1])),
@@ -175,7 +175,7 @@ BREAKS: dict[str, tuple[Callable[[Usd.Stage], object], str]] = {
     ),
     "texture coordinate that is no number": (
         lambda s: primvar(s).Set(Vt.Vec2fArray([(0, 0), (0, np.nan), (0, 0)])),
-        "primvar st has values that are no numbers",
+        "primvar st has values that are not numbers",
     ),
     "primvar index": (indexed, "primvar st: index out of range, valid: 0 … 2"),
     "up axis": (lambda s: UsdGeom.SetStageUpAxis(s, "Y"), "up axis Y"),
