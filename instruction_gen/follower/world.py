@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +64,7 @@ class World:
     @classmethod
     def of_map(
         cls, freemap: Freemap, regions: RegionMap, objects: Sequence[LabeledObject]
-    ) -> World:
+    ) -> Self:
         """Read a map that was made otherwise, for example by a robot, with its floor at z = 0."""
         world = cls.__new__(cls)
         world._read(freemap, regions, objects, 0, 0.0)
