@@ -128,6 +128,7 @@ def _write_meta(
         depth_far_m=first["depth_far_m"],
         camera=CameraFacts.of(camera_of(first), _camera_poses(root)),
         provenance=provenance,
+        instructions=len({text for row in rows.values() for text in row["instructions"]}),
     )
     write_bytes(root / "README.md", dataset_card(card, info).encode())
 

@@ -91,7 +91,7 @@ def assemble_dataset(
             for number, place in enumerate(_join_videos(key, units, sizes, first, root, limits)):
                 places[number] |= place
         total, tasks, splits = StatisticsSum(), _Tasks(), _Splits(provenance)
-        frames = 0
+        frames, texts = 0, set[str]()
         schema = row_schema(first.features)
         with (
             RollingParquet(root, DATA_PATH, limits) as rows,
@@ -132,6 +132,7 @@ def assemble_dataset(
                     unit.columns | {"split": split},
                 )
                 frames += unit.length
+                texts.update(unit.columns["instructions"])
         summary = DatasetSummary(len(units), frames, len(tasks.names))
         info = _info(first, summary, limits)
         _write(root / INFO_PATH, info)
@@ -149,6 +150,7 @@ def assemble_dataset(
             depth_far_m=first.columns["depth_far_m"],
             camera=_camera_facts(shown),
             provenance=provenance,
+            instructions=len(texts),
         )
         (root / "README.md").write_text(dataset_card(facts, info))
     return summary

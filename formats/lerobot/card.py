@@ -71,6 +71,8 @@ class CardFacts:
         depth_far_m: readings beyond are 0.
         camera: the view.
         provenance: meta/provenance.json.
+        instructions: distinct instructions of all episodes; an episode may have several, of which
+            one is its task.
     """
 
     title: str
@@ -80,6 +82,7 @@ class CardFacts:
     depth_far_m: float
     camera: CameraFacts
     provenance: Mapping[str, Any]
+    instructions: int
 
     def scene_licences(self) -> dict[str, str]:
         """Return the licence identifier of each scene that the provenance knows."""
@@ -116,7 +119,7 @@ def dataset_card(facts: CardFacts, info: Mapping[str, Any]) -> str:
 
 Vision-and-Language Navigation, LeRobot {info["codebase_version"]}, robot `{robot}`:
 {info["total_episodes"]} episodes, {frames} frames at {info["fps"]} frames/s,
-{info["total_tasks"]} instructions. Made with vlnpe; `meta/provenance.json` says from what and how.
+{_instructions(facts, info)}. Made with vlnpe; `meta/provenance.json` says from what and how.
 
 ![Frames of some episodes: colour, and depth beneath]({FILM_STRIP})
 
@@ -162,6 +165,13 @@ weights are fetched:
 
 {_licences(facts, licences)}
 """
+
+
+def _instructions(facts: CardFacts, info: Mapping[str, Any]) -> str:
+    count, tasks = facts.instructions, info["total_tasks"]
+    if count <= tasks:
+        return f"{count} instructions"
+    return f"{count} instructions, {tasks} of them as tasks (`meta/episodes` holds all)"
 
 
 def _camera(facts: CameraFacts) -> str:

@@ -9,14 +9,13 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 from ...formats.core.atomic import sweep_beside, write_bytes
 from ...formats.core.errors import InputError, VlnpeError
 from ..options.running import Running
 from ..store.address import store_url
-from ..store.mirror import MirroredLedger, mirrored
+from ..store.mirror import mirrored
 from .command_line import command_line
 from .executors.base import Execution, make_executor
 from .files import records_of
@@ -50,9 +49,8 @@ def open_context(root: Path, options: Running) -> Iterator[Context]:
         raise InputError(f"--only {options.only}: valid: STAGE:ITEM, as quarantine.json lists them")
     with contextlib.ExitStack() as stack:
         if url := store_url(root):
-            root, store = stack.enter_context(mirrored(url, wait=options.wait))
+            root, ledger_of = stack.enter_context(mirrored(url, wait=options.wait))
             sys.stderr.write(f"{url}: worked on in {root}\n")
-            ledger_of = partial(MirroredLedger, store=store)
         else:
             ledger_of = Ledger
         yield stack.enter_context(_opened(root, options, execution, ledger_of))

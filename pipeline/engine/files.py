@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -52,6 +53,11 @@ def records_of(output: Path) -> Records:
     return {
         path.relative_to(output).as_posix(): str(FileRecord.of(path)) for path in files_in(output)
     }
+
+
+def path_in_run(output: str, name: str) -> str:
+    """Return the path of a file of an output, relative to the folder of the ledger."""
+    return os.path.normpath(f"{output}/{name}")
 
 
 def files_in(folder: Path) -> list[Path]:

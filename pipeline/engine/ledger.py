@@ -18,7 +18,7 @@ from typing import Any, Literal
 from ...formats.core.atomic import write_bytes
 from ...formats.core.errors import FileFormatError
 from .checksums import journal_line, json_text, parse_journal_line, read_signed, signed
-from .files import FileRecord, Records, files_in, records_of
+from .files import FileRecord, Records, files_in, path_in_run, records_of
 
 MANIFEST_NAME = "manifest.json"
 JOURNAL_NAME = "manifest.journal.jsonl"
@@ -205,7 +205,7 @@ class Ledger:
         """
         try:
             return {
-                os.path.normpath(f"{output}/{name}"): FileRecord.parse(record)
+                path_in_run(output, name): FileRecord.parse(record)
                 for output, records in self._files.items()
                 for name, record in records.items()
             }
@@ -261,7 +261,7 @@ class Ledger:
         left_out = {
             output
             for output, records in self._files.items()
-            if without and any(os.path.normpath(f"{output}/{name}") in without for name in records)
+            if without and any(path_in_run(output, name) in without for name in records)
         }
         rows = [row for row in self.every_row() if left_out.isdisjoint(row.outputs)]
         files = {output: one for output, one in self._files.items() if output not in left_out}

@@ -21,7 +21,7 @@ import tempfile
 import threading
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -70,9 +70,21 @@ class Holder:
     def read(path: Path) -> Holder | None:
         """Return who holds the lock in `path`; None if there is none, or it cannot be read."""
         try:
-            return Holder(**json.loads(path.read_bytes()))
-        except (OSError, ValueError, TypeError):
+            return Holder.parse(path.read_bytes())
+        except OSError:
             return None
+
+    @staticmethod
+    def parse(content: bytes) -> Holder | None:
+        """Return who the first line of a lock names; None if it names nobody."""
+        try:
+            return Holder(**json.loads(content.split(b"\n")[0]))
+        except (TypeError, ValueError):
+            return None
+
+    def line(self) -> bytes:
+        """Return the first line of a lock, which `parse` reads."""
+        return json.dumps(asdict(self)).encode()
 
     def is_here(self) -> bool:
         """Return whether it is, or was, a process of this machine since it was started."""
@@ -112,6 +124,43 @@ def lock(folder: Path, *, wait: bool = False) -> Iterator[None]:
         time.sleep(POLL_S)
     with held:
         yield
+
+
+def renew(
+    holder: Holder,
+    place: str,
+    *,
+    read: Callable[[], Holder | None],
+    touch: Callable[[], object],
+    every_s: float,
+) -> threading.Event:
+    """Start a thread that renews a lock, and stops this process if another one took it over.
+
+    Args:
+        holder: Who holds it.
+        place: What is locked, for an error message.
+        read: Returns whom the lock names.
+        touch: Renews it.
+        every_s: Time between two renewals [s].
+
+    Returns:
+        An event that ends the thread when it is set.
+    """
+    ended = threading.Event()
+
+    def work() -> None:
+        while not ended.wait(every_s):
+            with contextlib.suppress(OSError, InputError):  # disk full, network down: for a while
+                found = read()
+                if found is not None and found.token != holder.token:
+                    log.error("%s took over %s; this run stops", found, place)
+                    os.kill(os.getpid(), signal.SIGTERM)
+                    return
+                if not ended.is_set():
+                    touch()
+
+    threading.Thread(target=work, daemon=True).start()
+    return ended
 
 
 def refuse_if_locked(folder: Path) -> None:
@@ -172,19 +221,14 @@ class _Held(contextlib.ExitStack):
     def __init__(self, path: Path, holder: Holder, descriptor: int):
         super().__init__()
         self._path, self._holder, self._descriptor = path, holder, descriptor
-        self._ended = threading.Event()
-        threading.Thread(target=self._renew, daemon=True).start()
+        self._ended = renew(
+            holder,
+            str(path.parent),
+            read=lambda: Holder.read(path),
+            touch=lambda: os.utime(path),
+            every_s=RENEW_S,
+        )
         self.callback(self._release)
-
-    def _renew(self) -> None:
-        while not self._ended.wait(RENEW_S):
-            found = Holder.read(self._path)
-            if found is not None and found.token != self._holder.token:
-                log.error("%s took over %s; this run stops", found, self._path.parent)
-                os.kill(os.getpid(), signal.SIGTERM)
-                return
-            with contextlib.suppress(OSError):  # a full disk or a lost network, for a while
-                os.utime(self._path)
 
     def _release(self) -> None:
         self._ended.set()
@@ -226,13 +270,13 @@ def _take(path: Path, descriptor: int) -> _Held | None:
     holder = Holder.this()
     if supported:
         os.ftruncate(descriptor, 0)
-        os.pwrite(descriptor, json.dumps(asdict(holder)).encode(), 0)
+        os.pwrite(descriptor, holder.line(), 0)
         os.fsync(descriptor)
         return _Held(path, holder, descriptor)
     if before is None and path.stat().st_size and not _is_old(path):
         return None  # it is being written
     temporary = path.with_name(f"{TEMPORARY_PREFIX}{LOCK_NAME}.{holder.token}")
-    temporary.write_text(json.dumps(asdict(holder)))
+    temporary.write_bytes(holder.line())
     temporary.replace(path)
     time.sleep(SETTLE_S)  # of several that take over at once, the last one has it
     found = Holder.read(path)

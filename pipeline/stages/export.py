@@ -31,8 +31,8 @@ MCAP_STAGE = "mcap"
 DATASET_STAGE = "dataset"
 # What makes episodes and writes their pixels.
 CODE = (
-    "pipeline.jobs.scan",
-    "pipeline.jobs.repair",
+    "pipeline.jobs.scenes.scan",
+    "pipeline.jobs.scenes.repair",
     "pipeline.jobs.episodes",
     "pipeline.jobs.instructions.visibility",
     "pipeline.jobs.instructions.instruct",

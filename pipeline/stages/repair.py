@@ -21,10 +21,10 @@ from ..engine.lock import LOCK_NAME
 from ..engine.work import Job, WorkItem, work_item
 from ..inputs.builtin import BuiltIn
 from ..inputs.folders import scenes_in
-from ..jobs.repair import RepairJob, SoundnessJob
-from ..jobs.repair_splats import SplatRepairJob
-from ..jobs.scan import ScanJob
-from ..jobs.scan_splats import SplatScanJob
+from ..jobs.scenes.repair import RepairJob, SoundnessJob
+from ..jobs.scenes.repair_splats import SplatRepairJob
+from ..jobs.scenes.scan import ScanJob
+from ..jobs.scenes.scan_splats import SplatScanJob
 
 SCAN_STAGE = "scan"
 STAGE = "repair"
@@ -167,8 +167,8 @@ def _beside(source: Path) -> list[Path]:
         if looked > MAX_BESIDE:
             raise FileFormatError(
                 source,
-                f"its folder {source.parent} holds more than {MAX_BESIDE:,} files, all of which it "
-                "may refer to; valid: a folder for the scan and its textures alone",
+                f"its folder {source.parent} has more than {MAX_BESIDE:,} files, to all of which "
+                "it may refer; move the scan and its textures to a folder of their own",
             )
         found += [
             folder / name

@@ -8,16 +8,12 @@ not been renewed while this process watched for `STALE_S`: no two clocks are com
 from __future__ import annotations
 
 import contextlib
-import json
+import itertools
 import logging
-import os
-import signal
-import threading
 import time
 from collections.abc import Iterator
-from dataclasses import asdict
 
-from ..engine.lock import LOCK_NAME, Holder, LockedError
+from ..engine.lock import LOCK_NAME, Holder, LockedError, renew
 from .objects import ObjectFolder, StoreError
 
 log = logging.getLogger(__name__)
@@ -40,12 +36,14 @@ def hold(store: ObjectFolder, *, wait: bool = False) -> Iterator[None]:
         StoreError: If the store cannot be used.
     """
     holder = Holder.this()
+    # The count changes the lock's content, which is how another process sees that it is renewed.
+    contents = (holder.line() + b"\n%d" % count for count in itertools.count())
     watched, since_s, warned = None, 0.0, False
-    while not store.create(LOCK_NAME, _text(holder, 0)):
+    while not store.create(LOCK_NAME, next(contents)):
         found = store.read(LOCK_NAME)
         if found is None:
             continue
-        other = _holder(found)
+        other = Holder.parse(found)
         if found != watched:
             watched, since_s = found, time.monotonic()
         dead_here = other is not None and other.is_here() and not other.is_alive_here()
@@ -62,39 +60,17 @@ def hold(store: ObjectFolder, *, wait: bool = False) -> Iterator[None]:
             log.warning("%s is in use by %s: waiting for it to end", store.url, other)
             warned = True
         time.sleep(POLL_S)
-    ended = threading.Event()
-    threading.Thread(target=_renew, args=(store, holder, ended), daemon=True).start()
+    ended = renew(
+        holder,
+        store.url,
+        read=lambda: Holder.parse(store.read(LOCK_NAME) or b""),
+        touch=lambda: store.write(LOCK_NAME, next(contents)),
+        every_s=RENEW_S,
+    )
     try:
         yield
     finally:
         ended.set()
         with contextlib.suppress(StoreError):
-            if _holder(store.read(LOCK_NAME) or b"") == holder:
+            if Holder.parse(store.read(LOCK_NAME) or b"") == holder:
                 store.remove([LOCK_NAME])
-
-
-def _renew(store: ObjectFolder, holder: Holder, ended: threading.Event) -> None:
-    count = 0
-    while not ended.wait(RENEW_S):
-        count += 1
-        with contextlib.suppress(StoreError):  # the network may be down for a while
-            found = _holder(store.read(LOCK_NAME) or b"")
-            if found is not None and found.token != holder.token:
-                log.error("%s took over %s; this run stops", found, store.url)
-                os.kill(os.getpid(), signal.SIGTERM)
-                return
-            if not ended.is_set():
-                store.write(LOCK_NAME, _text(holder, count))
-
-
-def _text(holder: Holder, count: int) -> bytes:
-    return json.dumps({**asdict(holder), "renewed": count}).encode()
-
-
-def _holder(text: bytes) -> Holder | None:
-    try:
-        fields = json.loads(text)
-        fields.pop("renewed")
-        return Holder(**fields)
-    except (AttributeError, KeyError, TypeError, ValueError):
-        return None

@@ -12,14 +12,14 @@ import contextlib
 import hashlib
 import json
 import logging
-import os
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 from ...formats.core.atomic import write_bytes, write_json
-from ..engine.files import FileRecord, Records
+from ..engine.files import FileRecord, Records, path_in_run
 from ..engine.ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger, Row
 from .address import MARKER_NAME, scratch_folder
 from .holding import hold
@@ -33,16 +33,21 @@ UPLOAD_EVERY_S = 60.0
 class MirroredLedger(Ledger):
     """A ledger whose files and rows are copied to an object store as they are finished."""
 
-    def __init__(self, root: Path, store: ObjectFolder):
+    def __init__(self, root: Path, store: ObjectFolder, uploaded: Mapping[str, FileRecord]):
         """Open the ledger of a scratch folder that `pull` has brought up to the store.
 
+        Args:
+            root: The scratch folder.
+            store: The folder of the store.
+            uploaded: Records of the files that the store holds, as `pull` returned them.
+
         Raises:
-            FileFormatError: If a manifest is damaged.
-            StoreError: If the store cannot be used.
+            FileFormatError: If the manifest is damaged.
         """
         super().__init__(root)
         self._store = store
-        self._uploaded = _records(store)
+        self._uploaded = dict(uploaded)
+        self._written = b""  # the manifest that this process uploaded last
         self._next_s = time.monotonic() + UPLOAD_EVERY_S
 
     def add(self, row: Row, files: Mapping[str, Records] | None = None) -> None:
@@ -84,6 +89,9 @@ class MirroredLedger(Ledger):
             StoreError: If the store cannot be used.
         """
         store, root, files = self._store, self.root, self.files()
+        manifest = self.manifest_text()
+        if manifest == self._written:
+            return
         waiting = {
             name: root / name
             for name, record in files.items()
@@ -94,20 +102,20 @@ class MirroredLedger(Ledger):
             store.write(MANIFEST_NAME, self.manifest_text(without=waiting.keys()))
         store.upload(waiting)
         store.remove(sorted(gone))
-        manifest = self.manifest_text()
         store.write(QUARANTINE_NAME, self.quarantine_text())
         store.write(MANIFEST_NAME, manifest)
         there = self._uploaded.keys() | waiting.keys()
         self._uploaded = {name: record for name, record in files.items() if name in there}
+        self._written = manifest
         _mark(root, manifest)
 
 
 @contextlib.contextmanager
-def mirrored(url: str, *, wait: bool = False) -> Iterator[tuple[Path, ObjectFolder]]:
+def mirrored(url: str, *, wait: bool = False) -> Iterator[tuple[Path, Callable[[Path], Ledger]]]:
     """Lock a run folder of a store and bring its scratch folder up to it.
 
     Yields:
-        The scratch folder, and the folder of the store.
+        The scratch folder, and a function that opens its ledger.
 
     Raises:
         LockedError: If another process works in it, and `wait` is false.
@@ -116,33 +124,41 @@ def mirrored(url: str, *, wait: bool = False) -> Iterator[tuple[Path, ObjectFold
     """
     store, scratch = ObjectFolder.open(url), scratch_folder(url)
     with hold(store, wait=wait):
-        pull(store, scratch)
-        yield scratch, store
+        uploaded = pull(store, scratch)
+        yield scratch, partial(MirroredLedger, store=store, uploaded=uploaded)
 
 
-def pull(store: ObjectFolder, scratch: Path) -> None:
+def pull(store: ObjectFolder, scratch: Path) -> dict[str, FileRecord]:
     """Bring a scratch folder up to the manifest of the store.
 
     What this machine finished and could not upload stays, unless another machine has done the same
     item since.
+
+    Returns:
+        Records of the files that the store holds and its manifest names.
 
     Raises:
         StoreError: If the store cannot be used.
         FileFormatError: If a manifest is damaged.
     """
     manifest = store.read(MANIFEST_NAME)
-    known = _marked(scratch)
-    is_known = manifest is not None and hashlib.sha256(manifest).hexdigest() == known
-    if manifest is None or (is_known and (scratch / MANIFEST_NAME).is_file()):
-        if manifest is None and known:
+    if manifest is None:
+        if _marked(scratch):
             log.warning("%s holds no run: going on with what is in %s", store.url, scratch)
-        return
+        return {}
+    return _pull(store, scratch, manifest)
+
+
+def _pull(store: ObjectFolder, scratch: Path, manifest: bytes) -> dict[str, FileRecord]:
+    """Bring a scratch folder up to this manifest of the store; see `pull`."""
+    there = _ledger_of(manifest)
+    names, held = there.files(), set(store.names())
+    stored = {name: record for name, record in names.items() if name in held}
+    is_known = hashlib.sha256(manifest).hexdigest() == _marked(scratch)
+    if is_known and (scratch / MANIFEST_NAME).is_file():
+        return stored
     here = Ledger(scratch)
     before = here.files()
-    with tempfile.TemporaryDirectory() as folder:
-        write_bytes(Path(folder) / MANIFEST_NAME, manifest)
-        there = Ledger(Path(folder))
-    names = there.files()
     missing = {
         name: scratch / name
         for name, record in names.items()
@@ -153,7 +169,6 @@ def pull(store: ObjectFolder, scratch: Path) -> None:
     # A killed download must not leave files that an old manifest calls by another content.
     for name in (JOURNAL_NAME, MANIFEST_NAME, MARKER_NAME):
         (scratch / name).unlink(missing_ok=True)
-    held = set(store.names())
     if lost := missing.keys() - held:
         log.warning(
             "%s: %d of the files that its manifest names are gone, e.g. %s; their items run again",
@@ -168,6 +183,7 @@ def pull(store: ObjectFolder, scratch: Path) -> None:
     ledger = Ledger(scratch)
     for row, files in own:
         ledger.add(row, files)
+    return stored
 
 
 @contextlib.contextmanager
@@ -193,9 +209,10 @@ def fetched(url: str) -> Path:
         StoreError: If the store cannot be used, or holds no run there.
     """
     store, scratch = ObjectFolder.open(url), scratch_folder(url)
-    if store.read(MANIFEST_NAME) is None:
+    manifest = store.read(MANIFEST_NAME)
+    if manifest is None:
         raise StoreError(f"{url}: holds no run ({MANIFEST_NAME} is missing)")
-    pull(store, scratch)
+    _pull(store, scratch, manifest)
     return scratch
 
 
@@ -209,23 +226,18 @@ def _only_here(here: Ledger, there: Ledger) -> list[tuple[Row, dict[str, Records
 
 
 def _paths(files: Mapping[str, Records]) -> set[str]:
-    return {os.path.normpath(f"{out}/{name}") for out, records in files.items() for name in records}
+    return {path_in_run(out, name) for out, records in files.items() for name in records}
 
 
 def _has_size(path: Path, record: FileRecord) -> bool:
     return path.is_file() and path.stat().st_size == record.size
 
 
-def _records(store: ObjectFolder) -> dict[str, FileRecord]:
-    """Return the records of the files that the store has and its manifest names."""
-    manifest = store.read(MANIFEST_NAME)
-    if manifest is None:
-        return {}
+def _ledger_of(manifest: bytes) -> Ledger:
+    """Return the ledger that a manifest describes, without its files."""
     with tempfile.TemporaryDirectory() as folder:
         write_bytes(Path(folder) / MANIFEST_NAME, manifest)
-        files = Ledger(Path(folder)).files()
-    held = set(store.names())
-    return {name: record for name, record in files.items() if name in held}
+        return Ledger(Path(folder))
 
 
 def _mark(scratch: Path, manifest: bytes) -> None:

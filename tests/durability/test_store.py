@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import re
 import shutil
@@ -97,8 +96,7 @@ def test_two_machines_add_to_one_run(bucket: ObjectFolder, tmp_path: Path):
     first, second = tmp_path / "first", tmp_path / "second"
     for scratch, name in ((first, "a"), (second, "b")):
         scratch.mkdir()
-        pull(bucket, scratch)
-        ledger = MirroredLedger(scratch, bucket)
+        ledger = MirroredLedger(scratch, bucket, pull(bucket, scratch))
         _row(name, name, ledger)
         ledger.save()
     pull(bucket, first)
@@ -114,11 +112,10 @@ def test_what_was_not_uploaded_joins_what_another_machine_did(bucket: ObjectFold
     _row("a", "mine", offline)
     _row("both", "mine", offline)
     there.mkdir()
-    other = MirroredLedger(there, bucket)
+    other = MirroredLedger(there, bucket, {})
     _row("both", "theirs", other)
     other.save()
-    pull(bucket, here)
-    merged = MirroredLedger(here, bucket)
+    merged = MirroredLedger(here, bucket, pull(bucket, here))
     assert (here / "out/a").read_text() == "mine"
     assert (here / "out/both").read_text() == "theirs"
     merged.finish()
@@ -130,7 +127,7 @@ def test_no_row_of_the_store_ever_lacks_its_file(
     bucket: ObjectFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """Replacing and removing files fails in the middle, at every call."""
-    ledger = MirroredLedger(tmp_path, bucket)
+    ledger = MirroredLedger(tmp_path, bucket, {})
     for name in "abc":
         _row(name, f"old {name}", ledger)
     ledger.save()
@@ -167,13 +164,12 @@ def test_no_row_of_the_store_ever_lacks_its_file(
 def test_a_scratch_folder_without_its_manifest_empties_nothing(
     bucket: ObjectFolder, tmp_path: Path
 ):
-    ledger = MirroredLedger(tmp_path, bucket)
+    ledger = MirroredLedger(tmp_path, bucket, {})
     _row("a", "a", ledger)
     ledger.save()
     assert (tmp_path / MARKER_NAME).is_file()
     (tmp_path / MANIFEST_NAME).unlink()
-    pull(bucket, tmp_path)
-    MirroredLedger(tmp_path, bucket).finish()
+    MirroredLedger(tmp_path, bucket, pull(bucket, tmp_path)).finish()
     assert "out/a" in bucket.names()
 
 
@@ -183,11 +179,11 @@ def test_the_second_process_is_refused(bucket: ObjectFolder, monkeypatch: pytest
     assert LOCK_NAME not in bucket.names()
     here = Holder.this()
     dead = replace(here, pid=2**22 + 1, started="1")
-    bucket.write(LOCK_NAME, json.dumps({**vars(dead), "renewed": 0}).encode())
+    bucket.write(LOCK_NAME, dead.line())
     with holding.hold(bucket):  # a dead process of this machine
         pass
     elsewhere = replace(here, host="elsewhere")
-    bucket.write(LOCK_NAME, json.dumps({**vars(elsewhere), "renewed": 0}).encode())
+    bucket.write(LOCK_NAME, elsewhere.line())
     with pytest.raises(LockedError, match="elsewhere"), holding.hold(bucket):
         pass
     monkeypatch.setattr(holding, "STALE_S", 0.3)

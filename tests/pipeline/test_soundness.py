@@ -1,4 +1,4 @@
-"""Scenes whose repaired floor has faults: told, refused by `collect`, and named where data are."""
+"""Unsound scenes: reported, refused by `collect`, and listed in report and dataset card."""
 
 from __future__ import annotations
 
@@ -21,10 +21,13 @@ from vlnpe.pipeline.engine.executors.base import Workers
 from vlnpe.pipeline.engine.ledger import Ledger, Row
 from vlnpe.pipeline.engine.runner import Context, run_stage
 from vlnpe.pipeline.engine.work import WorkItem
-from vlnpe.pipeline.jobs.repair import SoundnessJob, facts_of
+from vlnpe.pipeline.jobs.scenes.outputs import facts_of
+from vlnpe.pipeline.jobs.scenes.repair import SoundnessJob
 from vlnpe.pipeline.stages import repair
 from vlnpe.scene_repair.verify.verdict import judge_level
 from vlnpe.scene_repair.write import scene as output
+
+pytestmark = pytest.mark.chain
 
 SOUND_LEVEL: dict[str, Any] = {
     "floor_area_m2": 60.0,
@@ -124,7 +127,7 @@ def test_the_dataset_card_names_them() -> None:
     def card(source: dict[str, Any]) -> str:
         view = CameraFacts(CameraModel("ego", 4, 4, 90.0), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0))
         splits = ({"train": [0]}, {"train": {"s"}})
-        facts = CardFacts("t", "mit", *splits, 10.0, view, {"scenes": {"s": source}})
+        facts = CardFacts("t", "mit", *splits, 10.0, view, {"scenes": {"s": source}}, 1)
         return dataset_card(facts, info)
 
     assert "Unsound" not in card({"licence": "MIT"})

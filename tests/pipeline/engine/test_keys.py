@@ -10,12 +10,14 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.chain
+
 ROOT = Path(__file__).resolve().parents[3]
 JOBS = {
-    "scan": "scan",
-    "scan as splats": "scan_splats",
-    "repair": "repair",
-    "repair of splats": "repair_splats",
+    "scan": "scenes.scan",
+    "scan as splats": "scenes.scan_splats",
+    "repair": "scenes.repair",
+    "repair of splats": "scenes.repair_splats",
     "sample": "episodes",
     "instruct": "instructions.instruct",
     "replay": "replay",

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
-from ...formats.core.atomic import atomic_folder
-from ..engine.work import ItemResult
+from ...engine.work import ItemResult
+from .outputs import write_scan
 
 
 @dataclass(frozen=True)
@@ -28,13 +29,9 @@ class ScanJob:
     def run(self) -> ItemResult:
         """Generate one scan."""
         # Takes long to import: only where the work is done.
-        from ...apartments import building_config, generate_exact, generate_scan
+        from ....apartments import building_config, generate_exact, generate_scan
 
-        with atomic_folder(self.folder) as temporary:
-            generate = generate_scan if self.scanned else generate_exact
-            scan = generate(self.seed, temporary, building_config(self.kind))
-            size = scan.stat().st_size
-            # The scan is made by this project, so that the data made from it may be used as freely.
-            (temporary / "LICENSE.scan").write_text("Apache-2.0\n")
+        generate = generate_scan if self.scanned else generate_exact
+        write = partial(generate, self.seed, config=building_config(self.kind))
         facts = {"kind": self.kind, "seed": self.seed, "scanned": self.scanned}
-        return ItemResult({**facts, "scan": scan.name, "bytes": size})
+        return write_scan(self.folder, write, facts)

@@ -5,14 +5,13 @@ A module of its own: an edit of the rasteriser or the fusion repairs splats agai
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
-from ...formats.core.atomic import atomic_folder
-from ...scene_repair.config import RepairConfig
-from ..engine.work import ItemResult
-from .repair import facts_of
+from ....scene_repair.config import RepairConfig
+from ...engine.work import ItemResult
+from .outputs import write_scene
 
 
 @dataclass(frozen=True)
@@ -26,9 +25,6 @@ class SplatRepairJob:
     def run(self) -> ItemResult:
         """Repair one scan."""
         # Takes seconds to import: only where the work is done.
-        from ...scene_repair.splats.repair import repair_splats
+        from ....scene_repair.splats.repair import repair_splats
 
-        with atomic_folder(self.out) as temporary:
-            repair_splats(self.source, temporary, self.config)
-            log = json.loads((temporary / "repair.json").read_text())
-        return ItemResult(facts_of(log))
+        return write_scene(self.out, partial(repair_splats, self.source, config=self.config))

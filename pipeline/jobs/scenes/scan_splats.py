@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
-from ...formats.core.atomic import atomic_folder
-from ..engine.work import ItemResult
+from ...engine.work import ItemResult
+from .outputs import write_scan
 
 
 @dataclass(frozen=True)
@@ -26,13 +27,9 @@ class SplatScanJob:
     def run(self) -> ItemResult:
         """Generate one capture."""
         # Takes long to import: only where the work is done.
-        from ...apartments import building_config
-        from ...apartments.generate_splats import generate_splats
+        from ....apartments import building_config
+        from ....apartments.generate_splats import generate_splats
 
-        with atomic_folder(self.folder) as temporary:
-            scan = generate_splats(self.seed, temporary, building_config(self.kind))
-            size = scan.stat().st_size
-            # The scan is made by this project, so that the data made from it may be used as freely.
-            (temporary / "LICENSE.scan").write_text("Apache-2.0\n")
+        write = partial(generate_splats, self.seed, config=building_config(self.kind))
         facts = {"kind": self.kind, "seed": self.seed, "scanned": True}
-        return ItemResult({**facts, "scan": scan.name, "bytes": size})
+        return write_scan(self.folder, write, facts)

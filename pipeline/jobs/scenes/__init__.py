@@ -1,0 +1,1 @@
+"""Work items that make scenes: scan a generated building, repair a scan."""

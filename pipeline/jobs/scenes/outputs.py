@@ -1,0 +1,59 @@
+"""Write the folders of scans and scenes, and say what they hold."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from ....formats.core.atomic import atomic_folder
+from ...engine.work import ItemResult
+
+
+def write_scan(folder: Path, write: Callable[[Path], Path], facts: dict[str, Any]) -> ItemResult:
+    """Write the scan of a generated building with its licence.
+
+    Args:
+        folder: Output.
+        write: Writes the scan into a folder and returns its path.
+        facts: What it is.
+    """
+    with atomic_folder(folder) as temporary:
+        scan = write(temporary)
+        size = scan.stat().st_size
+        # The scan is made by this project, so that the data made from it may be used as freely.
+        (temporary / "LICENSE.scan").write_text("Apache-2.0\n")
+    return ItemResult({**facts, "scan": scan.name, "bytes": size})
+
+
+def write_scene(out: Path, repair: Callable[[Path], object]) -> ItemResult:
+    """Write a scene into `out` by a function that repairs a scan into a folder."""
+    with atomic_folder(out) as temporary:
+        repair(temporary)
+        log = json.loads((temporary / "repair.json").read_text())
+    return ItemResult(facts_of(log))
+
+
+def facts_of(log: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the facts of a repair for ledger, terminal and report; `log` is its repair.json."""
+    levels = log["levels"]
+    holes = [hole for level in levels for hole in level["holes"]]
+    filled = [hole for hole in holes if hole["action"] == "filled"]
+    left = Counter(hole["cause"] for hole in holes if hole["action"] != "filled")
+    source, proof = log["source"], log["verification"]
+    return {
+        **{key: source[key] for key in ("up", "up_reason", "unit", "unit_reason")},
+        "sound": proof["sound"],
+        "problems": proof["problems"],
+        "doubts": log["doubts"] + proof["doubts"],
+        "levels": len(levels),
+        "floor_z_m": [level["floor_z_m"] for level in levels],
+        "holes_filled": len(filled),
+        "holes_left": dict(left),
+        "floor_before_m2": sum(level["floor_area_before_m2"] for level in levels),
+        "floor_after_m2": sum(level["floor_area_after_m2"] for level in levels),
+        "triangles": log["triangles_after"],
+        "warnings": log["warnings"],
+    }
