@@ -19,15 +19,17 @@ SILENT = frozenset(("ceiling", "floor"))
 
 
 class Labeller(Protocol):
-    """Finds things in observations.
+    """Finds things in observations."""
 
-    Attributes:
-        unclear: number of a model's answers in this episode that could not be used.
-        left_out: number of things in its other answers that have no known name, or no surface.
-    """
+    @property
+    def unclear(self) -> int:
+        """Number of a model's answers in this episode that could not be used."""
+        ...
 
-    unclear: int
-    left_out: int
+    @property
+    def left_out(self) -> int:
+        """Number of things in its other answers that have no known name, or no surface."""
+        ...
 
     def reset(self) -> None:
         """Begin an episode."""
