@@ -129,6 +129,7 @@ class Eye:
         """
         self._world, self._view, self._renderer = world, view, renderer
         self._body = body_for(world.robot, world.robot.joint_names, view)
+        self._looked_from: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
     def look(self) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """Return RGB (H, W, 3) uint8 and depth (H, W) float32 [m] of the state now."""
@@ -145,8 +146,14 @@ class Eye:
         return frame.rgb, frame.depth_m, Labels(thing, categories)
 
     def lens(self, start: Start) -> Lens:
-        """Return the camera of the state now in the frame of the start."""
-        position, quat = self._camera_pose()
+        """Return the camera of the last look in the frame of the start.
+
+        Raises:
+            ValueError: there was no look yet.
+        """
+        if self._looked_from is None:
+            raise ValueError("no look yet; valid: look() or look_labelled() before lens()")
+        position, quat = self._looked_from
         moved = np.asarray(position) - (start.x_m, start.y_m, start.z_m)
         rotation = start.rotation
         return Lens(self._view.camera, rotation @ moved, rotation @ quat_to_matrix(quat))
@@ -155,15 +162,13 @@ class Eye:
         world = self._world
         return world.base[:3], world.base[3:], world.data.qpos[world.handles.joint_qpos]
 
-    def _camera_pose(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        position, quat = self._body.camera_pose(self._world.robot.camera.name, *self._state())
-        return np.asarray(position), np.asarray(quat)
-
     def _asked(self) -> tuple[Any, ...]:
         """Return what the renderer is asked for: camera, position, quaternion, body."""
-        position, quat = self._camera_pose()
-        body = self._body.pose(*self._state()) if self._view.shows_robot else None
-        return self._view.camera, position, quat, body
+        state = self._state()
+        position, quat = self._body.camera_pose(self._world.robot.camera.name, *state)
+        self._looked_from = np.asarray(position), np.asarray(quat)
+        body = self._body.pose(*state) if self._view.shows_robot else None
+        return self._view.camera, *self._looked_from, body
 
 
 class BlankEye:

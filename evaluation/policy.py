@@ -16,15 +16,12 @@ from ..formats.core.atomic import file_digest
 from ..formats.core.episode import Episode
 from ..formats.core.errors import InputError, MissingExtraError, UnknownNameError, VlnpeError
 from ..formats.core.rollout import Action
-from ..instruction_gen.llm.settings import settings_from
 from .observation import Observation
 
 if TYPE_CHECKING:
     from .learned import LearnedPolicy
     from .map_policy.policy import MapPolicy
-    from .map_policy.restated import ModelReader
     from .remote import RemotePolicy
-    from .vlm import VlmPolicy
 
 
 class PolicyError(VlnpeError):
@@ -58,11 +55,27 @@ class Assignment:
         return cls(*names, robot, controller, actions)
 
 
+@dataclass(frozen=True)
+class ModelUse:
+    """How much of a model behind a server a policy may use, and where its answers are kept.
+
+    Attributes:
+        cache: folder of answers, and of the count of what was used.
+        max_tokens: that may be used in all; 0 = any.
+        max_cost: that may be spent in all, see `LlmSettings`; 0 = any.
+    """
+
+    cache: Path = Path("llm_cache")
+    max_tokens: int = 0
+    max_cost: float = 0.0
+
+
 class Policy(Protocol):
     """Chooses one action after another.
 
     A policy may have a list `said`: texts in it are taken out after each action and kept among the
-    rollout's events. One with a true `wants_lens` or `wants_labels` gets those fields of
+    rollout's events. Its counts `unclear` and `left_out`, see `Labeller`, go to the results. One
+    with a true `wants_lens` or `wants_labels` gets those fields of
     `Observation`.
 
     Attributes:
@@ -140,6 +153,10 @@ ORACLE = "oracle"
 VLM = "vlm"  # a vision-language model; the environment says where
 MAP = "map"  # an online semantic map; labels are the renderer's
 MAP_LLM = "map-llm"  # the same with sub-goals by a language model; the environment says where
+MAP_VLM = "map-vlm"  # the same with labels by a vision-language model
+MAP_VLM_LLM = "map-vlm-llm"  # both
+MAPS = (MAP, MAP_LLM, MAP_VLM, MAP_VLM_LLM)
+MODEL_POLICIES = (VLM, MAP_LLM, MAP_VLM, MAP_VLM_LLM)
 SERVER_SCHEMES = ("ws://", "wss://")
 CHECKPOINT_SUFFIX = ".safetensors"
 # By name, made from the seed. The oracle is not among them: it is the expert, which knows the path.
@@ -148,14 +165,13 @@ POLICIES: dict[str, Callable[[int], Policy]] = {
     "forward": lambda seed: Forward(),
     "random": Random,
     MAP: lambda seed: _map(),
-    MAP_LLM: lambda seed: _map_llm(),
 }
 
 
 def valid_policies() -> list[str]:
     """Return what `check_policy` takes."""
     checkpoint = f"a checkpoint of `vlnpe train` (FILE{CHECKPOINT_SUFFIX})"
-    return [*POLICIES, ORACLE, VLM, *shipped_policies(), checkpoint, "ws://HOST:PORT"]
+    return [*POLICIES, *MODEL_POLICIES, ORACLE, *shipped_policies(), checkpoint, "ws://HOST:PORT"]
 
 
 def shipped_policies() -> dict[str, Path]:
@@ -189,23 +205,23 @@ def check_policy(name: str) -> None:
     """
     if checkpoint_path(name) is not None or name.startswith(SERVER_SCHEMES):
         return
-    if name not in (*POLICIES, ORACLE, VLM):
+    if name not in (*POLICIES, *MODEL_POLICIES, ORACLE):
         raise UnknownNameError("policy", name, valid_policies())
 
 
-def policy_identity(name: str, timeout_s: float) -> str:
+def policy_identity(name: str, timeout_s: float, use: ModelUse | None = None) -> str:
     """Return what tells a policy from others, so that results are reused for the same one alone.
 
     For a policy server that is the `version` it states; one that states none is never the same.
 
     Raises:
         InputError: the server cannot be reached, its client's libraries are missing, or the
-            environment does not say where the vision-language model is.
+            environment does not say where the model is, or `use` has limits that are none.
     """
-    if name == VLM:
-        return f"{name} {_vlm().version}"
-    if name == MAP_LLM:
-        return f"{name} {_reader().version}"
+    if name in MODEL_POLICIES:
+        from .model_policies import model_identity
+
+        return model_identity(name, use or ModelUse())
     if (path := checkpoint_path(name)) is not None:
         if find_spec("torch") is None:
             raise MissingExtraError(f"{path.name}: a learned policy", "train")
@@ -222,24 +238,27 @@ def policy_identity(name: str, timeout_s: float) -> str:
     return f"{name} {server.version or uuid4().hex}"
 
 
-def make_policy(name: str, seed: int, timeout_s: float) -> Policy:
+def make_policy(name: str, seed: int, timeout_s: float, use: ModelUse | None = None) -> Policy:
     """Return a policy by name, or a client of the policy server at that address.
 
     Args:
         name: key of `POLICIES`, name or file of a checkpoint, or `ws://host:port`.
         seed: of policies that draw.
         timeout_s: how long a server may take for one action.
+        use: limits of a model behind an OpenAI-compatible server, and its answers' folder.
 
     Raises:
         UnknownNameError: there is no such policy.
         InputError: it is the oracle, which is no policy, the server's libraries are missing, or the
-            environment does not say where the vision-language model is.
+            environment does not say where the model is.
     """
     check_policy(name)
     if name == ORACLE:
         raise InputError("the oracle knows the path and is run by the replay itself")
-    if name == VLM:
-        return _vlm()
+    if name in MODEL_POLICIES:
+        from .model_policies import make_model_policy
+
+        return make_model_policy(name, use or ModelUse())
     if (path := checkpoint_path(name)) is not None:
         return _learned(path, seed)
     if name.startswith(SERVER_SCHEMES):
@@ -268,21 +287,3 @@ def _map() -> MapPolicy:
     from .map_policy.policy import MapPolicy
 
     return MapPolicy()
-
-
-def _map_llm() -> MapPolicy:
-    from .map_policy.policy import MapPolicy
-
-    return MapPolicy(read=_reader())
-
-
-def _reader() -> ModelReader:
-    from .map_policy.restated import ModelReader
-
-    return ModelReader(settings_from(asked_by=f"--policy {MAP_LLM}"))
-
-
-def _vlm() -> VlmPolicy:
-    from .vlm import VlmPolicy
-
-    return VlmPolicy(settings_from(asked_by="--policy vlm"))

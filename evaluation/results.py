@@ -29,6 +29,11 @@ COLUMNS: dict[str, tuple[str, Callable[[Mapping[str, Any]], float]]] = {
     "CR": ("%", lambda e: 100.0 * bool(e["contacts"])),
     "time": ("s", lambda e: _number(e["metrics"]["duration_s"])),
 }
+# What is counted of a model behind a server, by the key in an episode's results.
+COUNTS = {
+    "unclear": "answers of the model could not be read and were asked for again",
+    "left_out": "things that the model named have no known name or no surface and were left out",
+}
 # 0 or 100 in each episode; SPL is so wherever all are failures, or all are perfect.
 RATES = frozenset({"FR", "StR", "OS", "SR", "SPL", "CR"})
 
@@ -54,6 +59,14 @@ def summarise(episodes: Sequence[Mapping[str, Any]]) -> dict[str, Interval]:
         )
         for name, (_, value) in COLUMNS.items()
     }
+
+
+def grouped(episodes: Sequence[Mapping[str, Any]], key: str) -> dict[str, list[Mapping[str, Any]]]:
+    """Return episodes by what they have under `key` (`split`, `scene`), in its order."""
+    groups: dict[str, list[Mapping[str, Any]]] = {}
+    for episode in sorted(episodes, key=lambda e: str(e[key])):
+        groups.setdefault(str(episode[key]), []).append(episode)
+    return groups
 
 
 def table(groups: Mapping[str, Sequence[Mapping[str, Any]]], width: int = TABLE_WIDTH) -> str:
@@ -101,15 +114,26 @@ def results_json(
     episodes: Sequence[Mapping[str, Any]],
     quarantined: Mapping[str, str],
 ) -> dict[str, Any]:
-    """Return the results file's content: setting, summary, episodes, and what has no result."""
+    """Return the results file's content.
 
-    def plain(value: Interval) -> dict[str, float | None]:
-        return {k: None if math.isnan(v) else v for k, v in vars(value).items()}
+    It has the setting, the summary of all episodes, of each split and of each scene, the episodes,
+    and what has no result.
+    """
+
+    def plain(some: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float | None]]:
+        return {
+            name: {k: None if math.isnan(v) else v for k, v in vars(value).items()}
+            for name, value in summarise(some).items()
+        }
 
     return {
         "format": "vlnpe-results/1",
         "setting": dict(setting),
-        "summary": {name: plain(value) for name, value in summarise(episodes).items()},
+        "summary": plain(episodes),
+        **{
+            f"{key}s": {name: plain(some) for name, some in grouped(episodes, key).items()}
+            for key in ("split", "scene")
+        },
         "quarantined": dict(quarantined),
         "episodes": list(episodes),
     }

@@ -21,7 +21,6 @@ from .seen_map import CELL_M, SeenMap
 
 _SMALLEST = 4  # cells
 _NEAR_M = 2.0  # of a frontier, where things hint at what is beyond
-_REACHED_M = 0.6
 
 
 @dataclass(frozen=True)
@@ -78,8 +77,3 @@ def promise(frontier: Frontier, goal: SubGoal | None, world: World) -> float:
     if wanted & (beside | {name}):
         return 1.0
     return -0.5 if beside and wanted else 0.0
-
-
-def is_reached(frontier: Frontier, xy_m: NDArray[np.float64]) -> bool:
-    """Return whether a robot at a point (2,) stands at the frontier."""
-    return bool(np.linalg.norm(frontier.xy_m - xy_m) < _REACHED_M)

@@ -33,7 +33,7 @@ def draw_map(
     image[:] = _UNSEEN
     image[seen.floor] = _FREE
     image[seen.obstacle] = _OBSTACLE
-    image[seen.obstacle & (seen.wall | (seen.slices == 7))] = _WALL
+    image[seen.obstacle & seen.walls] = _WALL
     marks = [(track_m, _TRACK), (track_m[:1], _START)]
     if target_m is not None:
         marks.append((np.asarray(target_m)[None], _TARGET))

@@ -16,14 +16,14 @@ from ..motions import DISCRETE, WAYPOINTS
 from ..observation import Observation
 from ..policy import Assignment, PolicyError
 from .inference import Target, choose_target, goals_of
-from .perception import Labeller, OracleLabeller
+from .labels import Labeller, OracleLabeller
 from .routes import Routes, blocked, next_action, waypoints
 from .seen_map import SeenMap
 
 Array = NDArray[np.float64]
 
 _ALL_AROUND = 24  # turns of 15°
-_AGAIN = 6  # actions after which the target is chosen anew
+_AGAIN = 6  # actions after which the target is chosen again
 _AT_END_M, _AT_FRONTIER_M = 0.3, 0.5
 _LAST_SEARCH = 420  # actions after which nothing new is looked for; 500 end an episode
 _BUMP_ACTIONS, _BUMP_M = 4, 0.1  # so many steps ahead that move the robot less hit something
@@ -55,6 +55,7 @@ class MapPolicy:
         Args:
             labeller: finds things in images; the renderer's labels, an oracle, by default.
             read: makes sub-goals of an instruction; by default the grammar of `instruction_gen`.
+                Its attributes `said` and `unclear`, if it has them, go to the record.
         """
         self._labeller = labeller or OracleLabeller()
         self.wants_labels = labeller is None
@@ -75,9 +76,10 @@ class MapPolicy:
             self._goals = self._read(assignment.instruction)
         except UnfollowableError as error:
             raise PolicyError(f"instruction {assignment.instruction!r:.80}: {error}") from error
+        self._labeller.reset()
         self._discrete = assignment.actions == DISCRETE
         self._radius_m = get_robot(assignment.robot).footprint_radius_m
-        self.said = []
+        self.said = list(getattr(self._read, "said", ()))
         self.seen, self.target = SeenMap(), None
         self._turns = _ALL_AROUND if self._discrete else 4
         self._path: Array = np.zeros((0, 2))
@@ -85,6 +87,16 @@ class MapPolicy:
         self._exhausted: list[Array] = []
         self._track: list[Array] = []
         self._ahead = 0  # FORWARD actions in a row
+
+    @property
+    def unclear(self) -> int:
+        """Number of a model's answers in this episode that could not be used."""
+        return self._labeller.unclear + int(getattr(self._read, "unclear", 0))
+
+    @property
+    def left_out(self) -> int:
+        """Number of things that a model named in this episode and that are not on the map."""
+        return self._labeller.left_out
 
     def act(self, observation: Observation) -> Any:
         """See `Policy.act`.

@@ -11,6 +11,7 @@ from scipy.ndimage import distance_transform_edt
 from skimage.graph import MCP_Geometric
 
 from ...formats.core.frames import wrap_angle
+from ...formats.core.geometry import arc_length
 from ...formats.core.rollout import Action
 from .seen_map import CELL_M, SeenMap
 
@@ -116,8 +117,7 @@ def point_ahead(path_m: Array, xy_m: Array, ahead_m: float) -> Array:
     """
     nearest = int(np.argmin(np.linalg.norm(path_m - xy_m, axis=1)))
     rest = path_m[nearest:]
-    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(rest, axis=0), axis=1)))
-    return rest[min(int(np.searchsorted(along, ahead_m)), len(rest) - 1)]
+    return rest[min(int(np.searchsorted(arc_length(rest), ahead_m)), len(rest) - 1)]
 
 
 def bearing(pose: Array, xy_m: Array) -> float:

@@ -32,6 +32,12 @@ _SLICES_M = ((0.5, 0.9), (0.95, 1.3), (1.35, 1.65))
 _STRIDE = 2  # pixels
 _BLIND_STEPS = 12
 _SMALLEST = 25  # points of a thing that is believed
+# Quantiles of a thing's points that bound it: pixels on edges belong to what is behind, and the
+# boxes of a model, whose things have no key, hold other things, too.
+_KEYED_TRIM, _NAMED_TRIM = (0.01, 0.99), (0.1, 0.9)
+_SIGHTS = 2  # images of a thing without a key that is believed
+_SAME_M = 0.6  # such things of one noun this close to each other are one
+_GAP_M = 0.5  # what lies this much farther away than the rest of a box is another thing
 
 
 @dataclass(frozen=True)
@@ -40,23 +46,34 @@ class Detection:
 
     Attributes:
         noun: what it is called (`sofa`, `wall`).
-        key: the same for the same thing in other images.
-        pixels: (H, W) bool.
+        key: the same for the same thing in other images; None = unknown, the map finds it by name
+            and place.
+        pixels: (H, W) bool; of a thing without a key they are a box with the thing in it.
     """
 
     noun: str
-    key: str
+    key: str | None
     pixels: Mask
 
 
 @dataclass
 class SeenThing:
-    """A thing seen so far: its bounds [m] in the start frame, and the number of points."""
+    """A thing seen so far.
+
+    Attributes:
+        noun: what it is called.
+        low_m, high_m: (3,) bounds in the start frame [m].
+        points: number of points.
+        sights: number of images with it.
+        certain: its key is known, and its pixels are its own.
+    """
 
     noun: str
     low_m: Array
     high_m: Array
-    points: int = 0
+    points: int
+    sights: int = 1
+    certain: bool = True
 
 
 @dataclass
@@ -103,6 +120,11 @@ class SeenMap:
         """(R, C) whether the cell is known to be free."""
         return self.floor & ~self.obstacle
 
+    @property
+    def walls(self) -> Mask:
+        """(R, C) whether the cell is labelled wall, or filled at all heights of `_SLICES_M`."""
+        return self.wall | (self.slices == 2 ** len(_SLICES_M) - 1)
+
     def add(
         self,
         depth_m: NDArray[np.float32],
@@ -137,7 +159,11 @@ class SeenMap:
                 self._mark(self.wall, points[mask & solid])
             elif found.noun in ("door frame", "door"):
                 self._mark(self.opening, points[mask])
-            elif mask.any():
+            elif found.key is None:
+                box = np.flatnonzero(mask & (z >= _FLOOR_M))
+                surface = box[_connected(away.ravel()[box])]
+                self._add_thing(found, points.reshape(-1, 3)[surface])
+            else:
                 self._add_thing(found, points[mask])
 
     def bump(self, xy_m: Array) -> None:
@@ -156,7 +182,7 @@ class SeenMap:
                 0,
             )
             for key, thing in self.things.items()
-            if thing.points >= _SMALLEST
+            if thing.points >= _SMALLEST and (thing.certain or thing.sights >= _SIGHTS)
         ]
 
     def window(self, margin_m: float = 1.0) -> tuple[slice, slice]:
@@ -169,7 +195,7 @@ class SeenMap:
 
     def open_floor(self) -> Mask:
         """Return (R, C) the floor between the walls, furniture included; see `regions`."""
-        wall = (self.wall | (self.slices == 7)) & ~self.opening
+        wall = self.walls & ~self.opening
         return np.asarray(binary_closing(self.explored, iterations=2)) & ~wall
 
     def freemap(self, window: tuple[slice, slice]) -> Freemap:
@@ -193,15 +219,27 @@ class SeenMap:
         self._mark(self.floor, (base_xy_m + share * (near - base_xy_m)).reshape(-1, 2))
 
     def _add_thing(self, found: Detection, points: Array) -> None:
-        # The outermost hundredth is left out: pixels on edges belong to what is behind.
-        low, high = np.quantile(points, (0.01, 0.99), axis=0)
-        known = self.things.get(found.key)
+        if not len(points):
+            return
+        certain = found.key is not None
+        low, high = np.quantile(points, _KEYED_TRIM if certain else _NAMED_TRIM, axis=0)
+        key = found.key or self._same(found.noun, 0.5 * (low + high))
+        known = self.things.get(key)
         if known is None:
-            self.things[found.key] = SeenThing(found.noun, low, high, len(points))
+            self.things[key] = SeenThing(found.noun, low, high, len(points), certain=certain)
             return
         known.low_m = np.minimum(known.low_m, low)
         known.high_m = np.maximum(known.high_m, high)
         known.points += len(points)
+        known.sights += 1
+
+    def _same(self, noun: str, middle_m: Array) -> str:
+        """Return the key of the thing that has this name and place, or a new one."""
+        for key, known in self.things.items():
+            gap = middle_m - np.clip(middle_m, known.low_m, known.high_m)
+            if known.noun == noun and not known.certain and np.linalg.norm(gap) <= _SAME_M:
+                return key
+        return f"{noun}-{len(self.things)}"
 
     def _mark(self, mask: Mask, points: Array) -> None:
         cells = self._cells(points)
@@ -210,6 +248,13 @@ class SeenMap:
     def _cells(self, points: Array) -> NDArray[np.int64]:
         cells = self.grid.cell_of(points[:, :2])
         return cells[self.grid.inside(cells)]
+
+
+def _connected(away_m: Array) -> NDArray[np.int64]:
+    """Return the points of a box whose distances (N,) [m] have no gap to that of the middle one."""
+    order = np.argsort(away_m)
+    part = np.cumsum(np.diff(away_m[order], prepend=0.0) > _GAP_M)
+    return order[part == part[len(part) // 2]] if len(part) else order
 
 
 def _points(depth_m: NDArray[np.float32], lens: Lens) -> Array:

@@ -36,9 +36,7 @@ def seen_world(seen: SeenMap) -> SeenWorld:
     window = seen.window()
     objects = seen.objects()
     regions = _named(split_rooms(seen.open_floor()[window], objects, seen.cut(window)))
-    world = SeenWorld.of_map(seen.freemap(window), regions, objects)
-    assert isinstance(world, SeenWorld)
-    return world
+    return SeenWorld.of_map(seen.freemap(window), regions, objects)
 
 
 def _named(regions: RegionMap) -> RegionMap:

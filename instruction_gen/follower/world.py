@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,9 +62,7 @@ class World:
         self._read(bundle.freemap(level), regions, here, level, floor)
 
     @classmethod
-    def of_map(
-        cls, freemap: Freemap, regions: RegionMap, objects: Sequence[LabeledObject]
-    ) -> World:
+    def of_map(cls, freemap: Freemap, regions: RegionMap, objects: Sequence[LabeledObject]) -> Self:
         """Read a map that was made otherwise, for example by a robot, with its floor at z = 0."""
         world = cls.__new__(cls)
         world._read(freemap, regions, objects, 0, 0.0)

@@ -61,7 +61,11 @@ Backend = Callable[[Messages], Reply]
 
 
 class Client:
-    """Asks a backend; safe to use from several threads."""
+    """Asks a backend; safe to use from several threads.
+
+    Attributes:
+        unusable: number of answers so far that had another form, or none.
+    """
 
     def __init__(
         self,
@@ -83,6 +87,7 @@ class Client:
         self._cache, self._sleep = cache, sleep
         self._backend = backend or openai_backend(settings)
         self._failed = 0
+        self.unusable = 0
         self._lock = threading.Lock()
 
     def ask(self, messages: Messages) -> Answer:
@@ -120,6 +125,8 @@ class Client:
                 self._wait(attempt, error.wait_s)
             except AnswerError as error:
                 reason = str(error)
+                with self._lock:
+                    self.unusable += 1
             else:
                 with self._lock:
                     self._failed = 0

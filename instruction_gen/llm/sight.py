@@ -30,7 +30,7 @@ _MIN_SIGHTS = 2
 class Sight(BaseModel):
     """One thing in a frame; its box is in pixels: left, top, right, bottom."""
 
-    model_config = ConfigDict(extra="ignore")
+    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
 
     name: str = Field(max_length=40)
     box: tuple[float, float, float, float]
@@ -72,7 +72,7 @@ def name_things(client: Client, views: Sequence[View]) -> list[LabeledObject]:
     found: list[tuple[str, int, NDArray[np.float64]]] = []
     for view in views:
         try:
-            answer = client.ask_for(_messages(view.png), Sights)
+            answer = client.ask_for(sight_messages(view.png), Sights)
         except ModelDownError:
             raise
         except ModelError:
@@ -85,7 +85,8 @@ def name_things(client: Client, views: Sequence[View]) -> list[LabeledObject]:
     return _merged(found)
 
 
-def _messages(png: bytes) -> list[dict[str, Any]]:
+def sight_messages(png: bytes) -> list[dict[str, Any]]:
+    """Return the request for the things in a picture; the answer is `Sights`."""
     address = "data:image/png;base64," + base64.b64encode(png).decode()
     picture = {"type": "image_url", "image_url": {"url": address}}
     return [
@@ -94,12 +95,18 @@ def _messages(png: bytes) -> list[dict[str, Any]]:
     ]
 
 
-def _box_m(sight: Sight, points_m: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """Return the corners (2, 3) [m] of what a box in the image shows; None when that is nothing."""
-    high, wide = points_m.shape[:2]
+def box_pixels(sight: Sight, shape: Sequence[int]) -> tuple[slice, slice]:
+    """Return rows and columns of a thing's box in an image of `shape` (H, W, …); may be empty."""
+    high, wide = shape[:2]
     left, top, right, bottom = sight.box
     rows = slice(int(np.clip(top, 0, high)), int(np.clip(bottom, 0, high)))
     columns = slice(int(np.clip(left, 0, wide)), int(np.clip(right, 0, wide)))
+    return rows, columns
+
+
+def _box_m(sight: Sight, points_m: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Return the corners (2, 3) [m] of what a box in the image shows; None when that is nothing."""
+    rows, columns = box_pixels(sight, points_m.shape)
     points = points_m[rows, columns].reshape(-1, 3)
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) < _MIN_POINTS:

@@ -9,23 +9,26 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from ...collectors.controllers import controller_for, valid_controllers
+from ...collectors.controllers import controller_for
 from ...collectors.rendering.camera.views import CameraOverrides, View
-from ...collectors.robots import RobotSpec
 from ...evaluation.episode import closed_loop
 from ...evaluation.motions import DISCRETE, WAYPOINTS, check_kind, controllers_for
 from ...evaluation.policy import (
     MAP,
-    MAP_LLM,
+    MAPS,
+    MODEL_POLICIES,
     SERVER_SCHEMES,
+    ModelUse,
     check_policy,
     checkpoint_path,
     policy_identity,
 )
 from ...evaluation.results import (
     COLUMNS,
+    COUNTS,
     RESULTS_NAME,
     compare,
+    grouped,
     read_results,
     results_json,
     table,
@@ -40,11 +43,12 @@ from ..engine.keys import digest
 from ..engine.ledger import Row
 from ..engine.run_folder import safe_name
 from ..engine.runner import Context, run_stage
-from ..inputs.crews import AUTO, action_timing, chosen_robots, keep_all
+from ..inputs.crews import AUTO, action_timing, auto_controller, chosen_robots, keep_all
 from ..inputs.views import chosen_views
 from ..options.evaluate import Compare, Evaluate
 from ..stages import evaluate, export, policy_report, render, repair, replay
 
+CACHE = "llm_cache"  # name of the folder of a model's answers, which were paid for
 FRAMES_PER_SECOND = 4  # of images in MCAP files: one per action in VLN-PE's timing
 
 
@@ -55,7 +59,7 @@ def run_evaluate(options: Evaluate) -> int:
         InputError: If a name is unknown, or a file or folder cannot be used.
     """
     check_policy(options.policy)
-    maps = options.policy in (MAP, MAP_LLM) and options.actions == WAYPOINTS
+    maps = options.policy in MAPS and options.actions == WAYPOINTS
     if options.actions != DISCRETE and not (options.policy.startswith(SERVER_SCHEMES) or maps):
         raise InputError(
             f"--actions {options.actions}: only a policy server gives such actions, and {MAP} "
@@ -66,7 +70,8 @@ def run_evaluate(options: Evaluate) -> int:
         raise InputError(f"--robot {options.robot}: an evaluation has one robot")
     (robot,) = robots
     if options.controller == AUTO:
-        options = replace(options, controller=_suitable_controller(options.actions, robot))
+        controller = auto_controller(robot, controllers_for(options.actions), "speed")
+        options = replace(options, controller=controller)
     controller_for(robot, options.controller)
     check_kind(options.actions, options.controller)
     wishes = CameraOverrides(height_m=options.camera_height, pitch_down_deg=options.camera_pitch)
@@ -81,8 +86,9 @@ def run_evaluate(options: Evaluate) -> int:
     episodes = episodes[: options.limit]
     scenes = repair.rows_of(scenes_folder)
     repair.demand({e.scene_id for e in episodes}, scenes, scenes_folder)
-    identity = policy_identity(options.policy, options.timeout_s)
     out = options.out or _default_out(options, robot.name, view)
+    use = ModelUse(out.resolve() / CACHE, options.max_tokens, options.max_cost)
+    identity = policy_identity(options.policy, options.timeout_s, use)
     actions = action_timing(options.action_steps, options.closed_loop)
     with open_context(out, options) as context:
         root = context.ledger.root
@@ -99,6 +105,7 @@ def run_evaluate(options: Evaluate) -> int:
             timeout_s=options.timeout_s,
             view=view,
             actions=options.actions,
+            use=use,
         )
         scope = f"{robot.name}/{options.controller}/"
         summary = run_stage(context, evaluate.STAGE, items, scope, label="evaluate")
@@ -127,6 +134,8 @@ def run_evaluate(options: Evaluate) -> int:
         write_json(out / RESULTS_NAME, value)
         context.ledger.record([root / RESULTS_NAME])
         context.ledger.record_new(root / "models")
+        if options.policy in MODEL_POLICIES:
+            context.ledger.record_new(root / CACHE)
         folder = scenes_folder.resolve()
         if options.mcap:
             _write_mcap(context, summary.good(), scenes, folder, view)
@@ -218,13 +227,6 @@ def _camera(options: Evaluate) -> str:
     return read_card(path)[0].view.camera(options.camera)
 
 
-def _suitable_controller(actions: str, robot: RobotSpec) -> str:
-    """Return the controller for some kind of actions that suits a robot, rather a physical one."""
-    names = controllers_for(actions)
-    valid = [name for name in names if name in valid_controllers(robot)] or names
-    return "speed" if "speed" in valid else valid[0]
-
-
 def _default_out(options: Evaluate, robot: str, view: View) -> Path:
     path = checkpoint_path(options.policy)
     policy = f"{path.stem}-{file_digest(path)[:6]}" if path else options.policy
@@ -238,9 +240,7 @@ def _tell(options: Evaluate, out: Path, value: dict[str, Any], scenes: Path) -> 
         shown = {k: value[k] for k in ("setting", "summary", "quarantined")} | {"out": str(out)}
         sys.stdout.write(json.dumps(shown) + "\n")
         return
-    groups: dict[str, list[dict[str, Any]]] = {}
-    for episode in value["episodes"]:
-        groups.setdefault(episode["split"], []).append(episode)
+    groups = grouped(value["episodes"], "split")
     if len(groups) > 1:
         groups["all"] = value["episodes"]
     text = table(groups) if value["episodes"] else "no episode has a result"
@@ -249,9 +249,9 @@ def _tell(options: Evaluate, out: Path, value: dict[str, Any], scenes: Path) -> 
         count = len(value["quarantined"])
         reason = next(iter(value["quarantined"].values()))
         sys.stdout.write(f"{count} episodes without a result, counted apart: {reason}\n")
-    unclear = sum(episode.get("unclear", 0) for episode in value["episodes"])
-    if unclear:
-        sys.stdout.write(f"{unclear} answers of the model were no clear action and asked again\n")
+    for count, what in COUNTS.items():
+        if total := sum(episode.get(count, 0) for episode in value["episodes"]):
+            sys.stdout.write(f"{total} {what}\n")
     sys.stdout.write(f"results: {out / RESULTS_NAME}\n")
     if options.films > 0:
         sys.stdout.write(f"report:  {out / policy_report.PAGE_NAME}\n")

@@ -58,7 +58,7 @@ def crews(robots: Iterable[RobotSpec], text: str) -> list[tuple[str, str]]:
     result = []
     for robot in robots:
         valid = valid_controllers(robot)
-        able = [n for n in names or [USUAL if USUAL in valid else valid[0]] if n in valid]
+        able = [n for n in names or [auto_controller(robot)] if n in valid]
         if not able:
             raise InputError(
                 f"CONTROLLER={text}: {robot.name} has no joints to drive; valid for it: "
@@ -66,6 +66,18 @@ def crews(robots: Iterable[RobotSpec], text: str) -> list[tuple[str, str]]:
             )
         result += [(robot.name, name) for name in able]
     return result
+
+
+def auto_controller(
+    robot: RobotSpec, among: Sequence[str] = tuple(CONTROLLERS), usual: str = USUAL
+) -> str:
+    """Return what `auto` means: `usual`, or the first controller of `among` that drives `robot`.
+
+    If none of them does, the first is returned, for its refusal to be told.
+    """
+    valid = valid_controllers(robot)
+    able = [name for name in among if name in valid] or list(among)
+    return usual if usual in able else able[0]
 
 
 def action_timing(steps: int, closed_loop: bool) -> SpeedConfig:

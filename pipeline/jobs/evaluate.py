@@ -10,8 +10,7 @@ from ...collectors.rendering.camera.views import View
 from ...collectors.replay import ReplayConfig
 from ...evaluation.episode import evaluate_episode
 from ...evaluation.observation import Eye
-from ...evaluation.policy import ORACLE, Policy, make_policy
-from ...evaluation.vlm import VlmPolicy
+from ...evaluation.policy import ORACLE, ModelUse, Policy, make_policy
 from ...formats.core.episode import Episode
 from ..engine.work import ItemResult
 from .render import scene_renderer
@@ -31,6 +30,7 @@ class EvaluateJob:
         view: the camera that the policy sees through.
         actions: kind of the policy's actions.
         models: folder where compiled models are kept.
+        use: limits of a model behind a server, and the folder of its answers.
         out: rollout file.
     """
 
@@ -42,6 +42,7 @@ class EvaluateJob:
     view: View
     actions: str
     models: Path
+    use: ModelUse
     out: Path
 
     def run(self) -> ItemResult:
@@ -55,7 +56,7 @@ class EvaluateJob:
         policy: Policy | None = None
         eye: Eye | None = None
         if self.policy != ORACLE:
-            policy = _policy(self.policy, self.config.seed, self.timeout_s)
+            policy = _policy(self.policy, self.config.seed, self.timeout_s, self.use)
             if not policy.blind:
                 _, renderer = scene_renderer(self.scene, self.view.renderer, self.view.light)
                 eye = Eye(world, self.view, renderer)
@@ -69,13 +70,14 @@ class EvaluateJob:
             "instruction": self.episode.instruction,
             "taken": [int(span.action) for span in rollout.actions],
         }
-        if isinstance(policy, VlmPolicy):
-            more["unclear"] = policy.unclear
+        for count in ("unclear", "left_out"):
+            if hasattr(policy, count):
+                more[count] = getattr(policy, count)
         # Whatever the policy does is a result: missing the goal is no failure of the item.
         return replace(result, facts={**result.facts, **more}, failed=False)
 
 
 @lru_cache(maxsize=1)
-def _policy(name: str, seed: int, timeout_s: float) -> Policy:
-    """Return a worker keeps its policy, with the connection to its server."""
-    return make_policy(name, seed, timeout_s)
+def _policy(name: str, seed: int, timeout_s: float, use: ModelUse) -> Policy:
+    """Return a policy; a worker keeps it, with the connection to its server."""
+    return make_policy(name, seed, timeout_s, use)

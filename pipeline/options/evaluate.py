@@ -23,7 +23,8 @@ class Evaluate(Running):
     policy: str = "random"
     """Policy: random (R2R's action proportions), forward, stop, oracle (the expert, which knows the
     path), cma (a trained model that comes with vlnpe), map (an online semantic map, without
-    training), vlm (a vision-language model, see docs/evaluation.md), a checkpoint of `vlnpe train`
+    training; map-llm, map-vlm and map-vlm-llm ask a model for sub-goals, labels, or both), vlm (a
+    vision-language model, see docs/evaluation.md), a checkpoint of `vlnpe train`
     (FILE.safetensors), or the address of a policy server (ws://HOST:PORT)."""
     scenes: Path | None = None
     """Folder of repaired scenes; defaults to the run's own."""
@@ -57,6 +58,12 @@ class Evaluate(Running):
     """Run each discrete action of the speed controller until its 0.25 m or 15° is reached."""
     timeout_s: float = 30.0
     """Maximum time that a policy server may take for one action [s]; physics waits meanwhile."""
+    max_tokens: int = 0
+    """Stop querying a model behind an OpenAI-compatible server (vlm, map-llm, map-vlm) after this
+    many tokens; 0 means no limit. Episodes that need more are quarantined."""
+    max_cost: float = 0.0
+    """Stop querying such a model after this cost, at the prices set in the environment; 0 means no
+    limit."""
     seed: int = 0
     """Random seed."""
     films: int = 0

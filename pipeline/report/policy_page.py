@@ -11,7 +11,7 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, select_autoescape
 
-from ...evaluation.results import COLUMNS, summarise
+from ...evaluation.results import COLUMNS, COUNTS, grouped, summarise
 from ..engine.ledger import Row
 
 FILMS_BYTES = 24_000_000  # of all embedded films, base64 included
@@ -50,23 +50,30 @@ def policy_page(results: Mapping[str, Any], rows: Sequence[Row], films: Mapping[
         version=version("vlnpe"),
         setting=results["setting"],
         columns=[f"{name} [{unit}]" for name, (unit, _) in COLUMNS.items()],
-        splits=_split_rows(results["episodes"]),
+        results=_result_rows(results["episodes"]),
         quarantined=results["quarantined"],
-        unclear=sum(episode.get("unclear", 0) for episode in results["episodes"]),
+        doubts=_doubts(results["episodes"]),
         groups=_groups(rows, films, kinds),
         episodes=[_episode(row) for row in rows],
     )
 
 
-def _split_rows(episodes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    groups: dict[str, list[Mapping[str, Any]]] = {}
-    for episode in episodes:
-        groups.setdefault(episode["split"], []).append(episode)
+def _doubts(episodes: Sequence[Mapping[str, Any]]) -> list[str]:
+    totals = {what: sum(e.get(count, 0) for e in episodes) for count, what in COUNTS.items()}
+    return [f"{total} {what}." for what, total in totals.items() if total]
+
+
+def _result_rows(episodes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return the rows of the table of results: splits, all of them, scenes."""
+    groups = list(grouped(episodes, "split").items())
     if len(groups) > 1:
-        groups["all"] = list(episodes)
+        groups.append(("all", list(episodes)))
+    scenes = grouped(episodes, "scene")
+    if len(scenes) > 1:
+        groups += scenes.items()
     return [
-        {"split": split, "count": len(group), "cells": list(summarise(group).values())}
-        for split, group in groups.items()
+        {"name": name, "count": len(some), "cells": list(summarise(some).values())}
+        for name, some in groups
     ]
 
 

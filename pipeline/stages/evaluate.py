@@ -9,6 +9,7 @@ from pathlib import Path
 from ...collectors.rendering.camera.views import View
 from ...collectors.rendering.registry import scene_renderer_name
 from ...collectors.replay import ReplayConfig
+from ...evaluation.policy import ModelUse
 from ...formats.core.episode import Episode
 from ..engine.ledger import Row
 from ..engine.work import WorkItem, work_item
@@ -29,6 +30,7 @@ def items(
     timeout_s: float,
     view: View,
     actions: str,
+    use: ModelUse,
 ) -> list[WorkItem]:
     """Return one item per episode.
 
@@ -43,6 +45,7 @@ def items(
         timeout_s: how long a policy server may take for one action.
         view: the camera that the policy sees through.
         actions: kind of the policy's actions.
+        use: limits of a model behind a server, and the folder of its answers.
     """
     who, result = walker(config), []
     drawn_by = renderers(episodes, scenes_folder, view.renderer)
@@ -51,7 +54,18 @@ def items(
         scene = scenes_folder / episode.scene_id
         seen = replace(view, renderer=drawn_by[episode.scene_id])
         models = root / "models"
-        job = EvaluateJob(scene, episode, config, policy, timeout_s, seen, actions, models, out)
+        job = EvaluateJob(
+            scene=scene,
+            episode=episode,
+            config=config,
+            policy=policy,
+            timeout_s=timeout_s,
+            view=seen,
+            actions=actions,
+            models=models,
+            use=use,
+            out=out,
+        )
         inputs = (episode, scenes[episode.scene_id].key, *who, identity, seen, actions)
         result.append(work_item("evaluate", name, job, (out,), *inputs))
     return result

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from vlnpe.evaluation.results import COLUMNS, table
+from vlnpe.evaluation.results import COLUMNS, results_json, table
 from vlnpe.evaluation.statistics import clustered_interval, mcnemar
 
 
@@ -84,3 +84,24 @@ def test_a_table_of_many_groups_fits_a_terminal() -> None:
         assert f"{name} [{unit}]" in text
     (row,) = [line for line in table({"all": made}).splitlines() if line.startswith("NE")]
     assert row.split() == ["NE", "[m]", "7.50", "(7.50..7.50)"]
+
+
+def test_results_are_summed_up_per_split_and_scene() -> None:
+    metrics = dict.fromkeys(
+        ("trajectory_length_m", "navigation_error_m", "duration_s", "spl", "ndtw"), 1.0
+    ) | dict.fromkeys(("fall", "stuck", "oracle_success"), False)
+    made = [
+        {"metrics": metrics | {"success": k < 2}, "contacts": 0, "scene": f"s{k % 2}"}
+        | {"split": f"val_{k // 3}", "trajectory": str(k)}
+        for k in range(6)
+    ]
+    value = results_json({}, made, {})
+    assert value["summary"]["SR"]["mean"] == pytest.approx(100 / 3)
+    assert {k: v["SR"]["mean"] for k, v in value["splits"].items()} == {
+        "val_0": pytest.approx(200 / 3),
+        "val_1": 0.0,
+    }
+    assert {k: v["SR"]["mean"] for k, v in value["scenes"].items()} == {
+        "s0": pytest.approx(100 / 3),
+        "s1": pytest.approx(100 / 3),
+    }

@@ -10,13 +10,15 @@ import pytest
 from PIL import Image
 
 from tests.support.misbehaving_server import Server, completion
-from vlnpe.evaluation.map_policy.restated import ModelReader
+from vlnpe.evaluation.llm.ask import TextModel
+from vlnpe.evaluation.llm.text_actions import parse_actions
+from vlnpe.evaluation.llm.vlm import HISTORY, PROMPT, VlmPolicy, evenly
+from vlnpe.evaluation.map_policy import restated
 from vlnpe.evaluation.observation import Observation
-from vlnpe.evaluation.policy import Assignment, PolicyError, policy_identity
-from vlnpe.evaluation.text_actions import parse_actions
-from vlnpe.evaluation.vlm import HISTORY, VlmPolicy, evenly
+from vlnpe.evaluation.policy import Assignment, ModelUse, PolicyError, policy_identity
 from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.core.rollout import Action
+from vlnpe.instruction_gen.llm.budget import Budget, BudgetError
 from vlnpe.instruction_gen.llm.settings import LlmSettings
 
 F, L, R, S = Action.FORWARD, Action.LEFT, Action.RIGHT, Action.STOP
@@ -72,8 +74,13 @@ def seen(value: int, step: int) -> Observation:
     return Observation(rgb, np.zeros((48, 64), np.float32), "", np.zeros(3), np.zeros(9), -1, step)
 
 
+def model_at(url: str, prompt: str = PROMPT, budget: Budget | None = None) -> TextModel:
+    settings = LlmSettings(url, "model-x", attempts=3, timeout_s=5.0)
+    return TextModel(settings, prompt, budget, sleep=lambda s: None)
+
+
 def policy_at(url: str) -> VlmPolicy:
-    return VlmPolicy(LlmSettings(url, "model-x", attempts=3, timeout_s=5.0), sleep=lambda s: None)
+    return VlmPolicy(model_at(url))
 
 
 def test_it_is_shown_the_way_and_its_words_are_taken_one_by_one(monkeypatch) -> None:
@@ -123,19 +130,36 @@ def test_a_server_that_fails_is_asked_again_then_told_of() -> None:
 def test_where_the_model_is_must_be_said(monkeypatch) -> None:
     for name in ("VLNPE_LLM_BASE_URL", "VLNPE_LLM_MODEL"):
         monkeypatch.delenv(name, raising=False)
-    with pytest.raises(InputError, match="--policy vlm needs VLNPE_LLM_BASE_URL"):
-        policy_identity("vlm", 1.0)
+    for name in ("vlm", "map-llm", "map-vlm", "map-vlm-llm"):
+        with pytest.raises(InputError, match=f"--policy {name} needs VLNPE_LLM_BASE_URL"):
+            policy_identity(name, 1.0)
+    monkeypatch.setenv("VLNPE_LLM_BASE_URL", "http://127.0.0.1:9/v1")
+    monkeypatch.setenv("VLNPE_LLM_MODEL", "model-x")
+    with pytest.raises(InputError, match="--max-tokens and --max-cost: valid: 0"):
+        policy_identity("vlm", 1.0, ModelUse(max_tokens=-1))
+
+
+def test_no_more_is_asked_than_the_limit_allows(tmp_path) -> None:
+    budget = Budget(tmp_path / "usage.json", LlmSettings(max_tokens=400))
+    with Server(lambda number, request: completion("move forward 25 cm")).running() as server:
+        policy = VlmPolicy(model_at(server.url, budget=budget))
+        policy.reset(Assignment("e", "s", "Go.", "h1", "speed"))
+        assert [policy.act(seen(0, k)) for k in range(2)] == [F, F]  # 200 tokens each
+        with pytest.raises(BudgetError, match=r"--max-tokens 400 is reached \(400 used\)"):
+            policy.act(seen(0, 2))
+    assert len(server.requests) == 2
 
 
 def test_a_model_says_an_instruction_again_and_the_grammar_checks_it() -> None:
     said = ["It is near the flurb.", "Turn left.\nGo into the kitchen.\nStop near the stove."]
     text = "Hang a louie, find where the food is made and halt by where it is cooked."
     with Server(lambda number, request: completion(said[number - 1])).running() as server:
-        reader = ModelReader(LlmSettings(server.url, "model-x", attempts=3), sleep=lambda s: None)
+        reader = restated.ModelReader(model_at(server.url, restated.PROMPT))
         goals = reader(text)
     assert [goal.kind for goal in goals] == ["turn", "place", "stop"]
+    assert reader.unclear == 1 and reader.said == said
     assert text in server.requests[0]["messages"][0]["content"]
     with Server(lambda number, request: completion("Dance.")).running() as server:
-        reader = ModelReader(LlmSettings(server.url, "model-x", attempts=3), sleep=lambda s: None)
+        reader = restated.ModelReader(model_at(server.url, restated.PROMPT))
         with pytest.raises(PolicyError, match=r"model-x gave 3 unclear answers; the last 'Dance"):
             reader(text)

@@ -84,7 +84,7 @@ def wheel(tmp_path_factory) -> set[str]:
 
 
 def test_the_wheel_holds_every_source_and_data_file(wheel):
-    suffixes = {".py", ".xml", ".onnx", ".safetensors", ".json", ".j2", ".yaml"}
+    suffixes = {".py", ".txt", ".xml", ".onnx", ".safetensors", ".json", ".j2", ".yaml"}
     missing = [
         path.relative_to(ROOT).as_posix()
         for package in PACKAGES

@@ -19,10 +19,12 @@ from mcap.reader import make_reader
 
 from tests.collectors.test_replay import make_episode
 from tests.support.misbehaving_server import Server, completion
+from tests.support.runs.work import InlineWorkers
 from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.pipeline.cli import main
+from vlnpe.pipeline.engine.executors import base as executors
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +37,12 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (run / "episodes").mkdir()
     write_episodes(run / "episodes" / "val.json.gz", seen)
     return run
+
+
+@pytest.fixture
+def inline(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work in this process: a worker takes seconds to start."""
+    monkeypatch.setattr(executors, "Workers", InlineWorkers)
 
 
 @contextmanager
@@ -55,6 +63,7 @@ def evaluated(run: Path, *options: str) -> dict:
     return json.loads((out / "results.json").read_text())
 
 
+@pytest.mark.usefixtures("inline")
 def test_the_oracle_arrives_the_idle_do_not_and_compare_says_so(run, tmp_path, capsys) -> None:
     a, b = tmp_path / "oracle", tmp_path / "stop"
     oracle = evaluated(run, "--policy", "oracle", "--out", str(a))
@@ -95,6 +104,7 @@ serve(Policy, port=0)
 """
 
 
+@pytest.mark.usefixtures("inline")
 def test_the_report_has_films_of_each_ending_and_mcap_what_was_seen_and_said(
     run, tmp_path, capsys
 ) -> None:
@@ -126,6 +136,7 @@ def test_the_report_has_films_of_each_ending_and_mcap_what_was_seen_and_said(
     assert any("rgb" in topic for topic in topics), topics
 
 
+@pytest.mark.usefixtures("inline")
 def test_missing_the_goal_is_a_result_and_no_failure(run, tmp_path, capsys) -> None:
     found = evaluated(run, "--policy", "forward", "--controller", "flash", "--out", str(tmp_path))
     assert found["summary"]["SR"]["mean"] == 0.0
@@ -134,6 +145,7 @@ def test_missing_the_goal_is_a_result_and_no_failure(run, tmp_path, capsys) -> N
     assert "failed 0, quarantined 0" in capsys.readouterr().err.splitlines()[-1]
 
 
+@pytest.mark.usefixtures("inline")
 def test_a_second_call_reuses_and_a_seed_does_not(run, tmp_path, capsys) -> None:
     out = ("--policy", "random", "--controller", "flash", "--out", str(tmp_path))
     first = evaluated(run, *out)
@@ -143,6 +155,7 @@ def test_a_second_call_reuses_and_a_seed_does_not(run, tmp_path, capsys) -> None
     assert [e["taken"] for e in other["episodes"]] != [e["taken"] for e in first["episodes"]]
 
 
+@pytest.mark.usefixtures("inline")
 def test_the_same_id_in_two_splits_is_two_episodes(run, tmp_path) -> None:
     shutil.copytree(run, tmp_path / "run")
     seen = read_episodes(run / "episodes" / "val.json.gz")
@@ -209,6 +222,7 @@ def test_a_server_that_fails_costs_its_episodes_and_no_more(
     assert f"{lost} episodes without a result" in printed and reason in printed
 
 
+@pytest.mark.usefixtures("inline")
 def test_a_vision_language_model_drives(run, tmp_path, capsys, monkeypatch) -> None:
     answers = ["move forward 50 cm", "Hm.", "stop"]
     monkeypatch.setenv("VLNPE_LLM_MODEL", "scripted")
@@ -218,8 +232,34 @@ def test_a_vision_language_model_drives(run, tmp_path, capsys, monkeypatch) -> N
                           "--out", str(tmp_path))  # fmt: skip
     assert [e["taken"] for e in found["episodes"]] == [[1, 1, 0]] * 2
     assert "Go through the door." in server.requests[0]["messages"][0]["content"][0]["text"]
-    assert "2 answers of the model were no clear action" in capsys.readouterr().out
+    assert "2 answers of the model could not be read" in capsys.readouterr().out
     assert found["setting"]["policy_version"].startswith("vlm scripted t=")
+
+
+@pytest.mark.usefixtures("inline")
+def test_a_vision_language_model_labels_the_map(run, tmp_path, capsys, monkeypatch) -> None:
+    things = {"things": [{"name": "flurb", "box": [0, 0, 9, 9]}]}
+    monkeypatch.setenv("VLNPE_LLM_MODEL", "scripted")
+    call = ("--policy", "map-vlm", "--controller", "flash", "--robot", "vlnce", "--limit", "1",
+            "--camera", "ego:64x48", "--out", str(tmp_path))  # fmt: skip
+    with Server(lambda n, request: completion("Hm." if n == 1 else things)).running() as server:
+        monkeypatch.setenv("VLNPE_LLM_BASE_URL", server.url)
+        (episode,) = evaluated(run, *call)["episodes"]
+        asked = len(server.requests)
+        # One thing in each image; some of them are alike, and answered from the cache.
+        assert asked >= 8 and episode["unclear"] == 1 and episode["left_out"] >= asked - 1
+        printed = capsys.readouterr().out
+        assert "1 answers of the model could not be read" in printed
+        left_out = episode["left_out"]
+        assert f"{left_out} things that the model named have no known name" in printed
+        evaluated(run, *call)
+        assert len(server.requests) == asked
+        assert main(["evaluate", str(run), *call[:-1], str(tmp_path / "less"), "--workers", "1",
+                     "--max-tokens", "600"]) == 1  # fmt: skip
+        assert "--max-tokens 600 is reached (600 used)" in capsys.readouterr().out
+    used = json.loads((tmp_path / "llm_cache" / "usage.json").read_text())
+    assert used["requests"] == asked
+    assert main(["verify", str(tmp_path)]) == 0
 
 
 def test_an_episode_file_needs_its_scenes_and_results_must_be_results(run, tmp_path, capsys):

@@ -1,4 +1,7 @@
-"""Where the labels of an image come from: the renderer's ids, or a vision model's boxes."""
+"""Where the labels of an image come from: here the renderer's ids, an oracle.
+
+`model_labels` has those of a vision-language model.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +15,25 @@ from ..observation import Observation
 from .seen_map import Detection
 
 STRUCTURE = frozenset(("wall", "door frame", "door"))
-_SILENT = frozenset(("ceiling", "floor"))
+SILENT = frozenset(("ceiling", "floor"))
 
 
 class Labeller(Protocol):
-    """Finds things in an observation."""
+    """Finds things in observations."""
+
+    @property
+    def unclear(self) -> int:
+        """Number of a model's answers in this episode that could not be used."""
+        ...
+
+    @property
+    def left_out(self) -> int:
+        """Number of things in its other answers that have no known name, or no surface."""
+        ...
+
+    def reset(self) -> None:
+        """Begin an episode."""
+        ...
 
     def detect(self, observation: Observation) -> Sequence[Detection]:
         """Return the things in the image."""
@@ -25,6 +42,11 @@ class Labeller(Protocol):
 
 class OracleLabeller:
     """The renderer's own labels, the same thing under the same key in every image."""
+
+    unclear = left_out = 0
+
+    def reset(self) -> None:
+        """See `Labeller.reset`."""
 
     def detect(self, observation: Observation) -> Sequence[Detection]:
         """See `Labeller.detect`.
@@ -39,6 +61,6 @@ class OracleLabeller:
         for k in np.unique(labels.thing[labels.thing >= 0]).tolist():
             category = labels.categories[k]
             noun = category if category in STRUCTURE else noun_of(category)
-            if noun and noun not in _SILENT:
+            if noun and noun not in SILENT:
                 found.append(Detection(noun, f"{noun}-{k}", labels.thing == k))
         return found

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 
-from ..formats.core.rollout import Action
+from ...formats.core.rollout import Action
 
 FORWARD_CM, TURN_DEG = 25.0, 15.0
 MOST_CM, MOST_DEG = 500.0, 360.0  # no single step of a walk is longer

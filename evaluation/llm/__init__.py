@@ -1,0 +1,1 @@
+"""Models behind an OpenAI-compatible server: asked in words, and the policy that does."""
