@@ -40,6 +40,13 @@ from .phrases import DETERMINERS, read_noun
 from .sides import read_side
 from .tokens import Token, tokenize
 
+# What a distance is counted from, where it does not say how far to walk.
+_FROM_THERE = frozenset("before short from away past beyond after off shy".split())
+_BORDERS = frozenset("ends begins starts".split())
+_INSIDE = frozenset("into inside in".split())
+_PLACED = frozenset("is are will on ahead in off behind further".split())
+_ANGLES = frozenset("thirty forty forty-five sixty ninety".split())
+
 
 @dataclass
 class _Draft:
@@ -110,6 +117,7 @@ class _Reader:
             self._by_you()
             or self._side()
             or self._prep_phrase()
+            or self._angle()
             or self._distance()
             or self._verb()
         ):
@@ -127,7 +135,7 @@ class _Reader:
             self.draft.negated = True
             self.k += 1
         elif word in ("not", "never", "ignore", "avoid", "skip"):
-            if word == "not" or self.draft.empty:
+            if word == "not" or not self.draft.verb:
                 self._close_if_verb()
                 self.draft.negated = True
             self.k += 1
@@ -136,6 +144,13 @@ class _Reader:
             self.k += 1
         elif word in SHARP:
             self.draft.degree = "sharp"
+            self.k += 1
+        elif word == "which" and self.draft.empty and self.clauses and self.clauses[-1].negated:
+            self.draft.negated = True  # "not the right door, which leads to the kitchen"
+            self.k += 1
+        elif word == "alone" and self.draft.verb == "leave":
+            self.draft.verb = "see"  # "leave the kitchen on your left alone"
+            self._extend(token)
             self.k += 1
         elif word in THERE and self.draft.verb == "stop":
             self.draft.there = True
@@ -153,7 +168,8 @@ class _Reader:
                 word == "alongside" and stopped
             ):
                 self.prep = "near"
-            if word == "around" and self.draft.verb in ("turn",) and not self._noun_follows():
+            turning = self.draft.verb == "turn" and not self.draft.side
+            if word == "around" and turning and not self._noun_follows():
                 self.draft.side, self.prep = "around", ""
             self._extend(token)
             self.k += 1
@@ -176,13 +192,16 @@ class _Reader:
         )  # fmt: skip
         self.draft.degree = found.degree or self.draft.degree
         draft = self.draft
-        if after == "of" and prep:
-            # "to the left of the sofa": the sofa is then on the walker's other side.
+        placed = bool(draft.nouns) and draft.nouns[-1].kind in ("object", "door")
+        if after == "of" and (prep or placed):
+            # "To the left of the sofa": the sofa is then on the walker's other side. "The lamp to
+            # the left of the sofa": how the two stand to each other is not known.
             found = read_noun(self.tokens, self.k + k + 1)
             if found is not None:
                 noun, stop = found
                 other = "right" if side == "left" else "left"
-                draft.nouns.append(replace(noun, prep="past", side=other))
+                aside = replace(noun, prep="with") if placed else None
+                draft.nouns.append(aside or replace(noun, prep="past", side=other))
                 self._take(stop - self.k)
                 return True
         if determined and not prep and draft.verb not in ("turn", "move") and not draft.empty:
@@ -192,6 +211,9 @@ class _Reader:
                 self.k += 1
                 return True
             return False
+        if prep and self.k and self.tokens[self.k - 1].text in ("one", "other", "two"):
+            self._take(k)  # "a door on the left and one on the right"
+            return True
         fresh = not draft.side and not draft.nouns
         bare_turn = fresh and (
             draft.verb == "turn"
@@ -229,7 +251,10 @@ class _Reader:
             prep == "to" and draft.nouns and (draft.verb != "turn" or about_object)
         ):
             open_ = bool(draft.nouns) and draft.nouns[-1].side in ("", "ahead")
-            if open_ and draft.nouns[-1].kind != "generic":
+            if draft.nouns and draft.nouns[-1].side == "behind":
+                # "Behind you to the right" says both.
+                draft.nouns.append(replace(draft.nouns[-1], side=side))
+            elif open_ and draft.nouns[-1].kind != "generic":
                 draft.nouns[-1] = replace(draft.nouns[-1], side=side)
             elif draft.verb in ("move", "turn") and not draft.nouns and prep == "to":
                 draft.side = side
@@ -245,7 +270,7 @@ class _Reader:
         else:
             if draft.verb not in ("turn", "move", ""):
                 self._close()
-            if self.draft.nouns and self.draft.verb == "move":
+            if self.draft.nouns and self.draft.verb == "move" and not self.draft.negated:
                 # "walk past the sofa, left, …" and "go straight and left" are turns of their own.
                 self._close()
             self.draft.verb, self.draft.side = "turn", side
@@ -310,12 +335,29 @@ class _Reader:
                 return True
         return False
 
+    def _angle(self) -> bool:
+        """Return whether an angle was read: `90 degrees`, `a ninety-degree` left turn."""
+        words = [t.text for t in self.tokens[self.k : self.k + 3] if t.text != "-"]
+        numeral = words[0].isdigit() or words[0] in _ANGLES
+        count = 3 if self._next("-") else 2
+        if not numeral or words[1:2] not in (["degree"], ["degrees"]):
+            if not words[0].endswith("-degree"):
+                return False
+            count = 1
+        self._take(count)
+        return True
+
     def _distance(self) -> bool:
         """Return `four metres`, `about 3 m`, `a couple of steps`, `a few metres`."""
-        words = [t.text for t in self.tokens[self.k : self.k + 5]]
+        words = [t.text for t in self.tokens[self.k : self.k + 9]]
         found = read_distance(words)
         if found is None:
             return False
+        after = words[found[2]] if found[2] < len(words) else ""
+        if after in _FROM_THERE or (after in _INSIDE and self.draft.verb != "move"):
+            # "A metre before the bed": it is not how far to walk.
+            self._take(found[2])
+            return True
         if words[found[2] - 1] in STEPS and self.draft.verb in ("see", "pass"):
             return False
         self.draft.distance_m, self.draft.vague, count = found
@@ -329,6 +371,9 @@ class _Reader:
         if verb is None:
             return False
         before = self.tokens[self.k - 1].text if self.k else "."
+        named = bool(self.draft.nouns) and self.draft.nouns[-1].stop == self.k
+        if (word in _BORDERS and named) or (word in NOUNLIKE and self._next("of")):
+            return False  # "after the rug ends", "at the end of the hallway"
         if before in DETERMINERS or before in ("of", "next", "first", "second"):
             # "the end of", "your left turn", "a sharp turn": nouns here.
             if word in ("turn", "bend", "curve") and self.draft.side:
@@ -399,8 +444,11 @@ class _Reader:
             self._close()
 
     def _joint(self) -> None:
+        # "Ignore the kitchen and the bathroom": neither is to be entered.
+        both = self.draft.negated and self._noun_follows() and self.tokens[self.k].text == "and"
         if not self.draft.empty:
             self._close()
+        self.draft.negated = both
         self.prep = ""
         self.k += 1
 
@@ -411,7 +459,7 @@ class _Reader:
         after = self.tokens[stop].text if stop < len(self.tokens) else "."
         last = self.clauses[-1] if self.clauses else None
         past = last is not None and bool(last.nouns) and last.nouns[-1].prep == "past"
-        return listed and past and self.draft.empty and after not in ("is", "are", "will", "on")
+        return listed and past and self.draft.empty and after not in _PLACED
 
     def _noun_after_and(self) -> bool:
         """Return `the sofa and the chair` goes on the phrase; `and the hallway is …` does not."""
