@@ -53,15 +53,15 @@ def generate_splats(
     Raises:
         ValueError: `config` admits no building.
     """
-    tell = progress or _log.info
+    report = progress or _log.info
     rng = np.random.default_rng(seed)
-    tell(f"building the {config.kind}")
+    report(f"building the {config.kind}")
     scene = build_scene(rng, config)
-    tell("placing Gaussians")
+    report("placing Gaussians")
     cloud = place_splats(rng, scene, Tracer(scene.shape.corners), config.scan, count)
     seen = floor_patches(cloud)
     cloud, faults = with_faults(rng, scene, cloud)
-    tell(f"writing {len(cloud):,} Gaussians, {faults.floaters:,} of them floaters")
+    report(f"writing {len(cloud):,} Gaussians, {faults.floaters:,} of them floaters")
     pose = scan_pose(config)
     moved = cloud.transformed(np.linalg.inv(HABITAT_TO_WORLD) @ pose)
     write_ply_splats(out_dir / "scan.ply", moved, ("licence Apache-2.0", f"seed {seed}"))

@@ -13,12 +13,13 @@ from .embree import SceneRenderer
 from .gl.probe import graphics_card, why_no_gl
 from .gl.renderer import GlRenderer
 from .interface import Renderer
-from .splat import SplatRenderer
+from .splat import SplatDepthRenderer, SplatRenderer
 
 RENDERERS: dict[str, Callable[[SceneBundle, str], Renderer]] = {
     "embree": SceneRenderer,
     "gl": GlRenderer,
     "splat": SplatRenderer,
+    "splat_depth": SplatDepthRenderer,
 }
 AUTO = "auto"
 

@@ -1,13 +1,15 @@
 """The renderer of scenes captured as Gaussian splats: colours from splats, depth from the mesh.
 
 Splats are blended over a backdrop: the repaired mesh, which shows where no splat is (a filled hole
-in the floor, the sky), and the robot, which hides the splats behind it. Depth and labels are those
-of the mesh that was fused from the splats, metric as in every other scene.
+in the floor, the sky), and the robot, which hides the splats behind it. Labels are those of the
+mesh that was fused from the splats. So is depth, metric as in every other scene, or it is the mean
+over what a pixel shows (`SplatDepthRenderer`).
 """
 
 from __future__ import annotations
 
 import logging
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +18,7 @@ from ...formats.core.errors import InputError
 from ...formats.scene.bundle import SceneBundle, VisualMesh
 from ...formats.splats.store import has_splats, load_splats
 from ...formats.splatting.backend import make_drawer
-from ...formats.splatting.draw import Eye
+from ...formats.splatting.draw import Eye, SplatImage
 from .frame import Drawn, RenderRequest
 from .interface import Renderer
 from .kernels.data import Hits
@@ -31,14 +33,21 @@ BAKED = "baked"
 # nearer by less than this, nor a robot by a mesh.
 SCATTER_M = 0.03
 NO_SURFACE, UNLIT = 0, 1
+# Splats before nothing have a depth if they take at least this share of the light.
+ALONE = 0.5
 
 log = logging.getLogger(__name__)
 
 
 class SplatRenderer(Renderer):
-    """RGB by splatting, on the GPU where gsplat is; depth by ray tracing."""
+    """RGB by splatting, on the GPU where gsplat is; depth by ray tracing.
+
+    Attributes:
+        expected_depth: whether depth is that of the splats.
+    """
 
     name = "splat"
+    expected_depth: ClassVar[bool] = False
 
     def __init__(self, bundle: SceneBundle, light: str = BAKED):
         """Load mesh, textures and splats.
@@ -50,7 +59,7 @@ class SplatRenderer(Renderer):
         """
         if not has_splats(bundle.root):
             raise InputError(
-                f"renderer splat: {bundle.scene_id} has no Gaussian splats; valid: embree, gl"
+                f"renderer {self.name}: {bundle.scene_id} has no Gaussian splats; valid: embree, gl"
             )
         if light != BAKED:
             raise InputError(
@@ -79,12 +88,16 @@ class SplatRenderer(Renderer):
         self._scene.encode(np.where(robot[:, None], body.color, mesh.color), backdrop)
         cover = np.where(robot, body.depth - np.float32(SCATTER_M), np.float32(np.inf))
         eye = Eye(camera, request.position, request.rotation)
-        image = self._splats.draw(eye, cover.reshape(shape), request.cut_above_m)
+        image = self._splats.draw(
+            eye, cover.reshape(shape), request.cut_above_m, with_depth=self.expected_depth
+        )
         through = image.light[..., None]
         mixed = 255 * image.color + through * backdrop.reshape(*shape, 3)
         rgb = np.clip(mixed + np.float32(0.5), 0, 255).astype(np.uint8)
         depth = np.where(robot, body.depth, mesh.depth)
         depth[np.isinf(depth)] = 0.0
+        if self.expected_depth:
+            depth = expected_depth(image, depth.reshape(shape)).ravel()
         if len(spheres):
             shaded = self._shaded(rgb, mesh.depth, request, directions, lighting, spheres)
             front = robot.reshape(shape) & (image.light > 0)
@@ -146,3 +159,26 @@ class SplatRenderer(Renderer):
         self._scene.encode(color, shaded)
         shaded[~found] = flat[~found]
         return shaded.reshape(rgb.shape)
+
+
+class SplatDepthRenderer(SplatRenderer):
+    """Colours and depth by splatting."""
+
+    name = "splat_depth"
+    expected_depth = True
+
+
+def expected_depth(image: SplatImage, behind_m: F32) -> F32:
+    """Return the mean depth (H, W) of what each pixel shows [m], 0 = nothing.
+
+    Each Gaussian counts by its share of the pixel's light, and the backdrop by what gets through.
+
+    Args:
+        image: the splats, with their mean depth.
+        behind_m: (H, W) depth of mesh and robot [m], 0 = none; there the splats count alone, if
+            they take at least half of the light.
+    """
+    covered = 1 - image.light
+    alone = np.where(covered >= ALONE, image.depth_m, 0)
+    both = covered * image.depth_m + image.light * behind_m
+    return np.where(behind_m > 0, both, alone).astype(np.float32)

@@ -121,6 +121,21 @@ def quat_multiply(a_wxyz: ArrayLike, b_wxyz: ArrayLike) -> Array:
     )
 
 
+def look_at(position_m: ArrayLike, target_m: ArrayLike) -> Array:
+    """Return the optical axes (3, 3), as columns, of a level camera that looks at a target.
+
+    Args:
+        position_m: (3,) optical centre, z up [m].
+        target_m: (3,) where it looks [m]; straight up or down, the image's right is x.
+    """
+    ahead = np.asarray(target_m, dtype=np.float64) - np.asarray(position_m, dtype=np.float64)
+    ahead = ahead / np.linalg.norm(ahead)
+    right = np.cross(ahead, [0.0, 0.0, 1.0])
+    length = np.linalg.norm(right)
+    right = right / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])
+    return np.column_stack([right, np.cross(ahead, right), ahead])
+
+
 def yaw_to_quat(yaw_rad: ArrayLike) -> Array:
     """Return the rotation about world z by `yaw_rad` (...) as quat_wxyz (..., 4)."""
     half = 0.5 * np.asarray(yaw_rad, dtype=np.float64)

@@ -32,8 +32,10 @@ class SplatDrawer(Protocol):
 
     name: str
 
-    def draw(self, eye: Eye, cover_m: F32 | None, cut_above_m: float) -> SplatImage:
-        """Draw colour and light; see `draw_splats`."""
+    def draw(
+        self, eye: Eye, cover_m: F32 | None, cut_above_m: float, *, with_depth: bool = False
+    ) -> SplatImage:
+        """Draw colour and light, and the mean depth if wanted; see `draw_splats`."""
         ...
 
 
@@ -45,13 +47,16 @@ class CpuDrawer:
     def __init__(self, cloud: GaussianCloud):
         self._scene = SplatScene.of(cloud, detail=True)
 
-    def draw(self, eye: Eye, cover_m: F32 | None, cut_above_m: float) -> SplatImage:
-        """Draw colour and light; see `draw_splats`."""
+    def draw(
+        self, eye: Eye, cover_m: F32 | None, cut_above_m: float, *, with_depth: bool = False
+    ) -> SplatImage:
+        """Draw colour and light, and the mean depth if wanted; see `draw_splats`."""
         return draw_splats(
             self._scene,
             eye,
             cover_m=cover_m,
             cut_above_m=cut_above_m,
+            with_depth=with_depth,
             detail_px=DETAIL_PX,
             least_light=LEAST_LIGHT,
         )
@@ -78,8 +83,10 @@ class GsplatDrawer:
         self._degree = cloud.degree
         self._mode = "antialiased" if cloud.antialiased else "classic"
 
-    def draw(self, eye: Eye, cover_m: F32 | None, cut_above_m: float) -> SplatImage:
-        """Draw colour and light; see `draw_splats`."""
+    def draw(
+        self, eye: Eye, cover_m: F32 | None, cut_above_m: float, *, with_depth: bool = False
+    ) -> SplatImage:
+        """Draw colour and light, and the mean depth if wanted; see `draw_splats`."""
         camera = eye.camera
         width, height, focal = camera.width_px, camera.height_px, camera.focal_px
         view = np.eye(4)
@@ -112,7 +119,8 @@ class GsplatDrawer:
             hidden = (cover_m < depth) | (light >= 1)
             color, light = np.where(hidden[..., None], 0, color), np.where(hidden, 1, light)
         none = np.zeros((0, 0), dtype=np.float32)
-        return SplatImage(np.ascontiguousarray(color), light, none, none, none)
+        mean = np.where(light < 1, depth, 0).astype(np.float32) if with_depth else none
+        return SplatImage(np.ascontiguousarray(color), light, mean, none, none)
 
     def _tensor(self, values: np.ndarray) -> Any:
         plain = np.ascontiguousarray(values, dtype=np.float32)

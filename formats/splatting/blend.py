@@ -24,6 +24,7 @@ from .project import (
     TILE,
     X,
     Y,
+    any_unfinished,
 )
 from .scene import MIN_ALPHA
 
@@ -38,12 +39,48 @@ TILE_BITS = 4
 
 
 @kernel()
-def split_by_depth(rows, count, limit):
-    """Return the rows nearer than `limit`, in order of depth, and the others."""
+def count_unfinished(light, columns, unfinished):
+    """Write how many unfinished pixels lie above and to the left of each corner of a pixel.
+
+    Args:
+        light: (tiles, 256) see `blend_tiles`; positive where a pixel is not finished.
+        columns: number of tiles in a row.
+        unfinished: (height + 1, width + 1) int32: a summed-area table, so that the number in any
+            rectangle follows from its four corners.
+    """
+    height, width = unfinished.shape[0] - 1, unfinished.shape[1] - 1
+    for y in range(height):
+        row = 0
+        first = (y >> TILE_BITS) * columns
+        line = (y & (TILE - 1)) << TILE_BITS
+        for x in range(width):
+            if light[first + (x >> TILE_BITS), line + (x & (TILE - 1))] > 0:
+                row += 1
+            unfinished[y + 1, x + 1] = unfinished[y, x + 1] + row
+
+
+@kernel()
+def split_by_depth(rows, waiting, count, limit, unfinished):
+    """Return copies of the rows nearer than `limit`, in order of depth, and the number of others.
+
+    The others are moved to the beginning of `rows`.
+
+    Args:
+        rows: (N, 15) see `COLUMNS`.
+        waiting: how many rows have waited since before the last tiles were blended; of these
+            the ones that only touch finished pixels are dropped.
+        count: how many rows there are.
+        limit: depth [m].
+        unfinished: see `count_unfinished`.
+    """
     near = np.empty(count, dtype=np.int32)
     far = np.empty(count, dtype=np.int32)
     n = m = 0
     for k in range(count):
+        if k < waiting:
+            x, y, hx, hy = rows[k, X], rows[k, Y], rows[k, HALF_X], rows[k, HALF_Y]
+            if not any_unfinished(unfinished, x - hx, x + hx, y - hy, y + hy):
+                continue
         if rows[k, DEPTH] < limit:
             near[n] = k
             n += 1
@@ -72,7 +109,16 @@ def split_by_depth(rows, count, limit):
             counts[digit] += 1
         order, other = other, order
         bits, other_bits = other_bits, bits
-    return order, far[:m]
+    # Copied, so that each tile reads its Gaussians from front to back of memory.
+    sorted_rows = np.empty((n, rows.shape[1]), dtype=np.float32)
+    for k in range(n):
+        for i in range(rows.shape[1]):
+            sorted_rows[k, i] = rows[order[k], i]
+    for k in range(m):
+        if far[k] != k:
+            for i in range(rows.shape[1]):
+                rows[k, i] = rows[far[k], i]
+    return sorted_rows, m
 
 
 @kernel()

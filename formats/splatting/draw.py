@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.camera import CameraModel
-from .blend import TABLE, blend_tiles, list_tiles, split_by_depth
+from .blend import TABLE, blend_tiles, count_unfinished, list_tiles, split_by_depth
 from .project import COLUMNS, TILE, cull_chunks, project_chunks
 from .scene import CHUNK, F32, SplatScene
 
@@ -110,25 +110,23 @@ def draw_splats(
     image = (state.light, state.color, state.cover, state.depth)
     step, enough = GROUP // CHUNK, np.float32(least_light)
     rows = np.empty((2 * GROUP, COLUMNS), dtype=np.float32)
+    unfinished = np.zeros((height + 1, width + 1), dtype=np.int32)
     waiting = 0
     for start in range(0, len(visible), step):
         group = visible[start : start + step]
         needed = waiting + len(group) * CHUNK
         if needed > len(rows):
             rows = np.concatenate([rows, np.empty((needed, COLUMNS), dtype=np.float32)])
-        count = project_chunks(group, data, bounds, lines, state.alive, rows, waiting)
+        count_unfinished(state.light, state.alive.shape[1], unfinished)
+        if not unfinished[-1, -1]:
+            break
+        count = project_chunks(group, data, bounds, lines, unfinished, rows, waiting)
         last = start + step >= len(visible)
         limit = np.inf if last else limits[start + step]
-        order, rest = split_by_depth(rows, count, limit)
-        if len(order):
-            # In order of depth: each tile then reads its Gaussians from front to back of memory.
-            near = rows[order]
+        near, waiting = split_by_depth(rows, waiting, count, limit, unfinished)
+        if len(near):
             lists = list_tiles(near, state.alive)
             blend_tiles(near, lists, state.alive, (width, height, enough), image, TABLE)
-            if not state.alive.any():
-                break
-        waiting = len(rest)
-        rows[:waiting] = rows[rest]
     return state.image(width, height)
 
 

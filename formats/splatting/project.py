@@ -60,10 +60,10 @@ def cull_chunks(low, high, reach, rotation, eye, view, depth):
 
 
 @kernel(error_model="numpy")
-def project_chunks(chunks, scene, bounds, eye, alive, out, first):
+def project_chunks(chunks, scene, bounds, eye, unfinished, out, first):
     """Project the Gaussians of `chunks` into rows of `out` from `first` on; return their end.
 
-    Chunks and Gaussians that can only touch finished tiles are left out.
+    Chunks and Gaussians that can only touch finished pixels are left out.
 
     Args:
         chunks: (M,) chunk numbers.
@@ -72,7 +72,7 @@ def project_chunks(chunks, scene, bounds, eye, alive, out, first):
         eye: (3, 3) optical axes in the world; (3,) optical centre [m]; focal length [px], image
             width and height [px], near plane [m], whether anti-aliased (1 or 0), and the height
             above which nothing is drawn [m].
-        alive: (rows, columns) pixels of each tile that are not finished.
+        unfinished: (height + 1, width + 1) see `count_unfinished`.
         out: (N, 15) see `COLUMNS`.
         first: first row to write.
     """
@@ -89,7 +89,7 @@ def project_chunks(chunks, scene, bounds, eye, alive, out, first):
     lens32 = np.float32(focal)
     k = first
     for c in chunks:
-        if _hidden(bounds, c, eye, alive):
+        if _hidden(bounds, c, eye, unfinished):
             continue
         for g in range(starts[c], starts[c + 1]):
             if position[g, 2] > cut:
@@ -140,9 +140,7 @@ def project_chunks(chunks, scene, bounds, eye, alive, out, first):
             y0, y1 = my - half_y, my + half_y
             if x1 < 0 or y1 < 0 or x0 > width - 1 or y0 > height - 1:
                 continue
-            if math.ceil(x0) > x1 or math.ceil(y0) > y1:
-                continue
-            if not _open(alive, x0, x1, y0, y1):
+            if not any_unfinished(unfinished, x0, x1, y0, y1):
                 continue
             out[k, X], out[k, Y], out[k, DEPTH] = mx, my, z
             out[k, CONIC_XX], out[k, CONIC_XY], out[k, CONIC_YY] = d / det, -b / det, a / det
@@ -171,19 +169,20 @@ def project_chunks(chunks, scene, bounds, eye, alive, out, first):
 
 
 @kernel(inline="always")
-def _open(alive, x0, x1, y0, y1):
-    """Return whether any unfinished tile lies within a rectangle [px]."""
-    rows, columns = alive.shape
-    for r in range(max(int(y0) // TILE, 0), min(int(y1) // TILE, rows - 1) + 1):
-        for c in range(max(int(x0) // TILE, 0), min(int(x1) // TILE, columns - 1) + 1):
-            if alive[r, c] > 0:
-                return True
-    return False
+def any_unfinished(unfinished, x0, x1, y0, y1):
+    """Return whether a rectangle [px] holds the centre of an unfinished pixel."""
+    left, top = max(math.ceil(x0), 0), max(math.ceil(y0), 0)
+    right = min(math.floor(x1) + 1, unfinished.shape[1] - 1)
+    bottom = min(math.floor(y1) + 1, unfinished.shape[0] - 1)
+    if left >= right or top >= bottom:
+        return False
+    count = unfinished[bottom, right] - unfinished[top, right]
+    return count - unfinished[bottom, left] + unfinished[top, left] > 0
 
 
 @kernel()
-def _hidden(bounds, c, eye, alive):
-    """Return whether a chunk can only touch finished tiles."""
+def _hidden(bounds, c, eye, unfinished):
+    """Return whether a chunk can only touch finished pixels."""
     low, high, reach = bounds
     rotation, center, lens = eye
     focal, width, height, near = lens[0], lens[1], lens[2], lens[3]
@@ -200,14 +199,12 @@ def _hidden(bounds, c, eye, alive):
         u, v = focal * x / z + 0.5 * (width - 1), focal * y / z + 0.5 * (height - 1)
         x0, x1, y0, y1 = min(x0, u), max(x1, u), min(y0, v), max(y1, v)
     # Two pixels for the blur.
-    if x1 < -2 or y1 < -2 or x0 > width + 1 or y0 > height + 1:
-        return True
-    return not _open(
-        alive,
-        min(max(x0 - 2, 0.0), width),
-        max(min(x1 + 2, width), 0.0),
-        min(max(y0 - 2, 0.0), height),
-        max(min(y1 + 2, height), 0.0),
+    return not any_unfinished(
+        unfinished,
+        min(max(x0 - 2, -1.0), width),
+        max(min(x1 + 2, width), -1.0),
+        min(max(y0 - 2, -1.0), height),
+        max(min(y1 + 2, height), -1.0),
     )
 
 

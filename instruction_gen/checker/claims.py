@@ -44,13 +44,13 @@ def claims_of(parse: Parse, ground: Ground) -> list[Claim]:
         elif last is not None and index > last:
             result += after_stop_claims(index, clause, parse, ground)
         else:
-            told = _moving_claims(index, _listed(clause, parse.clauses[:index]), ground)
+            stated = _moving_claims(index, _listed(clause, parse.clauses[:index]), ground)
             if elliptic(clause, parse):
-                told = [replace(c, maybe=c.kind == "turn") for c in told]
+                stated = [replace(c, maybe=c.kind == "turn") for c in stated]
             if clause.unparsed:
-                told = [replace(c, optional=c.kind in _UNSURE) for c in told]
+                stated = [replace(c, optional=c.kind in _UNSURE) for c in stated]
             hints = [_hint(index, side, ground) for side in loose[index]]
-            result += [*hints, *told, *(hints if told else ())]
+            result += [*hints, *stated, *(hints if stated else ())]
     straight = {k for k, c in enumerate(parse.clauses) if _STRAIGHT.search(_said(c, parse))}
     return [
         replace(c, rooms=frozenset(), view=None) if c.clause in straight else c

@@ -36,7 +36,8 @@ class Collect(Running, Sampling):
     docs/scans.md and docs/splats.md), or `builtin` for a generated apartment; builtin:villa,
     builtin:house and builtin:office are larger buildings, builtin:villa*10 is ten of them, of
     consecutive seeds, and builtin-exact:villa*10 the same ten without the virtual scan. Built-in
-    scenes can be listed, comma-separated."""
+    scenes can be listed, comma-separated. With a preset, one without a number is as many as the
+    preset needs."""
     scenes: Path | None = None
     """Folder of scans. All of them are used, or only those named by the scene ids of the VLN-CE
     file in --episodes."""
@@ -67,8 +68,9 @@ class Collect(Running, Sampling):
     """Lighting: baked (as scanned), DL5000 (panel lights, day), DL300 (night), CL (a lamp on the
     robot), a comma-separated list (DL5000,CL), or `all`. Each becomes a separate dataset."""
     renderer: str = "auto"
-    """Renderer: embree (ray tracing on the CPU), gl (MuJoCo through EGL), splat (Gaussian splats),
-    or auto, which selects splat in scenes of splats, else gl if a GPU is available, else embree."""
+    """Renderer: embree (ray tracing on the CPU), gl (MuJoCo through EGL), splat (Gaussian splats,
+    depth of the mesh), splat_depth (depth of the splats too), or auto, which selects splat in
+    scenes of splats, else gl if a GPU is available, else embree."""
     writer: str = "composer"
     """Writer of the instructions: composer (offline), llm (any OpenAI-compatible server, see
     docs/instructions.md), or local (a GGUF model on disk)."""

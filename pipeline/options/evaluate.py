@@ -50,7 +50,7 @@ class Evaluate(Running):
     light: str = "baked"
     """Lighting: baked, DL5000, DL300 or CL."""
     renderer: str = "auto"
-    """Renderer: embree, gl, splat, or auto."""
+    """Renderer: embree, gl, splat, splat_depth, or auto."""
     action_steps: int = 50
     """Duration of a discrete action of the speed controller, in physics steps of 5 ms."""
     closed_loop: bool = False

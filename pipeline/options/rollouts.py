@@ -66,8 +66,9 @@ class Render(Running):
     """Lighting: baked (as scanned), DL5000 (panel lights, day), DL300 (night), CL (a lamp on the
     robot), a comma-separated list (DL5000,CL), or `all`."""
     renderer: str = "auto"
-    """Renderer: embree (ray tracing on the CPU), gl (MuJoCo through EGL), splat (Gaussian splats),
-    or auto, which selects splat in scenes of splats, else gl if a GPU is available, else embree."""
+    """Renderer: embree (ray tracing on the CPU), gl (MuJoCo through EGL), splat (Gaussian splats,
+    depth of the mesh), splat_depth (depth of the splats too), or auto, which selects splat in
+    scenes of splats, else gl if a GPU is available, else embree."""
     frames_per_second: int | None = None
     """Rendered frames per second: 4, 5, 10, 20, 25 or 50. Defaults to 4, or to 25 with --video."""
     semantic: bool = False

@@ -35,7 +35,7 @@ def read_scan(path: Path) -> Scan:
     """
     check_scan(path)
     if kind := splat_kind(path):
-        raise FileFormatError(path, f"holds Gaussian splats ({kind}), not a mesh or point cloud")
+        raise FileFormatError(path, f"contains Gaussian splats ({kind}), not a mesh or point cloud")
     suffix = path.suffix.lower()
     if suffix in USD_SUFFIXES:
         return scan_of(path, read_in_child("usd", path))

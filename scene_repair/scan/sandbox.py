@@ -90,7 +90,7 @@ def _collect(path: Path, folder: Path, status: int, errors: bytes, memory_bytes:
 
 
 def main(reader: str, path: Path, memory_bytes: int) -> None:
-    """Entry point of the child: read `path` and write the answer into the working folder."""
+    """Run as the child process: read `path` and write the answer into the working folder."""
     if reader not in READERS:
         raise ValueError(f"unknown reader {reader!r}; valid: {', '.join(READERS)}")
     resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.frames import look_at
 from ...formats.fusion.volume import DistanceVolume
 from ...formats.splats.record import GaussianCloud
 from .solid import Solid
@@ -56,15 +57,6 @@ def closer_views(
         if view is not None:
             views.append(view)
     return views
-
-
-def look_at(eye: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the optical axes (3, 3), as columns, of a camera that looks from `eye` at `target`."""
-    ahead = (target - eye) / np.linalg.norm(target - eye)
-    helper = np.eye(3)[int(np.argmin(np.abs(ahead)))]
-    right = np.cross(helper, ahead)
-    right /= np.linalg.norm(right)
-    return np.stack([right, np.cross(ahead, right), ahead], axis=1)
 
 
 def _seen(volume: DistanceVolume, points: NDArray[np.float64]) -> NDArray[np.bool_]:

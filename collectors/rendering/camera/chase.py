@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ....formats.core.camera import CameraModel
-from ....formats.core.frames import matrix_to_quat, quat_to_yaw, wrap_angle
+from ....formats.core.frames import look_at, matrix_to_quat, quat_to_yaw, wrap_angle
 from ....formats.core.rollout import Rollout
 from ..interface import Renderer
 
@@ -58,18 +58,8 @@ def chase_poses(
         backwards = _direction(azimuth=azimuth, elevation=elevation)
         free = renderer.first_hit_m(pivot, backwards) - WALL_GAP_M
         position[n] = pivot + max(min(distance, free), 0.5 * WALL_GAP_M) * backwards
-        quat[n] = look_at(position[n], target_world_m=pivot)
+        quat[n] = matrix_to_quat(look_at(position[n], pivot))
     return position, quat
-
-
-def look_at(position_world_m: ArrayLike, *, target_world_m: ArrayLike) -> Array:
-    """Return the optical quaternion (4,) of a level camera at (3,) that looks at a target (3,)."""
-    forward = np.asarray(target_world_m, dtype=np.float64) - np.asarray(position_world_m)
-    forward /= np.linalg.norm(forward)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    length = np.linalg.norm(right)
-    right = right / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])
-    return matrix_to_quat(np.column_stack([right, np.cross(forward, right), forward]))
 
 
 def _direction(*, azimuth: float, elevation: float) -> Array:

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from ....formats.core.camera import CameraModel
-from ....formats.core.frames import yaw_to_quat
+from ....formats.core.frames import look_at, matrix_to_quat, yaw_to_quat
 from ...robots import RobotSpec
 from ...stroll import Stroll
-from ..camera.chase import look_at
 from ..embree import SceneRenderer
 from ..scene.robot_body import RobotBody, RobotGeometryPose
 
@@ -103,7 +102,7 @@ def turntable(studio: SceneRenderer, robot: RobotSpec, tile_px2: int = TURNTABLE
     shot.draw_height(tiles[0], _points(poses[0]), standing.height_m)
     camera = robot.camera
     facts = [f"{_meters(standing.height_m)} tall"]
-    if robot.joints:  # a bodyless agent's mass is a stand-in
+    if robot.joints:  # a bodyless agent's mass is a placeholder
         facts.append(f"{robot.mass_kg:.3g} kg")
     tilt = f"{camera.pitch_down_deg:.0f}° down" if camera.pitch_down_deg else "level"
     facts.append(f"camera {_meters(standing.camera_height_m)}, {tilt}")
@@ -164,7 +163,7 @@ class _Shot:
         """Return a camera that looks along −`away` and frames all points (N, 3) tightly."""
         low, high = points.min(0), points.max(0)
         target = 0.5 * (low + high)
-        quat = look_at(target + away, target_world_m=target)
+        quat = matrix_to_quat(look_at(target + away, target))
         forward = -away
         right = np.cross(forward, [0.0, 0.0, 1.0])
         right /= np.linalg.norm(right)

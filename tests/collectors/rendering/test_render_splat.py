@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,8 @@ from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.formats.splats.harmonics import C0
 from vlnpe.formats.splats.record import GaussianCloud
 from vlnpe.formats.splats.store import SPLATS_NAME, load_splats, save_splats
+
+pytestmark = pytest.mark.chain
 
 CAMERA = CameraModel("test", 96, 64, 80.0)
 EAST = matrix_to_quat(np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]))
@@ -108,6 +111,35 @@ def test_the_robot_stands_before_splats_and_behind_them(splat_rooms: SceneBundle
     assert np.abs(hidden - empty.astype(int)).max() <= 1
 
 
+def test_depth_is_that_of_the_splats_if_wanted(splat_rooms: SceneBundle, tmp_path: Path) -> None:
+    """Splats moved off the mesh tell the two depths apart; the robot is composed in by depth."""
+    shutil.copytree(splat_rooms.root, tmp_path / "rooms")
+    cloud = load_splats(tmp_path / "rooms")
+    east = (cloud.position[:, 0] > 7.8) & (cloud.position[:, 2] > 0.2) & (cloud.position[:, 2] < 2)
+    moved = cloud.position.copy()
+    moved[east, 0] -= 0.3
+    save_splats(tmp_path / "rooms", replace(cloud, position=moved))
+    bundle = load_bundle(tmp_path / "rooms")
+    mesh, splats = make_renderer(bundle, "splat"), make_renderer(bundle, "splat_depth")
+    assert (mesh.name, splats.name) == ("splat", "splat_depth")
+    camera, at = CAMERA, [5.0, 2.0, 1.2]
+    rgb, near = splats.render(camera, at, EAST)
+    plain, far = mesh.render(camera, at, EAST)
+    assert np.array_equal(rgb, plain)
+    assert np.median((far - near)[24:36, 30:66]) == pytest.approx(0.3, abs=0.02)
+    # Elsewhere both are the same surface.
+    assert np.median(np.abs(far - near)[58:]) < 0.03
+    robot = get_robot("aliengo")
+    body = RobotBody(robot.build_model(floor=False), [joint.name for joint in robot.joints])
+    pose = [joint.default_rad for joint in robot.joints]
+    at_robot = body.pose(np.array([6.5, 2.0, robot.base_height_m]), np.array([1.0, 0, 0, 0]), pose)
+    frame = splats.render_labelled(camera, [5.0, 2.0, 0.8], EAST, at_robot)
+    true = mesh.render_labelled(camera, [5.0, 2.0, 0.8], EAST, at_robot)
+    on_robot = frame.label == -2
+    assert on_robot.sum() > 100
+    assert np.median(np.abs(frame.depth_m - true.depth_m)[on_robot]) < 0.01
+
+
 def test_where_no_splat_is_the_mesh_shows(splat_rooms: SceneBundle, tmp_path: Path) -> None:
     shutil.copytree(splat_rooms.root, tmp_path / "rooms")
     cloud = load_splats(tmp_path / "rooms")
@@ -121,8 +153,11 @@ def test_where_no_splat_is_the_mesh_shows(splat_rooms: SceneBundle, tmp_path: Pa
 def test_what_the_renderer_needs_is_said(splat_rooms: SceneBundle, two_rooms: SceneBundle) -> None:
     with pytest.raises(InputError, match="baked"):
         make_renderer(splat_rooms, "splat", light="DL300")
-    with pytest.raises(InputError, match="no Gaussian splats; valid: embree, gl"):
-        make_renderer(two_rooms, "splat")
+    for name in ("splat", "splat_depth"):
+        with pytest.raises(
+            InputError, match=f"renderer {name}.*no Gaussian splats; valid: embree, gl"
+        ):
+            make_renderer(two_rooms, name)
     assert scene_renderer_name(splat_rooms.root) == "splat"
     assert scene_renderer_name(splat_rooms.root, "embree") == "embree"
     assert scene_renderer_name(two_rooms.root) in ("embree", "gl")

@@ -114,3 +114,14 @@ def test_optical_axes():
     assert_allclose(frames.OPTICAL_IN_BODY @ [0, 0, 1], forward)
     assert_allclose(frames.OPTICAL_IN_BODY @ [1, 0, 0], -left)
     assert_allclose(frames.OPTICAL_IN_BODY @ [0, 1, 0], -up)
+
+
+@pytest.mark.parametrize("target", [(3.0, 1.0, 0.2), (0.0, 0.0, 5.0), (0.0, 0.0, -5.0)])
+def test_a_camera_looks_at_its_target_and_stays_level(target: tuple[float, float, float]) -> None:
+    axes = frames.look_at([0.0, 0.0, 1.0], target)
+    ahead = np.array(target) - (0, 0, 1)
+    assert axes[:, 2] == pytest.approx(ahead / np.linalg.norm(ahead))
+    assert axes.T @ axes == pytest.approx(np.eye(3), abs=1e-12)
+    assert np.linalg.det(axes) == pytest.approx(1)
+    assert axes[2, 0] == pytest.approx(0)
+    assert axes[2, 1] <= 1e-9, "image down is not up"

@@ -85,6 +85,12 @@ def test_gsplat_is_asked_for_the_same_picture(degree: int, antialiased: bool) ->
     assert asked.color.dtype == asked.light.dtype == np.float32
     assert psnr_db(asked.color, ours.color) >= 45.0
     assert psnr_db(asked.light, ours.light) >= 45.0
+    deep = GsplatDrawer(cloud, device="cpu").draw(eye, None, np.inf, with_depth=True)
+    seen = deep.light < 1
+    assert seen.any() and not seen.all()
+    # The stand-in returns one depth everywhere.
+    assert (deep.depth_m[seen] > 2).all() and not deep.depth_m[~seen].any()
+    assert not asked.depth_m.size, "no depth unless wanted"
 
 
 @pytest.mark.usefixtures("gsplat")

@@ -13,7 +13,9 @@ from vlnpe.formats.core.camera import CameraModel
 from vlnpe.formats.core.frames import matrix_to_quat, quat_to_matrix
 from vlnpe.formats.splats.record import GaussianCloud
 from vlnpe.formats.splatting import draw
+from vlnpe.formats.splatting.blend import count_unfinished
 from vlnpe.formats.splatting.draw import Eye, draw_splats
+from vlnpe.formats.splatting.project import any_unfinished
 from vlnpe.formats.splatting.scene import SplatScene
 
 LEVEL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
@@ -218,3 +220,23 @@ def test_finished_pixels_are_off_by_the_light_that_is_left() -> None:
     early = draw_splats(scene, eye_at(-3.0), least_light=0.01)
     assert np.abs(early.color - whole.color).max() <= 0.01 * whole.color.max() + 0.01
     assert not np.array_equal(early.color, whole.color)
+
+
+def test_summed_area_table_tells_where_unfinished_pixels_are() -> None:
+    """Rectangles at any place and of any size, also partly or wholly outside the image."""
+    rng = np.random.default_rng(11)
+    width, height = 37, 21
+    columns, rows = 3, 2
+    light = np.where(rng.random((rows * columns, 256)) < 0.03, 1.0, -1.0).astype(np.float32)
+    tiles = light.reshape(rows, columns, 16, 16).swapaxes(1, 2).reshape(16 * rows, 16 * columns)
+    open_ = tiles[:height, :width] > 0
+    table = np.zeros((height + 1, width + 1), dtype=np.int32)
+    count_unfinished(light, columns, table)
+    v, u = np.mgrid[0:height, 0:width]
+    found = 0
+    for x, y, half_x, half_y in rng.uniform((-5, -5, 0, 0), (42, 26, 6, 6), (500, 4)):
+        x0, x1, y0, y1 = x - half_x, x + half_x, y - half_y, y + half_y
+        true = (open_ & (u >= x0) & (u <= x1) & (v >= y0) & (v <= y1)).any()
+        assert any_unfinished(table, x0, x1, y0, y1) == true
+        found += true
+    assert 50 < found < 450
