@@ -105,26 +105,37 @@ def skipped_turn(text: str, facts: PathFacts, rng: np.random.Generator) -> str |
 def _leads_on(rest: str, turns: Sequence[TurnFact], facts: PathFacts) -> bool:
     """Return whether what a text names before the next turn leads around an untold one.
 
-    A room does to which one opening leads from where the turn is made, and a thing that is in view
-    there and the only one of its name.
+    A room does to which one opening leads from where the turn is made, and so does a thing to stop
+    at that is in view there and the only one of its name.
     """
     following = _TURN.search(rest)
     rest = rest[: following.start()] if following else rest
     if re.match(r"\W*(?:and |then )?(?:(?:go|walk) )?(?:around|round|circle|skirt)\b", rest):
         return True  # the way around a thing bends
-    words = [named[0].lower() for named in _NAMED.finditer(rest)]
-    return any(_leads_round(turn, word, facts) for turn in turns for word in words)
+    stop = re.search(r"\b(?:stop|wait|halt)", rest, re.IGNORECASE)
+    rooms = [m[0].lower() for m in _NAMED.finditer(rest)]
+    things = [m[0].lower() for m in _NAMED.finditer(rest[stop.start() :] if stop else "")]
+    return any(
+        any(_room_leads_round(turn, word, facts) for word in rooms)
+        or any(_thing_leads_round(turn, word, facts) for word in things)
+        for turn in turns
+    )
 
 
-def _leads_round(turn: TurnFact, word: str, facts: PathFacts) -> bool:
-    """Return whether a room or thing that may be called `word` leads around a turn."""
+def _room_leads_round(turn: TurnFact, word: str, facts: PathFacts) -> bool:
+    """Return whether a room that may be called `word` leads around a turn."""
     for visit, following in pairwise(facts.visits):
         inside = visit.from_m - 0.3 <= turn.along_m <= visit.to_m + 0.3
-        behind = [room for room in visit.beyond if word in room_answers(room)]
         if inside and visit.exits == 1 and word in room_answers(visit.room):
             return True
+        behind = [room for room in visit.beyond if word in room_answers(room)]
         if inside and len(behind) == 1 and word in room_answers(following.room):
             return True
+    return False
+
+
+def _thing_leads_round(turn: TurnFact, word: str, facts: PathFacts) -> bool:
+    """Return whether a thing that may be called `word` leads around a turn."""
     seen: dict[float, list[float]] = {}  # from where: which, by where they are passed
     for mark in facts.landmarks:
         if word in answers(mark.noun):

@@ -301,7 +301,7 @@ class _Aligner:
         """Return how many turns may be made on the way to what a claim names.
 
         Nobody has to be told to turn towards the only opening that leads to a room, nor towards
-        a thing that is in view and cannot be mistaken for another one.
+        the thing to stop at, when it is in view and cannot be mistaken for another one.
         """
         led = made
         if not claim.rooms and claim.view is None:
@@ -330,9 +330,9 @@ class _Aligner:
         return False
 
     def _towards_thing(self, k: int, claim: Claim) -> bool:
-        """Return whether the thing of a claim is in view, unmistakably, where turn `k` is made."""
+        """Return whether the thing at a stop is in view, unmistakably, where turn `k` is made."""
         turn = self.turns[k]
-        if claim.view is None or (claim.kind == "turn" and claim.side != turn.side):
+        if claim.view is None:
             return False
         here = self._between(turn.along_m - _IN_VIEW_M, turn.along_m + 0.3)
         beyond = claim.mask & (self.along >= turn.along_m - _SPOT_M)

@@ -36,7 +36,7 @@ class Claim:
         turned: a door whose clear turn the same clause describes.
         abeam_m: where a thing that is passed once is beside the walker [m], None = unclear.
         rooms: canonical names of the room that it leads into, none where it leads into none.
-        view: (S,) from where the thing that it leads to is in view and unmistakable.
+        view: (S,) of a stop: from where the thing there is in view and unmistakable.
     """
 
     clause: int
@@ -139,7 +139,6 @@ def noun_claim(index: int, noun: Noun, ground: Ground, verb: str) -> Claim | Non
         index, kind, found.mask, f"the {named}", side=noun.side, slack_m=slack, still=still,
         abeam_m=ground.abeam(noun) if passed and not still else None,
         rooms=room_names(noun.head) if noun.kind == "room" and not leaving else frozenset(),
-        view=found.view if noun.kind == "object" and not still else None,
     )  # fmt: skip
 
 

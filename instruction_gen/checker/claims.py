@@ -112,7 +112,6 @@ def _turn(index: int, clause: Clause, ground: Ground) -> list[Claim]:
     after: list[Claim] = []
     mask = np.ones(len(ground.along_m), dtype=bool)
     rooms: frozenset[str] = frozenset()
-    view = None
     beyond = False  # what is named after "left through the living room" does not say where to turn
     for noun in clause.nouns:
         claim = noun_claim(index, noun, ground, "turn")
@@ -124,7 +123,6 @@ def _turn(index: int, clause: Clause, ground: Ground) -> list[Claim]:
             after.append(claim)
         elif noun.prep in ("at", "near", "before", "past", "after", "in", "with", ""):
             mask = mask & spread(claim.mask, ground.along_m, _AT_TURN_M)
-            view = claim.view if view is None else view
         elif noun.prep == "from":
             before.append(claim)
         else:
@@ -137,7 +135,7 @@ def _turn(index: int, clause: Clause, ground: Ground) -> list[Claim]:
             beyond = noun.kind == "room" and noun.prep in ("through", "along")
     turn = Claim(
         index, "turn", mask, f"turn {clause.side}", clause.side, clause.degree,
-        rooms=rooms, view=view,
+        rooms=rooms,
     )  # fmt: skip
     walk = []
     if clause.distance_m:
