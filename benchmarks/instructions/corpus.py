@@ -7,6 +7,8 @@ and boxes alone about four more apartments and a villa, before the checker was w
 in eight manners of speaking, named beside the texts, by a writer who had not seen the checker.
 `sealed` was written about three more apartments by another such writer, and measured after the
 last change of the checker; its paths were sampled in the exact buildings (`vlnpe scan --exact`).
+`sealed2` was written likewise about three more apartments and a villa, and measured after the
+checker had been worked on with `voices` and `sealed`.
 """
 
 from __future__ import annotations
@@ -34,7 +36,7 @@ from .rewording import reworded
 FOLDER = Path(__file__).parent / "corpus"
 PARTS = (
     *("earlier", "tuning", "held_out", "later"),
-    *("fresh", "last", "voices", "sealed"),
+    *("fresh", "last", "voices", "sealed", "sealed2"),
 )
 
 

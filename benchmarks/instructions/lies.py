@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
 
-from vlnpe.instruction_gen.facts.records import PathFacts
-from vlnpe.instruction_gen.language.lexicon import OBJECT_PHRASES
-from vlnpe.instruction_gen.language.nouns import answers
+from vlnpe.instruction_gen.facts.records import PathFacts, TurnFact
+from vlnpe.instruction_gen.language.lexicon import OBJECT_PHRASES, ROOM_PHRASES
+from vlnpe.instruction_gen.language.nouns import answers, room_answers
 
 Lie = Callable[[str, PathFacts, np.random.Generator], str | None]
 
@@ -29,6 +29,8 @@ _TURN = re.compile(
     r"(?:then|,|and)(?: an?)?) (left|right)\b(?! (?:there|next|after|before|away))",
     re.IGNORECASE,
 )
+# "Go right past the sofa" need not be a turn.
+_ADVERB = re.compile(r" (?:past|through|by|between|behind|beside)\b", re.IGNORECASE)
 _SIDED = re.compile(r"\b(?:on|to) (?:your|the) (left|right)\b(?! of)")
 _THING = re.compile(
     r"(?<!o')\b(?:"
@@ -36,12 +38,24 @@ _THING = re.compile(
     + r")(?:e?s)?\b",
     re.IGNORECASE,
 )
+_NAMED = re.compile(
+    r"\b(?:"
+    + "|".join(sorted(map(re.escape, [*OBJECT_PHRASES, *ROOM_PHRASES]), key=len, reverse=True))
+    + r")\b",
+    re.IGNORECASE,
+)
+_ENDS = re.compile(
+    r"\b(?:until|once|when)\b[^.,]*\.$|\b(?:metres?|meters?|feet|steps?)\b[^.,]*\.$"
+    rf"|\b(?:to|as far as) (?:the|a|your) (?:{_THING.pattern})[^.,]*\.$"
+    r"|\b(?:you|where|which)\.$",  # half a sentence
+    re.IGNORECASE,
+)
 _NO_THING = frozenset(["door", "doors", "doorway", "steps", "stairs", "stand", "light"])
 
 
 def _turns(text: str) -> list[re.Match[str]]:
     """Return where a text says to turn left or right."""
-    return list(_TURN.finditer(text))
+    return [m for m in _TURN.finditer(text) if not _ADVERB.match(text, m.end())]
 
 
 def _things(text: str) -> list[str]:
@@ -62,7 +76,8 @@ def wrong_turn(text: str, facts: PathFacts, rng: np.random.Generator) -> str | N
 def skipped_turn(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
     """Drop a clause that states a clear turn and nothing else.
 
-    A turn towards the only door of the first room need not be stated.
+    A turn towards the only door of the first room need not be stated, nor one towards what the
+    text names next, see `_leads_on`.
     """
     only = bool(facts.passages) and facts.visits[0].exits == 1
     first_m = facts.passages[0].along_m + 0.3 if only else 0.0
@@ -77,10 +92,60 @@ def skipped_turn(text: str, facts: PathFacts, rng: np.random.Generator) -> str |
         r"(?: again)?(?=(?:,? and|,? then|[,.]))",
         r"(?<=\. )(?:Turn|Make a|Take a) (?:left|right),? and ",
     ):
-        if re.search(pattern, text):
+        found = re.search(pattern, text)
+        if found:
+            side = "left" if "left" in found[0].lower() else "right"
+            if _leads_on(text[found.end() :], [t for t in clear if t.side == side], facts):
+                return None
             shorter = re.sub(pattern, "", text, count=1)
             return shorter[0].upper() + shorter[1:]
     return None
+
+
+def _leads_on(rest: str, turns: Sequence[TurnFact], facts: PathFacts) -> bool:
+    """Return whether what a text names before the next turn leads around an untold one.
+
+    A room does to which one opening leads from where the turn is made, and so does a thing to stop
+    at that is in view there and the only one of its name.
+    """
+    following = _TURN.search(rest)
+    rest = rest[: following.start()] if following else rest
+    if re.match(r"\W*(?:and |then )?(?:(?:go|walk) )?(?:around|round|circle|skirt)\b", rest):
+        return True  # the way around a thing bends
+    stop = re.search(r"\b(?:stop|wait|halt)", rest, re.IGNORECASE)
+    rooms = [m[0].lower() for m in _NAMED.finditer(rest)]
+    things = [m[0].lower() for m in _NAMED.finditer(rest[stop.start() :] if stop else "")]
+    return any(
+        any(_room_leads_round(turn, word, facts) for word in rooms)
+        or any(_thing_leads_round(turn, word, facts) for word in things)
+        for turn in turns
+    )
+
+
+def _room_leads_round(turn: TurnFact, word: str, facts: PathFacts) -> bool:
+    """Return whether a room that may be called `word` leads around a turn."""
+    for visit, following in pairwise(facts.visits):
+        inside = visit.from_m - 0.3 <= turn.along_m <= visit.to_m + 0.3
+        if inside and visit.exits == 1 and word in room_answers(visit.room):
+            return True
+        behind = [room for room in visit.beyond if word in room_answers(room)]
+        if inside and len(behind) == 1 and word in room_answers(following.room):
+            return True
+    return False
+
+
+def _thing_leads_round(turn: TurnFact, word: str, facts: PathFacts) -> bool:
+    """Return whether a thing that may be called `word` leads around a turn."""
+    seen: dict[float, list[float]] = {}  # from where: which, by where they are passed
+    for mark in facts.landmarks:
+        if word in answers(mark.noun):
+            for m in mark.moments:
+                if abs(m.along_m - turn.along_m) <= 1.5 and (m.open or m.pixels >= 12):
+                    seen.setdefault(m.along_m, []).append(mark.along_m)
+    return any(
+        max(places) - min(places) <= 3.0 and max(places) >= turn.along_m - 0.5
+        for places in seen.values()
+    )
 
 
 def wrong_order(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
@@ -168,22 +233,24 @@ def ordinal(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None
 def _renumbered(text: str, facts: PathFacts, form: str, number: int) -> str | None:
     for word in _things(text):
         fewer = sum(word in answers(m.noun) for m in facts.landmarks) < number
-        pattern = rf"\bthe {re.escape(word)}\b"
+        pattern = rf"\bthe {re.escape(word)}\b(?!')"
         if fewer and re.search(pattern, text):
             return re.sub(pattern, form.format(word), text, count=1)
     return None
 
 
 def no_stop(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
-    """Leave the stop and all that follows it out."""
+    """Leave the stop and all that follows it out.
+
+    What is left must not end with how far to go, until when, or up to which thing.
+    """
     found = list(
         re.finditer(r"(?:,? and|,? then|\.|,)? ?\b(?:stop|wait|halt)", text, re.IGNORECASE)
     )
     if not found:
         return None
     shorter = text[: found[-1].start()].rstrip(" ,.") + "."
-    until = re.search(r"\b(?:until|once|when)\b[^.,]*\.$", shorter)
-    return shorter if len(shorter.split()) >= 6 and not until else None
+    return shorter if len(shorter.split()) >= 6 and not _ENDS.search(shorter) else None
 
 
 def early_stop(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:

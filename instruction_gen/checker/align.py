@@ -8,6 +8,7 @@ that leaves none is false where it stands.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -24,6 +25,8 @@ _ONE_BEND_M = 2.0
 _U_TURN_M = 3.0
 _SPOT_M = 0.6
 _ONE_TURN_DEG = 130.0  # more than this, not on the spot, is two turns
+_TWO_TURNS_DEG = 100.0  # this much within a bend may be told as two turns
+_BENT_DEG = 60.0  # a bend of this much may be told as a turn that goes on to that side
 _PLAIN_DEG = 30.0  # "turn left" is no smaller turn
 _IMPLIED_M = 1.4  # a room entered this near to a turn implies that turn
 _IMPLIED_DEG = 65.0
@@ -36,6 +39,9 @@ _MEANWHILE_M = 4.0
 _ROUND_DEG = 75.0
 _INSIDE_DEG = 130.0  # with the thing known to lie on the inside of the bend
 _ROUND_M = 1.5  # a turn made this near to a thing that is walked around
+_THRESHOLD_M = 0.3  # a turn this shortly before a passage is made in the room behind it, too
+_BEFORE_M = 0.4  # one nearer to a passage is made on leaving through it
+_IN_VIEW_M = 1.5
 
 _NAMELESS = DOORS | {"room"}
 
@@ -56,6 +62,7 @@ class _Aligner:
         start = np.zeros(len(self.along), dtype=bool)
         start[0] = True
         self.states: States = {0: start}
+        self.entered = False  # the claim before led through a door
         self.tight: States | None = None  # after a distance: where it must have led
 
     def run(self, claims: Sequence[Claim]) -> list[tuple[int, str]]:
@@ -77,6 +84,7 @@ class _Aligner:
                 self.states = after
             elif not claim.optional:
                 problems.append((claim.clause, self._why(claim)))
+            self.entered = claim.kind == "door" and bool(after)
         if not problems:
             left = self._left_out()
             if left is not None:
@@ -95,6 +103,11 @@ class _Aligner:
             after = self._stop(claim)
         else:
             after = self._place(claim)
+        if not after and self.tight is not None and claim.kind in ("door", "exit"):
+            # "Walk nine metres: out of the room and down the hall": that is on the way.
+            tight, self.tight = self.tight, None
+            after, self.tight = self._place(claim), tight
+            return after
         if after and (claim.kind in ("turn", "stop", "door", "exit")):
             self.tight = None
         return after
@@ -124,8 +137,13 @@ class _Aligner:
             first = float(self.along[np.argmax(mask)]) - slack
             for k in self._implied(made, claim):
                 here = claim.mask & (self.along >= first)
-                here &= self.along <= self._limit(k) + _LATE_M
-                if k > made and not claim.bends and not self._only_way_out(claim):
+                # "Turn left into the kitchen": no other turn lies between.
+                late_m = _SPOT_M if claim.turned else _LATE_M
+                here &= self.along <= self._limit(k) + late_m
+                led = self._led(made, claim)
+                if made < k <= led:
+                    here &= self.along >= self.turns[k - 1].along_m - _SPOT_M
+                if k > led and not (claim.bends or self._only_way_out(claim)):
                     turn = self.turns[k - 1]
                     here &= np.abs(self.along - turn.along_m) <= _IMPLIED_M + 1.0
                 if claim.still and here.any() and k == made:
@@ -147,9 +165,12 @@ class _Aligner:
     def _turn(self, claim: Claim) -> States:
         result: States = {}
         for made, mask in self._from(claim).items():
-            first = float(self.along[np.argmax(mask)]) - claim.slack_m
+            slack_m = min(claim.slack_m, _SPOT_M) if self.entered else claim.slack_m
+            first = float(self.along[np.argmax(mask)]) - slack_m
+            if (again := self._again(made, mask, claim)).any():
+                result[made] = again
             for k in range(made, len(self.turns)):
-                if any(self.required[made:k]):
+                if k > self._led(made, claim) and any(self.required[made:k]):
                     break
                 for used in self._fits(k, claim):
                     turn = self.turns[k]
@@ -164,6 +185,18 @@ class _Aligner:
                     here = self._between(turn.along_m - 0.2, last.along_m + 0.5)
                     result[used] = result.get(used, np.zeros_like(here)) | here
         return result
+
+    def _again(self, made: int, mask: Mask, claim: Claim) -> Mask:
+        """Return where one wide bend may be told as two turns to the same side."""
+        nowhere = np.zeros_like(mask)
+        if not made or self.turns[made - 1].side != claim.side:
+            return nowhere
+        turn = self.turns[made - 1]
+        here = self._between(turn.along_m - 0.9, turn.along_m + 0.9)
+        least_deg = _BENT_DEG if claim.degree in ("slight", "some") else _TWO_TURNS_DEG
+        if abs(turn.angle_deg) < least_deg or not (claim.mask & here).any():
+            return nowhere
+        return mask & self._between(turn.along_m - 0.2, turn.along_m + _ONE_BEND_M)
 
     def _between(self, low_m: float, high_m: float) -> Mask:
         half = self.along[1] / 2
@@ -204,16 +237,17 @@ class _Aligner:
     def _stop(self, claim: Claim) -> States:
         result: States = {}
         for made, mask in self._from(claim).items():
-            if any(self.required[made:]):
+            led = max(made, self._led(made, claim))
+            if any(self.required[led:]):
                 continue
-            here = claim.mask & (self.along <= self._limit(made) + _LATE_M)
+            here = claim.mask & (self.along <= self._limit(led) + _LATE_M)
             if claim.bare:
                 near = self.tight.get(made, mask) if self.tight is not None else mask
                 here &= spread(near, self.along, _BARE_STOP_M)
             elif self.tight is not None:
                 here &= spread(self.tight.get(made, mask), self.along, 1.6)
             if here.any():
-                result[made] = here
+                result[led] = here
         return result
 
     def _from(self, claim: Claim) -> States:
@@ -234,9 +268,9 @@ class _Aligner:
 
     def _implied(self, made: int, claim: Claim) -> list[int]:
         """Return how many turns may be made once a claim holds: entering a room implies one."""
-        options = [made]
+        options = list(range(made, self._led(made, claim) + 1))
         if claim.bends:
-            return self._rounded(made, claim)
+            return sorted({*options, *self._rounded(made, claim)})
         if self._only_way_out(claim):
             # The turn to the only door of a room need not be described.
             out_m = self.ground.facts.passages[0].along_m
@@ -262,6 +296,47 @@ class _Aligner:
             elif self.required[k]:
                 break
         return sorted(set(options))
+
+    def _led(self, made: int, claim: Claim) -> int:
+        """Return how many turns may be made on the way to what a claim names.
+
+        Nobody has to be told to turn towards the only opening that leads to a room, nor towards
+        the thing to stop at, when it is in view and cannot be mistaken for another one.
+        """
+        led = made
+        if not claim.rooms and claim.view is None:
+            return made
+        for k in range(made, len(self.turns)):
+            if self.required[k]:
+                if not (self._towards_room(k, claim) or self._towards_thing(k, claim)):
+                    break
+                led = k + 1
+        return led
+
+    def _towards_room(self, k: int, claim: Claim) -> bool:
+        """Return whether turn `k` is made where just one opening leads to the room of a claim."""
+        turn = self.turns[k]
+        visits = self.ground.facts.visits
+        for visit, following in pairwise(visits):
+            if not visit.from_m - _THRESHOLD_M <= turn.along_m <= visit.to_m - _BEFORE_M:
+                continue
+            openings = sum(name in claim.rooms for name in visit.beyond)
+            near = claim.mask & self._between(visit.to_m - 0.4, visit.to_m + 0.4)
+            against = bool(claim.side) and claim.side != turn.side
+            if claim.turned or (against and visit.to_m - turn.along_m <= _IMPLIED_M):
+                continue
+            if following.room in claim.rooms and openings == 1 and near.any():
+                return True
+        return False
+
+    def _towards_thing(self, k: int, claim: Claim) -> bool:
+        """Return whether the thing at a stop is in view, unmistakably, where turn `k` is made."""
+        turn = self.turns[k]
+        if claim.view is None:
+            return False
+        here = self._between(turn.along_m - _IN_VIEW_M, turn.along_m + 0.3)
+        beyond = claim.mask & (self.along >= turn.along_m - _SPOT_M)
+        return bool((claim.view & here).any() and beyond.any())
 
     def _only_way_out(self, claim: Claim) -> bool:
         """Return whether a claim is that the first room is left, by the only opening it has."""

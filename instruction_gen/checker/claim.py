@@ -9,7 +9,7 @@ import numpy as np
 from ..language.clauses import Clause, Noun
 from ..language.lexicon import singular
 from ..language.other_things import OTHER_THINGS
-from .ground import Found, Ground, Mask, spread
+from .ground import Found, Ground, Mask, room_names, spread
 
 _ABREAST_M = 1.8
 
@@ -35,6 +35,8 @@ class Claim:
         maybe: a turn that the words may describe, or may not.
         turned: a door whose clear turn the same clause describes.
         abeam_m: where a thing that is passed once is beside the walker [m], None = unclear.
+        rooms: canonical names of the room that it leads into, none where it leads into none.
+        view: (S,) of a stop: from where the thing there is in view and unmistakable.
     """
 
     clause: int
@@ -53,6 +55,8 @@ class Claim:
     maybe: bool = False
     turned: bool = False
     abeam_m: float | None = None
+    rooms: frozenset[str] = frozenset()
+    view: Mask | None = None
 
 
 def noun_claims(index: int, clause: Clause, ground: Ground, verb: str) -> list[Claim]:
@@ -62,7 +66,10 @@ def noun_claims(index: int, clause: Clause, ground: Ground, verb: str) -> list[C
         inside = clause.until and verb == "see" and noun.prep == "in"
         # "Until there is a shelf on your right": it is beside the walker then.
         beside = clause.until and verb == "see" and bool(noun.side) and noun.kind == "object"
-        claim = noun_claim(index, noun, ground, "" if inside else "pass" if beside else verb)
+        # "When you get to the shelf": it is reached then.
+        there = clause.until and noun.prep == "to" and noun.kind == "object"
+        doing = "" if inside else "pass" if beside else "reach" if there else verb
+        claim = noun_claim(index, noun, ground, doing)
         if claim is not None:
             still = clause.meanwhile or (claim.still and not clause.until)
             claims.append(replace(claim, still=still))
@@ -111,7 +118,9 @@ def noun_claim(index: int, noun: Noun, ground: Ground, verb: str) -> Claim | Non
         return Claim(index, "false", found.mask, found.reason)
     leaving = noun.prep == "from" or (verb == "leave" and not noun.prep and noun.kind != "door")
     through = noun.kind in ("room", "door", "generic") and (
-        noun.prep in ("into", "through") or verb == "enter"
+        noun.prep in ("into", "through")
+        or verb == "enter"
+        or (verb == "leave" and noun.prep == "to")
     )
     # "Take the second door on the left", or without a verb "second door on the left".
     bare = noun.kind == "door" and not noun.prep
@@ -129,6 +138,7 @@ def noun_claim(index: int, noun: Noun, ground: Ground, verb: str) -> Claim | Non
     return Claim(
         index, kind, found.mask, f"the {named}", side=noun.side, slack_m=slack, still=still,
         abeam_m=ground.abeam(noun) if passed and not still else None,
+        rooms=room_names(noun.head) if noun.kind == "room" and not leaving else frozenset(),
     )  # fmt: skip
 
 
@@ -181,11 +191,11 @@ def _room(noun: Noun, ground: Ground, verb: str, prep: str) -> Found:
     if noun.part in ("end", "far"):
         return ground.room_end(noun)
     aside = noun.side in ("left", "right") and not verb and not prep
-    if verb == "see" or prep == "with" or aside:
+    if verb in ("see", "pass") or prep in ("with", "past") or aside:
         return ground.room_in_view(noun)
-    if prep == "from" or (verb == "leave" and prep != "into"):
+    if prep == "from" or (verb == "leave" and not prep):
         return ground.left(noun)
-    if prep == "into" or verb in ("enter", "reach"):
+    if prep == "into" or verb in ("enter", "reach", "leave"):
         return ground.entered(noun)
     if prep == "to" or prep == "on":
         return ground.room_ahead(noun)

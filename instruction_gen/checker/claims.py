@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ..language.clauses import Clause, Parse
-from ..language.ending import last_stop
+from ..language.ending import destination, goal_index, last_stop
 from .claim import Claim, noun_claim, noun_claims
 from .ground import Ground, spread
 from .hints import elliptic, loose_sides
 from .stops import after_stop_claims, stop_claims
 
+# Who goes straight to a thing makes no turn on the way.
+_STRAIGHT = re.compile(r"\bstraight\b(?! away)", re.IGNORECASE)
 _AT_TURN_M = 0.5
 _INTO_M = 2.0
 # A clause with words that were not understood may say otherwise where things are.
@@ -29,19 +33,53 @@ def claims_of(parse: Parse, ground: Ground) -> list[Claim]:
             # Rooms and doors that are not to be entered need not be on the way.
             things = replace(clause, nouns=tuple(n for n in clause.nouns if n.kind == "object"))
             result += [c for c in noun_claims(index, things, ground, "see") if c.kind == "false"]
+        elif index == last and destination(clause, parse):
+            # "Past the bed to the window.": the last noun alone says where it ends.
+            k = goal_index(clause)
+            result += _moving_claims(index, replace(clause, nouns=clause.nouns[:k]), ground)
+            end = replace(clause, verb="stop", side="", distance_m=0.0, nouns=clause.nouns[k:])
+            result += stop_claims(index, end, parse, ground)
         elif clause.verb == "stop" or index == last:
             result += stop_claims(index, clause, parse, ground)
         elif last is not None and index > last:
             result += after_stop_claims(index, clause, parse, ground)
         else:
-            stated = _moving_claims(index, clause, ground)
+            stated = _moving_claims(index, _listed(clause, parse.clauses[:index]), ground)
             if elliptic(clause, parse):
                 stated = [replace(c, maybe=c.kind == "turn") for c in stated]
             if clause.unparsed:
                 stated = [replace(c, optional=c.kind in _UNSURE) for c in stated]
             hints = [_hint(index, side, ground) for side in loose[index]]
             result += [*hints, *stated, *(hints if stated else ())]
-    return result
+    straight = {k for k, c in enumerate(parse.clauses) if _STRAIGHT.search(_said(c, parse))}
+    return [
+        replace(c, rooms=frozenset(), view=None) if c.clause in straight else c
+        for c in _leading(result)
+    ]
+
+
+def _said(clause: Clause, parse: Parse) -> str:
+    return parse.text[clause.start : clause.stop]
+
+
+def _leading(claims: list[Claim]) -> list[Claim]:
+    """Return the claims; leaving a room leads into the room that is named next."""
+    result: list[Claim] = []
+    rooms: frozenset[str] = frozenset()
+    for claim in reversed(claims):
+        rooms = claim.rooms or rooms
+        nameless = claim.kind == "exit" or (claim.kind == "door" and not claim.rooms)
+        result.append(replace(claim, rooms=rooms) if nameless else claim)
+    return result[::-1]
+
+
+def _listed(clause: Clause, before: Sequence[Clause]) -> Clause:
+    """Return the clause; in `pass the bench, then a doorway on the left` one passes both."""
+    goes_on = bool(before) and before[-1].verb in ("pass", "see") and not before[-1].until
+    named = bool(clause.nouns) and not any(n.prep or n.ordinal for n in clause.nouns)
+    if goes_on and named and not (clause.verb or clause.side or clause.until):
+        return replace(clause, verb=before[-1].verb)
+    return clause
 
 
 def _moving_claims(index: int, clause: Clause, ground: Ground) -> list[Claim]:
@@ -73,12 +111,16 @@ def _turn(index: int, clause: Clause, ground: Ground) -> list[Claim]:
     before: list[Claim] = []
     after: list[Claim] = []
     mask = np.ones(len(ground.along_m), dtype=bool)
+    rooms: frozenset[str] = frozenset()
+    beyond = False  # what is named after "left through the living room" does not say where to turn
     for noun in clause.nouns:
         claim = noun_claim(index, noun, ground, "turn")
         if claim is None:
             continue
         if claim.kind == "false":
             before.append(claim)
+        elif beyond:
+            after.append(claim)
         elif noun.prep in ("at", "near", "before", "past", "after", "in", "with", ""):
             mask = mask & spread(claim.mask, ground.along_m, _AT_TURN_M)
         elif noun.prep == "from":
@@ -88,8 +130,13 @@ def _turn(index: int, clause: Clause, ground: Ground) -> list[Claim]:
                 # "Turn left into the kitchen": the turn and the door are one place.
                 claim = replace(claim, side=claim.side or clause.side, turned=True)
                 mask = mask & spread(claim.mask, ground.along_m, _INTO_M)
+                rooms = rooms or claim.rooms
             after.append(replace(claim, bends=noun.prep == "around" and claim.kind == "place"))
-    turn = Claim(index, "turn", mask, f"turn {clause.side}", clause.side, clause.degree)
+            beyond = noun.kind == "room" and noun.prep in ("through", "along")
+    turn = Claim(
+        index, "turn", mask, f"turn {clause.side}", clause.side, clause.degree,
+        rooms=rooms,
+    )  # fmt: skip
     walk = []
     if clause.distance_m:
         everywhere = np.ones(len(ground.along_m), dtype=bool)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..facts.doors import DOOR
+from ..facts.records import PassageFact
 from ..language.clauses import Noun
 from .things import (
     DOOR_M,
@@ -19,7 +20,9 @@ from .things import (
     spread,
 )
 
-__all__ = ["Found", "Ground", "Mask", "spread"]
+_BEFORE_DOORS_M, _DOORS_M, _APART_DEG = 1.5, 6.0, 15.0
+
+__all__ = ["Found", "Ground", "Mask", "room_names", "spread"]
 
 
 class Ground(Things):
@@ -151,12 +154,12 @@ class Ground(Things):
         """Return where a doorway is at hand."""
         return self._where(replace_head(noun, DOOR), self._near(reach_m), "beside the path")
 
-    def stopped_at_door(self) -> Found:
+    def stopped_at_door(self, reach_m: float = 2.0) -> Found:
         """Return the end of the path, if a doorway is there."""
         near = [n for n, m in enumerate(self.facts.landmarks) if m.noun == DOOR]
-        if any(self.distance[n, -1] <= 2.0 for n in near):
+        if any(self.distance[n, -1] <= reach_m for n in near):
             return Found(self.at_goal())
-        if any(self.length_m - p.along_m <= 2.0 for p in self.facts.passages):
+        if any(self.length_m - p.along_m <= reach_m for p in self.facts.passages):
             return Found(self.at_goal())
         nothing = np.zeros(len(self.along_m), dtype=bool)
         return Found(nothing, "no doorway is at the end of the path")
@@ -164,10 +167,23 @@ class Ground(Things):
     def _door_side(self, along_m: float, side: str) -> bool:
         sign = 1 if side == "left" else -1
         for p in self.facts.passages:
-            if abs(p.along_m - along_m) < 0.05 and sign * p.bearing_deg > 10.0:
+            if abs(p.along_m - along_m) >= 0.05:
+                continue
+            if sign * p.bearing_deg > 10.0 or self._beside_another(p, sign):
                 return True
         return any(
             abs(t.along_m - along_m) <= 1.5 and sign * t.angle_deg > 15.0 for t in self.facts.turns
+        )
+
+    def _beside_another(self, passage: PassageFact, sign: int) -> bool:
+        """Return whether a doorway is the left (sign 1) or right (−1) one of two that lie ahead."""
+        k = int(np.searchsorted(self.along_m, max(0.0, passage.along_m - _BEFORE_DOORS_M)))
+        return any(
+            mark.noun == DOOR
+            and self.open[n, k]
+            and self.distance[n, k] <= _DOORS_M
+            and sign * (passage.bearing_deg - self.bearing[n, k]) > _APART_DEG
+            for n, mark in enumerate(self.facts.landmarks)
         )
 
     def _around(self, along_m: float) -> Mask:

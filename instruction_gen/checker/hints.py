@@ -10,13 +10,14 @@ import re
 from collections import Counter
 
 from ..language.clauses import Clause, Parse
-from ..language.function_words import RIGHT_ADVERB, VERB_OF
+from ..language.function_words import KEEP, RIGHT_ADVERB, VERB_OF
 
 _SIDE = re.compile(
     r"\b(left|right)\b(?! (?:there|here|next|in front|beside|before|after|away|now|outside|inside|"
     r"behind|up|where|when|as|on)\b)",
     re.IGNORECASE,
 )
+_JOINED = re.compile(r"\b(?:and|then)\s*$", re.IGNORECASE)
 _SIDES = ("left", "right")
 
 
@@ -49,11 +50,15 @@ def _bound(clause: Clause) -> list[str]:
 def elliptic(clause: Clause, parse: Parse) -> bool:
     """Return whether a side without a verb may be no turn: `right at the sofa`, unknown words."""
     words = re.findall(r"[a-z-]+", parse.text[clause.start : clause.stop].lower())
+    if words and words[0] in KEEP and clause.degree == "slight":
+        return True  # "keep slightly to the right" may be no turn
     if clause.side not in words or any(w in VERB_OF for w in words):
         return False
     if clause.unparsed:
         return True
     place = words.index(clause.side)
-    joined = {"then", "and"} & set(words[:place])
+    if words[place - 2 : place] in (["to", "the"], ["to", "your"]) and clause.degree == "slight":
+        return True  # "take the doorway ahead of you, slightly to the right"
+    joined = {"then", "and"} & set(words[:place]) or _JOINED.search(parse.text[: clause.start])
     adverb = bool(RIGHT_ADVERB & set(words[place + 1 : place + 2]))
     return clause.side == "right" and not joined and adverb

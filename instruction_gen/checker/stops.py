@@ -10,8 +10,9 @@ import numpy as np
 from ..language.clauses import Clause, Noun, Parse
 from ..language.ending import STATIC
 from .claim import Claim, found_at, unknown
-from .ground import Found, Ground
+from .ground import Found, Ground, Mask, room_names
 
+_SHORT_OF_M = 3.5  # one stops this far at most "before" a door
 MOVING = frozenset({"turn", "move", "enter", "leave", "pass"})
 
 
@@ -24,6 +25,7 @@ def stop_claims(index: int, clause: Clause, parse: Parse, ground: Ground) -> lis
             Claim(index, "walk", everywhere, distance_m=clause.distance_m, vague=clause.vague)
         )
     mask = ground.at_goal()
+    view: Mask | None = None
     named = bool(clause.distance_m)
     alone = all(n.kind == "unknown" for n in clause.nouns) and not clause.distance_m
     for noun in clause.nouns:
@@ -42,22 +44,33 @@ def stop_claims(index: int, clause: Clause, parse: Parse, ground: Ground) -> lis
             entered = ground.entered(noun)
             if not entered.reason:
                 phrase = f"the {noun.text}"
-                result.append(Claim(index, "door", entered.mask, phrase, optional=True))
+                rooms = room_names(noun.head)
+                result.append(
+                    Claim(index, "door", entered.mask, phrase, optional=True, rooms=rooms)
+                )
         named = True
         if not found.reason:
             mask = mask & found.mask
+            if found.view is not None:
+                view = found.view if view is None else view | found.view
         elif not clause.unparsed or noun.kind != "room":
             result.append(Claim(index, "false", everywhere, found.reason))
     # "Stop when you reach the bed": what comes next says where.
     nexts = parse.clauses[index + 1 : index + 2]
     named = named or any(c.until or c.verb in ("see", "reach", "") for c in nexts)
-    result.append(Claim(index, "stop", mask, "stop", bare=not named, slack_m=2.4))
+    result.append(Claim(index, "stop", mask, "stop", bare=not named, slack_m=2.4, view=view))
     return result
 
 
 def _stop_noun(noun: Noun, ground: Ground) -> Found | None:
     if noun.kind == "object" and noun.prep in ("after", "past"):
         return ground.stopped_after(noun)
+    if noun.kind == "object" and noun.prep == "with":
+        found = ground.seen_at(noun)
+        last = found.mask & ground.at_goal(0.6)
+        if found.reason or last.any():
+            return replace(found, mask=ground.at_goal() if last.any() else found.mask)
+        return Found(last, f"the {noun.text} is not so at the end of the path")
     if noun.kind == "object":
         return ground.stopped_at(noun)
     if noun.kind == "room":
@@ -94,6 +107,8 @@ def after_stop_claims(index: int, clause: Clause, parse: Parse, ground: Ground) 
             found = found_at(noun, ground, "see")
         elif clause.before and noun.kind == "room":
             found = ground.stopped_before(noun)
+        elif clause.before and noun.kind == "door":
+            found = ground.stopped_at_door(_SHORT_OF_M)
         else:
             found = _stop_noun(noun, ground)
         if found is None:

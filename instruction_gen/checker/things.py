@@ -28,6 +28,8 @@ _FACING_DEG = 60.0
 _VISIBLE_PIXELS = 12
 _COUNT_WINDOW_M = 1.6
 _NEAREST_M = 0.2
+_UNDERFOOT_M = 0.3
+_TOGETHER_M = 3.0
 
 
 @dataclass(frozen=True)
@@ -37,10 +39,13 @@ class Found:
     Attributes:
         mask: (S,) which places of the path.
         reason: why it holds nowhere, "" when it holds somewhere.
+        view: (S,) from which places the things meant are in view, and no others of their name;
+            None where that is unknown.
     """
 
     mask: Mask
     reason: str = ""
+    view: Mask | None = None
 
 
 class Things:
@@ -77,6 +82,7 @@ class Things:
     def passed(self, noun: Noun) -> Found:
         """Return where a thing is close by, on the side said."""
         beside = (np.abs(self.bearing) >= 38.0) & (np.abs(self.bearing) <= 145.0)
+        beside |= self.distance <= _UNDERFOOT_M  # a rug that is walked over
         return self._where(noun, self._near(PASS_M) & beside & self._nearest(), "beside the path")
 
     def abeam(self, noun: Noun) -> float | None:
@@ -127,9 +133,9 @@ class Things:
         # What lies well behind has been passed; it is not where one stops.
         mask[:, -1] &= (here <= 1.3) | (np.abs(self.bearing[:, -1]) <= 130.0)
         found = self._where(noun, mask, "at the end of the path")
-        if found.reason:
+        if found.reason or not found.mask.any():
             return found
-        return Found(self.at_goal() if found.mask.any() else found.mask)
+        return dataclasses.replace(found, mask=self.at_goal())
 
     def stopped_after(self, noun: Noun) -> Found:
         """Return the end of the path, where a thing was passed shortly before."""
@@ -139,7 +145,7 @@ class Things:
         if at_m is not None and at_m < self.length_m - AFTER_M:
             late = np.zeros_like(late)
         if found.reason or late.any():
-            return Found(self.at_goal() if late.any() else found.mask, found.reason)
+            return dataclasses.replace(found, mask=self.at_goal() if late.any() else found.mask)
         return Found(late, f"the {noun.text} is not just before the end of the path")
 
     def at_goal(self, within_m: float = 2.2) -> Mask:
@@ -193,12 +199,25 @@ class Things:
         if noun.only and sum(self._is_beside(n) for n in chosen) > 1:
             return Found(nothing, f"it is not the only {name}")
         result = np.asarray(here.any(axis=0))
+        meant = {n for n, row in zip(chosen, here, strict=True) if row.any()}
         if noun.number > 1 or noun.plural:
             result = result & self._counted(chosen, noun.number)
             if not result.any():
                 said = noun.number or "several"
                 return Found(nothing, f"there are not {said} of them ({name})")
-        return Found(result)
+        return Found(result, view=self._unmistakable(meant, noun.head))
+
+    def _unmistakable(self, meant: set[int], head: str) -> Mask | None:
+        """Return from where things are in view, and no others that are called `head`.
+
+        None where they stand too far apart to be one place.
+        """
+        places = [self.facts.landmarks[n].along_m for n in meant]
+        if max(places) - min(places) > _TOGETHER_M:
+            return None
+        marks = enumerate(self.facts.landmarks)
+        others = [n for n, m in marks if n not in meant and answers_to(m, head)]
+        return np.asarray(self.seen[sorted(meant)].any(axis=0) & ~self.seen[others].any(axis=0))
 
     def _in_room(self, head: str) -> list[int]:
         """Return the things that are named by their room and kind: `kitchen table`."""

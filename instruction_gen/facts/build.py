@@ -124,9 +124,15 @@ def _visits(
     ends[-1] = int(shared.regions.at(path[-1]))
     rooms = _rooms(shared, ends, passages)
     return tuple(
-        VisitFact(name, a, b, shared.exits[region] if region >= 0 else 0)
+        _visit(shared, name, region, a, b)
         for (name, region), (a, b) in zip(rooms, pairwise(knots), strict=True)
     )
+
+
+def _visit(shared: LevelFacts, name: str, region: int, from_m: float, to_m: float) -> VisitFact:
+    openings = shared.openings[region] if region >= 0 else ()
+    beyond = tuple(sorted(room for rooms in openings for room in rooms))
+    return VisitFact(name, from_m, to_m, len(openings), beyond)
 
 
 def _rooms(

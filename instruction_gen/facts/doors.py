@@ -36,15 +36,24 @@ def doorways(regions: RegionMap, level: int, floor_z_m: float) -> list[LabeledOb
     return result
 
 
-def exits_of(regions: RegionMap) -> tuple[int, ...]:
-    """Return by how many openings, doorways or wider ones, each room can be left."""
+def openings_of(regions: RegionMap) -> tuple[tuple[tuple[int, ...], ...], ...]:
+    """Return for each room its openings, each as the rooms behind it.
+
+    An opening is a doorway or a wider passage; several rooms may meet in one.
+    """
     border = _borders(regions)
     parts = np.asarray(label(_grown(border), connectivity=2))
-    result = []
+    meeting: dict[int, set[int]] = {}
     for room in range(len(regions.names)):
         beside = border & _grown(regions.region == room, 1)
-        result.append(len(np.unique(parts[beside])))
-    return tuple(result)
+        for part in np.unique(parts[beside]).tolist():
+            meeting.setdefault(part, set()).add(room)
+    return tuple(
+        tuple(
+            tuple(sorted(rooms - {room})) for _, rooms in sorted(meeting.items()) if room in rooms
+        )
+        for room in range(len(regions.names))
+    )
 
 
 def _borders(regions: RegionMap) -> NDArray[np.bool_]:

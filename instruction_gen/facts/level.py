@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...formats.scene.bundle import LabeledObject, SceneBundle
 from ...wayfinding.regions import ROOM_PREFIX, RegionMap, region_map
 from ..language.nouns import noun_of
-from .doors import DOOR, doorways, exits_of
+from .doors import DOOR, doorways, openings_of
 from .rooms import room_names
 
 
@@ -23,7 +23,7 @@ class LevelFacts:
         nouns: their nouns.
         low_m, high_m: (N, 2) their boxes [m].
         names: room name of each region.
-        exits: by how many openings each region can be left.
+        openings: of each region, each as the names of the rooms behind it.
         unnamed: labels that no noun is known for, with how many objects have them.
     """
 
@@ -35,7 +35,7 @@ class LevelFacts:
     low_m: NDArray[np.float64]
     high_m: NDArray[np.float64]
     names: tuple[str, ...]
-    exits: tuple[int, ...]
+    openings: tuple[tuple[tuple[str, ...], ...], ...]
     unnamed: dict[str, int]
 
     @staticmethod
@@ -60,9 +60,13 @@ class LevelFacts:
         low = np.array([t.lower_m[:2] for t in things], dtype=np.float64).reshape(-1, 2)
         high = np.array([t.upper_m[:2] for t in things], dtype=np.float64).reshape(-1, 2)
         names = room_names(regions, things)
+        openings = tuple(
+            tuple(tuple(names[k] for k in rooms) for rooms in of_room)
+            for of_room in openings_of(regions)
+        )
         return LevelFacts(
             bundle, level, regions, tuple(things), tuple(nouns), low, high, names,
-            exits_of(regions), unnamed,
+            openings, unnamed,
         )  # fmt: skip
 
 

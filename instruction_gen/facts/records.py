@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-FACTS_VERSION = 3
+FACTS_VERSION = 4
 
 
 @dataclass(frozen=True)
@@ -65,12 +65,14 @@ class VisitFact:
         room: canonical name, "" when unknown.
         from_m, to_m: distances along the path [m].
         exits: by how many openings the room can be left; 0 = unknown.
+        beyond: names of the rooms behind its openings, one for each, "" when unknown.
     """
 
     room: str
     from_m: float
     to_m: float
     exits: int = 0
+    beyond: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

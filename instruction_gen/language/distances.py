@@ -13,6 +13,8 @@ _VAGUE_AMOUNT = 2.5
 
 def read_distance(words: Sequence[str]) -> tuple[float, bool, int] | None:
     """Return the distance [m] that begins a run of words, whether vague, and its word count."""
+    if tuple(words[:2]) == ("half", "a") and words[2:3] and words[2] in UNITS_M:
+        return 0.5 * UNITS_M[words[2]], False, 3
     k, amount, vague = 0, 0.0, False
     if words[0] in ("a", "another", "one", "the"):
         k = 1
@@ -31,7 +33,13 @@ def read_distance(words: Sequence[str]) -> tuple[float, bool, int] | None:
         amount = 1.0
     if not amount or k >= len(words) or words[k] not in UNITS_M:
         return None
-    return amount * UNITS_M[words[k]], vague, k + 1
+    unit_m, k = UNITS_M[words[k]], k + 1
+    after = tuple(words[k : k + 3])
+    if after == ("and", "a", "half"):  # "another metre and a half"
+        return (amount + 0.5) * unit_m, vague, k + 3
+    if after[:1] == ("or",) and (after[1:2] == ("so",) or (after[1:2] and after[1] in NUMBERS)):
+        return (amount + 0.5) * unit_m, vague or amount <= 1, k + 2  # "a step or two"
+    return amount * unit_m, vague, k
 
 
 def _number(word: str) -> bool:

@@ -9,6 +9,7 @@ from .clauses import Clause, Parse
 # Prepositions of a place that one is at; the others lead on.
 STATIC = frozenset(("near", "at", "before", "between", "in"))
 _STAYING = STATIC | {"with", "after", "past"}
+_TO = re.compile(r"\b(?:to|as far as)\s+(?:the|a|an|your)\b[^,.;]*$", re.IGNORECASE)
 _UNTIL = re.compile(r"\s*,?\s*(?:until|till)\b", re.IGNORECASE)
 
 
@@ -21,11 +22,64 @@ def last_stop(parse: Parse) -> int | None:
     stops = [k for k, c in enumerate(parse.clauses) if c.verb == "stop" and not c.negated]
     if stops:
         return stops[-1]
-    last = parse.clauses[-1] if parse.clauses else None
-    if last is None or last.before or last.negated or len(parse.clauses) < 2:
+    end = len(parse.clauses) - 1
+    while end >= 0 and parse.clauses[end].negated:  # "…, but do not go in."
+        end -= 1
+    last = parse.clauses[end] if end >= 0 else None
+    if last is None or last.before or len(parse.clauses) < 2:
         return None
-    if _arrives(last, parse.clauses[-2], parse) or _settles(last):
-        return len(parse.clauses) - 1
+    if (end and _arrives(last, parse.clauses[end - 1], parse)) or _settles(last):
+        return end
+    if _destined(last, parse) or (end < len(parse.clauses) - 1 and _bounded(parse, end)):
+        return end
+    return _measured(parse, end)
+
+
+def destination(clause: Clause, parse: Parse) -> bool:
+    """Return whether a clause without a word for stopping names where the walk ends."""
+    return clause.verb != "stop" and not clause.until and _destined(clause, parse)
+
+
+def goal_index(clause: Clause) -> int:
+    """Return which noun of a clause is where it leads: `to the radiator beneath the window`."""
+    k = len(clause.nouns) - 1
+    while k > 0 and clause.nouns[k].prep != "to" and clause.nouns[k].prep in _STAYING:
+        k -= 1
+    return k
+
+
+def _destined(last: Clause, parse: Parse) -> bool:
+    """Whether a clause leads to a place that one stands at: `to the window`, `up to the door`."""
+    if not last.nouns or last.verb not in ("", "move", "turn", "pass") or last.until:
+        return False
+    goal = last.nouns[goal_index(last)]
+    place = goal.kind in ("object", "door") or goal.part in ("entrance", "threshold", "mouth")
+    said = parse.text[last.start : last.stop]
+    return place and goal.prep == "to" and bool(_TO.search(said))
+
+
+def _bounded(parse: Parse, end: int) -> bool:
+    """Whether what must not be entered after clause `end` is where the walk ends."""
+    inside = ("into", "through")
+    beyond = [
+        c for c in parse.clauses[end + 1 :] if c.verb in ("enter", "move") and (
+            c.verb == "enter" or any(n.prep in inside for n in c.nouns)
+        )
+    ]  # fmt: skip
+    return bool(beyond) and parse.clauses[end].verb in ("move", "reach", "")
+
+
+def _measured(parse: Parse, end: int) -> int | None:
+    """Return the clause that ends a text by how far to walk, None where none does."""
+    static = [c.verb in ("see", "") and not c.side and not c.distance_m for c in parse.clauses]
+    while end > 0 and static[end]:  # "The bed is now on your left."
+        end -= 1
+    for k in range(end, max(-1, end - 2), -1):
+        clause = parse.clauses[k]
+        if clause.distance_m and clause.verb == "move":
+            return k
+        if clause.side and not clause.meanwhile:
+            return None
     return None
 
 

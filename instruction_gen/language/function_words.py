@@ -8,7 +8,7 @@ VERBS = {
     "move": """walk go head move continue proceed step keep follow cross travel advance come carry
         stay get march stroll start begin set make take traverse cut run return heading walking
         wander amble saunter stride trek squeeze slip duck nip pop thread navigate wend venture push
-        going moving continuing keeping following leads lead round""",
+        going moving continuing keeping following leads lead round jog""",
     "enter": "enter entering entered",
     "leave": "leave exit leaving exiting depart quit",
     "pass": "pass passing passed skirt skirting",
@@ -30,7 +30,8 @@ PREPOSITIONS = {
     **dict.fromkeys("to toward towards for".split(), "to"),
     **dict.fromkeys("at".split(), "at"),
     **dict.fromkeys("near beside against".split(), "near"),
-    **dict.fromkeys("behind opposite facing under".split(), "near"),
+    "facing": "with",
+    **dict.fromkeys("behind opposite under beneath below underneath".split(), "near"),
     "before": "before",
     "outside": "before",
     "between": "between",
@@ -95,5 +96,6 @@ FILLERS = frozenset(
     behind at in by within from other same far close long short past with side do does need want
     facing let yourself into opposite both after before very too even half upon continuing onward
     onwards itself whose until while past keep exactly eventually instead clockwise counterclockwise
-    anticlockwise""".split()
+    anticlockwise wide diagonally okay alright always standing starting comes stays lies got
+    carrying takes than nor level begins starts ends""".split()
 )

@@ -40,6 +40,24 @@ _IDIOMS = (
     ("you are there", "stop there"),
     ("at|by which point", "then"),
     ("hug|hugging the left|right wall?", "keep {2}"),
+    ("you are|will going to", "you will"),
+    ("is|are going to", "will"),
+    ("you will have", "you will see"),
+    ("is|are then|now|always", "{0}"),
+    ("at once", "immediately"),
+    (
+        "take|through|enter|by|not|but|then the left|right|left-hand|right-hand one",
+        "{0} the {2} doorway",
+    ),
+    ("take|through|enter|by|not|but|then the next|first|second|other one", "{0} the {2} doorway"),
+    ("take|through|enter|by|not|but|then the one", "{0} the doorway"),
+    ("at|to your? one|two|three|four|five o'clock", "on your right"),
+    ("at|to your? seven|eight|nine|ten|eleven o'clock", "on your left"),
+    ("at|to your? twelve o'clock", "ahead of you"),
+    ("at|to your? six o'clock", "behind you"),
+    ("at your? back left|right?", "behind you"),
+    ("that is it|all", "stop there"),
+    ("that is where you stop", "stop there"),
 )
 _STAYING = frozenset("stay remain".split())
 _STOPPING = frozenset("stop wait halt pause stopping waiting".split())
@@ -117,7 +135,11 @@ def _stops(tokens: list[Token]) -> list[Token]:
         ends = tokens[k].text in ("end", "finish") and following[:1] == ["up"]
         if following[:1] == ["right"] and following[-1] in _BESIDE:
             following = following[1:]  # "stay right beside the bed"
-        stays = tokens[k].text in _STAYING and following and following[0] not in _NO_PLACE
+        before = tokens[k - 1].text if k else ""
+        arrived = before == "you" and tokens[k].text in ("should", "will") and following[0] == "be"
+        stays = arrived or (
+            tokens[k].text in _STAYING and following and following[0] not in _NO_PLACE
+        )
         if ends or stays:
             result[k] = replace(tokens[k], text="stop")
             if ends:

@@ -32,6 +32,13 @@ from .function_words import (
 from .phrases import DETERMINERS, read_noun
 from .side_reader import SideReader
 
+# What a distance is counted from, where it does not say how far to walk.
+_FROM_THERE = frozenset("before short from away past beyond after off shy".split())
+_BORDERS = frozenset("ends begins starts".split())
+_INSIDE = frozenset("into inside in".split())
+_PLACED = frozenset("is are will on ahead in off behind further".split())
+_ANGLES = frozenset("thirty forty forty-five sixty ninety".split())
+
 
 def parse(text: str) -> Parse:
     """Read a text. This never fails; words that fit nowhere are counted."""
@@ -65,6 +72,7 @@ class _Reader(SideReader):
             self._by_you()
             or self._side()
             or self._prep_phrase()
+            or self._angle()
             or self._distance()
             or self._verb()
         ):
@@ -82,7 +90,7 @@ class _Reader(SideReader):
             self.draft.negated = True
             self.k += 1
         elif word in ("not", "never", "ignore", "avoid", "skip"):
-            if word == "not" or self.draft.empty:
+            if word == "not" or not self.draft.verb:
                 self._close_if_verb()
                 self.draft.negated = True
             self.k += 1
@@ -91,6 +99,13 @@ class _Reader(SideReader):
             self.k += 1
         elif word in SHARP:
             self.draft.degree = "sharp"
+            self.k += 1
+        elif word == "which" and self.draft.empty and self.clauses and self.clauses[-1].negated:
+            self.draft.negated = True  # "not the right door, which leads to the kitchen"
+            self.k += 1
+        elif word == "alone" and self.draft.verb == "leave":
+            self.draft.verb = "see"  # "leave the kitchen on your left alone"
+            self._extend(token)
             self.k += 1
         elif word in THERE and self.draft.verb == "stop":
             self.draft.there = True
@@ -108,7 +123,8 @@ class _Reader(SideReader):
                 word == "alongside" and stopped
             ):
                 self.prep = "near"
-            if word == "around" and self.draft.verb in ("turn",) and not self._noun_follows():
+            turning = self.draft.verb == "turn" and not self.draft.side
+            if word == "around" and turning and not self._noun_follows():
                 self.draft.side, self.prep = "around", ""
             self._extend(token)
             self.k += 1
@@ -118,8 +134,6 @@ class _Reader(SideReader):
                 self.draft.unparsed += 1
             self._extend(token)
             self.k += 1
-
-    # sides ------------------------------------------------------------------------------------
 
     # prepositions, distances, verbs -----------------------------------------------------------
 
@@ -133,12 +147,29 @@ class _Reader(SideReader):
                 return True
         return False
 
+    def _angle(self) -> bool:
+        """Return whether an angle was read: `90 degrees`, `a ninety-degree` left turn."""
+        words = [t.text for t in self.tokens[self.k : self.k + 3] if t.text != "-"]
+        numeral = words[0].isdigit() or words[0] in _ANGLES
+        count = 3 if self._next("-") else 2
+        if not numeral or words[1:2] not in (["degree"], ["degrees"]):
+            if not words[0].endswith("-degree"):
+                return False
+            count = 1
+        self._take(count)
+        return True
+
     def _distance(self) -> bool:
         """Take a distance: `four metres`, `about 3 m`, `a couple of steps`, `a few metres`."""
-        words = [t.text for t in self.tokens[self.k : self.k + 5]]
+        words = [t.text for t in self.tokens[self.k : self.k + 9]]
         found = read_distance(words)
         if found is None:
             return False
+        after = words[found[2]] if found[2] < len(words) else ""
+        if after in _FROM_THERE or (after in _INSIDE and self.draft.verb != "move"):
+            # "A metre before the bed": it is not how far to walk.
+            self._take(found[2])
+            return True
         if words[found[2] - 1] in STEPS and self.draft.verb in ("see", "pass"):
             return False
         self.draft.distance_m, self.draft.vague, count = found
@@ -152,6 +183,9 @@ class _Reader(SideReader):
         if verb is None:
             return False
         before = self.tokens[self.k - 1].text if self.k else "."
+        named = bool(self.draft.nouns) and self.draft.nouns[-1].stop == self.k
+        if (word in _BORDERS and named) or (word in NOUNLIKE and self._next("of")):
+            return False  # "after the rug ends", "at the end of the hallway"
         if before in DETERMINERS or before in ("of", "next", "first", "second"):
             # "the end of", "your left turn", "a sharp turn": nouns here.
             if word in ("turn", "bend", "curve") and self.draft.side:
@@ -222,8 +256,11 @@ class _Reader(SideReader):
             self._close()
 
     def _joint(self) -> None:
+        # "Ignore the kitchen and the bathroom": neither is to be entered.
+        both = self.draft.negated and self._noun_follows() and self.tokens[self.k].text == "and"
         if not self.draft.empty:
             self._close()
+        self.draft.negated = both
         self.prep = ""
         self.k += 1
 
@@ -234,7 +271,7 @@ class _Reader(SideReader):
         after = self.tokens[stop].text if stop < len(self.tokens) else "."
         last = self.clauses[-1] if self.clauses else None
         past = last is not None and bool(last.nouns) and last.nouns[-1].prep == "past"
-        return listed and past and self.draft.empty and after not in ("is", "are", "will", "on")
+        return listed and past and self.draft.empty and after not in _PLACED
 
     def _noun_after_and(self) -> bool:
         """Return whether `and` continues the phrase, as in `the sofa and the chair`.

@@ -23,6 +23,7 @@ from .tokens import Token
 DETERMINERS = frozenset(
     "the a an your this that these those its their some both all any each every".split()
 )
+_MAIN = frozenset("front main entrance entry apartment house".split())
 _BARE = frozenset("it them there here".split())
 
 
@@ -74,6 +75,13 @@ def read_noun(tokens: Sequence[Token], k: int) -> tuple[Noun, int] | None:
             colour = COLOURS[word]
         elif word in MATERIALS and (_can_follow(after) or is_object(after)):
             material = MATERIALS[word]
+        elif word in _MAIN and after == "door":
+            # The door of the whole apartment leads nowhere on a route.
+            return Noun(f"{word} door", "generic", "way", start=start, stop=k + 2), k + 2
+        elif not words and word in PARTS and after == "of":
+            words.append(word)
+            k += 1
+            break
         elif is_object(word) or is_room(word) or word in DOORS:
             words.append(word)
             k += 1
@@ -112,6 +120,8 @@ def read_noun(tokens: Sequence[Token], k: int) -> tuple[Noun, int] | None:
     if kind == "door" and k + 1 < len(tokens) and tokens[k].text in ("of", "to"):
         inner = read_noun(tokens, k + 1)  # "the door of the bedroom", "the door to the hall"
         if inner is not None and inner[0].kind == "room":
+            if words[-1] == "entrance":
+                return _placed(inner[0], "entrance", start, inner[1], plural), inner[1]
             return noun, inner[1]
     if (head in PARTS or head in ("side", "end")) and k < len(tokens) and tokens[k].text == "of":
         inner = read_noun(tokens, k + 1)

@@ -23,13 +23,16 @@ class SideReader(Cursor):
         )  # fmt: skip
         self.draft.degree = found.degree or self.draft.degree
         draft = self.draft
-        if after == "of" and prep:
-            # "to the left of the sofa": the sofa is then on the walker's other side.
+        placed = bool(draft.nouns) and draft.nouns[-1].kind in ("object", "door")
+        if after == "of" and (prep or placed):
+            # "To the left of the sofa": the sofa is then on the walker's other side. "The lamp to
+            # the left of the sofa": how the two stand to each other is not known.
             found = read_noun(self.tokens, self.k + k + 1)
             if found is not None:
                 noun, stop = found
                 other = "right" if side == "left" else "left"
-                draft.nouns.append(replace(noun, prep="past", side=other))
+                aside = replace(noun, prep="with") if placed else None
+                draft.nouns.append(aside or replace(noun, prep="past", side=other))
                 self._take(stop - self.k)
                 return True
         if determined and not prep and draft.verb not in ("turn", "move") and not draft.empty:
@@ -39,6 +42,9 @@ class SideReader(Cursor):
                 self.k += 1
                 return True
             return False
+        if prep and self.k and self.tokens[self.k - 1].text in ("one", "other", "two"):
+            self._take(k)  # "a door on the left and one on the right"
+            return True
         fresh = not draft.side and not draft.nouns
         bare_turn = fresh and (
             draft.verb == "turn"
@@ -76,7 +82,10 @@ class SideReader(Cursor):
             prep == "to" and draft.nouns and (draft.verb != "turn" or about_object)
         ):
             open_ = bool(draft.nouns) and draft.nouns[-1].side in ("", "ahead")
-            if open_ and draft.nouns[-1].kind != "generic":
+            if draft.nouns and draft.nouns[-1].side == "behind":
+                # "Behind you to the right" says both.
+                draft.nouns.append(replace(draft.nouns[-1], side=side))
+            elif open_ and draft.nouns[-1].kind != "generic":
                 draft.nouns[-1] = replace(draft.nouns[-1], side=side)
             elif draft.verb in ("move", "turn") and not draft.nouns and prep == "to":
                 draft.side = side
@@ -92,7 +101,7 @@ class SideReader(Cursor):
         else:
             if draft.verb not in ("turn", "move", ""):
                 self._close()
-            if self.draft.nouns and self.draft.verb == "move":
+            if self.draft.nouns and self.draft.verb == "move" and not self.draft.negated:
                 # "walk past the sofa, left, …" and "go straight and left" are turns of their own.
                 self._close()
             self.draft.verb, self.draft.side = "turn", side

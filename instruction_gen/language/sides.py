@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from .function_words import SHARP, SLIGHT
 
-_BEFORE = frozenset(("immediate", "far", "very", "near")) | SLIGHT | SHARP
+_BEFORE = frozenset(("immediate", "far", "very", "near", "wide")) | SLIGHT | SHARP
 
 
 @dataclass(frozen=True)

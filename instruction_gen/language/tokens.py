@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from .lexicon import OBJECT_PHRASES, ROOM_PHRASES, singular
+from .lexicon import DOORS, OBJECT_PHRASES, ROOM_PHRASES, singular
 
 _TOKEN = re.compile(r"[A-Za-z]+(?:[-'’][A-Za-z]+)*|\d+(?:\.\d+)?(?:st|nd|rd|th)?|[^\sA-Za-z\d]")
 _CONTRACTIONS = {
@@ -13,6 +13,9 @@ _CONTRACTIONS = {
     "that's": "that is", "you've": "you have", "you're": "you are", "doesn't": "does not",
 }  # fmt: skip
 _LONGEST = 4
+_OWNERS = frozenset((OBJECT_PHRASES.keys() | ROOM_PHRASES.keys() | DOORS) - {"it", "child"})
+_NEXT_WORD = re.compile(r"\s+([A-Za-z]+)")
+_PLACED = frozenset("ahead on in behind to at right left off next beside just there".split())
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,14 @@ def tokenize(text: str) -> list[Token]:
     for match in _TOKEN.finditer(plain):
         word = match[0].lower()
         for part in _CONTRACTIONS.get(word, word).split():
+            # "The table's on your left" and "the study's door", but "children's room".
+            owner = part.removesuffix("'s")
+            if owner != part and (owner in _OWNERS):
+                after = _NEXT_WORD.match(plain, match.end())
+                raw.append(Token(owner, match.start(), match.end() - 2))
+                if after and after[1].lower() in _PLACED:
+                    raw.append(Token("is", match.end() - 1, match.end()))
+                continue
             raw.append(Token(part, match.start(), match.end()))
     result: list[Token] = []
     k = 0

@@ -11,6 +11,7 @@ from benchmarks.instructions.rewording import reworded
 from tests.instruction_gen.test_instruct import EAST, LEFT, facts_of
 from vlnpe.instruction_gen.checker import check_text
 from vlnpe.instruction_gen.checker.hints import loose_sides
+from vlnpe.instruction_gen.language.ending import last_stop
 from vlnpe.instruction_gen.language.nouns import called
 from vlnpe.instruction_gen.language.parse import parse
 
@@ -67,12 +68,75 @@ def test_the_side_before_behind_is_where_a_thing_was():
 
 def test_a_turn_to_the_only_door_of_the_first_room_need_not_be_stated(two_rooms):
     facts = facts_of(LEFT, two_rooms)
-    text = "Leave the living room, enter the kitchen and stop next to the table."
+    text = "Leave the living room, enter the kitchen and stop just inside."
     assert facts.visits[0].room == "living room" and facts.turns
     first = facts.visits[0]
-    for exits, ok in ((1, True), (2, False)):
-        changed = replace(facts, visits=(replace(first, exits=exits), *facts.visits[1:]))
+    for beyond, ok in (
+        (("kitchen",), True),
+        (("kitchen", "kitchen"), False),
+        (("bedroom", "kitchen"), True),  # one opening leads into the room that is named
+    ):
+        start = replace(first, exits=len(beyond), beyond=beyond)
+        changed = replace(facts, visits=(start, *facts.visits[1:]))
         assert check_text(text, changed).ok is ok
+    nowhere = text.replace("enter the kitchen", "go through the doorway")
+    start = replace(first, exits=2, beyond=("bedroom", "kitchen"))
+    assert not check_text(nowhere, replace(facts, visits=(start, *facts.visits[1:]))).ok
+
+
+@pytest.mark.parametrize(
+    ("text", "stop"),
+    [
+        ("Turn left into the kitchen and go past the sofa to the table.", 1),
+        ("Turn left into the kitchen and walk two metres towards the table.", 1),
+        ("Turn left and walk to the door of the kitchen. Do not go in.", 1),
+        ("Turn left into the kitchen. You should be next to the table.", 1),
+        ("Turn left into the kitchen. Walk up to the table. That's it.", 2),
+        ("Turn left and walk down the hallway to the kitchen.", None),
+        ("Turn left into the kitchen and go past the table.", None),
+    ],
+)
+def test_a_text_may_end_with_where_to_go_or_how_far(text, stop):
+    assert last_stop(parse(text)) == stop
+
+
+def test_what_must_not_be_done_is_negated_to_its_end():
+    read = parse("In the hall don't go left to the kitchen. Ignore the sofa and the bed, and stop.")
+    assert [c.negated for c in read.clauses] == [True, True, False]
+    read = parse("Take the left door, not the right one, which leads to the kitchen, and stop.")
+    assert [c.negated for c in read.clauses] == [False, True, True, False]
+
+
+@pytest.mark.parametrize(
+    ("text", "noun", "side"),
+    [
+        ("Stop with the table at nine o'clock.", "table", "left"),
+        ("Stop with the table at your two o'clock.", "table", "right"),
+        ("Stop once the table's on your left.", "table", "left"),
+        ("Stop there; the table is then on your left.", "table", "left"),
+    ],
+)
+def test_sides_are_read_where_people_say_them(text, noun, side):
+    nouns = [n for c in parse(text).clauses for n in c.nouns]
+    assert (noun, side) in [(n.head, n.side) for n in nouns]
+
+
+@pytest.mark.parametrize(
+    ("text", "metres"),
+    [
+        ("Walk another metre and a half.", 1.5),
+        ("Walk three and a half metres.", 3.5),
+        ("Stop a metre and a half before the bed.", 0.0),
+        ("Turn 45 degrees left.", 0.0),
+    ],
+)
+def test_only_how_far_to_walk_is_a_distance(text, metres):
+    assert max(c.distance_m for c in parse(text).clauses) == metres
+
+
+def test_the_end_of_a_thing_is_no_stop():
+    read = parse("Walk a metre past where the rug ends, to the end of the hallway, and turn left.")
+    assert all(c.verb != "stop" for c in read.clauses)
 
 
 def test_rooms_beside_the_goal_may_be_named(two_rooms):
