@@ -18,7 +18,7 @@ CELL_M = 0.02
 
 
 def true_floor(plan: FloorPlan, cell_m: float = CELL_M) -> tuple[GridSpec, NDArray[np.bool_]]:
-    """Grid and (rows, columns) mask of all floor, beneath furniture too, without walls."""
+    """Return a grid and the mask (rows, columns) of all floor, also under furniture, not walls."""
     lower, upper = plan.bounds()
     grid = GridSpec.covering(lower - 0.5, upper + 0.5, cell_m)
     rows, columns = np.indices(grid.shape)

@@ -27,9 +27,9 @@ from benchmarks import (
     physics,
     render,
     scaling,
-    throughput,
     write,
 )
+from benchmarks.throughput import page as throughput
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.pipeline.engine.executors.base import available_cores
 
@@ -79,7 +79,7 @@ def main(names: list[str]) -> int:
 
 
 def kept_sections(text: str) -> dict[str, str]:
-    """Sections of an earlier page by name."""
+    """Return the sections of an earlier page by name."""
     parts = re.split(r"^<!-- (\w+) -->\n", text, flags=re.MULTILINE)[1:]
     return {name: body.strip() + "\n" for name, body in zip(parts[::2], parts[1::2], strict=True)}
 

@@ -100,7 +100,7 @@ def _row(
 
 
 def _rates(load: Callable[[list[int]], int], numbers: list[int]) -> tuple[float, float]:
-    """Samples per second of the clock, and of the processor."""
+    """Return samples per second of wall time and of CPU time."""
     wall, cpu = time.perf_counter(), time.process_time()
     count = load(numbers)
     return count / (time.perf_counter() - wall), count / (time.process_time() - cpu)

@@ -1,4 +1,4 @@
-"""MCAP: megabytes written and read per second, beside the least that anybody could do.
+"""MCAP: megabytes written and read per second, beside lower bounds of the cost.
 
 The episodes are those of the chain's run. References are measured in the same process, round by
 round in turn: for writing, the SDK logging the same finished messages with the same settings, and a

@@ -148,7 +148,7 @@ def merge_cost(unit: Path, count: int) -> tuple[Any, ...]:
 
 
 def _apart(function: Callable[..., tuple[Any, ...]], *arguments: Any) -> tuple[Any, ...]:
-    """Call in a process of its own, whose peak memory is nobody else's."""
+    """Call in a separate process, so that its peak memory is that of the call alone."""
     with get_context("spawn").Pool(1) as pool:
         return pool.apply(function, arguments)
 

@@ -1,6 +1,6 @@
 """Frames written per second as LeRobot v3 with depth, against LeRobot's own writer.
 
-Everybody gets the same decoded frames, mapped from files that the system holds in memory, and
+All writers get the same decoded frames, mapped from files in the page cache, and
 writes videos of the same codecs and settings. LeRobot's streaming writer drops frames when its
 queue is full; here the queue takes a whole episode.
 """
@@ -245,7 +245,7 @@ def _features(table: Any, size: tuple[int, ...]) -> dict[str, Any]:
 
 
 def _peak_mib(source: Path, folder: Path, episodes: int) -> float:
-    """Peak memory of a process that assembles the same unit again and again."""
+    """Return the peak memory of a process that assembles the same unit many times."""
     unit = folder / "one" / "unit"
     if not unit.is_dir():
         _unit(source, unit)

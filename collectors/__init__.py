@@ -1,1 +1,1 @@
-"""Robots, controllers, locomotion policies, physics replay and rendering (floor 2)."""
+"""Robots, controllers, locomotion policies, physics replay and rendering (layer 2)."""

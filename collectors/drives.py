@@ -23,7 +23,7 @@ class DifferentialDrive:
         """Drive `robot`, which must have a `drive`.
 
         Raises:
-            ValueError: it has none.
+            ValueError: the robot has no `drive`.
         """
         drive = robot.drive
         if drive is None:

@@ -70,10 +70,10 @@ def replay_in(
         world: the level with the robot in it.
         episode: what to do.
         config: how.
-        choose: Return who chooses the discrete actions of a task; the expert when None. It may
-            look at `world`: while it is asked, physics stands still.
-        steer: Return who chooses continuous motions, in the place of the controller's own path or
-            actions. It may look at `world`, too.
+        choose: function that returns the chooser of a task's discrete actions; the expert when
+            None. It may read `world`: physics does not advance while it chooses.
+        steer: function that returns the steerer of a task, whose motions replace the controller's
+            own path or actions. It may read `world`, too.
 
     Raises:
         UnknownNameError: no such controller.

@@ -21,14 +21,14 @@ class ReplayConfig:
         path, speed, flash: settings of each controller.
         outcome: limits beyond which an episode ends.
         physics: how the level becomes physics.
-        spawn_joint_noise_rad: standard deviation of the joint offsets; no two starts are alike.
+        spawn_joint_noise_rad: standard deviation of the joint offsets, so that starts differ.
         settle_least_s, settle_most_s: bounds of the time to settle before the first sample.
         settled_m_s, settled_rad_s: base and joint speeds below which a robot is at rest.
         rest_s: after STOP a robot is at rest once it has been slower than `settled_m_s` for so
             long: at least a frame at 4 frames/s.
         rest_most_s: one that is not at rest by then is judged as it is.
-        after_fall_s: what is still recorded once a robot has fallen; then it is seen whether it
-            is down.
+        after_fall_s: how long a robot is recorded after a fall, at the end of which it is either
+            up or down.
     """
 
     robot: str = "aliengo"

@@ -172,7 +172,7 @@ def read_index(root: Path) -> DatasetIndex:
     check_links(root)
     files = episode_tables(root)
     if not files:
-        raise FileFormatError(root / "meta" / "episodes", "holds no Parquet file")
+        raise FileFormatError(root / "meta" / "episodes", "contains no Parquet file")
     tables = [_read(file, columns, info) for file in files]
     return DatasetIndex(root, info, pa.concat_tables(tables))
 

@@ -68,7 +68,7 @@ class EpisodeReader:
     def rgbd(
         self, entry: EpisodeEntry, first: int = 0, count: int | None = None
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-        """`rgb` and `depth_m` at once, on two threads: decoders leave the interpreter free."""
+        """Return `rgb` and `depth_m`, decoded on two threads: decoders release the GIL."""
         # Opened here: two threads must not change what is open.
         rgb = self._frames(RGB_KEY, entry, first, count)
         if self._depth_is_image:
@@ -81,7 +81,7 @@ class EpisodeReader:
     def rgb(
         self, entry: EpisodeEntry, first: int = 0, count: int | None = None
     ) -> NDArray[np.uint8]:
-        """RGB images (T, H, W, 3) of `count` frames from the episode's `first` on.
+        """Return RGB images (T, H, W, 3) of `count` frames from the episode's `first` on.
 
         Raises:
             FileFormatError: the video is damaged.
@@ -144,7 +144,7 @@ def _part(entry: EpisodeEntry, first: int, count: int | None) -> tuple[int, int]
     if count is None:
         count = entry.length - first
     if first < 0 or count < 1 or first + count > entry.length:
-        raise ValueError(f"frames {first} … {first + count - 1}; the episode has {entry.length}")
+        raise ValueError(f"frames {first} … {first + count - 1}; valid: 0 … {entry.length - 1}")
     return first, count
 
 
@@ -171,7 +171,7 @@ def _depth_range(index: DatasetIndex) -> DepthRange:
 
 
 def _episode_table(entry: EpisodeEntry, keys: Sequence[str]) -> pa.Table:
-    """Only the row groups that hold the episode are read; ours has one per episode."""
+    """Read the row groups that hold the episode; ours has one per episode."""
     path: Path = entry.rows
     check_input(path)
     try:
@@ -190,7 +190,7 @@ def _episode_table(entry: EpisodeEntry, keys: Sequence[str]) -> pa.Table:
 
 
 def _groups(file: pq.ParquetFile, entry: EpisodeEntry) -> list[int]:
-    """Row groups that may hold frames of the episode, by their statistics of `index`."""
+    """Return the row groups that may hold frames of the episode, by statistics of `index`."""
     metadata = file.metadata
     names = [metadata.schema.column(c).path for c in range(metadata.num_columns)]
     column = names.index("index")

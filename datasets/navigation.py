@@ -52,7 +52,9 @@ class NavigationConfig:
 
     def __post_init__(self) -> None:
         if min(self.history, self.future) < 1:
-            raise InputError(f"history {self.history}, future {self.future}; valid: 1 or more")
+            raise InputError(
+                f"history {self.history}, future {self.future}; valid: at least 1 each"
+            )
 
 
 class NavigationDataset(Dataset[dict[str, Any]]):

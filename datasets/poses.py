@@ -20,7 +20,7 @@ def relative(poses: NDArray[np.float64], frame: int) -> NDArray[np.float64]:
 
 
 def motions(poses: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Δx, Δy [m], Δyaw [rad] (T, 3) from each pose to the next, seen from it; the last is zero."""
+    """Return Δx, Δy [m], Δyaw [rad] (T, 3) from each pose to the next, in its frame; last zero."""
     return future_poses(poses, 1)[:, 0]
 
 

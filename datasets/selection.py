@@ -106,7 +106,7 @@ class Selection:
 
 
 def joined_digest(selections: Iterable[Selection]) -> str:
-    """Of several selections, in order."""
+    """Return the digest of several selections, in order."""
     return "-".join(selection.digest for selection in selections)
 
 
@@ -128,7 +128,7 @@ def select_all(datasets: Iterable[DatasetIndex | Path]) -> Selection:
 def common_columns(
     datasets: Sequence[DatasetIndex],
 ) -> dict[str, tuple[str, tuple[int, ...]]]:
-    """Features that all datasets have in the same type and shape: what can be batched together.
+    """Return the features that all datasets have in one type and shape, which can be batched.
 
     Joints and feet differ between robots, so only datasets of one robot have them in common.
     """
@@ -150,5 +150,7 @@ def check_frame_rate(datasets: Iterable[DatasetIndex]) -> int:
     """
     rates = sorted({index.frames_per_second for index in datasets})
     if len(rates) != 1:
-        raise InputError(f"frame rates {rates} frames/s; valid: datasets of one rate")
+        raise InputError(
+            f"the datasets have different frame rates ({rates} frames/s); valid: one rate"
+        )
     return rates[0]

@@ -52,7 +52,7 @@ class SequenceConfig:
     def __post_init__(self) -> None:
         if self.max_steps < 1 or (self.size_px is not None and self.size_px < 8):
             raise InputError(
-                f"max_steps {self.max_steps}, size_px {self.size_px}; valid: 1 or more, 8 or more"
+                f"max_steps {self.max_steps}, size_px {self.size_px}; valid: at least 1 and 8"
             )
 
 

@@ -104,5 +104,5 @@ class OpenVideos:
         return self._open[key]
 
     def __reduce__(self) -> tuple[Callable[[int], OpenVideos], tuple[int]]:
-        """Spawned workers open their own."""
+        """Support pickling: a spawned worker opens its own videos."""
         return OpenVideos, (self._limit,)

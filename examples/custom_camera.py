@@ -15,7 +15,7 @@ from vlnpe.formats.scene.bundle import load_bundle
 
 
 def main(scene: Path, out: Path, position_world_m: tuple[float, float, float]) -> None:
-    camera = CameraModel("mine", width_px=160, height_px=120, hfov_deg=100.0)
+    camera = CameraModel("wide", width_px=160, height_px=120, hfov_deg=100.0)
     # Optical axes (x right, y down, z forward) as columns, in world axes: it looks along +x.
     optical_to_world = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
     renderer = make_renderer(load_bundle(scene))

@@ -1,1 +1,1 @@
-"""Shared records, frames and every file format (floor 1: imports no other room)."""
+"""Shared records, frames and every file format (layer 1: imports no other package)."""

@@ -1,4 +1,4 @@
-"""Give every path of a file its instructions, each checked."""
+"""Write checked instructions for every path of a file."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class InstructResult:
     model: list[Any] = field(default_factory=list)
 
     def usage(self) -> dict[str, Any]:
-        """Requests, tokens and cost of a language model so far; empty without one."""
+        """Return requests, tokens and cost of the language model so far; empty without one."""
         return asdict(self.model[0].budget.used()) if self.model else {}
 
 
@@ -178,7 +178,7 @@ def _writer(
         return composer_writer(config, taken, skeletons)
     settings = config.llm
     if settings is None:
-        raise InputError(f"--writer {config.writer}: no language model is set")
+        raise InputError(f"--writer {config.writer}: no language model is configured")
     # Only now: most runs need no client.
     from .llm.client import Client
     from .llm.local import local_backend
@@ -231,6 +231,6 @@ def with_texts(
 
 
 def path_generator(seed: int, path: str) -> np.random.Generator:
-    """Randomness of one path, the same whatever other paths there are."""
+    """Return the random generator of one path, which depends on no other path."""
     word = int.from_bytes(hashlib.sha256(path.encode()).digest()[:8], "big")
     return np.random.default_rng([seed, word])

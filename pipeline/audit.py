@@ -27,7 +27,7 @@ PERMISSIVE = re.compile(
 )
 COPYLEFT = re.compile(r"\bA?GPL|\bLGPL|GNU|General Public|\bSSPL|\bCC-BY-NC|NonCommercial", re.I)
 COPYLEFT_FILES = re.compile(r"\blib(x26[45]|fdk-aac|avcodec|cdio|smbclient)\b")
-# Package (a `*` stands for any ending) → why it may be used although its metadata would not say so.
+# Package (a `*` matches any suffix) → why it may be used although its metadata do not say so.
 REVIEWED = {
     "av": "BSD-3-Clause; its wheels bundle x264 and x265 (GPL-2.0-or-later), as the README says, "
     "which also names the settings that need neither",

@@ -127,12 +127,13 @@ class Chain:
         planned = {s: row for s, row in scenes.items() if quotas is None or s in quotas}
         before = [row for summary in self.summaries for row in summary.rows]
         parts = {s: self.folder.episodes(f"sampled/{s}") for s in planned}
-        items = [
-            episodes.sample_item(
-                row, self.folder.scenes, parts[s], config, self.seed, (quotas or {}).get(s)
-            )
-            for s, row in planned.items()
-        ]
+
+        def item(scene: str, radius_m: float) -> WorkItem:
+            wanted, quota = config.for_radius(radius_m), (quotas or {}).get(scene)
+            folders = (self.folder.scenes, parts[scene])
+            return episodes.sample_item(planned[scene], *folders, wanted, self.seed, quota)
+
+        items = episodes.items(self.context.ledger, planned, config.robot_radius_m, item)
         self._unselect(align.FILTER_STAGE, align.STAGE)
         sampled = self._stage(episodes.STAGE, items, required=True)
         if quotas is not None:
@@ -246,7 +247,7 @@ class Chain:
             for s, row in rows.items()
         ]
         seen = self._stage(visibility.STAGE, items).good()
-        told = {s: folder.episodes(f"told/{s}") for s in seen}
+        instructed = {s: folder.episodes(f"told/{s}") for s in seen}
         items = [
             instruct.item(
                 s,
@@ -254,7 +255,7 @@ class Chain:
                     scenes=folder.scenes,
                     episodes=parts[s],
                     seen=(folder.seen(s),),
-                    out=told[s],
+                    out=instructed[s],
                     facts=folder.facts(s),
                     cache=folder.root / CACHE,
                     config=config,
@@ -268,7 +269,7 @@ class Chain:
         done = self._stage(instruct.STAGE, items)
         instruct.record_failed(self.context.ledger, done)
         paths, files = episodes.merge(
-            [told[s] for s in done.good()], folder.episodes, self.per_instruction
+            [instructed[s] for s in done.good()], folder.episodes, self.per_instruction
         )
         self.context.ledger.record(files.values())
         self.context.ledger.record_new(folder.root / CACHE)

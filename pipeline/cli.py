@@ -170,6 +170,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(arguments: Sequence[str]) -> int:
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(message)s")
     os.environ.setdefault("MPLCONFIGDIR", str(FONT_LIST_FOLDER))
+    # GLFW's import starts a process in every worker; the renderer `gl` opens EGL itself.
+    os.environ.setdefault("MUJOCO_GL", "disable")
     for argument in arguments:
         if not is_text(Path(argument)):
             _complain(f"{argument!a} is not UTF-8; rename the file or folder")
@@ -178,6 +180,8 @@ def _run(arguments: Sequence[str]) -> int:
     try:
         if verb.name != "verify":  # which must read what the store holds now
             options = _with_local_inputs(options)
+        if (seed := getattr(options, "seed", None)) is not None and seed < 0:
+            raise InputError(f"SEED={seed}: valid: 0 and above")
         if check := getattr(options, "check", None):
             check()  # before seconds of imports
         with without_interrupts():

@@ -21,7 +21,7 @@ from ..formats.lerobot.layout import CODEBASE_VERSION, INFO_PATH, PROVENANCE_PAT
 CARD = "README.md"
 REPO = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*/[A-Za-z0-9][A-Za-z0-9._-]*")
 TAG = re.compile(r"[A-Za-z][A-Za-z0-9._-]{0,95}")
-# LeRobot takes tags that look like versions for versions of the format.
+# LeRobot takes tags that look like versions to be versions of the format.
 VERSION_LIKE = re.compile(r"v?\d+(\.\d+)*", re.IGNORECASE)
 # Of an earlier release; replaced as a whole.
 OURS = ["data/*", "meta/*", "videos/*", f"{ROLLOUTS_PATH.partition('/')[0]}/*", "*.png"]

@@ -104,7 +104,7 @@ def looking_commands(folder: RunFolder, summaries: Sequence[StageSummary], page:
     datasets = [folder.root / row.outputs[0] for row in made if row.stage == "dataset"]
     episodes = [folder.root / row.outputs[0] for row in made if row.stage == "mcap"]
     uvx = f"{find_uv('uvx') or 'uvx'} --python {shlex.quote(sys.executable)}"
-    lines = ["Look at it:"]
+    lines = ["View the results:"]
     if datasets:
         data = datasets[0]
         lines.append(

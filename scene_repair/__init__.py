@@ -1,1 +1,1 @@
-"""A scan in, a simulation-ready scene out (floor 2)."""
+"""A scan in, a simulation-ready scene out (layer 2)."""

@@ -44,18 +44,18 @@ MAX_CELLS = 30_000_000
 Reader = Callable[[Path, RepairConfig, Callable[[str], None]], Scan]
 
 
-def read_surface(source: Path, config: RepairConfig, tell: Callable[[str], None]) -> Scan:
+def read_surface(source: Path, config: RepairConfig, report: Callable[[str], None]) -> Scan:
     """Read a mesh, USD stage or point cloud; see `read_scan`.
 
     Raises:
         FileFormatError: as `read_scan`.
         InputError: a collision surface is given for what has a surface of its own.
     """
-    tell(f"reading {source.name}")
+    report(f"reading {source.name}")
     scan = read_scan(source)
     if config.collision:
         raise InputError(
-            f"--collision {config.collision}: {source.name} has a surface of its own; "
+            f"--collision {config.collision}: {source.name} already has a surface; "
             "valid: Gaussian splats"
         )
     return scan
@@ -86,29 +86,29 @@ def repair_scene(
         SceneError: it holds a mesh, but no building with a floor.
     """
     config = config or RepairConfig()
-    tell = progress or log.info
+    report = progress or log.info
     source = Path(source)
-    scan = read(source, config, tell)
+    scan = read(source, config, report)
     scan = replace(scan, licence=scan.licence or licence_beside(source))
     scan, boxes = label_scan(source, scan)
     way = orient(scan, config)
     scan = label_by_boxes(scan, boxes, way.source_to_world)
-    tell(
+    report(
         f"up {way.evidence['up']} ({way.evidence['up_reason']}), "
         f"unit {way.evidence['unit']} ({way.evidence['unit_reason']})"
     )
     original = WorldMesh.of(scan, way.source_to_world)
     coarse, fine = _grids(original, config)
-    tell(f"finding floors among {len(scan.faces):,} triangles")
+    report(f"finding floors among {len(scan.faces):,} triangles")
     found, ignore = _find_floors(original, fine, not_floor(scan), config)
-    floors = _repair_floors(scan, original, found, ignore, config, tell)
+    floors = _repair_floors(scan, original, found, ignore, config, report)
     mesh = floors[-1].mesh
-    tell("building collision and freemaps")
+    report("building collision and freemaps")
     levels = [build_collision(mesh, floor, coarse, config) for floor in floors]
     visual, labels = _visual(mesh, floors[-1].objects, floors)
-    tell("probing the floor")
+    report("probing the floor")
     probed = [probe_level(visual, level) for level in levels]
-    tell("writing")
+    report("writing")
     repaired = Repaired(
         source=source,
         scan=scan,
@@ -171,14 +171,14 @@ def _repair_floors(
     found: list[ScannedFloor],
     ignore: NDArray[np.bool_],
     config: RepairConfig,
-    tell: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> list[RepairedFloor]:
     """Repair the floors one after the other; each starts from the mesh of the one before."""
     structure = structural(scan)
     materials, objects = scan.materials, scan.objects
     floors: list[RepairedFloor] = []
     for k, scanned in enumerate(found):
-        tell(f"repairing the floor of level {k}")
+        report(f"repairing the floor of level {k}")
         added = np.zeros(len(mesh.faces) - len(ignore), dtype=bool)
         floor = repair_floor(
             mesh,

@@ -33,7 +33,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Leave out, with `--core`, test files that import anything beyond the core, as text tells."""
+    """Leave out, with `--core`, test files whose text imports anything beyond the core."""
     if not (config.getoption("--core") and collection_path.suffix == ".py"):
         return None
     source = collection_path.read_text()
@@ -47,7 +47,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Start files with slow tests first: workers take whole files, and none should end alone."""
+    """Start files with slow tests first: workers take whole files, and should end together."""
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
 
@@ -60,7 +60,7 @@ def _make_threads_ordinary() -> Iterator[Callable[[], None]]:
 
 @pytest.fixture(autouse=True)
 def _threads_stay_ordinary(_make_threads_ordinary: Callable[[], None]) -> Iterator[None]:
-    """LeRobot's writer, too, lets SVT-AV1 make this process real-time, which starves all others.
+    """Undo real-time scheduling, which LeRobot's writer lets SVT-AV1 set, starving other processes.
 
     Before each test as well: fixtures of modules run earlier.
     """

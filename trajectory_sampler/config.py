@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..formats.core.errors import InputError, UnknownNameError
 from ..formats.scene import FULL_HEIGHT_M
@@ -100,6 +100,11 @@ class SampleConfig:
                 f"detour {self.max_detour}, turning {self.max_turning_deg}°; valid: from 1 and "
                 "from 0 on"
             )
+
+    def for_radius(self, radius_m: float) -> SampleConfig:
+        """Return the same for a robot of another radius [m], with room for it at both ends."""
+        ends_m = max(SampleConfig.end_clearance_m, radius_m)
+        return replace(self, robot_radius_m=radius_m, end_clearance_m=ends_m)
 
 
 def check_free_height(free_height_m: float) -> None:

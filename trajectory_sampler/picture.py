@@ -61,10 +61,7 @@ def write_pictures(folder: Path, bundle: SceneBundle, episodes: Sequence[Episode
     written = []
     for level in sorted({episode.level for episode in episodes}):
         here = [episode for episode in episodes if episode.level == level]
-        free_height_m = here[0].free_height_m
-        freemap = bundle.freemap(level)
-        if free_height_m is not None:
-            freemap = freemap.for_height(free_height_m)
+        freemap = bundle.freemap(level).for_height(here[0].free_height_m)
         path = folder / f"{bundle.scene_id}-{level}.png"
         write_bytes(path, _png(draw_paths(freemap, here)))
         written.append(path)

@@ -33,6 +33,7 @@ class SampleResult:
             `family_of_another_split`, `unsafe`.
         missing: how many each split lacks; empty when all quotas are filled.
         gap_m: least distance between two paths at which these were found [m].
+        clear_for_m: radius for which all of them are free, the configured one or more [m].
         enough_at_m: without `relax`, the gap at which the scene does hold all that were asked for;
             None when no gap that was tried does, or when nothing is missing [m].
     """
@@ -42,6 +43,7 @@ class SampleResult:
     dropped: dict[str, int] = field(default_factory=dict)
     missing: dict[str, int] = field(default_factory=dict)
     gap_m: float = 0.0
+    clear_for_m: float = 0.0
     enough_at_m: float | None = None
 
     @property
@@ -86,12 +88,14 @@ def sample_episodes(
     kept: list[Candidate] | None = None
     gap_m = config.min_gap_m
     enough_at_m = None
+    clear_for_m = config.robot_radius_m
     for radius_m, gap_m in _attempts(config):
         if gap_m < config.min_gap_m and kept is None and not config.relax:
             kept = list(search.kept)  # what counts; from here on it is only advice
         search.fill(wanted, radius_m, gap_m)
         if search.complete(wanted):
             enough_at_m = gap_m if kept is not None else None
+            clear_for_m = radius_m if kept is None else clear_for_m
             break
     kept = search.kept if kept is None else kept
     total = sum(wanted.values())
@@ -101,7 +105,7 @@ def sample_episodes(
         raise SceneError(_nothing(bundle, config, SampleResult([], total, dict(search.dropped))))
     result = SampleResult(
         _episodes(bundle, kept, wanted, config, rng), total, dict(search.dropped), missing,
-        gap_m if config.relax else config.min_gap_m, enough_at_m,
+        gap_m if config.relax else config.min_gap_m, clear_for_m, enough_at_m,
     )  # fmt: skip
     _warn(bundle, kept, config, result)
     return result

@@ -31,8 +31,8 @@ _MIN_ROOM_M2 = 2.5
 # Space farther than this from any labelled room (a doorway's depth) belongs to none.
 _REACH_M = 1.0
 
-# What a room without a label is called by what stands in it. Rooms of one open space are told
-# apart by these things too.
+# How a room without a label is named by what stands in it. These things also distinguish the rooms
+# of one open space.
 ROOM_OF_OBJECT = {
     "bed": "bedroom",
     "nightstand": "bedroom",

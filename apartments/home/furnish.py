@@ -60,7 +60,7 @@ def _corner_things(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list
 
 
 def living_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
-    """Sofa with coffee table and rug, television opposite, shelf, armchair, perhaps dining."""
+    """Return a sofa with coffee table and rug, a television, shelf, armchair, perhaps a table."""
     pieces: list[Piece] = []
     for seats in (3, 2):
         couch = seating.sofa(kit, rng, seats)
@@ -172,7 +172,7 @@ def study(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
 
 
 def bathroom(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
-    """Tub, toilet, washbasin with mirror, washing machine, towels."""
+    """Return a tub, toilet, washbasin with mirror, washing machine and towels."""
     items = [
         alone(bath.toilet(kit, rng), 0.5, on_window=True),
         alone(bath.bathtub(kit, rng), 0.5, on_window=True),
@@ -187,7 +187,7 @@ def bathroom(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece
 
 
 def hallway(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
-    """Shallow things only: shoe cabinet, bench; a runner rug."""
+    """Return shallow things only: a shoe cabinet, a bench, a runner rug."""
     items = [alone(storage.shoe_cabinet(kit, rng), 0.5), alone(seating.bench(kit, rng), 0.5)]
     size = space.room.size_m
     long = int(size[1] > size[0])

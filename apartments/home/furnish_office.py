@@ -75,7 +75,7 @@ def meeting_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[P
 
 
 def restroom(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
-    """Toilets, a washbasin, a bin."""
+    """Return toilets, a washbasin and a bin."""
     items = [alone(bath.toilet(kit, rng), 0.5, on_window=True)]
     items += [Arrangement(tuple(bath.washbasin(kit, rng)), 0.5)]
     items += [alone(bath.toilet(kit, rng), 0.5, on_window=True), alone(storage.bin_(kit, rng), 0.1)]

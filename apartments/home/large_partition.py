@@ -16,7 +16,7 @@ _LEAST_ROOM_M = 3.0
 
 
 def _rooms_along(rng: np.random.Generator, length_m: float, wet: int) -> list[str]:
-    """Roles of a row of rooms that fill `length_m`: so many bathrooms and as many rooms as fit."""
+    """Return roles of a row of rooms along `length_m`: the bathrooms, and as many rooms as fit."""
     count = int((length_m - 2.4 * wet) // rng.uniform(3.9, 4.9))
     return shuffled(rng, ["wet"] * wet + ["room"] * max(count, 1))
 
@@ -73,7 +73,7 @@ def wings(rng: np.random.Generator) -> list[Cell]:
 
 
 def middle(rng: np.random.Generator) -> list[Cell]:
-    """Living room and kitchen in the middle, a corridor with rooms on both sides of each."""
+    """Return living room and kitchen in the middle, with a corridor and rooms on both sides."""
     first, last = rng.uniform(6.6, 8.4), rng.uniform(6.6, 8.4)
     center = rng.uniform(5.4, 7.0)
     low = rng.uniform(4.0, 5.2)
@@ -103,7 +103,7 @@ VILLAS: dict[str, Callable[[np.random.Generator], list[Cell]]] = {
 
 
 def house(rng: np.random.Generator) -> list[list[Cell]]:
-    """Two storeys of one outline: a corridor, rooms before it, rooms and the stairs behind it."""
+    """Return two storeys of one outline: a corridor, rooms before it, rooms and stairs behind."""
     width = rng.uniform(11.4, 13.0)
     low = rng.uniform(3.9, 4.6)
     high = low + rng.uniform(1.7, 2.0)
@@ -133,7 +133,7 @@ def house(rng: np.random.Generator) -> list[list[Cell]]:
 
 
 def office(rng: np.random.Generator) -> list[Cell]:
-    """An open-plan office, a corridor along it, and a row of small rooms behind the corridor."""
+    """Return an open-plan office, a corridor along it, and a row of small rooms behind that."""
     width = rng.uniform(22.0, 30.0)
     low = rng.uniform(9.5, 12.5)
     high = low + rng.uniform(1.9, 2.3)

@@ -33,7 +33,7 @@ Span = tuple[float, float]
 
 
 def contact(a: Cell, b: Cell) -> tuple[int, int, float, float] | None:
-    """Common wall of two cells seen from `a`: (axis, sign, start, end), None without one."""
+    """Return the common wall of two cells seen from `a`: (axis, sign, start, end), or None."""
     low = np.array([a[1:3], b[1:3]])
     high = np.array([a[3:5], b[3:5]])
     for axis, sign in SIDES:
@@ -149,7 +149,7 @@ class Openings:
     def _chosen(
         self, usable: dict[tuple[int, int], tuple[int, int, float, float]]
     ) -> list[tuple[int, int]] | None:
-        """Pairs of rooms to join so that all are reached, through public rooms where possible."""
+        """Return pairs of rooms to join so that all are reached, public rooms first."""
         rng, rooms = self._rng, self._rooms
 
         def cost(pair: tuple[int, int]) -> float:
@@ -212,7 +212,7 @@ class Openings:
         return []
 
     def windows(self, openings: Sequence[Opening], ceiling_m: float) -> list[Opening]:
-        """Windows on outer walls: small and high in bathrooms, some low in living rooms."""
+        """Return windows on outer walls: small and high in bathrooms, some low in living rooms."""
         rng = self._rng
         windows: list[Opening] = []
         for index, room in enumerate(self._rooms):

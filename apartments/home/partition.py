@@ -62,7 +62,7 @@ def corridor(rng: np.random.Generator) -> list[Cell]:
 
 
 def hub(rng: np.random.Generator) -> list[Cell]:
-    """A large living room in the middle, rooms on its left and right, a small entrance hall."""
+    """Return a large living room in the middle, rooms on both sides, a small entrance hall."""
     left, middle, right = rng.uniform(3.2, 4.0), rng.uniform(4.2, 5.2), rng.uniform(3.2, 4.0)
     depth = rng.uniform(8.4, 10.0)
     hall = rng.uniform(1.9, 2.4)

@@ -21,7 +21,7 @@ Place = Callable[[float, float, float], np.ndarray]
 
 
 def wall_frame(room: Room, axis: int, sign: int) -> Place:
-    """Maps (along, outward, height) [m] at one side of a room to a world point (3,)."""
+    """Return the map (along, outward, height) [m] → world point (3,) for one side of a room."""
     face = room.wall_at(axis, sign)
 
     def place(along: float, outward: float, height: float) -> np.ndarray:

@@ -62,7 +62,7 @@ class RoomSpace:
         self.entrances.append(point)
 
     def fits(self, item: Arrangement) -> bool:
-        """Whether `item`, already in place, respects walls, doors, windows and other furniture."""
+        """Return whether `item`, in place, respects walls, doors, windows and other furniture."""
         bounds = item.bounds()
         flat = bounds[:, :2]
         if np.any(flat[0] < self.bounds[0]) or np.any(flat[1] > self.bounds[1]):

@@ -21,7 +21,7 @@ _RAIL_M, _RAIL_DEPTH_M = 0.95, 0.06
 
 
 def stairs_block(rooms: Sequence[Room], wall_m: float, rise_m: float) -> Block:
-    """Where the stairs stand in the stairwell among `rooms`: along a side wall, from the front.
+    """Return the stairs in the stairwell among `rooms`: along a side wall, from the front.
 
     Args:
         rooms: of the lower storey, one of them a `stairwell` with a `hallway` before it.
@@ -96,13 +96,13 @@ class _Frame:
 
 
 def _flight(height_m: float) -> tuple[int, float, float]:
-    """Risers of one of two flights that climb `height_m`, the height of each, the flight's run."""
+    """Return the risers of one of two flights up `height_m`, the height of each, and the run."""
     risers = max(round(height_m / _RISER_M / 2), 2)
     return risers, height_m / risers / 2, (risers - 1) * _TREAD_M
 
 
 def eyes_on_stairs(block: Block) -> list[tuple[float, float, float]]:
-    """Eye positions [m] of a person on both flights and on the landing, above the lower floor."""
+    """Return eye positions [m] on both flights and the landing, above the lower floor."""
     frame, flight = _Frame.of(block), (_WIDTH_M - _SPINE_M) / 2
     _, _, run = _flight(block.top_m)
     low, high = flight / 2 + 0.05, _WIDTH_M - flight / 2

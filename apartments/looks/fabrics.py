@@ -10,13 +10,13 @@ from .noise import Image, blend, canvas, colored, fractal, grain, noise, to_imag
 
 
 def board(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike) -> Image:
-    """Return the furniture wood, grain along x."""
+    """Paint furniture wood, grain along x."""
     cloud = fractal(rng, shape, (2, 3), 3)
     return to_image(colored(base, 1 + 0.1 * wood_field(rng, shape) + 0.03 * cloud))
 
 
 def weave(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike) -> Image:
-    """Return the upholstery cloth."""
+    """Paint upholstery cloth."""
     y, x = np.arange(shape[0])[:, None], np.arange(shape[1])[None, :]
     thread = 0.06 * np.sin(2 * np.pi * y / 4) * np.sin(2 * np.pi * x / 4)
     slub = noise(rng, shape, (shape[0] // 2, shape[1] // 24)) + noise(
@@ -29,7 +29,7 @@ def weave(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike) -> 
 def plaid(
     rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike, other: ArrayLike, count: int
 ) -> Image:
-    """Checked blanket."""
+    """Paint a checked blanket."""
 
     def bands(size: int) -> np.ndarray:
         phase = (np.arange(size) * count / size) % 1.0
@@ -44,7 +44,7 @@ def plaid(
 def quilt(
     rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike, other: ArrayLike, style: int
 ) -> Image:
-    """Bed linen: 0 stripes, 1 dots, 2 plain with folds, 3 large leaves."""
+    """Paint bed linen: 0 stripes, 1 dots, 2 plain with folds, 3 large leaves."""
     y, x = np.arange(shape[0])[:, None], np.arange(shape[1])[None, :]
     folds = 1 + 0.05 * fractal(rng, shape, (4, 6), 3) + grain(rng, shape, 0.012)
     if style == 0:
@@ -63,7 +63,7 @@ def quilt(
 def rug(
     rng: np.random.Generator, shape: tuple[int, int], colors: list[tuple[int, int, int]]
 ) -> Image:
-    """Return a whole rug: border, fringe and a mirrored or geometric field."""
+    """Paint a whole rug: border, fringe and a mirrored or geometric field."""
     height, width = shape
     y = np.abs(np.linspace(-1, 1, height, dtype=np.float32))[:, None]
     x = np.abs(np.linspace(-1, 1, width, dtype=np.float32))[None, :]
@@ -94,21 +94,21 @@ def rug(
 
 
 def marble(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike, vein: float) -> Image:
-    """Stone worktop with veins."""
+    """Paint a stone worktop with veins."""
     cloud = fractal(rng, shape, (3, 3), 5)
     veins = np.exp(-((fractal(rng, shape, (2, 3), 5) / 0.06) ** 2))
     return to_image(colored(base, 1 + 0.04 * cloud - vein * veins + grain(rng, shape, 0.01)))
 
 
 def brushed(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike) -> Image:
-    """Brushed metal with a broad sheen."""
+    """Paint brushed metal with a broad sheen."""
     lines = noise(rng, shape, (shape[0] // 2, 3))
     sheen = noise(rng, shape, (3, 3))
     return to_image(colored(base, 1 + 0.03 * lines + 0.06 * sheen))
 
 
 def leaves(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike) -> Image:
-    """Foliage: light leaves over dark gaps."""
+    """Paint foliage: light leaves over dark gaps."""
     field = noise(rng, shape, (shape[0] // 9, shape[1] // 9))
     fine = noise(rng, shape, (shape[0] // 4, shape[1] // 4))
     factor = np.clip(0.85 + 0.32 * field + 0.14 * fine, 0.25, 1.5)
@@ -118,7 +118,7 @@ def leaves(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike) ->
 
 
 def wicker(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike) -> Image:
-    """Basket weave."""
+    """Paint a basket weave."""
     y, x = np.arange(shape[0])[:, None] / 6.0, np.arange(shape[1])[None, :] / 9.0
     over = np.sin(np.pi * y) * np.sign(np.sin(np.pi * x + np.pi * np.floor(y)))
     return to_image(

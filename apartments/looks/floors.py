@@ -9,7 +9,7 @@ from .noise import Field, Image, blend, colored, fractal, grain, noise, to_image
 
 
 def wood_field(rng: np.random.Generator, shape: tuple[int, int]) -> Field:
-    """Grain of wood running along x, about −1…1."""
+    """Return the grain of wood along x, about −1…1."""
     rows, columns = shape
     warp = noise(rng, shape, (max(rows // 90, 2), max(columns // 300, 2)))
     y = np.linspace(0, 1, rows, endpoint=False, dtype=np.float32)[:, None]
@@ -27,7 +27,7 @@ def planks(
     base: ArrayLike,
     contrast: float = 1.0,
 ) -> Image:
-    """Return the boards along x with their own tone, grain and dark grooves."""
+    """Paint boards along x, each with its own tone and grain, and dark grooves."""
     height, width = shape
     y, x = np.arange(height)[:, None], np.arange(width)[None, :]
     board_h, board_w = height / rows, width / per_row
@@ -56,7 +56,7 @@ def planks(
 def herringbone(
     rng: np.random.Generator, shape: tuple[int, int], block: int, base: ArrayLike
 ) -> Image:
-    """Herringbone parquet; `block` is the short side in pixels, boards are four times as long."""
+    """Paint herringbone parquet of boards `block` pixels wide and four times as long."""
     height, width = shape
     y, x = np.meshgrid(np.arange(height) // block, np.arange(width) // block, indexing="ij")
     phase = (x - y) % 8
@@ -90,7 +90,7 @@ def tiles(
     offset: bool = False,
     grout_px: float = 1.6,
 ) -> Image:
-    """Return the tiles with grout.
+    """Paint tiles with grout.
 
     Args:
         rng: source of randomness.
@@ -130,7 +130,7 @@ def tiles(
 
 
 def carpet(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike) -> Image:
-    """Wall-to-wall carpet: tufts and faint tracks."""
+    """Paint a wall-to-wall carpet: tufts and faint tracks."""
     tufts = noise(rng, shape, (shape[0] // 3, shape[1] // 3))
     tracks = fractal(rng, shape, (4, 4), 3)
     speck = noise(rng, shape, (shape[0] // 6, shape[1] // 6))
@@ -138,7 +138,7 @@ def carpet(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike) ->
 
 
 def terrazzo(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike) -> Image:
-    """Stone chips in cement."""
+    """Paint stone chips in cement."""
     color = colored(base, 1 + 0.02 * fractal(rng, shape, (4, 4), 3) + grain(rng, shape, 0.012))
     for chip in ((120, 95, 80), (235, 230, 222), (88, 92, 96), (178, 140, 104)):
         field = noise(rng, shape, (shape[0] // 11, shape[1] // 11))
@@ -147,7 +147,7 @@ def terrazzo(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike) 
 
 
 def concrete(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike) -> Image:
-    """Polished concrete."""
+    """Paint polished concrete."""
     cloud = fractal(rng, shape, (3, 3), 6)
     pores = noise(rng, shape, (shape[0] // 3, shape[1] // 3)) > 2.6
     return to_image(

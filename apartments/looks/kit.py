@@ -80,7 +80,7 @@ class Kit:
         )
 
     def linen(self, k: int, style: int) -> int:
-        """Bed linen in a cloth colour on off-white."""
+        """Return bed linen in a cloth colour on off-white."""
         color = self.cloth_color(k)
         return self.palette.get(
             f"linen {color} {style}",
@@ -89,7 +89,7 @@ class Kit:
         )
 
     def plain(self, name: str, color: tuple[int, int, int]) -> int:
-        """Lacquer of a given colour."""
+        """Return lacquer of a given colour."""
         return self.palette.get(
             f"lacquer {name}", lambda r, s: lacquer(s, r, color), (1.0, 1.0), 120.0
         )
@@ -173,6 +173,6 @@ class Kit:
         return self.palette.unique("front", draw, (width_m, height_m))
 
     def front_color(self, k: int) -> int:
-        """Lacquer that matches `front` without wood."""
+        """Return lacquer that matches `front` without wood."""
         name = self.front_names[k % len(self.front_names)]
         return self.plain(f"front {name}", FRONTS[name])

@@ -10,7 +10,7 @@ from .noise import Image, blend, canvas, colored, fractal, grain, noise, to_imag
 
 
 def painting(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
-    """A picture for the wall: landscape, abstract shapes or colour fields, in a white mat."""
+    """Paint a picture for the wall: landscape, abstract shapes or colour fields, in a white mat."""
     color = [_landscape, _shapes, _fields][int(rng.integers(3))](rng, shape)
     mat = int(0.1 * min(shape))
     if rng.random() < 0.6:
@@ -69,7 +69,7 @@ def _fields(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
 
 
 def window_view(rng: np.random.Generator, shape: tuple[int, int], panes: int) -> Image:
-    """Bright daylight outside: sky, clouds, distant houses or trees, behind a frame of panes."""
+    """Paint daylight outside: sky, clouds, distant houses or trees, behind a frame of panes."""
     height, width = shape
     y = np.linspace(0, 1, height, dtype=np.float32)[:, None]
     color = canvas(shape, (0, 0, 0))
@@ -104,7 +104,7 @@ def window_view(rng: np.random.Generator, shape: tuple[int, int], panes: int) ->
 
 
 def book_spines(rng: np.random.Generator, shape: tuple[int, int], tint: ArrayLike) -> Image:
-    """Return a row of books standing on a shelf.
+    """Paint a row of books standing on a shelf.
 
     The gap above them is the dark back of the shelf.
     """
@@ -140,7 +140,7 @@ def front(
     framed: bool = False,
     wood: np.ndarray | None = None,
 ) -> Image:
-    """Cupboard doors or drawers: `rows` × `columns` leaves with joints, frames and handles."""
+    """Paint cupboard doors or drawers: `rows` × `columns` leaves with joints and handles."""
     height, width = shape
     color = (
         colored(base, 1 + 0.01 * fractal(rng, shape, (3, 3), 3))
@@ -175,7 +175,7 @@ def front(
 
 
 def oven(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
-    """Oven front: panel with knobs and a clock over a dark door."""
+    """Paint an oven's front: panel with knobs and a clock over a dark door."""
     height, width = shape
     color = colored((172, 174, 176), 1 + 0.02 * noise(rng, shape, (height // 2, 3)))
     panel = height // 5
@@ -189,7 +189,7 @@ def oven(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
 
 
 def washer(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
-    """Front of a washing machine."""
+    """Paint the front of a washing machine."""
     height, width = shape
     color = canvas(shape, (232, 233, 234)) * (1 + grain(rng, shape, 0.006))[..., None]
     color = np.ascontiguousarray(color)
@@ -204,7 +204,7 @@ def washer(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
 
 
 def screen(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
-    """Return a dark screen that reflects the room faintly."""
+    """Paint a dark screen that reflects the room faintly."""
     height, width = shape
     y, x = np.linspace(0, 1, height)[:, None], np.linspace(0, 1, width)[None, :]
     sheen = np.exp(-(((x - y * 0.5 - 0.35) / 0.12) ** 2)) + 0.4 * np.exp(-(((x - 0.8) / 0.1) ** 2))
@@ -214,14 +214,14 @@ def screen(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
 
 
 def mirror(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
-    """Return a mirror as a still picture of a bright, blurred room."""
+    """Paint a mirror as a still picture of a bright, blurred room."""
     blur = fractal(rng, shape, (3, 2), 2)
     y = np.linspace(1.06, 0.86, shape[0], dtype=np.float32)[:, None]
     return to_image(colored((196, 204, 208), y + 0.05 * blur))
 
 
 def panel_door(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike) -> Image:
-    """Return a closed door leaf with two panels, handle and spyhole."""
+    """Paint a closed door leaf with two panels, handle and spyhole."""
     height, width = shape
     color = colored(base, 1 + 0.02 * noise(rng, shape, (3, width // 3)))
     color = np.ascontiguousarray(color)
@@ -243,7 +243,7 @@ def panel_door(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike
 
 
 def clock(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
-    """Return a round clock face."""
+    """Paint a round clock face."""
     side = min(shape)
     color = canvas(shape, (242, 240, 232))
     middle = (shape[1] // 2, shape[0] // 2)

@@ -12,7 +12,7 @@ from .noise import Image, blend, canvas, colored, fractal, grain, noise, to_imag
 def plaster(
     rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike, scuffs: float = 0.06
 ) -> Image:
-    """Painted plaster: roller texture, faint clouds, a few scuffs of the given darkness."""
+    """Paint plaster: roller texture, faint clouds, a few scuffs of the given darkness."""
     roller = noise(rng, shape, (shape[0] // 3, shape[1] // 3))
     cloud = fractal(rng, shape, (3, 3), 4)
     scuff = np.clip(noise(rng, shape, (shape[0] // 12, shape[1] // 30)) - 2.9, 0, 1)
@@ -22,7 +22,7 @@ def plaster(
 def stripes(
     rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike, other: ArrayLike, count: int
 ) -> Image:
-    """Wallpaper with upright stripes and a thin line beside each."""
+    """Paint wallpaper with upright stripes and a thin line beside each."""
     phase = (np.arange(shape[1]) * count / shape[1]) % 1.0
     wide = np.broadcast_to((phase < 0.45).astype(np.float32), shape)
     line = np.broadcast_to((np.abs(phase - 0.72) < 0.025).astype(np.float32), shape)
@@ -34,7 +34,7 @@ def stripes(
 def damask(
     rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike, other: ArrayLike, count: int
 ) -> Image:
-    """Wallpaper with a repeated ornament made of a few harmonics."""
+    """Paint wallpaper with a repeated ornament made of a few harmonics."""
     y = np.arange(shape[0], dtype=np.float32)[:, None] / shape[0] * count * 2 * np.pi
     x = np.arange(shape[1], dtype=np.float32)[None, :] / shape[1] * count * 2 * np.pi
     a, b = rng.uniform(0.6, 1.4, 2)
@@ -50,7 +50,7 @@ def damask(
 
 
 def bricks(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike) -> Image:
-    """Return the brickwork, about 25 × 7 cm per brick when the image covers 1.5 × 1.5 m."""
+    """Paint brickwork, about 25 × 7 cm per brick when the image covers 1.5 × 1.5 m."""
     wall = tiles(rng, shape, (20, 6), base, grout=(186, 180, 170), offset=True, grout_px=2.2)
     worn = 1 + 0.07 * fractal(rng, shape, (8, 8), 4) + grain(rng, shape, 0.03)
     return to_image(wall.astype(np.float32) * worn[..., None])
@@ -59,7 +59,7 @@ def bricks(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike) ->
 def panelling(
     rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike, count: int
 ) -> Image:
-    """Painted tongue-and-groove boards."""
+    """Paint tongue-and-groove boards."""
     phase = (np.arange(shape[1]) * count / shape[1]) % 1.0
     profile = (
         1 - 0.28 * np.exp(-((phase / 0.035) ** 2)) + 0.05 * np.exp(-(((phase - 0.93) / 0.03) ** 2))
@@ -69,5 +69,5 @@ def panelling(
 
 
 def paint(shape: tuple[int, int], rng: np.random.Generator, base: ArrayLike) -> Image:
-    """Smooth lacquer on wood or metal."""
+    """Paint smooth lacquer on wood or metal."""
     return to_image(canvas(shape, base) * (1 + 0.012 * fractal(rng, shape, (3, 3), 3))[..., None])

@@ -37,7 +37,7 @@ class Tracer:
         self._corners = np.ascontiguousarray(corners_m, dtype=np.float32)
         self._mesh = TriangleMesh(self._scene, self._corners)
         self._scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
-        # Never from two threads: scans have been seen to spin without end on a busy machine.
+        # On one thread only: with two, scans on a busy machine have hung.
 
     def first(
         self, origins_m: NDArray[np.floating], directions: NDArray[np.floating], reach_m: float

@@ -1,7 +1,7 @@
 """Measure reading of VLN-CE files and sampling: `python -m benchmarks.episodes [scene …]`.
 
-Without folders it generates an apartment and an office in their exact geometry. CPU
-seconds of one process are told, because they do not depend on what else the machine does.
+Without folders it generates an apartment and an office in their exact geometry. It reports CPU
+seconds of one process, which do not depend on what else the machine does.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def _reading(folder: Path) -> None:
 
 
 def _index() -> None:
-    """Time of a look-up with few and with many paths kept, on the floor of ten villas."""
+    """Return the time of a look-up with few and with many paths kept, in ten villas."""
     rng = np.random.default_rng(0)
     for count in (100, 1_000, 10_000):
         index = PathIndex(2.0)

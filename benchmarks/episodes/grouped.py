@@ -1,12 +1,12 @@
 """One walk per path or one per instruction: `python -m benchmarks.episodes.grouped SCENES OUT`.
 
-SCENES is a folder of repaired scenes. Paths are sampled in them and told three times, and written
+SCENES is a folder of repaired scenes. Paths are sampled in them, described three times, and written
 as R2R is: Habitat's coordinates, an episode per instruction, three episodes of a `trajectory_id`. A
-second file has the same episodes, each with a `trajectory_id` of its own, as if they were
-different paths. Both are aligned, replayed, rendered and exported by the commands of the product
-with one worker. CPU seconds, disk and the largest process are measured, and extrapolated to 3,000
-paths. A run that was stopped goes on with the stage it was in, from its beginning; the measurements
-of the others are in OUT/measured.json.
+second file has the same episodes, each with a `trajectory_id` of its own, as if they were different
+paths. Both are aligned, replayed, rendered and exported by the commands of the product with
+`--workers` processes. CPU seconds, disk and the largest process are measured, and extrapolated to
+3,000 paths. A run that was stopped goes on with the stage it was in, from its beginning; the
+measurements of the others are in OUT/measured.json.
 """
 
 from __future__ import annotations
@@ -44,6 +44,7 @@ def main() -> int:
     parser.add_argument("--paths", type=int, default=60)
     parser.add_argument("--image", type=int, default=256, help="width and height [px]")
     parser.add_argument("--robot", default="aliengo")
+    parser.add_argument("--workers", type=int, default=1)
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     journal = options.out / "measured.json"
@@ -69,12 +70,14 @@ def fixture(options: argparse.Namespace) -> None:
         return
     scenes = list(scenes_in(options.scenes))
     count = -(-options.paths // len(scenes))
-    sampled, told = out / "sampled.json.gz", out / "told.json.gz"
-    flags = ["--count", str(count), "--robot", options.robot, "--workers", "1"]
+    sampled, instructed = out / "sampled.json.gz", out / "told.json.gz"
+    workers = ["--workers", str(options.workers)]
+    flags = ["--count", str(count), "--robot", options.robot, *workers]
     run(["sample", str(options.scenes), "--out", str(sampled), *flags])
-    flags = ["--count", str(INSTRUCTIONS), "--robot", "none", "--workers", "1"]
-    run(["instruct", str(sampled), "--scenes", str(options.scenes), "--out", str(told), *flags])
-    paths = read_episodes(told)[: options.paths]
+    flags = ["--count", str(INSTRUCTIONS), "--robot", "none", *workers]
+    files = [str(sampled), "--scenes", str(options.scenes), "--out", str(instructed)]
+    run(["instruct", *files, *flags])
+    paths = read_episodes(instructed)[: options.paths]
     bundles = {name: load_bundle(options.scenes / name) for name in scenes}
     for name in (GROUPED, APART):
         episodes = [
@@ -108,7 +111,8 @@ def r2r_episode(
 
 def commands(options: argparse.Namespace, name: str) -> list[tuple[str, list[str], Path]]:
     """Return stage, command and output of every step for one of the two files."""
-    out, scenes = options.out / name, ["--scenes", str(options.scenes), "--workers", "1"]
+    out = options.out / name
+    scenes = ["--scenes", str(options.scenes), "--workers", str(options.workers)]
     aligned, rollouts = out / "aligned.json.gz", out / "rollouts"
     frames, data = out / "frames", out / "data"
     camera = f"ego:{options.image}x{options.image}"
@@ -138,10 +142,10 @@ def run(command: list[str]) -> dict[str, float]:
     vlnpe = str(Path(sys.executable).with_name("vlnpe"))
     start = time.perf_counter()
     whole = [sys.executable, "-c", script, vlnpe, *command]
-    told = subprocess.run(whole, check=True, capture_output=True, text=True)
-    code, cpu_s, largest = json.loads(told.stdout)
+    done = subprocess.run(whole, check=True, capture_output=True, text=True)
+    code, cpu_s, largest = json.loads(done.stdout)
     if code:
-        raise SystemExit(f"{' '.join(command)}: exit code {code}\n{told.stderr[-2000:]}")
+        raise SystemExit(f"{' '.join(command)}: exit code {code}\n{done.stderr[-2000:]}")
     return {"cpu_s": round(cpu_s, 1), "s": time.perf_counter() - start, "mib": round(largest)}
 
 

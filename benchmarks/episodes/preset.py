@@ -82,8 +82,8 @@ def report(files: Sequence[Path], options: argparse.Namespace) -> int:
     broken = []
     for split, some in by_split.items():
         scenes = Counter(e.scene_id for e in some)
-        told = instruction_count(some)
-        say(f"{split}: {len(some)} paths, {told} instructions, {len(scenes)} scenes")
+        instructions = instruction_count(some)
+        say(f"{split}: {len(some)} paths, {instructions} instructions, {len(scenes)} scenes")
     counts = {split: len(some) for split, some in by_split.items()}
     if counts != dict(preset.splits):
         broken.append(f"counts {counts}, not {dict(preset.splits)}")

@@ -62,7 +62,7 @@ class Summary:
 
 
 class Coverage:
-    """Lines of this repository that were executed, each told once."""
+    """Lines of this repository that were executed, each reported once."""
 
     def __init__(self) -> None:
         self.lines: set[tuple[str, int]] = set()
@@ -115,7 +115,7 @@ def fuzz(name: str, seconds: float, seed: int, folder: Path) -> Summary:
 
 
 def run(name: str, seconds: float, seed: int, folder: Path) -> None:
-    """Entry point of the child."""
+    """Run as the child process."""
     signal.signal(signal.SIGALRM, _too_slow)
     with tempfile.TemporaryDirectory(prefix="vlnpe-fuzz-") as scratch:
         target = TARGETS[name](Path(scratch))

@@ -33,7 +33,7 @@ from .lies import KINDS
 
 
 def load(folder: Path) -> list[tuple[Episode, Ground, World]]:
-    """Paths of a folder's scenes, with facts and the follower's world."""
+    """Return the paths of a folder's scenes, with facts and the follower's world."""
     result = []
     for file in sorted(folder.glob("episodes/*.json.gz")):
         scene = file.name.removesuffix(".json.gz")
@@ -78,7 +78,7 @@ def follower(paths: list[tuple[Episode, Ground, World]]) -> dict[str, float]:
 
 
 def composer(paths: list[tuple[Episode, Ground, World]]) -> dict[str, Any]:
-    """Diversity, skeletons and speed of the composer."""
+    """Return diversity, skeletons and speed of the composer."""
     rng = np.random.default_rng(0)
     texts: list[str] = []
     skeletons: set[str] = set()

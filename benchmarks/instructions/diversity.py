@@ -15,7 +15,7 @@ def words_of(text: str) -> list[str]:
 
 
 def mattr(texts: Sequence[str], window: int = 50) -> float:
-    """Moving-average type-token ratio over all texts in a row (Covington and McFall, 2010)."""
+    """Return the moving-average type-token ratio over all texts (Covington and McFall, 2010)."""
     words = [w for t in texts for w in words_of(t)]
     if len(words) <= window:
         return len(set(words)) / max(1, len(words))
@@ -30,13 +30,13 @@ def distinct(texts: Sequence[str], n: int) -> float:
 
 
 def compression_ratio(texts: Sequence[str]) -> float:
-    """Bytes before over bytes after zlib; larger is more repetitive."""
+    """Return bytes before over bytes after zlib; larger is more repetitive."""
     data = "\n".join(texts).encode()
     return len(data) / len(zlib.compress(data, 9))
 
 
 def self_bleu(texts: Sequence[str], most: int = 200) -> float:
-    """Mean BLEU-4 of a text against all others (Zhu et al., 2018), of the first `most` texts."""
+    """Return the mean BLEU-4 of each of the first `most` texts against the others (Zhu, 2018)."""
     split = [words_of(t) for t in texts[:most]]
     counts = [[Counter(ngrams(w, n)) for n in range(1, 5)] for w in split]
     scores = []

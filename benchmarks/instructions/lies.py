@@ -51,18 +51,18 @@ def _things(text: str) -> list[str]:
 
 
 def wrong_turn(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
-    """Swap the side of one told turn, where no untold turn to that side makes it true."""
+    """Swap the side of one stated turn, if no unstated turn to that side makes it true."""
     turns = _turns(text)
-    told = Counter(m[1].lower() for m in turns)
+    stated = Counter(m[1].lower() for m in turns)
     made = Counter(t.side for t in facts.turns)
-    turns = [m for m in turns if made[_OTHER[m[1].lower()]] <= told[_OTHER[m[1].lower()]]]
+    turns = [m for m in turns if made[_OTHER[m[1].lower()]] <= stated[_OTHER[m[1].lower()]]]
     return _swapped(text, [turns[int(rng.integers(len(turns)))]]) if turns else None
 
 
 def skipped_turn(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
-    """Drop a clause that tells a clear turn and nothing else.
+    """Drop a clause that states a clear turn and nothing else.
 
-    A turn towards the only door of the first room need not be told.
+    A turn towards the only door of the first room need not be stated.
     """
     only = bool(facts.passages) and facts.visits[0].exits == 1
     first_m = facts.passages[0].along_m + 0.3 if only else 0.0
@@ -212,7 +212,7 @@ def wrong_language(text: str, facts: PathFacts, rng: np.random.Generator) -> str
 
 
 def no_instruction(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
-    """Something else than an instruction."""
+    """Return something other than an instruction."""
     options = (
         "The apartment has a lovely living room with a sofa and a large table in it.",
         "I am sorry, but I cannot help with finding the way to the kitchen and the table.",

@@ -33,14 +33,14 @@ class Options:
 
     Attributes:
         seeds: of built-in apartments.
-        held_out: how many of the seeds that nobody tunes on; none while tuning.
+        held_out: how many of the seeds reserved for the final check; none while tuning.
         scenes: real scans by name, `all` or none.
         fillers: compare other fillers on the first so many apartments and all real scans.
-        speed: measure time and memory anew, which takes minutes on an idle core.
-        walks: so many holes are walked over anew.
+        speed: measure time and memory again, which takes minutes on an idle core.
+        walks: number of holes to walk over again.
         complete: everything, 40 apartments among it, and write README.md: half an hour or more.
         quick: two apartments and the real scans, nothing else.
-        keep: take results of older repair code for good.
+        keep: accept results of older repair code.
         workers: processes.
         run: folder for scans, scenes and results.
         write: write README.md and its picture, whatever was run.

@@ -25,9 +25,9 @@ from .scenes import HEADSETS, HOUSE, SHARED, Source, apartment, headset, house, 
 from .score import HoleScore, Score, score
 
 HOLES, HOUSE_ROUNDS = 24, 3
-# Pictures are drawn small: nobody looks at hundreds of them.
+# Pictures are drawn small, since there are hundreds.
 CONFIG = RepairConfig(picture_px=400)
-# Of a hole's height errors so many are kept, evenly chosen.
+# Number of height errors kept per hole, evenly chosen.
 KEPT_ERRORS = 300
 _MEASURE = {"cut", "decoys", "plant", "scenes", "score", "shapes", "site", "vertical", "fillers"}
 
@@ -86,7 +86,7 @@ def run_case(case: Case, with_fillers: bool, run: Path, keep: bool = False) -> R
         case: what.
         with_fillers: let other fillers work on the same scan, too.
         run: folder for scans, planted scans, repaired scenes and results.
-        keep: take a result of older repair code for good.
+        keep: accept a result of older repair code.
     """
     path = path_of(run, case, HOLES)
     known = load(path)
@@ -127,7 +127,7 @@ class Result:
 
 
 def repair_code() -> str:
-    """Version of the code under test."""
+    """Return the version of the code under test."""
     return source_digest("scene_repair.repair")
 
 

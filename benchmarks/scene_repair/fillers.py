@@ -112,7 +112,7 @@ def compare(planted: Planted, scan: Path, folder: Path) -> list[FillerScore]:
 
 
 def table(ours: list[tuple[list[HoleScore], float]], others: list[FillerScore]) -> list[str]:
-    """Markdown: this repair and the others, over the same scenes."""
+    """Return a Markdown table of this repair and the others, over the same scenes."""
     lines = [
         "| filler | planted area filled | planted holes filled | decoys wrongly filled "
         "| s per scene | failed |",

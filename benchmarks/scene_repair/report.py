@@ -87,7 +87,7 @@ def group_section(title: str, done: Sequence[Done]) -> list[str]:
 
 
 def filler_section(done: Sequence[Done]) -> list[str]:
-    """Others on the same scans."""
+    """Return the section about other fillers on the same scans."""
     compared = [result for _, result in done if result.fillers]
     if not compared:
         return ["## Side by side with other fillers", "", "Not run.", ""]
@@ -142,7 +142,7 @@ def walk_section(found: list[Walk]) -> list[str]:
 
 
 def counted(scores: Iterable[Score]) -> list[HoleScore]:
-    """Planted holes of at least 5 cm."""
+    """Return the planted holes of at least 5 cm."""
     return [
         h
         for s in scores
@@ -236,7 +236,7 @@ def by_kind(scores: Sequence[Score]) -> list[str]:
 
 
 def missed(scores: Sequence[Score]) -> list[str]:
-    """Holes that stayed open, and decoys that were filled, with the repair's own reason."""
+    """Return holes that stayed open and decoys that were filled, with the repair's reason."""
     rows = [
         f"| {s.scene} | {h.hole.name} | {_middle(h)} | {100 * h.hole.size_m:.0f} "
         f"| {1e4 * h.area_m2:.0f} "

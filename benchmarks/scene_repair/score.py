@@ -167,7 +167,7 @@ def _decoy_cells(planted: Planted) -> NDArray[np.bool_]:
 
 
 def in_plan(points_world_m: NDArray[np.float64], bundle: SceneBundle) -> NDArray[np.float64]:
-    """World points of a bundle to the source's frame, z up."""
+    """Convert world points of a bundle to the source's frame, z up."""
     inverse = np.linalg.inv(bundle.source_to_world)
     source = points_world_m @ inverse[:3, :3].T + inverse[:3, 3]
     return habitat_to_world_position(source)
@@ -205,7 +205,7 @@ def score_hole(known: Truth, hole: PlantedHole, repaired: Surfaces) -> HoleScore
 def _rays(
     known: Truth, hole: PlantedHole
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Points (N, 2) in a hole where there was floor, its heights (N,), and the area of each."""
+    """Return points (N, 2) in a hole that had floor, its heights (N,), and the area of each."""
     points, each_m2 = sample_inside(hole.outline)
     if hole.decoy:
         return points, np.full(len(points), hole.floor_z_m), each_m2

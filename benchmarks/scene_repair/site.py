@@ -175,7 +175,7 @@ def _walls(
     grid: GridSpec,
     slices_m: NDArray[np.float64],
 ) -> Mask:
-    """Cells through which surfaces pass at most heights, and what lies between a wall's faces."""
+    """Return cells that surfaces pass at most heights, and those between a wall's faces."""
     count = np.zeros(grid.shape, dtype=np.int32)
     corners = vertices[faces]
     for height in slices_m:

@@ -54,7 +54,7 @@ def measure(cache: Path, folder: Path) -> list[Run]:
 
 
 def report(runs: list[Run], picture: Path) -> list[str]:
-    """Markdown, and the curve as a picture."""
+    """Return Markdown, and write the curve as a picture."""
     exponent, at_target = fit(runs)
     _draw(runs, exponent, picture)
     peak = np.interp(TARGET_TRIANGLES, [r.triangles for r in runs], [r.peak_gib for r in runs])
@@ -77,7 +77,7 @@ def report(runs: list[Run], picture: Path) -> list[str]:
 
 
 def fit(runs: list[Run]) -> tuple[float, float]:
-    """Exponent of the growth, and the fitted seconds at the target size."""
+    """Return the exponent of the growth, and the fitted seconds at the target size."""
     x, y = np.log([r.triangles for r in runs]), np.log([r.cpu_s for r in runs])
     slope, offset = np.polyfit(x, y, 1)
     return float(slope), float(np.exp(slope * np.log(TARGET_TRIANGLES) + offset))
@@ -95,7 +95,7 @@ def _small(cache: Path) -> Path:
 
 
 def _street(count: int, cache: Path) -> Path:
-    """Several apartments side by side in one file."""
+    """Write several apartments side by side into one file."""
     folder = cache / f"speed-street-{count}"
     folder.mkdir(parents=True, exist_ok=True)
     first = apartment(0, cache)

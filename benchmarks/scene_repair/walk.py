@@ -85,7 +85,7 @@ def walks(seeds: tuple[int, ...], cache: Path, folder: Path, wanted: int = 50) -
 
 
 def table(found: list[Walk]) -> list[str]:
-    """Markdown."""
+    """Return a Markdown table."""
     lines = ["| | walks | arrived | falls | stuck | share of falls |"]
     lines.append("| --- | ---: | ---: | ---: | ---: | ---: |")
     for name in ("raw", "repaired"):
@@ -162,7 +162,7 @@ def _world(
 def _line(
     site: Site, bundle: SceneBundle, level: int, hole: PlantedHole
 ) -> NDArray[np.float64] | None:
-    """(2, 2) ends, in the world, of a free straight line on which feet step over the hole."""
+    """Return world ends (2, 2) of a free straight line on which feet step over the hole."""
     freemap = bundle.freemap(level)
     clear = np.asarray(ndimage.distance_transform_edt(freemap.traversable)) * freemap.grid.cell_m
     points = np.concatenate(hole.outline.rings)
@@ -173,7 +173,7 @@ def _line(
         aside = np.array([-along[1], along[0]])
         reach = np.abs((points - middle) @ along).max() + RUN_UP_M
         across = np.abs((points - middle) @ aside).max()
-        # Over a ring the feet shall meet the ring, not its island.
+        # Over a ring the feet must meet the ring, not its island.
         shift = TRACK_M if len(hole.outline.rings) == 1 else max(across - 0.1, TRACK_M)
         ends = middle + shift * aside + np.array([[-reach], [reach]]) * along
         at = np.linspace(ends[0], ends[1], 60)

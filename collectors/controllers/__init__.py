@@ -1,4 +1,4 @@
-"""What drives a robot along an episode: one registry of controllers."""
+"""Controllers, which drive a robot along an episode, and their registry."""
 
 from .expert import Expert, ExpertConfig
 from .flash import FlashConfig

@@ -23,7 +23,7 @@ class ExpertConfig:
         lookahead_m: distance along the route to the point aimed at.
         stop_within_m: distance to the goal at which it stops at once.
         goal_tolerance_m: at the end of the route a stop this near is good enough.
-        replan_off_m: distance from the route that calls for a way back to it.
+        replan_off_m: distance from the route beyond which a way back to it is planned.
         rejoin_m: that way meets the route so far ahead.
     """
 

@@ -63,12 +63,12 @@ class RouteCursor:
         """Return the farthest point that is seen through cells of enough clearance.
 
         Args:
-            eye_xy_m: from where.
+            eye_xy_m: the viewpoint.
             farthest: index to begin with.
             nearest: index returned when no farther point is in sight.
             clearance_m: (rows, columns) of the map.
             needed_m: clearance that every cell on the way must have.
-            grid: the map's.
+            grid: grid of the map.
         """
         (x, y), (x0, y0), cell = eye_xy_m, grid.origin_xy_m, grid.cell_m
         # Everything in cells, so that the kernel needs no grid.

@@ -2,9 +2,9 @@
 
 Every control step aims at a point of the route some way ahead (pure pursuit), never through an
 obstacle; the turn rate is proportional to the heading error (gain 2.5), speed is limited by the
-distance to the goal (gain 1.5), by the curves ahead and by the heading error. Large errors are
-turned away on the spot. A robot pushed off its route, or one that makes no progress, backs off if
-needed and re-plans on the freemap.
+distance to the goal (gain 1.5), by the curves ahead and by the heading error. Large heading errors
+are corrected by turning on the spot. A robot pushed off its route, or one that makes no progress,
+backs off if needed and re-plans on the freemap.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ class PathConfig:
         turn_on_spot_rad, turn_until_rad: heading errors at which turning on the spot begins, ends.
         curve_yaw_rad_s: curves are taken no faster than this turn rate allows.
         decelerate_m_s2: how early the robot slows down.
-        replan_off_m: distance from the route that calls for a new plan.
-        replan_heading_rad, replan_heading_s: heading error that does when it lasts.
+        replan_off_m: distance from the route beyond which a new one is planned.
+        replan_heading_rad, replan_heading_s: heading error that, lasting this long, does so too.
         replan_every_s: shortest time between two plans.
         rejoin_m: a new plan leads back to the route this far ahead.
         blocked_s, blocked_m: less progress than this in that time means blocked.
@@ -176,7 +176,7 @@ class PathController:
         return ""
 
     def _replan(self, time_s: float, pose: Pose, reason: str) -> None:
-        """Lead back to the route some way ahead, then on as before."""
+        """Plan a way back to the route some way ahead, and continue as before."""
         self._planned_s = time_s
         rest = self._cursor.xy_m[self._cursor.ahead(self._config.rejoin_m, STEP_M) :]
         back = rejoin(self._task.freemap, pose, rest, self._task.radius_m)

@@ -48,7 +48,7 @@ class Route:
         return float(np.abs(np.diff(self.heading_rad)).sum())
 
     def curvature_per_m(self) -> Array:
-        """(N,) absolute change of direction per metre, over `_CURVE_M` on either side [1/m]."""
+        """Return absolute changes of direction (N,), over `_CURVE_M` to each side [1/m]."""
         heading, reach = self.heading_rad, max(1, round(_CURVE_M / STEP_M))
         padded = np.pad(heading, reach, mode="edge")
         return np.abs(padded[2 * reach :] - padded[: -2 * reach]) / (2 * _CURVE_M)

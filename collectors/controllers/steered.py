@@ -62,7 +62,7 @@ class SteeredConfig:
         linear_gain, angular_gain: VLN-PE's proportional gains [1/s].
         cruise_m_s, turn_rad_s: greatest speeds towards a waypoint.
         reached_m, reached_rad: a waypoint is reached within these.
-        turn_on_spot_rad: larger errors of direction are turned away before driving.
+        turn_on_spot_rad: larger errors of direction are corrected by turning before driving.
         near_m: a waypoint nearer than this is reached sideways or not at all, without turning.
         ramp_m_s2, ramp_rad_s2: how fast commands change.
         slow_m_s, slow_rad_s, spare_s: a waypoint that takes longer than its length and turn at
@@ -121,7 +121,7 @@ class SteeredController:
         return Decision(self._command, chosen=chosen, notes=notes)
 
     def _begin(self, motion: Motion, time_s: float, pose: Pose) -> tuple[str, str]:
-        """Take a motion up; return what the record says about it."""
+        """Start a motion; return its description for the record."""
         config, limits = self._config, self._task.limits
         if isinstance(motion, Velocity):
             vx, vy, yaw = motion.command

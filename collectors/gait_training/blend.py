@@ -27,7 +27,7 @@ from .gaits import GAITS
 
 
 def blended(first: bytes, second: bytes, share: float) -> bytes:
-    """The ONNX network whose weights are (1 − share) of the first's and share of the second's."""
+    """Return the ONNX network with weights (1 − share) of the first plus share of the second."""
     model, other = onnx.load_from_string(first), onnx.load_from_string(second)
     weights = {t.name: numpy_helper.to_array(t) for t in other.graph.initializer}
     for tensor in model.graph.initializer:
@@ -49,8 +49,8 @@ def main(
     Args:
         robot: registry name.
         first: folder of `<robot>.onnx` and `<robot>.json` that the second was refined from.
-        second: folder of the refined ones.
-        share: of the second.
+        second: folder of the refined gait.
+        share: weight of the second, 0 … 1.
         out: folder to write to.
         aim_beyond: how far beyond the robot's limits its calibration may ask, see `aim.calibrated`.
     """

@@ -203,7 +203,7 @@ ALIENGO_FLAT = TrainingConfig(
 
 
 def _hard(flat: TrainingConfig) -> TrainingConfig:
-    """Rough ground, harder kicks, and the fall rule of the product to the letter.
+    """Return a phase with rough ground, harder kicks, and the exact fall rule of the product.
 
     Commands go beyond the robot's limits: the calibration (`aim.py`) asks for more than it wants.
     """
@@ -220,7 +220,7 @@ def _hard(flat: TrainingConfig) -> TrainingConfig:
 
 
 def _refine(flat: TrainingConfig, yaw_mean: float, hurried: float) -> TrainingConfig:
-    """Stop at once, obey late and in a hurry, climb ramps, do not waddle; starts from a gait."""
+    """Return a phase that starts from a gait: stops, late and hurried actions, ramps, posture."""
     rewards = replace(
         flat.rewards,
         roll=-45.0,
@@ -251,7 +251,7 @@ def _refine(flat: TrainingConfig, yaw_mean: float, hurried: float) -> TrainingCo
 
 
 def _polish(flat: TrainingConfig) -> TrainingConfig:
-    """Level ground and gentler kicks again, without exploring: walk as fast as asked."""
+    """Return a phase on level ground, with gentler kicks and no exploration: exact speeds."""
     return _smooth(_hard(flat))
 
 

@@ -118,7 +118,7 @@ class GaitEnv(VecEnv):
         self.statistics: dict[str, list[float]] = {}
 
     def get_observations(self) -> TensorDict:
-        """Current observations: group `policy` (noisy) and group `privileged` (critic only)."""
+        """Return the observations: group `policy` (noisy) and group `privileged` (critic only)."""
         clean = observe(
             self._state(),
             self._zero,

@@ -12,7 +12,7 @@ Row = tuple[float, ...]
 
 
 def _per_leg(hip: float, thigh: float, calf: float) -> tuple[tuple[float, ...], ...]:
-    """Rows of a block-diagonal (4, 12) matrix: each foot moves the joints of its own leg."""
+    """Return rows of a block-diagonal (4, 12) matrix: each foot moves the joints of its leg."""
     leg = (hip, thigh, calf)
     return tuple((0.0,) * 3 * foot + leg + (0.0,) * 3 * (3 - foot) for foot in range(4))
 

@@ -31,7 +31,7 @@ def sample_commands(rng: np.random.Generator, count: int, bounds: Array) -> Arra
 
 
 def sample_actions(rng: np.random.Generator, count: int) -> Array:
-    """Commands (count, 3) of discrete actions as VLN-PE times them: half steps, half turns."""
+    """Return commands (count, 3) of discrete actions in VLN-PE's timing: half steps, half turns."""
     return ACTIONS[rng.choice(3, count, p=(0.5, 0.25, 0.25))]
 
 
@@ -61,7 +61,7 @@ def randomize_models(
 
 
 def draw_latency(rng: np.random.Generator, config: TrainingConfig) -> NDArray[np.intp]:
-    """Delays of the actions [physics steps], (N,): most of up to 20 ms, some of up to 60 ms."""
+    """Return delays (N,) of the actions [physics steps]: most up to 20 ms, some up to 60 ms."""
     n = config.envs
     usual = rng.integers(0, config.latency_substeps + 1, n)
     late = rng.integers(0, config.late_substeps + 1, n)

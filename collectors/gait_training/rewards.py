@@ -57,7 +57,7 @@ class BodyFacts:
 
 
 def _closeness(squared_error: Array, widths: tuple[float, ...]) -> Array:
-    """1 where there is no error; a wide bell pulls from afar, a narrow one asks for precision."""
+    """Return 1 without error; a wide bell pulls from afar, a narrow one asks for precision."""
     return np.mean([np.exp(-squared_error / width) for width in widths], axis=0)
 
 

@@ -1,4 +1,4 @@
-"""Train a gait; going on after an interruption is calling it again.
+"""Train a gait; run the same command again to resume after an interruption.
 
 `python -m vlnpe.collectors.gait_training.train aliengo [--publish]`
 
@@ -44,8 +44,8 @@ class Arguments:
     Attributes:
         robot: registry name.
         out: folder of checkpoints and learning curve; default `runs/gait-<robot>`.
-        seed: of everything.
-        threads: for physics.
+        seed: random seed of the training.
+        threads: number of threads for physics.
         publish: evaluate the result and install it into the package.
         iterations: PPO iterations per phase; default as configured. For a quick trial.
         refine: start from a gait, with the phases for that (`REFINEMENTS`).
@@ -229,7 +229,7 @@ def _write_curve(
 
 
 def main() -> None:
-    """Command line of `make train-gait`."""
+    """Run the command line of `make train-gait`."""
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     try:
         run(tyro.cli(Arguments))

@@ -29,13 +29,13 @@ STRIDE = 0.7  # share of the remaining error that a round corrects
 def command_bounds(
     limits: CommandLimits, margin: float = 1.0, beyond: ArrayLike = (0.0, 0.0, 0.0)
 ) -> Array:
-    """(3, 2) least and greatest vx, vy and yaw: the limits times `margin`, and `beyond` more."""
+    """Return least and greatest vx, vy and yaw (3, 2): the limits times `margin`, plus `beyond`."""
     bounds = margin * np.array([limits.vx_m_s, limits.vy_m_s, limits.yaw_rad_s])
     return bounds + np.asarray(beyond)[:, None] * (-1.0, 1.0)
 
 
 def calibrated(policy: GaitPolicy) -> GaitPolicy:
-    """The policy with its gait calibrated, within the commands of its last phase of training.
+    """Return the policy with its gait calibrated, within the commands of its last training phase.
 
     A card whose training says `aim_beyond` may be asked for that much more than the robot's limits:
     a gait that only walks too slowly follows commands that it never saw.
@@ -78,7 +78,7 @@ def aimed(policy: GaitPolicy, most: Array, points: int = POINTS, rounds: int = R
 def _mean_velocity(
     policy: GaitPolicy, gait: GaitClock, commands: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Mean velocities (N, 3) under constant commands (N, 3), and who is still up, (N,)."""
+    """Return mean velocities (N, 3) under constant commands (N, 3), and who is still up (N,)."""
     n = len(commands)
     free_axis = (-math.inf, math.inf)
     anything = CommandLimits(vx_m_s=free_axis, vy_m_s=free_axis, yaw_rad_s=free_axis)
@@ -97,7 +97,7 @@ def _mean_velocity(
 
 
 def _fit(wanted: Array, extra: Array) -> Array:
-    """Coefficients (3, K) of `monomials` for what must be asked beyond what is wanted."""
+    """Return coefficients (3, K) of `monomials` for what must be asked beyond what is wanted."""
     terms = monomials(wanted)
     # Under a reflection of y, vy and yaw change sign; vx must not, and they must.
     odd = monomials(np.array([[1.0, -1.0, -1.0]]))[0] < 0.0

@@ -35,7 +35,7 @@ NOMINAL = {
 
 
 def random_path(rng: np.random.Generator, length_m: float = 12.0) -> Array:
-    """Corners (P, 2) of a polyline from the origin: stretches of 1–3 m, turns of up to 90°."""
+    """Return corners (P, 2) of a polyline from the origin: legs of 1–3 m, turns of up to 90°."""
     points: list[Array] = [np.zeros(2)]
     heading, left = 0.0, length_m
     while left > 0.05:
@@ -221,7 +221,7 @@ def action_errors(
 
 
 def displacements(started: list[list[StartedAction]]) -> tuple[list[Action], Array, Array]:
-    """Kinds, displacements (K, 3) in each action's start frame, and durations (K,) [s]."""
+    """Return kinds, displacements (K, 3) in the actions' start frames, and durations (K,) [s]."""
     kinds, moved, seconds = [], [], []
     for sequence in started:
         for a, b in pairwise(sequence):

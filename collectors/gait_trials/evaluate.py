@@ -34,7 +34,7 @@ log = logging.getLogger(__name__)
 LATE_SUBSTEPS = 12  # 60 ms
 # Film strips: their names and commands.
 STRIPS = {"walk": (SPEED_M_S, 0.0, 0.0), "turn": (0.0, 0.0, 0.8), "stand": (0.0, 0.0, 0.0)}
-SEED = 1234  # of everything; terrain and seeds are not training's
+SEED = 1234  # of the trials; their terrain and seeds differ from those of training
 
 
 def evaluation_table(policy: GaitPolicy, seed: int = SEED, scale: float = 1.0) -> dict[str, Any]:
@@ -91,7 +91,7 @@ def publish(robot: RobotSpec, source: Path, target: Path) -> dict[str, Any]:
 
 
 def report(evaluation: dict[str, Any]) -> str:
-    """The gates, one line each, for people, and what VLN-PE's timing makes of discrete actions."""
+    """Return the gates, one line each, and the errors of discrete actions in VLN-PE's timing."""
     lines = [str(result) for result in gate_results(evaluation)]
     timed = evaluation[TIMED]
     lines.append(

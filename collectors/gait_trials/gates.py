@@ -95,7 +95,7 @@ GATES: tuple[Gate, ...] = (
 
 
 def gate_results(evaluation: Mapping[str, Any]) -> list[GateResult]:
-    """Hold an evaluation table (`PolicyCard.evaluation`) against all gates, in their order."""
+    """Compare an evaluation table (`PolicyCard.evaluation`) with all gates, in their order."""
     return [GateResult(gate, _worst(gate, evaluation)) for gate in GATES]
 
 

@@ -22,7 +22,7 @@ TURNS_RAD_S = (-1.0, -0.5, 0.0, 0.5, 1.0)
 REPEATS = 5  # of each command, stopped at different moments of the gait's cycle
 WALK_S, WATCH_S = 3.0, 3.0
 REST_M_S = 0.05  # a base slower than this, and never faster again, is at rest
-GOAL_S = 1.5  # by then it shall be
+GOAL_S = 1.5  # it must be at rest by then
 
 
 def command_grid(robot: RobotSpec, points: int = 3) -> Array:
@@ -215,7 +215,7 @@ def _stop(
         where[k] = trial.poses[:, 1]
         speed[k] = np.linalg.norm(trial.state().linear_velocity_m_s[:, :2], axis=1)
     time_s = STEP_S * np.arange(1, steps + 1)[:, None]
-    # What happens later than 3 s after a robot's stop belongs to none.
+    # What happens more than 3 s after a robot's stop belongs to no stop.
     watched = (time_s > stop_s) & (time_s <= stop_s + WATCH_S + 1e-6)
     moving = watched & (speed >= REST_M_S)
     last = np.where(moving, time_s, stop_s).max(axis=0)

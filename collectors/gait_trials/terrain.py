@@ -58,7 +58,7 @@ class Terrain:
 
 
 def noise(rng: np.random.Generator, cells: int, cell_m: float, amplitude_m: float) -> Array:
-    """Smooth bumps of 0…amplitude, about 15 cm wide."""
+    """Return smooth bumps of 0…amplitude, about 15 cm wide."""
     field = gaussian_filter(rng.normal(size=(cells, cells)), 0.06 / cell_m, mode="wrap")
     low, high = np.quantile(field, (0.02, 0.98))
     return amplitude_m * np.clip((field - low) / (high - low), 0.0, 1.0)
@@ -79,7 +79,7 @@ def pyramid(cells: int, cell_m: float, slope_deg: float) -> Array:
 
 
 def rough_terrain(rng: np.random.Generator, size_m: float = 24.0, cell_m: float = 0.05) -> Terrain:
-    """Tiles of 4 m: flat, noise of 1–6 cm, steps of 2–5 cm, ramps of 3–10°, in random order."""
+    """Return 4 m tiles in random order: flat, noise of 1–6 cm, steps of 2–5 cm, ramps of 3–10°."""
     tile = round(4.0 / cell_m)
     count = round(size_m / 4.0)
     height = np.zeros((count * tile, count * tile))

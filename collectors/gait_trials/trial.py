@@ -68,11 +68,11 @@ class TargetPipe:
         self._robots = np.arange(len(late_substeps))[:, None]
 
     def fill(self, target_rad: Array) -> None:
-        """Let all that is on its way be the targets (N, J) [rad]."""
+        """Fill the pipe with the targets (N, J) [rad]."""
         self._recent = np.repeat(target_rad[None], self._kept, axis=0)
 
     def refill(self, robots: NDArray[np.intp], target_rad: Array) -> None:
-        """The same for some robots only, with (K, J) or (J,) targets."""
+        """Fill the pipe of some robots only, with (K, J) or (J,) targets."""
         self._recent[:, robots] = target_rad
 
     def push(self, target_rad: Array) -> Array:
@@ -93,7 +93,7 @@ class Trial:
         slip: (N, F) [m/s] speed of each foot's skin where it touched the ground during the last
             step; NaN for feet in the air, and for all feet if they are not recorded.
         target_rate: (N, J) how fast the joint targets changed with the last step [rad/s].
-        fallen: (N,) who fell so far.
+        fallen: (N,) whether each robot has fallen.
     """
 
     def __init__(

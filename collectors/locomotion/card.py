@@ -24,7 +24,7 @@ class PolicyMismatchError(FileFormatError):
 
 @dataclass(frozen=True)
 class PolicyCard:
-    """Everything needed to run a policy rightly, and how it came to be.
+    """What is needed to run a policy, and how it was trained.
 
     Attributes:
         robot: registry name.
@@ -35,7 +35,7 @@ class PolicyCard:
         action_clip: actions are clipped to ± this.
         default_joint_rad, kp, kd, torque_nm: per joint of the robot.
         speed_rad_s: greatest speed of each motor, None for those without a limit; empty in cards
-            of before motors had one.
+            written before motors had limits.
         rate_hz: calls per second.
         gait: the gait clock.
         onnx_sha256: digest of the ONNX file.
@@ -158,7 +158,7 @@ def load_card(path: Path) -> PolicyCard:
 
 
 def _check_finite(path: Path, value: Any, name: str = "") -> None:
-    """Check that no number is NaN or infinite: it would end in the physics."""
+    """Check that no number is NaN or infinite, since it would reach the physics."""
     if isinstance(value, float) and not math.isfinite(value):
         raise FileFormatError(path, f"{name} is {value}; valid: finite numbers")
     if isinstance(value, dict):

@@ -100,7 +100,7 @@ class GaitClock:
         return (linear > self.stand_linear_m_s) | (np.abs(command[:, 2]) > self.stand_yaw_rad_s)
 
     def aimed(self, command: Array) -> Array:
-        """(N, 3) what the policy and the reference must be asked for to reach (N, 3) commands."""
+        """Return (N, 3) what policy and reference must be asked for to reach (N, 3) commands."""
         if not self.aim:
             return command
         asked = command + monomials(command) @ np.array(self.aim).T
@@ -167,7 +167,7 @@ def monomials(command: Array) -> Array:
 
 
 def joint_targets(default_rad: Array, reference: Array, scale_rad: float, action: Array) -> Array:
-    """Servo targets (N, J) [rad]: default pose and reference, plus the policy's share.
+    """Return servo targets (N, J) [rad]: default pose and reference, plus the policy's share.
 
     Args:
         default_rad: (J,).

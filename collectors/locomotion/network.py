@@ -17,7 +17,7 @@ ACTIVATIONS = ("Identity", "Elu", "Relu", "LeakyRelu", "Tanh", "Sigmoid")
 
 
 class Network(Protocol):
-    """Whatever turns observations into actions.
+    """Interface of what turns observations into actions.
 
     Attributes:
         inputs: width of an observation.

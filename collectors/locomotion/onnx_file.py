@@ -141,7 +141,8 @@ class OnnxFile:
         for node in graph.node:
             if node.op_type in _ENDLESS:
                 raise FileFormatError(
-                    self.path, f"operator {node.op_type} may never end; unroll it"
+                    self.path,
+                    f"operator {node.op_type} is not supported, as it may never end; unroll it",
                 )
             for attribute in node.attribute:
                 if not math.isfinite(attribute.f):
@@ -155,7 +156,8 @@ class OnnxFile:
         for tensor in tensors:
             if tensor.data_location == _EXTERNAL:
                 raise FileFormatError(
-                    self.path, f"weights {brief(tensor.name)} lie in another file; valid: in this"
+                    self.path,
+                    f"weights {brief(tensor.name)} are in another file; store them in this one",
                 )
 
     def is_constant(self, name: str) -> bool:
@@ -172,7 +174,7 @@ class OnnxFile:
         if tensor.data_type != _FLOAT:
             raise FileFormatError(
                 self.path,
-                f"weights {name!r} have type {tensor.data_type}; valid: float32, which is {_FLOAT}",
+                f"weights {name!r} have ONNX type {tensor.data_type}; valid: {_FLOAT} (float32)",
             )
         raw = np.frombuffer(tensor.raw_data[: len(tensor.raw_data) // 4 * 4], "<f4")
         values = raw if tensor.raw_data else np.array(tensor.float_data, np.float32)
@@ -180,7 +182,7 @@ class OnnxFile:
         if math.prod(shape) != values.size or min(shape, default=1) < 0:
             sizes = "×".join(map(str, shape)) or "1"
             raise FileFormatError(
-                self.path, f"weights {name!r} have {values.size} numbers, not {sizes}"
+                self.path, f"weights {name!r} have {values.size} numbers, their shape is {sizes}"
             )
         if not np.isfinite(values).all():
             raise FileFormatError(self.path, f"weights {name!r} hold numbers that are not finite")

@@ -45,7 +45,9 @@ def read_mlp(file: OnnxFile) -> Mlp:
             raise NotAnMlpError(file.path, f"operator {node.kind}; known: {', '.join(_KINDS)}")
         for name in node.inputs:
             if name not in known and not file.is_constant(name):
-                raise FileFormatError(file.path, f"{node.kind} takes {name!r}, which is nowhere")
+                raise FileFormatError(
+                    file.path, f"{node.kind} takes {name!r}, which nothing in the file defines"
+                )
         constants = [name for name in node.inputs if file.is_constant(name)]
         if len(node.inputs) - len(constants) != 1 or value not in node.inputs:
             raise NotAnMlpError(file.path, f"{node.kind} of more than the value before it")
@@ -64,10 +66,13 @@ def read_mlp(file: OnnxFile) -> Mlp:
             weight, bias = scale[:, None] * weight, scale * bias + added
         value = node.output
     if value != file.outputs[0].name:
-        raise NotAnMlpError(file.path, f"its last value {value!r} is not its output")
+        raise NotAnMlpError(
+            file.path, f"its last layer gives {value!r}, which is not the output of the graph"
+        )
     if file.outputs[0].shape[-1:] != (len(bias),):
         raise FileFormatError(
-            file.path, f"its output is {file.outputs[0]}, its layers give {len(bias)} numbers"
+            file.path,
+            f"its output is declared as {file.outputs[0]}, but its layers give {len(bias)} numbers",
         )
     return Mlp([*layers, Layer(weight, bias)])
 
@@ -105,7 +110,7 @@ def _elementwise(file: OnnxFile, node: Node, name: str, width: int) -> tuple[Arr
     if node.kind == "Mul":
         return row, zeros
     if not row.all():
-        raise FileFormatError(file.path, f"Div by {name!r}, which holds a zero")
+        raise FileFormatError(file.path, f"Div by {name!r}, which contains a zero")
     return 1.0 / row, zeros
 
 

@@ -1,4 +1,4 @@
-"""Networks of users' own robots: ours where they are plain, onnxruntime's where they are not."""
+"""Networks of users' own robots: plain MLPs run in our code, all others in onnxruntime."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ class GaitPolicy:
         card = load_card(card_path)
         card.check(robot, card_path)
         if not onnx_path.is_file():
-            raise FileFormatError(onnx_path, "the policy's network is missing")
+            raise FileFormatError(onnx_path, "missing; it is the policy's network")
         content = read_input(onnx_path, max_bytes=MAX_NETWORK_BYTES)
         if hashlib.sha256(content).hexdigest() != card.onnx_sha256:
             raise PolicyMismatchError(onnx_path, f"is not the network that {card_path} describes")
@@ -80,7 +80,7 @@ class GaitPolicy:
             self._step.reset()
 
     def act(self, data: mujoco.MjData, command: ArrayLike) -> NDArray[np.float64]:
-        """Joint position targets [rad] for the next 20 ms; write them to `ctrl` of the servos.
+        """Return joint position targets [rad] for the next 20 ms, to be written to `ctrl`.
 
         Args:
             data: state after a physics step; the robot may be attached under any prefix.
@@ -136,7 +136,7 @@ def policy_files(robot: RobotSpec, folder: Path | None = None) -> tuple[Path, Pa
 
 
 def _check_ports(file: OnnxFile, card: PolicyCard) -> None:
-    """The network must take what it will be given, and give what the joints need.
+    """Check that the network takes the observation and returns one action per joint.
 
     Raises:
         PolicyMismatchError: another input or output.

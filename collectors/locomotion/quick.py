@@ -120,7 +120,7 @@ class QuickStep:
         return self.observation
 
     def targets(self, output: NDArray[np.float32], clip: float, scale_rad: float) -> Array:
-        """Servo targets (J,) [rad] from the network's output (1, P) for the last observation."""
+        """Return servo targets (J,) [rad] from the network's output (1, P) for the last look."""
         targets = self._default + self._reference
         _add_action(output, clip, scale_rad, self.action, targets)
         return targets
@@ -128,7 +128,7 @@ class QuickStep:
 
 @kernel()
 def _followed(old, wanted, most):
-    """What is followed after `old`: `wanted`, but slowed down by no more than `most`."""
+    """Return what is followed after `old`: `wanted`, but slowed down by no more than `most`."""
     if abs(wanted) < abs(old) or wanted * old < 0.0:
         return old + min(max(wanted - old, -most), most)
     return wanted

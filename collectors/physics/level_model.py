@@ -84,7 +84,7 @@ def build_level_model(
     scene.modelname = f"{bundle.scene_id}-{level}-{robot.name}"
     apply_physics_options(scene)
     scene.option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
-    # Broken physics shall be seen and end the episode, not silently start over.
+    # Diverged physics must be noticed and end the episode, not silently reset.
     scene.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     walked = walked_heights(surface, freemap)
     kind = add_floor(scene, surface, walked, config)
@@ -130,7 +130,7 @@ def _robot_that_meets_obstacles(robot: RobotSpec) -> mujoco.MjsBody:
     spec = robot.spec()
     for geom in list(spec.geoms):
         if geom.contype or geom.conaffinity:
-            # One side only: parts that do not touch each other shall not begin to.
+            # On one side only: parts that could not collide before must not start to.
             geom.conaffinity |= OBSTACLE_BIT
         elif geom.mass == 0.0 and not geom.name:
             # What is only seen cannot change physics, yet costs up to a sixth of its time.
@@ -162,7 +162,7 @@ def _key(bundle: SceneBundle, level: int, robot: RobotSpec, config: LevelModelCo
     files = [folder / name for name in ("floor.npz", "obstacles.npz", "freemap.npz")]
     digest.update(code_digest(__name__).encode())
     for path in files:
-        # A missing file is the builder's to complain of.
+        # The builder reports a missing file.
         digest.update(path.read_bytes() if path.is_file() else b"")
     digest.update(model_bytes(robot.build_model(floor=False)))
     floor_z_m = bundle.level_floor_z_m[level]

@@ -27,8 +27,8 @@ def model_bytes(model: mujoco.MjModel) -> bytes:
 def cached_model(path: Path, build: Callable[[], mujoco.MjModel]) -> mujoco.MjModel:
     """Return the model in `path`, or build it and keep it there.
 
-    A damaged file is replaced: MuJoCo itself does not survive every damage, so that a digest in
-    front of the model says whether it may be read at all.
+    A damaged file is replaced. MuJoCo may crash on a damaged model, so a digest in front of the
+    model is checked before it is read.
     """
     model = _read(path)
     if model is None:

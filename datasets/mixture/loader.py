@@ -57,10 +57,10 @@ class MixtureLoader:
         """
         sizes = [len(source) for source in sources]  # type: ignore[arg-type]
         if sizes != sampler.sizes:
-            raise InputError(f"loaders of {sizes} items, a sampler for {sampler.sizes}")
+            raise InputError(f"the loaders have {sizes} items; the sampler expects {sampler.sizes}")
         if batch_size < 1 or workers < 0:
             raise InputError(
-                f"batch size {batch_size}, workers {workers}; valid: 1 or more, 0 or more"
+                f"batch size {batch_size}, workers {workers}; valid: at least 1 and at least 0"
             )
         self._data = JoinedSources(sources)
         self._sampler, self._batch_size = sampler, batch_size
@@ -68,7 +68,7 @@ class MixtureLoader:
         self._given = sampler.drawn  # draws in the batches that the caller has had
 
     def __len__(self) -> int:
-        """Batches left in this epoch."""
+        """Return the number of batches left in this epoch."""
         left = self._sampler.length - self._given % self._sampler.length
         return -(-left // self._batch_size)
 

@@ -18,7 +18,7 @@ from ..episode_index import DatasetIndex, read_index
 from ..selection import Selection, check_frame_rate, joined_digest, select_all
 from .recipe import Mixture, Recipe, Source
 
-# In this order an episode is asked; it counts under the first that it fails.
+# Conditions in the order of their checks; an episode counts under the first that it fails.
 _LABELS = {
     "robot": "robots",
     "controller": "controllers",
@@ -123,7 +123,7 @@ class Library:
         self._read: dict[Path, DatasetIndex] = {}
 
     def find(self, patterns: Sequence[str]) -> list[DatasetIndex]:
-        """Datasets whose folders match any of the patterns, each once.
+        """Return datasets whose folders match any of the patterns, each once.
 
         Raises:
             InputError: a pattern that matches no dataset.
@@ -150,7 +150,7 @@ class Library:
         try:
             return sorted(root.glob(relative))
         except (OSError, ValueError, NotImplementedError) as error:
-            raise InputError(f"data: {brief(pattern)} is no pattern ({error})") from error
+            raise InputError(f"data: {brief(pattern)} is not a valid pattern ({error})") from error
 
 
 def plan_mixture(

@@ -125,7 +125,7 @@ class Recipe:
                         f"mixture {name!r}: weight {weight} of {source!r}; valid: above 0"
                     )
             if not mixture.weights:
-                raise InputError(f"mixture {name!r} names no source")
+                raise InputError(f"mixture {name!r} has no source; valid: at least one")
 
 
 def read_recipe(path: Path) -> Recipe:
@@ -153,7 +153,7 @@ def recipe_of(value: Any) -> Recipe:
     top = _mapping("a recipe", value)
     version = top.pop("recipe", None)
     if version != VERSION:
-        raise InputError(f"recipe: {brief(version)}; valid: {VERSION}")
+        raise InputError(f"recipe: version {brief(version)}; valid: {VERSION}")
     sources = {
         str(name): _record(Source, f"source {brief(name)}", entry)
         for name, entry in _mapping("sources", top.pop("sources", None)).items()
@@ -166,7 +166,7 @@ def recipe_of(value: Any) -> Recipe:
     if not isinstance(pairs, list) or any(
         not isinstance(pair, list) or len(pair) != 2 for pair in pairs
     ):
-        raise InputError("compare: valid is a list of pairs [with, without]")
+        raise InputError("compare: not a list of pairs; valid: [[with, without], …]")
     top["compare"] = tuple((str(a), str(b)) for a, b in pairs)
     top.setdefault("title", "")
     top["train"] = _mapping("train", top.get("train") or {})
@@ -174,7 +174,7 @@ def recipe_of(value: Any) -> Recipe:
 
 
 def _mixture(name: str, value: Any) -> Mixture:
-    """A list of sources, a mapping of weights, or those under `sources` with `shares` beside."""
+    """Return a mixture: a list of sources, weights by source, or `sources` beside `shares`."""
     shares = "size"
     if isinstance(value, dict) and "sources" in value:
         extra = set(value) - {"sources", "shares"}
@@ -198,7 +198,7 @@ def _mixture(name: str, value: Any) -> Mixture:
 
 
 def _record[T](kind: type[T], what: str, value: Any) -> T:
-    """A frozen record from a mapping, its values checked against the types of its defaults."""
+    """Return a record from a mapping, with values checked against the types of its defaults."""
     given = _mapping(what, value if value is not None else {})
     known = {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
     for key, entry in given.items():

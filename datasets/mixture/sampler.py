@@ -60,7 +60,8 @@ class MixtureSampler:
         given = np.asarray(shares, np.float64)
         if not sizes or min(sizes) < 1 or len(given) != len(sizes) or not (given > 0).all():
             raise InputError(
-                f"sizes {list(sizes)}, shares {given.tolist()}; valid: as many, all above 0"
+                f"sizes {list(sizes)}, shares {given.tolist()}; valid: as many shares as sizes, "
+                "all above 0"
             )
         if not 0 <= rank < world:
             raise InputError(f"rank {rank} of {world}; valid: 0 … {world - 1}")
@@ -81,11 +82,11 @@ class MixtureSampler:
 
     @property
     def epoch(self) -> int:
-        """Which epoch the next draw belongs to."""
+        """Epoch of the next draw."""
         return self.drawn // self.length
 
     def __iter__(self) -> Iterator[tuple[int, int]]:
-        """The rest of the current epoch; the whole of it when it is at its beginning."""
+        """Yield the rest of the current epoch; all of it at its beginning."""
         stop = (self.epoch + 1) * self.length
         while self.drawn < stop:
             count = min(_BLOCK, stop - self.drawn)
@@ -94,7 +95,7 @@ class MixtureSampler:
                 yield pair
 
     def draws(self, first: int, count: int) -> list[tuple[int, int]]:
-        """Draws `first` … `first + count − 1` of this process, without moving on."""
+        """Return draws `first` … `first + count − 1` of this process; the position stays."""
         start, stop = first * self.world, (first + count) * self.world
         before = self._counts_before(start)
         chosen = self._sources(start, stop)

@@ -212,7 +212,7 @@ def read_info(root: Path) -> dict[str, Any]:
     version = info.get("codebase_version")
     if version != CODEBASE_VERSION:
         raise FileFormatError(
-            path, f"LeRobot {str(version)[:40]}, this code reads {CODEBASE_VERSION}"
+            path, f"LeRobot format {str(version)[:40]}; valid: {CODEBASE_VERSION}"
         )
     for key, kind in _NEEDED.items():
         if not isinstance(info.get(key), kind):
@@ -279,9 +279,9 @@ def _facts(root: Path, info: dict[str, Any]) -> DatasetFacts:
 
 
 def _megabytes(value: Any) -> float:
-    """Return a size as it is written, so that it is written back alike."""
+    """Return a size in the notation of the file, so that it is written back unchanged."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e9:
-        raise ValueError(f"a size of {brief(value)} MB")
+        raise ValueError(f"size {brief(value)} MB; valid: a number above 0")
     return value
 
 

@@ -202,7 +202,7 @@ def _but_scenes(facts: DatasetFacts) -> str:
 def _check_rollout(
     unit: EpisodeUnit, rollout: Rollout, arrays: dict[str, np.ndarray], path: Path
 ) -> None:
-    """The unit's rows are the rollout's."""
+    """Check that the unit's rows are those of the rollout."""
     try:
         expected = build_frame_table(rollout, arrays, unit.frames_per_second).columns
         rows = row_arrays(unit.rows())

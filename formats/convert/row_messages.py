@@ -31,7 +31,7 @@ _TYPES = {"float32": FieldDescriptorProto.TYPE_FLOAT, "int64": FieldDescriptorPr
 def row_messages(
     recording: Recording, rows: pa.Table, features: Features, frames_per_second: int
 ) -> Iterator[Write]:
-    """One message per frame row, on `ROW_TOPIC`; images are left out.
+    """Yield one message per frame row, on `ROW_TOPIC`; images are left out.
 
     Raises:
         ValueError: a feature of a type that messages do not have.

@@ -23,7 +23,7 @@ ROLLOUT_NAME = "rollout.mcap"
 
 @dataclass(frozen=True)
 class UnitParts:
-    """All of a unit but its rows and videos; see `EpisodeUnit`."""
+    """The parts of a unit other than its rows and videos; see `EpisodeUnit`."""
 
     frames_per_second: int
     robot: str

@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 _BAR = "{desc} {percentage:3.0f}%|{bar:24}| {n_fmt}/{total_fmt} [{elapsed}<{remaining}]{postfix}"
 _LINE = "{desc} {percentage:3.0f}% {n_fmt}/{total_fmt} [{elapsed}<{remaining}]{postfix}"
-SILENCE_S = 30.0  # progress is told after that long, whatever its share
+SILENCE_S = 30.0  # a line is written at least this often
 
 
 def progress_bar(
@@ -58,7 +58,7 @@ class _Lines(tqdm):
     _told_s = 0.0
 
     def display(self, msg: str | None = None, pos: int | None = None) -> None:
-        """Write a line where another tenth is done, or nothing was written for long."""
+        """Write a line if another tenth is done, or nothing has been written for `SILENCE_S`."""
         tenth = 10 * self.n // self.total if self.total else 10
         silent = time.monotonic() - self._told_s > SILENCE_S and self.n != self._written
         if tenth > self._tenth or silent:

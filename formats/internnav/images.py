@@ -34,7 +34,7 @@ def write_frames(
 
 
 def _repeated(images: Iterable[NDArray[Any]], repeats: Sequence[int]) -> Iterator[NDArray[Any]]:
-    """Yield each image `repeats` times; those behind the last number not at all."""
+    """Yield each image `repeats` times; images beyond the end of `repeats` are dropped."""
     for image, times in zip(images, repeats, strict=False):
         for _ in range(times):
             yield image
@@ -59,5 +59,5 @@ def _write_images(
         out[done] = image
         done += 1
     if done != count:
-        raise FileFormatError(path, f"{done} images, the unit has {count} frames")
+        raise FileFormatError(path, f"contains {done} images; the unit has {count} frames")
     out.flush()

@@ -95,7 +95,7 @@ def arrow_type(dtype: str, size: int) -> pa.DataType:
 
 
 def table_schema(columns: dict[str, tuple[str, int]]) -> pa.Schema:
-    """Schema of an episode's parquet file, with the metadata by which `datasets` types it."""
+    """Return the schema of an episode's Parquet file, with metadata for `datasets`."""
     fields, hub = [], {}
     for name, (dtype, size) in columns.items():
         fields.append(pa.field(name, arrow_type(dtype, size)))

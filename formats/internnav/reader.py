@@ -193,7 +193,9 @@ def _read_columns(path: Path, folder: Path) -> dict[str, NDArray[Any]]:
             if not np.all(np.isfinite(values)):
                 raise FileFormatError(path, f"column {name} is not finite everywhere")
             if np.any(np.abs(values) > MAX_NUMBER):
-                raise FileFormatError(path, f"column {name}: {np.abs(values).max():.3g}")
+                raise FileFormatError(
+                    path, f"column {name} contains {np.abs(values).max():.3g}, which is implausible"
+                )
             values = values.astype(dtype).reshape((-1, size) if size > 1 else (-1,))
         columns[name] = values
     for name in ("observation.camera_orientation", "observation.robot_orientation"):

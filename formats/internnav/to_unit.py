@@ -101,7 +101,7 @@ def _metres(episode: LayoutEpisode) -> Iterator[NDArray[np.float32]]:
 
 
 def _own_parts(episode: LayoutEpisode, folder: Path) -> tuple[UnitParts, pa.Table]:
-    """Index and rows of the unit that our own writer was given."""
+    """Return index and rows of the unit that our own writer was given."""
     try:
         parts = UnitParts.from_json(episode.unit or {})
         return parts, unit_rows(episode.columns, parts.features)

@@ -16,7 +16,7 @@ log = logging.getLogger(__name__)
 
 
 def own_vocabulary(texts: Iterable[str]) -> Vocabulary:
-    """The vocabulary of `texts`, with a warning when InternNav's models are too small for it."""
+    """Return the vocabulary of `texts`; warn if it is too large for InternNav's models."""
     vocabulary = Vocabulary.of(texts)
     if len(vocabulary.words) > VOCABULARY_SIZE:
         log.warning(
@@ -28,7 +28,7 @@ def own_vocabulary(texts: Iterable[str]) -> Vocabulary:
 
 
 def read_vocabulary(path: Path) -> Vocabulary:
-    """The vocabulary of a VLN-CE episode file (.json or .json.gz), for tokens that agree with it.
+    """Return the vocabulary of a VLN-CE episode file (.json or .json.gz).
 
     Raises:
         FileFormatError: no such file, or no vocabulary in it.

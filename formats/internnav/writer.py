@@ -127,7 +127,7 @@ def write_scene(
 
 
 def finish_status(end_reason: str) -> tuple[str, str]:
-    """`finish_status` and `fail_reason` of an end reason, in the loaders' words."""
+    """Return `finish_status` and `fail_reason` of an end reason, in the loaders' words."""
     if end_reason == EndReason.SUCCESS:
         return "success", "success"
     if end_reason == EndReason.STUCK:

@@ -42,7 +42,7 @@ def film_strip(units: Sequence[EpisodeUnit]) -> bytes:
 
 
 def _spread(count: int, wanted: int) -> list[int]:
-    """Up to `wanted` indices below `count`, from the first to the last."""
+    """Return up to `wanted` evenly spaced indices below `count`, the first and last included."""
     return sorted(set(np.linspace(0, count - 1, min(count, wanted)).round().astype(int).tolist()))
 
 

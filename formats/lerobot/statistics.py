@@ -117,12 +117,12 @@ def picture_statistics(
 
 
 def statistics_to_json(statistics: Statistics) -> dict[str, Any]:
-    """Return the arrays to nested lists, in LeRobot's order."""
+    """Convert arrays to nested lists, in LeRobot's order."""
     return {key: np.asarray(statistics[key]).tolist() for key in (*MOMENTS, *QUANTILES)}
 
 
 def statistics_from_json(statistics: dict[str, Any]) -> Statistics:
-    """Return the nested lists to arrays."""
+    """Convert nested lists to arrays."""
     return {key: np.asarray(value) for key, value in statistics.items()}
 
 
@@ -143,7 +143,7 @@ def _merge(a: Statistics, b: Statistics) -> Statistics:
 
 
 def _column_quantiles(columns: NDArray[Any]) -> NDArray[np.float64]:
-    """Histogram quantiles (Q, D) of each of D columns (N, D): `_quantiles`, for all at once."""
+    """Return histogram quantiles (Q, D) of columns (N, D): `_quantiles`, for all at once."""
     ascending = np.sort(columns, axis=0)
     edges = [_edges(column) for column in ascending.T]
     bins = np.stack([_bins(e, column) for e, column in zip(edges, ascending.T, strict=True)], 1)

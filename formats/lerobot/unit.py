@@ -111,7 +111,7 @@ class EpisodeUnit:
         path = self.folder / ROWS
         table = read_table(path)
         if table.num_rows != self.length:
-            raise FileFormatError(path, f"{table.num_rows} rows, its index says {self.length}")
+            raise FileFormatError(path, f"{table.num_rows} rows; its index states {self.length}")
         return table
 
 
@@ -189,7 +189,7 @@ def read_episode_unit(folder: Path) -> EpisodeUnit:
         check_features(path, index["features"])
         if index["unit_version"] != UNIT_VERSION:
             raise FileFormatError(
-                path, f"unit version {index['unit_version']}, this code reads {UNIT_VERSION}"
+                path, f"unit version {index['unit_version']}; this code reads {UNIT_VERSION}"
             )
         index["columns"] = LATER_COLUMNS | index["columns"]
         missing = set(EPISODE_COLUMNS) - set(index["columns"])

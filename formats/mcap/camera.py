@@ -36,7 +36,7 @@ CAMERA_TRANSFORM_TOPIC = "/camera/tf"
 
 
 def camera_messages(recording: Recording, rollout: Rollout, view: FrameFolder) -> Iterator[Write]:
-    """Pose, calibration, colour and depth of each frame."""
+    """Yield pose, calibration, colour and depth of each frame."""
     context = recording.context
     transforms = FrameTransformsChannel(CAMERA_TRANSFORM_TOPIC, context=context)
     calibrations = CameraCalibrationChannel(CALIBRATION_TOPIC, context=context)
@@ -101,7 +101,7 @@ def camera_messages(recording: Recording, rollout: Rollout, view: FrameFolder) -
 def _camera_in_base(
     rollout: Rollout, view: FrameFolder
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Position (N, 3) [m] and quat_wxyz (N, 4) of the optical frame in the base frame."""
+    """Return position (N, 3) [m] and quat_wxyz (N, 4) of the optical frame in the base frame."""
     samples = view.arrays["sample_index"]
     to_base = quat_to_matrix(rollout.quat_wxyz[samples]).swapaxes(-1, -2)
     offset = view.arrays["camera_position_world_m"] - rollout.position_world_m[samples]

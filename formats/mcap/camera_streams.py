@@ -56,7 +56,7 @@ def extract_videos(
         anything = DepthRange(ANY_NEAR_M, depth_range.far_m)
         write_depth_video(folder / video_name(facts, "depth", path), images(), rate, anything)
     except (KeyError, TypeError, ValueError, UnknownNameError) as error:
-        raise FileFormatError(path, f"pictures are damaged: {error!r}") from error
+        raise FileFormatError(path, f"its images are damaged: {error!r}") from error
 
 
 def topic_messages(contents: Contents, path: Path, topic: str, count: int) -> list[Any]:

@@ -219,7 +219,7 @@ def extract_records(
     attached = contents.attachments.get(FRAMES_ATTACHMENT)
     if facts is None or attached is None:
         missing = VIEW_METADATA if facts is None else FRAMES_ATTACHMENT
-        raise FileFormatError(path, f"no episode with pictures: {missing} is missing")
+        raise FileFormatError(path, f"not an episode with images: {missing} is missing")
     try:
         arrays = read_arrays(path, attached.data)
     except FileFormatError as error:
@@ -238,7 +238,7 @@ def write_frame_records(
 
 
 def _labels(rollout: Rollout, view: FrameFolder) -> dict[float, int]:
-    """`action.discrete` by the frame's time, where a dataset of these frames would have it."""
+    """Return `action.discrete` by frame time, if a dataset of these frames would have it."""
     table = build_frame_table(rollout, view.arrays, view.frames_per_second)
     labels = np.ravel(table.columns.get("action.discrete", ())).tolist()
     times = rollout.time_s[view.arrays["sample_index"]].tolist()
@@ -256,8 +256,8 @@ def _check_frames(path: Path, view: FrameFolder, rollout: Rollout) -> None:
     samples = view.arrays["sample_index"]
     expected = rollout.frame_samples(view.frames_per_second)
     if not np.array_equal(samples, expected[: len(samples)]) or len(samples) == 0:
-        raise FileFormatError(path, f"{len(samples)} frames that do not belong to this rollout")
+        raise FileFormatError(path, f"its {len(samples)} frames do not belong to this rollout")
     others = [view.rgb_video.parent / file for file in id_videos(view.facts).values()]
     for video in (view.rgb_video, view.depth_video, *others):
         if (count := probe_video(video).frames) != len(samples):
-            raise FileFormatError(video, f"{count} frames, there are {len(samples)} poses")
+            raise FileFormatError(video, f"{count} frames, but {len(samples)} poses")

@@ -20,7 +20,7 @@ FORMAT_VERSION = 1
 
 
 def episode_to_json(episode: Episode) -> dict[str, Any]:
-    """Return the episode to JSON values; floats are exact."""
+    """Convert the episode to JSON values; floats are exact."""
     return {
         key: value.tolist() if isinstance(value, np.ndarray) else value
         for key, value in vars(episode).items()
@@ -57,7 +57,7 @@ def rollout_facts(rollout: Rollout) -> dict[str, str]:
 
 
 def rollout_fields(metadata: dict[str, str], path: Path) -> dict[str, Any]:
-    """Inverse of `rollout_facts`: arguments of `Rollout` but for the arrays, and `samples`.
+    """Return the inverse of `rollout_facts`: arguments of `Rollout` but the arrays, and `samples`.
 
     Raises:
         FileFormatError: not the facts of a rollout, or of another version.
@@ -66,7 +66,7 @@ def rollout_fields(metadata: dict[str, str], path: Path) -> dict[str, Any]:
         facts = parse_json(path, metadata[JSON_KEY].encode())
         if facts["format_version"] != FORMAT_VERSION:
             raise FileFormatError(
-                path, f"rollout version {facts['format_version']}, this code reads {FORMAT_VERSION}"
+                path, f"rollout version {facts['format_version']}; this code reads {FORMAT_VERSION}"
             )
         samples = facts["samples"]
         for _, start, stop in facts["actions"]:

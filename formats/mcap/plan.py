@@ -36,7 +36,7 @@ UPRIGHT = Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
 def plan_messages(
     recording: Recording, rollout: Rollout, walked_every: int = WALKED_EVERY
 ) -> Iterator[Write]:
-    """One message at the start: both paths and the goal, if known, in the world frame."""
+    """Yield one message at the start: both paths and the goal, if known, in the world frame."""
     channel = SceneUpdateChannel(PLAN_TOPIC, context=recording.context)
     at, stamp = nanoseconds(rollout.time_s[0]), timestamp(rollout.time_s[0])
     goal = SpherePrimitive(

@@ -99,7 +99,7 @@ class Contents:
     attachments: dict[str, Attachment] = field(default_factory=dict)
 
     def add(self, record: McapRecord) -> None:
-        """Sort a record in; those of other kinds (indexes, headers) are left out.
+        """Add a record; those of other kinds (indexes, headers) are left out.
 
         Raises:
             KeyError: a message of an unknown channel.
@@ -127,7 +127,8 @@ def _check_chunk(path: Path, chunk: Chunk, unpacked: int, cap: int) -> None:
     """
     if unpacked > cap:
         raise FileFormatError(
-            path, f"its chunks unpack to {unpacked:,} bytes; valid: up to {cap:,} (mcap_bytes)"
+            path,
+            f"its chunks unpack to {unpacked:,} bytes; valid: up to {cap:,} (limit mcap_bytes)",
         )
     if chunk.compression == "zstd":
         inside = zstandard.frame_content_size(chunk.data)
@@ -139,7 +140,8 @@ def _check_chunk(path: Path, chunk: Chunk, unpacked: int, cap: int) -> None:
             )
     elif chunk.compression:
         raise FileFormatError(
-            path, f"chunks are compressed by {brief(chunk.compression)}; valid: zstd, or not"
+            path,
+            f"chunks are compressed with {brief(chunk.compression)}; valid: zstd, or uncompressed",
         )
 
 

@@ -18,7 +18,7 @@ FOOT_TOPIC = "/foot_contact"
 
 
 def command_messages(recording: Recording, rollout: Rollout, every: int) -> Iterator[Write]:
-    """Velocity commands."""
+    """Yield the velocity commands."""
     names = ("vx_base_m_s", "vy_base_m_s", "yaw_rate_rad_s")
     channel = _json_channel(
         recording, COMMAND_TOPIC, "vlnpe.Command", dict.fromkeys(names, "number")
@@ -56,7 +56,7 @@ def foot_messages(recording: Recording, rollout: Rollout, every: int) -> Iterato
 def action_messages(
     recording: Recording, rollout: Rollout, labels: Mapping[float, int] | None = None
 ) -> Iterator[Write]:
-    """Executed discrete actions, when they begin; where there are none, the frames' labels.
+    """Yield executed discrete actions as they begin; if there are none, the frames' labels.
 
     Args:
         recording: where to.

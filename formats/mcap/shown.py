@@ -48,7 +48,7 @@ class ShownTopic:
 
 
 def shown_messages(recording: Recording, shown: ShownTopic) -> Iterator[Write]:
-    """The messages of a topic, as they are."""
+    """Yield the messages of a topic unchanged."""
     channel = foxglove.Channel(
         shown.topic,
         schema=foxglove.Schema(name=shown.schema_name, encoding="protobuf", data=shown.schema_data),
@@ -78,7 +78,7 @@ BELOW_M = 0.02  # so that paths and feet are drawn over it
 
 
 def map_topic(freemap: Freemap, time_s: float = 0.0) -> ShownTopic:
-    """One message: free floor, floor that something stands on or hangs over, and no floor."""
+    """Return the map as one message: free floor, floor under something, and no floor."""
     floor = np.isfinite(freemap.floor_z_m)
     kind = np.where(floor, np.where(freemap.traversable, 0, 1), 2)
     colors = np.array([FREE, BLOCKED, NOTHING], np.uint8)[kind]

@@ -82,7 +82,7 @@ def encode_states(rollout: Rollout) -> list[bytes]:
 
 
 def decode_states(messages: list[bytes], path: Path) -> dict[str, NDArray[Any]]:
-    """Rollout arrays by name from the messages of one rollout; `path` is for errors.
+    """Return rollout arrays by name from the messages of one rollout; `path` is for errors.
 
     Raises:
         FileFormatError: the messages do not have the layout that `encode_states` gives.

@@ -42,12 +42,12 @@ Write = tuple[int, Callable[[], None]]
 
 
 def vector(values: NDArray) -> Vector3:
-    """Return (3,) array to a message."""
+    """Convert an array (3,) to a message."""
     return Vector3(x=float(values[0]), y=float(values[1]), z=float(values[2]))
 
 
 def quaternion(quat_wxyz: NDArray) -> Quaternion:
-    """Return the quaternion wxyz to a message, which names its parts."""
+    """Convert a quaternion wxyz to a message."""
     w, x, y, z = (float(v) for v in quat_wxyz)
     return Quaternion(x=x, y=y, z=z, w=w)
 
@@ -62,7 +62,7 @@ def write_in_order(*streams: Iterator[Write]) -> None:
 
 
 def state_messages(recording: Recording, rollout: Rollout) -> Iterator[Write]:
-    """Exact state of every sample."""
+    """Yield the exact state of every sample."""
     channel = foxglove.Channel(
         STATE_TOPIC,
         schema=foxglove.Schema(name=SCHEMA_NAME, encoding="protobuf", data=state_schema()),

@@ -49,7 +49,7 @@ def read_gltf_splats(path: Path) -> GaussianCloud:
         total = sum(len(mesh.get("primitives", [])) for mesh in tree.get("meshes", []))
         if len(primitives) < total:
             raise FileFormatError(
-                path, "contains meshes and Gaussian splats; export one file for each"
+                path, "contains both meshes and Gaussian splats; export them to separate files"
             )
         clouds = [
             reader.cloud(primitive).transformed(matrix)
@@ -58,7 +58,7 @@ def read_gltf_splats(path: Path) -> GaussianCloud:
         ]
     except FileFormatError:
         raise
-    # A damaged tree fails in many ways; whichever it is, the file is at fault.
+    # A damaged tree raises many types of error; the file is at fault in each case.
     except (ValueError, KeyError, IndexError, TypeError, AttributeError, OSError) as error:
         raise FileFormatError(path, f"damaged glTF of Gaussian splats: {error!r}") from error
     if not clouds:

@@ -1,4 +1,4 @@
-"""Tell files of Gaussian splats from meshes and point clouds, without reading the splats.
+"""Distinguish files of Gaussian splats from meshes and point clouds without reading them.
 
 It imports no reader, so that what decides how a mesh is read does not depend on them.
 """
@@ -94,7 +94,7 @@ def gltf_tree(path: Path) -> tuple[dict[str, Any], memoryview]:
     except FileFormatError as error:
         raise ValueError(error.reason) from error
     if not isinstance(tree, dict):
-        raise ValueError("no JSON object")
+        raise ValueError("not a JSON object")
     return tree, body
 
 

@@ -42,7 +42,9 @@ def read_dot_splat(path: Path) -> GaussianCloud:
     size = path.stat().st_size
     count, left = divmod(size, SPLAT_ROW.itemsize)
     if left:
-        raise FileFormatError(path, f"{size:,} bytes are no multiple of {SPLAT_ROW.itemsize}")
+        raise FileFormatError(
+            path, f"its size of {size:,} bytes is not a multiple of {SPLAT_ROW.itemsize}"
+        )
     check_count(path, count, 0)
     rows = np.fromfile(path, SPLAT_ROW)
     color = (rows["rgba"] / 255).astype(np.float32)
@@ -90,7 +92,9 @@ def spz_cloud(path: Path, data: bytes) -> GaussianCloud:
     if version < 4:
         body = _gunzipped(path, data, HEADER + sum(sizes))[HEADER:]
         if len(body) < sum(sizes):
-            raise FileFormatError(path, f"declares {count:,} Gaussians in {len(body):,} bytes")
+            raise FileFormatError(
+                path, f"declares {count:,} Gaussians, but has {len(body):,} bytes"
+            )
         starts = np.cumsum([0, *sizes])
         parts = [body[a : a + n] for a, n in zip(starts, sizes, strict=False)]
     else:

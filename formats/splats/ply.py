@@ -51,7 +51,7 @@ def _read_plain(path: Path, header: PlyHeader, licence: str) -> GaussianCloud:
     names = header.elements["vertex"].properties
     missing = [name for name in SPLAT_PROPERTIES if name not in names]
     if missing:
-        raise FileFormatError(path, f"splats without the properties {', '.join(missing)}")
+        raise FileFormatError(path, f"its splats lack the properties {', '.join(missing)}")
     rest = sum(name.startswith("f_rest_") for name in names)
     degree = _degree(path, rest)
     check_count(path, header.elements["vertex"].count, degree)
@@ -84,7 +84,9 @@ def _read_compressed(path: Path, header: PlyHeader, licence: str) -> GaussianClo
     check_count(path, count, degree)
     missing = {*BOUNDS, *SCALE_BOUNDS} - set(chunk.properties if chunk else ())
     if chunk is None or missing:
-        raise FileFormatError(path, f"compressed splats without {sorted(missing)[0]} of chunks")
+        raise FileFormatError(
+            path, f"its compressed splats lack the chunk property {sorted(missing)[0]}"
+        )
     if chunk.count * CHUNK < count or (extra is not None and extra.count != count):
         raise FileFormatError(path, f"{chunk.count:,} chunks for {count:,} Gaussians")
     bounds, words = ply_rows(path, header, "chunk"), ply_rows(path, header, "vertex")

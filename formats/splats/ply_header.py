@@ -97,7 +97,11 @@ def ply_rows(path: Path, header: PlyHeader, name: str) -> np.ndarray:
     """
     element = header.elements[name]
     if header.format not in ("binary_little_endian", "binary_big_endian"):
-        raise FileFormatError(path, f"splats in PLY format {header.format!r}; valid: binary")
+        raise FileFormatError(
+            path,
+            f"splats in PLY format {header.format!r}; valid: binary_little_endian, "
+            "binary_big_endian",
+        )
     if element.row is None or element.offset < 0:
         raise FileFormatError(path, f"its element {name} holds or follows lists, unlike splats")
     body = path.stat().st_size - element.offset

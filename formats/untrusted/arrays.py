@@ -77,14 +77,14 @@ def _read(path: Path, stream: BinaryIO) -> dict[str, NDArray[Any]]:
             total = sum(member.file_size for member in archive.infolist())
         if total > cap:
             raise FileFormatError(
-                path, f"unpacks to {total:,} bytes; valid: up to {cap:,} (array_bytes)"
+                path, f"unpacks to {total:,} bytes; valid: up to {cap:,} (limit array_bytes)"
             )
         stream.seek(0)
         with np.load(stream, allow_pickle=False) as data:
             arrays = {key: data[key] for key in data.files}
         for key, values in arrays.items():
             if not isinstance(values, np.ndarray):
-                raise ValueError(f"{brief(key)} is no array")
+                raise ValueError(f"{brief(key)} is not an array")
         return arrays
     except _DAMAGED as error:
         raise FileFormatError(path, f"damaged arrays ({_line(error)})") from error

@@ -91,7 +91,7 @@ def check_size(path: Path, file: pq.ParquetFile, columns: Sequence[str] | None =
         total += _text_bytes(path, list(texts))
     if total > cap:
         raise FileFormatError(
-            path, f"takes {total:,} bytes in memory; valid: up to {cap:,} (table_bytes)"
+            path, f"takes {total:,} bytes in memory; valid: up to {cap:,} (limit table_bytes)"
         )
 
 

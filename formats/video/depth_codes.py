@@ -25,7 +25,7 @@ MAX_MILLIMETRES_M = 65.535
 
 
 def depth_to_codes(depth_m: ArrayLike, depth_range: DepthRange) -> NDArray[np.uint16]:
-    """Depth (...) [m] to codes (...) uint16 in 0 … 4095.
+    """Convert depth (...) [m] to codes (...) uint16 in 0 … 4095.
 
     0 stands for invalid: not finite, or outside `depth_range`.
     """
@@ -49,7 +49,7 @@ def depth_to_codes(depth_m: ArrayLike, depth_range: DepthRange) -> NDArray[np.ui
 
 
 def codes_to_depth(codes: NDArray[np.uint16], depth_range: DepthRange) -> NDArray[np.float32]:
-    """Codes (...) to depth (...) float32 [m], 0 = invalid; equal to LeRobot's but for code 0.
+    """Convert codes (...) to depth (...) float32 [m], 0 = invalid; as LeRobot does, but for code 0.
 
     LeRobot's own reader gives below 1e-6 m for code 0.
     """
@@ -57,7 +57,7 @@ def codes_to_depth(codes: NDArray[np.uint16], depth_range: DepthRange) -> NDArra
 
 
 def codes_to_millimetres(codes: NDArray[np.uint16], depth_range: DepthRange) -> NDArray[np.uint16]:
-    """Codes (...) to whole millimetres (...) uint16, 0 = invalid.
+    """Convert codes (...) to whole millimetres (...) uint16, 0 = invalid.
 
     Raises:
         ValueError: the range does not fit into 16 bits.
@@ -102,7 +102,7 @@ def encode_depth_tiff(depth_mm: NDArray[np.uint16]) -> bytes:
 
 
 def decode_depth_tiff(data: bytes) -> NDArray[np.uint16]:
-    """Inverse of `encode_depth_tiff`.
+    """Decode what `encode_depth_tiff` returned.
 
     Raises:
         ValueError: not such an image.

@@ -28,7 +28,7 @@ MAX_ID = 65535
 
 
 class IdVideoWriter:
-    """Writes a video frame by frame; the file appears when all went well."""
+    """Writes a video frame by frame; the file appears only once it is complete."""
 
     def __init__(self, path: Path, frames_per_second: int):
         """Prepare to write `path` (.mov)."""

@@ -77,7 +77,7 @@ def copy_frames(path: Path, out: Path, first: int, count: int) -> None:
     try:
         _copy_frames(path, out, first, count)
     except FFmpegError as error:
-        raise FileFormatError(path, f"frame {first} ff. are corrupt ({error.strerror})") from error
+        raise FileFormatError(path, f"corrupt from frame {first} on ({error.strerror})") from error
 
 
 def _copy_frames(path: Path, out: Path, first: int, count: int) -> None:
@@ -98,7 +98,9 @@ def _copy_frames(path: Path, out: Path, first: int, count: int) -> None:
             if packet.pts != (first + done) * ticks or packet.dts != packet.pts:
                 raise FileFormatError(path, f"frame {first + done} is not at its regular time")
             if done == 0 and not packet.is_keyframe:
-                raise FileFormatError(path, f"first frame of an episode, {first}, is no key frame")
+                raise FileFormatError(
+                    path, f"frame {first}, the first of an episode, is not a key frame"
+                )
             packet.pts = packet.dts = done * ticks
             packet.duration, packet.stream = ticks, output
             container.mux(packet)

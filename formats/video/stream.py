@@ -127,7 +127,7 @@ def demux_packets(path: Path, part: InputContainer, stream: VideoStream) -> Iter
 
 
 def ticks_per_frame(path: Path, stream: VideoStream) -> int:
-    """Duration of a frame in the stream's time base.
+    """Return the duration of a frame in the stream's time base.
 
     Raises:
         FileFormatError: it is not a whole number.

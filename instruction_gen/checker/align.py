@@ -19,7 +19,7 @@ from .ground import Ground, Mask, spread
 # A turn of this much must be mentioned.
 REQUIRED_DEG = 58.0
 _AROUND_DEG = 125.0
-_LATE_M = 1.6  # how far beyond an untold turn a claim may already lie
+_LATE_M = 1.6  # how far beyond an unmentioned turn a claim may already lie
 _ONE_BEND_M = 2.0
 _U_TURN_M = 3.0
 _SPOT_M = 0.6
@@ -43,7 +43,7 @@ States = dict[int, Mask]
 
 
 def align(claims: Sequence[Claim], ground: Ground) -> list[tuple[int, str]]:
-    """Problems as (clause, reason), in order."""
+    """Return problems as (clause, reason), in order."""
     return _Aligner(ground).run(claims)
 
 
@@ -226,7 +226,7 @@ class _Aligner:
     # turns ------------------------------------------------------------------------------------
 
     def _limit(self, made: int) -> float:
-        """How far one may be after `made` turns: up to the next turn that must be mentioned."""
+        """Return how far one may be after `made` turns: to the next that must be mentioned."""
         for k in range(made, len(self.turns)):
             if self.required[k]:
                 return self.turns[k].along_m
@@ -321,7 +321,7 @@ class _Aligner:
 
 
 def _either(first: States, second: States) -> States:
-    """The states of both."""
+    """Return the union of two sets of states."""
     result = dict(first)
     for made, mask in second.items():
         result[made] = result[made] | mask if made in result else mask

@@ -89,7 +89,7 @@ def _inside(clause: Clause, ground: Ground) -> str:
 
 
 def _joined(claims: list[Claim], a: int, b: int, ground: Ground) -> list[Claim]:
-    """The claims, with those of both nouns of `between` as one: both are near at one place."""
+    """Return the claims, with the two of `between` joined: both things are near at one place."""
     first, second = claims[a], claims[b]
     if "false" in (first.kind, second.kind):
         return claims

@@ -34,13 +34,13 @@ def claims_of(parse: Parse, ground: Ground) -> list[Claim]:
         elif last is not None and index > last:
             result += after_stop_claims(index, clause, parse, ground)
         else:
-            told = _moving_claims(index, clause, ground)
+            stated = _moving_claims(index, clause, ground)
             if elliptic(clause, parse):
-                told = [replace(c, maybe=c.kind == "turn") for c in told]
+                stated = [replace(c, maybe=c.kind == "turn") for c in stated]
             if clause.unparsed:
-                told = [replace(c, optional=c.kind in _UNSURE) for c in told]
+                stated = [replace(c, optional=c.kind in _UNSURE) for c in stated]
             hints = [_hint(index, side, ground) for side in loose[index]]
-            result += [*hints, *told, *(hints if told else ())]
+            result += [*hints, *stated, *(hints if stated else ())]
     return result
 
 

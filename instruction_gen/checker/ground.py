@@ -89,7 +89,7 @@ class Ground(Things):
         return self._rooms(noun, lambda v: self._between(max(v.from_m, v.to_m - 2.5), v.to_m + 0.6))
 
     def room_in_view(self, noun: Noun) -> Found:
-        """Anywhere, for a room of the level: a doorway may show it."""
+        """Return everywhere for a room of the level: a doorway may show it."""
         if room_names(noun.head) & {*self.facts.level_rooms, *(v.room for v in self.facts.visits)}:
             return Found(np.ones(len(self.along_m), dtype=bool))
         return Found(np.zeros(len(self.along_m), dtype=bool), f"the {noun.text} is never in view")

@@ -1,7 +1,7 @@
 """Sides that the grammar could bind to nothing: they may be turns.
 
 `Round it to the left` and `right at the sofa, into the kitchen` tell a turn in words that no rule
-reads for certain. Such a side excuses a turn that is not told otherwise, and claims nothing.
+reads for certain. Such a side accounts for a turn that no clause states, and claims nothing.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def _bound(clause: Clause) -> list[str]:
 
 
 def elliptic(clause: Clause, parse: Parse) -> bool:
-    """Whether a side without a verb may be no turn: `right at the sofa`, or among unknown words."""
+    """Return whether a side without a verb may be no turn: `right at the sofa`, unknown words."""
     words = re.findall(r"[a-z-]+", parse.text[clause.start : clause.stop].lower())
     if clause.side not in words or any(w in VERB_OF for w in words):
         return False

@@ -107,7 +107,7 @@ def after_stop_claims(index: int, clause: Clause, parse: Parse, ground: Ground) 
 
 
 def _goes_on(clause: Clause, said: str) -> bool:
-    """Whether a clause after the stop leads on; `(stop) walking by the bed` does not."""
+    """Return whether a clause after the stop walks on; `(stop) walking by the bed` does not."""
     if clause.side:
         return True
     if re.match(r"\w+ing\b", said):

@@ -150,7 +150,7 @@ class Things:
         return (self.distance <= reach_m) & (self.open | (self.distance <= 0.8))
 
     def _nearest(self) -> Mask:
-        """Where each thing is about as near as it gets within a metre and a half of walking."""
+        """Return where each thing is about as near as it gets within 1.5 m of walking."""
         window = max(1, round(1.5 / self.along_m[1]))
         hidden = np.where(self.open | (self.distance <= 0.8), self.distance, np.inf)
         padded = np.pad(hidden, ((0, 0), (window, window)), constant_values=np.inf)
@@ -225,7 +225,7 @@ class Things:
         return bool(self._near(PASS_M)[n].any())
 
     def _ordinal(self, chosen: list[int], noun: Noun) -> Mask:
-        """Which of the chosen things are in that place, counted from the start or in their room."""
+        """Return which of the chosen things have that ordinal, from the start or in their room."""
         marks = [self.facts.landmarks[n] for n in chosen]
         beside = [n for n in chosen if self._is_beside(n)]
         if noun.side:
@@ -254,7 +254,7 @@ class Things:
 
 
 def spread(mask: Mask, along_m: NDArray[np.float64], by_m: float) -> Mask:
-    """Places within `by_m` of those in `mask`."""
+    """Return the places within `by_m` of those in `mask`."""
     k = max(1, round(by_m / along_m[1]))
     padded = np.pad(mask, k)
     views = np.lib.stride_tricks.sliding_window_view(padded, 2 * k + 1)

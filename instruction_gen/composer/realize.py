@@ -17,7 +17,7 @@ _SLIGHT_DEG, _SHARP_DEG, _ROUND_DEG = 52.0, 122.0, 155.0
 
 
 def realize(steps: Sequence[Step], rng: np.random.Generator, style: str) -> tuple[str, list[str]]:
-    """The text of some steps, and its sentences' skeletons, with slots for all that varies."""
+    """Return the text of some steps, and its sentences' skeletons, with slots for what varies."""
     clauses: list[str] = []
     memory: list[str] = []
     rooms: list[str] = []

@@ -110,7 +110,7 @@ def plan(facts: PathFacts, style: str, rng: np.random.Generator) -> list[Step]:
 # moves ------------------------------------------------------------------------------------------
 
 
-def told_turns(facts: PathFacts) -> list[tuple[int, TurnFact]]:
+def mentioned_turns(facts: PathFacts) -> list[tuple[int, TurnFact]]:
     """Return the turns worth mentioning; small ones that undo each other are weaving."""
     result = []
     for k, turn in enumerate(facts.turns):
@@ -136,7 +136,7 @@ def told_turns(facts: PathFacts) -> list[tuple[int, TurnFact]]:
 def _moves(facts: PathFacts, rng: np.random.Generator, taste: Taste, named: set[str]) -> list[Step]:
     steps: list[Step] = []
     passages = list(facts.passages)
-    for k, turn in told_turns(facts):
+    for k, turn in mentioned_turns(facts):
         low, high = (turn.along_m + gap for gap in _DOOR_AFTER_TURN_M)
         after = next((p for p in passages if low <= p.along_m <= high), None)
         size = abs(turn.angle_deg)

@@ -100,7 +100,7 @@ def find_turns(
     start_yaw_rad: float | None,
     min_turn_rad: float = MIN_TURN_RAD,
 ) -> tuple[Turn, ...]:
-    """Turns along a path (P, 2) [m], by its simplified shape.
+    """Find the turns along a path (P, 2) [m], by its simplified shape.
 
     Args:
         path_xy_m: the path.

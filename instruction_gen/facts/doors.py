@@ -15,7 +15,7 @@ _JOIN_CELLS = 3
 
 
 def doorways(regions: RegionMap, level: int, floor_z_m: float) -> list[LabeledObject]:
-    """Passages between two rooms that are no wider than a doorway."""
+    """Return the passages between two rooms that are no wider than a doorway."""
     border = _borders(regions) & (regions.width_m <= DOORWAY_M)
     parts = np.asarray(label(_grown(border), connectivity=2))
     result = []

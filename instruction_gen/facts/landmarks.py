@@ -196,7 +196,7 @@ def _looked(track: Track, glimpses: Sequence[Glimpse]) -> NDArray[np.bool_]:
 def _room_at(
     shared: LevelFacts, middle: list[float], low: NDArray[np.float64], high: NDArray[np.float64]
 ) -> str:
-    """Room of a box: of most of a few places in and around it."""
+    """Return the room of a box: that of most of a few places in and around it."""
     xs, ys = (np.linspace(a - 0.25, b + 0.25, 5) for a, b in zip(low, high, strict=True))
     found = shared.regions.at(np.stack(np.meshgrid(xs, ys), axis=-1)).ravel()
     found = found[found >= 0]

@@ -88,7 +88,7 @@ _STRUCTURE = frozenset(
 
 
 def _part_of(small: LabeledObject, large: LabeledObject) -> bool:
-    """Whether a box lies mostly over another of its kind: scans list the parts of one thing."""
+    """Return whether a box lies mostly over another of its kind, as the parts of one thing do."""
     if small.category != large.category or small.name == large.name:
         return False
     size = np.prod(np.subtract(small.upper_m, small.lower_m)[:2])

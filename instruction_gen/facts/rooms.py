@@ -41,7 +41,7 @@ def rooms_near(
 
 
 def room_names(regions: RegionMap, things: Sequence[LabeledObject]) -> tuple[str, ...]:
-    """Canonical name of each region, "" if neither a label nor its furniture identifies it."""
+    """Return the canonical name of each region, "" if neither label nor furniture identifies it."""
     names = [room_of(name) for name in regions.names]
     inside: dict[int, set[str]] = {}
     for thing in things:

@@ -106,7 +106,7 @@ def prefix_costs(goals: Sequence[SubGoal], ways: Ways, world: World) -> list[Arr
 
 
 def _met(goal: SubGoal, here: Array, ways: Ways, world: World, walked: bool) -> Array:
-    """Cost (N,) of meeting a sub-goal at each cell, after the last was met somewhere before."""
+    """Return costs (N,) of meeting a sub-goal at each cell, the last being met somewhere before."""
     if goal.kind == "walk":
         return _walk(goal, here, ways)
     reached = ways.lately(here, _TIGHT) if walked else ways.onward(here)
@@ -142,7 +142,7 @@ def _turn(goal: SubGoal, reached: Array, ways: Ways) -> Array:
     double = np.where(sign * ways.long_turn_rad >= np.deg2rad(110.0), reached, np.inf) + 0.4
     turned = np.minimum(np.minimum(made, hint), double)
     on = ways.before[_ON]
-    return turned[on] + ways.untold - ways.untold[on]
+    return turned[on] + ways.unmentioned - ways.unmentioned[on]
 
 
 def _walk(goal: SubGoal, here: Array, ways: Ways) -> Array:
@@ -156,6 +156,6 @@ def _walk(goal: SubGoal, here: Array, ways: Ways) -> Array:
         length = ways.along_m - ways.along_m[from_]
         off = 0.05 if goal.vague else np.abs(length - d) / max(d, 1.5)
         bent = np.abs(wrap(ways.heading_rad - ways.heading_rad[from_]))
-        cost = here[from_] + ways.untold - ways.untold[from_] + off + _BENT * bent
+        cost = here[from_] + ways.unmentioned - ways.unmentioned[from_] + off + _BENT * bent
         result = np.minimum(result, np.where((length >= low) & (length <= high), cost, np.inf))
     return result

@@ -171,14 +171,14 @@ def sided_door(goal: SubGoal) -> bool:
 
 
 def on_side(goal: SubGoal, ways: Ways, lag: int) -> NDArray[np.bool_]:
-    """Where (N,) a door with a stated side has been on that side, `lag` cells or less before."""
+    """Return where (N,) a door was on its stated side `lag` cells or less before."""
     sign = 1.0 if goal.noun is not None and goal.noun.side == "left" else -1.0
     angle = np.maximum(sign * ways.aside_rad, sign * ways.turn_rad)
     return angle[ways.before[: lag + 1]].max(axis=0) >= _DOOR_SIDE_RAD
 
 
 def _since_entry_m(ways: Ways) -> Array:
-    """How far one has walked in the present room, as far as the tree of ways looks back [m]."""
+    """Return how far one has walked in the current room [m], as far as the tree looks back."""
     same = ways.region[ways.before] == ways.region
     back = np.where(same.all(axis=0), len(ways.before) - 1, np.argmin(same, axis=0))
     cells = np.arange(len(ways.region))

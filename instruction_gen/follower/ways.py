@@ -31,7 +31,7 @@ class Ways:
         long_turn_rad: (N,) over the last three.
         aside_rad: (N,) direction to the cell from a metre and a half before, left is positive.
         event: (N,) whether a clear turn has just been made.
-        untold: (N,) cost of the way's clear turns, if the text mentions none of them.
+        unmentioned: (N,) cost of the way's clear turns, if the text mentions none of them.
         region: (N,) region of the level.
     """
 
@@ -64,7 +64,7 @@ class Ways:
         recent &= np.sign(self.turn_rad)[self.before[1 : _APART + 1]] == np.sign(self.turn_rad)
         self.event = above & ~recent.any(axis=0)
         size = np.minimum(np.abs(self.turn_rad), np.deg2rad(120.0)) / np.deg2rad(90.0)
-        self.untold = self._summed(np.where(self.event, PENALTY * size, 0.0))
+        self.unmentioned = self._summed(np.where(self.event, PENALTY * size, 0.0))
 
     def _directions(self, depth: Array, yaw: float) -> None:
         ahead = np.array([np.cos(yaw), np.sin(yaw)])
@@ -92,10 +92,10 @@ class Ways:
 
     def onward(self, cost: Array) -> Array:
         """Return the least cost (N,) of a cell or any ancestor, with the turns walked since."""
-        least = cost - self.untold
+        least = cost - self.unmentioned
         for level in self._levels[1:]:
             least[level] = np.minimum(least[level], least[self._parent[level]])
-        return least + self.untold
+        return least + self.unmentioned
 
     def lately(self, cost: Array, cells: int) -> Array:
         """Return the least value (N,) at a cell or up to `cells` ≤ 16 before it."""
@@ -111,7 +111,7 @@ class Ways:
         return range(int(back_m[0] / (1.45 * CELL_M)), int(back_m[1] / CELL_M) + 2)
 
     def ancestors(self, count: int) -> list[Ids]:
-        """Ancestors 0 … `count` back."""
+        """Return the ancestors 0 … `count` cells back."""
         chain = list(self.before[: count + 1])
         while len(chain) <= count:
             chain.append(self._parent[chain[-1]])
@@ -128,5 +128,5 @@ def _levels(parent: Ids) -> list[Ids]:
 
 
 def wrap(angle_rad: Array) -> Array:
-    """Angles to −π … π."""
+    """Wrap angles to −π … π."""
     return (angle_rad + np.pi) % (2 * np.pi) - np.pi

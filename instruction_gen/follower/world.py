@@ -110,7 +110,7 @@ class World:
         return int(row), int(column)
 
     def ways(self, start_m: Array, start_yaw_rad: float) -> list[Ways]:
-        """Ways from a pose (2,) [m] and heading [rad]: the shortest, and by each way out.
+        """Return ways from a pose (2,) [m] and heading [rad]: the shortest, and by each way out.
 
         The second and further sets leave the room of the start into one of its neighbours only.
         """
@@ -140,7 +140,7 @@ class World:
         return near & (self.region == other) & self.free
 
     def called(self, head: str) -> list[int]:
-        """Indices of the things that may be called so; `kitchen table` is a table in a kitchen."""
+        """Return indices of things that may be called so; `kitchen table`: a table in a kitchen."""
         if head in ("door", DOOR):
             return [k for k, t in enumerate(self.things) if t.noun == DOOR]
         found = [k for k, t in enumerate(self.things) if called(t.noun, head)]
@@ -166,7 +166,7 @@ class World:
         return self._gaps[k]
 
     def regions_called(self, head: str) -> list[int]:
-        """Regions that may be called so."""
+        """Return the regions that may be called so."""
         rooms = ROOM_PHRASES.get(head, frozenset())
         return [k for k, name in enumerate(self.rooms) if name in rooms]
 

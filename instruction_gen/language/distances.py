@@ -12,7 +12,7 @@ _VAGUE_AMOUNT = 2.5
 
 
 def read_distance(words: Sequence[str]) -> tuple[float, bool, int] | None:
-    """The distance that begins a run of words: [m], whether it is vague, and how many words."""
+    """Return the distance [m] that begins a run of words, whether vague, and its word count."""
     k, amount, vague = 0, 0.0, False
     if words[0] in ("a", "another", "one", "the"):
         k = 1

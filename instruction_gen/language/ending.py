@@ -13,7 +13,7 @@ _UNTIL = re.compile(r"\s*,?\s*(?:until|till)\b", re.IGNORECASE)
 
 
 def last_stop(parse: Parse) -> int | None:
-    """Index of the clause that says where to stop, None when no clause does.
+    """Return the index of the clause that says where to stop, or None.
 
     `Walk on until you are next to the bed.` needs no word for stopping at the end of a text, and
     neither does a last clause that only puts the walker somewhere: `You should be at the bed now.`
@@ -30,7 +30,7 @@ def last_stop(parse: Parse) -> int | None:
 
 
 def _arrives(last: Clause, before: Clause, parse: Parse) -> bool:
-    """Whether the last clause says until when to walk."""
+    """Return whether the last clause says how far to walk."""
     if not last.until or not last.nouns:
         return False
     bound = bool(_UNTIL.match(parse.text[last.start :]))

@@ -72,7 +72,7 @@ def plainer(tokens: Sequence[Token]) -> list[Token]:
 
 
 def _openers(tokens: list[Token]) -> list[Token]:
-    """Return `…, next stop by the bed`: a `next` after a comma or full stop is a `then`."""
+    """Return the tokens with `next` after a comma or full stop as `then`: `…, next stop here`."""
     result = list(tokens)
     for k, token in enumerate(tokens):
         opens = k == 0 or not tokens[k - 1].is_word
@@ -92,7 +92,7 @@ def _table() -> tuple[tuple[tuple[tuple[frozenset[str], bool], ...], tuple[str, 
 def _met(
     pattern: Sequence[tuple[frozenset[str], bool]], tokens: Sequence[Token], k: int
 ) -> tuple[list[str], int] | None:
-    """The words that a pattern meets at token `k`, "" for a left-out one, and how many tokens."""
+    """Return the words that a pattern matches at token `k` ("" if omitted), and how many tokens."""
     words: list[str] = []
     at = k
     for options, optional in pattern:
@@ -107,7 +107,7 @@ def _met(
 
 
 def _stops(tokens: list[Token]) -> list[Token]:
-    """`Stay by the bed.` and `end up next to it.` are stops where the text ends with them."""
+    """Return the tokens with a final `Stay by the bed.` or `end up next to it.` as a stop."""
     last = max((k for k, t in enumerate(tokens[:-1]) if t.text in ".;!"), default=-1)
     result = list(tokens)
     for k in range(len(tokens) - 1, last, -1):

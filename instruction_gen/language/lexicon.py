@@ -312,7 +312,7 @@ ROOMS = _table(_ROOMS)
 
 
 def singular(word: str) -> str:
-    """Return `chairs` → `chair`; a word that only looks like a plural stays."""
+    """Return the singular: `chairs` → `chair`; a word that only looks like a plural stays."""
     if word in _IRREGULAR:
         return _IRREGULAR[word]
     for end, cut, add in (("ies", 3, "y"), ("sses", 2, ""), ("xes", 2, ""), ("ches", 2, "")):

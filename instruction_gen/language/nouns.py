@@ -52,7 +52,7 @@ def noun_of(label: str) -> str:
 
 @cache
 def looks_of(label: str) -> tuple[str, str]:
-    """Colour and material that a label says, "" each where it says none: `red leather sofa`."""
+    """Return colour and material in a label, "" if it has none: `red leather sofa`."""
     if not noun_of(label):
         return "", ""
     words = _words(label)[:-1]
@@ -111,7 +111,7 @@ def room_answers(room: str) -> frozenset[str]:
 
 
 def spoken(noun: str, plural: bool = False) -> str:
-    """Return `tv stand` → `TV stand`; several → `TV stands`."""
+    """Return how a noun is written: `tv stand` → `TV stand`; several → `TV stands`."""
     words = [_SPOKEN.get(w, w) for w in noun.split()]
     if plural:
         last = words[-1]

@@ -5,86 +5,41 @@
     clause  := [verb] { direction | distance | [preposition] noun [place] | adverb }
     place   := ("on" | "to") ("your" | "the") side
 
-Verbs, prepositions and sides come from tables; nouns from the lexicon. A noun that it does not
-know is kept as `unknown`, because an invented thing is a lie.
+Verbs, prepositions and sides come from tables, nouns from the lexicon. A noun that is in neither
+is kept as `unknown`, because a text must not mention things that do not exist.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
-from .clauses import Clause, Noun, Parse
+from .clauses import Parse
 from .distances import STEPS, read_distance
 from .function_words import (
     BEND_WORDS,
-    BY_YOU,
     FILLERS,
     JOINTS,
-    KEEP,
     NOUNLIKE,
-    OPENERS,
     PHRASES,
     PREPOSITIONS,
-    RIGHT_ADVERB,
     SECOND,
-    SEVERAL,
     SHARP,
     SLIGHT,
     THERE,
-    TURN_PLACE,
     UNTIL,
     VERB_OF,
 )
-from .idioms import plainer
 from .phrases import DETERMINERS, read_noun
-from .sides import read_side
-from .tokens import Token, tokenize
-
-
-@dataclass
-class _Draft:
-    start: int
-    stop: int = 0
-    verb: str = ""
-    side: str = ""
-    degree: str = ""
-    nouns: list[Noun] = field(default_factory=list)
-    distance_m: float = 0.0
-    vague: bool = False
-    negated: bool = False
-    there: bool = False
-    until: bool = False
-    before: bool = False
-    meanwhile: bool = False
-    unparsed: int = 0
-    pending_side: str = ""
-
-    @property
-    def empty(self) -> bool:
-        return not (self.verb or self.side or self.nouns or self.distance_m or self.there)
-
-    def done(self) -> Clause:
-        return Clause(
-            self.start, self.stop, self.verb, self.side, self.degree, tuple(self.nouns),
-            self.distance_m, self.vague, self.negated, self.there, self.until, self.before,
-            self.meanwhile, self.unparsed,
-        )  # fmt: skip
+from .side_reader import SideReader
 
 
 def parse(text: str) -> Parse:
-    """Read a text; never fails; words that it cannot place are counted."""
+    """Read a text. This never fails; words that fit nowhere are counted."""
     return _Reader(text).read()
 
 
-class _Reader:
-    def __init__(self, text: str):
-        self.text = text
-        self.tokens = plainer(tokenize(text))
-        self.k = 0
-        self.clauses: list[Clause] = []
-        self.unparsed: list[str] = []
-        self.draft = _Draft(0)
-        self.prep = ""
+class _Reader(SideReader):
+    """Reads a text token by token; what the methods share is in `Cursor`."""
 
     def read(self) -> Parse:
         while self.k < len(self.tokens):
@@ -166,138 +121,6 @@ class _Reader:
 
     # sides ------------------------------------------------------------------------------------
 
-    def _side(self) -> bool:
-        """`left`, `to the left`, `on your right-hand side`: of a turn, of the noun, or ahead."""
-        found = read_side([t.text for t in self.tokens[self.k : self.k + 6]])
-        if found is None:
-            return False
-        prep, determined, side, k, after = (
-            found.prep, found.determined, found.side, found.words, found.after,
-        )  # fmt: skip
-        self.draft.degree = found.degree or self.draft.degree
-        draft = self.draft
-        if after == "of" and prep:
-            # "to the left of the sofa": the sofa is then on the walker's other side.
-            found = read_noun(self.tokens, self.k + k + 1)
-            if found is not None:
-                noun, stop = found
-                other = "right" if side == "left" else "left"
-                draft.nouns.append(replace(noun, prep="past", side=other))
-                self._take(stop - self.k)
-                return True
-        if determined and not prep and draft.verb not in ("turn", "move") and not draft.empty:
-            return False
-        if not prep and not determined and draft.verb not in ("turn", "move", "", "leave", "enter"):
-            if side == "right":  # "stop right there", "right next to"
-                self.k += 1
-                return True
-            return False
-        fresh = not draft.side and not draft.nouns
-        bare_turn = fresh and (
-            draft.verb == "turn"
-            or (draft.verb == "move" and after in ("at", "in", "by", "into", "through"))
-            or (draft.empty and after in TURN_PLACE and self._elliptic())
-            or (draft.verb == "move" and (draft.degree or self.tokens[self.k - 1].text in KEEP))
-            or (after in ("after", "before") and self.tokens[self.k - 1].text == "go")
-            or (draft.verb == "move" and self.tokens[self.k - 1].text in ("head", "heading"))
-        )
-        adverb = not prep and not determined and side == "right" and after in RIGHT_ADVERB
-        if adverb and not bare_turn:
-            self.k += 1
-            return True
-        if not prep and determined and after and read_noun(self.tokens, self.k) is not None:
-            noun = read_noun(self.tokens, self.k)
-            if noun is not None and noun[0].kind in ("door", "object", "room"):
-                return False
-        if prep == "to" and self.k and self.tokens[self.k - 1].text in ("around", "round"):
-            # "Follow the bed around to the right" is a turn of its own.
-            self._close()
-            self.draft.verb, self.draft.side, self.draft.degree = "turn", side, "some"
-            self._take(k)
-            return True
-        pointing = draft.empty or (draft.verb == "see" and not draft.nouns)
-        it = [t.text for t in self.tokens[max(0, self.k - 2) : self.k]]
-        if prep == "to" and it in (["around", "it"], ["around", "this"], ["around", "that"]):
-            draft.side = side
-            self._take(k)
-            return True
-        if prep in ("on", "to", "at") and pointing and self._side_of_last(side, k):
-            return True
-        # "Veer right between the chair to the left and …": the side of the chair.
-        about_object = bool(draft.side) and bool(draft.nouns) and draft.nouns[-1].kind == "object"
-        if prep in ("on", "at", "in", "off") or (
-            prep == "to" and draft.nouns and (draft.verb != "turn" or about_object)
-        ):
-            open_ = bool(draft.nouns) and draft.nouns[-1].side in ("", "ahead")
-            if open_ and draft.nouns[-1].kind != "generic":
-                draft.nouns[-1] = replace(draft.nouns[-1], side=side)
-            elif draft.verb in ("move", "turn") and not draft.nouns and prep == "to":
-                draft.side = side
-            else:
-                draft.pending_side = side
-            self._take(k)
-            return True
-        if draft.nouns and draft.verb not in ("turn", "move") and prep == "to":
-            draft.nouns[-1] = replace(draft.nouns[-1], side=side)
-        elif (draft.side and draft.side != "around") or (draft.verb in ("enter", "leave", "pass")):
-            self._close()
-            self.draft.verb, self.draft.side = "turn", side
-        else:
-            if draft.verb not in ("turn", "move", ""):
-                self._close()
-            if self.draft.nouns and self.draft.verb == "move":
-                # "walk past the sofa, left, …" and "go straight and left" are turns of their own.
-                self._close()
-            self.draft.verb, self.draft.side = "turn", side
-        self._take(k)
-        return True
-
-    def _by_you(self) -> bool:
-        """Return `behind you` and `next to you` say where the thing named before is."""
-        words = [t.text for t in self.tokens[self.k : self.k + 4]]
-        for said, place in BY_YOU.items():
-            if tuple(words[: len(said)]) == said and self.draft.nouns:
-                last = self.draft.nouns[-1]
-                if place == "behind" and last.side in ("left", "right"):
-                    self.draft.nouns.insert(-1, replace(last, prep="past"))
-                # "Once the bed on your left is behind you": behind is where it is then.
-                self.draft.nouns[-1] = replace(
-                    last, side=place if place == "behind" else last.side or place
-                )
-                self._take(len(said))
-                return True
-        return False
-
-    def _elliptic(self) -> bool:
-        """Return whether a bare side may be a turn: `then left past …`, `…, right at the …`."""
-        before = self.tokens[self.k - 1].text if self.k else "."
-        if before in ("then", "and", ".", ";"):
-            return True
-        if before == "," and self.tokens[self.k].text == "left":
-            return True  # "right at the sofa" may be an adverb, "left at the sofa" is none
-        if before == "," and self.k > 1 and self.tokens[self.k - 2].text in OPENERS:
-            return True
-        moving = ("turn", "move", "enter", "leave", "")
-        return before == "," and bool(self.clauses) and self.clauses[-1].verb in moving
-
-    def _side_of_last(self, side: str, count: int) -> bool:
-        """`…, both on the right` and `…, on your right,` say the side of what was just named."""
-        words = [t.text for t in self.tokens[max(0, self.k - 3) : self.k]]
-        after = self.tokens[self.k + count].text if self.k + count < len(self.tokens) else "."
-        several = bool(SEVERAL & set(words))
-        closed = words[-1:] == [","] and not after[0].isalnum()
-        if not self.clauses or not self.clauses[-1].nouns or not (several or closed):
-            return False
-        last = self.clauses[-1]
-        first = 0 if {"both", "all", "each"} & set(words) else len(last.nouns) - 1
-        nouns = tuple(
-            replace(n, side=n.side or side) if k >= first else n for k, n in enumerate(last.nouns)
-        )
-        self.clauses[-1] = replace(last, nouns=nouns)
-        self.draft = _Draft(self.draft.start)
-        self._take(count)
-        return True
-
     # prepositions, distances, verbs -----------------------------------------------------------
 
     def _prep_phrase(self) -> bool:
@@ -311,7 +134,7 @@ class _Reader:
         return False
 
     def _distance(self) -> bool:
-        """Return `four metres`, `about 3 m`, `a couple of steps`, `a few metres`."""
+        """Take a distance: `four metres`, `about 3 m`, `a couple of steps`, `a few metres`."""
         words = [t.text for t in self.tokens[self.k : self.k + 5]]
         found = read_distance(words)
         if found is None:
@@ -405,7 +228,7 @@ class _Reader:
         self.k += 1
 
     def _goes_on(self, stop: int) -> bool:
-        """Whether a noun that ends at token `stop` goes on a list: `past the bed, the desk`."""
+        """Return whether a noun that ends at token `stop` continues a list: `past the bed, …`."""
         before = [t.text for t in self.tokens[max(0, self.k - 2) : self.k]]
         listed = before[-1:] == [","] or before == [",", "and"]
         after = self.tokens[stop].text if stop < len(self.tokens) else "."
@@ -414,7 +237,10 @@ class _Reader:
         return listed and past and self.draft.empty and after not in ("is", "are", "will", "on")
 
     def _noun_after_and(self) -> bool:
-        """Return `the sofa and the chair` goes on the phrase; `and the hallway is …` does not."""
+        """Return whether `and` continues the phrase, as in `the sofa and the chair`.
+
+        It does not in `… and the hallway is …`.
+        """
         found = read_noun(self.tokens, self.k + 1)
         if found is None or found[0].kind not in ("object",):
             return False
@@ -424,7 +250,7 @@ class _Reader:
         return after not in ("is", "are", "will")
 
     def _subordinate(self) -> bool:
-        """Return `before you get to …`, `after passing …`."""
+        """Return whether a clause follows: `before you get to …`, `after passing …`."""
         following = self.tokens[self.k + 1].text if self.k + 1 < len(self.tokens) else ""
         return following.endswith("ing") or following in ("you", "it", "they", "that", "they're")
 
@@ -437,28 +263,3 @@ class _Reader:
             "generic",
             "unknown",
         )
-
-    def _next(self, word: str, ahead: int = 1) -> bool:
-        k = self.k + ahead
-        return k < len(self.tokens) and self.tokens[k].text == word
-
-    def _take(self, count: int) -> None:
-        last = self.tokens[self.k + count - 1]
-        self._extend(last)
-        self.k += count
-
-    def _extend(self, token: Token) -> None:
-        if self.draft.empty and not self.draft.until and not self.draft.stop:
-            self.draft.start = min(self.draft.start or token.start, token.start)
-        self.draft.stop = max(self.draft.stop, token.stop)
-
-    def _close_if_verb(self) -> None:
-        if self.draft.verb:
-            self._close()
-
-    def _close(self) -> None:
-        if not self.draft.empty:
-            self.clauses.append(self.draft.done())
-        here = self.tokens[self.k].stop if self.k < len(self.tokens) else len(self.text)
-        self.draft = _Draft(here)
-        self.prep = ""

@@ -30,7 +30,7 @@ class Answer(BaseModel):
 
 
 class AnswerError(ValueError):
-    """What came back is no answer; the message is one short line without the answer itself."""
+    """The reply is no valid answer; the message is one short line that does not quote it."""
 
 
 def read_answer[Form: BaseModel](content: str | None, form: type[Form]) -> Form:

@@ -24,7 +24,7 @@ def prompt(name: str) -> str:
 
 @cache
 def prompts_sha256() -> str:
-    """SHA-256 of all prompts."""
+    """Return the SHA-256 of all prompts."""
     state = hashlib.sha256()
     for name in ("system", "examples", "repair"):
         state.update(prompt(name).encode())

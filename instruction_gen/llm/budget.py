@@ -16,7 +16,7 @@ from .settings import LlmSettings
 
 
 class BudgetError(VlnpeError):
-    """No more may be spent."""
+    """The limit of tokens or cost is reached."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""One request to a model: cached by content, tried again, counted, without a trace of the key."""
+"""One request to a model: cached by content, retried, counted; the key appears nowhere."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Messages = Sequence[dict[str, Any]]
 
 
 class ModelError(VlnpeError):
-    """The model could not be had, or answers nothing usable, again and again."""
+    """All tries failed: the model was not reached, or gave no usable answer."""
 
 
 class ModelDownError(ModelError):
@@ -127,10 +127,12 @@ class Client:
         with self._lock:
             self._failed += 1
         self._check_up(reason)
-        raise ModelError(f"no usable answer in {self.settings.attempts} tries; the last: {reason}")
+        raise ModelError(
+            f"no usable answer in {self.settings.attempts} tries; the last error: {reason}"
+        )
 
     def _kept[Form: BaseModel](self, path: Path, reply: Reply, form: type[Form]) -> Form:
-        """The answer in a reply, cached before it is counted: a kill in between pays nothing twice.
+        """Return the answer in a reply, cached before it is counted: a kill costs nothing twice.
 
         Raises:
             AnswerError: there is none; the reply is counted all the same.
@@ -155,11 +157,11 @@ class Client:
 
     def _check_up(self, reason: str = "") -> None:
         if self._failed >= self.settings.failures:
-            last = f" The last: {reason}." if reason else ""
+            last = f" The last error: {reason}." if reason else ""
             raise ModelDownError(
-                f"{self._failed} requests to the language model failed in a row, so it is left "
-                f"alone.{last} What it wrote is kept: the same command goes on from there; "
-                "--writer composer needs no server"
+                f"{self._failed} requests to the language model failed in a row; giving "
+                f"up.{last} Its answers are kept; run the same command to continue, or use "
+                "--writer composer, which needs no server"
             )
 
     def _wait(self, attempt: int, asked_s: float | None) -> None:
@@ -230,7 +232,7 @@ def _status(error: Any, forms: list[dict[str, Any]], key: str) -> Exception:
 
 
 def _retry_after(headers: Any) -> float | None:
-    """Seconds to wait, from seconds or an HTTP date; None when the server does not say."""
+    """Return seconds to wait, from seconds or an HTTP date; None if the server does not say."""
     said = headers.get("retry-after", "")
     try:
         return max(0.0, float(said))

@@ -14,7 +14,7 @@ CONTEXT_TOKENS = 8192
 
 
 def local_backend(settings: LlmSettings) -> Backend:
-    """Requests to a model in this process.
+    """Return a backend that runs a model in this process.
 
     Raises:
         InputError: llama-cpp-python is not installed, or cannot open the file.

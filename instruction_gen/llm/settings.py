@@ -70,7 +70,9 @@ def settings_from(
         InputError: something is missing or cannot be used; the message names the variable.
     """
     if max_tokens < 0 or max_cost < 0:
-        raise InputError("--max-tokens and --max-cost: valid: 0 (any) and above")
+        raise InputError(
+            "--max-tokens and --max-cost must not be negative; valid: 0 (no limit) and above"
+        )
     if local:
         path = environment.get(GGUF, "")
         if not path or not Path(path).is_file():

@@ -60,7 +60,7 @@ class View:
 
 
 def name_things(client: Client, views: Sequence[View]) -> list[LabeledObject]:
-    """Objects that a model sees in at least two frames, as boxes in the world.
+    """Return objects that a model sees in at least two frames, as boxes in the world.
 
     A frame that the model gives no usable answer to is left out. The client's backend asks for
     `Sights`: `openai_backend(settings, form=Sights)`.

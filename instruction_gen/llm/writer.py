@@ -1,4 +1,4 @@
-"""Texts by a model, each checked; what fails twice more is written by the composer."""
+"""Texts by a model, each checked; those that fail three times are written by the composer."""
 
 from __future__ import annotations
 

@@ -83,7 +83,7 @@ class DecisionFile:
         return result
 
     def current(self) -> dict[tuple[str, int], dict[str, Decision]]:
-        """What holds, by path and text and then annotator: each one's last that is not undone."""
+        """Return the last decision that is not undone by path and text, then annotator."""
         stacks: dict[tuple[str, int, str], list[Decision]] = {}
         for one in self.read():
             stack = stacks.setdefault((one.path, one.number, one.annotator), [])
@@ -99,7 +99,7 @@ class DecisionFile:
 
 
 def agreement(current: dict[tuple[str, int], dict[str, Decision]]) -> dict[str, int]:
-    """How many texts two or more annotators judged, and on how many they agree on keeping it."""
+    """Return how many texts two or more annotators judged, and on how many they agree to keep."""
     shared = [d for d in current.values() if len(d) > 1]
     same = [len({one.action == "reject" for one in d.values()}) == 1 for d in shared]
     return {"judged_twice": len(shared), "agreed": sum(same), "judged": len(current)}
@@ -108,7 +108,7 @@ def agreement(current: dict[tuple[str, int], dict[str, Decision]]) -> dict[str, 
 def apply_decisions(
     episodes: Sequence[Episode], file: DecisionFile
 ) -> tuple[list[Episode], dict[str, str]]:
-    """Episodes with what people decided, and why others lost all their texts, by episode id.
+    """Return the episodes after review, and why others lost all their texts, by episode id.
 
     A text rejected by any reviewer is dropped; the last of several edits holds. A decision about
     a text that has been rewritten since is left out.

@@ -163,7 +163,7 @@ class _Handler(BaseHTTPRequestHandler):
     port: int
 
     def do_GET(self) -> None:
-        """Pages, paths, films."""
+        """Serve pages, paths and films."""
         parts = urlsplit(self.path)
         if not self._allowed(parts.query):
             return
@@ -188,7 +188,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(HTTPStatus.NOT_FOUND, b"", "text/plain")
 
     def do_POST(self) -> None:
-        """Checks while typing, and decisions."""
+        """Handle checks while typing, and decisions."""
         parts = urlsplit(self.path)
         if not self._allowed(parts.query):
             return
@@ -211,7 +211,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(HTTPStatus.BAD_REQUEST, b"", "text/plain")
 
     def _allowed(self, query: str) -> bool:
-        """Return the token must be right, and the request must come from our own page."""
+        """Return whether the token is right and the request comes from our own page."""
         own = {f"127.0.0.1:{self.port}", f"localhost:{self.port}"}
         given = parse_qs(query).get("token", [""])[0]
         origin = self.headers.get("Origin")

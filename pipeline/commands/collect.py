@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -17,7 +16,7 @@ from ...scene_repair.config import RepairConfig
 from ...scene_repair.scan.files import SUFFIXES
 from ...trajectory_sampler.alignment import AlignConfig
 from ...trajectory_sampler.config import SampleConfig
-from ...trajectory_sampler.presets import PRESETS
+from ...trajectory_sampler.presets import PRESETS, get_preset
 from ...trajectory_sampler.stairs import StairRules
 from ..chain import Chain, Product
 from ..engine.context import open_context
@@ -34,8 +33,6 @@ from ..stages import align, repair, report, visibility
 from ..stages.export import check_depth_storage
 from ..summary import joined, print_result, show_summary, stage_table
 from .instruct import instruct_config
-
-log = logging.getLogger(__name__)
 
 
 def run(options: Collect) -> int:
@@ -64,7 +61,7 @@ def run(options: Collect) -> int:
     check_depth_storage(options.depth)
     episode_files, preset, count = _episodes(options.episodes)
     instructing = instruct_config(options)
-    sources = _sources(options, episode_files)
+    sources = _sources(options, episode_files, preset)
     plan = None if episode_files else SamplingPlan.of(options, preset, list(sources))
     height_m = chosen_free_height(robots, options.free_height_m)
     sampling = sample_config(
@@ -86,7 +83,7 @@ def run(options: Collect) -> int:
             folder, context, options.seed, actions, instructing, eye, options.per_instruction
         )
         scenes = chain.scenes(sources, repairing, options.allow_unsound)
-        sampling = _roomy(sampling, robots, context.ledger)
+        sampling = _widened(sampling, robots, context.ledger)
         fitting = AlignConfig(
             robot_radius_m=_fitting_radius(robots, context.ledger),
             free_height_m=height_m,
@@ -98,7 +95,7 @@ def run(options: Collect) -> int:
             quotas, exact = (plan.quotas, plan.exact) if plan else (None, True)
             asked = chain.sampled(sampling, scenes, quotas, exact=exact)
         if options.only_episodes:
-            return _tell_episodes(options, folder, chain.summaries)
+            return _print_episodes(options, folder, chain.summaries)
         chain.keep(asked, scenes, pairs)
         for robot, controller in pairs:
             chain.collected(
@@ -134,7 +131,7 @@ def run(options: Collect) -> int:
     return show_summary(folder, chain.summaries, page, options.max_failed, options.json)
 
 
-def _tell_episodes(options: Collect, folder: RunFolder, summaries: Sequence[StageSummary]) -> int:
+def _print_episodes(options: Collect, folder: RunFolder, summaries: Sequence[StageSummary]) -> int:
     quarantined = sum(summary.quarantined for summary in summaries)
     facts = {
         "out": str(folder.root),
@@ -156,7 +153,7 @@ def _eye(ledger: Ledger) -> str | None:
     return next((row.facts["robot"] for row in rows if "robot" in row.facts), None)
 
 
-def _roomy(sampling: SampleConfig, robots: Sequence[RobotSpec], ledger: Ledger) -> SampleConfig:
+def _widened(sampling: SampleConfig, robots: Sequence[RobotSpec], ledger: Ledger) -> SampleConfig:
     """Widen the sampling clearance to the widest robot of this run and of earlier runs.
 
     Episodes that fit a wide robot also fit the others, so the episodes of a run folder change only
@@ -164,20 +161,8 @@ def _roomy(sampling: SampleConfig, robots: Sequence[RobotSpec], ledger: Ledger) 
     """
     # Rows written by another version may lack this fact, and quarantined rows always do.
     before = [row.facts.get("robot_radius_m", 0.0) for row in ledger.rows("sample")]
-    before_m = max(before, default=0.0)
-    widest = max(robots, key=lambda robot: robot.footprint_radius_m)
-    radius_m = max(sampling.robot_radius_m, before_m, widest.footprint_radius_m)
-    if before_m and radius_m > before_m:
-        log.warning(
-            "%s needs %.2f m of clearance, but the existing episodes have %.2f m: sampling new "
-            "episodes. Results of other robots on the old episodes are dropped from the report; "
-            "add these robots to ROBOT to run them on the new episodes",
-            widest.name,
-            radius_m,
-            before_m,
-        )
-    ends_m = max(sampling.end_clearance_m, radius_m)
-    return replace(sampling, robot_radius_m=radius_m, end_clearance_m=ends_m)
+    widest_m = max(robot.footprint_radius_m for robot in robots)
+    return sampling.for_radius(max(sampling.robot_radius_m, widest_m, *before))
 
 
 def _fitting_radius(robots: Sequence[RobotSpec], ledger: Ledger) -> float:
@@ -186,10 +171,14 @@ def _fitting_radius(robots: Sequence[RobotSpec], ledger: Ledger) -> float:
     return max([*before, *(robot.footprint_radius_m for robot in robots)])
 
 
-def _sources(options: Collect, episode_files: Sequence[Path]) -> Mapping[str, Path | BuiltIn]:
+def _sources(
+    options: Collect, episode_files: Sequence[Path], preset: str
+) -> Mapping[str, Path | BuiltIn]:
     """Return the scan, or the building to generate, of each scene id."""
     if options.scenes is None:
         if built := parse_builtin(options.scene, options.seed):
+            if preset and len(built) == 1 and "*" not in options.scene:
+                built = built[0].and_next(get_preset(preset).scenes)
             return {building.name: building for building in built}
         source = Path(options.scene)
         repair.source_digest(source)  # fails early if the file does not exist

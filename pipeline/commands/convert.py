@@ -26,7 +26,7 @@ def run_convert(options: Convert) -> int:
     source = convert_source.detect(options.source)
     target = convert_source.Kind(options.to)
     if source.kind is target:
-        raise InputError(f"{options.source}: is already {target}; choose another --to")
+        raise InputError(f"{options.source} already has the format {target}; choose another --to")
     with open_context(options.out, options) as context:
         summaries, written = convert.run(context, source, target, chosen)
     quarantined = sum(s.quarantined for s in summaries)

@@ -279,7 +279,7 @@ def _out(given: Path | None, name: str, folder: bool) -> Path:
 
 
 def _file_of(out: Path, folder: bool):
-    """What gives a split's file: in the folder `out`, or `out` itself."""
+    """Return the function from a split to its file: in the folder `out`, or `out` itself."""
     return (lambda split: out / f"{split}.json.gz") if folder else (lambda split: out)
 
 

@@ -50,7 +50,7 @@ def run_replay(options: Replay) -> int:
             )
             summaries.append(run_stage(context, replay.STAGE, items, f"{robot}/{label}/"))
         context.ledger.record_new(root / "models")
-    return _tell(options, summaries)
+    return _print_summary(options, summaries)
 
 
 def run_render(options: Render) -> int:
@@ -103,7 +103,7 @@ def run_render(options: Render) -> int:
                     continue
                 items = render.items(recorded, view, rate, out, out, options.rgb_codec, extras)
                 summaries.append(run_stage(context, render.STAGE, items, scope))
-    return _tell(options, summaries)
+    return _print_summary(options, summaries)
 
 
 def run_export(options: Export) -> int:
@@ -138,10 +138,10 @@ def run_export(options: Export) -> int:
                 depth_storage=options.depth,
                 per_instruction=options.per_instruction,
             )
-    return _tell(options, summaries)
+    return _print_summary(options, summaries)
 
 
-def _tell(options: Replay | Render | Export, summaries: Sequence[StageSummary]) -> int:
+def _print_summary(options: Replay | Render | Export, summaries: Sequence[StageSummary]) -> int:
     quarantined = sum(s.quarantined for s in summaries)
     if options.json:
         value = {

@@ -28,7 +28,9 @@ def run_scan(options: Scan) -> int:
     refuse_to_replace(options.out, SCAN_NAMES)
     out = options.out.resolve()
     if options.exact and options.splats:
-        raise InputError("--exact and --splats: valid: one of them; splats are a virtual capture")
+        raise InputError(
+            "--exact and --splats cannot be combined: splats are a virtual capture; choose one"
+        )
     building = BuiltIn(options.kind, options.seed, not options.exact)
     item = repair.scan_item(building, out, options.splats)
     facts = run_single(out, repair.SCAN_STAGE, item).facts

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ...formats.core.errors import InputError, UnknownNameError
 
@@ -34,6 +34,10 @@ class BuiltIn:
         """Name of the scene; the same building has the same name in every run."""
         return f"{'' if self.scanned else 'exact-'}{self.kind}-{self.seed}"
 
+    def and_next(self, count: int) -> list[BuiltIn]:
+        """Return `count` buildings of consecutive seeds, of which this is the first."""
+        return [replace(self, seed=self.seed + k) for k in range(count)]
+
 
 def parse_builtin(text: str, seed: int) -> list[BuiltIn]:
     """Return the buildings that a scene's name asks for; none if it names a file.
@@ -61,7 +65,7 @@ def parse_builtin(text: str, seed: int) -> list[BuiltIn]:
     names = [building.name for building in result]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
-        raise InputError(f"scene {text!r}: {twice} is asked for twice; valid: each building once")
+        raise InputError(f"scene {text!r}: {twice} is listed twice; valid: each building once")
     return result
 
 
@@ -80,8 +84,7 @@ def _buildings(text: str, found: re.Match[str], seed: int) -> list[BuiltIn]:
             f"{BUILTIN}:{kind}*10@100"
         )
     start = seed if first is None else int(first)
-    numbers = range(start, start + (1 if count is None else int(count)))
-    return [BuiltIn(kind, number, not found["exact"]) for number in numbers]
+    return BuiltIn(kind, start, not found["exact"]).and_next(1 if count is None else int(count))
 
 
 def _is_number(text: str) -> bool:

@@ -78,7 +78,7 @@ def action_timing(steps: int, closed_loop: bool) -> SpeedConfig:
     """
     least = round(1.0 / (SpeedController.rate_hz * TIMESTEP_S))  # between two looks of it
     if steps < least or steps % least:
-        raise InputError(f"action steps {steps}: valid are multiples of {least}; VLN-PE takes 50")
+        raise InputError(f"--action-steps {steps}; valid: multiples of {least} (VLN-PE uses 50)")
     seconds = steps * TIMESTEP_S
     return SpeedConfig(
         linear_m_s=FORWARD_STEP_M / seconds,

@@ -48,13 +48,15 @@ class SamplingPlan:
             InputError: an unknown preset, or splits that do not fit the scenes.
         """
         if preset and options.splits:
-            raise InputError(f"--splits {options.splits} and the preset {preset}: give one of them")
+            raise InputError(
+                f"--splits {options.splits} and the preset {preset} cannot be combined; choose one"
+            )
         if not preset and not options.splits:
             for name in ("quota", "train_scenes", "allow_fewer"):
                 if value := getattr(options, name):
                     flag = f"--{name.replace('_', '-')}"
                     given = flag if value is True else f"{flag} {value}"
-                    raise InputError(f"{given}: only with --splits or a preset")
+                    raise InputError(f"{given} needs --splits or a preset")
             return None
         published = get_preset(preset) if preset else None
         if published and len(scenes) != published.scenes:
@@ -97,7 +99,9 @@ def chosen_free_height(robots: Iterable[RobotSpec], asked_m: float) -> float:
     needed = {robot.name: free_height(robot) for robot in robots}
     if not needed:
         if asked_m == 0:
-            raise InputError("--free-height-m 0 takes the robots' own height; name them: --robot")
+            raise InputError(
+                "--free-height-m 0 uses the height of the robots; name them with --robot"
+            )
         return asked_m
     tallest = max(needed, key=lambda name: needed[name])
     if 0 < asked_m < needed[tallest]:

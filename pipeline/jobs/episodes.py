@@ -51,6 +51,7 @@ class SampleJob:
             "enough_at_m": result.enough_at_m,
             "dropped": dict(result.dropped),
             "robot_radius_m": self.config.robot_radius_m,
+            "clear_for_m": result.clear_for_m,
         }
         return ItemResult(facts)
 

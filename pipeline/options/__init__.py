@@ -17,7 +17,7 @@ Json = Annotated[bool, tyro.conf.arg(name="json")]
 def must_exist(*paths: Path | None) -> None:
     """Raise InputError if one of some paths is missing; `check` of options calls it.
 
-    A command's libraries take seconds to import, which nobody should wait for a typing error.
+    A command's libraries take seconds to import, so a mistyped path is reported before.
     """
     for path in paths:
         if path is not None and not path.exists():

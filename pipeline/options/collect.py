@@ -36,7 +36,8 @@ class Collect(Running, Sampling):
     docs/scans.md and docs/splats.md), or `builtin` for a generated apartment; builtin:villa,
     builtin:house and builtin:office are larger buildings, builtin:villa*10 is ten of them, of
     consecutive seeds, and builtin-exact:villa*10 the same ten without the virtual scan. Built-in
-    scenes can be listed, comma-separated."""
+    scenes can be listed, comma-separated. With a preset, one without a number is as many as the
+    preset needs."""
     scenes: Path | None = None
     """Folder of scans. All of them are used, or only those named by the scene ids of the VLN-CE
     file in --episodes."""

@@ -147,7 +147,7 @@ def _walk(row: Row) -> dict[str, Any]:
     facts, metrics = row.facts, row.facts["metrics"]
     return {
         "robot": facts["robot"],
-        "controller": driven(facts["controller"], [facts], tell_seed=bool(facts.get("seed"))),
+        "controller": driven(facts["controller"], [facts], with_seed=bool(facts.get("seed"))),
         "outcome": facts["end_reason"],
         "tl": metrics["trajectory_length_m"],
         "ne": metrics["navigation_error_m"],

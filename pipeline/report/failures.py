@@ -30,8 +30,8 @@ def failure_figures(
 ) -> list[dict[str, Any]]:
     """Return template values of every failed episode.
 
-    Clips are embedded as long as they fit into the budget, robot after robot in turn, so that none
-    of them eats it up; of the others the file's place is named.
+    Clips are embedded as long as they fit into the budget, one robot after the other in turn, so
+    that none uses it up; for the others, the path of the file is given.
 
     Args:
         rows: rollouts of the replay stage.

@@ -93,7 +93,7 @@ def robot_rows(ledger: Ledger) -> list[RobotRow]:
 
 
 def _robot_row(
-    robot: str, label: str, facts: list[dict[str, Any]], diverged: int, tell_seed: bool
+    robot: str, label: str, facts: list[dict[str, Any]], diverged: int, with_seed: bool
 ) -> RobotRow:
     controller = facts[0]["controller"] if facts else label
     metrics = [f["metrics"] for f in facts]
@@ -114,7 +114,7 @@ def _robot_row(
     return RobotRow(
         robot=robot,
         controller=controller,
-        driven=driven(controller, facts, tell_seed),
+        driven=driven(controller, facts, with_seed),
         episodes=tried,
         instructions=sum(texts) + diverged,
         sr_by_instruction=100 * good / (sum(texts) + diverged),
@@ -140,13 +140,13 @@ def _robot_row(
     )
 
 
-def driven(controller: str, facts: Sequence[Mapping[str, Any]], tell_seed: bool = False) -> str:
+def driven(controller: str, facts: Sequence[Mapping[str, Any]], with_seed: bool = False) -> str:
     """Return the controller in words, e.g. `speed, open loop, 50 steps` or `speed, closed loop`.
 
     Args:
         controller: Its name.
         facts: Of its rollouts.
-        tell_seed: Add their seed, where a run has several.
+        with_seed: Add their seed, where a run has several.
     """
     ways = {
         "closed loop"
@@ -155,5 +155,5 @@ def driven(controller: str, facts: Sequence[Mapping[str, Any]], tell_seed: bool 
         for f in facts
         if f.get("actions")
     }
-    seeds = {f"seed {f['seed']}" for f in facts if tell_seed and "seed" in f}
+    seeds = {f"seed {f['seed']}" for f in facts if with_seed and "seed" in f}
     return ", ".join([controller, *sorted(ways), *sorted(seeds)])

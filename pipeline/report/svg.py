@@ -80,7 +80,7 @@ def step_histogram(
 
 
 def bars(shares: Mapping[str, Mapping[str, float]], label: str) -> str:
-    """Grouped bars: for each name one bar per group, with values in [0, 1].
+    """Return grouped bars: for each name one bar per group, with values in [0, 1].
 
     Args:
         shares: values by name, by group.

@@ -42,7 +42,7 @@ def run(
         summaries.append(units)
         rows = dict(sorted(units.good().items()))
         _check_alike(rows)
-        _tell_doubts(rows)
+        _warn_of_doubts(rows)
         folder = root / target / name
         if target is Kind.LEROBOT:
             last = [_dataset_item(rows, root, folder, name, source, options)]
@@ -58,19 +58,19 @@ def run(
 
 
 def _check_alike(rows: Mapping[str, Row]) -> None:
-    """One dataset holds one robot, one camera and one frame rate."""
+    """Raise InputError unless all units have one robot, one camera and one frame rate."""
     first = next(iter(rows.values()))
     for row in rows.values():
         if row.facts["alike"] != first.facts["alike"]:
             what = "robot" if row.facts["robot"] != first.facts["robot"] else "view or frame rate"
             raise InputError(
-                f"{row.facts['source']} ({row.facts['robot']}) has another {what} than "
+                f"{row.facts['source']} ({row.facts['robot']}) has a different {what} from "
                 f"{first.facts['source']} ({first.facts['robot']}); a dataset holds one only: "
                 "convert them from separate folders"
             )
 
 
-def _tell_doubts(rows: Mapping[str, Row]) -> None:
+def _warn_of_doubts(rows: Mapping[str, Row]) -> None:
     """Warn of frame rates that contradict the files' own timestamps."""
     doubted = [
         row
@@ -88,7 +88,7 @@ def _tell_doubts(rows: Mapping[str, Row]) -> None:
         )
 
 
-def _tell_size(unit: EpisodeUnit) -> None:
+def _warn_of_size(unit: EpisodeUnit) -> None:
     size = (unit.columns["camera_width_px"], unit.columns["camera_height_px"])
     if size != (layout.IMAGE_SIZE_PX, layout.IMAGE_SIZE_PX):
         log.warning(
@@ -127,7 +127,7 @@ def _scene_items(
     rows: Mapping[str, Row], root: Path, folder: Path, name: str, options: Options
 ) -> list[WorkItem]:
     units = [read_episode_unit(root / row.outputs[0]) for row in rows.values()]
-    _tell_size(units[0])
+    _warn_of_size(units[0])
     tasks = share_instructions(units)
     texts = [text for own in tasks for text in own]
     vocabulary = read_vocabulary(options.vocabulary) if options.vocabulary else None

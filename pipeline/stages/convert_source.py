@@ -60,7 +60,7 @@ def detect(path: Path) -> Source:
 
 
 def unit_items(source: Source, units: Path, options: Options) -> dict[str, list[WorkItem]]:
-    """Items that write units, by the name of the dataset they belong to."""
+    """Return the items that write units, by the name of the dataset they belong to."""
     groups: dict[str, list[WorkItem]] = {}
 
     def add(name: str, episode: str, seen: Any, job: Job) -> None:

@@ -11,7 +11,7 @@ from ...formats.core.errors import InputError
 from ...formats.vlnce.files import read_episodes, write_episodes
 from ...formats.vlnce.groups import group_by_path, per_instruction
 from ...trajectory_sampler.config import SampleConfig
-from ..engine.ledger import Row
+from ..engine.ledger import Ledger, Row
 from ..engine.work import WorkItem, work_item
 from ..jobs.episodes import SampleJob
 
@@ -41,6 +41,47 @@ def sample_item(
     job = SampleJob(scenes / scene.item, out, config, seed, dict(quotas or {}))
     how = {"seed": seed, "quotas": dict(quotas or {})}
     return work_item(STAGE, scene.item, job, (out,), scene.key, config, **how)
+
+
+def items(
+    ledger: Ledger,
+    scenes: Iterable[str],
+    radius_m: float,
+    item_for: Callable[[str, float], WorkItem],
+) -> list[WorkItem]:
+    """Return one item per scene, for a robot of radius `radius_m` [m].
+
+    Paths that the folder has for a narrower robot stay where they leave room for this one, too.
+
+    Args:
+        ledger: of the run.
+        scenes: names of the scenes.
+        radius_m: of the widest robot [m].
+        item_for: returns the item of a scene for a radius [m].
+    """
+    result = []
+    tight: dict[str, float] = {}
+    for scene in scenes:
+        item, row = item_for(scene, radius_m), ledger.row(STAGE, scene)
+        earlier_m = row.facts.get("robot_radius_m", radius_m) if row else radius_m
+        if row and earlier_m < radius_m:
+            earlier = item_for(scene, earlier_m)
+            if ledger.is_done(STAGE, scene, earlier.key):
+                if row.facts["clear_for_m"] >= radius_m:
+                    item = earlier
+                else:
+                    tight[scene] = row.facts["clear_for_m"]
+        result.append(item)
+    if tight:
+        log.warning(
+            "the widest robot needs %.2f m of clearance, but the existing episodes have %.2f m: "
+            "sampling new episodes in %s. Results of other robots on the old episodes are dropped "
+            "from the report; add these robots to ROBOT to run them on the new episodes",
+            radius_m,
+            min(tight.values()),
+            ", ".join(tight),
+        )
+    return result
 
 
 def check_complete(

@@ -167,8 +167,8 @@ def _beside(source: Path) -> list[Path]:
         if looked > MAX_BESIDE:
             raise FileFormatError(
                 source,
-                f"its folder {source.parent} holds more than {MAX_BESIDE:,} files, all of which it "
-                "may refer to; valid: a folder for the scan and its textures alone",
+                f"its folder {source.parent} has more than {MAX_BESIDE:,} files, to all of which "
+                "it may refer; move the scan and its textures to a folder of their own",
             )
         found += [
             folder / name

@@ -55,11 +55,11 @@ def _frames(path: Path) -> None:
     counts |= {video.name: _packets(video) for video in sorted(path.glob("*.m[op][4v]"))}
     counts["meta.json"] = folder.facts["frames"]
     if len(set(counts.values())) > 1:
-        raise ValueError(f"frame counts differ: {_told(counts)}")
+        raise ValueError(f"frame counts differ: {_listed(counts)}")
     rate = folder.frames_per_second
     found = {v.name: probe_video(v).frames_per_second for v in (folder.rgb_video,)}
     if any(value != rate for value in found.values()):
-        raise ValueError(f"frame rates differ: meta.json {rate}, {_told(found)}")
+        raise ValueError(f"frame rates differ: meta.json {rate}, {_listed(found)}")
 
 
 def _unit(path: Path) -> None:
@@ -67,7 +67,7 @@ def _unit(path: Path) -> None:
     counts = {"unit.json": unit.length, "rows.parquet": unit.rows().num_rows}
     counts |= {video.name: _packets(video) for video in sorted(path.glob("*.mp4"))}
     if len(set(counts.values())) > 1:
-        raise ValueError(f"frame counts differ: {_told(counts)}")
+        raise ValueError(f"frame counts differ: {_listed(counts)}")
     times = unit.rows()["timestamp"].to_numpy()
     expected = [k / unit.frames_per_second for k in range(unit.length)]
     if abs(times - expected).max() > 1e-4:
@@ -80,7 +80,7 @@ def _packets(video: Path) -> int:
         return sum(1 for _ in demux_packets(video, container, container.streams.video[0]))
 
 
-def _told(counts: dict[str, int]) -> str:
+def _listed(counts: dict[str, int]) -> str:
     return ", ".join(f"{name} {count}" for name, count in counts.items())
 
 
@@ -89,7 +89,7 @@ def _mcap(path: Path) -> None:
         reader = make_reader(stream, validate_crcs=True)
         summary = reader.get_summary()
         if summary is None or summary.statistics is None:
-            raise ValueError("no index")
+            raise ValueError("it has no index")
         count, last_ns = 0, 0
         for _, _, message in reader.iter_messages():
             count += 1
@@ -101,7 +101,7 @@ def _mcap(path: Path) -> None:
 
 
 def _instructed(path: Path) -> None:
-    """An episode file, or facts records beside it."""
+    """Read an episode file, or the facts records beside it."""
     if path.parent.name == "facts":
         json.loads(gzip.decompress(path.read_bytes()))
     else:

@@ -1,4 +1,4 @@
-"""Gaps in a level's floor: which a person would expect to be floor, and which are real openings."""
+"""Gaps in a level's floor: defects that a person would expect to be floor, and real openings."""
 
 from __future__ import annotations
 
@@ -163,13 +163,17 @@ def find_holes(evidence: Evidence, grid: GridSpec) -> tuple[list[Hole], Mask]:
 
 
 def floors_run_under_walls(evidence: Evidence, grid: GridSpec) -> bool:
-    """Return whether floor lies between the faces of most walls, as in modelled buildings."""
+    """Return whether floor lies between the faces of most walls, as in modelled buildings.
+
+    What has a surface below head height is no wall: the risers of a stair are as near to each other
+    as the faces of a wall, and the floor runs on under it.
+    """
     steps = round(WALL_THICKNESS_M / grid.cell_m)
     wall = np.pad(evidence.wall, steps)
     between = np.zeros_like(wall)
     for size in ((1, steps), (steps, 1)):
         between |= ndimage.binary_closing(wall, np.ones(size))
-    between = (between & ~wall)[steps:-steps, steps:-steps]
+    between = (between & ~wall)[steps:-steps, steps:-steps] & ~evidence.furniture
     return bool(between.any() and evidence.covered[between].mean() > FLOORED_WALLS_SHARE)
 
 

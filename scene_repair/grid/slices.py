@@ -15,7 +15,7 @@ def slice_marks(
     grid: GridSpec,
     heights_m: NDArray[np.float64],
 ) -> NDArray[np.uint32]:
-    """Bit n of a cell is set if a surface crosses the plane z = `heights_m[n]` (n < 32) in it.
+    """Return cells whose bit n is set if a surface crosses the plane z = `heights_m[n]` (n < 32).
 
     Args:
         vertices_m: (V, 3) world.

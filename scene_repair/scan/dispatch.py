@@ -37,7 +37,7 @@ def read_scan(path: Path) -> Scan:
     suffix = path.suffix.lower()
     # Beside splats a USD stage may hold the mesh that is wanted.
     if suffix not in USD_SUFFIXES and (kind := splat_kind(path)):
-        raise FileFormatError(path, f"holds Gaussian splats ({kind}), not a mesh or point cloud")
+        raise FileFormatError(path, f"contains Gaussian splats ({kind}), not a mesh or point cloud")
     if suffix in USD_SUFFIXES:
         return scan_of(path, read_in_child("usd", path))
     if suffix in CLOUD_SUFFIXES or (suffix == ".ply" and not has_faces(path)):

@@ -1,6 +1,6 @@
 """Which files are scans, and which files beside a scan are read with it.
 
-Light to import: the command line asks, too.
+Imports little, since the command line uses it, too.
 """
 
 from __future__ import annotations

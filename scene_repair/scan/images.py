@@ -19,7 +19,7 @@ MAX_PROGRESSIVE_PIXELS = 200_000_000
 MAX_TOTAL_PIXELS = 256_000_000
 # As many pixels are decoded at most for one scan, before anything is scaled down.
 MAX_SOURCE_PIXELS = 8_000_000_000
-# Pillow hands some others to programs outside. Phones write JPEG that it calls MPO.
+# Pillow passes some other formats to external programs. Phones write JPEG that it calls MPO.
 FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TIFF", "GIF", "TGA")
 FOUND_FORMATS = (*FORMATS, "MPO")
 

@@ -99,7 +99,7 @@ def _load(path: Path, stream: IO[bytes], resolver: ConfinedResolver) -> trimesh.
             return trimesh.load_scene(
                 stream, file_type=kind, resolver=resolver, process=False, **options
             )
-    # Readers fail in many ways on damaged bytes; whatever they raise, the file is at fault.
+    # Readers raise many types of error on damaged bytes; the file is at fault in each case.
     except Exception as error:
         if resolver.refused:
             raise FileFormatError(path, resolver.refused) from error

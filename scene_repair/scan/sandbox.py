@@ -137,7 +137,7 @@ def answer(path: Path, memory_bytes: int, work: Callable[[Path], None]) -> None:
 
 
 def main(reader: str, path: Path, memory_bytes: int) -> None:
-    """Entry point of the child: read `path` and write the answer into the working folder."""
+    """Run as the child process: read `path` and write the answer into the working folder."""
     if reader not in READERS:
         raise ValueError(f"unknown reader {reader!r}; valid: {', '.join(READERS)}")
 

@@ -56,7 +56,7 @@ def _references(path: Path, identifier: str) -> list[str]:
     """Return the asset paths that composing the layer `identifier` in `path` would open."""
     try:
         layer = Sdf.Layer.FindOrOpen(identifier)
-    # Whatever USD raises on damaged bytes, the file is at fault.
+    # USD raises many types of error on damaged bytes; the file is at fault in each case.
     except Exception as error:
         raise FileFormatError(path, f"cannot be read as USD: {brief(error)}") from error
     if layer is None:

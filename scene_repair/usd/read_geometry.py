@@ -184,7 +184,7 @@ class Corners:
     polygons: int
 
     def spread(self, rows: NDArray[np.float64], interpolation: str) -> NDArray[np.float64] | None:
-        """Values (T, 3, k) at the corners of triangles, None if their number does not fit."""
+        """Return values (T, 3, k) at the triangles' corners; None if their number does not fit."""
         tokens = UsdGeom.Tokens
         if interpolation == tokens.constant and len(rows):
             return np.broadcast_to(rows[0], (*self.corner.shape, rows.shape[1]))
@@ -203,7 +203,7 @@ def _triangles(
     indices: NDArray[np.int64],
     usable: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """As `triangulate`, for the usable polygons only, numbered as among all."""
+    """Triangulate the usable polygons only, numbered as among all; see `triangulate`."""
     if usable.all():
         return triangulate(points, counts, indices)
     kept = np.flatnonzero(np.repeat(usable, counts))

@@ -91,7 +91,7 @@ class StageMaterials:
     def _color(
         self, shader: UsdShade.Shader
     ) -> tuple[NDArray[np.float64] | None, tuple[str, Sdf.Layer] | None, UsdShade.Shader | None]:
-        """Linear colour or scale, picture (name, layer that names it), and the texture's shader."""
+        """Return linear colour or scale, picture (name, layer that names it), texture shader."""
         for name in COLOR_INPUTS:
             port = shader.GetInput(name)
             if not port:
@@ -134,7 +134,7 @@ class StageMaterials:
         return None
 
     def _picture(self, name: str, layer: Sdf.Layer) -> tuple[str, str]:
-        """Path of a picture (and its member in a package), empty with a warning if unusable."""
+        """Return a picture's path (and its package member); empty, with a warning, if unusable."""
         inside = re.fullmatch(r"(.*\.usdz)\[(.*)\]", layer.identifier)
         if inside:
             plain = posixpath.normpath(posixpath.join(posixpath.dirname(inside[2]), name))
@@ -174,7 +174,7 @@ def _asset_of(attribute: Usd.Attribute) -> tuple[str, Sdf.Layer] | None:
 
 
 def _coordinates(texture: UsdShade.Shader) -> tuple[str, NDArray[np.float64]]:
-    """Primvar that a texture reads, and the affine map (2, 3) on the way, from its `st` input."""
+    """Return the primvar that a texture reads and the affine map (2, 3) of its `st` input."""
     to_uv = np.eye(3)
     port = texture.GetInput("st")
     for _ in range(8):

@@ -69,7 +69,7 @@ def _profile(
 def _rounded(
     height: float, bottom: float, top: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """A cone cut off, tangent to the spheres that round its ends; a sphere if it has no height.
+    """Return a truncated cone tangent to the spheres that round its ends; a sphere without height.
 
     The rings where they meet have the radii `bottom` and `top` and are `height` apart.
     """

@@ -1,4 +1,4 @@
-"""Villas, houses and offices: what must hold for every one of them."""
+"""Villas, houses and offices: properties of every generated building."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ DIGESTS = {
 
 @cache
 def built(kind: str, seed: int) -> TrueScene:
-    """A building without painted images."""
+    """Return a building without painted images."""
     return build_scene(np.random.default_rng(seed), building_config(kind), painted=False)
 
 
@@ -162,7 +162,7 @@ def test_the_stairwell_is_open_and_railed() -> None:
     assert np.isnan(freemap.floor_z_m[tuple(freemap.grid.cell_of(middle))])
     rail = next(o for o in house.objects if o.category == "railing")
     assert rail.upper_m[2] - upper.floor_z_m == pytest.approx(0.95)
-    # Nobody steps from the gallery into the void.
+    # The gallery has a railing towards the void.
     level = upper.rooms[void.room]
     axis = 1 - void.front[0]
     gallery = np.array(level.upper_m)[axis] - np.array(void.upper_m)[axis]

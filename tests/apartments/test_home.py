@@ -66,8 +66,8 @@ def test_every_room_is_reachable_and_paths_are_long(home: TrueScene) -> None:
     rows, columns = np.indices(free.shape)
     xy = space.grid.center_of(np.stack([rows, columns], -1))
     for room in home.plan.rooms:
-        mine = np.all((xy > room.lower_m) & (xy < room.upper_m), axis=-1)
-        walkable = np.count_nonzero(mine & (groups == main)) * space.grid.cell_m**2
+        in_room = np.all((xy > room.lower_m) & (xy < room.upper_m), axis=-1)
+        walkable = np.count_nonzero(in_room & (groups == main)) * space.grid.cell_m**2
         assert walkable > 0.4, f"{room.kind}: only {walkable:.2f} m²"
     start = xy[groups == main][0]
     reach = distance_field(space, start, CONFIG.robot_radius_m).distance_m

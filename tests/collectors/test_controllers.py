@@ -54,7 +54,7 @@ class Drive:
 
 
 def drive(controller: Controller, pose: Pose, seconds: float, obey: float = 1.0) -> Drive:
-    """A body that does what it is told, at once (`obey` times as fast)."""
+    """Drive a body that follows commands without delay, `obey` times as fast."""
     poses, commands, notes = [], [], []
     command, x, y, yaw = (0.0, 0.0, 0.0), pose.x_m, pose.y_m, pose.yaw_rad
     every = 100 // controller.rate_hz
@@ -218,7 +218,7 @@ def test_the_expert_arrives_with_exact_actions(two_rooms: SceneBundle, start, go
 def test_an_agent_that_asks_at_its_own_poses_arrives(
     two_rooms: SceneBundle, start, goal, yaw, seed
 ) -> None:
-    """It slips, and now and then does something else than it was told, as a learner would."""
+    """The agent slips and sometimes takes another action, as a learner would."""
     freemap, rng = two_rooms.freemap(0), np.random.default_rng(seed)
     path = plan_path(freemap, start, goal, RADIUS)
     assume(path is not None and min(clearance(freemap, path[:, :2])) >= RADIUS)

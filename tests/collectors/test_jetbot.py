@@ -19,6 +19,8 @@ from vlnpe.formats.core.errors import InputError, UnknownNameError
 from vlnpe.formats.core.rollout import EndReason
 from vlnpe.formats.scene.bundle import SceneBundle
 
+pytestmark = pytest.mark.chain
+
 SCALES = pytest.mark.parametrize("name", ["jetbot", "jetbot@1", "jetbot@2.5"])
 POLICY_STEP_S = 0.02
 

@@ -27,6 +27,8 @@ from vlnpe.formats.core.rollout import (
 from vlnpe.formats.rendered.discrete_steps import discrete_steps, execute, total_turning
 from vlnpe.formats.scene.bundle import SceneBundle
 
+pytestmark = pytest.mark.chain
+
 WALKS = (((1, 1), (7, 3), 0.4), ((7, 3), (0.8, 1.2), -2.6))
 ROBOTS = ("aliengo", "jetbot", "h1", "g1")
 CREWS = [*((robot, drive) for robot in ROBOTS for drive in ("path", "speed")), ("aliengo", "flash")]
@@ -62,7 +64,7 @@ def test_executing_the_labels_ends_where_the_robot_did(
 ) -> None:
     for r in rollouts(open_world(two_rooms, 0, get_robot(name)), controller):
         assert r.end_reason is EndReason.SUCCESS
-        # Whoever turns back at once has answered a turn that was not over yet.
+        # An immediate turn back would answer a turn that is still under way.
         executed = [span.action for span in r.actions]
         assert sum({a, b} == {Action.LEFT, Action.RIGHT} for a, b in pairwise(executed)) <= 2
         at = r.frame_samples(4)

@@ -1,4 +1,4 @@
-"""Replay in physics: arriving, every way of not arriving, and the proof that nobody cheats."""
+"""Replay in physics: every outcome, and proof that nothing but the servos moves the robot."""
 
 from __future__ import annotations
 
@@ -24,6 +24,8 @@ from vlnpe.formats.core.errors import UnknownNameError
 from vlnpe.formats.core.rollout import Action, EndReason, Rollout
 from vlnpe.formats.scene.bundle import Obstacles, SceneBundle, load_bundle, save_bundle
 from vlnpe.wayfinding.planning import plan_path
+
+pytestmark = pytest.mark.chain
 
 PHYSICAL = ("path", "speed")
 
@@ -116,7 +118,7 @@ def test_the_record_is_whole(world: World, controller: str) -> None:
 
 
 def test_velocities_are_the_derivative_of_the_path(world: World) -> None:
-    """Nothing is ever put anywhere: every step of the path is what the velocity says."""
+    """The robot is never repositioned: each step of its path is the integral of its velocity."""
     r = replay_in(world, make_episode(world.bundle), ReplayConfig())
     step = np.diff(r.position_world_m[:, :2], axis=0)
     assert np.linalg.norm(step, axis=1).max() < 0.012
@@ -130,7 +132,7 @@ def test_velocities_are_the_derivative_of_the_path(world: World) -> None:
 
 @pytest.mark.parametrize("controller", PHYSICAL)
 def test_the_servos_alone_reproduce_the_rollout(world: World, controller: str) -> None:
-    """From the same spawn, the logged servo targets lead to the same bits: no other hand."""
+    """From the same spawn, the logged servo targets reproduce the rollout bit for bit."""
     config = ReplayConfig(controller=controller, spawn_joint_noise_rad=0.0)
     episode = make_episode(world.bundle)
     r = replay_in(world, episode, config)

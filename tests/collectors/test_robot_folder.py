@@ -36,6 +36,8 @@ from vlnpe.pipeline.engine.ledger import Row
 from vlnpe.pipeline.inputs.crews import chosen_robots
 from vlnpe.pipeline.stages import replay
 
+pytestmark = pytest.mark.chain
+
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "robots.md"
 
 
@@ -63,7 +65,7 @@ def dog(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(params=["rover", "mydog"])
 def copied(request: pytest.FixtureRequest, dog: Path, tmp_path: Path) -> Path:
-    """A robot to spoil."""
+    """Return a copy of a robot's folder to be damaged."""
     folder = tmp_path / request.param
     return written_rover(folder) if folder.name == "rover" else Path(shutil.copytree(dog, folder))
 

@@ -258,7 +258,7 @@ def test_servos_are_the_published_springs(robot: RobotSpec):
     data.ctrl[handles.actuators] = robot.default_joint_rad + 0.1
     data.qvel[handles.joint_dof] = 0.5
     mujoco.mj_forward(model, data)
-    # A wheel's servo is told a speed instead of an angle.
+    # A wheel's servo is commanded a speed instead of an angle.
     expected = [0.1 * (joint.kp or joint.kd) - 0.5 * joint.kd for joint in robot.joints]
     np.testing.assert_allclose(data.actuator_force[handles.actuators], expected, atol=1e-9)
 

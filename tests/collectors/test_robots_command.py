@@ -1,4 +1,4 @@
-"""`vlnpe robots`: what it tells, what it draws, what it writes."""
+"""`vlnpe robots`: the list, the pictures, and the exported folder."""
 
 from __future__ import annotations
 

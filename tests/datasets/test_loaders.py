@@ -64,8 +64,8 @@ def test_items_equal_lerobots_with_the_same_windows(storage: str, tmp_path: Path
     ours = NavigationDataset(tmp_path / "set", NavigationConfig(history=3, future=4))
     assert len(ours) == len(bare) == STARTS[-1]
     for number in (41, 0, 1, 12, 13, 14, 15, 16, 31, 32, 33, 20):
-        mine, theirs = ours[number], bare[number]
-        for key, value in mine.items():
+        our_item, theirs = ours[number], bare[number]
+        for key, value in our_item.items():
             if key in ("robot", "uid"):
                 continue
             if not torch.is_tensor(value):
@@ -76,7 +76,7 @@ def test_items_equal_lerobots_with_the_same_windows(storage: str, tmp_path: Path
             torch.testing.assert_close(
                 value, theirs[key].to(value.dtype), atol=tolerance, rtol=0.0, msg=key
             )
-        assert mine["robot"] == "aliengo"
+        assert our_item["robot"] == "aliengo"
 
 
 def test_one_frame_has_no_time_axis_and_images_can_be_scaled(root: Path) -> None:
@@ -230,9 +230,9 @@ def test_relative_poses_do_not_depend_on_the_world_frame(
 def test_tokens_know_the_training_words_alone(root: Path, tokens: Tokens, tmp_path: Path) -> None:
     words = tokens.vocabulary.words
     assert words[:2] == ("<pad>", "<unk>")
-    told = tokens.encode("Walk past the piano.")
-    assert [words[k] for k in told[:5]] == ["walk", "past", "the", "<unk>", "."]
-    assert told[5:].tolist() == [0] * 7
+    encoded = tokens.encode("Walk past the piano.")
+    assert [words[k] for k in encoded[:5]] == ["walk", "past", "the", "<unk>", "."]
+    assert encoded[5:].tolist() == [0] * 7
     assert len(tokens.encode("the " * 50)) == 12
     assert (tokens.encode("the " * 50) > 1).all()
     path = tmp_path / "train.json.gz"
@@ -297,10 +297,10 @@ def test_any_of_a_path_s_instructions_is_drawn_by_seed_and_epoch(
     assert drawn[4] == [InstructionChoice("any", 3, 4).text(e) for e in entries]
     for number, entry in enumerate(entries):
         assert {texts[number] for texts in drawn} == set(entry.instructions)
-    told = EpisodeSequences(
+    chosen = EpisodeSequences(
         select_all([index]), tokens, SequenceConfig(images=False), InstructionChoice("any")
     )
     expected = tokens.encode(InstructionChoice("any").text(entries[1]))
-    assert told[1]["tokens"].tolist() == expected.tolist()
+    assert chosen[1]["tokens"].tolist() == expected.tolist()
     with pytest.raises(UnknownNameError, match="own"):
         InstructionChoice("all")

@@ -114,7 +114,7 @@ def test_shares_hold_for_each_process_and_for_all(world: int) -> None:
     assert abs(counts - expected).max() < 3
     assert abs(counts.sum(0) - world * expected).max() < 10
     runs = np.diff(np.flatnonzero(np.diff(chosen[0]) != 0))
-    assert runs.max() <= 3  # nobody trains on one source for long
+    assert runs.max() <= 3  # no long run of draws from one source
 
 
 def test_a_state_belongs_to_its_episodes(runs: Path) -> None:
@@ -229,7 +229,7 @@ def test_a_larger_fraction_contains_a_smaller_one_for_every_robot(runs: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "message"),
     [
         ({"recipe": 2}, "valid: 1"),
         ({"surces": {}}, "unknown key in recipe: 'surces'; valid: compare, evaluate"),
@@ -249,12 +249,12 @@ def test_a_larger_fraction_contains_a_smaller_one_for_every_robot(runs: Path) ->
         ({"holdout_fraction": 1.0}, "between 0 and 1"),
     ],
 )
-def test_a_wrong_recipe_is_told_what_is_valid(changes: dict, told: str, tmp_path: Path) -> None:
+def test_a_wrong_recipe_is_told_what_is_valid(changes: dict, message: str, tmp_path: Path) -> None:
     path = tmp_path / "recipe.yaml"
     path.write_text(json.dumps(recipe(**changes)))
     with pytest.raises(FileFormatError) as caught:
         read_recipe(path)
-    assert told in str(caught.value)
+    assert message in str(caught.value)
     assert "recipe.yaml" in str(caught.value)
 
 
@@ -291,7 +291,7 @@ def test_the_command_shows_what_it_trains_on(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (["--dry-run", "--mixture", "some"], "valid: all, alone, even"),
         (["--dry-run", "--draws", "steps"], "valid: episodes, frames"),
@@ -300,12 +300,12 @@ def test_the_command_shows_what_it_trains_on(
     ],
 )
 def test_wrong_calls_end_with_code_2(
-    runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list, told: str
+    runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list, message: str
 ) -> None:
     path = tmp_path / "recipe.yaml"
     path.write_text(json.dumps(recipe()))
     assert main(["mix", str(path), "--data", str(runs), *arguments]) == 2
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     missing = recipe(sources={"humanoid": {"robots": ["g1"]}}, mixtures={"all": ["humanoid"]})
     path.write_text(json.dumps(missing))
     assert main(["mix", str(path), "--data", str(runs), "--dry-run"]) == 2
@@ -328,7 +328,7 @@ def test_published_splits_are_not_trained_on(tmp_path: Path) -> None:
     assert source.rows[0].dropped == {
         "published hold-out val_seen": 1, "published hold-out val_unseen": 1,
     }  # fmt: skip
-    # Who names a split gets it; what is not for training gets all.
+    # A source that names a split gets it; what is not for training gets all.
     value["sources"] = {"all": {"splits": ["val_seen"]}}
     (source,) = plan_mixture(recipe_of(value), "m", library).sources
     assert list(source.selection.labels("split")) == ["val_seen"]

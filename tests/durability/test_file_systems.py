@@ -26,6 +26,8 @@ from vlnpe.pipeline.jobs.export import UnitJob
 from vlnpe.pipeline.options.running import Running
 from vlnpe.pipeline.verify.integrity import check_files
 
+pytestmark = pytest.mark.chain
+
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:

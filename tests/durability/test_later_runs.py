@@ -50,13 +50,13 @@ def test_rollouts_of_other_seeds_and_actions_are_kept_apart(tmp_path: Path):
 
 
 def test_the_controller_column_says_open_or_closed_loop():
-    def told(config: ReplayConfig, seeds: bool = False) -> str:
+    def description(config: ReplayConfig, seeds: bool = False) -> str:
         facts = {"actions": actions(config), "seed": config.seed}
         return driven(config.controller, [facts], seeds)
 
-    assert told(SPEED) == "speed, open loop, 50 steps"
-    assert told(CLOSED) == "speed, closed loop"
-    assert told(replace(SPEED, controller="path", seed=3), seeds=True) == "path, seed 3"
+    assert description(SPEED) == "speed, open loop, 50 steps"
+    assert description(CLOSED) == "speed, closed loop"
+    assert description(replace(SPEED, controller="path", seed=3), seeds=True) == "path, seed 3"
 
 
 def test_another_seed_adds_rows_to_the_report(scan: Path, finished: Path, tmp_path: Path):
@@ -100,8 +100,8 @@ def test_a_quarantined_item_is_run_alone_by_the_command_that_is_kept(
     assert failed.returncode == 1 and "read_rollout" in failed.stderr
     assert Ledger(run).row("render", item).status == "quarantined"  # type: ignore[union-attr]
     rollout.write_bytes(sound)
-    mended = alone()
-    assert mended.returncode == 0 and f"render {item}: done" in mended.stderr
+    fixed = alone()
+    assert fixed.returncode == 0 and f"render {item}: done" in fixed.stderr
     assert not (run / error["traceback"]).exists()
 
 

@@ -117,9 +117,9 @@ def test_two_commands_on_one_folder(tmp_path: Path, start):  # noqa: F811
         pass
     assert len(list(root.glob(f"{TEMPORARY_PREFIX}*"))) == 2  # not swept away
     second = start(lingering(root, 0, "--wait"))
-    _, told = second.communicate(timeout=120)
-    assert first.wait() == 0 and second.returncode == 0, told
-    assert f"in use by process {first.pid}" in told and "reused 4" in told
+    _, output = second.communicate(timeout=120)
+    assert first.wait() == 0 and second.returncode == 0, output
+    assert f"in use by process {first.pid}" in output and "reused 4" in output
     assert len(Ledger(root).rows()) == 4
 
 

@@ -64,7 +64,7 @@ def workers_of(root: Path) -> list[int]:
 
 
 def lives(pid: int) -> bool:
-    """Whether a process runs; one that has ended and was not waited for does not."""
+    """Return whether a process runs; one that has ended and was not waited for does not."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:
@@ -87,10 +87,10 @@ def test_a_signal_ends_the_run_in_one_line(tmp_path: Path, start, number: int, p
             os.killpg(process.pid, number)
         else:
             process.send_signal(number)
-    _, told = process.communicate(timeout=60)
+    _, output = process.communicate(timeout=60)
     assert process.returncode == 128 + number
-    assert "Traceback" not in told and told.count("\nvlnpe: ") == 1
-    assert f"{signal.Signals(number).name}: stopping; run the same command again" in told
+    assert "Traceback" not in output and output.count("\nvlnpe: ") == 1
+    assert f"{signal.Signals(number).name}: stopping; run the same command again" in output
     until(lambda: not any(map(lives, pids)), 30.0)
     if presses == 1:
         assert unfinished(tmp_path / "run") == []
@@ -113,14 +113,14 @@ def test_workers_end_with_a_process_that_was_killed(tmp_path: Path, start):
 def test_a_killed_worker_costs_its_items_a_second_try_and_leaves_nothing(tmp_path: Path, start):
     process = start(lingering(tmp_path / "run", 3))
     os.kill(workers_of(tmp_path / "run")[0], signal.SIGKILL)  # as for memory
-    _, told = process.communicate(timeout=120)
-    assert process.returncode == 0, told
+    _, output = process.communicate(timeout=120)
+    assert process.returncode == 0, output
     assert [row.item for row in Ledger(tmp_path / "run").rows()] == list("abcd")
     assert unfinished(tmp_path / "run") == []
 
 
 def handles(pid: int, number: int) -> bool:
-    """Whether a process has installed a handler; Python itself has none of SIGTERM."""
+    """Return whether a process has installed a handler; Python itself has none for SIGTERM."""
     status = Path(f"/proc/{pid}/status").read_text()
     caught = next(line for line in status.splitlines() if line.startswith("SigCgt:"))
     return bool(int(caught.split()[1], 16) >> (number - 1) & 1)
@@ -144,6 +144,6 @@ def test_ctrl_c_at_start_up_prints_no_traceback(tmp_path: Path, start, after_s: 
     until(lambda: handles(process.pid, signal.SIGTERM))
     time.sleep(after_s)
     os.killpg(process.pid, signal.SIGINT)
-    _, told = process.communicate(timeout=60)
+    _, output = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert "Traceback" not in told and "SIGINT: stopping" in told
+    assert "Traceback" not in output and "SIGINT: stopping" in output

@@ -55,8 +55,8 @@ def test_a_flipped_byte_in_any_file_is_found_and_named(run: Path, seed: int, cap
         names = {path.relative_to(run).as_posix() for path in damaged}
         assert len(names) > 45 and "quarantine.json" in names
         assert main(["verify", str(run)]) == 1
-        told = capsys.readouterr().out
-    assert {name for name in names if f"BAD  {name}: " not in told} == set()
+        output = capsys.readouterr().out
+    assert {name for name in names if f"BAD  {name}: " not in output} == set()
 
 
 def test_a_flipped_byte_in_the_manifest_is_found(finished: Path, tmp_path: Path):
@@ -102,8 +102,8 @@ def test_a_run_of_an_older_version_gets_a_sentence_and_no_pass(run: Path, capsys
     old = {"rows": json.loads(path.read_text())["rows"]}
     path.write_text(json.dumps(old, indent=2, sort_keys=True) + "\n")
     assert main(["verify", str(run)]) == 1
-    told = capsys.readouterr().out
-    assert "written by a version that kept no hashes" in told and "bad: 1\n" in told
+    output = capsys.readouterr().out
+    assert "written by a version that kept no hashes" in output and "bad: 1\n" in output
     # Whatever its readers make of damage, they never end the command.
     for seed in range(3):
         with flipped(run, np.random.default_rng(seed), spare=(MANIFEST_NAME,)):

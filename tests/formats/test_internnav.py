@@ -68,9 +68,9 @@ def loader_data(root: Path, key: str) -> dict[str, Any]:
     table = pq.read_table(scene / "data" / f"{name}.parquet").to_pydict()
     first = last = 0
     for line in (scene / "meta/episodes_stats.jsonl").read_text().splitlines():
-        told = json.loads(line)
-        if told["episode_index"] == number:
-            first, last = told["task_index"]["min"], told["task_index"]["max"]
+        task_line = json.loads(line)
+        if task_line["episode_index"] == number:
+            first, last = task_line["task_index"]["min"], task_line["task_index"]["max"]
     lines = (scene / "meta/tasks.jsonl").read_text().splitlines()
     tasks = [t for t in map(json.loads, lines) if first <= t["task_index"] <= last]
     videos = scene / "videos" / f"chunk-{chunk:03d}"
@@ -182,13 +182,13 @@ def test_instructions_are_told_once_and_have_tokens(layout: Path) -> None:
     keys = loader_keys(layout, ["r2r"])
     tasks = [loader_data(layout, key)["tasks"] for key in keys]
     own = make_rollout(0.0).episode.instruction
-    assert [[t["task"] for t in told] for told in tasks] == [[own, "Go to the sofa."], [own], [own]]
-    for told in (task for own in tasks for task in own):
-        tokens = told["instruction_tokens"]
+    assert [[t["task"] for t in line] for line in tasks] == [[own, "Go to the sofa."], [own], [own]]
+    for line in (task for own in tasks for task in own):
+        tokens = line["instruction_tokens"]
         assert len(tokens) == 200 and min(tokens) >= 0 and max(tokens) < 2504
-        assert sum(map(bool, tokens)) == len(told["task"].replace(".", " .").split())
-        assert told["instruction_text"] == told["task"]
-        assert told["episode_id"].startswith("ep")
+        assert sum(map(bool, tokens)) == len(line["task"].replace(".", " .").split())
+        assert line["instruction_text"] == line["task"]
+        assert line["episode_id"].startswith("ep")
 
 
 def test_metadata_agrees_with_itself(layout: Path) -> None:
@@ -353,11 +353,11 @@ DAMAGE: dict[str, str] = {
 }
 
 
-def tell_tasks(scene: Path, told: dict[str, Any]) -> None:
-    """Say of episode 0's instructions, in episodes_stats.jsonl, only `told`."""
+def write_task_statistics(scene: Path, statistics: dict[str, Any]) -> None:
+    """Replace the line of episode 0 in episodes_stats.jsonl."""
     path = scene / "meta/episodes_stats.jsonl"
     lines = [json.loads(line) for line in path.read_text().splitlines()]
-    lines[0] = {"episode_index": 0, **told}
+    lines[0] = {"episode_index": 0, **statistics}
     path.write_text("".join(json.dumps(line) + "\n" for line in lines))
 
 
@@ -402,22 +402,22 @@ def break_layout(scene: Path, damage: str) -> None:
         case "timestamp of words":
             damage_rows(rows, "timestamp", lambda values: np.full(len(values), "x"))
         case "no statistics, no rows":
-            tell_tasks(scene, {})
+            write_task_statistics(scene, {})
             (scene / "meta/episodes.jsonl").unlink()
             pq.write_table(pq.read_table(rows).drop_columns(["task_index"]), rows)
         case "task of words":
-            tell_tasks(scene, {"task_index": {"min": "x", "max": 0}})
+            write_task_statistics(scene, {"task_index": {"min": "x", "max": 0}})
         case "half a task":
-            tell_tasks(scene, {"task_index": {"min": 0, "max": 0.5}})
+            write_task_statistics(scene, {"task_index": {"min": 0, "max": 0.5}})
         case "list of tasks":
-            tell_tasks(scene, {"task_index": [0, 1]})
+            write_task_statistics(scene, {"task_index": [0, 1]})
         case "empty span":
-            tell_tasks(scene, {"stats": {"task_index": {"min": [], "max": [0]}}})
+            write_task_statistics(scene, {"stats": {"task_index": {"min": [], "max": [0]}}})
         case "unnumbered task":
             lines = [json.loads(line) | {"task_index": "x"} for line in tasks.open()]
             tasks.write_text("\n".join(map(json.dumps, lines)))
         case "rows of words":
-            tell_tasks(scene, {})
+            write_task_statistics(scene, {})
             damage_rows(rows, "task_index", lambda values: np.full(len(values), "x"))
         case "no instruction":
             tasks.write_text("\n".join(tasks.read_text().splitlines()[2:]) + "\n")
@@ -457,8 +457,10 @@ def test_any_damage_is_named_or_harmless(
         read_episode_unit(tmp_path / "u")
 
 
-@pytest.mark.parametrize("told", ["statistics", "nested", "rows", "episodes"])
-def test_each_episode_has_its_own_instructions_whoever_tells_them(layout: Path, told: str) -> None:
+@pytest.mark.parametrize("place", ["statistics", "nested", "rows", "episodes"])
+def test_each_episode_has_its_own_instructions_wherever_they_are_listed(
+    layout: Path, place: str
+) -> None:
     (scene,) = find_scenes(make_foreign(layout))
     tasks = scene.folder / "meta/tasks.jsonl"
     texts = [json.loads(line) for line in tasks.read_text().splitlines()]
@@ -475,20 +477,20 @@ def test_each_episode_has_its_own_instructions_whoever_tells_them(layout: Path, 
     stats = scene.folder / "meta/episodes_stats.jsonl"
     lines = [json.loads(line) for line in stats.read_text().splitlines()]
     for number in range(3):
-        if told == "nested":
+        if place == "nested":
             span = {k: [v] for k, v in lines[number]["task_index"].items() if k in ("min", "max")}
             lines[number] = {"episode_index": number, "stats": {"task_index": span}}
-        elif told == "episodes":
+        elif place == "episodes":
             rows = scene.folder / f"data/chunk-000/episode_{number:06d}.parquet"
             pq.write_table(pq.read_table(rows).drop_columns(["task_index"]), rows)
-    if told in ("rows", "episodes"):
+    if place in ("rows", "episodes"):
         lines = []
     stats.write_text("".join(json.dumps(line) + "\n" for line in lines))
     for number in range(3):
         found = read_layout_episode(scene.folder, number)
         # A row names one task; the span of the statistics may hold more instructions of the path.
         assert found.tasks == known[number].tasks or (
-            told == "rows" and found.tasks and set(found.tasks) <= set(known[number].tasks)
+            place == "rows" and found.tasks and set(found.tasks) <= set(known[number].tasks)
         )
         assert found.finish_status == known[number].finish_status
 
@@ -579,8 +581,8 @@ def test_the_command_converts_theirs_and_quarantines_what_is_damaged(
     assert "episode_000000.npy" in bad.error["reason"]
     opened = open_dataset(out / "lerobot" / "n1")
     assert opened.episodes == (0, 1) and opened.facts.licence == "cc-by-nc-sa-4.0"
-    told = opened.facts.provenance["converted"]
-    assert told["assumed"]["hfov_deg"] == 90.0 and "goal" in told["missing"]
+    converted = opened.facts.provenance["converted"]
+    assert converted["assumed"]["hfov_deg"] == 90.0 and "goal" in converted["missing"]
     assert "2 episodes say 30 frames/s" in caplog.text
     call = ["convert", str(layout), "--to", "mcap", "--out", str(tmp_path / "m")]
     assert cli.main([*call, "--max-failed", "1"]) == 0

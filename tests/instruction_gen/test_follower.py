@@ -8,6 +8,8 @@ import pytest
 from tests.instruction_gen.test_instruct import EAST, LEFT, episode_of, texts_of
 from vlnpe.instruction_gen.follower import World, follow
 
+pytestmark = pytest.mark.chain
+
 
 @pytest.fixture(scope="module")
 def world(two_rooms):

@@ -1,4 +1,4 @@
-"""The grammar of instructions: idioms, names, sides, and what may be left untold."""
+"""The grammar of instructions: idioms, names, sides, and what may be left unsaid."""
 
 from __future__ import annotations
 
@@ -122,5 +122,5 @@ def test_a_side_that_is_bound_to_a_thing_is_no_hint_of_a_turn():
     bound = parse("Whizz past the sofa on your left and stop at the bed.")
     loose = parse("Whizz round it to the left past the sofa and stop at the bed.")
     assert loose_sides(bound)[0] == ()
-    told = zip(loose.clauses, loose_sides(loose), strict=True)
-    assert any("left" in (*sides, clause.side) for clause, sides in told)
+    pairs = zip(loose.clauses, loose_sides(loose), strict=True)
+    assert any("left" in (*sides, clause.side) for clause, sides in pairs)

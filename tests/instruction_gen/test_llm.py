@@ -60,17 +60,19 @@ def write_with(server, tmp_path, two_rooms, count=3, **others):
     config = InstructConfig(writer="llm", count=count, **others)
     writer = ModelWriter(client_of(server, tmp_path), config)
     ground = Ground(facts_of(LEFT, two_rooms))
-    told, problems = writer(ground, np.random.default_rng(0))
+    results, problems = writer(ground, np.random.default_rng(0))
     assert not problems
-    return told, writer, ground
+    return results, writer, ground
 
 
 def test_true_texts_of_a_model_are_kept(two_rooms, tmp_path):
     with Server(lambda n, r: completion(texts(*GOOD))).running() as server:
-        told, _, ground = write_with(server, tmp_path, two_rooms)
-    assert [one.text for one in told] == GOOD
-    assert {one.writer for one in told} == {"llm"} and {one.model for one in told} == {"scripted"}
-    assert all(check_text(one.text, ground).ok for one in told)
+        results, _, ground = write_with(server, tmp_path, two_rooms)
+    assert [one.text for one in results] == GOOD
+    assert {one.writer for one in results} == {"llm"} and {one.model for one in results} == {
+        "scripted"
+    }
+    assert all(check_text(one.text, ground).ok for one in results)
     asked = server.requests[0]
     assert asked["response_format"]["type"] == "json_schema"
     assert '"turns"' in asked["messages"][1]["content"]
@@ -78,11 +80,11 @@ def test_true_texts_of_a_model_are_kept(two_rooms, tmp_path):
 
 def test_a_lying_model_is_told_why_and_then_replaced(two_rooms, tmp_path):
     with Server(lambda n, r: completion(texts(LIE, LIE, LIE))).running() as server:
-        told, writer, ground = write_with(server, tmp_path, two_rooms)
+        results, writer, ground = write_with(server, tmp_path, two_rooms)
     assert len(server.requests) == 3  # once, and twice with the reasons
     assert "does not turn right" in server.requests[1]["messages"][-1]["content"]
-    assert len(told) == 3 and {one.writer for one in told} == {"composer"}
-    assert all(check_text(one.text, ground).ok for one in told)
+    assert len(results) == 3 and {one.writer for one in results} == {"composer"}
+    assert all(check_text(one.text, ground).ok for one in results)
     assert writer.rejected == 9 and writer.replaced == 3
 
 
@@ -91,15 +93,15 @@ def test_a_model_that_mends_its_text_is_kept(two_rooms, tmp_path):
         return completion(texts(GOOD[0], LIE) if number == 1 else texts(GOOD[1]))
 
     with Server(script).running() as server:
-        told, _, _ = write_with(server, tmp_path, two_rooms, count=2)
-    assert [(one.text, one.attempts) for one in told] == [(GOOD[0], 1), (GOOD[1], 2)]
+        results, _, _ = write_with(server, tmp_path, two_rooms, count=2)
+    assert [(one.text, one.attempts) for one in results] == [(GOOD[0], 1), (GOOD[1], 2)]
 
 
 def test_a_model_that_repeats_itself_gives_one_text(two_rooms, tmp_path):
     with Server(lambda n, r: completion(texts(*[GOOD[0]] * 3))).running() as server:
-        told, _, _ = write_with(server, tmp_path, two_rooms)
-    assert [one.writer for one in told] == ["llm", "composer", "composer"]
-    assert len({one.text for one in told}) == 3
+        results, _, _ = write_with(server, tmp_path, two_rooms)
+    assert [one.writer for one in results] == ["llm", "composer", "composer"]
+    assert len({one.text for one in results}) == 3
 
 
 @pytest.mark.parametrize(
@@ -108,8 +110,8 @@ def test_a_model_that_repeats_itself_gives_one_text(two_rooms, tmp_path):
 )
 def test_unusable_answers_end_with_the_composer(two_rooms, tmp_path, content):
     with Server(lambda n, r: completion(content)).running() as server:
-        told, _, _ = write_with(server, tmp_path, two_rooms)
-    assert {one.writer for one in told} == {"composer"}
+        results, _, _ = write_with(server, tmp_path, two_rooms)
+    assert {one.writer for one in results} == {"composer"}
     assert len(server.requests) == 4
 
 
@@ -208,8 +210,8 @@ def test_requests_at_a_time_are_bounded(two_rooms, tmp_path):
     assert len(made.episodes) == 6
     assert server.most == 2
     assert made.usage()["requests"] == len(server.requests) >= 5
-    told = made.episodes[0].extra["instruction"]
-    assert len(told["prompt_sha256"]) == 64 and told["temperature"] == 0.7
+    record = made.episodes[0].extra["instruction"]
+    assert len(record["prompt_sha256"]) == 64 and record["temperature"] == 0.7
 
 
 _RUN = """
@@ -271,10 +273,10 @@ def test_wrong_language_and_other_languages(two_rooms, tmp_path):
     for text, writer in ((chinese, "llm"), (lying, "composer"), (GOOD[1], "composer")):
         reply = completion(texts(text, language="zh", english=english))
         with Server(lambda n, r, reply=reply: reply).running() as server:
-            told, _, _ = write_with(
+            results, _, _ = write_with(
                 server, tmp_path / str(hash(text)), two_rooms, count=1, languages=("zh",)
             )
-        assert [one.writer for one in told] == [writer]
+        assert [one.writer for one in results] == [writer]
 
 
 def test_the_key_appears_nowhere(two_rooms, tmp_path, caplog, capsys):

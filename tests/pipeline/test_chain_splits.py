@@ -1,4 +1,4 @@
-"""A run of several splits: each path is walked once, and told as often as it has instructions."""
+"""A run of several splits: each path is walked once, with all of its instructions."""
 
 from __future__ import annotations
 
@@ -101,8 +101,8 @@ def test_files_of_several_splits_are_walked_once_per_path(sampled, two_rooms, tm
     found = columns(collect(chain, asked, scenes))
     assert len(found["episode_id"]) == 4
     originals = [e.episode_id for file in files for e in read_episodes(file)]
-    told = [name for ids in found["instruction_episode_ids"] for name in ids]
-    assert sorted(told) == sorted(originals)
+    exported_ids = [name for ids in found["instruction_episode_ids"] for name in ids]
+    assert sorted(exported_ids) == sorted(originals)
     assert [texts[0] for texts in found["instructions"]] == [t for (t,) in found["tasks"]]
     back = {
         e.episode_id for p in (tmp_path / "episodes").glob("*.json.gz") for e in read_episodes(p)

@@ -69,7 +69,7 @@ def test_every_episode_is_collected_by_walking(run_root):
         assert row.facts["end_reason"] == "success", row.facts
         assert row.facts["metrics"]["trajectory_length_m"] > 4.5
         rollout = read_rollout(run_root / row.outputs[0])
-        # Nobody teleports: no step of 10 ms moves the base faster than a robot can.
+        # No teleporting: no step of 10 ms moves the base faster than a robot can.
         steps = np.linalg.norm(np.diff(rollout.position_world_m, axis=0), axis=1)
         assert steps.max() < 0.03
         # Feet leave the floor and come down again, each many times.
@@ -98,11 +98,11 @@ print(json.dumps({{
         [sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False
     )
     seen = last_json(done)
-    told = {e.instruction for e in read_episodes(run_root / "episodes" / "train.json.gz")}
+    instructions = {e.instruction for e in read_episodes(run_root / "episodes" / "train.json.gz")}
     assert seen["episodes"] == EPISODES
     assert seen["frames"] > EPISODES * 20
     assert seen["fps"] == 4
-    assert seen["task"] in told
+    assert seen["task"] in instructions
     assert seen["robot"] == "aliengo"
     assert seen["shapes"]["observation.images.rgb"] == [3, 256, 256]
     assert seen["shapes"]["observation.images.depth"][-2:] == [256, 256]
@@ -133,8 +133,10 @@ def test_mcap_opens_in_its_own_reader_with_every_topic(run_root):
     } <= schemas
     assert schemas & {"foxglove.CompressedImage", "foxglove.CompressedVideo"}
     assert times == sorted(times)
-    told = {e.instruction for e in read_episodes(run_root / "episodes" / "train.json.gz")}
-    assert next(m.metadata["text"] for m in metadata if m.name == "vlnpe.instruction") in told
+    instructions = {e.instruction for e in read_episodes(run_root / "episodes" / "train.json.gz")}
+    assert (
+        next(m.metadata["text"] for m in metadata if m.name == "vlnpe.instruction") in instructions
+    )
 
 
 def test_report_is_one_file_with_everything(run_root):

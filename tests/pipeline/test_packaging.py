@@ -1,4 +1,4 @@
-"""What a user installs is what stands in the tree."""
+"""The installed package equals the source tree, and imports point to lower layers."""
 
 from __future__ import annotations
 

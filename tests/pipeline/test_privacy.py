@@ -1,4 +1,4 @@
-"""What a run does to the machine: no socket is opened, nothing is written outside the run."""
+"""A run opens no socket and writes nothing outside its folder."""
 
 from __future__ import annotations
 
@@ -110,11 +110,11 @@ def test_robots_and_instruct_stay_at_home(tmp_path: Path):
     bundle = write_two_rooms(tmp_path / "scenes" / "two_rooms")
     write_episodes(tmp_path / "episodes.json.gz", [make_episode(bundle)])
     check(traced(tmp_path, "robots"), tmp_path)
-    told = tmp_path / "out" / "told.json.gz"
-    told.parent.mkdir()
+    instructed = tmp_path / "out" / "told.json.gz"
+    instructed.parent.mkdir()
     given = ("instruct", tmp_path / "episodes.json.gz", "--scenes", tmp_path / "scenes")
-    check(traced(tmp_path, *given, "--out", told), tmp_path)
-    assert told.is_file()
+    check(traced(tmp_path, *given, "--out", instructed), tmp_path)
+    assert instructed.is_file()
 
 
 def test_the_whole_chain_stays_at_home(tmp_path: Path):

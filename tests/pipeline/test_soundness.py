@@ -1,4 +1,4 @@
-"""Scenes whose repaired floor has faults: told, refused by `collect`, and named where data are."""
+"""Unsound scenes: reported, refused by `collect`, and listed in report and dataset card."""
 
 from __future__ import annotations
 
@@ -26,6 +26,8 @@ from vlnpe.pipeline.jobs.scenes.repair import SoundnessJob
 from vlnpe.pipeline.stages import repair
 from vlnpe.scene_repair.verify.verdict import judge_level
 from vlnpe.scene_repair.write import scene as output
+
+pytestmark = pytest.mark.chain
 
 SOUND_LEVEL: dict[str, Any] = {
     "floor_area_m2": 60.0,

@@ -105,8 +105,8 @@ def test_house_file_of_another_building_is_left_out(tmp_path: Path) -> None:
 def test_what_is_labelled_twice_is_taken_once(tmp_path: Path) -> None:
     source = write_matterport(tmp_path, np.eye(4))
     (tmp_path / "home.house").write_text(HOUSE)
-    mine = {"name": "Mine", "category": "dining table", "lower": [1, 1, 0], "upper": [2, 2, 0.75]}
-    (tmp_path / "home.labels.json").write_text(json.dumps({"frame": "source", "objects": [mine]}))
+    label = {"name": "Mine", "category": "dining table", "lower": [1, 1, 0], "upper": [2, 2, 0.75]}
+    (tmp_path / "home.labels.json").write_text(json.dumps({"frame": "source", "objects": [label]}))
     _, boxes = label_scan(source, read_scan(source))
     assert [b.name for b in boxes if b.category == "dining table"] == ["Mine"]
     assert {"room:kitchen", "floor lamp"} <= {b.category for b in boxes}

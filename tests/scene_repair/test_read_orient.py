@@ -24,6 +24,8 @@ from vlnpe.scene_repair.scan.dispatch import read_scan
 from vlnpe.scene_repair.scan.record import Scan, ScanMaterial, ScanObject
 from vlnpe.scene_repair.scan.soup import Part, merge_parts
 
+pytestmark = pytest.mark.chain
+
 GREY = ScanMaterial("grey", (0.5, 0.5, 0.5))
 
 
@@ -171,8 +173,8 @@ def test_an_implausible_result_asks_for_up(up: str, tmp_path: Path) -> None:
     except SceneError as error:
         assert "--up" in str(error)
     else:
-        told = json.loads((out / "repair.json").read_text())["doubts"]
-        assert any("--up" in doubt for doubt in told)
+        doubts = json.loads((out / "repair.json").read_text())["doubts"]
+        assert any("--up" in doubt for doubt in doubts)
 
 
 def test_doubts_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -22,6 +22,8 @@ from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
 from vlnpe.wayfinding.distance import distance_field
 
+pytestmark = pytest.mark.chain
+
 
 def repaired(parts: list[trimesh.Trimesh], folder: Path) -> SceneBundle:
     source = scans.write_glb(parts, folder / "scan.glb")

@@ -18,6 +18,8 @@ from vlnpe.scene_repair.grid.columns import sample_columns
 from vlnpe.scene_repair.repair import repair_scene
 from vlnpe.wayfinding.distance import distance_field
 
+pytestmark = pytest.mark.chain
+
 # Small pictures: drawing them takes longer than repairing so small a room.
 QUICK = RepairConfig(picture_px=200)
 

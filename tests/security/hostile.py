@@ -1,4 +1,4 @@
-"""Ways in which any input may be hostile, and what a reader must say to them."""
+"""Ways in which any input may be hostile, and the errors that readers must raise."""
 
 from __future__ import annotations
 

@@ -12,6 +12,8 @@ from tests.security.hostile import DEEP_JSON, not_files, put
 from tests.security.test_inputs import bomb
 from vlnpe.pipeline.cli import main
 
+pytestmark = pytest.mark.chain
+
 
 def refused(capfd: pytest.CaptureFixture[str], *arguments: str) -> str:
     assert main(arguments) == 2

@@ -12,6 +12,8 @@ from benchmarks.fuzz.mutate import mutated
 from benchmarks.fuzz.targets import TARGETS, Target
 from vlnpe.formats.core.errors import InputError
 
+pytestmark = pytest.mark.chain
+
 # Those that start at once; the others load large libraries or write a dataset first.
 QUICK = ("glb", "gltf", "obj", "ply", "labels", "house", "vlnce", "recipe", "robot-onnx", "npz")
 

@@ -1,4 +1,4 @@
-"""InternData-N1's layout: links, arrays and tables that lie, pickle, recursion, NaN."""
+"""InternData-N1's layout: links, false arrays and tables, pickle, recursion, NaN."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""LeRobot folders: templates and names of info.json, links, counts that lie, NaN, recursion."""
+"""LeRobot folders: templates and names of info.json, links, false counts, NaN, recursion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""MCAP: names that climb, chunks that grow, sizes and counts that lie, recursion, NaN."""
+"""MCAP: path traversal, decompression bombs, false sizes and counts, recursion, NaN."""
 
 from __future__ import annotations
 

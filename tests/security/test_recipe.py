@@ -1,4 +1,4 @@
-"""Recipes: anchor bombs, recursion, numbers that are none, and patterns of data."""
+"""Recipes: anchor bombs, recursion, invalid numbers, and data patterns."""
 
 from __future__ import annotations
 

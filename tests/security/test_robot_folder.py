@@ -1,4 +1,4 @@
-"""A robot's folder reads nothing outside itself, and nobody's machine is filled by one."""
+"""A robot's folder reads nothing outside itself and cannot exhaust memory or disk."""
 
 from __future__ import annotations
 
@@ -334,7 +334,7 @@ NETWORKS = {
     "counts that lie": (network(weights=tensor(b"w", (1 << 40, 1 << 40), ONES)), "have 8 numbers"),
     "a negative size": (
         network(weights=tensor(b"w", (2**64 - 4, 2**64 - 2), ONES)),
-        "numbers, not",
+        "numbers, their shape is",
     ),
     "NaN": (
         network(weights=tensor(b"w", (4, 2), struct.pack("<8f", *[float("nan")] * 8))),

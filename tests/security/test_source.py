@@ -1,4 +1,4 @@
-"""The source itself: nothing in it unpickles, evaluates text, or goes through a shell."""
+"""The source code: nothing in it unpickles, evaluates text, or runs a shell."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""VLN-CE episode files: bombs, counts, recursion, numbers that are none, climbing scene ids."""
+"""VLN-CE episode files: bombs, counts, recursion, invalid numbers, path traversal in ids."""
 
 from __future__ import annotations
 

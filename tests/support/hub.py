@@ -235,7 +235,7 @@ class _Handler(BaseHTTPRequestHandler):
         """The repository, or None when the error was sent."""
         repo = self.state.repos.get(name)
         if repo is None or (repo.private and not self._signed_in()):
-            # The hub does not tell strangers what is there.
+            # The hub does not reveal to others what exists.
             status = 404 if self._signed_in() else 401
             self._error(status, "RepoNotFound", "Repository not found")
             return None

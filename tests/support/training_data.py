@@ -15,7 +15,7 @@ WORDS = ("Walk past the table.", "Turn left at the sofa.", "Go to the lamp and s
 
 
 def make_walk(number: int, robot: str, seconds: float, fall: bool = False) -> Rollout:
-    """A walk along its own trajectory: of a scene by `number`, told in one of three ways."""
+    """Return a walk along its own trajectory, with one of three instructions, by `number`."""
     rollout = make_rollout(seconds, number, discrete=robot == "vlnce", fall=fall)
     body = {"h1": (10, 2), "jetbot": (2, 2), "vlnce": (0, 1)}.get(robot)
     rollout = with_body(rollout, *body) if body else rollout

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from vlnpe.formats.core.errors import InputError
@@ -73,6 +73,8 @@ def test_impossible_plans_say_why(call, words):
         call()
 
 
+# A busy machine is no failure.
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(
     st.dictionaries(st.sampled_from(["train", "val_seen", "val_unseen"]), st.integers(1, 500)),
     st.integers(2, 12),

@@ -20,7 +20,7 @@ def _face(x0: float, x1: float, y: float, z0: float, z1: float, material: int) -
 def counter(
     kit: Kit, rng: np.random.Generator, width: float, upper: bool, fridge: bool = True
 ) -> Arrangement:
-    """A kitchen run of `width`: refrigerator, cupboards, sink, stove, hood and wall cupboards."""
+    """Return a kitchen run of `width`: refrigerator, cupboards, sink, stove, hood."""
     k = 0
     w = width / 2
     flip = -1 if rng.random() < 0.5 else 1

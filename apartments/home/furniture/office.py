@@ -30,7 +30,7 @@ def _desk(kit: Kit, wood: int) -> list[Triangles]:
 
 
 def desk_island(kit: Kit, rng: np.random.Generator, pairs: int) -> Arrangement:
-    """Desks in two rows, back to back, with low screens between them and a chair at each."""
+    """Return desks in two rows, back to back, with low screens between and a chair at each."""
     wood = kit.wood(int(rng.integers(3)))
     length = pairs * _DESK_M
     cloth = kit.cloth(int(rng.integers(8)))

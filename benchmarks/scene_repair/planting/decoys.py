@@ -52,7 +52,7 @@ class DecoyKind:
 def stairwell(
     lower: Corner, upper: Corner, floor_z: float, ceiling_z: float, rng: np.random.Generator
 ) -> Decoy:
-    """Stairs that lead down through the slab to a landing, between walls."""
+    """Return stairs that lead down through the slab to a landing, between walls."""
     low, high = lower + 0.05, upper - 0.05
     along = int(high[1] - low[1] > high[0] - low[0])
     bottom = floor_z - STOREY_M
@@ -88,7 +88,7 @@ def stairwell(
 def shaft(
     lower: Corner, upper: Corner, floor_z: float, ceiling_z: float, rng: np.random.Generator
 ) -> Decoy:
-    """A lift's shaft: walls from far below up to the ceiling, perhaps a doorway, no bottom."""
+    """Return a lift shaft: walls from far below to the ceiling, perhaps a doorway, no bottom."""
     outer_low, outer_high = lower + 0.02, upper - 0.02
     low, high = outer_low + WALL_M, outer_high - WALL_M
     depth = rng.uniform(4.0, 9.0)
@@ -104,7 +104,7 @@ def shaft(
 def courtyard(
     lower: Corner, upper: Corner, floor_z: float, ceiling_z: float, rng: np.random.Generator
 ) -> Decoy:
-    """Open air between outer walls; no ground that the scanner saw, no ceiling."""
+    """Return a courtyard: outer walls around a place without scanned ground or ceiling."""
     outer_low, outer_high = lower + 0.02, upper - 0.02
     low, high = outer_low + WALL_M, outer_high - WALL_M
     shapes = _walls(low, high, floor_z - 0.1, ceiling_z, -1)
@@ -136,7 +136,7 @@ DECOYS = {
 
 
 def _walls(low: Corner, high: Corner, bottom: float, top: float, door: int) -> list[Triangles]:
-    """Four walls around a box, one of them with a doorway 0.9 m wide and 2.05 m high.
+    """Return four walls around a box, one with a doorway 0.9 m wide and 2.05 m high.
 
     They have no undersides: scanners see none.
     """

@@ -61,7 +61,7 @@ class Glb:
         self._pose = self._poses()
 
     def parts(self) -> list[Part]:
-        """Every primitive, with positions turned z up."""
+        """Return every primitive, with positions turned z up."""
         found = []
         for k, node in enumerate(self.tree["nodes"]):
             if "mesh" not in node:

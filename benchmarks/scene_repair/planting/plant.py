@@ -18,7 +18,7 @@ from .decoys import DECOYS, Decoy
 from .glb import Part
 from .shapes import KINDS, Outline, log_uniform, ragged
 
-# Holes keep this far from each other, so that each can be told from the next.
+# Holes keep this far from each other, so that each remains separate.
 APART_M = 0.15
 TRIES = 60
 # At least this share of a hole's outline must be floor that the scan has.
@@ -181,7 +181,7 @@ def _placed(
 ) -> Outline | None:
     """Return an outline of a kind at a place that suits it; None if none is found."""
     floor = site.true_floor & site.scanned
-    where = _haunts(site, kind, floor) & ~taken
+    where = _usual_cells(site, kind, floor) & ~taken
     if within is not None:
         where &= within
     cells = np.argwhere(where)
@@ -211,7 +211,7 @@ def _placed(
     return None
 
 
-def _haunts(site: Site, kind: str, floor: Mask) -> Mask:
+def _usual_cells(site: Site, kind: str, floor: Mask) -> Mask:
     """Return the cells in whose neighbourhood holes of a kind lie."""
     if kind == "at a wall":
         near = np.asarray(ndimage.distance_transform_edt(~site.wall)) * site.grid.cell_m
@@ -305,7 +305,7 @@ def removed_floor(
     had = heights_near(before, points, site.floor_z_m, FLOOR_BAND_M)
     gone = np.isnan(heights_near(after, points, np.nan_to_num(had), SAME_SURFACE_M))
     cells = site.grid.cell_of(points)
-    # Beneath walls nobody misses a floor.
+    # No floor is expected beneath walls.
     true = site.grid.inside(cells)
     true[true] = site.true_floor[tuple(cells[true].T)]
     height = np.where(true & gone, had, np.nan)
@@ -319,6 +319,6 @@ def removed_floor(
 
 
 def replaced(planted: Planted) -> list[Part]:
-    """Parts that were cut."""
+    """Return the parts that were cut."""
     pairs = zip(planted.parts, planted.site.parts, strict=True)
     return [new for new, old in pairs if new is not old]

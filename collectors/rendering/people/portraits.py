@@ -102,7 +102,7 @@ def turntable(studio: SceneRenderer, robot: RobotSpec, tile_px2: int = TURNTABLE
     shot.draw_height(tiles[0], _points(poses[0]), standing.height_m)
     camera = robot.camera
     facts = [f"{_meters(standing.height_m)} tall"]
-    if robot.joints:  # a bodyless agent's mass is a stand-in
+    if robot.joints:  # a bodyless agent's mass is a placeholder
         facts.append(f"{robot.mass_kg:.3g} kg")
     tilt = f"{camera.pitch_down_deg:.0f}° down" if camera.pitch_down_deg else "level"
     facts.append(f"camera {_meters(standing.camera_height_m)}, {tilt}")

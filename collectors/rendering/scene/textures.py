@@ -162,16 +162,16 @@ def _packed(linear: NDArray[np.float32]) -> NDArray[np.uint32]:
 
 def _image_size(path: Path) -> tuple[int, int]:
     if not path.is_file():
-        raise FileFormatError(path, "missing texture; repair the scene again")
+        raise FileFormatError(path, "the texture is missing; repair the scene again")
     try:
         with Image.open(path) as image:  # reads the header only
             return image.size
     except (OSError, ValueError) as error:
-        raise FileFormatError(path, "not an image; valid: PNG or JPEG") from error
+        raise FileFormatError(path, "the texture is not an image; valid: PNG or JPEG") from error
 
 
 def _read_rgb(path: Path) -> NDArray[np.uint8]:
     image = cv2.imdecode(np.fromfile(path, dtype=np.uint8), cv2.IMREAD_COLOR)
     if image is None:
-        raise FileFormatError(path, "damaged image; valid: PNG or JPEG")
+        raise FileFormatError(path, "the texture is damaged; repair the scene again")
     return np.ascontiguousarray(image[..., ::-1], dtype=np.uint8)

@@ -38,7 +38,9 @@ class _Walks:
         """Return up to `count` episodes, evenly spread, none of a trajectory that is held out."""
         options = self.options
         if options.run is None:
-            raise InputError("--validate and --dagger walk the episodes of a run; name it: --run")
+            raise InputError(
+                "--validate and --dagger need the episodes of a run; name it with --run FOLDER"
+            )
         episodes, scenes = asked_episodes(options.run, None, self.split)
         episodes = [e for e in episodes if f"{e.scene_id}/{e.trajectory_id}" not in held_out]
         (robot,) = chosen_robots(options.robot)

@@ -29,7 +29,9 @@ def run(options: Train) -> int:
             flag = "--" + name.replace("_", "-")
             raise InputError(f"{flag} {getattr(options, name)}; valid: 0 or more")
     if (options.validate or options.dagger) and options.run is None:
-        raise InputError("--validate and --dagger walk episodes of a run; name it: --run FOLDER")
+        raise InputError(
+            "--validate and --dagger need the episodes of a run; name it with --run FOLDER"
+        )
     start_torch(options.threads)
     from ....datasets.mixture.recipe import read_recipe, recipe_path
     from ....learning.training.session import CURVES, Request, train_recipe
@@ -58,7 +60,7 @@ def run(options: Train) -> int:
         value = {"checkpoint": str(result.checkpoint), "step": result.chosen, "last": last}
         sys.stdout.write(json.dumps(value) + "\n")
         return 0
-    sys.stdout.write("\n" + "\n".join(_told(last)) + "\n")
+    sys.stdout.write("\n" + "\n".join(_described(last)) + "\n")
     sys.stdout.write(
         f"\ncheckpoint: {result.checkpoint} (step {result.chosen})\n"
         f"curves:     {options.out / CURVES}\n"
@@ -79,7 +81,7 @@ def _changes(options: Train, train: Any) -> dict[str, Any]:
     return changes | {"model": model}
 
 
-def _told(last: dict[str, Any]) -> list[str]:
+def _described(last: dict[str, Any]) -> list[str]:
     """Return the last scores in words."""
     lines = []
     for where, name in (("train", "training"), ("held", "held-out")):

@@ -1,4 +1,4 @@
-"""A calibrated gait is asked for what makes it do what it is told, alike to the left and right."""
+"""Calibration maps commands so that a gait reaches them, symmetrically to left and right."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from vlnpe.collectors.gait_trials.aim import aimed, command_bounds
 from vlnpe.collectors.gait_trials.trial import STEP_S, Conditions, Trial
 from vlnpe.collectors.locomotion.policy import GaitPolicy
 from vlnpe.collectors.robots import get_robot
+
+pytestmark = pytest.mark.chain
 
 MIRROR = np.array([1.0, -1.0, -1.0])
 

@@ -225,9 +225,9 @@ def test_without_onnxruntime_the_message_names_the_extra(monkeypatch: pytest.Mon
     made = model(NOT_MLPS["another operator"][0], W)
     with pytest.raises(
         MissingExtraError, match=r"policy.onnx: .*operator Softmax.*extra `onnxruntime`"
-    ) as told:
+    ) as caught:
         loaded(made.SerializeToString())
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(caught.value)
 
 
 def spoiled(change: str) -> bytes:
@@ -257,21 +257,21 @@ def spoiled(change: str) -> bytes:
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        ("external", "'w' lie in another file"),
+        ("external", "'w' are in another file"),
         ("short", "'w' have 17 numbers.*6×3"),
         ("nan", "'w' hold numbers that are not finite"),
         ("huge", "'w' have 18 numbers"),
-        ("integers", "'w' have type 6; valid: float32"),
-        ("missing", "takes 'w', which is nowhere"),
+        ("integers", "'w' have ONNX type 6; valid: 1"),
+        ("missing", "takes 'w', which nothing in the file defines"),
         ("narrow", "take 5 numbers, given 6"),
         ("wide", "its layers give 4 numbers"),
     ],
 )
 def test_broken_networks_are_refused_in_one_line(change: str, reason: str):
-    with pytest.raises(FileFormatError, match=reason) as told:
+    with pytest.raises(FileFormatError, match=reason) as caught:
         loaded(spoiled(change))
-    assert "policy.onnx" in str(told.value)
-    assert "\n" not in str(told.value)
+    assert "policy.onnx" in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("content", [b"", b"noise", bytes(range(256))])

@@ -28,6 +28,8 @@ from vlnpe.collectors.locomotion.policy import GaitPolicy
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.rollout import Action
 
+pytestmark = pytest.mark.chain
+
 
 @pytest.fixture(scope="module")
 def policy() -> GaitPolicy:

@@ -29,6 +29,8 @@ from vlnpe.collectors.locomotion.observation import layout, observe, states_of
 from vlnpe.collectors.robots import POLICY_DECIMATION, RobotHandles, get_robot
 from vlnpe.formats.core.errors import FileFormatError
 
+pytestmark = pytest.mark.chain
+
 WALKERS = ["aliengo"]
 
 

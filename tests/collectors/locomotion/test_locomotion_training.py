@@ -235,7 +235,7 @@ def test_environment_rewards_standing_over_falling(robot, terrain: str):
     ground = Terrain() if terrain == "flat" else rough_terrain(rng)
     env = GaitEnv(robot, tiny(robot), ground, rng, threads=1)
     fell = 0
-    # Legs pulled up: it must drop below its threshold and start anew.
+    # Legs pulled up: it must drop below its threshold and restart.
     pulls = {"thigh": 4.0, "calf": -4.0, "pitch": -8.0, "knee": 8.0}
     parts = [name.split("_")[-2] for name in robot.policy_joint_names]
     up = torch.tensor([[pulls.get(part, 0.0) for part in parts]]).repeat(8, 1)

@@ -1,4 +1,4 @@
-"""The compiled step of one robot says what the readable code for many says."""
+"""The compiled step of one robot equals the vectorised reference code."""
 
 from __future__ import annotations
 

@@ -14,6 +14,8 @@ from vlnpe.collectors.locomotion.gait import GaitClock
 from vlnpe.collectors.locomotion.policy import GaitPolicy
 from vlnpe.collectors.robots import get_robot
 
+pytestmark = pytest.mark.chain
+
 
 def measured(policy: GaitPolicy, every: int = 12) -> dict:
     rng = np.random.default_rng(77)
@@ -28,7 +30,7 @@ def test_installed_gaits_stop_upright(name: str):
     assert table["falls"] <= 0.04 * table["robots"]
     assert table["rested"] >= 0.8
     distances = table["distance_m_p50"]
-    # The faster, the farther; nobody stops at once, nobody slides on for a metre.
+    # The faster, the farther; no gait stops at once, and none slides on for a metre.
     assert 0.02 < distances[0] < distances[-1] < 0.8
 
 

@@ -20,6 +20,8 @@ from vlnpe.formats.core.camera import CameraModel
 from vlnpe.formats.core.errors import InputError, UnknownNameError
 from vlnpe.formats.scene.bundle import SceneBundle
 
+pytestmark = pytest.mark.chain
+
 CAMERA = CameraModel("test", 128, 96, 90.0)
 VIEWS = [
     ([1.0, 2.0, 0.45], facing(0.0)),

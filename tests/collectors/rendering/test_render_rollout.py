@@ -40,6 +40,8 @@ from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.video.id_video import read_id_video
 from vlnpe.formats.video.mp4 import probe_video, read_depth_video, read_rgb_video
 
+pytestmark = pytest.mark.chain
+
 LOWER = np.array([p[2] for p in PARTS])
 UPPER = np.array([p[3] for p in PARTS])
 

@@ -21,6 +21,8 @@ from vlnpe.formats.splats.harmonics import C0
 from vlnpe.formats.splats.record import GaussianCloud
 from vlnpe.formats.splats.store import SPLATS_NAME, load_splats, save_splats
 
+pytestmark = pytest.mark.chain
+
 CAMERA = CameraModel("test", 96, 64, 80.0)
 EAST = matrix_to_quat(np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]))
 SPACING_M = 0.06

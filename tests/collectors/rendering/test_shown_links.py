@@ -11,6 +11,8 @@ from vlnpe.collectors.rendering.scene.shown_links import robot_links
 from vlnpe.collectors.robots import ROBOTS, get_robot
 from vlnpe.formats.core.frames import quat_to_matrix
 
+pytestmark = pytest.mark.chain
+
 
 @pytest.mark.parametrize("name", sorted(ROBOTS))
 def test_shapes_lie_where_the_renderer_draws_them(name: str) -> None:

@@ -176,8 +176,10 @@ def test_mcap_of_a_dataset_shows_what_the_rows_say(tmp_path: Path) -> None:
     rows = read_episode_unit(folder).rows()
     samples = rollout.frame_samples(4)
     for key in rows.schema.names:
-        told = [list(getattr(m, key.replace(".", "_"))) for _, m in topics["/dataset/frame"]]
-        np.testing.assert_array_equal(np.ravel(told), np.ravel(rows[key].to_pylist()), err_msg=key)
+        stored = [list(getattr(m, key.replace(".", "_"))) for _, m in topics["/dataset/frame"]]
+        np.testing.assert_array_equal(
+            np.ravel(stored), np.ravel(rows[key].to_pylist()), err_msg=key
+        )
     for k, (at, message) in enumerate(topics["/tf"]):
         assert at == k * 250_000_000
         seen = message.transforms[0].translation
@@ -413,13 +415,13 @@ def test_the_command_goes_there_and_back(
     there, back = tmp_path / "there", tmp_path / "back"
     call = ["convert", str(tmp_path / "mcap"), "--to", "lerobot", "--out", str(there)]
     assert cli.main([*call, "--licence", "mit", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert told["written"] == [str(there / "lerobot" / "mcap")]
+    result = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert result["written"] == [str(there / "lerobot" / "mcap")]
     assert open_dataset(there / "lerobot" / "mcap").facts.licence == "mit"
     # Again: nothing is done twice.
     assert cli.main([*call, "--licence", "mit", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert {s["done"] for s in told["stages"].values()} == {0}
+    result = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert {s["done"] for s in result["stages"].values()} == {0}
     dataset = there / "lerobot" / "mcap"
     assert cli.main(["convert", str(dataset), "--to", "mcap", "--out", str(back)]) == 0
     made = sorted((back / "mcap" / "mcap").iterdir())
@@ -458,5 +460,5 @@ def test_the_command_refuses_what_it_cannot_use(
         (tmp_path / "frames-a", "mcap", ["nothing to convert"]),
     ]:
         assert cli.main(["convert", str(source), "--to", to, "--out", out]) == 2
-        told = capsys.readouterr().err
-        assert all(word in told for word in words), told
+        output = capsys.readouterr().err
+        assert all(word in output for word in words), output

@@ -38,8 +38,8 @@ def test_a_pipe_gets_a_line_per_tenth() -> None:
         [sys.executable, "-c", BARS], check=True, capture_output=True, text=True, timeout=120
     )
     assert not done.stdout and "\r" not in done.stderr and "\n\n" not in done.stderr
-    told = [line.split() for line in done.stderr.splitlines()]
-    by_name = {name: [w for w in told if w[0] == name] for name in {words[0] for words in told}}
+    output = [line.split() for line in done.stderr.splitlines()]
+    by_name = {name: [w for w in output if w[0] == name] for name in {words[0] for words in output}}
     walk = by_name["walk"]
     assert [words[1] for words in walk] == [f"{p}%" for p in range(0, 101, 10)]
     assert [words[2] for words in walk][-2:] == ["4500/5000", "5000/5000"]
@@ -48,7 +48,7 @@ def test_a_pipe_gets_a_line_per_tenth() -> None:
     assert [words[1:3] for words in by_name["reused"]] == [["100%", "7/7"]]
     assert by_name["reused"][0][-2:] == ["reused", "7"]
     assert len(by_name["nothing"]) == 1 and "hidden" not in by_name
-    # Where it broke is told, though no new tenth was reached.
+    # The count at which it stopped is printed, although no new tenth was reached.
     assert [words[2] for words in by_name["broken"]] == ["0/100", "42/100", "47/100"]
 
 
@@ -58,8 +58,8 @@ def test_a_slow_bar_is_not_silent_between_tenths(monkeypatch, capsys) -> None:
     with progress.progress_bar("train", 1000) as bar:
         for _ in range(20):
             bar.update()
-    told = [line.split()[2] for line in capsys.readouterr().err.splitlines()]
-    assert told[0] == "0/1000" and told[-1] == "20/1000" and 4 <= len(told) <= 8
+    output = [line.split()[2] for line in capsys.readouterr().err.splitlines()]
+    assert output[0] == "0/1000" and output[-1] == "20/1000" and 4 <= len(output) <= 8
 
 
 @pytest.mark.skipif(not hasattr(os, "openpty"), reason="no pseudo-terminals here")
@@ -73,13 +73,13 @@ def test_a_terminal_gets_one_bar() -> None:
     code = "\n".join(BARS.splitlines()[:7])
     with subprocess.Popen([sys.executable, "-c", code], stderr=side) as process:
         os.close(side)
-        told = b""
+        output = b""
         try:
             while part := os.read(main, 4096):
-                told += part
+                output += part
         except OSError:  # how Linux says that the other end is closed
             pass
     os.close(main)
     assert process.returncode == 0
-    assert b"\r" in told and b"100%|" in told and told.count(b"\n") == 1
-    assert b"5000/5000" in told and b"done 5000" in told
+    assert b"\r" in output and b"100%|" in output and output.count(b"\n") == 1
+    assert b"5000/5000" in output and b"done 5000" in output

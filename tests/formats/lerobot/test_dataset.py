@@ -104,45 +104,45 @@ def test_one_episode_can_be_selected(ours: Path) -> None:
 
 def test_rows_and_schemas_equal_lerobots(ours: Path, reference: Path) -> None:
     data = "data/chunk-000/file-000.parquet"
-    mine, theirs = pq.ParquetFile(ours / data), pq.ParquetFile(reference / data)
-    assert mine.schema_arrow.equals(theirs.schema_arrow)
-    hub = [json.loads((p.schema_arrow.metadata or {})[b"huggingface"]) for p in (mine, theirs)]
+    our_file, theirs = pq.ParquetFile(ours / data), pq.ParquetFile(reference / data)
+    assert our_file.schema_arrow.equals(theirs.schema_arrow)
+    hub = [json.loads((p.schema_arrow.metadata or {})[b"huggingface"]) for p in (our_file, theirs)]
     assert hub[0]["info"] == hub[1]["info"]
-    assert mine.num_row_groups == theirs.num_row_groups
-    assert mine.read().equals(theirs.read())
+    assert our_file.num_row_groups == theirs.num_row_groups
+    assert our_file.read().equals(theirs.read())
     tasks = "meta/tasks.parquet"
     assert pq.read_table(ours / tasks).equals(pq.read_table(reference / tasks))
 
 
 def test_info_equals_lerobots(ours: Path, reference: Path) -> None:
-    mine, theirs = (json.loads((p / "meta/info.json").read_text()) for p in (ours, reference))
-    assert mine == theirs
+    our_info, theirs = (json.loads((p / "meta/info.json").read_text()) for p in (ours, reference))
+    assert our_info == theirs
 
 
 def test_episodes_equal_lerobots_but_for_more_columns(ours: Path, reference: Path) -> None:
     path = "meta/episodes/chunk-000/file-000.parquet"
-    mine, theirs = pq.read_table(ours / path), pq.read_table(reference / path)
-    own = mine.schema.names[len(theirs.schema.names) :]
-    assert mine.schema.names[: len(theirs.schema.names)] == theirs.schema.names
+    our_table, theirs = pq.read_table(ours / path), pq.read_table(reference / path)
+    own = our_table.schema.names[len(theirs.schema.names) :]
+    assert our_table.schema.names[: len(theirs.schema.names)] == theirs.schema.names
     assert "end_reason" in own and "reference_path_world_m" in own
     for name in theirs.schema.names:
-        assert mine.schema.field(name).equals(theirs.schema.field(name)), name
+        assert our_table.schema.field(name).equals(theirs.schema.field(name)), name
         if not name.startswith("stats/"):
-            assert mine[name].equals(theirs[name]), name
+            assert our_table[name].equals(theirs[name]), name
         else:
-            for a, b in zip(mine[name].to_pylist(), theirs[name].to_pylist(), strict=True):
+            for a, b in zip(our_table[name].to_pylist(), theirs[name].to_pylist(), strict=True):
                 np.testing.assert_allclose(a, b, atol=tolerance(name, b), err_msg=name)
 
 
 def test_dataset_statistics_equal_lerobots(ours: Path, reference: Path) -> None:
-    mine, theirs = (json.loads((p / "meta/stats.json").read_text()) for p in (ours, reference))
-    assert mine.keys() == theirs.keys()
+    our_stats, theirs = (json.loads((p / "meta/stats.json").read_text()) for p in (ours, reference))
+    assert our_stats.keys() == theirs.keys()
     for feature, values in theirs.items():
-        assert mine[feature].keys() == values.keys()
+        assert our_stats[feature].keys() == values.keys()
         for name, value in values.items():
             key = f"stats/{feature}/{name}"
             np.testing.assert_allclose(
-                mine[feature][name], value, atol=tolerance(key, value), err_msg=key
+                our_stats[feature][name], value, atol=tolerance(key, value), err_msg=key
             )
 
 
@@ -156,10 +156,10 @@ def tolerance(name: str, value: Any) -> float:
 
 
 def test_frames_equal_those_lerobot_encodes(ours: Path, reference: Path) -> None:
-    mine, theirs = load(ours), load(reference)
+    our_data, theirs = load(ours), load(reference)
     for i in (0, 5, 13, 14, 20, 41):
-        np.testing.assert_array_equal(mine[i][RGB], theirs[i][RGB])
-        np.testing.assert_array_equal(mine[i][DEPTH], theirs[i][DEPTH])
+        np.testing.assert_array_equal(our_data[i][RGB], theirs[i][RGB])
+        np.testing.assert_array_equal(our_data[i][DEPTH], theirs[i][DEPTH])
 
 
 @pytest.mark.parametrize(("joints", "feet"), [(29, 2), (0, 0)])

@@ -53,9 +53,9 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_schemas_and_info_equal_lerobots(ours: Path, reference: Path) -> None:
-    mine, theirs = pq.ParquetFile(ours / DATA), pq.ParquetFile(reference / DATA)
-    assert mine.schema_arrow.equals(theirs.schema_arrow)
-    hub = [json.loads((p.schema_arrow.metadata or {})[b"huggingface"]) for p in (mine, theirs)]
+    our_file, theirs = pq.ParquetFile(ours / DATA), pq.ParquetFile(reference / DATA)
+    assert our_file.schema_arrow.equals(theirs.schema_arrow)
+    hub = [json.loads((p.schema_arrow.metadata or {})[b"huggingface"]) for p in (our_file, theirs)]
     assert hub[0]["info"] == hub[1]["info"]
     infos = [json.loads((p / "meta/info.json").read_text()) for p in (ours, reference)]
     assert infos[0] == infos[1]
@@ -67,9 +67,9 @@ def test_schemas_and_info_equal_lerobots(ours: Path, reference: Path) -> None:
 def test_rows_equal_lerobots_and_images_to_the_millimetre(ours: Path, reference: Path) -> None:
     from PIL import Image
 
-    mine, theirs = pq.read_table(ours / DATA), pq.read_table(reference / DATA)
-    assert mine.drop([DEPTH]).equals(theirs.drop([DEPTH]))
-    for a, b in zip(mine[DEPTH].to_pylist(), theirs[DEPTH].to_pylist(), strict=True):
+    our_table, theirs = pq.read_table(ours / DATA), pq.read_table(reference / DATA)
+    assert our_table.drop([DEPTH]).equals(theirs.drop([DEPTH]))
+    for a, b in zip(our_table[DEPTH].to_pylist(), theirs[DEPTH].to_pylist(), strict=True):
         assert a["path"] == b["path"]
         images = [Image.open(io.BytesIO(one["bytes"])) for one in (a, b)]
         assert images[0].mode == images[1].mode == "I;16"
@@ -77,12 +77,12 @@ def test_rows_equal_lerobots_and_images_to_the_millimetre(ours: Path, reference:
 
 
 def test_statistics_equal_lerobots(ours: Path, reference: Path) -> None:
-    mine, theirs = (json.loads((p / "meta/stats.json").read_text()) for p in (ours, reference))
-    assert list(mine[DEPTH]) == list(theirs[DEPTH])
+    our_stats, theirs = (json.loads((p / "meta/stats.json").read_text()) for p in (ours, reference))
+    assert list(our_stats[DEPTH]) == list(theirs[DEPTH])
     for name, value in theirs[DEPTH].items():
         # Of values up to 65,535 mm LeRobot's histogram has bins of some millimetres.
-        np.testing.assert_allclose(mine[DEPTH][name], value, atol=3.0, err_msg=name)
-    np.testing.assert_allclose(mine[DEPTH]["mean"], theirs[DEPTH]["mean"], rtol=1e-6)
+        np.testing.assert_allclose(our_stats[DEPTH][name], value, atol=3.0, err_msg=name)
+    np.testing.assert_allclose(our_stats[DEPTH]["mean"], theirs[DEPTH]["mean"], rtol=1e-6)
     rows = [pq.read_table(p / EPISODES) for p in (ours, reference)]
     for name in ("min", "max", "mean", "std", "q50", "count"):
         key = f"stats/{DEPTH}/{name}"
@@ -92,16 +92,16 @@ def test_statistics_equal_lerobots(ours: Path, reference: Path) -> None:
 
 @pytest.mark.parametrize("unit", ["m", "mm"])
 def test_loaded_frames_equal_lerobots(ours: Path, reference: Path, unit: str) -> None:
-    mine, theirs = (load(p, depth_output_unit=unit) for p in (ours, reference))
-    assert len(mine) == len(theirs) == 13 + 1 + 7
+    our_data, theirs = (load(p, depth_output_unit=unit) for p in (ours, reference))
+    assert len(our_data) == len(theirs) == 13 + 1 + 7
     for i in (0, 6, 13, 20):
-        assert mine[i][DEPTH].dtype == theirs[i][DEPTH].dtype
-        np.testing.assert_array_equal(mine[i][DEPTH], theirs[i][DEPTH])
+        assert our_data[i][DEPTH].dtype == theirs[i][DEPTH].dtype
+        np.testing.assert_array_equal(our_data[i][DEPTH], theirs[i][DEPTH])
         # In a process that has run many other tests, LeRobot's own encoding differs by a few levels
         # in some pixels; `test_dataset.py` compares the bytes of pixels.
-        np.testing.assert_allclose(mine[i][RGB], theirs[i][RGB], atol=12 / 255)
+        np.testing.assert_allclose(our_data[i][RGB], theirs[i][RGB], atol=12 / 255)
     written = stored(make_images(13, 0)[1][6], "image") / (1000 if unit == "m" else 1)
-    np.testing.assert_allclose(mine[6][DEPTH].numpy()[0], written, rtol=1e-6)
+    np.testing.assert_allclose(our_data[6][DEPTH].numpy()[0], written, rtol=1e-6)
 
 
 def test_rows_with_images_begin_new_files_too(tmp_path: Path) -> None:
@@ -159,13 +159,13 @@ def test_depth_reads_back_the_same_from_images_and_videos(tmp_path: Path) -> Non
         np.testing.assert_allclose(a, b, atol=5.1e-4)
 
 
-@pytest.mark.parametrize("told", [None, "far", float("nan"), 0.0, True])
-def test_depth_videos_of_an_unknown_range_are_refused(tmp_path: Path, told: Any) -> None:
+@pytest.mark.parametrize("depth_max", [None, "far", float("nan"), 0.0, True])
+def test_depth_videos_of_an_unknown_range_are_refused(tmp_path: Path, depth_max: Any) -> None:
     assemble_dataset([write_unit(tmp_path, make_rollout(1.0, 0), 0)], tmp_path / "set", **ASSEMBLY)
     path = tmp_path / "set" / "meta" / "info.json"
     info = json.loads(path.read_text())
     EpisodeReader(read_index(tmp_path / "set"))
-    info["features"][DEPTH]["info"]["video.depth_max"] = told
+    info["features"][DEPTH]["info"]["video.depth_max"] = depth_max
     path.write_text(json.dumps(info))
     with pytest.raises(FileFormatError, match=r"video\.depth_max.*valid: metres"):
         EpisodeReader(read_index(tmp_path / "set"))

@@ -41,7 +41,7 @@ print("done", flush=True)
 
 
 def start(root: Path) -> subprocess.Popen[str]:
-    """A process that is about to write."""
+    """Start a process that is about to write."""
     child = subprocess.Popen(
         [sys.executable, "-c", EXPORT, str(root), str(EPISODES)],
         cwd=Path(__file__).resolve().parents[3],
@@ -53,9 +53,9 @@ def start(root: Path) -> subprocess.Popen[str]:
 
 
 def finish(child: subprocess.Popen[str]) -> list[str]:
-    """Let it go on to its end, whichever; return what it said."""
-    told, _ = child.communicate()
-    return told.split()
+    """Wait for a process; return its output in words."""
+    output, _ = child.communicate()
+    return output.split()
 
 
 def digests(root: Path) -> dict[str, str]:
@@ -87,8 +87,8 @@ def test_killed_at_any_moment_it_goes_on_to_the_same_dataset(tmp_path: Path, see
         assert kept.items() <= now.items()
         kept = now
         assert not (broken / "set").exists() or digests(broken / "set") == digests(whole / "set")
-    told = finish(start(broken))
-    assert told[-1] == "done" and not set(told) & kept.keys()
+    output = finish(start(broken))
+    assert output[-1] == "done" and not set(output) & kept.keys()
     assert digests(broken / "set") == digests(whole / "set")
     left = list(broken.rglob(f"{TEMPORARY_PREFIX}*"))
     assert left == []

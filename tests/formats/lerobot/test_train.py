@@ -65,10 +65,10 @@ def test_the_documented_command_trains(dataset: Path, tmp_path: Path, policy: st
         text=True,
         check=False,
     )
-    told = done.stdout + done.stderr
-    assert done.returncode == 0, told[-3000:]
-    assert "End of training" in told
-    assert "nan" not in told.split("Start offline training")[-1].lower()
+    output = done.stdout + done.stderr
+    assert done.returncode == 0, output[-3000:]
+    assert "End of training" in output
+    assert "nan" not in output.split("Start offline training")[-1].lower()
     assert list((tmp_path / "out").rglob("model.safetensors"))
 
 

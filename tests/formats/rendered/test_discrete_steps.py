@@ -138,7 +138,7 @@ def test_other_frame_rates_give_about_the_same_steps() -> None:
 
 
 def test_a_robot_that_is_thrown_about_is_followed_as_well_as_can_be() -> None:
-    """A fall, or a jump of a damaged recording: 3 m sideways and half a turn in one frame."""
+    """A fall, or a jump in a damaged recording: 3 m sideways and half a turn in one frame."""
     poses = walk([0.0, 0.2], [0.5, 0.5])
     poses[5:] += (0.0, 3.0, np.pi)
     poses[7:] += (0.4, 0.0, -1.0)

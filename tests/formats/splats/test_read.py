@@ -253,7 +253,7 @@ def test_a_mesh_in_gltf_is_no_splats(tmp_path: Path) -> None:
     ("name", "data", "reason"),
     [
         ("a.ply", ply_text("x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 rot_0"), "scale_2"),
-        ("a.ply", ply_text("x y z f_dc_0 scale_0 rot_0", count=0), "without the properties"),
+        ("a.ply", ply_text("x y z f_dc_0 scale_0 rot_0", count=0), "lack the properties"),
         ("a.splat", b"\0" * 33, "multiple of 32"),
         ("a.splat", b"\0" * 64, "not positive"),
         ("a.splat", b"", "declares 0"),

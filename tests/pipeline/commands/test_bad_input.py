@@ -11,6 +11,8 @@ import trimesh
 
 from vlnpe.pipeline.cli import main
 
+pytestmark = pytest.mark.chain
+
 
 def write_mesh(path: Path, mesh: trimesh.Trimesh) -> Path:
     mesh.export(path)
@@ -70,7 +72,7 @@ SCENES = {
 
 @pytest.fixture
 def refused(capsys, monkeypatch, tmp_path):
-    """Run `vlnpe collect` and demand that it says one clear line and exits with code 2."""
+    """Return a function that runs `vlnpe collect` and requires one error line and exit code 2."""
     monkeypatch.chdir(tmp_path)
 
     def run(says: str, *options: object) -> None:

@@ -31,8 +31,8 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (run / "episodes").mkdir()
     for k, split in enumerate(("val_seen", "val_unseen")):
         episode = make_episode(bundle, (2.6, 2.0), (5.4, 2.0), name=f"e{k}")
-        told = replace(episode, split=split, instruction="Go through the door.")
-        write_episodes(run / "episodes" / f"{split}.json.gz", [told])
+        instructed = replace(episode, split=split, instruction="Go through the door.")
+        write_episodes(run / "episodes" / f"{split}.json.gz", [instructed])
     return run
 
 

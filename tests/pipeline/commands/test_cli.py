@@ -105,6 +105,25 @@ def test_bad_calls_exit_with_code_2(
     assert "vlnpe" in "".join(capsys.readouterr())
 
 
+@pytest.mark.parametrize(
+    "words", [["scan"], ["collect", "--robot", "vlnce", "--seed"], ["evaluate", "run", "--seed"]]
+)
+def test_a_negative_seed_is_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*words, "-5"]) == 2
+    assert "SEED=-5: valid: 0 and above" in capsys.readouterr().err
+
+
+def test_mujoco_is_imported_without_glfw() -> None:
+    """GLFW's import starts a process and takes a quarter of MuJoCo's time; EGL does without it."""
+    code = "import sys; from vlnpe.pipeline.cli import main; main(['report', 'missing'])"
+    code += "; import mujoco; print('glfw' in sys.modules)"
+    environment = {k: v for k, v in os.environ.items() if k != "MUJOCO_GL"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "False\n"
+
+
 @pytest.mark.parametrize("words", [["--help"], ["collect", "--help"], ["robots", "--json"]])
 def test_a_closed_pipe_ends_a_command_quietly(words: list[str]) -> None:
     """As in `vlnpe collect --help | head`, where head has read enough."""

@@ -1,4 +1,4 @@
-"""`vlnpe doctor` says what is there and prints one command for what is not."""
+"""`vlnpe doctor` lists what is installed and prints one command that installs the rest."""
 
 from __future__ import annotations
 

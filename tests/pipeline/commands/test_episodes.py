@@ -57,9 +57,9 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, di
 def test_splits_over_several_scenes_are_exact_and_reused(scenes, tmp_path, capsys):
     call = ("sample", scenes, "--splits", "train=5,val_seen=2,val_unseen=3", *COMMON)
     out = tmp_path / "mine"
-    code, told = run(capsys, *call, "--out", out)
+    code, result = run(capsys, *call, "--out", out)
     assert code == 0
-    assert told["splits"] == {"train": 5, "val_seen": 2, "val_unseen": 3}
+    assert result["splits"] == {"train": 5, "val_seen": 2, "val_unseen": 3}
     found = {path.name: read_episodes(path) for path in out.glob("*.json.gz")}
     assert {name: len(episodes) for name, episodes in found.items()} == {
         "train.json.gz": 5, "val_seen.json.gz": 2, "val_unseen.json.gz": 3,
@@ -88,9 +88,9 @@ def test_scenes_go_by_the_names_of_their_folders(two_rooms, tmp_path, capsys):
 def test_pictures_show_every_path_on_free_floor(scenes, tmp_path, capsys):
     out, pictures = tmp_path / "one.json.gz", tmp_path / "pictures"
     call = ("sample", scenes / "a", "--count", 4, *COMMON, "--out", out, "--pictures", pictures)
-    code, told = run(capsys, *call)
+    code, result = run(capsys, *call)
     assert code == 0
-    assert told["pictures"] == [str(pictures / "a-0.png")]
+    assert result["pictures"] == [str(pictures / "a-0.png")]
     freemap = load_bundle(scenes / "a").freemap(0)
     image = np.asarray(Image.open(pictures / "a-0.png").convert("RGB")).astype(int)
     px_per_m = image.shape[1] / (freemap.grid.columns * freemap.grid.cell_m)
@@ -102,7 +102,7 @@ def test_pictures_show_every_path_on_free_floor(scenes, tmp_path, capsys):
         column = ((xy[:, 0] - left_m) * px_per_m).astype(int)
         row = (image.shape[0] - (xy[:, 1] - low_m) * px_per_m).astype(int)
         assert colored[row, column].mean() > 0.9
-    # Nothing is drawn where nobody can walk.
+    # Nothing is drawn off the walkable floor.
     rows, columns = np.nonzero(colored)
     xy = np.stack([columns / px_per_m + left_m, (image.shape[0] - rows) / px_per_m + low_m], -1)
     assert freemap.traversable[tuple(freemap.grid.cell_of(xy).T)].mean() > 0.99
@@ -117,15 +117,15 @@ def test_a_repaired_scene_has_its_folder_s_name(tmp_path, capsys):
 def test_fewer_paths_can_be_allowed(scenes, tmp_path, capsys, caplog):
     sizes = ("--splits", "train=30,val_unseen=2", "--train-scenes", "1", "--min-length-m", "4")
     call = ("sample", scenes / "a", scenes / "b", *sizes, "--min-gap-m", "2", "--allow-fewer")
-    code, told = run(capsys, *call, "--out", tmp_path / "mine")
+    code, result = run(capsys, *call, "--out", tmp_path / "mine")
     assert code == 0
-    assert 0 < told["splits"]["train"] < 30
-    assert told["splits"]["val_unseen"] == 2
+    assert 0 < result["splits"]["train"] < 30
+    assert result["splits"]["val_unseen"] == 2
     assert "of 30 paths" in caplog.text
     (path, _) = sorted((tmp_path / "mine").glob("*.json.gz"))
     assert {e.scene_id for e in read_episodes(path)} == {"a"}
     assert main([str(a) for a in ("sample", scenes / "a", "--allow-fewer")]) == 2
-    assert "only with --splits" in capsys.readouterr().err
+    assert "needs --splits" in capsys.readouterr().err
 
 
 def test_what_does_not_fit_is_reported_with_advice_that_holds(scenes, tmp_path, capsys):
@@ -137,8 +137,8 @@ def test_what_does_not_fit_is_reported_with_advice_that_holds(scenes, tmp_path, 
     assert "of 30 paths that differ by 2 m" in error
     assert not list(out.glob("*.json.gz"))
     gap = error.split("--min-gap-m ")[1].split()[0].rstrip(".;")
-    code, told = run(capsys, *call, "--min-gap-m", gap, "--out", out)
-    assert (code, told["splits"]) == (0, {"train": 30})
+    code, result = run(capsys, *call, "--min-gap-m", gap, "--out", out)
+    assert (code, result["splits"]) == (0, {"train": 30})
 
 
 @pytest.mark.parametrize(
@@ -146,7 +146,7 @@ def test_what_does_not_fit_is_reported_with_advice_that_holds(scenes, tmp_path, 
     [
         (["--preset", "gru_vln10"], "needs 10 scenes, not 3"),
         (["--preset", "gru"], "lab_3dgs"),
-        (["--quota", "a=3"], "only with --splits"),
+        (["--quota", "a=3"], "needs --splits"),
         (["--splits", "train=4", "--quota", "z=3"], "'z'"),
         (["--similarity", "cosine"], "dtw"),
         (["--splits", "train=4", "--out", "x.json.gz"], "valid: a folder"),
@@ -161,7 +161,7 @@ def test_bad_options_are_refused(scenes, options, words, capsys, tmp_path, monke
 PATH = np.array([(1.0, 1.0, 0.0), (2.0, 2.0, 0.0), (4.0, 2.0, 0.0), (6.5, 2.0, 0.0)])
 
 
-def told(scene: str, number: int, points: ArrayLike = PATH) -> VlnceEpisode:
+def vlnce_episode(scene: str, number: int, points: ArrayLike = PATH) -> VlnceEpisode:
     path = world_to_habitat_position(np.asarray(points, dtype=float))
     return VlnceEpisode(
         episode_id=number,
@@ -179,7 +179,7 @@ def told(scene: str, number: int, points: ArrayLike = PATH) -> VlnceEpisode:
 def test_files_of_several_splits_are_filtered_and_aligned(scenes, tmp_path, capsys):
     climbing = [(1.0, 1.0, 0.0), (2.0, 1.0, 0.5), (6.5, 2.0, 0.5)]
     for split, scene in (("train", "a"), ("val_unseen", "b")):
-        episodes = (*(told(scene, k) for k in range(3)), told(scene, 4, climbing))
+        episodes = (*(vlnce_episode(scene, k) for k in range(3)), vlnce_episode(scene, 4, climbing))
         write_vlnce(tmp_path / f"{split}.json.gz", VlnceFile(Path("x"), episodes))
     files = [tmp_path / f"{split}.json.gz" for split in ("train", "val_unseen")]
     code, filtered = run(capsys, "filter", *files, "--out", tmp_path / "kept")
@@ -205,7 +205,7 @@ def test_files_of_several_splits_are_filtered_and_aligned(scenes, tmp_path, caps
 
 
 def test_a_bad_episode_is_counted_as_rejected(scenes, tmp_path, capsys):
-    file = VlnceFile(Path("x"), (told("a", 0), told("a", 1)))
+    file = VlnceFile(Path("x"), (vlnce_episode("a", 0), vlnce_episode("a", 1)))
     write_vlnce(tmp_path / "val.json", file)
     document = json.loads((tmp_path / "val.json").read_text())
     del document["episodes"][1]["start_rotation"]

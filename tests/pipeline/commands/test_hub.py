@@ -140,10 +140,10 @@ def push(hub: Hub, monkeypatch: pytest.MonkeyPatch) -> Callable[..., dict[str, A
 
     def call(root: Path, token: str | None = TOKEN, **options: Any) -> dict[str, Any]:
         api = HfApi(endpoint=hub.url, token=token or False)
-        told = io.StringIO()
-        with contextlib.redirect_stdout(told):
+        printed = io.StringIO()
+        with contextlib.redirect_stdout(printed):
             assert run_push(Push(root, REPO, yes=True, json=True, **options), api) == 0
-        return json.loads(told.getvalue().splitlines()[-1])
+        return json.loads(printed.getvalue().splitlines()[-1])
 
     return call
 
@@ -154,7 +154,7 @@ def run(arguments: list[str], env: dict[str, str]) -> subprocess.CompletedProces
     )
 
 
-def told(done: subprocess.CompletedProcess[str]) -> dict[str, Any]:
+def last_json(done: subprocess.CompletedProcess[str]) -> dict[str, Any]:
     assert done.returncode == 0, done.stderr[-3000:]
     return json.loads(done.stdout.splitlines()[-1])
 
@@ -174,7 +174,7 @@ def test_push_then_load_and_a_dropped_download_goes_on(
     hub: Hub, roots: dict[str, Path], tmp_path: Path
 ) -> None:
     command = ["-m", "vlnpe.pipeline.cli", "push", str(roots["first"]), "--repo", REPO]
-    release = told(
+    release = last_json(
         run([*command, "--yes", "--json"], environment(hub, tmp_path / "a", token=TOKEN))
     )
     assert release["url"] == f"{hub.url}/datasets/{REPO}/tree/{release['tag']}"
@@ -183,7 +183,7 @@ def test_push_then_load_and_a_dropped_download_goes_on(
     assert published(hub, "v3.0") == files_of(roots["first"])
     hub.drops += [("GET", DEPTH_VIDEO), ("GET", "meta/info.json")]
     done = run(["-c", LOAD, str(roots["first"])], environment(hub, tmp_path / "b", None))
-    assert told(done) == {"frames": 12, "local": 12, "same": True}
+    assert last_json(done) == {"frames": 12, "local": 12, "same": True}
 
 
 def test_a_second_push_makes_a_release_beside_the_first(
@@ -238,7 +238,7 @@ def test_a_private_repository_wants_a_token(
         push(roots["second"], token=None)
     script = ["-c", OWN, TOKEN]
     stranger = run(script, environment(hub, tmp_path / "b", None))
-    assert told(stranger) == {"stranger": "RepositoryNotFoundError", "owner": 12}
+    assert last_json(stranger) == {"stranger": "RepositoryNotFoundError", "owner": 12}
 
 
 def test_streaming_needs_depth_as_images(
@@ -246,7 +246,7 @@ def test_streaming_needs_depth_as_images(
 ) -> None:
     push(roots["images"])
     script = ["-c", STREAM, str(tmp_path / "copy.mp4"), REPO]
-    found = told(run(script, environment(hub, tmp_path / "b", None)))
+    found = last_json(run(script, environment(hub, tmp_path / "b", None)))
     assert found["frames"] == 5 and 1 < found["depth_m"] < 21
     assert not list((tmp_path / "b").rglob("*.mp4")), "streaming keeps no video"
     # LeRobot 0.6.1 opens depth videos by a name that PyAV does not know. When it can, say so.

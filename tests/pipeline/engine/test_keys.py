@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.chain
+
 ROOT = Path(__file__).resolve().parents[3]
 JOBS = {
     "scan": "scenes.scan",

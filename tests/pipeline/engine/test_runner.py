@@ -22,6 +22,8 @@ from vlnpe.pipeline.engine.runner import Context, StageFailedError, run_stage
 from vlnpe.pipeline.engine.work import WorkItem, work_item
 from vlnpe.trajectory_sampler.stairs import StairRules
 
+pytestmark = pytest.mark.chain
+
 
 @pytest.fixture(scope="module")
 def workers():
@@ -85,8 +87,8 @@ def test_bad_items_are_quarantined_with_their_reason_and_counted(tmp_path, worke
     again = run_stage(context(tmp_path, workers), "s", items)
     assert (again.done, again.reused, again.quarantined) == (0, 2, 5)
     asked = Context(Ledger(tmp_path), workers, progress=False, retry_quarantined=True)
-    mended = [item(tmp_path, "bug") if i.name == "bug" else i for i in items]
-    assert run_stage(asked, "s", mended).done == 1
+    fixed = [item(tmp_path, "bug") if i.name == "bug" else i for i in items]
+    assert run_stage(asked, "s", fixed).done == 1
     assert not (tmp_path / "quarantine" / "s" / "bug.txt").exists()
 
 
@@ -109,10 +111,10 @@ def test_explanations_name_what_changed(tmp_path, workers, capsys):
         job = work.Call(work.write, (path, "hello"))
         return [work_item("s", "a", job, (path,), config, seed=seed)]
 
-    told = Context(Ledger(tmp_path), workers, progress=False, explain=True)
+    explaining = Context(Ledger(tmp_path), workers, progress=False, explain=True)
 
     def explained(config: StairRules, seed: int) -> str:
-        run_stage(told, "s", items(config, seed))
+        run_stage(explaining, "s", items(config, seed))
         return capsys.readouterr().err
 
     rules = StairRules()
@@ -120,7 +122,7 @@ def test_explanations_name_what_changed(tmp_path, workers, capsys):
     assert "s a is reused (unchanged)" in explained(rules, 0)
     assert "s a runs: seed: 0 → 1\n" in explained(rules, 1)
     assert Ledger(tmp_path).values()  # kept for the next run
-    told = Context(Ledger(tmp_path), workers, progress=False, explain=True)
+    explaining = Context(Ledger(tmp_path), workers, progress=False, explain=True)
     changed = explained(replace(rules, max_step_m=0.5), 1)
     assert f"StairRules.max_step_m: {rules.max_step_m} → 0.5\n" in changed
     (tmp_path / "a.txt").unlink()
@@ -285,5 +287,5 @@ if __name__ == "__main__":
     # `verify` reads the same run with the same helper.
     command = [sys.executable, "-m", "vlnpe.pipeline.cli", "verify", str(tmp_path / "run")]
     verified = subprocess.run(command, check=True, capture_output=True, text=True, timeout=300)
-    told = [line for line in verified.stderr.splitlines() if line.startswith("verify")]
-    assert len(told) == 11 and "200/200" in told[-1]
+    output = [line for line in verified.stderr.splitlines() if line.startswith("verify")]
+    assert len(output) == 11 and "200/200" in output[-1]

@@ -76,11 +76,11 @@ def test_a_first_failure_leaves_nothing(tmp_path: Path):
 
 
 def test_unfinished_folders_of_this_output_alone_are_removed(tmp_path: Path):
-    mine, other = tmp_path / ".vlnpe-tmp-out.txt.abc", tmp_path / ".vlnpe-tmp-other.abc"
-    mine.mkdir()
+    own, other = tmp_path / ".vlnpe-tmp-out.txt.abc", tmp_path / ".vlnpe-tmp-other.abc"
+    own.mkdir()
     other.mkdir()
     once(tmp_path)
-    assert not mine.exists()
+    assert not own.exists()
     assert other.exists()
 
 

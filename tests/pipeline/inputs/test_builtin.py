@@ -9,7 +9,7 @@ import pytest
 from vlnpe.apartments import BUILDINGS
 from vlnpe.formats.core.errors import InputError
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.commands.collect import Collect, run
+from vlnpe.pipeline.commands.collect import Collect, _sources, run
 from vlnpe.pipeline.inputs.builtin import BuiltIn, parse_builtin
 from vlnpe.pipeline.stages import repair
 
@@ -57,11 +57,28 @@ def test_built_in_scenes_can_be_listed_each_with_its_first_seed() -> None:
 
 
 @pytest.mark.parametrize(
+    ("scene", "preset", "first", "count"),
+    [
+        ("builtin", "gru_vln10", "apartment-3", 10),
+        ("builtin-exact:villa@50", "gru_vln10", "exact-villa-50", 10),
+        ("builtin", "lab_3dgs", "apartment-3", 1),
+        ("builtin", "", "apartment-3", 1),
+        # Who writes a number means it.
+        ("builtin*1", "gru_vln10", "apartment-3", 1),
+    ],
+)
+def test_one_kind_of_building_is_as_many_as_a_preset_needs(scene, preset, first, count) -> None:
+    found = list(_sources(Collect(scene=scene, seed=3), [], preset))
+    assert found[0] == first
+    assert len(found) == count
+
+
+@pytest.mark.parametrize(
     ("text", "message"),
     [
         ("builtin:villa@x", "'x' is not a seed"),
         ("builtin:villa@-1", "'-1' is not a seed"),
-        ("builtin*3@1,builtin@2", "apartment-2 is asked for twice"),
+        ("builtin*3@1,builtin@2", "apartment-2 is listed twice"),
         ("builtin,scan.glb", "'scan.glb' is no built-in scene"),
     ],
 )

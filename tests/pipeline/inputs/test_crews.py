@@ -12,7 +12,7 @@ from vlnpe.collectors.controllers import CONTROLLERS, SpeedConfig
 from vlnpe.collectors.replay import ReplayConfig
 from vlnpe.collectors.robots import ROBOTS
 from vlnpe.formats.core.errors import InputError
-from vlnpe.pipeline.commands.collect import _roomy
+from vlnpe.pipeline.commands.collect import _widened
 from vlnpe.pipeline.engine.ledger import Ledger, Row
 from vlnpe.pipeline.inputs.crews import action_timing, chosen_robots, crews
 from vlnpe.pipeline.stages import replay
@@ -70,29 +70,17 @@ def test_timing_of_discrete_actions_concerns_the_speed_controller_alone() -> Non
         assert config == ReplayConfig(robot="h1", controller=controller, seed=3)
     assert replay.config("h1", "speed", 3, closed).speed == closed
     for steps in (0, -2, 33):
-        with pytest.raises(InputError, match="VLN-PE takes 50"):
+        with pytest.raises(InputError, match="VLN-PE uses 50"):
             action_timing(steps, closed_loop=False)
 
 
-def test_episodes_keep_room_for_the_widest_robot(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_episodes_keep_room_for_the_widest_robot(tmp_path: Path) -> None:
     ledger, plain = Ledger(tmp_path), SampleConfig()
     narrow = replace(make_cart(), footprint_radius_m=0.2)
     wide = replace(make_cart(), name="wide", footprint_radius_m=0.5)
-
-    def sampled(radius_m: float) -> None:
-        facts = {"robot_radius_m": radius_m}
-        ledger.add(Row("sample", "scene", "k", "done", facts=facts))
-
-    assert _roomy(plain, [narrow], ledger) == plain
-    both = _roomy(plain, [narrow, wide], ledger)
+    assert _widened(plain, [narrow], ledger) == plain
+    both = _widened(plain, [narrow, wide], ledger)
     assert both.robot_radius_m == both.end_clearance_m == 0.5
-    sampled(0.5)
+    ledger.add(Row("sample", "scene", "k", "done", facts={"robot_radius_m": 0.5}))
     # A narrower robot that joins later walks the same episodes.
-    assert _roomy(plain, [narrow], ledger) == both
-    assert not caplog.records
-    sampled(0.3)
-    assert _roomy(plain, [wide], ledger) == both
-    assert "wide needs 0.50 m" in caplog.text
-    assert "sampling new episodes" in caplog.text
+    assert _widened(plain, [narrow], ledger) == both

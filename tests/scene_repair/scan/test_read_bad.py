@@ -1,4 +1,4 @@
-"""Files that lie, are cut off, or mean harm: a typed error, or a warning and a sound result."""
+"""Inconsistent, truncated and malicious files: a typed error, or a warning and a sound result."""
 
 from __future__ import annotations
 
@@ -33,6 +33,8 @@ from vlnpe.scene_repair.scan.mesh import _load, _parts, read_mesh
 from vlnpe.scene_repair.scan.record import Scan
 from vlnpe.scene_repair.scan.resolver import ConfinedResolver
 from vlnpe.scene_repair.usd import read_stage as read_usd
+
+pytestmark = pytest.mark.chain
 
 
 def check_sound(scan: Scan) -> None:

@@ -1,4 +1,4 @@
-"""Reading USD: what is composed, seen, named and coloured, and files that mean harm."""
+"""Reading USD: composition, visibility, names, colours, and malicious files."""
 
 # usd-core ships no stubs.
 # pyright: reportAttributeAccessIssue=false

@@ -1,4 +1,4 @@
-"""Reading scans: formats, axes, units, labels, and files that lie."""
+"""Reading scans: formats, axes, units, labels, and inconsistent files."""
 
 from __future__ import annotations
 

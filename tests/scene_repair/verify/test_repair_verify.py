@@ -1,4 +1,4 @@
-"""A scene that does not carry is found out, from its files, whatever file it is that leaks."""
+"""Verification finds a floor that does not carry, whichever file of the scene is at fault."""
 
 # usd-core builds its modules at run time and ships no stubs.
 # pyright: reportAttributeAccessIssue=false
@@ -27,6 +27,8 @@ from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
 from vlnpe.scene_repair.verify.probe_balls import drop_balls
 from vlnpe.scene_repair.verify.scene import verify_scene
+
+pytestmark = pytest.mark.chain
 
 HOLE = (3.5, 1.0, 0.4)
 Arrays = dict[str, NDArray]

@@ -1,4 +1,4 @@
-"""Matterport3D's .house files: very many boxes, numbers that are none, lines without end."""
+"""Matterport3D's .house files: too many boxes, invalid numbers, endless lines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Label files beside a scan: very many, numbers that are none, recursion, links."""
+"""Label files beside a scan: too many labels, invalid numbers, recursion, links."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""OBJ and MTL: references, indices that lie, numbers that are none, statements without end."""
+"""OBJ and MTL: references, false indices, invalid numbers, endless statements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""PCD: headers that lie; more of them in tests/scene_repair/scan/test_read_points.py."""
+"""PCD: false headers; more of them in tests/scene_repair/scan/test_read_points.py."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""PLY: a texture's path, headers that lie, numbers that are none."""
+"""PLY: a texture's path, false headers, invalid numbers."""
 
 from __future__ import annotations
 

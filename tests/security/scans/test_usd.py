@@ -1,4 +1,4 @@
-"""USD and USDZ: files that are none, types that lie, packages, recursion.
+"""USD and USDZ: other files under these names, false types, packages, recursion.
 
 Layers and pictures outside the folder, cycles and instancing bombs are in
 tests/scene_repair/scan/test_read_usd.py.
@@ -18,6 +18,8 @@ from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.scene_repair.usd import read_stage
 from vlnpe.scene_repair.usd.layers import check_layers
 from vlnpe.scene_repair.usd.package import check_package, read_member
+
+pytestmark = pytest.mark.chain
 
 
 @pytest.mark.parametrize("suffix", [".usd", ".usda", ".usdc", ".usdz"])

@@ -1,4 +1,4 @@
-"""A command whose items take as long as they are told: `python -m tests.support.runs.lingering`."""
+"""A command whose items take a given time: `python -m tests.support.runs.lingering`."""
 
 from __future__ import annotations
 

@@ -143,7 +143,7 @@ def rewritten(draw: st.DrawFn, raw: bytes) -> bytes:
 
 @st.composite
 def retold(draw: st.DrawFn, raw: bytes) -> bytes:
-    """A GLB whose JSON tells something else."""
+    """Return a GLB with a changed JSON tree."""
     length = struct.unpack_from("<I", raw, 12)[0]
     tree, rest = json.loads(raw[20 : 20 + length]), raw[20 + length :]
     places: list[tuple[object, object]] = []

@@ -1,4 +1,4 @@
-"""What must hold for every generated building, told as a list of faults."""
+"""Checks of every generated building, as a list of faults."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _LEAST_FREE_M2 = 0.4
 
 
 def joined(plan: FloorPlan) -> bool:
-    """Whether doors lead from the first room to all others."""
+    """Return whether doors lead from the first room to all others."""
     reached, todo = {0}, [0]
     while todo:
         for door in plan.doors_of(todo.pop()):
@@ -82,7 +82,7 @@ def _bounds(thing: TrueObject) -> NDArray[np.float64]:
 
 
 def faults(home: TrueScene) -> list[str]:
-    """Everything about the furniture and the doors of a building that should not be."""
+    """Return the faults of a building's furniture and doors."""
     found: list[str] = []
     things = [o for o in home.objects if o.category not in SHELL]
     storeys = [_storey_of(home, o) for o in things]

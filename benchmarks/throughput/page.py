@@ -1,0 +1,110 @@
+"""The section of the page, from results that are kept in runs/bench/throughput.json."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from benchmarks.throughput.parts import FRAMES_PER_SECOND, measure_parts
+from benchmarks.throughput.runs import (
+    EPISODES,
+    ROBOTS,
+    ROOT,
+    SCENES,
+    STAGES,
+    episodes_per_hour,
+    measure_run,
+)
+
+KEPT = ROOT / "runs" / "bench" / "throughput.json"
+HISTORY = """History: small_house, Aliengo, 48 episodes in a prepared scene, two cores (idle for
+episodes/h; Xeon, Sapphire Rapids, but for the first line):
+
+| what | episodes/h | render stage s | drawing, CPU-ms a frame |
+| --- | ---: | ---: | ---: |
+| packets of rays, one kernel | 3,430 | 37.6 | 21 |
+| a kernel in steps that count references to arrays | 1,850 | 80.7 | 53 |
+| kernels without reference counting | | | 15 |
+| texture filter and light look-up as vector code, edges, H.264 `superfast` | 4,680 | 26.0 | 12 |
+"""
+
+
+def keep(kind: str, measured: dict[str, Any]) -> None:
+    """Add what was measured to the kept results, in the place of an earlier one of its kind."""
+    known = results()
+    same = ("scene", "robot", "workers")
+    known[kind] = [
+        one for one in known[kind] if any(one.get(k) != measured.get(k) for k in same)
+    ] + [measured]
+    KEPT.parent.mkdir(parents=True, exist_ok=True)
+    KEPT.write_text(json.dumps(known, indent=1))
+
+
+def results() -> dict[str, list[dict[str, Any]]]:
+    return json.loads(KEPT.read_text()) if KEPT.is_file() else {"runs": [], "parts": []}
+
+
+def section() -> str:
+    """Return the Markdown section of all that is kept."""
+    known = results()
+    lines = ["## Throughput", ""]
+    if known["runs"]:
+        lines += [
+            f"`vlnpe collect` in a prepared scene, 256 × 256 RGB-D at {FRAMES_PER_SECOND} frames/s:"
+            " wall seconds by stage; CPU and waiting per frame (waiting: workers without an item,",
+            "process start included).",
+            "",
+            "| scene | robot | workers | episodes | frames | "
+            + " | ".join(STAGES)
+            + " | CPU-ms a frame | waiting, ms a frame | peak MiB | **episodes/h** |",
+            "| --- | --- |" + " ---: |" * (len(STAGES) + 7),
+            *(_run_line(run) for run in known["runs"]),
+            "",
+        ]
+    labels = sorted({label for one in known["parts"] for label in one["ms_per_frame"]})
+    if labels:
+        heads = [f"{one['scene']}, {one['robot']}" for one in known["parts"]]
+        lines += [
+            "One process, CPU-ms per frame:",
+            "",
+            "| part | " + " | ".join(heads) + " |",
+            "| --- |" + " ---: |" * len(heads),
+            *(_part_line(label, known["parts"]) for label in labels),
+            "| **sum** | "
+            + " | ".join(f"**{sum(o['ms_per_frame'].values()):.1f}**" for o in known["parts"])
+            + " |",
+            "| imports of a worker, CPU-s | "
+            + " | ".join(f"{one['imports_s']:.1f}" for one in known["parts"])
+            + " |",
+            "| first episode beyond that: scene, models, kernels, CPU-s | "
+            + " | ".join(f"{one['first_episode_s']:.1f}" for one in known["parts"])
+            + " |",
+            "",
+        ]
+    return "\n".join([*lines, HISTORY])
+
+
+def _run_line(run: dict[str, Any]) -> str:
+    stages = run["stages"]
+    cells = [run["scene"], run["robot"], run["workers"], run["episodes"], run["frames"]]
+    cells += [f"{stages[stage]['wall_s']:.1f}" for stage in STAGES]
+    for kind in ("cpu_s", "waiting_s"):
+        cells.append(f"{1e3 * sum(s[kind] for s in stages.values()) / run['frames']:.1f}")
+    cells += [f"{run['peak_mib']:,.0f}", f"**{episodes_per_hour(run):,.0f}**"]
+    return "| " + " | ".join(str(cell) for cell in cells) + " |"
+
+
+def _part_line(label: str, parts: list[dict[str, Any]]) -> str:
+    values = (one["ms_per_frame"].get(label, 0.0) for one in parts)
+    return f"| {label} | " + " | ".join(f"{value:.2f}" for value in values) + " |"
+
+
+def report(_: Path) -> str:
+    """Measure everything and return the section."""
+    for scene in SCENES:
+        for robot in ROBOTS:
+            keep("parts", measure_parts(scene, robot))
+            for workers in (1, 2):
+                keep("runs", measure_run(scene, robot, workers, EPISODES))
+    return section()
