@@ -130,10 +130,10 @@ def look_at(position_m: ArrayLike, target_m: ArrayLike) -> Array:
     """
     ahead = np.asarray(target_m, dtype=np.float64) - np.asarray(position_m, dtype=np.float64)
     ahead = ahead / np.linalg.norm(ahead)
-    right = np.cross(ahead, [0.0, 0.0, 1.0])
-    length = np.linalg.norm(right)
-    right = right / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])
-    return np.column_stack([right, np.cross(ahead, right), ahead])
+    across = np.cross(ahead, [0.0, 0.0, 1.0])
+    length = np.linalg.norm(across)
+    right: Array = across / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])
+    return np.column_stack([right, np.cross(ahead, right), ahead]).astype(np.float64)
 
 
 def yaw_to_quat(yaw_rad: ArrayLike) -> Array:

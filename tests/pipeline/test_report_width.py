@@ -57,7 +57,9 @@ def evaluation_page() -> str:
 def collection_page() -> str:
     # The longest cells of each kind.
     long: dict[str, Any] = {"int": 1234, "float": 100.0, "float | None": 100.0}
-    values = {field.name: long.get(str(field.type), "aliengo") for field in fields(RobotRow)}
+    values: dict[str, Any] = {
+        field.name: long.get(str(field.type), "aliengo") for field in fields(RobotRow)
+    }
     values |= {"driven": "speed, open loop, 50 steps, seed 12"}
     robots = [RobotRow(**values), RobotRow(**values | {"robot": "my_own_robot"})]
     walk = {"robot": "aliengo", "controller": "speed", "outcome": "collision start"}

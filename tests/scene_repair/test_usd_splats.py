@@ -1,5 +1,8 @@
 """Gaussian splats in USD, written by OpenUSD's own schema and by the layout of 3DGRUT's code."""
 
+# usd-core ships no stubs.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import gzip
