@@ -34,7 +34,7 @@ from vlnpe.learning.stepper import Choice
 ROBOTS = ("aliengo", "h1", "g1", "jetbot")
 STEPS = 30  # actions of each of the first episodes
 EPISODES = 3
-WALKS = 12  # episodes whose evaluation is timed
+WALKS = 8  # episodes whose evaluation is timed
 RESETS = 1000
 WARM_UP = 100  # resets before memory is looked at
 SECONDS = 20.0  # how long each worker steps in the comparison of one with two
