@@ -18,7 +18,7 @@ COLLECT = --robot "$(ROBOT)" --controller "$(CONTROLLER)" --scene "$(SCENE)" --e
           $(if $(WORKERS),--workers "$(WORKERS)") $(ARGS)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup collect dataset-bench evaluate train-gait test test-fast test-slow lint audit docs bench report verify doctor clean
+.PHONY: help setup collect dataset-bench evidence evaluate train-gait test test-fast test-slow lint audit docs bench report verify doctor clean
 
 help:  ## Show this help
 	@echo "usage: make <target> [VARIABLE=value …]"
@@ -42,8 +42,12 @@ dataset-bench:  ## Collect the training data of the baselines: make dataset-benc
 	    $(if $(filter-out file,$(origin CONTROLLER)),--controller "$(CONTROLLER)") \
 	    $(if $(WORKERS),--workers "$(WORKERS)") $(ARGS)
 
-evaluate:  ## Evaluate a policy in closed loop: make evaluate POLICY=random ROBOT=h1 [OUT=runs/<name>]
-	@$(SETUP) $(if $(filter %.safetensors,$(POLICY)),full,core)
+evidence:  ## Train and test what docs/evidence.md shows: make evidence [ARGS="--data RUN --run RUN --tables 1,2"]
+	@$(SETUP) full
+	@$(BIN)/python -m benchmarks.evidence $(ARGS)
+
+evaluate:  ## Evaluate a policy in closed loop: make evaluate POLICY=cma ROBOT=h1 [OUT=runs/<name>]
+	@$(SETUP) $(if $(filter cma %.safetensors,$(POLICY)),full,core)
 	@$(BIN)/vlnpe evaluate "$(or $(OUT),runs/apartment-$(SEED))" --policy "$(POLICY)" --robot "$(ROBOT)" \
 	    --controller "$(CONTROLLER)" $(ARGS)
 

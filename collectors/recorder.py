@@ -1,4 +1,4 @@
-"""Collects the physics truth of a rollout, 100 samples a second."""
+"""Records the state of the physics along a rollout, 100 samples a second."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How instructions are asked for, and what is remembered of each."""
+"""Settings of the instructions, and the record that is kept of each text."""
 
 from __future__ import annotations
 

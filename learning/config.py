@@ -9,7 +9,8 @@ from typing import Any
 from ..formats.core.errors import InputError, UnknownNameError
 
 MODELS = ("cma", "seq2seq", "rdp")
-INPUTS = ("rgb", "depth", "instruction")
+IMAGES = ("rgb", "depth")
+INPUTS = (*IMAGES, "instruction")
 ENCODERS = ("compact", "resnet18", "resnet34", "resnet50")
 DISCRETE = ("cma", "seq2seq")  # models that choose one of the discrete actions
 

@@ -1,4 +1,4 @@
-"""What `vlnpe robots` shows of a robot: its facts and its policy's card."""
+"""The sheet that `vlnpe robots` shows of a robot: its facts and its policy's card."""
 
 from __future__ import annotations
 

@@ -169,7 +169,7 @@ def _path_key(raw: VlnceEpisode) -> tuple[Any, ...]:
 
 
 def _kinds(changes: Mapping[str, Any]) -> list[str]:
-    """What was changed of a path, in words."""
+    """Return what was changed of a path, in words."""
     inner = any(nudge["point"].startswith("waypoint") for nudge in changes["nudges"])
     found = {
         "start moved": changes["start_moved_m"] > 0,
@@ -267,7 +267,7 @@ def _fit(
 
 
 def _level(freemaps: list[Freemap], points: Array, config: AlignConfig) -> tuple[int, Array]:
-    """The level under a path (P, 3) [m], and the heights above its floor (P,) [m].
+    """Return the level under a path (P, 3) [m], and the heights above its floor (P,) [m].
 
     Its ends must lie on that floor. Inner points without floor nearby are compared with the level's
     usual height: at a hole they can be bypassed, on stairs they are too high or too low.
@@ -297,7 +297,7 @@ def _level(freemaps: list[Freemap], points: Array, config: AlignConfig) -> tuple
 def _connected_ends(
     freemap: Freemap, start: Array, goal: Array, config: AlignConfig
 ) -> tuple[NDArray[np.bool_], Array, Array]:
-    """The connected free floor (rows, columns) on which start and goal have to be moved least.
+    """Return the connected free floor (rows, columns) on which start and goal move least.
 
     Returns that floor, and the places (2,) [m] of start and goal on it. A start half behind a chair
     thus goes to the room's side of it, not into the pocket that nothing leads out of.
@@ -365,7 +365,7 @@ def _parts_near(
 def _nearest(
     freemap: Freemap, free: NDArray[np.bool_], point: Array, within_m: float
 ) -> Array | None:
-    """The nearest place (2,) [m] to `point` (3,) in the cells of `free`; None beyond `within_m`."""
+    """Return the place (2,) [m] in `free` nearest to `point` (3,); None beyond `within_m`."""
     xy = point[:2]
     cell = nearest_cell(freemap.grid, free, xy, within_m)
     if cell is None:
@@ -417,7 +417,7 @@ def _yaw(to_world: Array, raw: VlnceEpisode) -> float:
 
 
 def _source_keys(raw: VlnceEpisode) -> dict[str, Any]:
-    """What the source says beyond the Episode's fields."""
+    """Return what the source says beyond the Episode's fields."""
     ours = raw.info.get("vlnpe", {}).get("extra", {}) if raw.in_repaired_world else {}
     keys: dict[str, Any] = {**raw.unknown_keys, **raw.extra, **ours}
     info = {k: v for k, v in raw.info.items() if k != "vlnpe"}

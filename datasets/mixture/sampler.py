@@ -160,7 +160,7 @@ def _shuffled(positions: NDArray[np.int64], size: int, key: NDArray[np.uint64]) 
     """Return the item at each position of an endless sequence of shuffles of `size` items.
 
     A Feistel network permutes the smallest even power of two that holds them; results beyond
-    `size` are permuted again until they are below (cycle walking: Black and Rogaway, 2002).
+    `size` are permuted again until they lie below it (cycle walking: Black and Rogaway, 2002).
     """
     half = np.uint64(max((max(size - 1, 1).bit_length() + 1) // 2, 1))
     low = (np.uint64(1) << half) - np.uint64(1)

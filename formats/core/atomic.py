@@ -106,7 +106,7 @@ def atomic_folder(path: Path) -> Iterator[Path]:
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file atomically; one that holds `data` already is left alone, its time too."""
+    """Write a file atomically; one that holds `data` already keeps its modification time."""
     if path.is_file() and path.stat().st_size == len(data) and path.read_bytes() == data:
         return
     with atomic_file(path) as temporary:

@@ -1,4 +1,4 @@
-"""A Parquet writer that begins a new file when one is full."""
+"""A Parquet writer that begins a new file when the current one is full."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Open an MCAP file for writing and read one whole, with every checksum checked."""
+"""Write MCAP files, and read whole ones with every checksum verified."""
 
 from __future__ import annotations
 

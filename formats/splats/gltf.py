@@ -19,7 +19,7 @@ from ..core.errors import FileFormatError
 from ..core.frames import quat_to_matrix
 from .kind import EXTENSION, gltf_tree, splat_primitives
 from .packed import spz_cloud
-from .record import F32, GaussianCloud, check_count, cleaned
+from .record import F32, GaussianCloud, check_count, cleaned, joined
 
 SPZ_EXTENSIONS = (
     "KHR_gaussian_splatting_compression_spz_2",
@@ -64,7 +64,7 @@ def read_gltf_splats(path: Path) -> GaussianCloud:
     if not clouds:
         raise FileFormatError(path, "contains no Gaussian splats in its scene")
     check_count(path, sum(len(c) for c in clouds), max(c.degree for c in clouds))
-    return cleaned(path, replace(_joined(clouds), up=UP, unit=UNIT))
+    return cleaned(path, replace(joined(clouds), up=UP, unit=UNIT))
 
 
 def _placed(tree: dict[str, Any]) -> list[tuple[int, np.ndarray]]:
@@ -102,23 +102,6 @@ def _local(node: dict[str, Any]) -> np.ndarray:
     matrix[:3, :3] = quat_to_matrix((w, x, y, z)) * scale
     matrix[:3, 3] = node.get("translation", (0, 0, 0))
     return matrix
-
-
-def _joined(clouds: list[GaussianCloud]) -> GaussianCloud:
-    width = max(cloud.harmonics.shape[1] for cloud in clouds)
-
-    def padded(cloud: GaussianCloud) -> F32:
-        missing = width - cloud.harmonics.shape[1]
-        return np.pad(cloud.harmonics, ((0, 0), (0, missing), (0, 0)))
-
-    return replace(
-        clouds[0],
-        position=np.concatenate([c.position for c in clouds]),
-        scale=np.concatenate([c.scale for c in clouds]),
-        quat_wxyz=np.concatenate([c.quat_wxyz for c in clouds]),
-        opacity=np.concatenate([c.opacity for c in clouds]),
-        harmonics=np.concatenate([padded(c) for c in clouds]),
-    )
 
 
 class _Reader:

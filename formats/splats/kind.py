@@ -5,6 +5,7 @@ It imports no reader, so that what decides how a mesh is read does not depend on
 
 from __future__ import annotations
 
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,11 @@ from .ply_header import PlyHeader, read_ply_header
 
 OWN_SUFFIXES = (".splat", ".spz")
 SHARED_SUFFIXES = (".ply", ".glb", ".gltf")
+USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 EXTENSION = "KHR_gaussian_splatting"
+# One of these occurs in the bytes of a USD file with splats: the schemas of OpenUSD, or the file of
+# 3DGRUT's NuRec volume.
+USD_TELLING = (b"ParticleField", b".nurec")
 # Any one of these says that splats are meant; meshes and point clouds have none of them.
 TELLING = {"f_dc_0", "scale_0", "rot_0"}
 PACKED = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
@@ -40,7 +45,17 @@ def splat_kind(path: Path) -> str:
         return ply_splat_kind(read_ply_header(path))
     if suffix in SHARED_SUFFIXES and declares_splats(path):
         return "glTF with KHR_gaussian_splatting"
+    if suffix in USD_SUFFIXES and _mentions(path, USD_TELLING):
+        return "USD with Gaussian splats"
     return ""
+
+
+def _mentions(path: Path, words: tuple[bytes, ...]) -> bool:
+    """Return whether any of `words` occurs in a file."""
+    if not path.stat().st_size:
+        return False
+    with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
+        return any(data.find(word) >= 0 for word in words)
 
 
 def is_splats(path: Path) -> bool:

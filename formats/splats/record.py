@@ -112,6 +112,24 @@ def cleaned(path: Path, cloud: GaussianCloud) -> GaussianCloud:
     )
 
 
+def joined(clouds: list[GaussianCloud]) -> GaussianCloud:
+    """Return all clouds in one, with harmonics of the highest degree; the rest is of the first."""
+    width = max(cloud.harmonics.shape[1] for cloud in clouds)
+
+    def padded(cloud: GaussianCloud) -> F32:
+        missing = width - cloud.harmonics.shape[1]
+        return np.pad(cloud.harmonics, ((0, 0), (0, missing), (0, 0)))
+
+    return replace(
+        clouds[0],
+        position=np.concatenate([c.position for c in clouds]),
+        scale=np.concatenate([c.scale for c in clouds]),
+        quat_wxyz=np.concatenate([c.quat_wxyz for c in clouds]),
+        opacity=np.concatenate([c.opacity for c in clouds]),
+        harmonics=np.concatenate([padded(c) for c in clouds]),
+    )
+
+
 def check_count(path: Path, count: int, degree: int) -> None:
     """Refuse counts and degrees that no reader should allocate memory for.
 

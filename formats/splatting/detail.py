@@ -16,7 +16,9 @@ from ..splats.record import F32
 
 # Gaussians merged into one from each level to the next.
 FAN = 4
-LEVELS = 3
+LEVELS = 5
+# Chunks that are merged together: the intermediate numbers of all at once would take gigabytes.
+BLOCK = 4096
 # A merged Gaussian wider than this multiple of its parts' typical width bridges a gap; its parts
 # then stay as they are.
 WIDEST = 4.0
@@ -51,6 +53,35 @@ def merged(level: Level, *, antialiased: bool) -> Level:
             area. What many small ones then cover adds up, so that the opacity of one that stands
             for them may exceed 1 before it is lowered.
     """
+    chunks = len(level.starts) - 1
+    parts = [
+        _merged(_cut(level, first, min(first + BLOCK, chunks)), antialiased=antialiased)
+        for first in range(0, chunks, BLOCK)
+    ]
+    rows = np.cumsum([0, *(len(part.position) for part in parts)])
+    starts = [part.starts[:-1] + row for part, row in zip(parts, rows, strict=False)]
+    return Level(
+        np.concatenate([part.position for part in parts]),
+        np.concatenate([part.covariance for part in parts]),
+        np.concatenate([part.opacity for part in parts]),
+        np.concatenate([part.coefficients for part in parts]),
+        np.concatenate([*starts, rows[-1:]]).astype(np.int64),
+    )
+
+
+def _cut(level: Level, first: int, end: int) -> Level:
+    """Return the chunks from `first` to `end` (exclusive)."""
+    rows = slice(level.starts[first], level.starts[end])
+    return Level(
+        level.position[rows],
+        level.covariance[rows],
+        level.opacity[rows],
+        level.coefficients[rows],
+        level.starts[first : end + 1] - level.starts[first],
+    )
+
+
+def _merged(level: Level, *, antialiased: bool) -> Level:
     count = np.diff(level.starts)
     of = np.repeat(np.arange(len(count)), count)
     rank = np.arange(len(of)) - level.starts[of]

@@ -139,7 +139,7 @@ def split_name(path: Path) -> str:
 
 
 def scene_stem(scene_id: str) -> str:
-    """A scene's name without folders and file type: `mp3d/X/X.glb` → `X`, `home.v2` → itself."""
+    """Return a scene's name without folders and suffix: `mp3d/X/X.glb` → `X`, `home.v2` stays."""
     path = PurePosixPath(scene_id)
     return path.stem if path.suffix.lower() in _SCENE_SUFFIXES else path.name
 

@@ -1,4 +1,4 @@
-"""Does a text say what is true of its path? Claim by claim, against the facts."""
+"""Check a text, claim by claim, against the facts of its path."""
 
 from .check import Verdict, check_text
 from .ground import Ground

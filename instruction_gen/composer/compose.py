@@ -1,4 +1,4 @@
-"""N texts for one path, each checked before it leaves."""
+"""Write several texts for one path, each of them checked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Steps into sentences."""
+"""Turn steps into sentences."""
 
 from __future__ import annotations
 

@@ -163,7 +163,7 @@ def _landmark(
 
 
 def _counted(landmarks: list[LandmarkFact]) -> tuple[LandmarkFact, ...]:
-    """Number the things of each noun that are beside the path."""
+    """Count the things of each noun that are beside the path, in order."""
     beside: dict[str, list[str]] = {}
     for mark in landmarks:
         if mark.distance_m <= NEAR_M or mark.nameable:

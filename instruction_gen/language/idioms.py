@@ -1,4 +1,4 @@
-"""Idioms: runs of words that mean something else than word by word, in plainer words.
+"""Replace idioms, whose meaning is not that of their words, by plainer words.
 
 The grammar reads word by word; `make a turn to the left` and `come to rest` are replaced before.
 """

@@ -1,4 +1,4 @@
-"""Kinds of things that no landmark is called by: to name one is to say that it is there.
+"""Kinds of things that are never landmarks: to name one is to claim that it exists.
 
 A noun in none of the tables claims nothing, because people call places by more words than a table
 holds (`the gap`, `the open stretch`). A noun of this table is a thing that can be seen, and as no

@@ -1,4 +1,4 @@
-"""Facts as a model gets them, and the prompts, known by their hash."""
+"""The facts as sent to a model, and the prompts with their hash."""
 
 from __future__ import annotations
 

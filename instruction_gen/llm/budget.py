@@ -1,4 +1,4 @@
-"""What was used, shared by all processes that use one cache folder."""
+"""Usage of a language model, counted over all processes that share a cache folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a language model is reached. The key is not among it: it stays in the environment."""
+"""Settings of a language model. The API key is not among them: it stays in the environment."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""People refine: a local page that shows paths and texts and remembers every decision."""
+"""A local page on which people review paths and texts; every decision is kept."""

@@ -87,7 +87,7 @@ def paired_differences(
                 (drawn[0] - drawn[1]).var(0, ddof=1) * count / (count - 1),
             ]
         )
-        half = _half_width(variances, np.array([len(a), len(b), count]) - 1)
+        half = half_width(variances, np.array([len(a), len(b), count]) - 1)
     return {
         name: Difference(float(mean[k]), float(mean[k] - half[k]), float(mean[k] + half[k]))
         for k, name in enumerate(Summary.__dataclass_fields__)
@@ -116,7 +116,7 @@ def caution(trainings: int, trajectories: int) -> str:
     return ""
 
 
-def _half_width(variances: NDArray[np.float64], freedom: NDArray[np.int64]) -> NDArray[np.float64]:
+def half_width(variances: NDArray[np.float64], freedom: NDArray[np.int64]) -> NDArray[np.float64]:
     """Half the width (K,) of an interval of a sum of parts with `variances` (P, K).
 
     Args:

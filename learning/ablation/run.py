@@ -214,7 +214,7 @@ def _show(bar: Any, before: int, done: int, _loss: float | None) -> None:
 
 
 def _some(source: CachedSequences, sources: int) -> CachedSequences:
-    """Some of a source's training episodes."""
+    """Return some of a source's training episodes."""
     selection = source.sequences.selection
     few = np.arange(len(selection)) < max(_TRAINING_SAMPLE // sources, 1)
     sequences = EpisodeSequences(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,27 +12,33 @@ import numpy as np
 import torch
 from torch.utils.data import Dataset
 
+from ...datasets.episode_index import EpisodeEntry
 from ...datasets.sequences import EpisodeSequences
 from ...formats.core.atomic import atomic_file
+from ..config import IMAGES
 
 _DEPTH_STEP_M = 0.001  # depth is kept in whole millimetres
 
 
 class CachedSequences(Dataset[dict[str, Any]]):
-    """Items of `EpisodeSequences`, each decoded once; memory stays flat, disk holds the images.
+    """Items of `EpisodeSequences`, each made once; memory stays flat, disk holds them.
 
-    Each training epoch would otherwise decode every video again, which takes longer than training.
+    Each training epoch would otherwise decode every video and divide every path into actions
+    again, which takes longer than training.
     """
 
-    def __init__(self, sequences: EpisodeSequences, folder: Path):
-        """Keep the images of `sequences` in `folder`, which is created if missing."""
+    def __init__(self, sequences: EpisodeSequences, folder: Path, images: Collection[str] = IMAGES):
+        """Keep the items of `sequences` in `folder`, which is created if missing.
+
+        Args:
+            sequences: whose items.
+            folder: of the files.
+            images: which of `rgb` and `depth` items have; the others are not read.
+        """
         self.sequences, self.folder = sequences, folder
-        self._rows = EpisodeSequences(
-            sequences.selection,
-            sequences.tokens,
-            replace(sequences.config, images=False),
-        )
-        self._rows.instruction_choice = sequences.instruction_choice
+        self.images = frozenset(images)
+        self._choice = sequences.instruction_choice
+        self._places: dict[int, tuple[EpisodeEntry, Path]] = {}  # of the items made or found
         folder.mkdir(parents=True, exist_ok=True)
 
     @property
@@ -41,36 +48,47 @@ class CachedSequences(Dataset[dict[str, Any]]):
 
     def begin_pass(self, epoch: int) -> None:
         """Draw other instructions from the next item on, where paths have several."""
-        self._rows.instruction_choice = replace(self.sequences.instruction_choice, epoch=epoch)
+        self._choice = replace(self.sequences.instruction_choice, epoch=epoch)
 
     def __len__(self) -> int:
         return len(self.sequences)
 
     def __getitem__(self, number: int) -> dict[str, Any]:
         """Return the episode `number`."""
-        item = self._rows[number]
-        with np.load(self.prepare(number), allow_pickle=False) as images:
-            rgb, millimetres = images["rgb"], images["depth"]
-        item["rgb"] = torch.from_numpy(rgb)
-        item["depth"] = torch.from_numpy(millimetres.astype(np.float32) * _DEPTH_STEP_M)
-        return item
+        entry, path = self._place(number)
+        with np.load(path, allow_pickle=False) as file:
+            unread = set(IMAGES) - self.images
+            values = {key: file[key] for key in file.files if key not in unread}
+        if "depth" in values:
+            values["depth"] = values["depth"].astype(np.float32) * np.float32(_DEPTH_STEP_M)
+        item: dict[str, Any] = {key: torch.from_numpy(value) for key, value in values.items()}
+        tokens = torch.from_numpy(self.sequences.tokens.encode(self._choice.text(entry)))
+        return item | {"tokens": tokens, "uid": entry.uid, "robot": entry.robot}
 
     def prepare(self, number: int) -> Path:
-        """Decode episode `number` unless that is done; return its file."""
-        path = self.folder / f"{self._key(number)}.npz"
+        """Make the item `number` unless that is done; return its file."""
+        return self._place(number)[1]
+
+    def _place(self, number: int) -> tuple[EpisodeEntry, Path]:
+        if number in self._places:
+            return self._places[number]
+        entry = self.sequences.selection.entry(number)
+        path = self.folder / f"{self._key(entry)}.npz"
         if not path.is_file():
             item = self.sequences[number]
-            depth = np.rint(item["depth"].numpy() / _DEPTH_STEP_M).clip(0, 65535)
+            values: dict[str, Any] = {
+                k: v.numpy() for k, v in item.items() if torch.is_tensor(v) and k != "tokens"
+            }
+            millimetres = np.rint(values["depth"] / _DEPTH_STEP_M).clip(0, 65535)
+            values["depth"] = millimetres.astype(np.uint16)
             with atomic_file(path) as temporary, temporary.open("wb") as stream:
-                np.savez(stream, rgb=item["rgb"].numpy(), depth=depth.astype(np.uint16))
-        return path
+                np.savez(stream, **values)
+        self._places[number] = entry, path
+        return entry, path
 
-    def _key(self, number: int) -> str:
-        """Return a key of the episode's place, its files and the images' size."""
-        entry = self.sequences.selection.entry(number)
-        config = self.sequences.config
-        parts: list[Any] = [entry.uid, entry.length, config.size_px, config.max_steps]
-        parts.append(config.every_frame)
+    def _key(self, entry: EpisodeEntry) -> str:
+        """Return a key of the episode's place, its files, and the contents of an item."""
+        parts: list[Any] = [entry.uid, entry.length, self.sequences.config]
         for path in [entry.rows, *(place.path for place in entry.videos.values())]:
             facts = path.stat()
             parts += [path.resolve(), entry.first_frame, facts.st_size, facts.st_mtime_ns]

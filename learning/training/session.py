@@ -255,7 +255,7 @@ def _cached(
 ) -> CachedSequences:
     how = SequenceConfig(config.size_px, config.max_steps, config.inflection, future=FUTURE)
     sequences = EpisodeSequences(selection, tokens, how, choice or InstructionChoice())
-    return CachedSequences(sequences, cache)
+    return CachedSequences(sequences, cache, config.model.inputs)
 
 
 def _some(episodes: CachedSequences, sources: int) -> CachedSequences:
@@ -267,7 +267,7 @@ def _some(episodes: CachedSequences, sources: int) -> CachedSequences:
     sequences = EpisodeSequences(
         chosen.take(mask), episodes.sequences.tokens, episodes.sequences.config
     )
-    return CachedSequences(sequences, episodes.folder)
+    return CachedSequences(sequences, episodes.folder, episodes.images)
 
 
 def _decode(episodes: list[CachedSequences], show: bool) -> None:

@@ -22,9 +22,9 @@ class Evaluate(Running):
     """Run folder of `collect`, or an episode file (.json.gz) together with --scenes."""
     policy: str = "random"
     """Policy: random (R2R's action proportions), forward, stop, oracle (the expert, which knows the
-    path), map (an online semantic map, without training), vlm (a vision-language model, see
-    docs/evaluation.md), a checkpoint of `vlnpe train` (FILE.safetensors), or the address of a
-    policy server (ws://HOST:PORT)."""
+    path), cma (a trained model that comes with vlnpe), map (an online semantic map, without
+    training), vlm (a vision-language model, see docs/evaluation.md), a checkpoint of `vlnpe train`
+    (FILE.safetensors), or the address of a policy server (ws://HOST:PORT)."""
     scenes: Path | None = None
     """Folder of repaired scenes; defaults to the run's own."""
     robot: str = "aliengo"

@@ -44,10 +44,11 @@ class Train:
     under `train` (docs/training.md); `vlnpe mix` shows the selected data.
 
     Example: collect, train, evaluate:
-      vlnpe collect --robot vlnce --scene 'builtin*4' --episodes 20 --out runs/homes
+      vlnpe collect --robot vlnce --scene 'builtin-exact:apartment*14' --train-scenes 10 \
+        --splits train=320,val_unseen=64 --allow-fewer --camera ego:64x64 --out runs/homes
       vlnpe train starter --data runs/homes --out runs/starter
-      vlnpe evaluate runs/homes --policy runs/starter/cma.safetensors --robot vlnce \
-        --controller flash
+      vlnpe evaluate runs/homes --split val_unseen --policy runs/starter/cma.safetensors \
+        --robot vlnce
     """
 
     recipe: tyro.conf.Positional[str]
@@ -59,6 +60,8 @@ class Train:
     """Mixture of the recipe to train on; only needed where it has several."""
     out: Path = Path("runs/train")
     """Output folder for the checkpoint, curves, resumable state and decoded images."""
+    cache: Path | None = None
+    """Folder of decoded images, which several trainings may share; defaults to <out>/cache."""
     model: str | None = None
     """Model: cma, seq2seq or rdp; overrides the recipe."""
     inputs: str | None = None

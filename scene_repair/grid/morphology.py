@@ -15,7 +15,7 @@ SQUARE = np.ones((3, 3), dtype=bool)
 
 
 def label(mask: Mask, diagonal: bool = False) -> tuple[NDArray[np.int32], int]:
-    """Number the connected parts of a mask from 1; 0 = background."""
+    """Label the connected parts of a mask from 1; 0 = background."""
     structure = ndimage.generate_binary_structure(mask.ndim, mask.ndim if diagonal else 1)
     parts: Any = ndimage.label(mask, structure=structure)
     return parts[0], int(parts[1])

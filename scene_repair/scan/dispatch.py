@@ -34,9 +34,10 @@ def read_scan(path: Path) -> Scan:
         InputError: a point cloud, and open3d is not installed.
     """
     check_scan(path)
-    if kind := splat_kind(path):
-        raise FileFormatError(path, f"contains Gaussian splats ({kind}), not a mesh or point cloud")
     suffix = path.suffix.lower()
+    # Beside splats a USD stage may hold the mesh that is wanted.
+    if suffix not in USD_SUFFIXES and (kind := splat_kind(path)):
+        raise FileFormatError(path, f"contains Gaussian splats ({kind}), not a mesh or point cloud")
     if suffix in USD_SUFFIXES:
         return scan_of(path, read_in_child("usd", path))
     if suffix in CLOUD_SUFFIXES or (suffix == ".ply" and not has_faces(path)):

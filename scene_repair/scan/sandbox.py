@@ -13,7 +13,9 @@ import signal
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from ...formats.core.errors import FileFormatError, InputError
 from .readings import ANSWER, Readings, load_readings, write_readings
@@ -30,11 +32,30 @@ ONE_THREAD = ("PXR_WORK_THREAD_LIMIT", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"
 def read_in_child(
     reader: str, path: Path, seconds: float | None = None, memory_bytes: int = MEMORY_BYTES
 ) -> Readings:
-    """Run a reader in a child process.
+    """Run a reader of meshes or points in a child process; see `run_child`.
 
     Args:
         reader: one of `READERS`.
         path: the file.
+        seconds: wall time it may take; None = by the file's size.
+        memory_bytes: address space it may take.
+    """
+    return run_child((__name__, reader), path, load_readings, seconds, memory_bytes)
+
+
+def run_child[T](
+    reader: tuple[str, ...],
+    path: Path,
+    load: Callable[[dict[str, Any], Path], T],
+    seconds: float | None = None,
+    memory_bytes: int = MEMORY_BYTES,
+) -> T:
+    """Run a reader in a child process.
+
+    Args:
+        reader: module that is run, and its first arguments; it ends with `answer`.
+        path: the file.
+        load: makes the result of the child's answer and the folder with its other files.
         seconds: wall time it may take; None = by the file's size.
         memory_bytes: address space it may take.
 
@@ -47,7 +68,7 @@ def read_in_child(
         seconds = SECONDS + SECONDS_PER_MIB * path.stat().st_size / (1 << 20)
     with tempfile.TemporaryDirectory(prefix="vlnpe-read-") as folder:
         # -P: the working folder must never be a place to import from.
-        command = [sys.executable, "-P", "-m", __name__, reader, str(path), str(memory_bytes)]
+        command = [sys.executable, "-P", "-m", *reader, str(path), str(memory_bytes)]
         plain = {k: v for k, v in os.environ.items() if not k.startswith(HIDDEN_VARIABLES)}
         child = subprocess.Popen(
             command,
@@ -68,12 +89,15 @@ def read_in_child(
             if child.poll() is None:
                 child.kill()
                 child.communicate()
-        return _collect(path, Path(folder), child.returncode, errors, memory_bytes)
+        data = _collected(path, Path(folder), child.returncode, errors, memory_bytes)
+        return load(data, Path(folder))
 
 
-def _collect(path: Path, folder: Path, status: int, errors: bytes, memory_bytes: int) -> Readings:
-    answer = folder / ANSWER
-    if status != 0 or not answer.is_file():
+def _collected(
+    path: Path, folder: Path, status: int, errors: bytes, memory_bytes: int
+) -> dict[str, Any]:
+    written = folder / ANSWER
+    if status != 0 or not written.is_file():
         lines = errors.decode(errors="replace").strip().splitlines()
         why = f"ended by {signal.Signals(-status).name}" if status < 0 else f"status {status}"
         last_lines = [line.strip() for line in lines if "FATAL" in line] or lines[-1:]
@@ -81,36 +105,51 @@ def _collect(path: Path, folder: Path, status: int, errors: bytes, memory_bytes:
         raise FileFormatError(
             path, f"its reader failed ({why}; memory limit {memory_bytes / 2**30:.3g} GiB){last}"
         )
-    data = json.loads(answer.read_text())
+    data = json.loads(written.read_text())
     if "missing" in data:
         raise InputError(data["missing"])
     if "error" in data:
         raise FileFormatError(data["path"], data["error"])
-    return load_readings(data, folder)
+    return data
+
+
+def answer(path: Path, memory_bytes: int, work: Callable[[Path], None]) -> None:
+    """Do the work of a child within its limits, and leave the reason if it fails.
+
+    Args:
+        path: the file that is read.
+        memory_bytes: address space it may take.
+        work: writes the answer into the folder that it is given, the working folder.
+    """
+    resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    folder = Path.cwd()
+    try:
+        work(folder)
+    except FileFormatError as error:
+        reason = {"path": str(error.path), "error": error.reason}
+        (folder / ANSWER).write_text(json.dumps(reason))
+    except InputError as error:
+        (folder / ANSWER).write_text(json.dumps({"missing": str(error)}))
+    except MemoryError:
+        reason = {"path": str(path), "error": f"needs more than {memory_bytes / 2**30:.3g} GiB"}
+        (folder / ANSWER).write_text(json.dumps(reason))
 
 
 def main(reader: str, path: Path, memory_bytes: int) -> None:
     """Run as the child process: read `path` and write the answer into the working folder."""
     if reader not in READERS:
         raise ValueError(f"unknown reader {reader!r}; valid: {', '.join(READERS)}")
-    resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    folder = Path.cwd()
-    # Each has large libraries of its own, which the other one and the parent do without.
-    if reader == "usd":
-        from ..usd.read_stage import read
-    else:
-        from .point_cloud import read
-    try:
+
+    def work(folder: Path) -> None:
+        # Each has large libraries of its own, which the other one and the parent do without.
+        if reader == "usd":
+            from ..usd.read_stage import read
+        else:
+            from .point_cloud import read
         write_readings(read(path), folder)
-    except FileFormatError as error:
-        answer = {"path": str(error.path), "error": error.reason}
-        (folder / ANSWER).write_text(json.dumps(answer))
-    except InputError as error:
-        (folder / ANSWER).write_text(json.dumps({"missing": str(error)}))
-    except MemoryError:
-        answer = {"path": str(path), "error": f"needs more than {memory_bytes / 2**30:.3g} GiB"}
-        (folder / ANSWER).write_text(json.dumps(answer))
+
+    answer(path, memory_bytes, work)
 
 
 if __name__ == "__main__":

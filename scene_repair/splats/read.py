@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.errors import FileFormatError, SceneError
-from ...formats.splats.kind import splat_kind
+from ...formats.splats.kind import USD_SUFFIXES, splat_kind
 from ...formats.splats.read import read_splats
 from ...formats.splats.record import GaussianCloud
 from ...formats.splats.store import save_splats
@@ -21,6 +21,7 @@ from ..scan.soup import Part, merge_parts
 from .fuse import fuse_splats
 from .occupancy import read_occupancy
 from .solid import find_solid
+from .usd import read_usd_splats
 
 LEAST_FACES = 200
 # Suffix of InteriorGS' map of free floor.
@@ -59,7 +60,7 @@ def read_splat_scan(path: Path, tell: Callable[[str], None], collision: Path | N
     """
     check_scan(path)
     kind = splat_kind(path)
-    cloud = read_splats(path)
+    cloud = read_usd_splats(path) if path.suffix.lower() in USD_SUFFIXES else read_splats(path)
     if collision is not None:
         occupancy = collision.suffix.lower() == OCCUPANCY
         surface = read_occupancy(collision, cloud) if occupancy else read_scan(collision)

@@ -21,11 +21,8 @@ from .read_materials import StageMaterials
 
 # What instancing may blow a file up to.
 MAX_PRIMS, MAX_DEPTH = 3_000_000, 200
-NUREC = "omni:nurec:isNuRecVolume"
-AS_PLY = (
-    "splats in USD are not read: convert them with 3DGRUT: "
-    "python -m threedgrut.export.scripts.transcode IN.usdz -o OUT.ply --format ply"
-)
+NUREC, NUREC_KIND = "omni:nurec:isNuRecVolume", "NuRec volume of 3DGRUT"
+AS_SCENE = "they are read where the file is given as a scan, not as --collision"
 TIME = Usd.TimeCode.EarliestTime()
 Matrix = NDArray[np.float64]
 
@@ -37,7 +34,7 @@ def read(path: Path) -> Readings:
         FileFormatError: damaged, in a circle, referring outside its folder, or too large.
     """
     warnings = check_layers(path)
-    stage = _open(path, warnings)
+    stage = open_stage(path, warnings)
     parts = PartList(path, StageMaterials(path.parent.resolve(), warnings), warnings)
     try:
         _walk(stage.GetPseudoRoot(), np.eye(4), "", parts, UsdGeom.XformCache(TIME), 0)
@@ -47,8 +44,8 @@ def read(path: Path) -> Readings:
         raise FileFormatError(path, f"damaged: {brief(error)}") from error
     if splats := _splats(stage):
         if not parts.parts:
-            raise FileFormatError(path, f"holds Gaussian splats ({splats}) and no mesh; {AS_PLY}")
-        warnings.append(f"Gaussian splats ({splats}) beside the meshes left out; {AS_PLY}")
+            raise FileFormatError(path, f"holds Gaussian splats ({splats}) and no mesh; {AS_SCENE}")
+        warnings.append(f"Gaussian splats ({splats}) beside the meshes left out; {AS_SCENE}")
     if scale != 1.0:
         for part in parts.parts:
             part.vertices[...] *= scale
@@ -56,20 +53,27 @@ def read(path: Path) -> Readings:
 
 
 def _splats(stage: Usd.Stage) -> str:
-    """Return how the stage holds Gaussian splats; empty if it holds none.
+    """Return how the stage holds Gaussian splats; empty if it holds none."""
+    return next((kind for prim in stage.Traverse() if (kind := splats_in(prim))), "")
+
+
+def splats_in(prim: Usd.Prim) -> str:
+    """Return how a prim holds Gaussian splats; empty if it holds none.
 
     3DGRUT writes volumes with a `.nurec` file, or prims of USD's particle field schemas.
     """
-    for prim in stage.Traverse():
-        kind = str(prim.GetTypeName())
-        if kind.startswith("ParticleField"):
-            return kind
-        if kind == "Volume" and prim.GetAttribute(NUREC).IsValid():
-            return "NuRec volume of 3DGRUT"
-    return ""
+    kind = str(prim.GetTypeName())
+    if kind.startswith("ParticleField"):
+        return kind
+    return NUREC_KIND if kind == "Volume" and prim.GetAttribute(NUREC).IsValid() else ""
 
 
-def _open(path: Path, warnings: list[str]) -> Usd.Stage:
+def open_stage(path: Path, warnings: list[str]) -> Usd.Stage:
+    """Return the composed stage; layers that are missing are added to `warnings`.
+
+    Raises:
+        FileFormatError: damaged, or in a circle.
+    """
     try:
         stage = Usd.Stage.Open(Sdf.Layer.FindOrOpen(str(path.resolve())), Usd.Stage.LoadAll)
         problems = stage.GetCompositionErrors() if stage else []

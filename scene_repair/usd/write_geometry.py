@@ -28,7 +28,7 @@ def visual_mesh(
     corner_uv: NDArray[np.float32],
     material: UsdShade.Material,
 ) -> None:
-    """Author a textured mesh: points (V, 3) [m], triangles (F, 3), v-up coordinates (F, 3, 2)."""
+    """Write a textured mesh: points (V, 3) [m], triangles (F, 3), v-up coordinates (F, 3, 2)."""
     mesh = _mesh(stage, path, corners, index)
     primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(
         "st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying
@@ -46,7 +46,7 @@ def collider(
     faces: NDArray[np.int64],
     material: UsdShade.Material,
 ) -> Usd.Prim:
-    """Author a static collider: a mesh that is not rendered and that no rigid body moves."""
+    """Write a static collider: a mesh that is not rendered and that no rigid body moves."""
     mesh = _mesh(stage, path, points.astype(np.float32), faces)
     mesh.CreatePurposeAttr(UsdGeom.Tokens.guide)
     prim = mesh.GetPrim()

@@ -16,7 +16,7 @@ FRICTION = 0.8
 
 
 def look(stage: Usd.Stage, path: str, material: Material) -> UsdShade.Material:
-    """Author a material at `path`: base colour times texture, both as the bundle has them."""
+    """Write a material at `path`: base colour times texture, both as the bundle has them."""
     made = UsdShade.Material.Define(stage, path)
     shader = UsdShade.Shader.Define(stage, f"{path}/Surface")
     shader.CreateIdAttr("UsdPreviewSurface")
@@ -47,7 +47,7 @@ def look(stage: Usd.Stage, path: str, material: Material) -> UsdShade.Material:
 
 
 def friction(stage: Usd.Stage, path: str) -> UsdShade.Material:
-    """Author the physics material that all colliders share."""
+    """Write the physics material that all colliders share."""
     made = UsdShade.Material.Define(stage, path)
     physics = UsdPhysics.MaterialAPI.Apply(made.GetPrim())
     physics.CreateStaticFrictionAttr(FRICTION)

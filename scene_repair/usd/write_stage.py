@@ -137,7 +137,7 @@ class _Names:
 
 
 def _parts(content: UsdContent, names: _Names, stage: Usd.Stage) -> list[str]:
-    """Author a labelled prim per object, and one per label of unnamed faces.
+    """Write a labelled prim per object, and one per label of unnamed faces.
 
     Returns:
         Their paths: of the objects, of nameless faces without label, and of each label's.
@@ -184,7 +184,7 @@ def _meshes(
     paths: list[str],
     looks: list[UsdShade.Material],
 ) -> None:
-    """Author one mesh per part and material; omit degenerate faces."""
+    """Write one mesh per part and material; omit degenerate faces."""
     key = part * max(len(looks), 1) + visual.face_material
     key = np.where(_collapsed(visual), -1, key)
     order = np.argsort(key, kind="stable")
@@ -206,7 +206,7 @@ def _meshes(
 
 
 def _collision(stage: Usd.Stage, levels: list[tuple[Floor, Obstacles]], paths: list[str]) -> None:
-    """Author the floors, each object's boxes below it, and one prim for all other boxes."""
+    """Write the floors, each object's boxes below it, and one prim for all other boxes."""
     grip = friction(stage, "/World/Friction")
     UsdGeom.Scope.Define(stage, "/World/Collision")
     for k, (floor, boxes) in enumerate(levels):

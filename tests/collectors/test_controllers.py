@@ -172,7 +172,7 @@ def test_a_reference_through_a_wall_is_planned_around(two_rooms: SceneBundle) ->
     assert route.length_m > 2.5
 
 
-def test_an_impossible_reference_says_so_and_is_tried(two_rooms: SceneBundle) -> None:
+def test_an_impossible_reference_is_noted_and_tried(two_rooms: SceneBundle) -> None:
     freemap = two_rooms.freemap(0)
     route = plan_route(freemap, [[3.0, 2.0], [5.0, 2.0]], 0.6)  # the doorway is 1 m wide
     assert len(route.problems) == 1

@@ -199,7 +199,7 @@ def test_the_cache_gives_the_same_model(two_rooms: SceneBundle, tmp_path: Path) 
 
 
 @pytest.mark.parametrize("damage", ["cut", "flipped", "empty"])
-def test_a_damaged_cache_is_built_anew(
+def test_a_damaged_cache_is_rebuilt(
     two_rooms: SceneBundle, tmp_path: Path, damage: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     robot = make_cart()

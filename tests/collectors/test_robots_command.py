@@ -49,7 +49,7 @@ def test_it_lists_every_robot_with_its_facts(capsys: pytest.CaptureFixture):
     assert [line.split()[0] for line in lines] == ["robot", *ROBOTS]
 
 
-def test_a_gate_that_was_not_measured_is_said_so(monkeypatch: pytest.MonkeyPatch):
+def test_an_unmeasured_gate_is_marked(monkeypatch: pytest.MonkeyPatch):
     from dataclasses import replace
 
     from vlnpe.pipeline import robot_sheet

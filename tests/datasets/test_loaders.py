@@ -151,7 +151,7 @@ def test_sequences_are_discrete_steps_that_lead_to_the_end(root: Path, tokens: T
         ]
 
 
-def test_a_long_episode_is_cut_and_says_so(root: Path, tokens: Tokens) -> None:
+def test_a_long_episode_is_cut_and_marked(root: Path, tokens: Tokens) -> None:
     whole = EpisodeSequences(select_all([root]), tokens)[2]
     short = EpisodeSequences(select_all([root]), tokens, SequenceConfig(max_steps=6))[2]
     assert (int(short["length"]), bool(short["cut"])) == (6, True)

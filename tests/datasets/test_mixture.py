@@ -249,7 +249,7 @@ def test_a_larger_fraction_contains_a_smaller_one_for_every_robot(runs: Path) ->
         ({"holdout_fraction": 1.0}, "between 0 and 1"),
     ],
 )
-def test_a_wrong_recipe_is_told_what_is_valid(changes: dict, message: str, tmp_path: Path) -> None:
+def test_an_invalid_recipe_lists_what_is_valid(changes: dict, message: str, tmp_path: Path) -> None:
     path = tmp_path / "recipe.yaml"
     path.write_text(json.dumps(recipe(**changes)))
     with pytest.raises(FileFormatError) as caught:

@@ -38,7 +38,7 @@ def flock(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> bo
     return request.param
 
 
-def test_a_second_holder_is_refused_and_told_who(tmp_path: Path, flock: bool):
+def test_a_second_holder_is_refused_with_the_name_of_the_first(tmp_path: Path, flock: bool):
     with lock(tmp_path):
         if flock:  # the kernel keeps holders apart also within a process
             refused = pytest.raises(LockedError, match=f"process {os.getpid()} on .*--wait")

@@ -43,7 +43,7 @@ def run(finished: Path, tmp_path: Path) -> Path:
     return shutil.copytree(finished, tmp_path / "run")
 
 
-def test_a_sound_run_passes_and_the_command_says_so(run: Path, capsys) -> None:
+def test_a_sound_run_passes_and_the_command_reports_it(run: Path, capsys) -> None:
     assert main(["verify", str(run)]) == 0
     assert "bad: 0" in capsys.readouterr().out
 

@@ -178,7 +178,7 @@ def test_a_row_is_a_discrete_step_that_leads_to_the_end(tmp_path: Path) -> None:
     assert row_arrays(back.rows())["action.discrete"].ravel().tolist() == actions.tolist()
 
 
-def test_instructions_are_told_once_and_have_tokens(layout: Path) -> None:
+def test_instructions_are_listed_once_and_have_tokens(layout: Path) -> None:
     keys = loader_keys(layout, ["r2r"])
     tasks = [loader_data(layout, key)["tasks"] for key in keys]
     own = make_rollout(0.0).episode.instruction
@@ -284,7 +284,7 @@ def test_theirs_becomes_units_with_what_is_known(layout: Path, tmp_path: Path) -
             np.testing.assert_allclose(codes, expected_codes, atol=3)
 
 
-def test_what_nobody_tells_is_said(layout: Path) -> None:
+def test_missing_facts_are_named(layout: Path) -> None:
     assert "oracle_success" in json.dumps(Assumptions().note()["derived"])
 
 
@@ -293,7 +293,9 @@ def frame_columns(rollout: Rollout) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("scan", ["r2r", "r2r_aliengo", "mine"])
-def test_the_robot_is_told_by_somebody(layout: Path, tmp_path: Path, scan: str) -> None:
+def test_the_robot_comes_from_options_info_or_folder(
+    layout: Path, tmp_path: Path, scan: str
+) -> None:
     (scene,) = find_scenes(make_foreign(layout, scan))
     assert scene.scan == scan
     if scan == "mine":
@@ -596,7 +598,7 @@ def test_the_command_converts_theirs_and_quarantines_what_is_damaged(
     "name",
     ["info.json", "tasks.jsonl", "episodes.jsonl", "episodes_stats.jsonl", "vlnpe_episodes.jsonl"],
 )
-def test_changed_metadata_is_converted_anew(layout: Path, tmp_path: Path, name: str) -> None:
+def test_changed_metadata_is_converted_again(layout: Path, tmp_path: Path, name: str) -> None:
     def keys() -> list[str]:
         (items,) = unit_items(
             detect(layout), tmp_path, Options("mit", None, Assumptions())

@@ -40,7 +40,7 @@ def test_composed_texts_lead_to_the_goal(two_rooms, world, points):
         ("the of table left doorway zorb quux flim table the glorp", "no sentence"),
     ],
 )
-def test_what_cannot_be_followed_is_said(world, text, why):
+def test_what_cannot_be_followed_is_named(world, text, why):
     episode = episode_of(LEFT)
     done = follow(text, world, episode.start_position_world_m[:2], episode.start_yaw_rad)
     assert why in done.lost

@@ -205,7 +205,7 @@ def test_labels_are_data(two_rooms):
             assert text.isascii() and not set("{}:\n") & set(text) and "ignore" not in text
 
 
-def test_files_are_instructed_and_only_where_nothing_is_said(two_rooms, tmp_path):
+def test_files_are_instructed_only_where_texts_are_missing(two_rooms, tmp_path):
     scenes = two_rooms.root.parent
     if not (scenes / "two_rooms").exists():
         (scenes / "two_rooms").symlink_to(two_rooms.root)

@@ -65,7 +65,7 @@ def test_the_side_before_behind_is_where_a_thing_was():
     assert (passed.prep, passed.side, there.side) == ("past", "left", "behind")
 
 
-def test_a_turn_to_the_only_door_of_the_first_room_need_not_be_told(two_rooms):
+def test_a_turn_to_the_only_door_of_the_first_room_need_not_be_stated(two_rooms):
     facts = facts_of(LEFT, two_rooms)
     text = "Leave the living room, enter the kitchen and stop next to the table."
     assert facts.visits[0].room == "living room" and facts.turns

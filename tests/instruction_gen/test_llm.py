@@ -78,7 +78,7 @@ def test_true_texts_of_a_model_are_kept(two_rooms, tmp_path):
     assert '"turns"' in asked["messages"][1]["content"]
 
 
-def test_a_lying_model_is_told_why_and_then_replaced(two_rooms, tmp_path):
+def test_a_model_with_false_texts_gets_the_reasons_and_is_then_replaced(two_rooms, tmp_path):
     with Server(lambda n, r: completion(texts(LIE, LIE, LIE))).running() as server:
         results, writer, ground = write_with(server, tmp_path, two_rooms)
     assert len(server.requests) == 3  # once, and twice with the reasons

@@ -59,7 +59,7 @@ def test_only_what_fits_under_the_board_passes(barred, height_m, passes):
     assert (low.traversable >= freemap.traversable).all()
 
 
-def test_scenes_without_headrooms_say_so(barred):
+def test_scenes_without_headrooms_raise_an_error(barred):
     old = barred.freemap(0)
     old = Freemap(old.grid, old.floor_z_m, old.traversable)
     assert old.for_height(FULL_HEIGHT_M) is old

@@ -78,7 +78,7 @@ def unsound(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return scan, folder / "scene"
 
 
-def test_the_scene_says_so_itself(unsound: tuple[Path, Path]) -> None:
+def test_the_scene_itself_records_it(unsound: tuple[Path, Path]) -> None:
     assert load_bundle(unsound[1]).source[UNSOUND] == ["level 0: a fault"]
 
 

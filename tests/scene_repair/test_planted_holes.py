@@ -133,7 +133,7 @@ def test_a_changed_glb_differs_by_the_change_alone(scene: Source, tmp_path: Path
     assert changed == ["Floor_1"]
 
 
-def test_the_measure_tells_open_from_filled(scene: Source) -> None:
+def test_the_measure_distinguishes_open_from_filled(scene: Source) -> None:
     site = scene.site
     planted: Planted = plant(site, np.random.default_rng(2), 16, ("shaft",))
     truth = truth_of(planted)

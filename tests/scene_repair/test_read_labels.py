@@ -66,7 +66,7 @@ def write_matterport(folder: Path, turn: np.ndarray) -> Path:
 
 
 @pytest.mark.parametrize(("up", "turn"), [("z", np.eye(4)), ("y", scans.TO_Y_UP)])
-def test_house_file_labels_the_room_and_tells_what_is_up(
+def test_a_house_file_labels_the_room_and_determines_up(
     up: str, turn: np.ndarray, tmp_path: Path
 ) -> None:
     source = write_matterport(tmp_path, turn)
@@ -155,7 +155,7 @@ def test_damaged_house_files_are_named(text: str, what: str, tmp_path: Path) -> 
         ("facade_3", "facade"),
     ],
 )
-def test_names_made_by_tools_tell_nothing(name: str, category: str) -> None:
+def test_generated_names_give_no_category(name: str, category: str) -> None:
     assert category_of_name(name) == category
 
 

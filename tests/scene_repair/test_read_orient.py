@@ -112,14 +112,14 @@ def test_z_up_geometry_in_a_y_up_format_is_noticed() -> None:
     assert orient(named(apartment(0), "y", "m"), RepairConfig(up="y")).evidence["up"] == "y"
 
 
-def test_a_unit_that_does_not_fit_is_doubted_aloud() -> None:
+def test_a_doubtful_unit_is_reported() -> None:
     scan = replace(apartment(0), vertices=apartment(0).vertices * 39.37)
     way = orient(named(scan, "z", "m"), RepairConfig())
     assert way.evidence["unit"] == "m"
     assert "set --unit in if so" in way.evidence["unit_reason"]
 
 
-def test_floors_named_so_tell_up_from_down() -> None:
+def test_named_floors_determine_up() -> None:
     """A room with nothing in it has no other sign of which end is up."""
     room = scans.joined(
         [

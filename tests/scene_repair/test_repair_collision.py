@@ -66,7 +66,7 @@ def furnished(tmp_path_factory: pytest.TempPathFactory) -> SceneBundle:
         ("outside", (5.4, 2.0), False),
     ],
 )
-def test_freemap_tells_where_to_walk(
+def test_the_freemap_marks_where_to_walk(
     furnished: SceneBundle, what: str, xy: tuple[float, float], free: bool
 ) -> None:
     freemap = furnished.freemap(0)

@@ -148,14 +148,14 @@ def test_a_known_vulnerability_is_found(osv: tuple[str, dict[str, Any]]) -> None
     assert "pillow" in text and "GHSA-0000-0000-0000" in text
 
 
-def test_without_a_network_it_says_so_and_passes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_network_it_reports_that_and_passes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("UV_HTTP_RETRIES", "0")
     found, text = audited("http://127.0.0.1:9/")
     assert not found
     assert "not looked up (offline?)" in text
 
 
-def test_without_uv_it_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_without_uv_it_reports_that(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(audit, "ROOT", tmp_path)
     monkeypatch.setenv("PATH", "")
     assert audit.vulnerabilities() == (False, "vulnerabilities: not looked up, there is no uv")

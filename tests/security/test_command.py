@@ -26,7 +26,7 @@ def refused(capfd: pytest.CaptureFixture[str], *arguments: str) -> str:
 
 @not_files
 @pytest.mark.parametrize("verb", ["repair", "filter", "convert"])
-def test_what_is_no_file_is_told(
+def test_what_is_not_a_file_is_named(
     verb: str, kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     name = {"repair": "a.glb", "filter": "a.json.gz", "convert": "a.mcap"}[verb]
@@ -38,7 +38,9 @@ def test_what_is_no_file_is_told(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_name_that_is_not_utf8_is_told(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_name_that_is_not_utf8_is_reported(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     path = os.fsdecode(os.fsencode(tmp_path) + b"/\xff.glb")
     Path(path).write_bytes(b"")
     assert "not UTF-8" in refused(capfd, "repair", path, "--out", str(tmp_path / "out"))

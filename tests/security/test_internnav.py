@@ -100,7 +100,7 @@ def pickled(path: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("name", [RGB, DEPTH])
-def test_arrays_that_lie_are_refused(name: str, content: bytes, scene: Path) -> None:
+def test_false_arrays_are_refused(name: str, content: bytes, scene: Path) -> None:
     (scene / name).write_bytes(content)
     refusal(lambda: read_layout_episode(scene, 0))
 
@@ -134,7 +134,7 @@ def test_damaged_metadata_is_named(name: str, text: str, scene: Path) -> None:
         {"episode_index": 0, "stats": 5},
     ],
 )
-def test_statistics_that_lie_are_named_or_harmless(line: dict[str, Any], scene: Path) -> None:
+def test_false_statistics_are_named_or_harmless(line: dict[str, Any], scene: Path) -> None:
     (scene / "meta/episodes_stats.jsonl").write_text(json.dumps(line))
     try:
         episode = read_layout_episode(scene, 0)

@@ -237,7 +237,7 @@ def changed(root: Path, name: str, values: pa.Array) -> None:
     ],
 )
 @READERS
-def test_places_that_lie_are_named(
+def test_false_places_are_named(
     read: Callable[[Path], None], name: str, values: pa.Array, dataset: Path
 ) -> None:
     changed(dataset, name, values)

@@ -77,7 +77,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("kind", HOSTILE)
-def test_sizes_and_counts_that_lie_are_refused(
+def test_false_sizes_and_counts_are_refused(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("VLNPE_LIMITS", f"mcap_bytes={10 << 20}")
@@ -241,7 +241,7 @@ def test_pickled_arrays_are_refused(tmp_path: Path) -> None:
         {"metrics": None},
     ],
 )
-def test_facts_that_lie_are_named(change: dict[str, Any], tmp_path: Path) -> None:
+def test_false_facts_are_named(change: dict[str, Any], tmp_path: Path) -> None:
     write_rollout(tmp_path / "good.mcap", make_rollout(0.2))
     path = with_facts(
         tmp_path / "good.mcap", tmp_path / "a.mcap", lambda f: f.update(change), METADATA_NAME

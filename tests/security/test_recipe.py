@@ -99,7 +99,7 @@ def test_wrong_values_are_refused(changes: dict[str, Any], tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("pattern", ["", ".", "/", "a\0b", "a**b", "[", "http://host/x", "../*/*"])
-def test_patterns_find_datasets_or_say_so(pattern: str, tmp_path: Path) -> None:
+def test_patterns_find_datasets_or_are_refused(pattern: str, tmp_path: Path) -> None:
     (tmp_path / "runs").mkdir()
     with pytest.raises(InputError):
         Library(tmp_path / "runs").find([pattern])

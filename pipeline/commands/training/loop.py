@@ -85,7 +85,7 @@ def dagger(options: Train, request: Request, result: Result) -> Result:
             out=folder,
             start=result.checkpoint,
             corrections=tuple(files),
-            cache=options.out / "cache",
+            cache=options.cache or options.out / "cache",
         )
         result = train_recipe(request)
     return result

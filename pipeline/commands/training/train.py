@@ -52,6 +52,7 @@ def run(options: Train) -> int:
         changes=_changes(options, recipe.train),
         start=options.start,
         validate=validation(options),
+        cache=options.cache,
         recipe_sha256=file_digest(path),
     )
     result = dagger(options, request, train_recipe(request))

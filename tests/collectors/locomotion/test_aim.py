@@ -29,7 +29,7 @@ def mean_error(policy: GaitPolicy, commands: np.ndarray) -> float:
     return float(np.abs(np.mean(velocity, axis=0) - commands).mean())
 
 
-def test_a_weak_robot_is_asked_for_more_and_then_does_as_told() -> None:
+def test_a_weak_robot_is_asked_for_more_and_then_obeys() -> None:
     robot = get_robot("aliengo")
     policy = GaitPolicy.load(robot)
     # A gait whose stride is far too short.

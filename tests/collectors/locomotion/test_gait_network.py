@@ -201,7 +201,7 @@ NOT_MLPS = {
 
 
 @pytest.mark.parametrize("case", NOT_MLPS)
-def test_other_graphs_are_told_from_mlps(case: str):
+def test_other_graphs_are_distinguished_from_mlps(case: str):
     nodes, reason = NOT_MLPS[case]
     with pytest.raises(NotAnMlpError, match=reason):
         read_mlp(OnnxFile(PATH, model(nodes, W).SerializeToString()))

@@ -34,7 +34,7 @@ def test_installed_gaits_stop_upright(name: str):
     assert 0.02 < distances[0] < distances[-1] < 0.8
 
 
-def test_the_card_tells_how_far_a_robot_goes_on():
+def test_the_card_lists_stopping_distances():
     for name in ("aliengo", "h1", "g1"):
         table = GaitPolicy.load(get_robot(name)).card.evaluation["stopping"]
         assert table["speed_m_s"] == list(SPEEDS_M_S)

@@ -360,7 +360,7 @@ def test_film_strip_and_clip(renderer: Renderer, rollout: Rollout, tmp_path: Pat
     assert np.abs(shown[-1].astype(int) - last).mean() < 12  # it ends with the end
 
 
-def test_depth_pictures_tell_near_far_and_invalid() -> None:
+def test_depth_pictures_distinguish_near_far_and_invalid() -> None:
     depth = np.array([[0.0, 0.5, 7.5]], dtype=np.float32)
     black, near, far = depth_picture(depth, 8.0)[0].astype(int)
     assert (black == 0).all()

@@ -150,7 +150,9 @@ def test_where_no_splat_is_the_mesh_shows(splat_rooms: SceneBundle, tmp_path: Pa
     assert np.median(np.abs(floor.astype(int) - true[62, 20:60])) < 6
 
 
-def test_what_the_renderer_needs_is_said(splat_rooms: SceneBundle, two_rooms: SceneBundle) -> None:
+def test_missing_requirements_of_the_renderer_are_named(
+    splat_rooms: SceneBundle, two_rooms: SceneBundle
+) -> None:
     with pytest.raises(InputError, match="baked"):
         make_renderer(splat_rooms, "splat", light="DL300")
     for name in ("splat", "splat_depth"):

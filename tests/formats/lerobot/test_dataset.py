@@ -190,7 +190,7 @@ def test_lerobot_reads_every_sensor_of_any_body_by_name(
     assert dataset.meta.episodes[0]["end_reason"] == "fall"
 
 
-def test_episode_columns_tell_what_happened(ours: Path) -> None:
+def test_episode_columns_describe_the_episode(ours: Path) -> None:
     episodes = load(ours).meta.episodes
     assert episodes["end_reason"] == ["success", "success", "success", "fall"]
     assert episodes["action_discrete_derived"] == [True, False, True, False]

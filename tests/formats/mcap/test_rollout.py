@@ -173,7 +173,7 @@ def test_other_files_are_refused(tmp_path: Path, content: bytes) -> None:
         read_rollout(tmp_path / "none.mcap")
 
 
-def test_an_mcap_without_a_rollout_says_so(tmp_path: Path) -> None:
+def test_an_mcap_without_a_rollout_is_refused(tmp_path: Path) -> None:
     from vlnpe.formats.mcap.recording import open_recording
 
     with open_recording(tmp_path / "a.mcap") as recording:

@@ -210,7 +210,7 @@ def test_the_same_scene_in_two_formats_agrees() -> None:
 
 
 @shared
-def test_compressed_ply_is_told_from_point_clouds() -> None:
+def test_compressed_ply_is_distinguished_from_point_clouds() -> None:
     assert "compressed" in splat_kind(FILES / "guitar.compressed.ply")
     assert len(read_splats(FILES / "guitar.compressed.ply")) == 90_854
 

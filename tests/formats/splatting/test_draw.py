@@ -12,7 +12,7 @@ from tests.support.scenes.splats import random_cloud
 from vlnpe.formats.core.camera import CameraModel
 from vlnpe.formats.core.frames import matrix_to_quat, quat_to_matrix
 from vlnpe.formats.splats.record import GaussianCloud
-from vlnpe.formats.splatting import draw
+from vlnpe.formats.splatting import detail, draw
 from vlnpe.formats.splatting.blend import count_unfinished
 from vlnpe.formats.splatting.draw import Eye, draw_splats
 from vlnpe.formats.splatting.project import any_unfinished
@@ -189,7 +189,7 @@ def surface(rng: np.random.Generator, count: int) -> GaussianCloud:
 def test_merged_gaussians_look_alike_where_they_are_small(antialiased: bool) -> None:
     cloud = surface(np.random.default_rng(3), 120_000)
     scene = SplatScene.of(cloud, detail=True, antialiased=antialiased)
-    assert scene.width.shape[0] == 3
+    assert scene.width.shape[0] == detail.LEVELS
     per_level = np.diff(scene.starts[:: scene.width.shape[1]])
     assert per_level[1] < 0.35 * per_level[0] and per_level[2] < 0.35 * per_level[1]
     far, close = eye_at(-3.0), eye_at(-0.2)
@@ -205,6 +205,15 @@ def test_merged_gaussians_look_alike_where_they_are_small(antialiased: bool) -> 
     # The capture itself is drawn as without levels.
     plain = SplatScene.of(cloud, antialiased=antialiased)
     assert np.array_equal(draw_splats(plain, far).color, whole.color)
+
+
+def test_merging_in_blocks_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    cloud = surface(np.random.default_rng(6), 5_000)
+    whole = SplatScene.of(cloud, detail=True)
+    monkeypatch.setattr(detail, "BLOCK", 3)
+    blocks = SplatScene.of(cloud, detail=True)
+    for name in ("position", "covariance", "opacity", "color", "starts", "width"):
+        assert np.array_equal(getattr(blocks, name), getattr(whole, name)), name
 
 
 def test_what_bridges_a_gap_is_not_merged() -> None:

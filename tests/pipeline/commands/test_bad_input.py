@@ -121,7 +121,7 @@ def test_an_output_folder_that_is_a_file(tmp_path, refused):
     assert (tmp_path / "run").read_text() == "mine"
 
 
-def test_a_folder_where_nobody_can_write(refused):
+def test_a_folder_that_is_not_writable(refused):
     # /proc refuses everybody, root too, which a folder's mode bits would not.
     refused("not writable", "--out", "/proc/run")
 

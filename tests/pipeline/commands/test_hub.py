@@ -213,7 +213,7 @@ def test_an_upload_goes_on_when_its_connection_is_cut(
 
 
 @pytest.mark.parametrize("part", ["/commit/", "/tag/"])
-def test_a_release_that_was_cut_off_is_told_and_completed(
+def test_an_interrupted_release_is_reported_and_completed(
     hub: Hub, roots: dict[str, Path], push: Publish, part: str
 ) -> None:
     push(roots["first"], tag="first")

@@ -119,7 +119,7 @@ def test_the_default_tag_is_the_contents(units: list[Path], tmp_path: Path) -> N
 
 @pytest.mark.parametrize("licence", [None, "", "CC-BY-ND-4.0", "Ask us before you use this scan."])
 @pytest.mark.parametrize("yes", [False, True])
-def test_licences_that_do_not_allow_it_are_refused_unless_told(
+def test_forbidding_licences_are_refused_unless_confirmed(
     units: list[Path], tmp_path: Path, licence: str | None, yes: bool
 ) -> None:
     root, hub = make(units, tmp_path / "set", licence), FakeHub()

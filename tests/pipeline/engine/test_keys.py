@@ -193,7 +193,7 @@ def caller(x):
 """
 
 
-def test_a_kernel_is_compiled_anew_when_a_helper_of_another_module_changes(tree):
+def test_a_kernel_is_compiled_again_when_a_helper_of_another_module_changes(tree):
     helper, caller = tree / "formats/trial_helper.py", tree / "formats/trial_caller.py"
     caller.write_text(CALLER)
     code = "from vlnpe.formats.trial_caller import caller\nprint(caller(1), end=' ')\n"

@@ -250,7 +250,7 @@ def test_a_ledger_that_cannot_be_written_does_not_hide_why(tmp_path, workers, mo
         run_stage(full, "s", items)
 
 
-def test_a_piped_run_tells_each_stage_in_few_lines(tmp_path: Path) -> None:
+def test_a_piped_run_prints_few_lines_per_stage(tmp_path: Path) -> None:
     code = f"""
 from pathlib import Path
 from tests.support.runs import work

@@ -164,7 +164,7 @@ def test_handmade_triangle_is_sound(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_lying_gltf_is_refused(change: dict[str, Any], what: str, tmp_path: Path) -> None:
+def test_inconsistent_gltf_is_refused(change: dict[str, Any], what: str, tmp_path: Path) -> None:
     (tmp_path / "x.bin").write_bytes(bytes(42))
     folder = tmp_path / "scan"
     folder.mkdir()
@@ -472,7 +472,7 @@ FACES = "element face {}\nproperty list uchar int vertex_indices\nend_header\n"
 
 @pytest.mark.parametrize("kind", ["ascii", "binary_little_endian", "binary_big_endian"])
 @pytest.mark.parametrize("counts", [(4_000_000_000, 1), (3, 4_000_000_000), (-5, 1), (3, 2**63)])
-def test_lying_ply_headers_are_refused(kind: str, counts: tuple[int, int], tmp_path: Path) -> None:
+def test_false_ply_headers_are_refused(kind: str, counts: tuple[int, int], tmp_path: Path) -> None:
     path = tmp_path / "scan.ply"
     head = PLY.format(kind, counts[0]) + FACES.format(counts[1])
     path.write_bytes(head.encode() + b"0 0 0\n1 0 0\n1 1 0\n3 0 1 2\n")

@@ -127,7 +127,7 @@ def test_too_few_points(tmp_path: Path) -> None:
         read_points.read(path)
 
 
-def test_missing_open3d_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_open3d_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "scan.ply"
     trimesh.PointCloud(cloud(0.5)[0]).export(str(path))
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
@@ -135,7 +135,7 @@ def test_missing_open3d_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         read_points.read(path)
 
 
-def test_open3d_without_its_system_libraries_is_told(
+def test_open3d_without_its_system_libraries_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "scan.ply"
@@ -169,7 +169,7 @@ HEAD = "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n"
         (HEAD.replace("4 4 4", "4 4 3") + "WIDTH 1\nHEIGHT 1\nPOINTS 1\nDATA ascii\n", "SIZE"),
     ],
 )
-def test_lying_pcd_headers_are_refused(text: str, what: str, tmp_path: Path) -> None:
+def test_false_pcd_headers_are_refused(text: str, what: str, tmp_path: Path) -> None:
     path = tmp_path / "scan.pcd"
     path.write_bytes(text.encode("latin-1"))
     with pytest.raises(FileFormatError, match=what) as caught:

@@ -386,7 +386,7 @@ def test_unknown_settings(field: dict[str, Any]) -> None:
         RepairConfig(**field)
 
 
-def test_glb_with_a_lying_header(tmp_path: Path) -> None:
+def test_glb_with_a_false_header(tmp_path: Path) -> None:
     source = scans.write_glb(scans.room(), tmp_path / "scan.glb")
     data = bytearray(source.read_bytes())
     struct.pack_into("<I", data, 12, 0xFFFFFFF0)

@@ -180,7 +180,7 @@ def test_step_that_the_repair_made_is_found(copied: SceneBundle) -> None:
     assert any("over 15 mm that the scan does not have" in p for p in proof["problems"])
 
 
-def test_gap_that_nobody_lists_is_found(copied: SceneBundle) -> None:
+def test_an_unlisted_gap_is_found(copied: SceneBundle) -> None:
     rewrite(copied.root / "visual.npz", without(patch_faces(copied)))
 
     def uncover(arrays: Arrays) -> None:

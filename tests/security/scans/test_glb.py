@@ -165,7 +165,7 @@ def test_gigabytes_of_embedded_data_are_refused_unread(tmp_path: Path) -> None:
         json.dumps(tree(buffers=[{"byteLength": 10**18}])),
     ],
 )
-def test_headers_that_lie_are_refused(text: str, tmp_path: Path) -> None:
+def test_false_headers_are_refused(text: str, tmp_path: Path) -> None:
     (tmp_path / "points.bin").write_bytes(POINTS)
     refusal(lambda: read_scan(written(tmp_path, text)))
 
@@ -194,7 +194,7 @@ def test_cut_containers_are_refused(size: int, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("at", [8, 12])
-def test_containers_that_lie_about_lengths(at: int, tmp_path: Path) -> None:
+def test_containers_with_false_lengths(at: int, tmp_path: Path) -> None:
     data = bytearray(GLB)
     data[at : at + 4] = struct.pack("<I", 2**32 - 1)
     (tmp_path / "scan.glb").write_bytes(data)

@@ -52,7 +52,7 @@ def test_a_sparse_file_of_a_terabyte_is_refused(tmp_path: Path) -> None:
         (PCD, b"# comment\n" * 5000),
     ],
 )
-def test_headers_that_lie_are_refused(old: bytes, new: bytes, tmp_path: Path) -> None:
+def test_false_headers_are_refused(old: bytes, new: bytes, tmp_path: Path) -> None:
     assert old in PCD
     path = tmp_path / "a.pcd"
     path.write_bytes(PCD.replace(old, new, 1) + POINTS)

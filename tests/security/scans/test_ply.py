@@ -107,9 +107,7 @@ def test_textures_must_be_files(kind: str, tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("format", ["ascii", "binary_little_endian", "binary_big_endian"])
-def test_counts_that_lie_are_refused(
-    vertices: str, faces: str, format: str, tmp_path: Path
-) -> None:
+def test_false_counts_are_refused(vertices: str, faces: str, format: str, tmp_path: Path) -> None:
     refusal(lambda: scan_of(tmp_path, ply(vertices=vertices, faces=faces, format=format)))
 
 
@@ -127,7 +125,7 @@ def test_counts_that_lie_are_refused(
         "3 0 1 99999999999",
     ],
 )
-def test_faces_that_lie_are_dropped_or_refused(face: str, tmp_path: Path) -> None:
+def test_inconsistent_faces_are_dropped_or_refused(face: str, tmp_path: Path) -> None:
     try:
         scan = scan_of(tmp_path, ply(face=face))
     except Exception:

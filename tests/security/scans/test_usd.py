@@ -55,7 +55,7 @@ def read(folder: Path, text: str) -> None:
         ("(2, 0, 0)", "(nan, inf, 1e300)"),
     ],
 )
-def test_values_that_lie_are_named_or_harmless(old: str, new: str, tmp_path: Path) -> None:
+def test_false_values_are_named_or_harmless(old: str, new: str, tmp_path: Path) -> None:
     text = USDA.decode()
     assert old in text
     try:

@@ -1,0 +1,126 @@
+"""`make evidence`: train, evaluate, and write docs/evidence.md.
+
+Every cell is a training and an evaluation with one seed; finished ones are reused, so that the
+command can be interrupted and repeated, and more tables, seeds or data can be added later. Cells
+that the data at hand cannot fill stay unmeasured in the page.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from benchmarks.evidence import cells, digest
+from benchmarks.evidence.page import page
+from benchmarks.evidence.plan import Row, Table, tables
+from vlnpe.formats.core.atomic import atomic_file
+from vlnpe.formats.core.errors import VlnpeError
+from vlnpe.formats.core.progress import progress_bar
+from vlnpe.pipeline.cli import main as vlnpe
+
+ROOT = Path(__file__).resolve().parents[2]
+BENCH = Path("runs/dataset-bench")
+
+
+def main(arguments: list[str] | None = None, call: Callable[[Sequence[str]], int] = vlnpe) -> int:
+    """Fill the cells by `call`, the command `vlnpe`, and write the page; return the exit code."""
+    parser = argparse.ArgumentParser(prog="make evidence", description=__doc__)
+    parser.add_argument("--data", type=Path, default=BENCH, help="training run, or folder of runs")
+    parser.add_argument("--run", type=Path, default=BENCH, help="run with the unseen episodes")
+    parser.add_argument("--split", default="val_unseen", help="of those episodes")
+    parser.add_argument(
+        "--out", type=Path, default=Path("runs/evidence"), help="trainings, results"
+    )
+    parser.add_argument("--tables", default="", help="numbers, comma-separated; default all")
+    parser.add_argument("--rows", default="", help="labels, separated by semicolons; default all")
+    parser.add_argument("--seeds", default="", help="comma-separated; default of settings.yaml")
+    parser.add_argument("--settings", type=Path, default=cells.SETTINGS, help="YAML file")
+    parser.add_argument("--workers", type=int, default=0, help="of evaluations; 0: one per core")
+    parser.add_argument("--docs", type=Path, default=ROOT / "docs", help="folder of the page")
+    parser.add_argument("--only-page", action="store_true", help="measure nothing")
+    options = parser.parse_args(arguments)
+    try:
+        return _run(options, call)
+    except VlnpeError as error:
+        sys.stderr.write(f"make evidence: error: {error}\n")
+        return 2
+
+
+def _run(options: argparse.Namespace, call: Callable[[Sequence[str]], int]) -> int:
+    every = tables()
+    source = options.docs / "evidence.json"
+    if options.only_page:
+        _write_page(options.docs, digest.read(source), every)
+        return 0
+    settings = cells.read_settings(options.settings)
+    bench = cells.Bench(
+        options.data,
+        options.run,
+        options.split,
+        options.out,
+        settings,
+        cells.training_scenes(_training_run(options.data)),
+        options.workers,
+        call,
+    )
+    seeds = [int(seed) for seed in options.seeds.split(",") if seed] or list(settings.seeds)
+    chosen = [every[int(n)] for n in options.tables.split(",") if n] or list(every.values())
+    labels = {label.strip() for label in options.rows.split(";") if label.strip()}
+    reasons = {
+        row.cell(0): why
+        for t in every.values()
+        for row in t.rows
+        if (why := cells.missing(bench, row))
+    }
+    # Seed by seed, so that an interrupted run has whole tables of fewer seeds.
+    wanted = [
+        (row, seed)
+        for seed in seeds
+        for row in _distinct(chosen)
+        if row.cell(0) not in reasons and (not labels or row.label in labels)
+        if row.varies or seed == seeds[0]
+    ]
+    measured = replace(
+        bench, settings=replace(settings, seeds=tuple(sorted({*settings.seeds, *seeds})))
+    )
+    failed: list[str] = []
+    try:
+        with progress_bar("evidence", len(wanted)) as bar:
+            for row, seed in wanted:
+                try:
+                    cells.measure(bench, row, seed)
+                except VlnpeError as error:
+                    failed.append(f"{row.cell(seed)}: {error}")
+                    sys.stderr.write(f"make evidence: {failed[-1]}\n")
+                bar.update()
+    finally:  # also when it is interrupted
+        value = digest.collect(measured, every, reasons)
+        digest.write(source, value)
+        _write_page(options.docs, value, every)
+    return int(bool(failed))
+
+
+def _distinct(chosen: list[Table]) -> list[Row]:
+    """Return the rows of tables, each cell once."""
+    return list({row.cell(0): row for table in chosen for row in table.rows}.values())
+
+
+def _training_run(data: Path) -> Path:
+    """Return the first run folder in `data` that has training episodes."""
+    found = sorted(data.glob("**/episodes/train.json.gz"))
+    if not found:
+        raise VlnpeError(f"{data}: no run with episodes/train.json.gz; collect one first")
+    return found[0].parents[1]
+
+
+def _write_page(docs: Path, value: Mapping[str, Any], every: Mapping[int, Table]) -> None:
+    with atomic_file(docs / "evidence.md") as temporary:
+        temporary.write_text(page(value, every))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

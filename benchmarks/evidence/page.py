@@ -1,0 +1,156 @@
+"""docs/evidence.md, from the compact file of results."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from benchmarks.evidence.digest import walks_of
+from benchmarks.evidence.judge import (
+    UNMEASURED,
+    difference,
+    mean_interval,
+    verdict,
+)
+from benchmarks.evidence.plan import Claim, Table
+from vlnpe.evaluation.results import COLUMNS
+from vlnpe.learning.ablation.intervals import Difference
+
+SHOWN = ("SR", "OS", "SPL", "NE", "FR", "StR")
+_HEAD = """# What the data is worth
+
+Written by `make evidence` from `evidence.json`; do not edit. Each row is a policy that was trained
+(once per seed) and then walked the same unseen episodes in closed loop. Cells are means with 95 %
+intervals over seeds and scenes (`benchmarks/evidence/judge.py`): the variance over seeds and that
+over scenes and paths (clustered bootstrap) are added, and the width is Student's t. A row with one
+seed has an interval over scenes and paths alone. Differences are paired by episode. A claim is
+**reproduced** (**shown**, where VLN-PE does not report it) if the interval of its difference lies
+above zero, **contradicted** if it lies below, and **not shown** otherwise; claims are not corrected
+for their number. What was tuned, and on which scenes: [training.md](training.md).
+"""
+
+
+def page(value: Mapping[str, Any], tables: Mapping[int, Table]) -> str:
+    """Return the page of the compact file's content and all tables by number."""
+    scenes = sorted({episode[1] for episode in value["episodes"]})
+    settings, train = value["settings"], value["settings"]["train"]
+    rounds = settings["dagger_rounds"]
+    judged = {n: [_judged(value, table, c) for c in table.claims] for n, table in tables.items()}
+    measured = _measured(value, tables)
+    corrected = (
+        f", and {rounds} rounds of DAgger with {settings['dagger_episodes']} walks each, followed "
+        "by as many steps"
+    )
+    parts = [
+        _HEAD,
+        f"Training scenes: {len(value['training_scenes'])}. Test: {len(value['episodes'])} "
+        f"episodes in {len(scenes)} unseen scenes ({scenes[0]} … {scenes[-1]}), one instruction "
+        f"each. Every training: {train['steps']} steps of {train['batch']} episodes, images of "
+        f"{train['size_px']} px{corrected if rounds else ''}.\n",
+        "## Summary\n",
+        _summary(value, tables, judged),
+        *(_section(value, table, judged[n], measured) for n, table in tables.items()),
+        _sources(value),
+    ]
+    return "\n".join(parts).rstrip() + "\n"
+
+
+def _summary(
+    value: Mapping[str, Any],
+    tables: Mapping[int, Table],
+    judged: Mapping[int, list[tuple[str, str]]],
+) -> str:
+    lines = ["| table | measured rows | claims |", "| --- | ---: | --- |"]
+    for number, table in tables.items():
+        measured = sum(walks_of(value, table, row.label) is not None for row in table.rows)
+        verdicts = [found for _, found in judged[number]]
+        counts = ", ".join(f"{verdicts.count(v)} {v}" for v in dict.fromkeys(verdicts))
+        title = f"[{table.number}. {table.title}](#{_anchor(table)})"
+        lines.append(f"| {title} | {measured} of {len(table.rows)} | {counts} |")
+    return "\n".join(lines) + "\n"
+
+
+def _measured(value: Mapping[str, Any], tables: Mapping[int, Table]) -> dict[str, str]:
+    """Return the columns of every row that has results, by its cell's name for seed 0."""
+    found: dict[str, str] = {}
+    for table in tables.values():
+        for row in table.rows:
+            walks = walks_of(value, table, row.label)
+            if walks is not None and row.cell(0) not in found:  # tables share rows
+                cells = [_cell(mean_interval(walks, name)) for name in SHOWN]
+                found[row.cell(0)] = " | ".join([str(len(walks.seeds)), *cells])
+    return found
+
+
+def _section(
+    value: Mapping[str, Any],
+    table: Table,
+    judged: list[tuple[str, str]],
+    measured: Mapping[str, str],
+) -> str:
+    heads = [f"{name} [{COLUMNS[name][0]}]" for name in SHOWN]
+    lines = [
+        f"## {table.number}. {table.title}\n",
+        f"| row | seeds | {' | '.join(heads)} |",
+        "| --- | ---: |" + " ---: |" * len(SHOWN),
+    ]
+    for row in table.rows:
+        if row.cell(0) not in measured:
+            why = value["missing"].get(row.cell(0), "")
+            lines.append(
+                f"| {row.label} | 0 | {UNMEASURED}{': ' + why if why else ''} |"
+                + " |" * (len(SHOWN) - 1)
+            )
+        else:
+            lines.append(f"| {row.label} | {measured[row.cell(0)]} |")
+    lines += ["", "| claim | difference | verdict |", "| --- | ---: | --- |"]
+    for claim, (shown, found) in zip(table.claims, judged, strict=True):
+        lines.append(f"| {claim.text} ({claim.more} − {claim.less}) | {shown} | {found} |")
+    return "\n".join([*lines, "", f"VLN-PE: {table.paper}", ""])
+
+
+def _judged(value: Mapping[str, Any], table: Table, claim: Claim) -> tuple[str, str]:
+    """Return a claim's difference, and the verdict, in words."""
+    more, less = (walks_of(value, table, label) for label in (claim.more, claim.less))
+    if more is None or less is None:
+        return "–", UNMEASURED
+    found = difference(more, less, claim.metric)
+    unit = "points" if COLUMNS[claim.metric][0] == "%" else COLUMNS[claim.metric][0]
+    shown = f"{claim.metric} {found.mean:+.1f} ({found.low:+.1f} … {found.high:+.1f}) {unit}"
+    pairs = ((claim.more, more), (claim.less, less))
+    single = [w for label, w in pairs if table.row(label).varies and len(w.seeds) < 2]
+    judged = verdict(found, published=claim.published)
+    return shown, judged + (", with one seed" if single else "")
+
+
+def _cell(found: Difference) -> str:
+    if math.isnan(found.mean):
+        return "–"
+    return f"{found.mean:.1f} ({found.low:.1f} … {found.high:.1f})"
+
+
+def _sources(value: Mapping[str, Any]) -> str:
+    lines = [
+        "## Trainings and result files\n",
+        "Digests are SHA-256, their first 12 digits; held-out steps are those of `val_seen`, given "
+        "the true steps before.\n",
+        "| cell | episodes trained on | held-out actions right | stops | checkpoint | results |",
+        "| --- | ---: | ---: | ---: | --- | --- |",
+    ]
+    for name, cell in sorted(value["cells"].items()):
+        last = (cell.get("curve") or [{}])[-1]
+        right, stops = (
+            f"{100 * last[key]:.1f} %" if key in last else "–"
+            for key in ("held action", "held stop")
+        )
+        lines.append(
+            f"| {name} | {cell.get('episodes', '–')} | {right} | {stops} | "
+            f"{cell.get('checkpoint_sha256', '–')[:12]} | {cell['results_sha256'][:12]} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _anchor(table: Table) -> str:
+    kept = "".join(c for c in f"{table.number}. {table.title}".lower() if c.isalnum() or c in " -")
+    return kept.replace(" ", "-")

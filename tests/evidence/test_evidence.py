@@ -1,0 +1,178 @@
+"""`make evidence`: cells are made once, and the page says what they hold and what is missing."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.evidence import __main__ as command
+from benchmarks.evidence import cells, digest
+from benchmarks.evidence.page import page
+from benchmarks.evidence.plan import FULL, Claim, Row, Table, Test, Training, tables
+from tests.collectors.test_replay import make_episode
+from vlnpe.datasets.mixture.recipe import recipe_of
+from vlnpe.formats.core.errors import InputError
+from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.formats.vlnce.files import write_episodes
+from vlnpe.learning.config import train_config
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+
+
+@pytest.fixture
+def run(tmp_path: Path, two_rooms: SceneBundle) -> Path:
+    """A run with training and unseen episodes, and a dataset of the bodyless agent by name."""
+    episodes = [
+        replace(make_episode(two_rooms, (0.9, 2.3), goal, name=str(k)), scene_id=f"home-{k % 3}")
+        for k, goal in enumerate([(2.6, 2.0), (1.0, 0.6), (2.4, 0.8)] * 2)
+    ]
+    folder = tmp_path / "run"
+    (folder / "episodes").mkdir(parents=True)
+    write_episodes(folder / "episodes" / "train.json.gz", episodes)
+    unseen = [replace(e, split="val_unseen") for e in episodes]
+    write_episodes(folder / "episodes" / "val_unseen.json.gz", unseen)
+    info = folder / "lerobot" / "vlnce-flash-ego" / "meta" / "info.json"
+    info.parent.mkdir(parents=True)
+    info.write_text("{}")
+    return folder
+
+
+class Commands:
+    """Stands for `vlnpe`: writes what the commands write, and counts the calls."""
+
+    def __init__(self, fails: str = "") -> None:
+        self.calls: list[list[str]] = []
+        self.fails = fails
+
+    def __call__(self, arguments: Sequence[str]) -> int:
+        self.calls.append(list(arguments))
+        if self.fails and self.fails in " ".join(arguments):
+            return 1
+        out = Path(arguments[arguments.index("--out") + 1])
+        out.mkdir(parents=True, exist_ok=True)
+        if arguments[0] == "train":
+            name = "rdp" if "rdp" in out.name else "seq2seq" if "seq" in out.name else "cma"
+            (out / f"{name}.safetensors").write_bytes(b"weights")
+            return 0
+        good = "random" not in arguments
+        asked = cells.read_episodes(Path(arguments[1]))
+        metrics = {
+            "trajectory_length_m": 5.0,
+            "navigation_error_m": 1.0,
+            "fall": False,
+            "stuck": False,
+            "oracle_success": good,
+            "success": good,
+            "spl": float(good),
+            "ndtw": 0.5,
+            "duration_s": 9.0,
+        }
+        rows = [
+            {
+                "split": e.split,
+                "scene": e.scene_id,
+                "episode": e.episode_id,
+                "trajectory": e.trajectory_id,
+                "metrics": metrics,
+                "contacts": [],
+            }
+            for e in asked
+        ]
+        value = {"format": "vlnpe-results/1", "setting": {"policy": "random"}, "episodes": rows}
+        (out / "results.json").write_text(json.dumps(value))
+        return 0
+
+
+def call(run: Path, out: Path, *more: str) -> list[str]:
+    names = ["--data", str(run), "--run", str(run), "--out", str(out / "e"), "--docs", str(out)]
+    return [*names, "--tables", "1", "--seeds", "0,1", *more]
+
+
+def test_cells_are_made_once_and_the_page_says_what_is_missing(run: Path, tmp_path: Path) -> None:
+    commands = Commands()
+    (tmp_path / "docs").mkdir()
+    arguments = call(run, tmp_path / "docs")
+    assert command.main(arguments, commands) == 0
+    trainings = [c for c in commands.calls if c[0] == "train"]
+    assert len(trainings) == 7 * 2 and len({c[c.index("--out") + 1] for c in trainings}) == 14
+    evaluations = len(commands.calls) - len(trainings)
+    assert evaluations == 8 * 2 + 2  # forward and oracle do not vary
+    text = (tmp_path / "docs" / "evidence.md").read_text()
+    assert (
+        "| CMA uses vision (CMA − CMA, vision-blind) | SR +0.0 (+0.0 … +0.0) points | not shown |"
+        in text
+    )
+    assert "CMA is better than chance (CMA − random) | SR +100.0" in text and "reproduced" in text
+    assert "not measured: no data of h1/speed" in text and "not measured: the data has 3" in text
+    commands.calls.clear()
+    assert command.main(arguments, commands) == 0 and not commands.calls
+    again = (tmp_path / "docs" / "evidence.md").read_text()
+    assert again == text
+    assert command.main([*arguments, "--only-page"]) == 0
+    assert (tmp_path / "docs" / "evidence.md").read_text() == text
+
+
+def test_a_cell_that_fails_leaves_the_others(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command.main(call(run, tmp_path), Commands(fails="seq2seq-s1")) == 1
+    assert "seq2seq-s1--vlnce-flash-baked" in capsys.readouterr().err
+    value = digest.read(tmp_path / "evidence.json")
+    assert "seq2seq-s0--vlnce-flash-baked" in value["cells"]
+    assert "seq2seq-s1--vlnce-flash-baked" not in value["cells"]
+    assert "with one seed" in (tmp_path / "evidence.md").read_text()
+
+
+def test_every_training_is_a_valid_recipe_of_its_data(run: Path, tmp_path: Path) -> None:
+    scenes = tuple(f"home-{k}" for k in range(80))
+    bench = cells.Bench(run, run, "val_unseen", tmp_path, cells.read_settings(), scenes)
+    trainings = {
+        row.policy for t in tables().values() for row in t.rows if isinstance(row.policy, Training)
+    }
+    names = {training.name for training in trainings}
+    assert len(names) == len(trainings)
+    steps = cells.read_settings().train["steps"]
+    for training in trainings:
+        recipe = recipe_of(cells.recipe(bench, training))
+        config = train_config(recipe.train)
+        assert (config.model.name, config.model.inputs) == (training.model, training.inputs)
+        assert len(recipe.sources) == len(training.robots) and recipe.holdout == "split"
+        for source in recipe.sources.values():
+            assert len(source.scenes) == training.scenes
+            assert source.fraction == training.fraction
+        if training.model != "rdp":
+            assert config.steps == steps * (len(training.robots) if training.target else 1)
+
+
+def test_a_test_moves_the_camera_and_names_light_and_robot(run: Path, tmp_path: Path) -> None:
+    commands = Commands()
+    bench = cells.Bench(
+        run, run, "val_unseen", tmp_path, cells.read_settings(), (), 1, call=commands
+    )
+    test = Test("h1", "speed", "DL300", camera_height_m=0.5)
+    cells.measure(bench, Row("x", FULL, test), 3)
+    training, evaluation = commands.calls
+    assert training[0] == "train" and training[training.index("--seed") + 1] == "3"
+    told = " ".join(evaluation)
+    assert "--robot h1 --controller speed --light DL300 --camera-height 0.5" in told
+    assert "--camera-pitch" not in told and str(tmp_path / "trainings" / "cma-s3") in told
+
+
+def test_claims_name_rows() -> None:
+    with pytest.raises(InputError, match="no row"):
+        Table(1, "?", (Row("a", "random"),), (Claim("", "SR", "a", "b"),), "")
+
+
+def test_the_page_is_what_its_results_say() -> None:
+    source = DOCS / "evidence.json"
+    if not source.is_file():
+        pytest.skip("no results are published yet")
+    value = digest.read(source)
+    assert (DOCS / "evidence.md").read_text() == page(value, tables())
+    for cell in value["cells"].values():
+        assert np.array(cell["values"]).shape == (len(value["episodes"]), len(value["metrics"]))

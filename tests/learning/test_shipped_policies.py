@@ -1,0 +1,52 @@
+"""Checkpoints that come with vlnpe are small, whole, and drive the robot by their names."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.learning.conftest import Walks
+from vlnpe.evaluation.policy import policy_identity, shipped_policies
+from vlnpe.formats.core.atomic import file_digest
+from vlnpe.formats.vlnce.files import write_episodes
+from vlnpe.learning.card import card_path
+from vlnpe.learning.checkpoint import load_checkpoint
+from vlnpe.pipeline.cli import main
+
+EVIDENCE = Path(__file__).resolve().parents[2] / "docs" / "evidence.json"
+LARGEST_BYTES = 2_000_000
+
+
+@pytest.mark.parametrize("name", ["cma"])
+def test_a_shipped_checkpoint_is_small_and_whole(name: str) -> None:
+    path = shipped_policies()[name]
+    assert path.stat().st_size + card_path(path).stat().st_size < LARGEST_BYTES
+    checkpoint = load_checkpoint(path)
+    assert checkpoint.card.config.model.name == name
+    assert "/" not in "".join(d for s in checkpoint.card.data for d in s["datasets"])
+
+
+def test_the_shipped_cma_is_the_one_that_was_measured() -> None:
+    cells = json.loads(EVIDENCE.read_text())["cells"]
+    cell = cells["cma-s0--vlnce-flash-baked"]
+    assert cell["checkpoint_sha256"] == file_digest(shipped_policies()["cma"])
+
+
+def test_it_is_evaluated_by_name_and_sees_through_its_own_camera(
+    walks: Walks, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "run"
+    (folder / "episodes").mkdir(parents=True)
+    (folder / "scenes").mkdir()
+    (folder / "scenes" / "two_rooms").symlink_to(walks.scene.root)
+    write_episodes(folder / "episodes" / "train.json.gz", walks.episodes)
+    call = ["evaluate", str(folder), "--policy", "cma", "--robot", "vlnce", "--workers", "1"]
+    assert main([*call, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert told["setting"]["policy_version"] == policy_identity("cma", 1.0)
+    assert "64x64" in told["setting"]["view"] and not told["quarantined"]
+    (results,) = folder.glob("evaluations/*/results.json")
+    taken = json.loads(results.read_text())["episodes"]
+    assert len(taken) == len(walks.episodes)
