@@ -60,8 +60,8 @@ def collection_page() -> str:
     values: dict[str, Any] = {
         field.name: long.get(str(field.type), "aliengo") for field in fields(RobotRow)
     }
-    values |= {"driven": "speed, open loop, 50 steps, seed 12"}
-    robots = [RobotRow(**values), RobotRow(**values | {"robot": "my_own_robot"})]
+    values["driven"] = "speed, open loop, 50 steps, seed 12"
+    robots = [RobotRow(**values), RobotRow(**{**values, "robot": "my_own_robot"})]
     walk = {"robot": "aliengo", "controller": "speed", "outcome": "collision start"}
     walk |= dict.fromkeys(("tl", "ne", "spl", "ndtw", "seconds"), 123.4)
     episode = {"id": "exact-apartment-200-17", "split": "val_unseen", "path": 12.3, "texts": 3}

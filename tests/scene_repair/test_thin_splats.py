@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from vlnpe.formats.core.frames import matrix_to_quat
@@ -29,7 +31,8 @@ def sheet(kept: float, opacity: float, z_m: float, rng: np.random.Generator) -> 
 
 def joined(*clouds: GaussianCloud) -> GaussianCloud:
     names = ("position", "scale", "quat_wxyz", "opacity", "harmonics")
-    return GaussianCloud(**{n: np.concatenate([getattr(c, n) for c in clouds]) for n in names})
+    fields: dict[str, Any] = {n: np.concatenate([getattr(c, n) for c in clouds]) for n in names}
+    return GaussianCloud(**fields)
 
 
 def test_a_loose_sheet_is_closed_and_a_dense_one_stays() -> None:
