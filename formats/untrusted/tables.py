@@ -59,7 +59,10 @@ def read_table(
     try:
         with pq.ParquetFile(path) as file:
             check_size(path, file, columns)
-        return pq.read_table(path, columns=None if columns is None else [*columns], filters=filters)
+        names = None if columns is None else [*columns]
+        table = pq.read_table(path, columns=names, filters=filters)
+        table.validate(full=True)  # texts that are not UTF-8 would fail where they are used
+        return table
     except (OSError, ValueError, KeyError, pa.ArrowException) as error:
         raise _damaged(path, error) from error
 

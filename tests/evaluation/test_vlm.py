@@ -135,7 +135,7 @@ def test_where_the_model_is_must_be_said(monkeypatch) -> None:
             policy_identity(name, 1.0)
     monkeypatch.setenv("VLNPE_LLM_BASE_URL", "http://127.0.0.1:9/v1")
     monkeypatch.setenv("VLNPE_LLM_MODEL", "model-x")
-    with pytest.raises(InputError, match="--max-tokens and --max-cost: valid: 0"):
+    with pytest.raises(InputError, match="--max-cost must not be negative; valid: 0"):
         policy_identity("vlm", 1.0, ModelUse(max_tokens=-1))
 
 

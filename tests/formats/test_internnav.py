@@ -330,7 +330,7 @@ DAMAGE: dict[str, str] = {
     "pickled depth": "truncated or corrupt",
     "strange header": "truncated or corrupt",
     "negative length": "truncated or corrupt",
-    "far away": "column observation.robot_position: 1e\\+200",
+    "far away": r"column observation.robot_position contains 1e\+200",
     "no colour": "no such file",
     "fewer rows": "8 rows, 9 colour and 9 depth frames",
     "fewer depths": "9 rows, 9 colour and 7 depth frames",

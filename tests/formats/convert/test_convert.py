@@ -294,7 +294,7 @@ def test_bad_mcap_files_are_named(tmp_path: Path, damage: str, reason: str) -> N
     ("damage", "reason"),
     [
         ("no info", "not a LeRobot dataset"),
-        ("v2.1", "LeRobot v2.1"),
+        ("v2.1", "LeRobot format v2.1"),
         ("fewer episodes", "3 episodes listed"),
         ("cut video", "rgb"),
         ("cut rows", "rows"),
@@ -454,8 +454,8 @@ def test_the_command_refuses_what_it_cannot_use(
     second = export_mcap(tmp_path, other, "b")
     out = str(tmp_path / "out")
     for source, to, words in [
-        (first.parent, "lerobot", [str(second), "h1", "another robot", str(first), "aliengo"]),
-        (first.parent, "mcap", ["already mcap"]),
+        (first.parent, "lerobot", [str(second), "h1", "different robot", str(first), "aliengo"]),
+        (first.parent, "mcap", ["already has the format mcap"]),
         (tmp_path / "none", "mcap", ["no such file"]),
         (tmp_path / "frames-a", "mcap", ["nothing to convert"]),
     ]:

@@ -171,7 +171,7 @@ def test_the_same_id_in_two_splits_is_two_episodes(run, tmp_path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--policy", "cma"], "policy 'cma'.*valid: .*random.*ws://"),
+        (["--policy", "genius"], "policy 'genius'.*valid: .*random.*ws://"),
         (["--controller", "path"], "'path' does not carry out discrete.*valid: speed, flash"),
         (["--actions", "waypoints"], "only a policy server gives such actions"),
         (["--split", "train"], "split 'train'.*valid: .*val_seen"),
