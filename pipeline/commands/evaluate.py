@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import sys
 from collections.abc import Mapping
 from dataclasses import asdict, replace
@@ -48,6 +49,8 @@ from ..inputs.views import chosen_views
 from ..options.evaluate import Compare, Evaluate
 from ..stages import evaluate, export, policy_report, render, repair, replay
 
+log = logging.getLogger(__name__)
+
 CACHE = "llm_cache"  # name of the folder of a model's answers, which were paid for
 FRAMES_PER_SECOND = 4  # of images in MCAP files: one per action in VLN-PE's timing
 
@@ -82,6 +85,7 @@ def run_evaluate(options: Evaluate) -> int:
             "robot's own (ego), under one light"
         )
     (view,) = views
+    _warn_of_other_training(options.policy, robot.name, options.controller, options.light)
     episodes, scenes_folder = asked_episodes(options.episodes, options.scenes, options.split)
     episodes = episodes[: options.limit]
     scenes = repair.rows_of(scenes_folder)
@@ -217,6 +221,19 @@ def asked_episodes(
             raise UnknownNameError("split", split, splits)
         episodes = [e for e in episodes if e.split == split]
     return episodes, scenes
+
+
+def _warn_of_other_training(policy: str, robot: str, controller: str, light: str) -> None:
+    """Warn if a learned policy is to drive what it was not trained on."""
+    if (path := checkpoint_path(policy)) is None:
+        return
+    card, *_ = read_card(path)
+    asked = {"robot": robot, "controller": controller, "light": light}
+    trained = {"robot": card.robots, "controller": card.controllers, "light": card.lights}
+    for name, value in asked.items():
+        if trained[name] and value not in trained[name]:
+            known = ", ".join(trained[name])
+            log.warning("%s was trained on %s %s, not on %s", policy, name, known, value)
 
 
 def _camera(options: Evaluate) -> str:

@@ -106,7 +106,10 @@ def _unknown(root: Path, below: str, records: Mapping[str, FileRecord]) -> Itera
         if any(part.startswith(TEMPORARY_PREFIX) for part in relative.parts):
             problem = "left by a process that was killed; the next run removes it"
         else:
-            problem = "not in the manifest: nothing that finished in this run wrote it"
+            problem = (
+                "not in the manifest: nothing that finished in this run wrote it; if a run was "
+                "stopped, run its command again"
+            )
         yield Check(relative.as_posix(), problem)
 
 

@@ -104,8 +104,8 @@ def test_cells_are_made_once_and_the_page_says_what_is_missing(run: Path, tmp_pa
     assert evaluations == 8 * 2 + 2  # forward and oracle do not vary
     text = (tmp_path / "docs" / "evidence.md").read_text()
     assert (
-        "| CMA uses vision (CMA − CMA, vision-blind) | SR +0.0 (+0.0 … +0.0) points | not shown |"
-        in text
+        "| CMA uses vision; its rival is weak, it leaves the building through walls (CMA − CMA, "
+        "vision-blind) | SR +0.0 (+0.0 … +0.0) points | not shown |" in text
     )
     assert "CMA is better than chance (CMA − random) | SR +100.0" in text and "reproduced" in text
     assert "not measured: no data of h1/speed" in text and "not measured: the data has 3" in text

@@ -14,6 +14,7 @@ from vlnpe.formats.vlnce.files import write_episodes
 from vlnpe.learning.card import card_path
 from vlnpe.learning.checkpoint import load_checkpoint
 from vlnpe.pipeline.cli import main
+from vlnpe.pipeline.commands.evaluate import _warn_of_other_training
 
 EVIDENCE = Path(__file__).resolve().parents[2] / "docs" / "evidence.json"
 LARGEST_BYTES = 2_000_000
@@ -32,6 +33,15 @@ def test_the_shipped_cma_is_the_one_that_was_measured() -> None:
     cells = json.loads(EVIDENCE.read_text())["cells"]
     cell = cells["cma-s0--vlnce-flash-baked"]
     assert cell["checkpoint_sha256"] == file_digest(shipped_policies()["cma"])
+
+
+def test_what_it_was_not_trained_on_is_said(caplog: pytest.LogCaptureFixture) -> None:
+    for policy, robot, controller in (("random", "h1", "speed"), ("cma", "vlnce", "flash")):
+        _warn_of_other_training(policy, robot, controller, "baked")
+    assert not caplog.records
+    _warn_of_other_training("cma", "aliengo", "speed", "baked")
+    assert "cma was trained on robot vlnce, not on aliengo" in caplog.text
+    assert "cma was trained on controller flash, not on speed" in caplog.text
 
 
 def test_it_is_evaluated_by_name_and_sees_through_its_own_camera(
