@@ -16,7 +16,8 @@ from typing import Any
 
 from benchmarks.evidence import cells, digest
 from benchmarks.evidence.page import page
-from benchmarks.evidence.plan import Row, Table, tables
+from benchmarks.evidence.plan import tables
+from benchmarks.evidence.records import Row, Table
 from vlnpe.formats.core.atomic import atomic_file
 from vlnpe.formats.core.errors import VlnpeError
 from vlnpe.formats.core.progress import progress_bar
@@ -51,10 +52,10 @@ def main(arguments: list[str] | None = None, call: Callable[[Sequence[str]], int
 
 
 def _run(options: argparse.Namespace, call: Callable[[Sequence[str]], int]) -> int:
-    every = tables()
     source = options.docs / "evidence.json"
+    published = digest.read(source) if source.is_file() else None
     if options.only_page:
-        _write_page(options.docs, digest.read(source), every)
+        _write_page(options.docs, published or digest.read(source))
         return 0
     settings = cells.read_settings(options.settings)
     bench = cells.Bench(
@@ -67,6 +68,7 @@ def _run(options: argparse.Namespace, call: Callable[[Sequence[str]], int]) -> i
         options.workers,
         call,
     )
+    every = tables(len(bench.scenes))
     seeds = [int(seed) for seed in options.seeds.split(",") if seed] or list(settings.seeds)
     chosen = [every[int(n)] for n in options.tables.split(",") if n] or list(every.values())
     labels = {label.strip() for label in options.rows.split(";") if label.strip()}
@@ -98,9 +100,9 @@ def _run(options: argparse.Namespace, call: Callable[[Sequence[str]], int]) -> i
                     sys.stderr.write(f"make evidence: {failed[-1]}\n")
                 bar.update()
     finally:  # also when it is interrupted
-        value = digest.collect(measured, every, reasons)
+        value = digest.collect(measured, every, reasons, published)
         digest.write(source, value)
-        _write_page(options.docs, value, every)
+        _write_page(options.docs, value)
     return int(bool(failed))
 
 
@@ -117,9 +119,9 @@ def _training_run(data: Path) -> Path:
     return found[0].parents[1]
 
 
-def _write_page(docs: Path, value: Mapping[str, Any], every: Mapping[int, Table]) -> None:
+def _write_page(docs: Path, value: Mapping[str, Any]) -> None:
     with atomic_file(docs / "evidence.md") as temporary:
-        temporary.write_text(page(value, every))
+        temporary.write_text(page(value, tables(len(value["training_scenes"]))))
 
 
 if __name__ == "__main__":

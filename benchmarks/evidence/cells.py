@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from benchmarks.evidence.plan import Row, Training
+from benchmarks.evidence.records import Row, Training
 from vlnpe.datasets.mixture.recipe import read_recipe, recipe_path
 from vlnpe.evaluation.results import RESULTS_NAME, read_results
 from vlnpe.evaluation.rounds import spread
@@ -113,9 +113,17 @@ def missing(bench: Bench, row: Row) -> str:
     if row.policy.scenes > len(bench.scenes):
         return f"the data has {len(bench.scenes)} training scenes"
     for walks in row.policy.robots:
-        if not list(bench.data.glob(f"**/lerobot/{walks.replace('/', '-')}-*/meta/info.json")):
+        if not _datasets(bench, walks):
             return f"no data of {walks}"
     return ""
+
+
+def _datasets(bench: Bench, walks: str) -> list[Path]:
+    """Return the datasets of a robot's walks, as `robot/controller`."""
+    return sorted(
+        info.parents[1]
+        for info in bench.data.glob(f"**/lerobot/{walks.replace('/', '-')}-*/meta/info.json")
+    )
 
 
 def measure(bench: Bench, row: Row, seed: int) -> Path:
@@ -226,11 +234,10 @@ def _asked(bench: Bench) -> Path:
 
 def _run_of(bench: Bench, training: Training) -> Path:
     """Return the run folder whose training episodes DAgger walks."""
-    pattern = f"**/lerobot/{training.robots[0].replace('/', '-')}-*/meta/info.json"
-    found = sorted(bench.data.glob(pattern))
+    found = _datasets(bench, training.robots[0])
     if not found:
         raise CellError(f"{bench.data}: no data of {training.robots[0]}")
-    return found[0].parents[3]
+    return found[0].parents[1]
 
 
 def _call(bench: Bench, arguments: Sequence[str]) -> None:

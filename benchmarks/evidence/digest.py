@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,42 +11,49 @@ import numpy as np
 
 from benchmarks.evidence.cells import Bench, asked, results_of
 from benchmarks.evidence.judge import METRICS, Walks
-from benchmarks.evidence.plan import Table, Training
+from benchmarks.evidence.records import Row, Table
 from vlnpe.evaluation.policy import checkpoint_path
 from vlnpe.evaluation.results import COLUMNS, read_results
 from vlnpe.formats.core.atomic import atomic_file, file_digest
 from vlnpe.formats.core.errors import FileFormatError, InputError
 from vlnpe.learning.card import read_card
 
-FORMAT = "vlnpe-evidence/1"
+FORMAT = "vlnpe-evidence/2"
+_SAME = ("metrics", "settings", "training_scenes", "episodes")
 
 
 def collect(
-    bench: Bench, tables: Mapping[int, Table], missing: Mapping[str, str]
+    bench: Bench,
+    tables: Mapping[int, Table],
+    missing: Mapping[str, str],
+    published: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Return the content of the compact file: every cell that has results.
 
     A cell that a table shares with another stands there once. Per episode it holds the metrics in
-    the order of `METRICS`, rounded to 0.01.
+    the order of `METRICS`, rounded to 0.01. Published cells that were not measured again stay if
+    episodes, settings and training scenes are the same, so that a page can grow on several
+    machines.
 
     Args:
         bench: data and outputs.
         tables: all of them.
         missing: why a row cannot be measured with the data at hand, by its cell's name for seed 0.
+        published: content of the compact file so far.
 
     Raises:
-        InputError: A results file does not hold the episodes that were asked for.
+        InputError: A results file does not hold the episodes that were asked for, or a published
+            cell was trained on other data than another seed of it.
     """
     episodes = asked(bench)
-    uids = [f"{e.split}/{e.scene_id}/{e.episode_id}" for e in episodes]
+    uids = [_uid(e.split, e.scene_id, e.episode_id) for e in episodes]
     cells: dict[str, Any] = {}
-    for table in tables.values():
-        for row in table.rows:
-            for seed in bench.settings.seeds:
-                name, path = row.cell(seed), results_of(bench, row, seed)
-                if path.is_file() and name not in cells:
-                    cells[name] = _cell(path, uids)
-    return {
+    for row in _rows(tables):
+        for seed in bench.settings.seeds:
+            path = results_of(bench, row, seed)
+            if path.is_file() and row.cell(seed) not in cells:
+                cells[row.cell(seed)] = _cell(path, uids)
+    value = {
         "format": FORMAT,
         "metrics": list(METRICS),
         "settings": {
@@ -56,14 +63,42 @@ def collect(
         },
         "training_scenes": list(bench.scenes),
         "episodes": [[e.split, e.scene_id, e.trajectory_id, e.episode_id] for e in episodes],
+        "seeds": list(bench.settings.seeds),
         "missing": dict(missing),
         "cells": cells,
     }
+    return _with_published(value, published, tables) if published else value
+
+
+def _with_published(
+    value: dict[str, Any], published: Mapping[str, Any], tables: Mapping[int, Table]
+) -> dict[str, Any]:
+    """Return the value with the published cells of the same bench that it lacks."""
+    if any(value[key] != published[key] for key in _SAME):
+        return value
+    seeds = sorted({*value["seeds"], *published["seeds"]})
+    cells = {**published["cells"], **value["cells"]}
+    for row in _rows(tables):
+        seen = [cells[name].get("data_sha") for s in seeds if (name := row.cell(s)) in cells]
+        if any(sha != seen[0] for sha in seen):
+            raise InputError(
+                f"{row.cell(seeds[0])}: its seeds were trained on different data, some of them for "
+                "the published page; write to another --docs"
+            )
+    return {**value, "seeds": seeds, "cells": cells}
+
+
+def _rows(tables: Mapping[int, Table]) -> Iterator[Row]:
+    return (row for table in tables.values() for row in table.rows)
+
+
+def _uid(split: str, scene: str, episode: str) -> str:
+    return f"{split}/{scene}/{episode}"
 
 
 def _cell(path: Path, uids: list[str]) -> dict[str, Any]:
     found = read_results(path)
-    by_uid = {f"{e['split']}/{e['scene']}/{e['episode']}": e for e in found["episodes"]}
+    by_uid = {_uid(e["split"], e["scene"], e["episode"]): e for e in found["episodes"]}
     lost = [uid for uid in uids if uid not in by_uid]
     if lost:
         raise InputError(f"{path}: lacks {len(lost)} episodes, for example {lost[0]}")
@@ -106,20 +141,14 @@ def read(path: Path) -> dict[str, Any]:
 def walks_of(value: Mapping[str, Any], table: Table, label: str) -> Walks | None:
     """Return what a row's seeds measured, or None if no seed did."""
     row = table.row(label)
-    found = {}
-    for name, cell in value["cells"].items():
-        head, _, test = name.partition("--")
-        policy, _, seed = head.rpartition("-s")
-        own = row.policy.name if isinstance(row.policy, Training) else row.policy
-        if policy == own and test == row.test.name:
-            found[int(seed)] = cell
-    if not found:
+    seeds = [seed for seed in value["seeds"] if row.cell(seed) in value["cells"]]
+    if not seeds:
         return None
-    seeds = sorted(found)
-    values = np.array([found[seed]["values"] for seed in seeds], float)  # (S, N, metrics)
+    cells = [value["cells"][row.cell(seed)] for seed in seeds]
+    values = np.array([cell["values"] for cell in cells], float)  # (S, N, metrics)
     episodes = value["episodes"]
     return Walks(
-        tuple("/".join((e[0], e[1], e[3])) for e in episodes),
+        tuple(_uid(e[0], e[1], e[3]) for e in episodes),
         tuple(e[1] for e in episodes),
         tuple(e[2] for e in episodes),
         {metric: values[:, :, k] for k, metric in enumerate(value["metrics"])},

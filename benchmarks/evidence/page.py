@@ -13,7 +13,7 @@ from benchmarks.evidence.judge import (
     mean_interval,
     verdict,
 )
-from benchmarks.evidence.plan import Claim, Table
+from benchmarks.evidence.records import Claim, Table
 from vlnpe.evaluation.results import COLUMNS
 from vlnpe.learning.ablation.intervals import Difference
 

@@ -3,155 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
-from vlnpe.formats.core.errors import InputError
+from benchmarks.evidence.records import BODYLESS, Claim, Row, Table, Test, Training
 
-ALL_INPUTS = ("rgb", "depth", "instruction")
 ROBOTS = ("h1", "aliengo", "jetbot")
-
-
-@dataclass(frozen=True)
-class Training:
-    """One row's training; every seed is a training of its own.
-
-    Attributes:
-        name: of its folder.
-        robots: whose walks, each with its controller, as `robot/controller`.
-        model: key of `learning.config.MODELS`.
-        inputs: of the model; features of the others are zero.
-        scenes: number of training scenes, 0 for all.
-        fraction: of the paths in each of them.
-        target: robot whose data must be passed over as often as in its own training; "" trains for
-            as many optimiser steps as every other row.
-    """
-
-    name: str
-    robots: tuple[str, ...] = ("vlnce/flash",)
-    model: str = "cma"
-    inputs: tuple[str, ...] = ALL_INPUTS
-    scenes: int = 0
-    fraction: float = 1.0
-    target: str = ""
-
-
-@dataclass(frozen=True)
-class Test:
-    """What a policy is tested with.
-
-    Attributes:
-        robot, controller, light: names, as `vlnpe evaluate` takes them.
-        camera_height_m, camera_pitch_deg: of a camera that was moved.
-    """
-
-    __test__ = False  # not pytest's
-
-    robot: str = "vlnce"
-    controller: str = "flash"
-    light: str = "baked"
-    camera_height_m: float | None = None
-    camera_pitch_deg: float | None = None
-
-    @property
-    def name(self) -> str:
-        """Part of a folder's name."""
-        parts = [self.robot, self.controller, self.light]
-        if self.camera_height_m is not None:
-            parts.append(f"height-{self.camera_height_m:g}")
-        if self.camera_pitch_deg is not None:
-            parts.append(f"pitch-{self.camera_pitch_deg:g}")
-        return "-".join(parts)
-
-
-@dataclass(frozen=True)
-class Row:
-    """One row of a table: a trained policy, or one of the policies without training, and its test.
-
-    Attributes:
-        label: unique within its table.
-        policy: a training, or the name of a policy of `vlnpe evaluate`.
-        test: robot, controller, light and camera.
-    """
-
-    label: str
-    policy: Training | str
-    test: Test = Test()
-
-    @property
-    def varies(self) -> bool:
-        """Whether seeds differ: of a training, or of the draws of `random`."""
-        return isinstance(self.policy, Training) or self.policy == "random"
-
-    def cell(self, seed: int) -> str:
-        """Return the name of the evaluation's folder."""
-        name = self.policy.name if isinstance(self.policy, Training) else self.policy
-        return f"{name}-s{seed}--{self.test.name}"
-
-
-@dataclass(frozen=True)
-class Claim:
-    """A difference between two rows that a finding predicts to be above zero.
-
-    Attributes:
-        text: what is said if it is.
-        metric: column of the results.
-        more, less: labels of the rows.
-        published: whether VLN-PE reports it, so that it can be reproduced.
-    """
-
-    text: str
-    metric: str
-    more: str
-    less: str
-    published: bool = True
-
-
-@dataclass(frozen=True)
-class Table:
-    """One table of the page.
-
-    Attributes:
-        number: of the table.
-        title: as a question.
-        rows: in order.
-        claims: judged from the intervals.
-        paper: what VLN-PE reports for the same question.
-    """
-
-    number: int
-    title: str
-    rows: tuple[Row, ...]
-    claims: tuple[Claim, ...]
-    paper: str
-
-    def __post_init__(self) -> None:
-        labels = [row.label for row in self.rows]
-        if len(set(labels)) < len(labels):
-            raise InputError(f"table {self.number}: labels {labels} are not unique")
-        for claim in self.claims:
-            for label in (claim.more, claim.less):
-                if label not in labels:
-                    raise InputError(f"table {self.number}: a claim about {label!r}, no row of it")
-
-    def row(self, label: str) -> Row:
-        """Return the row with a label."""
-        return next(row for row in self.rows if row.label == label)
-
-
-FULL = Training("cma")
-LANGUAGE_BLIND = Training("cma-language-blind", inputs=("rgb", "depth"))
-VISION_BLIND = Training("cma-vision-blind", inputs=("instruction",))
-DEPTH_ONLY = Training("cma-depth-only", inputs=("depth", "instruction"))
-RGB_ONLY = Training("cma-rgb-only", inputs=("rgb", "instruction"))
-SEQ2SEQ = Training("seq2seq", model="seq2seq")
-RDP = Training("rdp", model="rdp")
-H1 = Test("h1", "speed")
+FULL = Training()
+LANGUAGE_BLIND = Training(inputs=("rgb", "depth"))
+VISION_BLIND = Training(inputs=("instruction",))
+DEPTH_ONLY = Training(inputs=("depth", "instruction"))
+RGB_ONLY = Training(inputs=("rgb", "instruction"))
+SEQ2SEQ = Training(model="seq2seq")
+RDP = Training(model="rdp")
+H1_DATA, H1 = ("h1/speed",), Test("h1", "speed")
 _FULL, _DEAF, _BLIND = "CMA", "CMA, language-blind", "CMA, vision-blind"
 
 
-def tables() -> Mapping[int, Table]:
-    """Return all tables by number."""
-    made = (_senses(), _gap(), _controller(), _embodiments(), _light(), _camera(), _amount())
+def tables(training_scenes: int) -> Mapping[int, Table]:
+    """Return all tables by number; data of `training_scenes` scenes is all data."""
+    made = (_senses(), _gap(), _controller(), _embodiments(), _light(), _camera())
+    made += (_amount(training_scenes), _humanoid())
     return {table.number: table for table in made}
 
 
@@ -216,7 +86,7 @@ def _gap() -> Table:
 
 def _controller() -> Table:
     data = {"flash": "without", "speed": "with"}
-    trained = {name: Training(f"cma-h1-{name}", (f"h1/{name}",)) for name in data}
+    trained = {name: Training((f"h1/{name}",)) for name in data}
 
     def label(way: str, test: str) -> str:
         return f"trained {data[way]} locomotion, tested {data[test]}"
@@ -254,16 +124,15 @@ def _controller() -> Table:
 def _embodiments() -> Table:
     own = {name: (f"{name}/speed",) for name in ROBOTS}
     three = tuple(f"{name}/speed" for name in ROBOTS)
-    data = {"VLN-CE style": ("vlnce/flash",), **own}
-    data |= {"three robots": three, "three + VLN-CE style": (*three, "vlnce/flash")}
+    data = {"VLN-CE style": BODYLESS, **own}
+    data |= {"three robots": three, "three + VLN-CE style": (*three, *BODYLESS)}
     tests = {"vlnce": Test(), **{name: Test(name, "speed") for name in ROBOTS}}
     rows, claims = [], []
     for robot, test in tests.items():
         for name, walks in data.items():
-            training = Training(f"cma-on-{_slug(name)}", walks) if walks != FULL.robots else FULL
-            rows.append(Row(f"{name} → {robot}", training, test))
+            rows.append(Row(f"{name} → {robot}", Training(walks), test))
         if robot in ROBOTS:
-            joint = Training(f"cma-on-three-passes-{robot}", three, target=robot)
+            joint = Training(three, target=robot)
             rows.append(Row(f"three robots, equal passes → {robot}", joint, test))
             claims += [
                 Claim(
@@ -330,11 +199,14 @@ def _camera() -> Table:
     return Table(6, "Height and pitch of the camera", tuple(rows), claims, paper)
 
 
-def _amount() -> Table:
-    rows = [Row(f"{n} scenes", Training(f"cma-{n}-scenes", scenes=n)) for n in (10, 20, 40, 80)]
+def _amount(training_scenes: int) -> Table:
+    rows = [
+        Row(f"{n} scenes", FULL if n == training_scenes else Training(scenes=n))
+        for n in (10, 20, 40, 80)
+    ]
     parts = {"quarter": 0.25, "half": 0.5}
     rows += [
-        Row(f"all scenes, {name} of their paths", Training(f"cma-{name}", fraction=part))
+        Row(f"all scenes, {name} of their paths", Training(fraction=part))
         for name, part in parts.items()
     ]
     rows.append(Row("all scenes and paths", FULL))
@@ -352,5 +224,21 @@ def _amount() -> Table:
     return Table(7, "How much data", tuple(rows), claims, "It has no such table.")
 
 
-def _slug(text: str) -> str:
-    return text.lower().replace(" + ", "-and-").replace(" ", "-")
+def _humanoid() -> Table:
+    rows = (
+        Row(_FULL, Training(H1_DATA), H1),
+        Row(_DEAF, Training(H1_DATA, inputs=LANGUAGE_BLIND.inputs), H1),
+        Row(_BLIND, Training(H1_DATA, inputs=VISION_BLIND.inputs), H1),
+        Row("CMA, 10 scenes", Training(H1_DATA, scenes=10), H1),
+        Row("random", "random", H1),
+        Row("forward", "forward", H1),
+        Row("oracle", "oracle", H1),
+    )
+    claims = (
+        Claim("CMA uses the language", "SR", _FULL, _DEAF, published=False),
+        Claim("CMA uses vision", "SR", _FULL, _BLIND, published=False),
+        Claim("CMA is better than chance", "SR", _FULL, "random"),
+        Claim("all scenes are better than 10", "SR", _FULL, "CMA, 10 scenes", published=False),
+    )
+    paper = "CMA from scratch on H1's data, under physics, val_unseen: SR 18.8; random 3.0."
+    return Table(8, "The humanoid's own data, under physics", rows, claims, paper)

@@ -13,7 +13,8 @@ import pytest
 from benchmarks.evidence import __main__ as command
 from benchmarks.evidence import cells, digest
 from benchmarks.evidence.page import page
-from benchmarks.evidence.plan import FULL, Claim, Row, Table, Test, Training, tables
+from benchmarks.evidence.plan import FULL, tables
+from benchmarks.evidence.records import Claim, Row, Table, Test, Training
 from tests.collectors.test_replay import make_episode
 from vlnpe.datasets.mixture.recipe import recipe_of
 from vlnpe.formats.core.errors import InputError
@@ -128,11 +129,48 @@ def test_a_cell_that_fails_leaves_the_others(
     assert "with one seed" in (tmp_path / "evidence.md").read_text()
 
 
+def test_published_cells_of_the_same_bench_stay(run: Path, tmp_path: Path) -> None:
+    """Rows measured elsewhere are kept, those of another bench are not."""
+    docs = tmp_path / "docs"
+    docs.mkdir()
+    assert command.main([*call(run, docs), "--rows", "random"], Commands()) == 0
+    first = digest.read(docs / "evidence.json")
+    elsewhere = [*call(run, docs), "--rows", "forward", "--out", str(tmp_path / "elsewhere")]
+    assert command.main(elsewhere, Commands()) == 0
+    both = digest.read(docs / "evidence.json")
+    assert first["cells"].items() < both["cells"].items()
+    assert set(both["cells"]) - set(first["cells"]) == {"forward-s0--vlnce-flash-baked"}
+    fewer = tmp_path / "settings.yaml"
+    fewer.write_text(cells.SETTINGS.read_text().replace("episodes: 204", "episodes: 3"))
+    other = [*elsewhere[:-1], str(tmp_path / "other"), "--settings", str(fewer)]
+    assert command.main(other, Commands()) == 0
+    assert set(digest.read(docs / "evidence.json")["cells"]) == {"forward-s0--vlnce-flash-baked"}
+
+
+def test_seeds_trained_on_different_data_are_refused(run: Path, tmp_path: Path) -> None:
+    bench = cells.Bench(run, run, "val_unseen", tmp_path, cells.read_settings(), ())
+    cells.measure(replace(bench, call=Commands()), Row("x", "random"), 0)
+    value = digest.collect(bench, tables(3), {})
+    other = {**value["cells"]["random-s0--vlnce-flash-baked"], "data_sha": ["other"]}
+    published = {**value, "cells": {"random-s1--vlnce-flash-baked": other}}
+    with pytest.raises(InputError, match="different data"):
+        digest.collect(bench, tables(3), {}, published)
+
+
+def test_data_of_all_scenes_is_one_training() -> None:
+    amount = tables(20)[7]
+    assert amount.row("20 scenes").policy == amount.row("all scenes and paths").policy
+    assert amount.row("10 scenes").policy == Training(scenes=10)
+
+
 def test_every_training_is_a_valid_recipe_of_its_data(run: Path, tmp_path: Path) -> None:
     scenes = tuple(f"home-{k}" for k in range(80))
     bench = cells.Bench(run, run, "val_unseen", tmp_path, cells.read_settings(), scenes)
     trainings = {
-        row.policy for t in tables().values() for row in t.rows if isinstance(row.policy, Training)
+        row.policy
+        for t in tables(20).values()
+        for row in t.rows
+        if isinstance(row.policy, Training)
     }
     names = {training.name for training in trainings}
     assert len(names) == len(trainings)
@@ -173,6 +211,6 @@ def test_the_page_is_what_its_results_say() -> None:
     if not source.is_file():
         pytest.skip("no results are published yet")
     value = digest.read(source)
-    assert (DOCS / "evidence.md").read_text() == page(value, tables())
+    assert (DOCS / "evidence.md").read_text() == page(value, tables(20))
     for cell in value["cells"].values():
         assert np.array(cell["values"]).shape == (len(value["episodes"]), len(value["metrics"]))
