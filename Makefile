@@ -34,10 +34,10 @@ collect:  ## Collect a dataset: make collect ROBOT=aliengo [SCENE=scan.glb EPISO
 	@$(SETUP) core
 	@$(BIN)/vlnpe collect $(COLLECT)
 
-dataset-bench:  ## Collect the training data of the baselines: make dataset-bench [TRAIN=40 UNSEEN=10 PATHS=36 IMAGE=128]
+dataset-bench:  ## Collect the training data of the baselines: make dataset-bench [TRAIN=40 UNSEEN=10 KINDS=apartment,villa,house PATHS=36 IMAGE=128]
 	@$(SETUP) core
 	@$(BIN)/python -m benchmarks.dataset $(if $(TRAIN),--train "$(TRAIN)") $(if $(UNSEEN),--unseen "$(UNSEEN)") \
-	    $(if $(PATHS),--paths "$(PATHS)") $(if $(IMAGE),--image "$(IMAGE)") $(if $(OUT),--out "$(OUT)") \
+	    $(if $(KINDS),--kinds "$(KINDS)") $(if $(PATHS),--paths "$(PATHS)") $(if $(IMAGE),--image "$(IMAGE)") $(if $(OUT),--out "$(OUT)") \
 	    $(if $(filter-out file,$(origin ROBOT)),--robot "$(ROBOT)") \
 	    $(if $(filter-out file,$(origin CONTROLLER)),--controller "$(CONTROLLER)") \
 	    $(if $(WORKERS),--workers "$(WORKERS)") $(ARGS)

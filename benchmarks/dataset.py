@@ -1,15 +1,17 @@
 """`make dataset-bench`: the dataset that learned baselines are trained and tested on.
 
-Generated apartments, villas and houses in their exact geometry, some to train in and others that no
-training sees. The physical robots walk the paths under `--controller`, the bodyless agent under
-flash. The command can be interrupted and repeated, and grown: more scenes, robots or controllers
-later keep what is there, as long as `--paths` and `--image` stay the same.
+Generated apartments, villas and houses in their exact geometry: some to train in, whose walks lie
+in OUT/training, and others that no training sees, whose scenes and episodes lie in OUT/unseen. The
+physical robots walk the paths under `--controller`, the bodyless agent under flash. The command can
+be interrupted and repeated, and grown: more scenes, robots or controllers later keep what is there,
+as long as `--kinds`, `--paths` and `--image` stay the same.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from vlnpe.collectors.robots import ROBOTS
@@ -17,29 +19,23 @@ from vlnpe.pipeline.cli import main as vlnpe
 
 KINDS = ("apartment", "villa", "house")
 FIRST_UNSEEN_SEED = 1000
+TRAINING, UNSEEN = "training", "unseen"  # folders of --out
 # Of each training scene's paths, one in nine is held out as val_seen.
 SEEN_SHARE = 9
 WIDEST_M = max(robot.footprint_radius_m for robot in ROBOTS.values())
 
 
-def scenes(train: int, unseen: int) -> str:
-    """Return what `--scene` takes: kinds in turn, training scenes first."""
-    groups = ((0, train), (FIRST_UNSEEN_SEED, unseen))
+def scenes(first: int, count: int, kinds: Sequence[str]) -> str:
+    """Return what `--scene` takes: kinds in turn, each with consecutive seeds."""
     return ",".join(
-        f"builtin-exact:{KINDS[k % len(KINDS)]}@{first + k // len(KINDS)}"
-        for first, count in groups
-        for k in range(count)
+        f"builtin-exact:{kinds[k % len(kinds)]}@{first + k // len(kinds)}" for k in range(count)
     )
 
 
-def splits(train: int, unseen: int, paths: int) -> str:
-    """Return what `--splits` takes: so many paths in every scene."""
+def splits(train: int, paths: int) -> str:
+    """Return what `--splits` takes for training scenes of so many paths each."""
     held_out = paths // SEEN_SHARE
-    wanted = {
-        "train": train * (paths - held_out),
-        "val_seen": train * held_out,
-        "val_unseen": unseen * paths,
-    }
+    wanted = {"train": train * (paths - held_out), "val_seen": train * held_out}
     return ",".join(f"{split}={count}" for split, count in wanted.items() if count)
 
 
@@ -48,34 +44,49 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="make dataset-bench", description=__doc__)
     parser.add_argument("--train", type=int, default=40, help="number of training scenes")
     parser.add_argument("--unseen", type=int, default=10, help="number of unseen scenes")
-    parser.add_argument("--paths", type=int, default=36, help="paths per scene")
+    parser.add_argument("--kinds", default=",".join(KINDS), help="of buildings, in turn")
+    parser.add_argument("--paths", type=int, default=36, help="paths per training scene")
+    parser.add_argument("--unseen-paths", type=int, default=24, help="paths per unseen scene")
     parser.add_argument("--image", type=int, default=128, help="width and height of images [px]")
     parser.add_argument("--robot", default="h1,aliengo,jetbot,vlnce", help="comma-separated")
     parser.add_argument("--controller", default="speed", help="of robots with a body")
     parser.add_argument("--out", type=Path, default=Path("runs/dataset-bench"))
     options, more = parser.parse_known_args(arguments)
-    if options.train < 1 or options.unseen < 0 or options.paths < 1:
-        parser.error("--train and --paths must be at least 1, --unseen at least 0")
+    if options.train < 1 or options.unseen < 0 or min(options.paths, options.unseen_paths) < 1:
+        parser.error("--train and paths must be at least 1, --unseen at least 0")
+    kinds = options.kinds.split(",")
+    if unknown := set(kinds) - set(KINDS):
+        parser.error(f"--kinds: {', '.join(sorted(unknown))}; valid: {', '.join(KINDS)}")
     common = [
         "collect",
-        f"--scene={scenes(options.train, options.unseen)}",
-        f"--splits={splits(options.train, options.unseen, options.paths)}",
-        f"--train-scenes={options.train}",
         "--allow-fewer",
         f"--robot-radius-m={WIDEST_M}",
         f"--camera=ego:{options.image}x{options.image}",
         "--no-mcap",
-        f"--out={options.out}",
         *more,
+    ]
+    training = [
+        *common,
+        f"--scene={scenes(0, options.train, kinds)}",
+        f"--splits={splits(options.train, options.paths)}",
+        f"--train-scenes={options.train}",
+        f"--out={options.out / TRAINING}",
+    ]
+    unseen = [
+        *common,
+        f"--scene={scenes(FIRST_UNSEEN_SEED, options.unseen, kinds)}",
+        f"--splits=val_unseen={options.unseen * options.unseen_paths}",
+        "--only-episodes",
+        f"--out={options.out / UNSEEN}",
     ]
     names = options.robot.split(",")
     bodies = [name for name in names if name not in ROBOTS or ROBOTS[name].joints]
     agents = [name for name in names if name not in bodies]
-    code = 0
+    code = vlnpe(unseen) if options.unseen else 0
     for group, controller in ((bodies, options.controller), (agents, "flash")):
         if group:
             robots = ",".join(group)
-            code = code or vlnpe([*common, f"--robot={robots}", f"--controller={controller}"])
+            code = code or vlnpe([*training, f"--robot={robots}", f"--controller={controller}"])
     return code
 
 

@@ -14,6 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from benchmarks.dataset import TRAINING, UNSEEN
 from benchmarks.evidence import cells, digest
 from benchmarks.evidence.page import page
 from benchmarks.evidence.plan import tables
@@ -24,14 +25,16 @@ from vlnpe.formats.core.progress import progress_bar
 from vlnpe.pipeline.cli import main as vlnpe
 
 ROOT = Path(__file__).resolve().parents[2]
-BENCH = Path("runs/dataset-bench")
+BENCH = Path("runs/dataset-bench")  # where `make dataset-bench` writes
 
 
 def main(arguments: list[str] | None = None, call: Callable[[Sequence[str]], int] = vlnpe) -> int:
     """Fill the cells by `call`, the command `vlnpe`, and write the page; return the exit code."""
     parser = argparse.ArgumentParser(prog="make evidence", description=__doc__)
-    parser.add_argument("--data", type=Path, default=BENCH, help="training run, or folder of runs")
-    parser.add_argument("--run", type=Path, default=BENCH, help="run with the unseen episodes")
+    parser.add_argument("--data", type=Path, default=BENCH / TRAINING, help="folder of runs")
+    parser.add_argument(
+        "--run", type=Path, default=BENCH / UNSEEN, help="run with the unseen episodes"
+    )
     parser.add_argument("--split", default="val_unseen", help="of those episodes")
     parser.add_argument(
         "--out", type=Path, default=Path("runs/evidence"), help="trainings, results"
