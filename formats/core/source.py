@@ -24,7 +24,7 @@ DATA_SUFFIXES = {".xml", ".j2", ".txt", ".yaml", ".html", ".css", ".js"}
 
 
 @cache
-def source_digest(*modules: str) -> str:
+def source_digest(*modules: str, unused: frozenset[str] = frozenset()) -> str:
     """Return the SHA-256 hex digest of everything that importing `modules` uses.
 
     That is the code of `code_digest`, and the versions of Python and of the libraries that the
@@ -32,6 +32,7 @@ def source_digest(*modules: str) -> str:
 
     Args:
         modules: dotted names, with or without the leading `vlnpe.`.
+        unused: distributions that the modules import, but that had no part in the result.
 
     Raises:
         ModuleNotFoundError: there is no such module (it was renamed, and keys would go blind).
@@ -39,7 +40,8 @@ def source_digest(*modules: str) -> str:
     state = hashlib.sha256(platform.python_version().encode())
     state.update(code_digest(*modules).encode())
     for name, installed in sorted(libraries(*modules).items()):
-        state.update(f"{name}=={installed}\n".encode())
+        if name not in unused:
+            state.update(f"{name}=={installed}\n".encode())
     return state.hexdigest()
 
 

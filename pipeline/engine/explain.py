@@ -12,7 +12,7 @@ import numpy as np
 
 from ...formats.core.source import NAME, imported_modules, libraries, module_digest
 from .keys import digest
-from .work import Job
+from .work import Job, unused_libraries
 
 CODE = "code"
 SHORT = 16  # characters kept of a digest
@@ -39,7 +39,7 @@ def parts_of(inputs: Mapping[str, Any], job: Job) -> dict[str, Part]:
         name: Part(value[:SHORT] if _is_digest(value) else digest(value)[:SHORT], _values(value))
         for name, value in inputs.items()
     }
-    return {**parts, CODE: _code(type(job).__module__)}
+    return {**parts, CODE: _code(type(job).__module__, unused_libraries(job))}
 
 
 def changes(
@@ -116,8 +116,8 @@ def _short(value: Any) -> str:
 
 
 @cache
-def _code(module: str) -> Part:
+def _code(module: str, unused: frozenset[str]) -> Part:
     modules = imported_modules(module.removeprefix(f"{NAME}."))
     found = {name: module_digest(name)[:8] for name in modules}
-    found |= {f"library:{name}": v for name, v in libraries(module).items()}
+    found |= {f"library:{name}": v for name, v in libraries(module).items() if name not in unused}
     return Part(digest(found)[:SHORT], found)

@@ -25,7 +25,11 @@ class ItemResult:
 
 
 class Job(Protocol):
-    """The work of one item: a picklable, frozen dataclass of a module in `pipeline.jobs`."""
+    """The work of one item: a picklable, frozen dataclass of a module in `pipeline.jobs`.
+
+    A job that needs a library only for some inputs has a property `unused_libraries` for the
+    others, so that installing one (most come with an extra) repeats no work that had no use of it.
+    """
 
     def run(self) -> ItemResult:
         """Do the work, in a worker process; write each output atomically."""
@@ -68,7 +72,12 @@ def work_item(
         named: more inputs, whose names `--explain` prints; for values that do not show what
             they are.
     """
-    code = source_digest(type(job).__module__)
+    code = source_digest(type(job).__module__, unused=unused_libraries(job))
     called = {f"{type(value).__name__} {k}": value for k, value in enumerate(inputs, start=1)}
     key = digest(stage, *inputs, *sorted(named.items()), code)
     return WorkItem(name, key, outputs, job, {**called, **named})
+
+
+def unused_libraries(job: Job) -> frozenset[str]:
+    """Return the distributions that a job's modules import, but that it does not use."""
+    return getattr(job, "unused_libraries", frozenset())

@@ -8,6 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from ...collectors.locomotion.onnx_runtime import EXTRA
 from ...collectors.physics import LevelModelConfig
 from ...collectors.replay import ReplayConfig, replay_in
 from ...collectors.robots import get_robot
@@ -41,6 +42,12 @@ class ReplayJob:
     config: ReplayConfig
     models: Path
     out: Path
+
+    @property
+    def unused_libraries(self) -> frozenset[str]:
+        """onnxruntime, which evaluates no gait of ours."""
+        own = get_robot(self.config.robot).folder is not None
+        return frozenset() if own else frozenset({EXTRA})
 
     def run(self) -> ItemResult:
         """Replay one episode.

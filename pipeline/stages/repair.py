@@ -21,10 +21,11 @@ from ..engine.lock import LOCK_NAME
 from ..engine.work import Job, WorkItem, work_item
 from ..inputs.builtin import BuiltIn
 from ..inputs.folders import scenes_in
-from ..jobs.scenes.repair import RepairJob, SoundnessJob
+from ..jobs.scenes.repair import RepairJob
 from ..jobs.scenes.repair_splats import SplatRepairJob
 from ..jobs.scenes.scan import ScanJob
 from ..jobs.scenes.scan_splats import SplatScanJob
+from ..jobs.scenes.soundness import SoundnessJob
 
 SCAN_STAGE = "scan"
 STAGE = "repair"

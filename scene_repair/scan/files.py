@@ -46,6 +46,11 @@ INTERIOR_NAME = "labels.json"
 HOUSE_NAME, MAX_HOUSE_BYTES = "{stem}.house", 256 << 20
 
 
+def may_be_points(path: Path) -> bool:
+    """Return whether a scan's surface may have to be reconstructed from points."""
+    return path.suffix.lower() in (*CLOUD_SUFFIXES, ".ply")
+
+
 def why_not(name: str) -> str:
     """Return in one line why a file of this name is not supported, and how to convert it."""
     stem, dot, ending = name.rpartition(".")

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from ....formats.core.errors import SceneError
 from ....scene_repair.config import RepairConfig
+from ....scene_repair.scan.files import may_be_points
 from ...engine.work import ItemResult
 from .outputs import write_scene
 
@@ -26,37 +26,14 @@ class RepairJob:
     out: Path
     config: RepairConfig
 
+    @property
+    def unused_libraries(self) -> frozenset[str]:
+        """Open3D, unless the scan may be a point cloud."""
+        return frozenset() if may_be_points(self.source) else frozenset({"open3d"})
+
     def run(self) -> ItemResult:
         """Repair one scan."""
         # Mesh and USD libraries take seconds to import: only where the work is done.
         from ....scene_repair.repair import repair_scene
 
         return write_scene(self.out, partial(repair_scene, self.source, config=self.config))
-
-
-@dataclass(frozen=True)
-class SoundnessJob:
-    """Accept or refuse a repaired scene.
-
-    Attributes:
-        scene_id: its name.
-        problems: what is wrong with it.
-        allow_unsound: let it pass all the same.
-    """
-
-    scene_id: str
-    problems: tuple[str, ...]
-    allow_unsound: bool
-
-    def run(self) -> ItemResult:
-        """Check one scene.
-
-        Raises:
-            SceneError: it is not sound, and may not be.
-        """
-        if self.problems and not self.allow_unsound:
-            raise SceneError(
-                f"{self.scene_id} is not sound: {'; '.join(self.problems)}. Look at after.png and "
-                "repair.json in its folder; pass --allow-unsound to collect in it anyway"
-            )
-        return ItemResult({"problems": list(self.problems)})

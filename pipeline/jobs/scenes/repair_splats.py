@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from ....scene_repair.config import RepairConfig
+from ....scene_repair.scan.files import may_be_points
 from ...engine.work import ItemResult
 from .outputs import write_scene
 
@@ -21,6 +22,14 @@ class SplatRepairJob:
     source: Path
     out: Path
     config: RepairConfig
+
+    @property
+    def unused_libraries(self) -> frozenset[str]:
+        """Open3D and msgpack, unless the collision surface or the splats may need them."""
+        points = self.config.collision and may_be_points(Path(self.config.collision))
+        packed = self.source.suffix.lower() == ".usdz"
+        unused = {"open3d": not points, "msgpack": not packed}
+        return frozenset(name for name, without in unused.items() if without)
 
     def run(self) -> ItemResult:
         """Repair one scan."""

@@ -8,10 +8,24 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from vlnpe.collectors.locomotion.onnx_runtime import EXTRA
+from vlnpe.collectors.replay import ReplayConfig
+from vlnpe.formats.core import source
+from vlnpe.formats.core.episode import Episode
+from vlnpe.pipeline.engine.work import Job, work_item
+from vlnpe.pipeline.jobs.replay import ReplayJob
+from vlnpe.pipeline.jobs.scenes.repair import RepairJob
+from vlnpe.pipeline.jobs.scenes.repair_splats import SplatRepairJob
+from vlnpe.scene_repair.config import RepairConfig
 
 pytestmark = pytest.mark.chain
 
+EPISODE = Episode(
+    "0", "0", "s", "train", 0, np.zeros(3), 0.0, np.zeros(3), np.zeros((2, 3)), 0.0, "Stop."
+)
 ROOT = Path(__file__).resolve().parents[3]
 JOBS = {
     "scan": "scenes.scan",
@@ -205,3 +219,30 @@ def test_a_kernel_is_compiled_again_when_a_helper_of_another_module_changes(tree
     helper.unlink()
     caller.unlink()
     assert results == [["2", "0"], ["2", "1"], ["3", "0"]]
+
+
+@pytest.mark.parametrize(
+    ("job", "library", "changes"),
+    [
+        (RepairJob(Path("a.glb"), Path("out"), RepairConfig()), "open3d", False),
+        (RepairJob(Path("a.ply"), Path("out"), RepairConfig()), "open3d", True),
+        (RepairJob(Path("a.glb"), Path("out"), RepairConfig()), "trimesh", True),
+        (SplatRepairJob(Path("a.splat"), Path("out"), RepairConfig()), "msgpack", False),
+        (SplatRepairJob(Path("a.usdz"), Path("out"), RepairConfig()), "msgpack", True),
+        (ReplayJob(Path("s"), EPISODE, ReplayConfig("h1"), Path("m"), Path("o")), EXTRA, False),
+        (ReplayJob(Path("s"), EPISODE, ReplayConfig("h1"), Path("m"), Path("o")), "mujoco", True),
+    ],
+)
+def test_installing_a_library_repeats_only_work_that_may_use_it(
+    monkeypatch: pytest.MonkeyPatch, job: Job, library: str, changes: bool
+) -> None:
+    keys = []
+    for installed in (None, "1.0", "2.0"):
+        versions = {library: installed}
+        monkeypatch.setattr(source, "_version", lambda name, v=versions: v.get(name, "0"))
+        monkeypatch.setattr(source, "_owners", lambda: {library: [library]})
+        source.source_digest.cache_clear()
+        keys.append(work_item("stage", "item", job, (Path("out"),)).key)
+    monkeypatch.undo()
+    source.source_digest.cache_clear()
+    assert len(set(keys)) == (3 if changes else 1)
