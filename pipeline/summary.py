@@ -18,6 +18,12 @@ from .engine.runner import StageSummary
 from .report.gather import RobotRow, robot_rows
 
 log = logging.getLogger(__name__)
+LEGEND = (
+    "collected: ended within 0.25 m of the goal; SR: stopped within 3 m of it; OS: passed within\n"
+    "3 m; SPL: SR weighted by path length; nDTW: likeness of path and walk; NE: mean distance to\n"
+    "the goal at the end; TL: mean length walked. Then numbers of paths: fell, and of these down\n"
+    "a second later; stuck; out of time; touched an obstacle; physics diverged."
+)
 LEROBOT = "lerobot[dataset,viz]==0.6.1"
 
 
@@ -47,7 +53,8 @@ def show_summary(
         }
         stream.write(json.dumps(value, allow_nan=False) + "\n")
         return code
-    stream.write("\n" + stage_table(summaries) + "\n\n" + robot_table(rows) + "\n\n")
+    stream.write("\n" + stage_table(summaries) + "\n\n" + robot_table(rows))
+    stream.write(f"\n{LEGEND}\n\n" if rows else "\n\n")
     stream.write(looking_commands(folder, summaries, page) + "\n")
     if code:
         path = folder.root / "quarantine.json"

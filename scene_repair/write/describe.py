@@ -69,12 +69,15 @@ def _describe_hole(hole: Hole, grid: GridSpec) -> dict[str, Any]:
     }
 
 
-def doubts(evidence: dict[str, Any], levels: Sequence[LevelCollision]) -> list[str]:
+def doubts(
+    evidence: dict[str, Any], levels: Sequence[LevelCollision], floors: Sequence[RepairedFloor]
+) -> list[str]:
     """Return one line for each doubt about up axis, unit and floor.
 
     Args:
         evidence: of the orientation.
         levels: the collision of all levels.
+        floors: their floors.
     """
     found = list(evidence["doubts"])
     room = evidence["room_height_m"]
@@ -91,4 +94,12 @@ def doubts(evidence: dict[str, Any], levels: Sequence[LevelCollision]) -> list[s
             "after.png, and set --up (x y z -x -y -z) or --unit if the scan is turned or scaled "
             "wrongly"
         )
+    for k, floor in enumerate(floors):
+        scanned = float(floor.scanned.sum()) * floor.fine.cell_m**2
+        if floor.patch_area_m2 > scanned:
+            found.append(
+                f"level {k}: more floor was added ({floor.patch_area_m2:.1f} m²) than had been "
+                f"scanned ({scanned:.1f} m²): look at before.png and after.png, and scan the floor "
+                "again if rooms are not what they were"
+            )
     return found

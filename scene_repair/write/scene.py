@@ -109,7 +109,7 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
         "triangles_before": len(repaired.original.faces),
         "triangles_after": len(repaired.mesh.faces),
         "warnings": list(repaired.scan.warnings),
-        "doubts": doubts(way.evidence, repaired.levels),
+        "doubts": doubts(way.evidence, repaired.levels, repaired.floors),
         "levels": [
             describe_level(floor, probes)
             for floor, probes in zip(repaired.floors, repaired.probes, strict=True)

@@ -277,3 +277,8 @@ def test_laser_scan_without_axis_or_labels(shared_scenes: Path, tmp_path: Path) 
     assert len(bundle.level_floor_z_m) == 1
     floor = bundle.floor(0)
     assert 45 < floor.covered.sum() * floor.grid.cell_m**2 < 80
+    record = json.loads((tmp_path / "repair.json").read_text())
+    level = record["levels"][0]
+    added, scanned = level["patched_area_m2"], level["floor_area_before_m2"]
+    told = [doubt for doubt in record["doubts"] if "more floor was added" in doubt]
+    assert added > scanned and len(told) == 1 and f"{added:.1f} m²" in told[0]
