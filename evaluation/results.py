@@ -121,10 +121,7 @@ def results_json(
     """
 
     def plain(some: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float | None]]:
-        return {
-            name: {k: None if math.isnan(v) else v for k, v in vars(value).items()}
-            for name, value in summarise(some).items()
-        }
+        return {name: interval_json(value) for name, value in summarise(some).items()}
 
     return {
         "format": "vlnpe-results/1",
@@ -137,6 +134,11 @@ def results_json(
         "quarantined": dict(quarantined),
         "episodes": list(episodes),
     }
+
+
+def interval_json(value: Interval) -> dict[str, float | None]:
+    """Return mean, low and high; null where there is none."""
+    return {k: None if math.isnan(v) else v for k, v in vars(value).items()}
 
 
 def read_results(path: Path) -> dict[str, Any]:

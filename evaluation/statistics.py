@@ -12,11 +12,12 @@ from scipy.stats import binomtest
 
 RESAMPLES = 2000
 LEVEL = 0.95
+LEAST_PATHS = 6  # the percentile bootstrap of fewer is far too narrow
 
 
 @dataclass(frozen=True)
 class Interval:
-    """A mean and its 95 % interval; the bounds are NaN for fewer than two trajectories."""
+    """A mean and its 95 % interval; the bounds are NaN for fewer than `LEAST_PATHS`."""
 
     mean: float
     low: float
@@ -60,7 +61,7 @@ def clustered_interval(
     if rate and mean in (0.0, 100.0):
         exact = binomtest(paths if mean else 0, paths).proportion_ci(LEVEL)
         return Interval(mean, 100 * float(exact.low), 100 * float(exact.high))
-    if paths < 2:
+    if paths < LEAST_PATHS:
         return Interval(mean, np.nan, np.nan)
     # (T, 2) sum and count of each trajectory, one array per scene.
     totals = [np.array([(sum(v), len(v)) for v in scene.values()]) for scene in groups.values()]

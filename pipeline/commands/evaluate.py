@@ -7,6 +7,7 @@ import logging
 import sys
 from collections.abc import Mapping
 from dataclasses import asdict, replace
+from math import isnan
 from pathlib import Path
 from typing import Any
 
@@ -30,10 +31,12 @@ from ...evaluation.results import (
     RESULTS_NAME,
     compare,
     grouped,
+    interval_json,
     read_results,
     results_json,
     table,
 )
+from ...evaluation.statistics import LEAST_PATHS
 from ...formats.core.atomic import file_digest, write_json
 from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError, UnknownNameError
@@ -172,7 +175,9 @@ def run_compare(options: Compare) -> int:
     names = (str(options.first), str(options.second))
     found = compare(read_results(options.first), read_results(options.second), names)
     if options.json:
-        sys.stdout.write(json.dumps(asdict(found)) + "\n")
+        differences = {name: interval_json(v) for name, v in found.differences.items()}
+        value = {**asdict(found), "differences": differences}
+        sys.stdout.write(json.dumps(value, allow_nan=False) + "\n")
         return 0
     lines = [
         f"{found.common} episodes in both, {found.apart} in one only",
@@ -182,11 +187,11 @@ def run_compare(options: Compare) -> int:
         "",
         "second minus first, mean and 95 % interval of the paired difference (% are points)",
     ]
-    lines += [
-        f"  {name:<5} {value.mean:+8.2f} {COLUMNS[name][0]:<2} ({value.low:+.2f} to "
-        f"{value.high:+.2f})"
-        for name, value in found.differences.items()
-    ]
+    for name, change in found.differences.items():
+        bounds = "" if isnan(change.low) else f" ({change.low:+.2f} to {change.high:+.2f})"
+        lines.append(f"  {name:<5} {change.mean:+8.2f} {COLUMNS[name][0]:<2}{bounds}")
+    if all(isnan(value.low) for value in found.differences.values()):
+        lines.append(f"fewer than {LEAST_PATHS} paths: no intervals")
     sys.stdout.write("\n".join(lines) + "\n")
     return 0
 

@@ -56,6 +56,14 @@ def test_what_is_not_finite_is_left_out() -> None:
     assert math.isnan(clustered_interval([], [], [], rng).mean)
 
 
+@pytest.mark.parametrize(("paths", "told"), [(5, False), (6, True)])
+def test_few_paths_get_no_bootstrap_interval(paths: int, told: bool) -> None:
+    values = [float(k) for k in range(paths)]
+    names = [str(k) for k in range(paths)]
+    found = clustered_interval(values, ["s"] * paths, names, np.random.default_rng(0))
+    assert found.mean == np.mean(values) and math.isfinite(found.low) == told
+
+
 def test_mcnemar_counts_flips() -> None:
     a = [True] * 10 + [False] * 10
     b = [True] * 2 + [False] * 8 + [False] * 9 + [True]

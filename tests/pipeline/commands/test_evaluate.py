@@ -81,6 +81,10 @@ def test_the_oracle_arrives_the_idle_do_not_and_compare_says_so(run, tmp_path, c
     assert main(["compare", str(a), str(b), "--json"]) == 0
     found = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert found["common"] == 2 and found["differences"]["TL"]["mean"] < -1.0
+    assert found["differences"]["TL"]["low"] is None  # two paths say nothing of others
+    assert main(["compare", str(a), str(b)]) == 0
+    printed = capsys.readouterr().out
+    assert "no intervals" in printed and "nan" not in printed
     # What it advises works.
     assert main(["render", str(b), "--scenes", str(run / "scenes"), "--video", "--camera",
                  "chase:64x48", "--out", str(b / "films"), "--workers", "1"]) == 0  # fmt: skip
