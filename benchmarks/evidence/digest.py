@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,7 @@ def collect(
 
     Raises:
         InputError: A results file does not hold the episodes that were asked for, or a published
-            cell was trained on other data than another seed of it.
+            cell has another checkpoint than others of its training, or other data.
     """
     episodes = asked(bench)
     uids = [_uid(e.split, e.scene_id, e.episode_id) for e in episodes]
@@ -78,13 +79,21 @@ def _with_published(
         return value
     seeds = sorted({*value["seeds"], *published["seeds"]})
     cells = {**published["cells"], **value["cells"]}
-    for row in _rows(tables):
-        seen = [cells[name].get("data_sha") for s in seeds if (name := row.cell(s)) in cells]
-        if any(sha != seen[0] for sha in seen):
-            raise InputError(
-                f"{row.cell(seeds[0])}: its seeds were trained on different data, some of them for "
-                "the published page; write to another --docs"
-            )
+    first: dict[tuple[str, int | None], Any] = {}
+    for row, seed in product(_rows(tables), seeds):
+        cell = cells.get(row.cell(seed), {})
+        if "checkpoint_sha256" not in cell:
+            continue
+        name = row.policy_name
+        for key, sha in (
+            ((name, None), cell["data_sha"]),
+            ((name, seed), cell["checkpoint_sha256"]),
+        ):
+            if first.setdefault(key, sha) != sha:
+                raise InputError(
+                    f"{row.cell(seed)}: trained on other data, or another time, than further cells "
+                    f"of {name}; measure them again, or write to another --docs"
+                )
     return {**value, "seeds": seeds, "cells": cells}
 
 

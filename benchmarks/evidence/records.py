@@ -100,10 +100,14 @@ class Row:
         """Whether seeds differ: of a training, or of the draws of `random`."""
         return isinstance(self.policy, Training) or self.policy == "random"
 
+    @property
+    def policy_name(self) -> str:
+        """Name of the training, or of the policy without one."""
+        return self.policy.name if isinstance(self.policy, Training) else self.policy
+
     def cell(self, seed: int) -> str:
         """Return the name of the evaluation's folder."""
-        name = self.policy.name if isinstance(self.policy, Training) else self.policy
-        return f"{name}-s{seed}--{self.test.name}"
+        return f"{self.policy_name}-s{seed}--{self.test.name}"
 
 
 @dataclass(frozen=True)

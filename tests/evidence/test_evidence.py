@@ -147,14 +147,28 @@ def test_published_cells_of_the_same_bench_stay(run: Path, tmp_path: Path) -> No
     assert set(digest.read(docs / "evidence.json")["cells"]) == {"forward-s0--vlnce-flash-baked"}
 
 
-def test_seeds_trained_on_different_data_are_refused(run: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (("cma-s0--vlnce-flash-baked", "a", "1"), ("cma-s1--vlnce-flash-baked", "b", "2")),
+        (("cma-s0--vlnce-flash-baked", "a", "1"), ("cma-s0--h1-speed-baked", "a", "2")),
+    ],
+)
+def test_cells_of_one_training_are_of_the_same_data_and_checkpoint(
+    run: Path, tmp_path: Path, one: tuple[str, str, str], other: tuple[str, str, str]
+) -> None:
     bench = cells.Bench(run, run, "val_unseen", tmp_path, cells.read_settings(), ())
-    cells.measure(replace(bench, call=Commands()), Row("x", "random"), 0)
     value = digest.collect(bench, tables(3), {})
-    other = {**value["cells"]["random-s0--vlnce-flash-baked"], "data_sha": ["other"]}
-    published = {**value, "cells": {"random-s1--vlnce-flash-baked": other}}
-    with pytest.raises(InputError, match="different data"):
-        digest.collect(bench, tables(3), {}, published)
+    published = {
+        name: {"values": [], "data_sha": [data], "checkpoint_sha256": weights}
+        for name, data, weights in (one, other)
+    }
+    same = {name: {**cell, "data_sha": ["a"]} for name, cell in published.items()}
+    for cell in same.values():
+        cell["checkpoint_sha256"] = "1"
+    assert digest.collect(bench, tables(3), {}, {**value, "cells": same})["cells"] == same
+    with pytest.raises(InputError, match="measure them again"):
+        digest.collect(bench, tables(3), {}, {**value, "cells": published})
 
 
 def test_data_of_all_scenes_is_one_training() -> None:
