@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from collections import deque
 from collections.abc import Sequence
 from typing import Any
@@ -12,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from ...formats.core.images import data_uri, image_file
 from ...formats.core.rollout import Action
 from ..observation import Observation
 from ..policy import Assignment
@@ -84,6 +83,4 @@ def evenly(count: int, most: int) -> list[int]:
 
 
 def _data_url(rgb: NDArray[np.uint8]) -> str:
-    stream = io.BytesIO()
-    Image.fromarray(rgb).save(stream, "JPEG", quality=90)
-    return "data:image/jpeg;base64," + base64.b64encode(stream.getvalue()).decode()
+    return data_uri(image_file(Image.fromarray(rgb), "JPEG", quality=90), "image/jpeg")

@@ -7,7 +7,6 @@ lexicon, or a box without a surface, is counted and left out, and nothing is gue
 
 from __future__ import annotations
 
-import io
 import math
 import sys
 import time
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ...formats.core.frames import wrap_angle
+from ...formats.core.images import image_file
 from ...instruction_gen.language.nouns import noun_of
 from ...instruction_gen.llm.brief import prompt
 from ...instruction_gen.llm.client import Backend, Client, ModelError, openai_backend
@@ -107,7 +107,8 @@ class ModelLabeller:
             return []
         self._labelled = observation.pose
         try:
-            answer = self._client.ask_for(sight_messages(_png(observation.rgb)), Sights)
+            png = image_file(Image.fromarray(observation.rgb), "PNG")
+            answer = self._client.ask_for(sight_messages(png), Sights)
         except ModelError as error:
             self._failed += 1
             if self._failed >= UNCLEAR:
@@ -137,9 +138,3 @@ def _detection(sight: Sight, depth_m: NDArray[np.float32]) -> Detection | None:
     if not noun or noun in SILENT | STRUCTURE or pixels.sum() < _SMALLEST:
         return None
     return Detection(noun, None, pixels)
-
-
-def _png(rgb: NDArray[np.uint8]) -> bytes:
-    stream = io.BytesIO()
-    Image.fromarray(rgb).save(stream, "PNG")
-    return stream.getvalue()

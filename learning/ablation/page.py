@@ -8,6 +8,7 @@ from collections.abc import Mapping
 
 from markdown_it import MarkdownIt
 
+from ...formats.core.images import data_uri
 from .intervals import Estimate
 from .report import CONSTANT, REPEAT
 
@@ -22,16 +23,16 @@ STYLE = (
 )
 
 
-def report_html(markdown: str, picture_name: str, picture_base64: str) -> str:
+def report_html(markdown: str, picture_name: str, picture: bytes) -> str:
     """Return the report as a page that needs no other file.
 
     Args:
         markdown: The report.
         picture_name: File name of the picture in it.
-        picture_base64: Content of the picture, a PNG file in base64.
+        picture: Content of the picture, a PNG file.
     """
     body = MarkdownIt("commonmark", {"html": False}).enable("table").render(markdown)
-    body = body.replace(f'src="{picture_name}"', f'src="data:image/png;base64,{picture_base64}"')
+    body = body.replace(f'src="{picture_name}"', f'src="{data_uri(picture, "image/png")}"')
     body = body.replace("<table>", '<div class="wide"><table>').replace(
         "</table>", "</table></div>"
     )
