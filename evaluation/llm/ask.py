@@ -11,7 +11,7 @@ from string import Template
 from typing import Any
 
 from ...instruction_gen.llm.budget import Budget
-from ...instruction_gen.llm.client import Backend, RetryableError, openai_backend
+from ...instruction_gen.llm.client import Backend, RetryableError, openai_backend, wait_to_retry
 from ...instruction_gen.llm.settings import LlmSettings, settings_from
 from ..policy import ModelUse, PolicyError
 
@@ -104,10 +104,7 @@ class TextModel:
                 reply = self._backend([{"role": "user", "content": content}])
             except RetryableError as error:
                 reason = str(error)
-                if attempt + 1 < settings.attempts:
-                    wait_s = settings.backoff_s * 2**attempt
-                    asked_s = wait_s if error.wait_s is None else error.wait_s
-                    self.sleep(min(asked_s, settings.longest_wait_s))
+                wait_to_retry(settings, attempt, error, self.sleep)
                 continue
             if self.budget is not None:
                 self.budget.add(reply.usage)
