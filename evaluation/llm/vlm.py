@@ -22,17 +22,17 @@ HISTORY = 8  # images per question, the present one among them
 
 
 class VlmPolicy:
-    """Shows a model the past evenly, asks it in words, and takes its words at face value.
+    """Shows a model evenly spaced frames of the past and asks it in words for actions.
 
     Actions of one answer ("move forward 75 cm") are taken one by one before the next question. An
-    answer that is no clear action is counted and asked again; the third in a row gives the episode
-    up.
+    unclear answer is counted, and the question repeated; after the third in a row the episode is
+    given up.
     """
 
     blind = False
 
     def __init__(self, model: TextModel) -> None:
-        """Get ready; nothing is sent yet.
+        """Prepare an episode; nothing is sent yet.
 
         Args:
             model: answers `PROMPT`.
@@ -62,7 +62,7 @@ class VlmPolicy:
         """See `Policy.act`.
 
         Raises:
-            PolicyError: the model cannot be had, or gives no clear answer.
+            PolicyError: the model cannot be reached, or gives no clear answer.
         """
         self._frames.append(_data_url(observation.rgb))
         if not self._waiting:

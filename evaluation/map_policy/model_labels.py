@@ -1,7 +1,7 @@
 """Labels of images by a vision-language model behind an OpenAI-compatible server.
 
 The model names things and gives their boxes; `SeenMap` finds by depth what in a box is the thing.
-Walls come from depth alone. What the model answers is data: a name that is no noun of the
+Walls come from depth alone. The model's answers are data: a name that is no noun of the
 lexicon, or a box without a surface, is counted and left out, and nothing is guessed in its place.
 """
 
@@ -48,7 +48,7 @@ def label_settings(settings: LlmSettings) -> LlmSettings:
 
 
 def labels_version(settings: LlmSettings) -> str:
-    """Return model and prompt; see `model_version`."""
+    """Return a text that identifies the model and its prompt; see `model_version`."""
     return model_version(label_settings(settings), prompt(PROMPT).encode())
 
 

@@ -46,7 +46,7 @@ _COLOURS = ("#2b5fb8", "#c8611a", "#2e8b57", "#7b4aa8", "#a83250", "#5c6770")
 
 
 def plot_png(rows: Mapping[str, Mapping[str, Mapping[str, Estimate]]], title: str) -> bytes:
-    """Dots with intervals by row and evaluated source, and the baselines as lines; PNG bytes."""
+    """Return a PNG plot: dots with intervals by row and evaluated source, baselines as lines."""
     import matplotlib
 
     matplotlib.use("agg")
