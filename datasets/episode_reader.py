@@ -179,6 +179,7 @@ def _episode_table(entry: EpisodeEntry, keys: Sequence[str]) -> pa.Table:
             check_size(path, file, ["index", *keys])
             groups = _groups(file, entry)
             table = file.read_row_groups(groups, columns=["index", *keys])
+        table.validate(full=True)  # texts that are not UTF-8 would fail where they are used
     except (OSError, pa.ArrowException) as error:
         raise FileFormatError(path, f"not readable ({error})") from error
     numbers = table["index"].to_numpy()

@@ -80,7 +80,7 @@ def corrected_walk(
     Args:
         world: the level with the robot in it.
         episode: what to do.
-        config: robot, controller, and how; see `closed_loop`.
+        config: robot, controller and further settings; see `closed_loop`.
         checkpoint: the model.
         eye: the robot's camera.
         expert_share: probability that a step is the expert's, β.

@@ -16,14 +16,13 @@ from ..collectors.replay import ReplayConfig
 from ..collectors.robots import get_robot
 from ..collectors.world import World, open_world
 from ..formats.core.episode import Episode
-from ..formats.core.errors import InputError, MissingExtraError, UnknownNameError
-from ..formats.core.rollout import Action, EndReason
+from ..formats.core.errors import InputError, MissingExtraError
+from ..formats.core.rollout import EndReason
 from ..formats.scene.bundle import load_bundle
 from ..wayfinding.distance import AGENT_RADIUS_M, DistanceField, distance_field
 from .episode import closed_loop, evaluate_episode
-from .motions import DISCRETE, VELOCITY, check_kind, checked_motion, numbers_of
+from .motions import DISCRETE, check_kind, checked_motion, numbers_of
 from .observation import (
-    NO_ACTION,
     BlankEye,
     Eye,
     Observation,
@@ -32,26 +31,21 @@ from .observation import (
     relative_pose,
 )
 from .policy import Assignment
+from .spaces import (
+    action_space,
+    chosen_modalities,
+    observation_space,
+    previous_action_space,
+    token_table,
+)
 from .walk import Walk
 
 try:
     import gymnasium as gym
-    from gymnasium import spaces
 except ModuleNotFoundError as missing:
     raise MissingExtraError("NavigationEnv", "evaluate") from missing
 
 SUCCESS_REWARD = 2.5
-
-
-MODALITIES = (
-    "rgb",
-    "depth_m",
-    "instruction",
-    "tokens",
-    "pose",
-    "proprioception",
-    "previous_action",
-)
 
 
 class NavigationEnv(gym.Env[dict[str, Any], Any]):
@@ -129,8 +123,8 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
         check_kind(actions, controller)
         self.episodes = tuple(episodes)
         self._kind, self._waypoints = actions, waypoints
-        self._tokens = _token_table(self.episodes, tokenize) if tokenize else None
-        self._modalities = _modalities(modalities, tokenize is not None)
+        self._tokens = token_table(self.episodes, tokenize) if tokenize else None
+        self._modalities = chosen_modalities(modalities, tokenize is not None)
         images = images and bool({"rgb", "depth_m"} & set(self._modalities))
         self.render_mode = render_mode
         base = config or ReplayConfig()
@@ -145,54 +139,20 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
         if images:
             renderer = make_renderer(self._bundle, self._view.renderer, light=self._view.light)
             self._eye = Eye(self.world, self._view, renderer)
-        self.action_space = self._action_space()
-        self.observation_space = self._space()
+        self.action_space = action_space(actions, self.world.robot, waypoints)
+        self.observation_space = observation_space(
+            self._modalities,
+            self._view.camera,
+            self.world.robot,
+            [episode.instruction for episode in episodes],
+            self._tokens,
+            previous_action_space(actions, waypoints),
+        )
         self.rollout = None
         self._walk: Walk | None = None
         self._last: Observation | None = None
         self._field: DistanceField | None = None
         self._distance_m = 0.0
-
-    def _action_space(self) -> spaces.Space[Any]:
-        if self._kind == DISCRETE:
-            return spaces.Discrete(len(Action))
-        if self._kind == VELOCITY:
-            limits = self.world.robot.command_limits
-            ranges = np.array([limits.vx_m_s, limits.vy_m_s, limits.yaw_rad_s], np.float32)
-            numbers = spaces.Box(ranges[:, 0], ranges[:, 1], dtype=np.float32)
-        else:
-            most = np.tile(np.array([1.0, 1.0, np.pi], np.float32), (self._waypoints, 1))
-            numbers = spaces.Box(-most, most, dtype=np.float32)
-        return spaces.Dict({"stop": spaces.Discrete(2), self._kind: numbers})
-
-    def _previous_space(self) -> spaces.Space[Any]:
-        if self._kind == DISCRETE:
-            return spaces.Discrete(len(Action) + 1, start=NO_ACTION)
-        shape = (3,) if self._kind == VELOCITY else (self._waypoints, 3)
-        return spaces.Box(-np.inf, np.inf, shape, np.float64)
-
-    def _space(self) -> spaces.Dict:
-        camera = self._view.camera
-        shape = (camera.height_px, camera.width_px)
-        words = [episode.instruction for episode in self.episodes]
-        letters = "".join(sorted(set("".join(words)))) or " "
-        body = 2 * len(self.world.robot.joints) + 9
-        infinity = np.inf
-        every: dict[str, spaces.Space[Any]] = {
-            "rgb": spaces.Box(0, 255, (*shape, 3), np.uint8),
-            "depth_m": spaces.Box(0.0, infinity, shape, np.float32),
-            "instruction": spaces.Text(
-                min_length=0, max_length=max(1, *map(len, words)), charset=letters
-            ),
-            "pose": spaces.Box(-infinity, infinity, (3,), np.float64),
-            "proprioception": spaces.Box(-infinity, infinity, (body,), np.float64),
-            "previous_action": self._previous_space(),
-        }
-        if self._tokens is not None:
-            length = next(iter(self._tokens.values())).shape
-            most = max(int(ids.max(initial=0)) for ids in self._tokens.values())
-            every["tokens"] = spaces.Box(0, max(most, 1), length, np.int64)
-        return spaces.Dict({name: every[name] for name in self._modalities})
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -310,29 +270,6 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
         if self._tokens is not None:
             shown["tokens"] = self._tokens[observation.instruction].copy()
         return {name: shown[name] for name in self._modalities}
-
-
-def _modalities(asked: Sequence[str] | None, has_tokens: bool) -> tuple[str, ...]:
-    valid = tuple(name for name in MODALITIES if has_tokens or name != "tokens")
-    if asked is None:
-        return valid
-    for name in asked:
-        if name not in valid:
-            if name in MODALITIES:
-                raise InputError("modality 'tokens' needs `tokenize`")
-            raise UnknownNameError("modality", name, valid)
-    if not asked:
-        raise InputError(f"no modality; valid: one or more of {', '.join(valid)}")
-    return tuple(name for name in valid if name in asked)
-
-
-def _token_table(
-    episodes: Sequence[Episode], tokenize: Callable[[str], ArrayLike]
-) -> dict[str, NDArray[np.int64]]:
-    """Return the ids (L,) of each instruction, padded with 0 to the longest."""
-    ids = {e.instruction: np.asarray(tokenize(e.instruction), np.int64).ravel() for e in episodes}
-    longest = max(1, *(len(one) for one in ids.values()))
-    return {text: np.pad(one, (0, longest - len(one))) for text, one in ids.items()}
 
 
 class _Asked:

@@ -39,8 +39,8 @@ class PolicyChooser:
 
     Attributes:
         world: the level with the robot in it.
-        assignment: what the policy is told at the start.
-        policy: chooses.
+        assignment: what the policy knows at the start.
+        policy: chooses the actions.
         eye: the robot's camera; images are black without one.
         kind: of actions, see `ACTION_KINDS`.
         waypoints: the number K of waypoints that observations show before the first ones.
@@ -84,10 +84,10 @@ class PolicyChooser:
         )
 
     def next_action(self, pose: Pose, rest: Pose | None = None) -> Action:
-        """Return the policy's action; see `Chooser`. A policy is not told the true pose.
+        """Return the policy's action; see `Chooser`. The true pose is kept from the policy.
 
         Raises:
-            PolicyError: the policy failed, or what it answered is no action.
+            PolicyError: the policy failed, or its answer is no action.
         """
         action = self._asked(checked_action)
         self._remember(action)
@@ -97,7 +97,7 @@ class PolicyChooser:
         """Return the policy's motion, None for a stop; see `Steerer`.
 
         Raises:
-            PolicyError: the policy failed, or what it answered is no motion.
+            PolicyError: the policy failed, or its answer is no motion.
         """
         motion = self._asked(lambda answer: checked_motion(answer, self.kind))
         self._remember(motion)
@@ -144,8 +144,8 @@ def _nothing(world: World) -> tuple[np.ndarray, np.ndarray]:
 def closed_loop(config: ReplayConfig) -> ReplayConfig:
     """Return `config` with the time limit of an evaluation: 500 actions, whatever they take.
 
-    The limit of collection, a multiple of the time that the reference path needs, would tell an
-    agent by when it must be there.
+    The limit of collection, a multiple of the time that the reference path needs, would reveal
+    the length of the path.
     """
     return replace(config, outcome=replace(config.outcome, timeout_factor=math.inf))
 
@@ -165,15 +165,15 @@ def evaluate_episode(
     Args:
         world: the level with the robot in it.
         episode: what to do.
-        config: robot, controller, and how; see `closed_loop`. Discrete actions are carried out by
-            `speed` and `flash`, velocities by `speed`, waypoints by `path`.
-        policy: chooses the actions; the expert, who knows the path, when None.
+        config: robot, controller and further settings; see `closed_loop`. Discrete actions
+            are carried out by `speed` and `flash`, velocities by `speed`, waypoints by `path`.
+        policy: chooses the actions; the expert, which knows the path, when None.
         eye: the robot's camera; None shows the policy black images.
         kind: of the policy's actions, see `ACTION_KINDS`.
         waypoints: the number of waypoints in the observation before the first ones.
 
     Raises:
-        PolicyError: the policy failed, or what it answered is no action.
+        PolicyError: the policy failed, or its answer is no action.
         InputError: the controller does not carry out such actions.
     """
     if policy is None:

@@ -31,10 +31,10 @@ def make_model_policy(name: str, use: ModelUse) -> Policy:
 
 
 def model_identity(name: str, use: ModelUse) -> str:
-    """Return model and prompts of a policy, so that results of others are not taken for its own.
+    """Return a text that identifies a policy's model and prompts, for reusing results.
 
     Raises:
-        InputError: the environment does not say where the model is, or limits are none.
+        InputError: the environment does not say where the model is, or a limit is invalid.
     """
     settings = model_settings(name, use)
     parts = [name]

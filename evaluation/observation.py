@@ -79,12 +79,12 @@ class Labels:
 
 @dataclass(frozen=True)
 class Observation:
-    """One look of a policy, taken while physics stands still.
+    """What a policy sees at one step, while physics stands still.
 
     Attributes:
         rgb: (H, W, 3) uint8 sRGB of the robot's own camera.
         depth_m: (H, W) float32 planar z [m], 0 = nothing there.
-        instruction: what the robot is told.
+        instruction: the text to follow.
         pose: (3,) float64 x, y [m] and yaw [rad] in the frame of the start pose: x forward, y left.
         proprioception: (2 J + 9,) float64 joint positions [rad or m], joint velocities, linear
             velocity [m/s], angular velocity [rad/s] and the direction of gravity, the last three
@@ -163,7 +163,7 @@ class Eye:
         return world.base[:3], world.base[3:], world.data.qpos[world.handles.joint_qpos]
 
     def _asked(self) -> tuple[Any, ...]:
-        """Return what the renderer is asked for: camera, position, quaternion, body."""
+        """Return the arguments of a rendering: camera, position, quaternion, body."""
         state = self._state()
         position, quat = self._body.camera_pose(self._world.robot.camera.name, *state)
         self._looked_from = np.asarray(position), np.asarray(quat)
@@ -215,7 +215,7 @@ def checked_action(answer: Any) -> Action:
         answer: 0–3 as a number (also a numpy scalar or an array of one), or a name of `Action`.
 
     Raises:
-        ValueError: it is none; the message names the answer and the valid ones.
+        ValueError: it is no action; the message names the answer and the valid ones.
     """
     valid = ", ".join(f"{a.value} {a.name}" for a in Action)
     if isinstance(answer, str):

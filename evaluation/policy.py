@@ -25,18 +25,18 @@ if TYPE_CHECKING:
 
 
 class PolicyError(VlnpeError):
-    """A policy gave no valid action: late, wrong, or its server is gone."""
+    """A policy gave no valid action in time: it was late or wrong, or its server is gone."""
 
 
 @dataclass(frozen=True)
 class Assignment:
-    """What a policy is told when an episode starts. Neither goal nor path are among it.
+    """What a policy knows when an episode starts: neither the goal nor the path.
 
     Attributes:
         episode_id, scene_id: of the episode.
-        instruction: what the robot is told.
+        instruction: the text to follow.
         robot, controller: names of what carries the actions out.
-        actions: kind of actions that are asked for, see `motions.ACTION_KINDS`.
+        actions: kind of actions to give, see `motions.ACTION_KINDS`.
     """
 
     episode_id: str
@@ -79,7 +79,7 @@ class Policy(Protocol):
     `Observation`.
 
     Attributes:
-        blind: it looks at no images, so that none need be rendered.
+        blind: it uses no images, so none need to be rendered.
     """
 
     blind: bool
@@ -210,13 +210,13 @@ def check_policy(name: str) -> None:
 
 
 def policy_identity(name: str, timeout_s: float, use: ModelUse | None = None) -> str:
-    """Return what tells a policy from others, so that results are reused for the same one alone.
+    """Return a text that identifies a policy: results are reused for the same policy only.
 
-    For a policy server that is the `version` it states; one that states none is never the same.
+    For a policy server it is the `version` that the server states; without one nothing is reused.
 
     Raises:
         InputError: the server cannot be reached, its client's libraries are missing, or the
-            environment does not say where the model is, or `use` has limits that are none.
+            environment does not say where the model is, or a limit in `use` is invalid.
     """
     if name in MODEL_POLICIES:
         from .model_policies import model_identity

@@ -62,7 +62,7 @@ def summarise(episodes: Sequence[Mapping[str, Any]]) -> dict[str, Interval]:
 
 
 def grouped(episodes: Sequence[Mapping[str, Any]], key: str) -> dict[str, list[Mapping[str, Any]]]:
-    """Return episodes by what they have under `key` (`split`, `scene`), in its order."""
+    """Return the episodes by their value of `key` (`split`, `scene`), in its order."""
     groups: dict[str, list[Mapping[str, Any]]] = {}
     for episode in sorted(episodes, key=lambda e: str(e[key])):
         groups.setdefault(str(episode[key]), []).append(episode)
@@ -116,8 +116,8 @@ def results_json(
 ) -> dict[str, Any]:
     """Return the results file's content.
 
-    It has the setting, the summary of all episodes, of each split and of each scene, the episodes,
-    and what has no result.
+    It holds the settings, the summary of all episodes, of each split and of each scene, the
+    episodes, and those without a result.
     """
 
     def plain(some: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float | None]]:
@@ -145,8 +145,8 @@ def read_results(path: Path) -> dict[str, Any]:
     """Read a results file, or that of an evaluation's folder.
 
     Raises:
-        InputError: there is none.
-        FileFormatError: it is none.
+        InputError: there is no such file.
+        FileFormatError: it is no results file.
     """
     file = path / RESULTS_NAME if path.is_dir() else path
     if not file.is_file():

@@ -1,4 +1,4 @@
-"""Many episodes under one policy in this process: for the validation of a training."""
+"""Walk many episodes under one policy in this process, to validate a model in training."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from .policy import Policy
 
 @dataclass(frozen=True)
 class Round:
-    """Episodes, and what walks them.
+    """Episodes, and the robot and camera that walk them.
 
     Attributes:
         episodes: of any scenes and levels.
         scenes: folder of the repaired scenes.
         view: the policy's camera.
-        config: robot, controller, and how.
+        config: robot, controller and further settings.
     """
 
     episodes: tuple[Episode, ...]

@@ -16,7 +16,7 @@ from .observation import Observation
 
 
 class _Cancelled(BaseException):
-    """Ends a replay that nobody waits for; no `except Exception` may catch it."""
+    """Raised in the replay's thread to end it; no `except Exception` may catch it."""
 
 
 class Walk:
@@ -27,7 +27,7 @@ class Walk:
     """
 
     def __init__(self, replay: Callable[[Callable[[Observation], Any]], Rollout]) -> None:
-        """Get ready.
+        """Prepare a replay.
 
         Args:
             replay: runs the episode; it calls its argument with each observation and goes on with

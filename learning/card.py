@@ -1,6 +1,6 @@
 """The card of a checkpoint: JSON that says what a file of weights is; read without torch.
 
-It holds whatever building the model takes (architecture, vocabulary, image size), what the weights
+It holds what is needed to build the model (architecture, vocabulary, image size), what the weights
 were made from (data digests, recipe, seed, start), and how the training went (curves).
 """
 
@@ -52,7 +52,7 @@ class Card:
         view: the camera of the training data.
         robots, controllers, lights: of the training data.
         seed: of the training.
-        steps: made so far.
+        steps: number of steps made so far.
         recipe: title, mixture, and digest of the recipe file.
         data: per source its datasets, episodes, share and digest.
         held_out: scenes or trajectories that the training did not see.

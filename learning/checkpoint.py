@@ -23,7 +23,7 @@ class Checkpoint:
     """A trained model and its card.
 
     Attributes:
-        card: what it is.
+        card: its description.
         model: in evaluation mode, on the CPU, in float32.
         sha256: of the file of weights.
     """
@@ -38,8 +38,8 @@ def save_checkpoint(path: Path, model: Model, card: Card, *, half: bool = True) 
 
     Args:
         path: of the weights, `.safetensors`.
-        model: any device.
-        card: what it is.
+        model: on any device.
+        card: its description.
         half: store in half precision.
     """
     if path.suffix != SUFFIX:

@@ -84,7 +84,7 @@ class TrainConfig:
         max_steps: frames per episode at most.
         tokens: words per instruction.
         unknown: part of the words that training replaces by the unknown word, so that it learns
-            what to do about it.
+            to cope with it.
         instructions: `own`, a path's first instruction, or `any`, one drawn in every pass.
         inflection: weight of a step whose action differs from the one before (VLN-CE: 3.2).
         waypoint_weight, stop_weight, progress_weight: of these losses beside the action's;
@@ -132,7 +132,7 @@ class TrainConfig:
             raise UnknownNameError("device", self.device, ("auto", "cpu", "cuda"))
 
     def to_json(self) -> dict[str, Any]:
-        """As JSON values."""
+        """Return the settings as JSON values."""
         return asdict(self)
 
 

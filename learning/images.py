@@ -25,7 +25,7 @@ def rgb_input(rgb: NDArray[np.uint8], size_px: int) -> Tensor:
 def depth_input(depth_m: NDArray[np.float32], size_px: int, far_m: float) -> Tensor:
     """Return depth (H, W) [m] as (1, size, size); 0 where it was not measured, or beyond `far_m`.
 
-    Pixels are picked, because the mean of a valid and an invalid depth is none.
+    Pixels are picked, because the mean of a valid and an invalid depth is meaningless.
     """
     if depth_m.shape != (size_px, size_px):
         depth_m = np.asarray(

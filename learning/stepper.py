@@ -57,7 +57,7 @@ class Stepper:
     """Lets a checkpoint's model act."""
 
     def __init__(self, checkpoint: Checkpoint, choice: Choice = LIKELIEST):
-        """Get ready; `begin` starts an episode.
+        """Prepare the model; `begin` starts an episode.
 
         Raises:
             InputError: A diffusion policy is to be sampled by `choice`; it always is.
@@ -124,7 +124,7 @@ class Stepper:
     def _past(self) -> Tensor:
         """Return the last poses (PAST, 3), seen from the present one.
 
-        Before the start the first pose.
+        Those before the start are the first pose.
         """
         last = len(self._poses) - 1
         before = [self._poses[max(last - k, 0)] for k in range(1, PAST + 1)]

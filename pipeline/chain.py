@@ -15,7 +15,7 @@ from ..formats.core.errors import InputError
 from ..formats.vlnce.records import split_name
 from ..instruction_gen.records import InstructConfig
 from ..scene_repair.config import RepairConfig
-from ..trajectory_sampler.alignment import AlignConfig
+from ..trajectory_sampler.align_config import AlignConfig
 from ..trajectory_sampler.config import SampleConfig
 from ..trajectory_sampler.stairs import StairRules
 from .engine.ledger import Row

@@ -1,1 +1,1 @@
-"""Freemap planning, trajectory sampling, Habitat alignment and the stair filter (floor 2)."""
+"""Trajectory sampling, alignment of VLN-CE episodes and the stair filter (layer 2)."""

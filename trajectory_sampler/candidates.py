@@ -30,7 +30,7 @@ class Candidate:
 
     Attributes:
         level: index of its level.
-        split: that it was drawn for.
+        split: the split that it was drawn for.
         reference_m: (P, 3) waypoints; every straight segment between them is safe [m].
         geodesic_m: length of the shortest way of VLN-CE's agent [m].
         turning_deg: sum of its turns [deg].
@@ -56,9 +56,9 @@ class Kept:
     Attributes:
         index: their stations, by number.
         splits: split of each number.
-        visits: how many go from one room to another, by (room, room).
-        lengths: how many have which length, by split and bin of `LENGTH_BIN_M`.
-        crossed: how many pass between rooms how often, by split and times.
+        visits: number of paths from one room to another, by (room, room).
+        lengths: number of paths by split and bin of length, `LENGTH_BIN_M` wide.
+        crossed: number of paths by split and number of steps between rooms.
     """
 
     index: PathIndex
@@ -92,11 +92,11 @@ def from_one_start(
     as many doors as few kept paths have passed are taken, in a room that few go to from here.
 
     Args:
-        level: where.
+        level: the level to draw on.
         kept: this level's kept paths.
         split: what the path is for.
-        gap_m: nearest that another path may be [m].
-        config: what is wanted.
+        gap_m: least distance from every other path [m].
+        config: what to sample.
         rng: the source of randomness.
     """
     left = Counter(from_room for from_room, _ in kept.visits.elements())
@@ -139,7 +139,7 @@ def from_one_start(
 
 
 def turning_deg(path_m: Array) -> float:
-    """Return the sum of the turns along a path (P, 2 or 3) [m], whatever their sense [deg]."""
+    """Return the sum of the turns along a path (P, 2 or 3) [m], left and right alike [deg]."""
     steps = np.diff(np.asarray(path_m)[:, :2], axis=0)
     steps = steps[np.linalg.norm(steps, axis=1) > 1e-9]
     headings = np.arctan2(steps[:, 1], steps[:, 0])
@@ -151,8 +151,8 @@ def _taken(
 ) -> NDArray[np.bool_]:
     """Return which cells (N,) make goals of paths that would be too near to a kept one.
 
-    By Fréchet no path is nearer than start and goal are, and between the same ends there mostly is
-    one way only: planning such a path would be wasted.
+    The Fréchet distance of two paths is at least that of their starts and of their goals, and
+    between the same ends there is mostly one way only: planning such a path would be wasted.
     """
     taken = np.zeros(len(level.cells), dtype=bool)
     if config.similarity != FRECHET:

@@ -19,15 +19,15 @@ class SampleConfig:
 
     Attributes:
         count: how many paths, where no quotas are given.
-        split: name written into the episodes, likewise.
+        split: name written into the episodes, where no quotas are given.
         robot_radius_m: clearance that every point of a path has [m].
         roomy_radius_m: clearance asked for at first; only when the scene does not hold enough
             such paths, tighter ones down to `robot_radius_m` are taken [m].
         free_height_m: free height above every point of a path; less than `FULL_HEIGHT_M` lets
             paths for low robots lead under tables [m].
         end_clearance_m: clearance of starts and goals, room to turn on the spot [m].
-        clearance_preference: how many times longer a metre feels when it grazes an obstacle.
-        comfort_m: clearance beyond the radius from which on more is no better [m].
+        clearance_preference: cost of a metre that grazes an obstacle, relative to one in the open.
+        comfort_m: clearance beyond the radius above which more is no better [m].
         min_length_m: least geodesic distance from start to goal, as in `info` of the episodes; the
             reference path, which keeps clear of obstacles, is no shorter [m].
         max_length_m: greatest length of the reference path; the geodesic distance is no longer [m].
@@ -38,10 +38,10 @@ class SampleConfig:
         min_crossings: how often a path must pass from one room into another (where there is
             more than one room).
         similarity: how paths are compared: `frechet` or `dtw`.
-        min_gap_m: two paths nearer than this are too similar [m].
+        min_gap_m: two paths closer than this are too similar [m].
         family_gap_m: paths of different splits are farther apart than this, forward and backward;
-            paths of one split nearer than this form a similarity group [m].
-        relax: where a scene does not hold enough, take nearer paths, too, down to 0.4 m.
+            paths of one split closer than this form a similarity group [m].
+        relax: where a scene does not hold enough paths, also take closer ones, down to 0.4 m.
         waypoint_spacing_m: greatest distance of reference points [m].
         heading: starts look along the `path` or in a `random` direction.
         heading_noise_rad: starts that look along the path are turned by ± at most this [rad].

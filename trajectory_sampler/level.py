@@ -1,4 +1,4 @@
-"""One level of a scene with what sampling needs of it."""
+"""A level of a scene, prepared for sampling."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _FAR = 99  # hops between rooms that are not connected
 
 @dataclass(frozen=True)
 class Level:
-    """One level with what sampling needs of it.
+    """A level, prepared for sampling.
 
     Attributes:
         index: of the level.
@@ -53,7 +53,7 @@ def open_level(
 ) -> Level:
     """Prepare a level for paths with `radius_m` of clearance.
 
-    Every connected part of its free floor counts that holds a way of `min_length_m`. On a level
+    Only connected parts of its free floor that hold a way of `min_length_m` count. On a level
     that is a single room no path can pass between rooms, so none is asked to.
     """
     freemap = bundle.freemap(index).for_height(config.free_height_m)
@@ -100,7 +100,7 @@ def room_hops(regions: RegionMap) -> NDArray[np.int64]:
 
 
 def longest_way(freemap: Freemap, radius_m: float, end_clearance_m: float) -> tuple[float, float]:
-    """Area [m²] of the largest connected free floor, and about the longest way on it [m].
+    """Return the area [m²] of the largest connected free floor and about its longest way [m].
 
     The way is a lower bound: the place farthest from any place is one end of a long way.
     """

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import colorsys
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from PIL import Image, ImageDraw
 
 from ..formats.core.atomic import write_bytes
 from ..formats.core.episode import Episode
+from ..formats.core.images import image_file
 from ..formats.scene.bundle import SceneBundle
 from ..formats.scene.freemap import Freemap
 
@@ -63,15 +63,9 @@ def write_pictures(folder: Path, bundle: SceneBundle, episodes: Sequence[Episode
         here = [episode for episode in episodes if episode.level == level]
         freemap = bundle.freemap(level).for_height(here[0].free_height_m)
         path = folder / f"{bundle.scene_id}-{level}.png"
-        write_bytes(path, _png(draw_paths(freemap, here)))
+        write_bytes(path, image_file(draw_paths(freemap, here), "PNG"))
         written.append(path)
     return written
-
-
-def _png(image: Image.Image) -> bytes:
-    buffer = io.BytesIO()
-    image.save(buffer, "PNG")
-    return buffer.getvalue()
 
 
 def _hue(number: int) -> tuple[int, int, int]:

@@ -18,7 +18,7 @@ class Preset:
         splits: paths by split.
         instructions: per path.
         scenes: how many are needed.
-        seen: how many of them are trained in.
+        seen: how many of them are for training.
     """
 
     splits: Mapping[str, int]
@@ -40,7 +40,7 @@ def get_preset(name: str) -> Preset:
     """Return the preset of a name.
 
     Raises:
-        UnknownNameError: there is none.
+        UnknownNameError: there is no such preset.
     """
     if name not in PRESETS:
         raise UnknownNameError("preset", name, PRESETS)
@@ -51,7 +51,7 @@ def parse_splits(text: str) -> dict[str, int]:
     """Return `train=40,val_seen=10` → paths by split.
 
     Raises:
-        InputError: something else.
+        InputError: the text has another form.
     """
     return _parse_counts(text, "splits", "train=147,val_seen=37,val_unseen=429")
 
@@ -60,26 +60,26 @@ def parse_quotas(text: str) -> dict[str, int]:
     """Return `home_1=40,home_2=80` → paths by scene; "" → none.
 
     Raises:
-        InputError: something else.
+        InputError: the text has another form.
     """
     return _parse_counts(text, "quotas", "home_1=40,home_2=80") if text else {}
 
 
 def is_seen(split: str) -> bool:
-    """Return whether a split's scenes are those that are trained in, as those of `val_seen` are."""
+    """Return whether a split has the scenes of training, as `val_seen` has."""
     return "unseen" not in split and not split.startswith("test")
 
 
 def choose_seen(
     splits: Mapping[str, int], scenes: Sequence[str], count: int = 0, named: Sequence[str] = ()
 ) -> list[str]:
-    """Return the scenes that are trained in.
+    """Return the scenes of training.
 
     Args:
         splits: paths by split.
         scenes: all scenes, in the user's order.
         count: how many to take; 0 takes as many as the splits' sizes ask for.
-        named: the very scenes, if the user names them.
+        named: the scenes themselves, if the user names them.
 
     Raises:
         InputError: a name that is no scene, or too few scenes for both kinds of split.
@@ -117,7 +117,7 @@ def plan_quotas(
     Args:
         splits: paths by split.
         scenes: all scenes.
-        seen: those that are trained in; `val_seen` shares them, `val_unseen` has the others.
+        seen: the scenes of training; `val_seen` shares them, `val_unseen` has the others.
         fixed: total paths of single scenes; the other scenes share what is left.
 
     Returns:

@@ -93,7 +93,7 @@ def low_passage(free_height_m: float) -> dict[str, float]:
 def similarity_groups(paths: Sequence[tuple[int, Array]], config: SampleConfig) -> list[int]:
     """Return the number of each path's family: paths (level, (P, 3) [m]) linked by `family_gap_m`.
 
-    Two paths belong together when they are nearer than that, forward or backward, and so do those
+    Two paths belong together when they are closer than that, forward or backward, and so do those
     that a chain of such pairs links.
     """
     parent = list(range(len(paths)))

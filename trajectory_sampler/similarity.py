@@ -40,13 +40,13 @@ def path_gap(path_m: ArrayLike, other_m: ArrayLike, measure: str = FRECHET) -> f
 class PathIndex:
     """Paths by where they start and end, so that looking up takes as long with many as with few.
 
-    Two paths are no nearer by Fréchet than their starts are, nor than their ends: only those that
-    share both neighbourhoods are compared. DTW has no such bound; there the distance of one path's
-    stations to the other's bounding box says which pairs cannot be near.
+    The Fréchet distance of two paths is at least that of their starts and of their ends: only those
+    that share both neighbourhoods are compared. DTW has no such bound; there the distance of one
+    path's stations to the other's bounding box says which pairs cannot be near.
     """
 
     def __init__(self, reach_m: float, measure: str = FRECHET):
-        """Prepare for look-ups of paths nearer than `reach_m`."""
+        """Prepare for look-ups of paths closer than `reach_m`."""
         self.reach_m, self.measure = reach_m, measure
         self.paths: list[Array] = []
         self._bins: dict[tuple[int, ...], list[int]] = defaultdict(list)
@@ -64,7 +64,7 @@ class PathIndex:
         return number
 
     def near(self, path: Array) -> dict[int, float]:
-        """Numbers of the paths nearer than `reach_m` to stations (S, 2) [m], and how near [m]."""
+        """Return the distances [m], by number, of paths within `reach_m` of stations (S, 2) [m]."""
         found = {}
         for number in self._candidates(path):
             gap = _gap(path, self.paths[number], self.measure)

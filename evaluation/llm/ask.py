@@ -1,4 +1,4 @@
-"""Ask a language or vision-language model in words: bounded, and unclear answers are counted."""
+"""Ask a language or vision-language model in words, within limits; count unclear answers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from string import Template
 from typing import Any
 
 from ...instruction_gen.llm.budget import Budget
-from ...instruction_gen.llm.client import Backend, RetryableError, openai_backend
+from ...instruction_gen.llm.client import Backend, RetryableError, openai_backend, wait_to_retry
 from ...instruction_gen.llm.settings import LlmSettings, settings_from
 from ..policy import ModelUse, PolicyError
 
@@ -20,10 +20,10 @@ UNCLEAR = 3  # unclear answers in a row after which an episode is given up
 
 
 def model_settings(policy: str, use: ModelUse) -> LlmSettings:
-    """Return how the environment says that a policy's model is reached.
+    """Return the settings of a policy's model from environment variables.
 
     Raises:
-        InputError: the environment does not say where the model is.
+        InputError: the variable with the model's address is missing.
     """
     return settings_from(
         asked_by=f"--policy {policy}", max_tokens=use.max_tokens, max_cost=use.max_cost
@@ -31,7 +31,7 @@ def model_settings(policy: str, use: ModelUse) -> LlmSettings:
 
 
 def model_version(settings: LlmSettings, prompt: bytes) -> str:
-    """Return model and prompt, so that results of others are not taken for its own."""
+    """Return a text that identifies a model and its prompt, for reusing results."""
     digest = hashlib.sha256(prompt).hexdigest()[:12]
     return f"{settings.model} t={settings.temperature:g} prompt {digest}"
 
@@ -57,12 +57,12 @@ class TextModel:
     sleep: Callable[[float], None] = time.sleep
 
     def __post_init__(self) -> None:
-        """Get ready; nothing is sent yet."""
+        """Prepare the requests; nothing is sent yet."""
         self._backend = self.backend or openai_backend(self.settings, structured=False)
         self.restart()
 
     def restart(self) -> None:
-        """Count from zero: another episode begins."""
+        """Count from zero for another episode."""
         self.unclear = 0
         self.said: list[str] = []
 
@@ -72,14 +72,14 @@ class TextModel:
         return Template(text).substitute(instruction=instruction)
 
     def ask[T](self, content: str | list[dict[str, Any]], read: Callable[[str], T]) -> T:
-        """Return the answer as `read` understands it; an unclear one is asked for again.
+        """Return an answer as `read` parses it; ask again after an unclear one.
 
         Args:
             content: of the user's message.
-            read: makes something of an answer, or raises ValueError if that is unclear.
+            read: parses an answer; raises ValueError if it is unclear.
 
         Raises:
-            PolicyError: the model cannot be had, or `UNCLEAR` answers in a row were unclear.
+            PolicyError: the model cannot be reached, or `UNCLEAR` answers in a row were unclear.
             BudgetError: no more may be spent.
             InputError: the server refuses the request for good (wrong key, unknown model, …).
         """
@@ -104,10 +104,7 @@ class TextModel:
                 reply = self._backend([{"role": "user", "content": content}])
             except RetryableError as error:
                 reason = str(error)
-                if attempt + 1 < settings.attempts:
-                    wait_s = settings.backoff_s * 2**attempt
-                    asked_s = wait_s if error.wait_s is None else error.wait_s
-                    self.sleep(min(asked_s, settings.longest_wait_s))
+                wait_to_retry(settings, attempt, error, self.sleep)
                 continue
             if self.budget is not None:
                 self.budget.add(reply.usage)

@@ -1,7 +1,7 @@
 """Actions in words, as vision-language navigators give them: "move forward 75 cm", "turn left 30°".
 
-NaVid (Zhang et al., RSS 2024) and its successors answer in such sentences. What is not plainly one
-or several actions is not guessed: it is refused, so that it can be counted.
+NaVid (Zhang et al., RSS 2024) and its successors answer in such sentences. A text that is
+not plainly one or several actions is refused rather than guessed, so that it can be counted.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ _LEFT = re.compile(r"\b(?:turn|rotate|forwards?|backwards?|left|right|walk|go)\b
 
 
 def parse_actions(text: str) -> list[Action]:
-    """Return the actions that a sentence orders, in its order.
+    """Return the actions that a sentence asks for, in order.
 
     Lengths are rounded to whole steps of 0.25 m, angles to steps of 15°, at least one. Nothing
     follows a stop.
 
     Raises:
-        ValueError: the text orders nothing, something else, or nothing certain.
+        ValueError: the text asks for no action, for another kind of action, or is ambiguous.
     """
     words = " ".join(text.lower().replace("’", "'").split())
     if doubt := _DOUBT.search(words):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from collections import deque
 from collections.abc import Sequence
 from typing import Any
@@ -12,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from ...formats.core.images import data_uri, image_file
 from ...formats.core.rollout import Action
 from ..observation import Observation
 from ..policy import Assignment
@@ -23,17 +22,17 @@ HISTORY = 8  # images per question, the present one among them
 
 
 class VlmPolicy:
-    """Shows a model the past evenly, asks it in words, and takes its words at face value.
+    """Shows a model evenly spaced frames of the past and asks it in words for actions.
 
     Actions of one answer ("move forward 75 cm") are taken one by one before the next question. An
-    answer that is no clear action is counted and asked again; the third in a row gives the episode
-    up.
+    unclear answer is counted, and the question repeated; after the third in a row the episode is
+    given up.
     """
 
     blind = False
 
     def __init__(self, model: TextModel) -> None:
-        """Get ready; nothing is sent yet.
+        """Prepare an episode; nothing is sent yet.
 
         Args:
             model: answers `PROMPT`.
@@ -63,7 +62,7 @@ class VlmPolicy:
         """See `Policy.act`.
 
         Raises:
-            PolicyError: the model cannot be had, or gives no clear answer.
+            PolicyError: the model cannot be reached, or gives no clear answer.
         """
         self._frames.append(_data_url(observation.rgb))
         if not self._waiting:
@@ -84,6 +83,4 @@ def evenly(count: int, most: int) -> list[int]:
 
 
 def _data_url(rgb: NDArray[np.uint8]) -> str:
-    stream = io.BytesIO()
-    Image.fromarray(rgb).save(stream, "JPEG", quality=90)
-    return "data:image/jpeg;base64," + base64.b64encode(stream.getvalue()).decode()
+    return data_uri(image_file(Image.fromarray(rgb), "JPEG", quality=90), "image/jpeg")

@@ -1,4 +1,4 @@
-"""Frontiers: where free floor meets what has not been seen, and what they promise.
+"""Frontiers: where free floor meets the unseen, and how well they fit the next landmark.
 
 After Yokoyama et al., "VLFM: Vision-Language Frontier Maps", 2024, and the improved VLMaps of
 VLN-PE: near frontiers that fit the next landmark come first.

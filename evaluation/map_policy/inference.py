@@ -30,8 +30,8 @@ class Weights:
     Attributes:
         per_metre: of the way that the instruction describes.
         detour: of a way that is not the shortest.
-        good: an end that costs less is walked to at once, and `patience` more per action taken:
-            who has looked long takes what there is.
+        good: an end that costs less is walked to at once; the limit grows by `patience` per action
+            taken, so that after a long search a worse end will do.
         met: worth of a sub-goal that is met on the way to a frontier.
         promise: worth of a frontier that fits the next landmark.
         distance: per metre from the robot.

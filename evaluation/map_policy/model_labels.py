@@ -1,13 +1,12 @@
 """Labels of images by a vision-language model behind an OpenAI-compatible server.
 
 The model names things and gives their boxes; `SeenMap` finds by depth what in a box is the thing.
-Walls come from depth alone. What the model answers is data: a name that is no noun of the
+Walls come from depth alone. The model's answers are data: a name that is no noun of the
 lexicon, or a box without a surface, is counted and left out, and nothing is guessed in its place.
 """
 
 from __future__ import annotations
 
-import io
 import math
 import sys
 import time
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ...formats.core.frames import wrap_angle
+from ...formats.core.images import image_file
 from ...instruction_gen.language.nouns import noun_of
 from ...instruction_gen.llm.brief import prompt
 from ...instruction_gen.llm.client import Backend, Client, ModelError, openai_backend
@@ -48,7 +48,7 @@ def label_settings(settings: LlmSettings) -> LlmSettings:
 
 
 def labels_version(settings: LlmSettings) -> str:
-    """Return model and prompt; see `model_version`."""
+    """Return a text that identifies the model and its prompt; see `model_version`."""
     return model_version(label_settings(settings), prompt(PROMPT).encode())
 
 
@@ -107,7 +107,8 @@ class ModelLabeller:
             return []
         self._labelled = observation.pose
         try:
-            answer = self._client.ask_for(sight_messages(_png(observation.rgb)), Sights)
+            png = image_file(Image.fromarray(observation.rgb), "PNG")
+            answer = self._client.ask_for(sight_messages(png), Sights)
         except ModelError as error:
             self._failed += 1
             if self._failed >= UNCLEAR:
@@ -137,9 +138,3 @@ def _detection(sight: Sight, depth_m: NDArray[np.float32]) -> Detection | None:
     if not noun or noun in SILENT | STRUCTURE or pixels.sum() < _SMALLEST:
         return None
     return Detection(noun, None, pixels)
-
-
-def _png(rgb: NDArray[np.uint8]) -> bytes:
-    stream = io.BytesIO()
-    Image.fromarray(rgb).save(stream, "PNG")
-    return stream.getvalue()

@@ -1,4 +1,4 @@
-"""Sub-goals of an instruction by a language model: it says the text again in a plain grammar."""
+"""Sub-goals of an instruction by a language model, which rewords the text in a plain grammar."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class ModelReader:
         """Return the sub-goals of an instruction.
 
         Raises:
-            PolicyError: If the model cannot be had, or gives no clear answer.
+            PolicyError: If the model cannot be reached, or gives no clear answer.
         """
         self._model.restart()
         return self._model.ask(self._model.prompt(text), _goals)

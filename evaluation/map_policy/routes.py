@@ -42,8 +42,8 @@ class Routes:
     def spread(cls, seen: SeenMap, xy_m: Array, radius_m: float) -> Routes:
         """Find the ways from a point (2,) [m] for a disc of `radius_m`.
 
-        Dijkstra's search, which is A* to all cells at once. Cells nearer to an obstacle than the
-        radius are nearly blocked, unseen ones dear.
+        Dijkstra's search, which is A* to all cells at once. Cells closer to an obstacle than the
+        radius are nearly blocked, unseen ones expensive.
         """
         window = seen.window(margin_m=1.5)
         obstacle, explored = seen.obstacle[window], seen.explored[window]
@@ -60,7 +60,7 @@ class Routes:
         return cls(finder, np.asarray(cost) * CELL_M, window, seen)
 
     def reachable(self) -> NDArray[np.bool_]:
-        """Return (R, C) of the whole map where a way leads that squeezes through nothing."""
+        """Return the cells (R, C) that a way reaches without squeezing past an obstacle."""
         result = np.zeros(self.seen.grid.shape, bool)
         result[self.window] = self.cost < 60.0
         return result
@@ -113,7 +113,7 @@ def waypoints(path_m: Array, pose: Array, count: int = 4, spacing_m: float = 0.3
 def point_ahead(path_m: Array, xy_m: Array, ahead_m: float) -> Array:
     """Return the point of a way (P, 2) [m] that lies `ahead_m` beyond the one nearest to a point.
 
-    It never lies farther along than the way goes.
+    It never lies beyond the end of the way.
     """
     nearest = int(np.argmin(np.linalg.norm(path_m - xy_m, axis=1)))
     rest = path_m[nearest:]

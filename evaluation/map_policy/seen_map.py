@@ -1,6 +1,6 @@
 """The map that a robot makes while it walks: floor, obstacles, walls and named things.
 
-All of it in the start frame (`observation.Start`), from depth images, camera poses and labels.
+Everything is in the start frame (`observation.Start`), from depth images, camera poses and labels.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ class SeenWorld(World):
     """A `World` whose rooms were recognized by what stands in them."""
 
     def regions_called(self, head: str) -> list[int]:
-        """Return the regions that may be called so."""
+        """Return the regions that a name may refer to."""
         return super().regions_called(head) or super().regions_called(_TAKEN_FOR.get(head, head))
 
 

@@ -1,6 +1,6 @@
 """Distinguish files of Gaussian splats from meshes and point clouds without reading them.
 
-It imports no reader, so that what decides how a mesh is read does not depend on them.
+It imports no reader, so that the keys of mesh readers do not depend on them.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ PLAIN, COMPRESSED = "PLY of 3D Gaussian splatting", "compressed PLY, as SuperSpl
 def splat_kind(path: Path) -> str:
     """Return which kind of Gaussian splats a file holds; empty for anything else.
 
-    A mesh with vertex colours or a point cloud is none, whatever its attributes are called: splats
-    need the extension in glTF, and in PLY their own properties and no faces.
+    A mesh with vertex colours or a point cloud is not one, whatever its attributes are called:
+    splats need the extension in glTF, and in PLY their own properties and no faces.
 
     Raises:
         FileFormatError: a `.ply` without a header.

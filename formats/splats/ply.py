@@ -138,7 +138,10 @@ def _unpacked(words: NDArray[np.uint32], bits: tuple[int, ...]) -> F32:
 
 
 def _smallest_three(words: NDArray[np.uint32]) -> F32:
-    """Return quaternions (N, 4), wxyz: two bits name the largest component, ten give each other."""
+    """Return quaternions (N, 4), wxyz.
+
+    Two bits name the largest component, ten bits give each of the others.
+    """
     others = (_unpacked(np.asarray(words) << np.uint32(2), (10, 10, 10)) - 0.5) * np.sqrt(2.0)
     largest = (np.asarray(words) >> np.uint32(30)).astype(np.int64)
     quat = np.empty((len(others), 4), dtype=np.float32)

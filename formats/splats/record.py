@@ -35,7 +35,7 @@ class GaussianCloud:
         antialiased: whether the splats were trained with the filter of Mip-Splatting.
         up: axis that the format promises to be up, with the reason, or None.
         unit: unit of length that the format promises, with the reason, or None.
-        licence: what the file says, empty if nothing.
+        licence: as the file states it, empty if it states none.
         warnings: what had to be dropped while reading.
     """
 
@@ -134,7 +134,7 @@ def check_count(path: Path, count: int, degree: int) -> None:
     """Refuse counts and degrees that no reader should allocate memory for.
 
     Raises:
-        FileFormatError: names the number and the valid ones.
+        FileFormatError: too many; names the number and the valid ones.
     """
     if not 1 <= count <= MAX_SPLATS:
         raise FileFormatError(path, f"declares {count:,} Gaussians; valid: 1 to {MAX_SPLATS:,}")

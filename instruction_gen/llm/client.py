@@ -122,7 +122,7 @@ class Client:
                 answer = self._kept(path, reply, form)
             except RetryableError as error:
                 reason = str(error)
-                self._wait(attempt, error.wait_s)
+                wait_to_retry(self.settings, attempt, error, self._sleep)
             except AnswerError as error:
                 reason = str(error)
                 with self._lock:
@@ -171,11 +171,22 @@ class Client:
                 "--writer composer, which needs no server"
             )
 
-    def _wait(self, attempt: int, asked_s: float | None) -> None:
-        if attempt + 1 >= self.settings.attempts:
-            return
-        wait = self.settings.backoff_s * 2**attempt
-        self._sleep(min(asked_s if asked_s is not None else wait, self.settings.longest_wait_s))
+
+def wait_to_retry(
+    settings: LlmSettings, attempt: int, error: RetryableError, sleep: Callable[[float], None]
+) -> None:
+    """Wait before the next try, unless this was the last.
+
+    Args:
+        settings: number of tries, and how long to wait between them.
+        attempt: number of the try that failed, from 0.
+        error: its error, with the time that the server asks for, if any.
+        sleep: waits [s].
+    """
+    if attempt + 1 >= settings.attempts:
+        return
+    wait_s = settings.backoff_s * 2**attempt if error.wait_s is None else error.wait_s
+    sleep(min(wait_s, settings.longest_wait_s))
 
 
 def openai_backend(

@@ -7,7 +7,6 @@ lexicon names nothing.
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from ...formats.core.images import data_uri
 from ...formats.scene.bundle import LabeledObject
 from ..language.nouns import noun_of
 from .brief import prompt
@@ -87,8 +87,7 @@ def name_things(client: Client, views: Sequence[View]) -> list[LabeledObject]:
 
 def sight_messages(png: bytes) -> list[dict[str, Any]]:
     """Return the request for the things in a picture; the answer is `Sights`."""
-    address = "data:image/png;base64," + base64.b64encode(png).decode()
-    picture = {"type": "image_url", "image_url": {"url": address}}
+    picture = {"type": "image_url", "image_url": {"url": data_uri(png, "image/png")}}
     return [
         {"role": "system", "content": prompt("sight")},
         {"role": "user", "content": [picture]},

@@ -25,11 +25,11 @@ class EpisodeScore:
     Attributes:
         trajectory: `scene/trajectory`.
         frames: steps.
-        correct: whose action was predicted.
+        correct: steps whose action was predicted.
         waypoint_error_m: sum of the distances between predicted and true waypoints.
-        waypoints: how many of them.
-        near, near_found: steps near the end, and those predicted to be.
-        far, far_found: the other steps, likewise.
+        waypoints: number of those waypoints.
+        near, near_found: steps near the end, and how many of them were predicted as such.
+        far, far_found: the other steps, and how many of them were predicted as such.
     """
 
     trajectory: str
@@ -43,7 +43,7 @@ class EpisodeScore:
     far_found: int
 
     def to_json(self) -> dict[str, Any]:
-        """As JSON values."""
+        """Return the fields as JSON values."""
         return asdict(self)
 
 
@@ -64,7 +64,7 @@ class Summary:
 
     @staticmethod
     def of(scores: list[EpisodeScore]) -> Summary:
-        """Return the sum up."""
+        """Return the summary of some episodes."""
 
         def total(name: str) -> float:
             return sum(getattr(score, name) for score in scores)

@@ -32,6 +32,6 @@ class Fit:
 
 
 def training_fit(row: Row) -> Fit:
-    """Return how well a row fits what it has seen."""
+    """Return how well a row fits its training episodes."""
     reached = over_seeds([Summary.of(run).action for run in row.training])
     return Fit(reached, Summary.of(row.training_constant).action)

@@ -48,14 +48,14 @@ def paired_differences(
     theirs: Sequence[Sequence[EpisodeScore]],
     rng: np.random.Generator,
 ) -> Mapping[str, Difference]:
-    """Difference of two mixtures' summaries, ours − theirs, by metric, at 95 %.
+    """Return the difference of two mixtures' summaries, ours − theirs, by metric, at 95 %.
 
-    Both things that vary are in it. Seeds: the squared standard error of each mixture's mean over
-    its trainings. Trajectories: the variance of the difference over bootstrap samples of them, the
-    same for both mixtures, because both predict the same ones. The width is Student's t with the
-    degrees of freedom of the sum (Welch, 1947; Satterthwaite, 1946): with few trainings an interval
-    from resampled seeds alone would be much too narrow. One training, or one trajectory, says
-    nothing of what varies: the ends are NaN.
+    It covers both sources of variance. Seeds: the squared standard error of each mixture's mean
+    over its trainings. Trajectories: the variance of the difference over bootstrap samples of them,
+    the same for both mixtures, because both predict the same ones. The width is Student's t with
+    the degrees of freedom of the sum (Welch, 1947; Satterthwaite, 1946): with few trainings an
+    interval from resampled seeds alone would be much too narrow. With one training, or one
+    trajectory, the variance is unknown and the ends are NaN.
 
     Args:
         ours: by seed, scores of held-out episodes.
@@ -95,7 +95,7 @@ def paired_differences(
 
 
 def caution(trainings: int, trajectories: int) -> str:
-    """Return why differences have no interval, or a doubtful one; empty where nothing is to say.
+    """Return why differences have no interval, or a doubtful one; empty if there is no reason.
 
     Args:
         trainings: per row.
@@ -117,7 +117,7 @@ def caution(trainings: int, trajectories: int) -> str:
 
 
 def half_width(variances: NDArray[np.float64], freedom: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Half the width (K,) of an interval of a sum of parts with `variances` (P, K).
+    """Return half the width (K,) of an interval of a sum of parts with `variances` (P, K).
 
     Args:
         variances: of the parts.

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 
 from markdown_it import MarkdownIt
 
+from ...formats.core.images import data_uri
 from .intervals import Estimate
 from .report import CONSTANT, REPEAT
 
@@ -22,16 +23,16 @@ STYLE = (
 )
 
 
-def report_html(markdown: str, picture_name: str, picture_base64: str) -> str:
+def report_html(markdown: str, picture_name: str, picture: bytes) -> str:
     """Return the report as a page that needs no other file.
 
     Args:
         markdown: The report.
         picture_name: File name of the picture in it.
-        picture_base64: Content of the picture, a PNG file in base64.
+        picture: Content of the picture, a PNG file.
     """
     body = MarkdownIt("commonmark", {"html": False}).enable("table").render(markdown)
-    body = body.replace(f'src="{picture_name}"', f'src="data:image/png;base64,{picture_base64}"')
+    body = body.replace(f'src="{picture_name}"', f'src="{data_uri(picture, "image/png")}"')
     body = body.replace("<table>", '<div class="wide"><table>').replace(
         "</table>", "</table></div>"
     )
@@ -45,7 +46,7 @@ _COLOURS = ("#2b5fb8", "#c8611a", "#2e8b57", "#7b4aa8", "#a83250", "#5c6770")
 
 
 def plot_png(rows: Mapping[str, Mapping[str, Mapping[str, Estimate]]], title: str) -> bytes:
-    """Dots with intervals by row and evaluated source, and the baselines as lines; PNG bytes."""
+    """Return a PNG plot: dots with intervals by row and evaluated source, baselines as lines."""
     import matplotlib
 
     matplotlib.use("agg")

@@ -40,7 +40,7 @@ class Row:
     """One mixture's trainings.
 
     Attributes:
-        plan: what they took.
+        plan: the training data.
         scores: by evaluated source, by seed.
         training: scores of some training episodes, by seed.
         training_constant: scores of the commonest action of each source on the same episodes.
@@ -57,9 +57,9 @@ class Ablation:
     """All results of an ablation.
 
     Attributes:
-        recipe: what was asked.
-        config: how was trained.
-        holdout: what no training saw.
+        recipe: the mixtures and comparisons.
+        config: settings of the trainings.
+        holdout: what was held out of every training.
         held: held-out episodes by evaluated source.
         rows: by mixture.
         constant, repeat: scores without training, by evaluated source.
@@ -91,7 +91,7 @@ def run_ablation(
     Args:
         recipe: mixtures, what to evaluate, and settings.
         data: folder whose runs hold the datasets.
-        out: cache, checkpoints and results; the same folder again goes on where it stopped.
+        out: cache, checkpoints and results; given again, the run resumes where it stopped.
         changes: settings that override the recipe's.
         show: progress bars.
 
@@ -228,7 +228,7 @@ def training_job(
 ) -> Job:
     """Return a training whose file names hash everything that its result depends on.
 
-    Frames are known by their statistics, episodes by their names, labels and instructions.
+    Frames are identified by their statistics, episodes by their names, labels and instructions.
     """
 
     def episodes(selection: Selection) -> list[Any]:

@@ -138,8 +138,8 @@ class Rdp(nn.Module):
 def future_motions(batch: Mapping[str, Tensor]) -> tuple[Tensor, Tensor]:
     """Return the next motions of every step of a batch of `collate_sequences`.
 
-    Behind an episode's end the robot stands still, which is what stopping looks like; behind the
-    place where an episode was cut nothing is known.
+    After an episode's end the robot stands still, which is how a stop looks; after the place
+    where an episode was cut the motions are unknown.
 
     Returns:
         Motions (B, T, 8, 3), each in the frame of the step that it begins at, and whether they are
@@ -162,7 +162,7 @@ def still(motions: Tensor) -> Tensor:
 
 
 def _positions(batch: Mapping[str, Tensor]) -> Tensor:
-    """Pose from the start and the last four poses from here, (B, T, 5 · 4).
+    """Return the pose from the start and the last four poses from here, (B, T, 5 · 4).
 
     In closed loop, where earlier steps are not part of the batch, `batch["past"]` holds the latter;
     otherwise they follow from `pose` (B, T, 3).
@@ -190,12 +190,12 @@ def seen_from(poses: Tensor, origin: Tensor) -> Tensor:
 
 
 def _angles(pose: Tensor) -> Tensor:
-    """x, y, cos yaw, sin yaw: an angle has no jump that way."""
+    """Return x, y, cos yaw, sin yaw of poses; unlike the angle these never jump."""
     return torch.cat([pose[..., :2], pose[..., 2:].cos(), pose[..., 2:].sin()], -1)
 
 
 def _five(places: Tensor) -> Tensor:
-    """One token of the whole image and four of its quarters, (B, T, 5, C), of (B, T, 16, C)."""
+    """Return tokens of the whole image and its four quarters, (B, T, 5, C), of (B, T, 16, C)."""
     grid = places.unflatten(2, (GRID, GRID)).movedim(-1, 2).flatten(0, 1)
     quarters = adaptive_avg_pool2d(grid, 2).flatten(2).transpose(1, 2)
     quarters = quarters.unflatten(0, places.shape[:2])
@@ -203,7 +203,7 @@ def _five(places: Tensor) -> Tensor:
 
 
 def _waves(level: Tensor, width: int) -> Tensor:
-    """Sinusoidal embedding (N, width) of levels (N,)."""
+    """Return the sinusoidal embedding (N, width) of levels (N,)."""
     half = width // 2
     rates = torch.exp(-math.log(1000.0) * torch.arange(half, device=level.device) / half)
     angles = level[:, None] * rates

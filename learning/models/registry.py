@@ -31,7 +31,7 @@ def build_model(tokens: Tokens, config: ModelConfig, *, pretrained: bool = True)
             weights contain them.
 
     Raises:
-        FileFormatError: such a file cannot be read, or belongs to something else.
+        FileFormatError: such a file cannot be read, or does not fit the model.
     """
     words = tokens.vocabulary.words
     model = MODELS[config.name](len(words), config, pretrained=pretrained)

@@ -38,7 +38,7 @@ class Read:
 
     Attributes:
         words: (B, L, H) features of the words.
-        padding: (B, L) true behind the last word.
+        padding: (B, L) true after the last word.
         summary: (B, H) of the whole instruction.
     """
 

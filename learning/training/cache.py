@@ -31,8 +31,8 @@ class CachedSequences(Dataset[dict[str, Any]]):
         """Keep the items of `sequences` in `folder`, which is created if missing.
 
         Args:
-            sequences: whose items.
-            folder: of the files.
+            sequences: source of the items.
+            folder: where the files are kept.
             images: which of `rgb` and `depth` items have; the others are not read.
         """
         self.sequences, self.folder = sequences, folder

@@ -30,13 +30,13 @@ class Correction:
     Attributes:
         rgb: (T, 3, S, S) uint8, as the model got them.
         depth_m: (T, 1, S, S) float32.
-        action: (T,) what the expert would have done at each step.
-        executed: (T,) what was done.
+        action: (T,) the expert's action at each step.
+        executed: (T,) the action that was taken.
         pose: (T, 3) x, y [m], yaw [rad] relative to the first step.
         progress: (T,) 0 … 1 of the expert's route.
         instruction: Its text.
         name: of the episode.
-        robot: whose walk it is.
+        robot: name of the robot that walked.
     """
 
     rgb: NDArray[np.uint8]
@@ -66,7 +66,7 @@ class CorrectedEpisodes(Dataset[dict[str, Any]]):
     """
 
     def __init__(self, files: Sequence[Path], tokens: Tokens, config: TrainConfig):
-        """Read nothing yet but the files' digests."""
+        """Read the files' digests; the walks are read later."""
         self._files, self._tokens, self._config = list(files), tokens, config
         state = hashlib.blake2b(digest_size=12)
         for path in self._files:

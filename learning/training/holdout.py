@@ -18,7 +18,7 @@ class Holdout:
 
     Attributes:
         by: `split`, `scene`, `trajectory`, or `none`.
-        scenes: whole scenes held out; empty when it goes by trajectory.
+        scenes: whole scenes held out; empty if trajectories are held out instead.
         trajectories: all that are held out, as `scene/trajectory`.
     """
 
@@ -30,7 +30,7 @@ class Holdout:
 def hold_out(
     recipe: Recipe, trajectories: Iterable[str], published: Collection[str] = ()
 ) -> Holdout:
-    """Hold out what its publisher holds out; else whole scenes where there are several, else paths.
+    """Hold out published splits; without them whole scenes if there are several, else paths.
 
     No trajectory is on both sides.
 

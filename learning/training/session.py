@@ -259,7 +259,7 @@ def _cached(
 
 
 def _some(episodes: CachedSequences, sources: int) -> CachedSequences:
-    """Up to `_SAMPLE` episodes of all sources together, evenly spread."""
+    """Return up to `_SAMPLE` episodes of all sources together, evenly spread."""
     chosen = episodes.sequences.selection
     count = min(max(_SAMPLE // sources, 1), len(chosen))
     mask = np.zeros(len(chosen), bool)

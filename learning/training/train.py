@@ -86,7 +86,7 @@ def train_model(
         sources: episodes of each source.
         shares: of the draws.
         tokens: of the instructions.
-        config: how.
+        config: settings of the training.
         seed: of weights, dropout and the order of the draws.
         state: file to resume from, and to write to.
         watcher: Its callbacks.

@@ -14,7 +14,7 @@ from ...formats.video.mp4 import check_rgb_codec
 from ...formats.vlnce.files import read_vlnce
 from ...scene_repair.config import RepairConfig
 from ...scene_repair.scan.files import SUFFIXES
-from ...trajectory_sampler.alignment import AlignConfig
+from ...trajectory_sampler.align_config import AlignConfig
 from ...trajectory_sampler.config import SampleConfig
 from ...trajectory_sampler.presets import PRESETS, get_preset
 from ...trajectory_sampler.stairs import StairRules

@@ -14,7 +14,7 @@ from ...formats.core.errors import InputError
 from ...formats.scene.bundle import INDEX_NAME
 from ...formats.vlnce.files import read_vlnce, write_episodes
 from ...formats.vlnce.groups import instruction_count
-from ...trajectory_sampler.alignment import AlignConfig
+from ...trajectory_sampler.align_config import AlignConfig
 from ...trajectory_sampler.stairs import StairRules
 from ..engine.context import open_single
 from ..engine.keys import digest

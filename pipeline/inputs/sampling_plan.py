@@ -129,9 +129,7 @@ def sample_config(
     """
     return SampleConfig(
         count=count,
-        robot_radius_m=radius_m,
         free_height_m=free_height_m,
-        end_clearance_m=max(SampleConfig.end_clearance_m, radius_m),
         min_length_m=options.min_length_m,
         max_length_m=options.max_length_m,
         min_crossings=options.min_crossings,
@@ -143,4 +141,4 @@ def sample_config(
         heading=options.heading,
         relax=not strict,
         patience=60 if strict else SampleConfig.patience,
-    )
+    ).for_radius(radius_m)

@@ -11,7 +11,8 @@ import numpy as np
 
 from ...formats.scene.bundle import load_bundle
 from ...formats.vlnce.files import VlnceFile, read_vlnce, write_episodes, write_vlnce
-from ...trajectory_sampler.alignment import AlignConfig, align_episodes
+from ...trajectory_sampler.align_config import AlignConfig
+from ...trajectory_sampler.alignment import align_episodes
 from ...trajectory_sampler.config import SampleConfig
 from ...trajectory_sampler.sampling import sample_episodes
 from ...trajectory_sampler.stairs import StairRules, filter_stairs

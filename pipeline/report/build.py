@@ -16,7 +16,7 @@ from .failures import failure_figures
 from .gather import RobotRow, diverged_rows, driven, replay_rows, robot_rows
 from .maps import ScenePaths, map_figure, path_name
 from .pictures import STAGE as PICTURES_STAGE
-from .pictures import Pictures, data_uri
+from .pictures import Pictures, jpeg_uri
 
 
 def build_page(root: Path, pictures: Pictures) -> str:
@@ -77,7 +77,7 @@ def _strip(robot: str, picture: Path, ledger: Ledger) -> dict[str, str]:
     facts = row.facts
     return {
         "title": f"{robot}, {facts['controller']} controller, episode {facts['episode']}",
-        "image": data_uri(picture, maximum_width_px=4000),
+        "image": jpeg_uri(picture, maximum_width_px=4000),
         "caption": f"From start to {facts['end_reason']}: what it saw, how far, how it walked.",
     }
 
@@ -163,8 +163,8 @@ def _scene(root: Path, row: Row) -> dict[str, Any]:
         "name": row.item,
         "facts": _repair_note(row.facts),
         "problems": row.facts.get("problems", ()),
-        "before": data_uri(folder / "before.png", 1200),
-        "after": data_uri(folder / "after.png", 1200),
+        "before": jpeg_uri(folder / "before.png", 1200),
+        "after": jpeg_uri(folder / "after.png", 1200),
     }
 
 

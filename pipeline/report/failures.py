@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
+from ...formats.core.images import data_uri
 from ..engine.ledger import Row
 
 # Base64 included. A page of this size still opens at once, and holds about 150 clips.
@@ -67,8 +67,8 @@ def _figure(row: Row, clip: Path | None, embedded: bool) -> dict[str, Any]:
         "file": f"clips/{clip.name}" if clip else "",
     }
     if clip and embedded:
-        figure["video"] = _uri(clip, "video/mp4")
-        figure["poster"] = _uri(clip.with_suffix(".jpg"), "image/jpeg")
+        figure["video"] = data_uri(clip.read_bytes(), "video/mp4")
+        figure["poster"] = data_uri(clip.with_suffix(".jpg").read_bytes(), "image/jpeg")
     return figure
 
 
@@ -91,7 +91,3 @@ def _within(rows: Sequence[Row], clips: Mapping[str, Path], budget_bytes: int) -
                 break
             chosen.add(row.item)
     return chosen
-
-
-def _uri(path: Path, kind: str) -> str:
-    return f"data:{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"

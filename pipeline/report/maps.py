@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...formats.core.episode import Episode
 from ...formats.mcap.rollout import read_rollout
 from ..engine.ledger import Row
-from .pictures import data_uri
+from .pictures import jpeg_uri
 
 REFERENCE, START, GOAL = "#ffffff", "#1a9850", "#2b5fb8"
 BAD = "#d1332b"
@@ -125,7 +125,7 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
             )
     return {
         "title": f"{scene}, level {level}",
-        "image": data_uri(picture, 1400),
+        "image": jpeg_uri(picture, 1400),
         "width": mapping["width"],
         "height": mapping["height"],
         "lines": lines,

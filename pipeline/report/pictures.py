@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+
+from ...formats.core.images import data_uri, image_file
 
 STAGE = "pictures"
 
@@ -32,13 +32,11 @@ class Pictures:
 JPEG_QUALITY = 86
 
 
-def data_uri(image: Path | NDArray[np.uint8], maximum_width_px: int = 1600) -> str:
+def jpeg_uri(image: Path | NDArray[np.uint8], maximum_width_px: int = 1600) -> str:
     """Return an image file or an (H, W, 3) uint8 array as a JPEG data URI, shrunk to fit."""
     picture = Image.open(image) if isinstance(image, Path) else Image.fromarray(image)
     picture = picture.convert("RGB")
     if picture.width > maximum_width_px:
         height = round(picture.height * maximum_width_px / picture.width)
         picture = picture.resize((maximum_width_px, height), Image.Resampling.LANCZOS)
-    stream = io.BytesIO()
-    picture.save(stream, format="JPEG", quality=JPEG_QUALITY)
-    return "data:image/jpeg;base64," + base64.b64encode(stream.getvalue()).decode()
+    return data_uri(image_file(picture, "JPEG", quality=JPEG_QUALITY), "image/jpeg")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
@@ -12,6 +11,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, select_autoescape
 
 from ...evaluation.results import COLUMNS, COUNTS, grouped, summarise
+from ...formats.core.images import data_uri
 from ..engine.ledger import Row
 
 FILMS_BYTES = 24_000_000  # of all embedded films, base64 included
@@ -99,13 +99,9 @@ def _embedded(film: Path, fits: bool) -> dict[str, str]:
     if not fits:
         return {"file": f"films/{film.name}"}
     return {
-        "video": _uri(film, "video/mp4"),
-        "poster": _uri(film.with_suffix(".jpg"), "image/jpeg"),
+        "video": data_uri(film.read_bytes(), "video/mp4"),
+        "poster": data_uri(film.with_suffix(".jpg").read_bytes(), "image/jpeg"),
     }
-
-
-def _uri(path: Path, kind: str) -> str:
-    return f"data:{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"
 
 
 def _episode(row: Row) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ...formats.core.atomic import file_digest
 from ...formats.vlnce.files import read_vlnce
-from ...trajectory_sampler.alignment import AlignConfig
+from ...trajectory_sampler.align_config import AlignConfig
 from ...trajectory_sampler.stairs import GEOMETRIC, StairRules
 from ..engine.ledger import Ledger, Row
 from ..engine.runner import StageSummary

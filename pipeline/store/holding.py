@@ -13,7 +13,8 @@ import logging
 import time
 from collections.abc import Iterator
 
-from ..engine.lock import LOCK_NAME, Holder, LockedError, renew
+from ..engine.holder import Holder, renew
+from ..engine.lock import LOCK_NAME, LockedError
 from .objects import ObjectFolder, StoreError
 
 log = logging.getLogger(__name__)

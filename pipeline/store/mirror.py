@@ -88,10 +88,10 @@ class MirroredLedger(Ledger):
         Raises:
             StoreError: If the store cannot be used.
         """
-        store, root, files = self._store, self.root, self.files()
         manifest = self.manifest_text()
         if manifest == self._written:
             return
+        store, root, files = self._store, self.root, self.files()
         waiting = {
             name: root / name
             for name, record in files.items()
@@ -154,8 +154,7 @@ def _pull(store: ObjectFolder, scratch: Path, manifest: bytes) -> dict[str, File
     there = _ledger_of(manifest)
     names, held = there.files(), set(store.names())
     stored = {name: record for name, record in names.items() if name in held}
-    is_known = hashlib.sha256(manifest).hexdigest() == _marked(scratch)
-    if is_known and (scratch / MANIFEST_NAME).is_file():
+    if _is_current(scratch, manifest):
         return stored
     here = Ledger(scratch)
     before = here.files()
@@ -212,8 +211,15 @@ def fetched(url: str) -> Path:
     manifest = store.read(MANIFEST_NAME)
     if manifest is None:
         raise StoreError(f"{url}: holds no run ({MANIFEST_NAME} is missing)")
-    _pull(store, scratch, manifest)
+    if not _is_current(scratch, manifest):
+        _pull(store, scratch, manifest)
     return scratch
+
+
+def _is_current(scratch: Path, manifest: bytes) -> bool:
+    """Return whether a scratch folder holds what this manifest of the store describes."""
+    digest = hashlib.sha256(manifest).hexdigest()
+    return digest == _marked(scratch) and (scratch / MANIFEST_NAME).is_file()
 
 
 def _only_here(here: Ledger, there: Ledger) -> list[tuple[Row, dict[str, Records]]]:

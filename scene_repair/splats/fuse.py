@@ -1,7 +1,7 @@
 """Fuse the surface that splats show: depth from many virtual cameras into one volume.
 
 Lengths are normalised first, so that a building of ordinary size has voxels of about 2.5 cm: the
-fusion's distances are those of rooms.
+fusion's thresholds are made for rooms.
 """
 
 from __future__ import annotations

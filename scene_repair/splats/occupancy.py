@@ -2,8 +2,8 @@
 
 Layout: the dataset's README (grey values; the JSON file relates pixels to the splats' coordinates)
 and SAGE-3D's public code (`scale` is metres per pixel, `min` the lower corner; rows run along +y,
-columns along −x). That code is the only source for the direction of the axes, so that the splats
-must agree with it.
+columns along −x). That code is the only source for the direction of the axes, so the map is checked
+against the splats.
 """
 
 from __future__ import annotations

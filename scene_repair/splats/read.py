@@ -51,12 +51,12 @@ def read_splat_scan(path: Path, tell: Callable[[str], None], collision: Path | N
 
     Args:
         path: the file.
-        tell: called with one short line before each step.
+        tell: called with a short line of progress before each step.
         collision: mesh, USD stage or InteriorGS' `occupancy.png` in the same coordinates, which
             takes the place of the fused surface; None = fuse one.
 
     Raises:
-        FileFormatError: damaged, or no surface that cameras could look at from inside.
+        FileFormatError: damaged, or without a surface that can be seen from inside.
     """
     check_scan(path)
     kind = splat_kind(path)

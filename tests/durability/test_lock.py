@@ -19,8 +19,9 @@ from vlnpe.formats.core.atomic import TEMPORARY_PREFIX
 from vlnpe.formats.core.errors import InputError
 from vlnpe.pipeline.engine import lock as locks
 from vlnpe.pipeline.engine.context import open_context
+from vlnpe.pipeline.engine.holder import Holder
 from vlnpe.pipeline.engine.ledger import MANIFEST_NAME, Ledger
-from vlnpe.pipeline.engine.lock import LOCK_NAME, Holder, LockedError, lock, refuse_if_locked
+from vlnpe.pipeline.engine.lock import LOCK_NAME, LockedError, lock, refuse_if_locked
 from vlnpe.pipeline.options.running import Running
 from vlnpe.pipeline.verify.run import verify_run
 

@@ -19,8 +19,9 @@ from tests.support.runs import tiny_run
 from tests.support.runs.content import content
 from tests.support.runs.kills import kill_in
 from vlnpe.formats.core.errors import InputError
+from vlnpe.pipeline.engine.holder import Holder
 from vlnpe.pipeline.engine.ledger import MANIFEST_NAME, Ledger, Row
-from vlnpe.pipeline.engine.lock import LOCK_NAME, Holder, LockedError
+from vlnpe.pipeline.engine.lock import LOCK_NAME, LockedError
 from vlnpe.pipeline.store import holding
 from vlnpe.pipeline.store.address import MARKER_NAME, SCRATCH_VARIABLE, scratch_folder, store_url
 from vlnpe.pipeline.store.mirror import MirroredLedger, local_copy, mirrored, pull

@@ -231,6 +231,7 @@ print(json.dumps({"texts": [e.instruction for e in made.episodes], **made.usage(
 """
 
 
+@pytest.mark.chain
 def test_a_killed_run_goes_on_and_pays_nothing_twice(two_rooms, tmp_path):
     scenes = two_rooms.root.parent
     if not (scenes / "two_rooms").exists():

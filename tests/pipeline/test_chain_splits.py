@@ -23,7 +23,7 @@ from vlnpe.pipeline.engine.runner import Context
 from vlnpe.pipeline.inputs.views import chosen_views
 from vlnpe.pipeline.report.gather import robot_rows
 from vlnpe.pipeline.stages import repair
-from vlnpe.trajectory_sampler.alignment import AlignConfig
+from vlnpe.trajectory_sampler.align_config import AlignConfig
 from vlnpe.trajectory_sampler.config import SampleConfig
 from vlnpe.trajectory_sampler.stairs import StairRules
 

@@ -237,6 +237,7 @@ def test_large_textures_are_scaled(source: Path, tmp_path: Path) -> None:
             assert max(Image.open(bundle.root / material.texture).size) <= 64
 
 
+@pytest.mark.chain
 def test_small_house(shared_scenes: Path, tmp_path: Path) -> None:
     bundle = repair_scene(shared_scenes / "small_house.glb", tmp_path, QUICK)
     assert len(bundle.obstacles(0).center_m) < 3000
@@ -254,6 +255,7 @@ def test_small_house(shared_scenes: Path, tmp_path: Path) -> None:
     assert {"sofa", "bed", "kitchen table", "carpet"} <= set(bundle.labels)
 
 
+@pytest.mark.chain
 @pytest.mark.parametrize("name", ["quest_living_room", "quest_music_room", "quest_office_small"])
 def test_headset_rooms(name: str, shared_scenes: Path, tmp_path: Path) -> None:
     bundle = repair_scene(shared_scenes / f"{name}.glb", tmp_path, QUICK)
@@ -270,6 +272,7 @@ def test_headset_rooms(name: str, shared_scenes: Path, tmp_path: Path) -> None:
     assert freemap.traversable.sum() * freemap.grid.cell_m**2 > 1.5
 
 
+@pytest.mark.chain
 def test_laser_scan_without_axis_or_labels(shared_scenes: Path, tmp_path: Path) -> None:
     bundle = repair_scene(shared_scenes / "room_scan1.ply", tmp_path, QUICK)
     assert bundle.source["up"] in ("z", "-z")

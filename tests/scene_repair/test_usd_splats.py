@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdVol, Vt
 
-from tests.support.scenes.splats import random_cloud
+from tests.support.scenes.splats import assert_same, random_cloud
 from vlnpe.formats.core.errors import FileFormatError, InputError
 from vlnpe.formats.core.frames import quat_to_matrix
 from vlnpe.formats.splats.kind import is_splats
-from vlnpe.formats.splats.record import GaussianCloud, covariances
+from vlnpe.formats.splats.record import GaussianCloud
 from vlnpe.scene_repair.splats import usd
 from vlnpe.scene_repair.splats.usd import read_usd_splats
 
@@ -30,14 +30,6 @@ def pose(shift: tuple[float, float, float] = (1.0, 2.0, 3.0)) -> np.ndarray:
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = 2 * TURN, shift
     return matrix
-
-
-def same(read: GaussianCloud, cloud: GaussianCloud, tolerance: float) -> None:
-    assert read.position == pytest.approx(cloud.position, abs=tolerance)
-    assert read.opacity == pytest.approx(cloud.opacity, abs=tolerance)
-    assert read.harmonics == pytest.approx(cloud.harmonics, abs=4 * tolerance)
-    close = 8 * tolerance * float(np.abs(covariances(cloud)).max())
-    assert covariances(read) == pytest.approx(covariances(cloud), abs=close)
 
 
 def write_field(path: Path, cloud: GaussianCloud, *, half: bool = False) -> Usd.Stage:
@@ -120,7 +112,7 @@ def test_particle_fields_of_openusd(half: bool, tmp_path: Path) -> None:
     stage = write_field(path, cloud, half=half)
     assert is_splats(path)
     read = read_usd_splats(path)
-    same(read, cloud.transformed(pose()), 0.02 if half else 1e-4)
+    assert_same(read, cloud.transformed(pose()), 0.02 if half else 1e-4)
     assert read.up is None and read.unit is None
     UsdGeom.Mesh.Define(stage, "/World/wall")
     stage.Save()
@@ -136,7 +128,7 @@ def test_nurec_volumes_of_3dgrut(tmp_path: Path) -> None:
         assert is_splats(path)
         read = read_usd_splats(path)
         assert read.degree == 1
-        same(read, cloud.transformed(pose()), 0.02)
+        assert_same(read, cloud.transformed(pose()), 0.02)
 
 
 def test_damaged_splats_in_usd_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import sys
 from typing import Any
@@ -42,7 +41,7 @@ def run(options: Ablate) -> int:
     write_bytes(out / PLOT, picture)
     write_bytes(out / TABLE, markdown.encode())
     write_json(out / RESULTS, value)
-    page = report_html(markdown, PLOT, base64.b64encode(picture).decode())
+    page = report_html(markdown, PLOT, picture)
     write_bytes(out / PAGE, page.encode())
     sys.stdout.write(f"{markdown}\n{out / PAGE}\n")
     if options.json:

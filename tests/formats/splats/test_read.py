@@ -13,7 +13,7 @@ import trimesh
 from scipy.spatial import KDTree
 
 from tests.conftest import SHARED_SCENES
-from tests.support.scenes.splats import random_cloud
+from tests.support.scenes.splats import assert_same, random_cloud
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.core.frames import quat_to_matrix
 from vlnpe.formats.splats.harmonics import C0, basis
@@ -28,14 +28,6 @@ shared = pytest.mark.skipif(not FILES.is_dir(), reason=f"no splat files in {FILE
 E = "KHR_gaussian_splatting"
 
 
-def same(read: GaussianCloud, cloud: GaussianCloud, tolerance: float) -> None:
-    assert read.position == pytest.approx(cloud.position, abs=tolerance)
-    assert read.opacity == pytest.approx(cloud.opacity, abs=tolerance)
-    assert read.harmonics == pytest.approx(cloud.harmonics, abs=4 * tolerance)
-    close = 8 * tolerance * float(np.abs(covariances(cloud)).max())
-    assert covariances(read) == pytest.approx(covariances(cloud), abs=close)
-
-
 @pytest.mark.parametrize("degree", [0, 1, 2, 3])
 def test_ply_of_every_degree(degree: int, tmp_path: Path) -> None:
     cloud = random_cloud(np.random.default_rng(degree), 60, degree)
@@ -43,7 +35,7 @@ def test_ply_of_every_degree(degree: int, tmp_path: Path) -> None:
     write_ply_splats(path, cloud, ("License CC0",))
     assert splat_kind(path) == "PLY of 3D Gaussian splatting"
     read = read_splats(path)
-    same(read, cloud, 1e-5)
+    assert_same(read, cloud, 1e-5)
     assert read.licence == "CC0"
     # trimesh keeps the properties as the file names them: channel by channel for f_rest.
     raw = trimesh.load(path, process=False).metadata["_ply_raw"]["vertex"]["data"]
@@ -79,7 +71,7 @@ def test_dot_splat(tmp_path: Path) -> None:
         for p, s, c, q in zip(cloud.position, cloud.scale, color, turn, strict=True)
     ]
     (tmp_path / "a.splat").write_bytes(b"".join(rows))
-    same(read_splats(tmp_path / "a.splat"), cloud, 5e-3)
+    assert_same(read_splats(tmp_path / "a.splat"), cloud, 5e-3)
 
 
 def spz_bytes(cloud: GaussianCloud, version: int) -> bytes:
@@ -119,7 +111,7 @@ def test_spz(version: int, degree: int, tmp_path: Path) -> None:
     assert read.antialiased
     assert read.up is not None
     assert read.up[0] == "y"
-    same(read, cloud, 8e-3)
+    assert_same(read, cloud, 8e-3)
 
 
 def gltf_bytes(cloud: GaussianCloud, **node: object) -> bytes:
@@ -172,7 +164,7 @@ def test_gltf_moves_splats_as_its_nodes_say(tmp_path: Path) -> None:
     matrix = np.eye(4)
     matrix[:3, :3] = 2 * quat_to_matrix(turn)
     matrix[:3, 3] = 1, 2, 3
-    same(read, cloud.transformed(matrix), 1e-5)
+    assert_same(read, cloud.transformed(matrix), 1e-5)
     assert read.position == pytest.approx(2 * cloud.position[:, [2, 0, 1]] + (1, 2, 3), abs=1e-5)
     assert read.unit is not None
     assert read.unit[0] == "m"

@@ -108,6 +108,7 @@ def test_pictures_show_every_path_on_free_floor(scenes, tmp_path, capsys):
     assert freemap.traversable[tuple(freemap.grid.cell_of(xy).T)].mean() > 0.99
 
 
+@pytest.mark.chain
 def test_a_repaired_scene_has_its_folder_s_name(tmp_path, capsys):
     write_mesh(tmp_path / "scan.glb", room(1.0))
     run(capsys, "repair", tmp_path / "scan.glb", "--out", tmp_path / "flat-1")

@@ -1,10 +1,11 @@
-"""Small random Gaussian clouds."""
+"""Small random Gaussian clouds, and their comparison."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from vlnpe.formats.splats.record import GaussianCloud
+from vlnpe.formats.splats.record import GaussianCloud, covariances
 
 
 def random_cloud(
@@ -27,3 +28,12 @@ def random_cloud(
         opacity=rng.uniform(0.05, 0.99, count).astype(np.float32),
         harmonics=harmonics.astype(np.float32),
     )
+
+
+def assert_same(read: GaussianCloud, cloud: GaussianCloud, tolerance: float) -> None:
+    """Assert that a cloud that was read is the one that was written, up to `tolerance`."""
+    assert read.position == pytest.approx(cloud.position, abs=tolerance)
+    assert read.opacity == pytest.approx(cloud.opacity, abs=tolerance)
+    assert read.harmonics == pytest.approx(cloud.harmonics, abs=4 * tolerance)
+    close = 8 * tolerance * float(np.abs(covariances(cloud)).max())
+    assert covariances(read) == pytest.approx(covariances(cloud), abs=close)
