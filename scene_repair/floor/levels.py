@@ -180,7 +180,8 @@ def averted_faces(
 ) -> NDArray[np.bool_]:
     """Return (F,) faces wound opposite to the floors: undersides of walls and furniture.
 
-    None, if the floors' faces have inconsistent winding.
+    None, if the floors' faces have inconsistent winding. A floor with a ceiling in its plane has no
+    say: only its gaps would decide, and in them the ceiling lies alone.
     """
     cells = len(columns.start) - 1
     total, count = 0.0, 0
@@ -189,8 +190,9 @@ def averted_faces(
         upward = normal_z[columns.face] > 0
         some_up = np.bincount(columns.cell[near & upward], minlength=cells) > 0
         some_down = np.bincount(columns.cell[near & ~upward], minlength=cells) > 0
-        # Where both lie in one plane, a ceiling under a floor, nothing can be decided.
         decided = some_up != some_down
+        if decided.sum() < (some_up & some_down).sum():
+            continue
         total, count = total + float(some_up[decided].sum()), count + int(decided.sum())
     share = total / count if count else 0.5
     if share >= ALIKE_SHARE:

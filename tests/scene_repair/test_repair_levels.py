@@ -47,6 +47,11 @@ BUILDINGS = {
     "ceiling 2 mm above the floor": (buildings.in_one_plane(-0.002), (0.0, 2.8), (20.0, 17.5)),
     "ceiling 5 mm above the floor": (buildings.in_one_plane(-0.005), (0.0, 2.8), (20.0, 17.5)),
     "ceiling 1 mm under the floor": (buildings.in_one_plane(0.001, 3.4), (0.0, 3.4), (20.0, 17.5)),
+    "three storeys, ceilings in the floors' planes": (
+        buildings.tower_in_one_plane(),
+        (0.0, 2.8, 5.6),
+        (20.0, 17.5, 17.5),
+    ),
     "lift shaft": (buildings.lift_shaft(), (0.0,), (27.44,)),
 }
 

@@ -170,6 +170,30 @@ def in_one_plane(slab_m: float = 0.0, storey_m: float = 2.8, turn_deg: float = 0
     return [part.apply_transform(turn) for part in parts]
 
 
+def tower_in_one_plane() -> Parts:
+    """Three storeys of 5 × 4 m, each but the last with a ceiling in the plane of the floor above.
+
+    Stairwells of 1 × 2.5 m, over which the ceilings run on, lie at alternate places.
+    """
+    storey_m = 2.8
+    parts = [scans.sheet((0, 0), (5, 4))]
+    for k, x in enumerate((1.0, 3.0)):
+        low, z = storey_m * k, storey_m * (k + 1)
+        gap = scans.rectangle((x, 1.0), (x + 1.0, 3.5))
+        parts += [
+            scans.sheet((0, 0), (5, 4), z=z, facing_up=False),
+            scans.sheet((0, 0), (5, 4), z=z, without=gap),
+        ]
+        parts += [
+            scans.box((x, 1.0 + 0.25 * n, low), (x + 1.0, 1.25 + 0.25 * n, low + 0.26 * (10 - n)))
+            for n in range(10)
+        ]
+    for k in range(3):
+        walls = scans.walls((0, 0), (5, 4), storey_m - 0.2)
+        parts += [wall.apply_translation((0, 0, storey_m * k)) for wall in walls]
+    return [*parts, scans.sheet((0, 0), (5, 4), z=3 * storey_m - 0.2, facing_up=False)]
+
+
 def lift_shaft() -> Parts:
     """A room of 6 × 5 m with a walled shaft of 1.6 × 1.6 m in it, without bottom or door."""
     shaft = scans.rectangle((3.0, 3.0), (4.6, 4.6))
