@@ -21,6 +21,7 @@ _ONE_BEND_M = 2.0
 _U_TURN_M = 3.0
 _ONE_TURN_DEG = 130.0  # more than this, not on the spot, is two turns
 _TWO_TURNS_DEG = 100.0  # this much within a bend may be told as two turns
+_TURNED_M = 0.9  # what follows a turn lies no farther before it
 _BENT_DEG = 60.0  # a bend of this much may be told as a turn that goes on to that side
 _PLAIN_DEG = 30.0  # "turn left" is no smaller turn
 _BARE_STOP_M = 2.6
@@ -118,6 +119,8 @@ class _Aligner:
         for made, mask in self._from(claim).items():
             slack = max(claim.slack_m, _MEANWHILE_M) if claim.still else claim.slack_m
             first = float(self.along[np.argmax(mask)]) - slack
+            if made:
+                first = max(first, self.turns[made - 1].along_m - _TURNED_M)
             for k in self.implied.after(made, claim):
                 here = claim.mask & (self.along >= first)
                 # "Turn left into the kitchen": no other turn lies between.
@@ -126,7 +129,7 @@ class _Aligner:
                 led = self.implied.led(made, claim)
                 if made < k <= led:
                     here &= self.along >= self.turns[k - 1].along_m - SPOT_M
-                if k > led and not (claim.bends or self.implied.only_way_out(claim)):
+                if k > led and not (claim.bends or self.implied.leads_out(made, k, claim)):
                     turn = self.turns[k - 1]
                     here &= np.abs(self.along - turn.along_m) <= IMPLIED_M + 1.0
                 if claim.still and here.any() and k == made:
@@ -195,7 +198,8 @@ class _Aligner:
                 break
             total += abs(turn.angle_deg)
             apart = j > k and turn.along_m - self.turns[j - 1].along_m > SPOT_M
-            if apart and total > _ONE_TURN_DEG and claim.side != "around":
+            whole = claim.side == "around" or claim.degree == "sharp"
+            if apart and total > _ONE_TURN_DEG and not whole:
                 break  # a turn and the next one
             if self._is(claim, self.turns[k].side, total):
                 found.append(j + 1)

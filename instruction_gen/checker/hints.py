@@ -17,6 +17,8 @@ _SIDE = re.compile(
     r"behind|up|where|when|as|on)\b)",
     re.IGNORECASE,
 )
+# "With it on your left": the side of what was named before.
+_ITS = re.compile(r"\b(?:it|them|this|that|both)(?: \w+)? (?:on|to) (?:your|the)\s*$", re.I)
 _JOINED = re.compile(r"\b(?:and|then)\s*$", re.IGNORECASE)
 _SIDES = ("left", "right")
 
@@ -35,7 +37,7 @@ def loose_sides(parse: Parse) -> list[tuple[str, ...]]:
             side = match[1].lower()
             if bound[side] > 0:
                 bound[side] -= 1
-            else:
+            elif not _ITS.search(parse.text[begin : match.start()]):
                 loose.append(side)
         result.append(tuple(loose))
         begin = stop

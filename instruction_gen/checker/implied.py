@@ -24,6 +24,7 @@ _ROUND_M = 1.5  # a turn made this near to a thing that is walked around
 _THRESHOLD_M = 0.3  # a turn this shortly before a passage is made in the room behind it, too
 _BEFORE_M = 0.4  # one nearer to a passage is made on leaving through it
 _IN_VIEW_M = 1.5
+_PAST_DOOR_M = 0.5  # a turn nearer to the passage behind one may be made on coming in
 SPOT_M = 0.6
 
 _NAMELESS = DOORS | {"room"}
@@ -62,7 +63,8 @@ class Implied:
         options = list(range(made, self.led(made, claim) + 1))
         if claim.bends:
             return sorted({*options, *self._rounded(made, claim)})
-        if self.only_way_out(claim):
+        options += [k + 1 for k in self._to_the_other_opening(made, claim)]
+        if self._only_way_out(claim):
             # The turn to the only door of a room need not be described.
             out_m = self.ground.facts.passages[0].along_m
             inside = [k for k, t in enumerate(self.turns) if t.along_m <= out_m]
@@ -80,7 +82,9 @@ class Implied:
             )
             named = claim.reason.removeprefix("the ") not in _NAMELESS or sided
             against = bool(claim.side) and not sided and abs(turn.angle_deg) > _OTHER_SIDE_DEG
-            if near and named and not against and (abs(turn.angle_deg) <= _IMPLIED_DEG or sided):
+            if near and claim.counted and not against and not claim.turned:
+                options.append(k + 1)
+            elif near and named and not against and (abs(turn.angle_deg) <= _IMPLIED_DEG or sided):
                 if claim.turned and self.required[k]:
                     break
                 options.append(k + 1)
@@ -129,13 +133,38 @@ class Implied:
         beyond = claim.mask & (self.along >= turn.along_m - SPOT_M)
         return bool((claim.view & here).any() and beyond.any())
 
-    def only_way_out(self, claim: Claim) -> bool:
+    def leads_out(self, made: int, after: int, claim: Claim) -> bool:
+        """Return whether the turns from `made` to `after` are on the only way out of a room."""
+        other = set(self._to_the_other_opening(made, claim))
+        return self._only_way_out(claim) or other.issuperset(range(made, after))
+
+    def _only_way_out(self, claim: Claim) -> bool:
         """Return whether a claim is that the first room is left, by the only opening it has."""
         facts = self.ground.facts
         if claim.kind != "exit" or claim.side or not facts.passages or facts.visits[0].exits != 1:
             return False
         out_m = facts.passages[0].along_m
         return bool((claim.mask & self.between(out_m - 0.4, out_m + 0.4)).any())
+
+    def _to_the_other_opening(self, made: int, claim: Claim) -> list[int]:
+        """Return the turns made in a room of two openings that a claim leads out of.
+
+        One came in by the other, so there is nowhere else to go.
+        """
+        if claim.kind not in ("door", "exit") or claim.turned or claim.side:
+            return []
+        result: list[int] = []
+        for visit in self.ground.facts.visits[1:-1]:
+            out = claim.mask & self.between(visit.to_m - 0.4, visit.to_m + 0.4)
+            if visit.exits != 2 or not out.any():
+                continue
+            for k in range(made, len(self.turns)):
+                inside = visit.from_m + _PAST_DOOR_M <= self.turns[k].along_m <= visit.to_m + 0.1
+                if self.required[k] and not inside:
+                    break
+                if inside:
+                    result.append(k)
+        return result
 
     def _rounded(self, made: int, claim: Claim) -> list[int]:
         """Return the numbers of turns that may be made on the way around a thing."""

@@ -279,7 +279,8 @@ class _Reader(SideReader):
         It does not in `… and the hallway is …`.
         """
         found = read_noun(self.tokens, self.k + 1)
-        if found is None or found[0].kind not in ("object",):
+        kinds = ("object", "room") if self.prep == "past" else ("object",)
+        if found is None or found[0].kind not in kinds:
             return False
         if self.tokens[self.k + 1].text in VERB_OF:  # "…, and stand by the bed"
             return False
