@@ -21,7 +21,8 @@ _ONE_BEND_M = 2.0
 _U_TURN_M = 3.0
 _ONE_TURN_DEG = 130.0  # more than this, not on the spot, is two turns
 _TWO_TURNS_DEG = 100.0  # this much within a bend may be told as two turns
-_TURNED_M = 0.9  # what follows a turn lies no farther before it
+_TURNED_M = 0.5  # what follows a turn lies no farther before it
+_GENTLE_M = 2.5  # a bend that the facts do not have is told this far from a turn to elsewhere
 _BENT_DEG = 60.0  # a bend of this much may be told as a turn that goes on to that side
 _PLAIN_DEG = 30.0  # "turn left" is no smaller turn
 _BARE_STOP_M = 2.6
@@ -153,6 +154,8 @@ class _Aligner:
         for made, mask in self._from(claim).items():
             slack_m = min(claim.slack_m, SPOT_M) if self.entered else claim.slack_m
             first = float(self.along[np.argmax(mask)]) - slack_m
+            if claim.degree == "slight" and (gentle := self._gentle(made, mask, claim)).any():
+                result[made] = gentle
             if (again := self._again(made, mask, claim)).any():
                 result[made] = again
             for k in range(made, len(self.turns)):
@@ -171,6 +174,14 @@ class _Aligner:
                     here = self.implied.between(turn.along_m - 0.2, last.along_m + 0.5)
                     result[used] = result.get(used, np.zeros_like(here)) | here
         return result
+
+    def _gentle(self, made: int, mask: Mask, claim: Claim) -> Mask:
+        """Return where a bend may be that is too slight for the facts: not at a turn elsewhere."""
+        other = np.zeros_like(mask)
+        for turn in self.turns[made:]:
+            if turn.side != claim.side:
+                other |= self.implied.between(turn.along_m - _GENTLE_M, turn.along_m + _GENTLE_M)
+        return mask & claim.mask & ~other
 
     def _again(self, made: int, mask: Mask, claim: Claim) -> Mask:
         """Return where one wide bend may be told as two turns to the same side."""

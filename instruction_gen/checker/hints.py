@@ -20,6 +20,7 @@ _SIDE = re.compile(
 # "With it on your left": the side of what was named before.
 _ITS = re.compile(r"\b(?:it|them|this|that|both)(?: \w+)? (?:on|to) (?:your|the)\s*$", re.I)
 _JOINED = re.compile(r"\b(?:and|then)\s*$", re.IGNORECASE)
+_AT = re.compile(r"\b(?:is|are|be|'re|'s|stand|standing|wait|stop)\s*$", re.I)  # "you are right at"
 _SIDES = ("left", "right")
 
 
@@ -37,7 +38,7 @@ def loose_sides(parse: Parse) -> list[tuple[str, ...]]:
             side = match[1].lower()
             if bound[side] > 0:
                 bound[side] -= 1
-            elif not _ITS.search(parse.text[begin : match.start()]):
+            elif not any(p.search(parse.text[begin : match.start()]) for p in (_ITS, _AT)):
                 loose.append(side)
         result.append(tuple(loose))
         begin = stop
@@ -45,7 +46,11 @@ def loose_sides(parse: Parse) -> list[tuple[str, ...]]:
 
 
 def _bound(clause: Clause) -> list[str]:
-    sides = [n.side for n in clause.nouns if n.kind == "object" and n.side in _SIDES]
+    # To "the door on the left" one may have to turn first.
+    placed = [
+        n for n in clause.nouns if n.kind == "object" or (n.kind == "door" and n.prep != "to")
+    ]
+    sides = [n.side for n in placed if n.side in _SIDES]
     return [*sides, clause.side] if clause.side in _SIDES else sides
 
 

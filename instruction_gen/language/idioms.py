@@ -25,6 +25,7 @@ _IDIOMS = (
     ("after|having doing|done that|this|so", "then"),
     ("make|take|do a u-turn to? the|your? left|right?", "turn around"),
     ("after which", "then"),
+    ("out by", "out through"),
     ("prior to", "before"),
     ("in the direction of", "toward"),
     ("at|to|on the side of", "beside"),

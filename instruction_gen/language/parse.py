@@ -89,7 +89,7 @@ class _Reader(SideReader):
             self._close()
             self.draft.negated = True
             self.k += 1
-        elif word in ("not", "never", "ignore", "avoid", "skip"):
+        elif word in ("not", "never", "ignore", "avoid", "skip", "nor"):
             if word == "not" or not self.draft.verb:
                 self._close_if_verb()
                 self.draft.negated = True

@@ -148,7 +148,7 @@ class SideReader(Cursor):
     def _elliptic(self) -> bool:
         """Return whether a bare side may be a turn: `then left past …`, `…, right at the …`."""
         before = self.tokens[self.k - 1].text if self.k else "."
-        if before in ("then", "and", ".", ";"):
+        if before in ("then", "and", ".", ";", "again"):
             return True
         if before == "," and self.tokens[self.k].text == "left":
             return True  # "right at the sofa" may be an adverb, "left at the sofa" is none
