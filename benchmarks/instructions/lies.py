@@ -29,6 +29,8 @@ _TURN = re.compile(
     r"(?:then|,|and)(?: an?)?) (left|right)\b(?! (?:there|next|after|before|away))",
     re.IGNORECASE,
 )
+# "Turn right into the kitchen": that room leads round the turn before, too.
+_INTO = re.compile(r"(?: into| in| to) [^.,;]*", re.IGNORECASE)
 # "Go right past the sofa" need not be a turn.
 _ADVERB = re.compile(r" (?:past|through|by|between|behind|beside)\b", re.IGNORECASE)
 _SIDED = re.compile(r"\b(?:on|to) (?:your|the) (left|right)\b(?! of)")
@@ -95,7 +97,8 @@ def skipped_turn(text: str, facts: PathFacts, rng: np.random.Generator) -> str |
         found = re.search(pattern, text)
         if found:
             side = "left" if "left" in found[0].lower() else "right"
-            if _leads_on(text[found.end() :], [t for t in clear if t.side == side], facts):
+            dropped = [t for t in clear if t.side == side]
+            if not dropped or _leads_on(text[found.end() :], dropped, facts):
                 return None
             shorter = re.sub(pattern, "", text, count=1)
             return shorter[0].upper() + shorter[1:]
@@ -109,7 +112,9 @@ def _leads_on(rest: str, turns: Sequence[TurnFact], facts: PathFacts) -> bool:
     at that is in view there and the only one of its name.
     """
     following = _TURN.search(rest)
-    rest = rest[: following.start()] if following else rest
+    if following:
+        into = _INTO.match(rest, following.end())
+        rest = rest[: into.end() if into else following.start()]
     if re.match(r"\W*(?:and |then )?(?:(?:go|walk) )?(?:around|round|circle|skirt)\b", rest):
         return True  # the way around a thing bends
     stop = re.search(r"\b(?:stop|wait|halt)", rest, re.IGNORECASE)

@@ -8,42 +8,27 @@ that leaves none is false where it stands.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 
-from ..facts.records import TurnFact
-from ..language.lexicon import DOORS
 from .claim import Claim
 from .ground import Ground, Mask, spread
+from .implied import IMPLIED_M, SPOT_M, Implied
 
-# A turn of this much must be mentioned.
-REQUIRED_DEG = 58.0
 _AROUND_DEG = 125.0
 _LATE_M = 1.6  # how far beyond an unmentioned turn a claim may already lie
 _ONE_BEND_M = 2.0
 _U_TURN_M = 3.0
-_SPOT_M = 0.6
 _ONE_TURN_DEG = 130.0  # more than this, not on the spot, is two turns
 _TWO_TURNS_DEG = 100.0  # this much within a bend may be told as two turns
+_TURNED_M = 0.5  # what follows a turn lies no farther before it
+_GENTLE_M = 2.5  # a bend that the facts do not have is told this far from a turn to elsewhere
 _BENT_DEG = 60.0  # a bend of this much may be told as a turn that goes on to that side
 _PLAIN_DEG = 30.0  # "turn left" is no smaller turn
-_IMPLIED_M = 1.4  # a room entered this near to a turn implies that turn
-_IMPLIED_DEG = 65.0
-_IMPLIED_AFTER_M = 0.1
-_OTHER_SIDE_DEG = 35.0  # a door mentioned on one side hides no turn to the other
-_SIDED_M = 2.2  # so does a door on that side
 _BARE_STOP_M = 2.6
 _ORDER_M = 1.5  # things passed this near to each other may be mentioned in either order
 _MEANWHILE_M = 4.0
-_ROUND_DEG = 75.0
-_INSIDE_DEG = 130.0  # with the thing known to lie on the inside of the bend
-_ROUND_M = 1.5  # a turn made this near to a thing that is walked around
-_THRESHOLD_M = 0.3  # a turn this shortly before a passage is made in the room behind it, too
-_BEFORE_M = 0.4  # one nearer to a passage is made on leaving through it
-_IN_VIEW_M = 1.5
 
-_NAMELESS = DOORS | {"room"}
 
 States = dict[int, Mask]
 
@@ -58,7 +43,7 @@ class _Aligner:
         self.ground = ground
         self.along = ground.along_m
         self.turns = ground.facts.turns
-        self.required = [_required(t, ground) for t in self.turns]
+        self.implied = Implied(ground)
         start = np.zeros(len(self.along), dtype=bool)
         start[0] = True
         self.states: States = {0: start}
@@ -122,7 +107,7 @@ class _Aligner:
             for k in np.flatnonzero(mask):
                 a, b = self.along[k] + low, self.along[k] + high
                 far |= (self.along >= a - step / 2) & (self.along <= b + step / 2)
-            far &= self.along <= self._limit(made) + _LATE_M
+            far &= self.along <= self.implied.limit(made) + _LATE_M
             if far.any():
                 result[made] = far
         if not result:
@@ -135,17 +120,19 @@ class _Aligner:
         for made, mask in self._from(claim).items():
             slack = max(claim.slack_m, _MEANWHILE_M) if claim.still else claim.slack_m
             first = float(self.along[np.argmax(mask)]) - slack
-            for k in self._implied(made, claim):
+            if made:
+                first = max(first, self.turns[made - 1].along_m - _TURNED_M)
+            for k in self.implied.after(made, claim):
                 here = claim.mask & (self.along >= first)
                 # "Turn left into the kitchen": no other turn lies between.
-                late_m = _SPOT_M if claim.turned else _LATE_M
-                here &= self.along <= self._limit(k) + late_m
-                led = self._led(made, claim)
+                late_m = SPOT_M if claim.turned else _LATE_M
+                here &= self.along <= self.implied.limit(k) + late_m
+                led = self.implied.led(made, claim)
                 if made < k <= led:
-                    here &= self.along >= self.turns[k - 1].along_m - _SPOT_M
-                if k > led and not (claim.bends or self._only_way_out(claim)):
+                    here &= self.along >= self.turns[k - 1].along_m - SPOT_M
+                if k > led and not (claim.bends or self.implied.leads_out(made, k, claim)):
                     turn = self.turns[k - 1]
-                    here &= np.abs(self.along - turn.along_m) <= _IMPLIED_M + 1.0
+                    here &= np.abs(self.along - turn.along_m) <= IMPLIED_M + 1.0
                 if claim.still and here.any() and k == made:
                     # What is only seen, or passed meanwhile, does not move the walker back.
                     last = float(self.along[mask][-1])
@@ -165,26 +152,36 @@ class _Aligner:
     def _turn(self, claim: Claim) -> States:
         result: States = {}
         for made, mask in self._from(claim).items():
-            slack_m = min(claim.slack_m, _SPOT_M) if self.entered else claim.slack_m
+            slack_m = min(claim.slack_m, SPOT_M) if self.entered else claim.slack_m
             first = float(self.along[np.argmax(mask)]) - slack_m
+            if claim.degree == "slight" and (gentle := self._gentle(made, mask, claim)).any():
+                result[made] = gentle
             if (again := self._again(made, mask, claim)).any():
                 result[made] = again
             for k in range(made, len(self.turns)):
-                if k > self._led(made, claim) and any(self.required[made:k]):
+                if k > self.implied.led(made, claim) and any(self.implied.required[made:k]):
                     break
                 for used in self._fits(k, claim):
                     turn = self.turns[k]
                     last = self.turns[used - 1]
-                    around = self._between(turn.along_m - 0.9, last.along_m + 0.9)
+                    around = self.implied.between(turn.along_m - 0.9, last.along_m + 0.9)
                     if last.along_m < first or not (claim.mask & around).any():
                         continue
                     if self.tight is not None:
                         led = spread(self.tight.get(made, mask), self.along, 0.6)
-                        if not (led & self._between(turn.along_m, turn.along_m)).any():
+                        if not (led & self.implied.between(turn.along_m, turn.along_m)).any():
                             continue
-                    here = self._between(turn.along_m - 0.2, last.along_m + 0.5)
+                    here = self.implied.between(turn.along_m - 0.2, last.along_m + 0.5)
                     result[used] = result.get(used, np.zeros_like(here)) | here
         return result
+
+    def _gentle(self, made: int, mask: Mask, claim: Claim) -> Mask:
+        """Return where a bend may be that is too slight for the facts: not at a turn elsewhere."""
+        other = np.zeros_like(mask)
+        for turn in self.turns[made:]:
+            if turn.side != claim.side:
+                other |= self.implied.between(turn.along_m - _GENTLE_M, turn.along_m + _GENTLE_M)
+        return mask & claim.mask & ~other
 
     def _again(self, made: int, mask: Mask, claim: Claim) -> Mask:
         """Return where one wide bend may be told as two turns to the same side."""
@@ -192,15 +189,11 @@ class _Aligner:
         if not made or self.turns[made - 1].side != claim.side:
             return nowhere
         turn = self.turns[made - 1]
-        here = self._between(turn.along_m - 0.9, turn.along_m + 0.9)
+        here = self.implied.between(turn.along_m - 0.9, turn.along_m + 0.9)
         least_deg = _BENT_DEG if claim.degree in ("slight", "some") else _TWO_TURNS_DEG
         if abs(turn.angle_deg) < least_deg or not (claim.mask & here).any():
             return nowhere
-        return mask & self._between(turn.along_m - 0.2, turn.along_m + _ONE_BEND_M)
-
-    def _between(self, low_m: float, high_m: float) -> Mask:
-        half = self.along[1] / 2
-        return (self.along >= low_m - half) & (self.along <= high_m + half)
+        return mask & self.implied.between(turn.along_m - 0.2, turn.along_m + _ONE_BEND_M)
 
     def _fits(self, k: int, claim: Claim) -> list[int]:
         """Return how many turns are made after a claimed turn that begins with turn `k`."""
@@ -215,8 +208,9 @@ class _Aligner:
             ):
                 break
             total += abs(turn.angle_deg)
-            apart = j > k and turn.along_m - self.turns[j - 1].along_m > _SPOT_M
-            if apart and total > _ONE_TURN_DEG and claim.side != "around":
+            apart = j > k and turn.along_m - self.turns[j - 1].along_m > SPOT_M
+            whole = claim.side == "around" or claim.degree == "sharp"
+            if apart and total > _ONE_TURN_DEG and not whole:
                 break  # a turn and the next one
             if self._is(claim, self.turns[k].side, total):
                 found.append(j + 1)
@@ -237,10 +231,10 @@ class _Aligner:
     def _stop(self, claim: Claim) -> States:
         result: States = {}
         for made, mask in self._from(claim).items():
-            led = max(made, self._led(made, claim))
-            if any(self.required[led:]):
+            led = max(made, self.implied.led(made, claim))
+            if self.implied.following(led) is not None:
                 continue
-            here = claim.mask & (self.along <= self._limit(led) + _LATE_M)
+            here = claim.mask & (self.along <= self.implied.limit(led) + _LATE_M)
             if claim.bare:
                 near = self.tight.get(made, mask) if self.tight is not None else mask
                 here &= spread(near, self.along, _BARE_STOP_M)
@@ -257,119 +251,15 @@ class _Aligner:
             return self.states
         return {k: spread(m, self.along, 0.6) for k, m in self.tight.items()}
 
-    # turns ------------------------------------------------------------------------------------
-
-    def _limit(self, made: int) -> float:
-        """Return how far one may be after `made` turns: to the next that must be mentioned."""
-        for k in range(made, len(self.turns)):
-            if self.required[k]:
-                return self.turns[k].along_m
-        return np.inf
-
-    def _implied(self, made: int, claim: Claim) -> list[int]:
-        """Return how many turns may be made once a claim holds: entering a room implies one."""
-        options = list(range(made, self._led(made, claim) + 1))
-        if claim.bends:
-            return sorted({*options, *self._rounded(made, claim)})
-        if self._only_way_out(claim):
-            # The turn to the only door of a room need not be described.
-            out_m = self.ground.facts.passages[0].along_m
-            inside = [k for k, t in enumerate(self.turns) if t.along_m <= out_m]
-            options += [k + 1 for k in inside if k >= made]
-        if claim.kind != "door" and not (claim.kind == "exit" and claim.side):
-            return options
-        for k in range(made, len(self.turns)):
-            turn = self.turns[k]
-            sided = bool(claim.side) and claim.side == turn.side
-            early = -_SIDED_M if sided else -_IMPLIED_M
-            near = any(
-                early <= turn.along_m - p <= _IMPLIED_AFTER_M
-                for p in self.ground.passages_m
-                if (claim.mask & self._between(p - 0.4, p + 0.4)).any()
-            )
-            named = claim.reason.removeprefix("the ") not in _NAMELESS or sided
-            against = bool(claim.side) and not sided and abs(turn.angle_deg) > _OTHER_SIDE_DEG
-            if near and named and not against and (abs(turn.angle_deg) <= _IMPLIED_DEG or sided):
-                if claim.turned and self.required[k]:
-                    break
-                options.append(k + 1)
-            elif self.required[k]:
-                break
-        return sorted(set(options))
-
-    def _led(self, made: int, claim: Claim) -> int:
-        """Return how many turns may be made on the way to what a claim names.
-
-        Nobody has to be told to turn towards the only opening that leads to a room, nor towards
-        the thing to stop at, when it is in view and cannot be mistaken for another one.
-        """
-        led = made
-        if not claim.rooms and claim.view is None:
-            return made
-        for k in range(made, len(self.turns)):
-            if self.required[k]:
-                if not (self._towards_room(k, claim) or self._towards_thing(k, claim)):
-                    break
-                led = k + 1
-        return led
-
-    def _towards_room(self, k: int, claim: Claim) -> bool:
-        """Return whether turn `k` is made where just one opening leads to the room of a claim."""
-        turn = self.turns[k]
-        visits = self.ground.facts.visits
-        for visit, following in pairwise(visits):
-            if not visit.from_m - _THRESHOLD_M <= turn.along_m <= visit.to_m - _BEFORE_M:
-                continue
-            openings = sum(name in claim.rooms for name in visit.beyond)
-            near = claim.mask & self._between(visit.to_m - 0.4, visit.to_m + 0.4)
-            against = bool(claim.side) and claim.side != turn.side
-            if claim.turned or (against and visit.to_m - turn.along_m <= _IMPLIED_M):
-                continue
-            if following.room in claim.rooms and openings == 1 and near.any():
-                return True
-        return False
-
-    def _towards_thing(self, k: int, claim: Claim) -> bool:
-        """Return whether the thing at a stop is in view, unmistakably, where turn `k` is made."""
-        turn = self.turns[k]
-        if claim.view is None:
-            return False
-        here = self._between(turn.along_m - _IN_VIEW_M, turn.along_m + 0.3)
-        beyond = claim.mask & (self.along >= turn.along_m - _SPOT_M)
-        return bool((claim.view & here).any() and beyond.any())
-
-    def _only_way_out(self, claim: Claim) -> bool:
-        """Return whether a claim is that the first room is left, by the only opening it has."""
-        facts = self.ground.facts
-        if claim.kind != "exit" or claim.side or not facts.passages or facts.visits[0].exits != 1:
-            return False
-        out_m = facts.passages[0].along_m
-        return bool((claim.mask & self._between(out_m - 0.4, out_m + 0.4)).any())
-
-    def _rounded(self, made: int, claim: Claim) -> list[int]:
-        """Return the numbers of turns that may be made on the way around a thing."""
-        options = [made]
-        for k in range(made, len(self.turns)):
-            turn = self.turns[k]
-            near = claim.mask & self._between(turn.along_m - _ROUND_M, turn.along_m + _ROUND_M)
-            against = claim.side in ("left", "right") and turn.side != claim.side
-            most = _INSIDE_DEG if claim.side == turn.side else _ROUND_DEG
-            if not near.any() or against or abs(turn.angle_deg) > most:
-                break
-            options.append(k + 1)
-        return options
-
     def _left_out(self) -> int | None:
-        if any(not any(self.required[made:]) for made in self.states):
-            return None
-        made = max(self.states)
-        return next(k for k in range(made, len(self.turns)) if self.required[k])
+        left = [self.implied.following(made) for made in sorted(self.states)]
+        return None if None in left else left[-1]
 
     # reasons ----------------------------------------------------------------------------------
 
     def _why(self, claim: Claim) -> str:
         made = max(self.states)
-        following = next((k for k in range(made, len(self.turns)) if self.required[k]), None)
+        following = self.implied.following(made)
         if claim.kind == "turn":
             if following is not None and self.turns[following].side != claim.side:
                 return f"the path does not turn {claim.side} here: {self._skipped(following)}"
@@ -388,7 +278,7 @@ class _Aligner:
         return f"{claim.reason} is not in the order of the path"
 
     def _reachable(self, claim: Claim, made: int) -> bool:
-        return bool((claim.mask & (self.along <= self._limit(made) + _LATE_M)).any())
+        return bool((claim.mask & (self.along <= self.implied.limit(made) + _LATE_M)).any())
 
     def _skipped(self, k: int) -> str:
         turn = self.turns[k]
@@ -401,9 +291,3 @@ def _either(first: States, second: States) -> States:
     for made, mask in second.items():
         result[made] = result[made] | mask if made in result else mask
     return result
-
-
-def _required(turn: TurnFact, ground: Ground) -> bool:
-    if turn.along_m > ground.length_m - 0.7:
-        return False
-    return abs(turn.angle_deg) >= REQUIRED_DEG

@@ -34,6 +34,7 @@ class Claim:
         optional: it may have been mentioned before.
         maybe: a turn that the words may describe, or may not.
         turned: a door whose clear turn the same clause describes.
+        counted: a door told from others by its place in their order.
         abeam_m: where a thing that is passed once is beside the walker [m], None = unclear.
         rooms: canonical names of the room that it leads into, none where it leads into none.
         view: (S,) of a stop: from where the thing there is in view and unmistakable.
@@ -54,6 +55,7 @@ class Claim:
     optional: bool = False
     maybe: bool = False
     turned: bool = False
+    counted: bool = False
     abeam_m: float | None = None
     rooms: frozenset[str] = frozenset()
     view: Mask | None = None
@@ -137,6 +139,7 @@ def noun_claim(index: int, noun: Noun, ground: Ground, verb: str) -> Claim | Non
     )
     return Claim(
         index, kind, found.mask, f"the {named}", side=noun.side, slack_m=slack, still=still,
+        counted=noun.kind == "door" and noun.ordinal > 0,
         abeam_m=ground.abeam(noun) if passed and not still else None,
         rooms=room_names(noun.head) if noun.kind == "room" and not leaving else frozenset(),
     )  # fmt: skip
@@ -188,11 +191,14 @@ def _object(noun: Noun, ground: Ground, verb: str, prep: str) -> Found:
 
 
 def _room(noun: Noun, ground: Ground, verb: str, prep: str) -> Found:
-    if noun.part in ("end", "far"):
+    if noun.part in ("end", "far", "finish"):
         return ground.room_end(noun)
     aside = noun.side in ("left", "right") and not verb and not prep
     if verb in ("see", "pass") or prep in ("with", "past") or aside:
         return ground.room_in_view(noun)
+    if prep == "after":
+        left = ground.left(noun)
+        return ground.room_behind_opening(noun) if left.reason else left
     if prep == "from" or (verb == "leave" and not prep):
         return ground.left(noun)
     if prep == "into" or verb in ("enter", "reach", "leave"):
@@ -200,8 +206,11 @@ def _room(noun: Noun, ground: Ground, verb: str, prep: str) -> Found:
     if prep == "to" or prep == "on":
         return ground.room_ahead(noun)
     if prep in ("at", "before", "near"):
-        return ground.room_ahead(noun)
-    return ground.inside(noun)
+        ahead = ground.room_ahead(noun)
+        return ground.room_behind_opening(noun) if ahead.reason else ahead
+    inside = ground.inside(noun)
+    # "Go in the kitchen", on whose threshold the path ends.
+    return ground.entered(noun) if inside.reason and verb == "move" else inside
 
 
 def unknown(noun: Noun, ground: Ground, *, needed: bool = False) -> Found | None:

@@ -17,6 +17,12 @@ from .stops import after_stop_claims, stop_claims
 
 # Who goes straight to a thing makes no turn on the way.
 _STRAIGHT = re.compile(r"\bstraight\b(?! away)", re.IGNORECASE)
+# Who crosses a room diagonally leaves the line that he came in on, to a side that is not told.
+_DIAGONAL = re.compile(r"\bdiagonal|\bat an angle\b", re.IGNORECASE)
+# The goal is said first: "We want the kitchen".
+_GOAL = re.compile(r"\b(?:want|goal|aim|destination|target|looking for|bound for)\b", re.I)
+# "Kitchen, hall, bathroom: through the …": the way at a glance.
+_OVERVIEW = re.compile(r"[^.:;!]*:")
 _AT_TURN_M = 0.5
 _INTO_M = 2.0
 # A clause with words that were not understood may say otherwise where things are.
@@ -28,7 +34,10 @@ def claims_of(parse: Parse, ground: Ground) -> list[Claim]:
     result: list[Claim] = []
     last = last_stop(parse)
     loose = loose_sides(parse)
+    overview = _overview(parse)
     for index, clause in enumerate(parse.clauses):
+        if index < overview:
+            continue
         if clause.negated:
             # Rooms and doors that are not to be entered need not be on the way.
             things = replace(clause, nouns=tuple(n for n in clause.nouns if n.kind == "object"))
@@ -39,6 +48,8 @@ def claims_of(parse: Parse, ground: Ground) -> list[Claim]:
             result += _moving_claims(index, replace(clause, nouns=clause.nouns[:k]), ground)
             end = replace(clause, verb="stop", side="", distance_m=0.0, nouns=clause.nouns[k:])
             result += stop_claims(index, end, parse, ground)
+        elif index != last and _GOAL.search(_said(clause, parse)):
+            result += [c for c in stop_claims(index, clause, parse, ground) if c.kind == "false"]
         elif clause.verb == "stop" or index == last:
             result += stop_claims(index, clause, parse, ground)
         elif last is not None and index > last:
@@ -49,6 +60,8 @@ def claims_of(parse: Parse, ground: Ground) -> list[Claim]:
                 stated = [replace(c, maybe=c.kind == "turn") for c in stated]
             if clause.unparsed:
                 stated = [replace(c, optional=c.kind in _UNSURE) for c in stated]
+            if _DIAGONAL.search(_said(clause, parse)):
+                result += [_hint(index, side, ground) for side in ("left", "right")]
             hints = [_hint(index, side, ground) for side in loose[index]]
             result += [*hints, *stated, *(hints if stated else ())]
     straight = {k for k, c in enumerate(parse.clauses) if _STRAIGHT.search(_said(c, parse))}
@@ -56,6 +69,15 @@ def claims_of(parse: Parse, ground: Ground) -> list[Claim]:
         replace(c, rooms=frozenset(), view=None) if c.clause in straight else c
         for c in _leading(result)
     ]
+
+
+def _overview(parse: Parse) -> int:
+    """Return how many clauses at the beginning only list the rooms of the way."""
+    found = _OVERVIEW.match(parse.text)
+    listed = [c for c in parse.clauses if found and c.stop <= found.end()]
+    bare = all(not (c.verb or c.side or c.distance_m) and c.nouns for c in listed)
+    rooms = all(n.kind == "room" and not n.prep for c in listed for n in c.nouns)
+    return len(listed) if bare and rooms else 0
 
 
 def _said(clause: Clause, parse: Parse) -> str:

@@ -10,7 +10,8 @@ from ..language.clauses import Clause, Parse
 MIN_WORDS, MAX_WORDS = 6, 90
 MAX_CHARACTERS = 700
 _FORBIDDEN = re.compile(r"[{}<>\[\]|\\^`~@#$%*_=+]|https?:|www\.|://", re.IGNORECASE)
-_FIRST_PERSON = re.compile(r"\b(?:I|I'm|I'll|my|we|our|us|sorry|cannot|as an ai)\b", re.IGNORECASE)
+# "Okay, we want the kitchen" is how people talk on the way.
+_FIRST_PERSON = re.compile(r"\b(?:I|I'm|I'll|my|sorry|cannot|as an ai)\b", re.IGNORECASE)
 # Words that any English route has some of.
 _COMMON = frozenset(
     """the a and to of in on at into left right turn walk go past stop through your you then with

@@ -97,6 +97,15 @@ class Ground(Things):
             return Found(np.ones(len(self.along_m), dtype=bool))
         return Found(np.zeros(len(self.along_m), dtype=bool), f"the {noun.text} is never in view")
 
+    def room_behind_opening(self, noun: Noun) -> Found:
+        """Return where one is in a room with an opening to the one said, entered or not."""
+        names = room_names(noun.head)
+        visits = [v for v in self.facts.visits if names & set(v.beyond)]
+        if not visits:
+            nothing = np.zeros(len(self.along_m), dtype=bool)
+            return Found(nothing, f"the path does not come by the {noun.text}")
+        return Found(np.any([self._between(v.from_m, v.to_m) for v in visits], axis=0))
+
     def stopped_in(self, noun: Noun) -> Found:
         """Return the end of the path, if that is in the room."""
         nothing = np.zeros(len(self.along_m), dtype=bool)

@@ -17,7 +17,10 @@ _SIDE = re.compile(
     r"behind|up|where|when|as|on)\b)",
     re.IGNORECASE,
 )
+# "With it on your left": the side of what was named before.
+_ITS = re.compile(r"\b(?:it|them|this|that|both)(?: \w+)? (?:on|to) (?:your|the)\s*$", re.I)
 _JOINED = re.compile(r"\b(?:and|then)\s*$", re.IGNORECASE)
+_AT = re.compile(r"\b(?:is|are|be|'re|'s|stand|standing|wait|stop)\s*$", re.I)  # "you are right at"
 _SIDES = ("left", "right")
 
 
@@ -35,7 +38,7 @@ def loose_sides(parse: Parse) -> list[tuple[str, ...]]:
             side = match[1].lower()
             if bound[side] > 0:
                 bound[side] -= 1
-            else:
+            elif not any(p.search(parse.text[begin : match.start()]) for p in (_ITS, _AT)):
                 loose.append(side)
         result.append(tuple(loose))
         begin = stop
@@ -43,7 +46,11 @@ def loose_sides(parse: Parse) -> list[tuple[str, ...]]:
 
 
 def _bound(clause: Clause) -> list[str]:
-    sides = [n.side for n in clause.nouns if n.kind == "object" and n.side in _SIDES]
+    # To "the door on the left" one may have to turn first.
+    placed = [
+        n for n in clause.nouns if n.kind == "object" or (n.kind == "door" and n.prep != "to")
+    ]
+    sides = [n.side for n in placed if n.side in _SIDES]
     return [*sides, clause.side] if clause.side in _SIDES else sides
 
 

@@ -12,7 +12,7 @@ from ..language.ending import STATIC
 from .claim import Claim, found_at, unknown
 from .ground import Found, Ground, Mask, room_names
 
-_SHORT_OF_M = 3.5  # one stops this far at most "before" a door
+_SHORT_OF_M = 4.5  # one stops this far at most "before" a door
 MOVING = frozenset({"turn", "move", "enter", "leave", "pass"})
 
 

@@ -30,6 +30,7 @@ _COUNT_WINDOW_M = 1.6
 _NEAREST_M = 0.2
 _UNDERFOOT_M = 0.3
 _TOGETHER_M = 3.0
+_DOORSTEP_M = 0.5
 
 
 @dataclass(frozen=True)
@@ -259,6 +260,15 @@ class Things:
                 if visit.from_m - 0.2 <= self.facts.landmarks[n].along_m <= visit.to_m + 0.2
             ]
             right |= set(inside[noun.ordinal - 1 : noun.ordinal])
+            # Doors are counted from that of coming in, which is none of them, to that of going out.
+            low_m = visit.from_m + _DOORSTEP_M if visit.from_m else 0.0
+            onward = [
+                n
+                for n in beside
+                if low_m <= self.facts.landmarks[n].along_m <= visit.to_m + _DOORSTEP_M
+            ]
+            if noun.kind == "door":
+                right |= set(onward[noun.ordinal - 1 : noun.ordinal])
         return np.array([n in right for n, _ in zip(chosen, marks, strict=True)], dtype=bool)
 
     def _counted(self, chosen: list[int], number: int) -> Mask:

@@ -20,7 +20,7 @@ VERBS = {
 VERB_OF = {word: verb for verb, words in VERBS.items() for word in words.split()}
 NOUNLIKE = frozenset(
     """face end ends step turn pass rest stand stop start bend bends curve hook head set walk run
-    round lead park cut""".split()
+    round lead park cut finish""".split()
 )
 PREPOSITIONS = {
     **dict.fromkeys("past by beyond alongside along".split(), "past"),

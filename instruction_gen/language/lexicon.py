@@ -203,7 +203,7 @@ DOORS = frozenset(
 # Parts and places of anything: they take the noun that follows "of".
 PARTS = frozenset(
     "end side corner edge foot head middle center centre back front rest length far start top "
-    "bottom half entrance mouth threshold direction".split()
+    "bottom half entrance mouth threshold direction finish".split()
 )
 # Nouns that claim nothing.
 GENERIC = frozenset(

@@ -89,7 +89,7 @@ class _Reader(SideReader):
             self._close()
             self.draft.negated = True
             self.k += 1
-        elif word in ("not", "never", "ignore", "avoid", "skip"):
+        elif word in ("not", "never", "ignore", "avoid", "skip", "nor"):
             if word == "not" or not self.draft.verb:
                 self._close_if_verb()
                 self.draft.negated = True
@@ -279,7 +279,8 @@ class _Reader(SideReader):
         It does not in `… and the hallway is …`.
         """
         found = read_noun(self.tokens, self.k + 1)
-        if found is None or found[0].kind not in ("object",):
+        kinds = ("object", "room") if self.prep == "past" else ("object",)
+        if found is None or found[0].kind not in kinds:
             return False
         if self.tokens[self.k + 1].text in VERB_OF:  # "…, and stand by the bed"
             return False

@@ -24,7 +24,7 @@ class SideReader(Cursor):
         self.draft.degree = found.degree or self.draft.degree
         draft = self.draft
         placed = bool(draft.nouns) and draft.nouns[-1].kind in ("object", "door")
-        if after == "of" and (prep or placed):
+        if after == "of" and (prep or placed or self._thing_at(self.k + k + 1)):
             # "To the left of the sofa": the sofa is then on the walker's other side. "The lamp to
             # the left of the sofa": how the two stand to each other is not known.
             found = read_noun(self.tokens, self.k + k + 1)
@@ -35,6 +35,10 @@ class SideReader(Cursor):
                 draft.nouns.append(aside or replace(noun, prep="past", side=other))
                 self._take(stop - self.k)
                 return True
+        if not prep and not determined and self._beside_noun(after):
+            draft.nouns[-1] = replace(draft.nouns[-1], side=side)
+            self._take(k)
+            return True
         if determined and not prep and draft.verb not in ("turn", "move") and not draft.empty:
             return False
         if not prep and not determined and draft.verb not in ("turn", "move", "", "leave", "enter"):
@@ -76,6 +80,10 @@ class SideReader(Cursor):
             return True
         if prep in ("on", "to", "at") and pointing and self._side_of_last(side, k):
             return True
+        if prep == "on" and draft.verb == "turn" and not draft.side and not draft.nouns:
+            draft.side = side  # "turn on left side"
+            self._take(k)
+            return True
         # "Veer right between the chair to the left and …": the side of the chair.
         about_object = bool(draft.side) and bool(draft.nouns) and draft.nouns[-1].kind == "object"
         if prep in ("on", "at", "in", "off") or (
@@ -108,6 +116,19 @@ class SideReader(Cursor):
         self._take(k)
         return True
 
+    def _thing_at(self, k: int) -> bool:
+        found = read_noun(self.tokens, k)
+        return found is not None and found[0].kind == "object"
+
+    def _beside_noun(self, after: str) -> bool:
+        """Return whether a bare side belongs to the noun before it: `keep the sofa left, …`."""
+        if not self.draft.nouns or self.draft.nouns[-1].stop != self.k or after[:1].isalpha():
+            return after == "and" and self._beside_noun("")
+        last = self.draft.nouns[-1]
+        kept = KEEP & {t.text for t in self.tokens[max(0, last.start - 2) : last.start]}
+        told = self.draft.verb in ("", "see") and last.prep in ("", "with")
+        return last.kind in ("object", "door") and not last.side and (told or bool(kept))
+
     def _by_you(self) -> bool:
         """Take `behind you` or `next to you`, which say where the thing named before is."""
         words = [t.text for t in self.tokens[self.k : self.k + 4]]
@@ -127,7 +148,7 @@ class SideReader(Cursor):
     def _elliptic(self) -> bool:
         """Return whether a bare side may be a turn: `then left past …`, `…, right at the …`."""
         before = self.tokens[self.k - 1].text if self.k else "."
-        if before in ("then", "and", ".", ";"):
+        if before in ("then", "and", ".", ";", "again"):
             return True
         if before == "," and self.tokens[self.k].text == "left":
             return True  # "right at the sofa" may be an adverb, "left at the sofa" is none

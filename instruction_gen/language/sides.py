@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from .function_words import SHARP, SLIGHT
 
-_BEFORE = frozenset(("immediate", "far", "very", "near", "wide")) | SLIGHT | SHARP
+_BEFORE = frozenset(("immediate", "far", "very", "near", "wide", "half")) | SLIGHT | SHARP
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ def read_side(words: Sequence[str]) -> Side | None:
     determined = k < len(words) and words[k] in ("your", "the", "its", "a", "an")
     k += determined
     while k < len(words) and words[k] in _BEFORE:
-        if words[k] in SLIGHT | SHARP:
-            degree = "slight" if words[k] in SLIGHT else "sharp"
+        if words[k] in SLIGHT | SHARP | {"half"}:
+            degree = "sharp" if words[k] in SHARP else "slight"
         k += 1
     if k >= len(words) or words[k] not in ("left", "right", "left-hand", "right-hand"):
         return None
