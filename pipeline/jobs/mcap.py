@@ -17,6 +17,7 @@ from ...formats.rendered.folder import read_frame_folder
 from ...formats.scene.bundle import load_bundle
 from ..engine.work import ItemResult
 from ..provenance import encoding_facts, scene_provenance
+from . import handover
 from .reviewed import reviewed_rollout
 
 
@@ -51,7 +52,8 @@ class McapJob:
     def run(self) -> ItemResult:
         """Write one episode's MCAP."""
         bundle = load_bundle(self.scene)
-        encoding = encoding_facts(read_frame_folder(self.frames).facts, self.depth_storage)
+        seen = read_frame_folder(self.frames)
+        encoding = encoding_facts(seen.facts, self.depth_storage)
         facts = DatasetFacts(
             self.name,
             licence_id(str(bundle.source.get("licence") or "")),
@@ -68,5 +70,6 @@ class McapJob:
             self.frames,
             shown=(map_topic(freemap), *robot_topics(links)),
             dataset=facts.to_json(),
+            depth_codes=handover.depth.of(seen.depth_video),
         )
         return ItemResult({"bytes": self.out.stat().st_size})
