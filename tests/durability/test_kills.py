@@ -26,8 +26,8 @@ def test_kills_in_three_stages_change_nothing(
     rng = np.random.default_rng(14)
     command = tiny_run.command(scan, run, "--workers", 1)
     killed = [
-        kill_in(command, stage, float(rng.uniform(0.0, 0.5)))
-        for stage in ("episodes", "episodes", "pictures")
+        kill_in(command, run, stage, float(rng.uniform(0.0, 0.5)))
+        for stage in ("replay", "mcap", "pictures")
     ]
     assert sum(killed) >= 2
     done = tiny_run.run(command)
