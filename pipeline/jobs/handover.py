@@ -1,7 +1,7 @@
 """What a job leaves in memory for the next one of its episode, if that runs in the same process.
 
 Reading a rollout takes a tenth as long as walking it, and decoding depth four tenths as long as
-encoding it. Files count, not what was meant to be in them: if a file was replaced since, it is read.
+encoding it. Files count, not what was meant to be in them: if one was replaced since, it is read.
 """
 
 from __future__ import annotations
