@@ -60,7 +60,7 @@ def kill_everywhere(folder: Path, chains: int) -> tuple[int, int]:
         command = tiny_run.command(scan, run, "--workers", 1 + chain % 2)
         for stage in tiny_run.STAGES:
             longest_s = LONGEST_S * (8 if stage == "repair" else 1)
-            kills += kill_in(command, stage, float(rng.uniform(0.0, longest_s)))
+            kills += kill_in(command, run, stage, float(rng.uniform(0.0, longest_s)))
         again = tiny_run.run(command)
         leftovers = list(run.rglob(".vlnpe-tmp-*"))
         equal += again.returncode == 0 and not leftovers and content(run) == expected

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from .engine.runner import Context, StageSummary, WorkItem, run_stage
 from .inputs.builtin import BuiltIn
 from .inputs.crews import action_timing, kept
 from .jobs.instructions.instruct import CACHE, InstructJob
-from .stages import align, episodes, export, instruct, render, repair, replay, visibility
+from .stages import align, episodes, export, instruct, render, repair, replay, together, visibility
 
 
 @dataclass(frozen=True)
@@ -211,22 +212,24 @@ class Chain:
         folder = self.folder
         label = self._label(robot, controller)
         scope = f"{robot}/{label}/"
-        items = self._walks(asked, scenes, robot, controller, self.seed, self.actions, label)
-        rollouts = self._stage(replay.STAGE, items, scope).good()
-        self.context.ledger.record_new(folder.models)
-        recorded = render.Recorded(rollouts, folder.root, scenes, folder.scenes)
+        walks = self._walks(asked, scenes, robot, controller, self.seed, self.actions, label)
+        rollouts: dict[str, Row] | None = None
         for view in views:
-            items = render.items(
-                recorded,
-                view,
-                product.frames_per_second,
-                folder.frames,
-                folder.root,
-                product.rgb_codec,
-                product.extras,
-            )
             dataset = export.Dataset.under(folder.root, robot, label, view.name)
-            frames = self._stage(render.STAGE, items, dataset.scope).good()
+            renders = partial(self._renders, scenes, view, product)
+            together.run(
+                self.context,
+                asked,
+                walks,
+                renders,
+                partial(self._exports, dataset, product),
+                only_success=product.only_success,
+                label=f"{robot} {label}",
+            )
+            if rollouts is None:
+                rollouts = self._stage(replay.STAGE, walks, scope).good()
+                self.context.ledger.record_new(folder.models)
+            frames = self._stage(render.STAGE, renders(rollouts), dataset.scope).good()
             self.summaries += export.run(
                 self.context,
                 export.wanted(frames, product.only_success),
@@ -238,6 +241,36 @@ class Chain:
                 per_instruction=self.per_instruction,
                 mcap=product.mcap,
             )
+
+    def _renders(
+        self,
+        scenes: Mapping[str, Row],
+        view: View,
+        product: Product,
+        rollouts: Mapping[str, Row],
+    ) -> list[WorkItem]:
+        folder = self.folder
+        return render.items(
+            render.Recorded(rollouts, folder.root, scenes, folder.scenes),
+            view,
+            product.frames_per_second,
+            folder.frames,
+            folder.root,
+            product.rgb_codec,
+            product.extras,
+        )
+
+    def _exports(
+        self, dataset: export.Dataset, product: Product, frames: Mapping[str, Row]
+    ) -> dict[str, list[WorkItem]]:
+        root, depth = self.folder.root, product.depth_storage
+        items = {
+            export.STAGE: export.unit_items(frames, root, dataset, depth, self.per_instruction)
+        }
+        if product.mcap:
+            scenes = self.folder.scenes
+            items[export.MCAP_STAGE] = export.mcap_items(frames, root, scenes, dataset, depth)
+        return items
 
     def _instructed(self, source: StageSummary, parts: Mapping[str, Path]) -> list[Episode]:
         folder, config = self.folder, self.instructing

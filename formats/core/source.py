@@ -7,7 +7,10 @@ function they depend on and ignore edits of all others.
 from __future__ import annotations
 
 import ast
+import atexit
+import contextlib
 import hashlib
+import json
 import platform
 import sys
 from collections.abc import Iterator
@@ -15,6 +18,9 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, packages_distributions, version
 from pathlib import Path
+from typing import Any
+
+from .atomic import write_bytes
 
 ROOT = Path(__file__).resolve().parents[2]  # of the package: in a checkout the repository
 NAME = __name__.split(".")[0]
@@ -117,6 +123,7 @@ def _owners() -> dict[str, list[str]]:
     return dict(packages_distributions())
 
 
+@cache
 def _file(module: str) -> Path | None:
     base = ROOT.joinpath(*module.split("."))
     for path in (base.with_suffix(".py"), base / "__init__.py"):
@@ -144,9 +151,45 @@ class _Source:
 @cache
 def _source(module: str) -> _Source:
     path = _path(module)
+    raw = path.read_bytes()
+    text = hashlib.sha256(raw).hexdigest()
+    known = _parsed().get(module)
+    if known is None or known["text"] != text:
+        known = {"text": text, **_parse(module, path, raw)}
+        _parsed()[module] = known
+    # Which names are modules depends on other files, too.
+    ours = frozenset(name for name in known["names"] if _file(name) is not None)
+    return _Source(ours, frozenset(known["others"]), known["digest"])
+
+
+@cache
+def _parsed() -> dict[str, Any]:
+    """Return what is known of modules by the text they had; it is kept when the process ends.
+
+    Parsing all of them takes most of a second, in every process that uses a kernel.
+    """
+    this = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:16]
+    path = ROOT / "__pycache__" / f"sources-{sys.implementation.cache_tag}-{this}.json"
+    try:
+        known = json.loads(path.read_bytes())
+    except (OSError, ValueError):  # there is none yet
+        known = {}
+    atexit.register(_keep, path, known, dict(known))
+    return known
+
+
+def _keep(path: Path, known: dict[str, Any], before: dict[str, Any]) -> None:
+    if known != before:
+        with contextlib.suppress(OSError):  # an installed package may be read-only
+            path.parent.mkdir(exist_ok=True)
+            write_bytes(path, json.dumps(known).encode())
+
+
+def _parse(module: str, path: Path, raw: bytes) -> dict[str, Any]:
+    """Return the names that a module imports, ours and others, and its digest."""
     package = module if path.name == "__init__.py" else module.rpartition(".")[0]
-    tree = ast.parse(path.read_bytes())
-    ours: set[str] = set()
+    tree = ast.parse(raw)
+    names: set[str] = set()
     others: set[str] = set()
     for node in _nodes(tree):
         if isinstance(node, ast.Import):
@@ -160,13 +203,14 @@ def _source(module: str) -> _Source:
             for alias in node.names:
                 name = f"{base}.{alias.name}" if base else alias.name
                 # A name is a module of its own, or it is defined in the module before it.
-                ours.update(m for m in (base, name) if m and _file(m) is not None)
+                names.update(m for m in (base, name) if m)
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             docstring = ast.get_docstring(node, clean=False)
             node.body = node.body[docstring is not None :]
     digest = hashlib.sha256(ast.dump(tree).encode()).hexdigest()
-    return _Source(frozenset(ours), frozenset(others - set(sys.stdlib_module_names)), digest)
+    others -= set(sys.stdlib_module_names)
+    return {"names": sorted(names), "others": sorted(others), "digest": digest}
 
 
 def _nodes(tree: ast.AST) -> Iterator[ast.AST]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from foxglove.channels import (
@@ -35,8 +35,20 @@ CALIBRATION_TOPIC = "/camera/calibration"
 CAMERA_TRANSFORM_TOPIC = "/camera/tf"
 
 
-def camera_messages(recording: Recording, rollout: Rollout, view: FrameFolder) -> Iterator[Write]:
-    """Yield pose, calibration, colour and depth of each frame."""
+def camera_messages(
+    recording: Recording,
+    rollout: Rollout,
+    view: FrameFolder,
+    depth_codes: Iterable[NDArray[np.uint16]] | None = None,
+) -> Iterator[Write]:
+    """Yield pose, calibration, colour and depth of each frame.
+
+    Args:
+        recording: where to.
+        rollout: physics truth.
+        view: the rendered frames.
+        depth_codes: (H, W) of each frame, if they are known; else the video is decoded.
+    """
     context = recording.context
     transforms = FrameTransformsChannel(CAMERA_TRANSFORM_TOPIC, context=context)
     calibrations = CameraCalibrationChannel(CALIBRATION_TOPIC, context=context)
@@ -51,7 +63,7 @@ def camera_messages(recording: Recording, rollout: Rollout, view: FrameFolder) -
     pictures = zip(
         times,
         iterate_bitstream(view.rgb_video),
-        iterate_depth_codes(view.depth_video),
+        iterate_depth_codes(view.depth_video) if depth_codes is None else depth_codes,
         strict=True,
     )
     for i, (time_s, colour, codes) in enumerate(pictures):

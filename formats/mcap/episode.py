@@ -12,7 +12,7 @@ from __future__ import annotations
 import io
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -69,6 +69,7 @@ def write_episode_mcap(
     *,
     shown: Sequence[ShownTopic] = (),
     dataset: Mapping[str, Any] | None = None,
+    depth_codes: Iterable[NDArray[np.uint16]] | None = None,
 ) -> None:
     """Write the episode atomically; all times are simulation times.
 
@@ -78,6 +79,7 @@ def write_episode_mcap(
         frames: folder that the render stage wrote for this rollout.
         shown: the scene's map and the robot's body (`map_topic`, `robot_topics`).
         dataset: facts of the dataset the episode belongs to (JSON values), when there is one.
+        depth_codes: (H, W) of each frame, if they are known; else the video is decoded.
 
     Raises:
         FileFormatError: the frames are damaged, or not of this rollout.
@@ -98,7 +100,7 @@ def write_episode_mcap(
             imu_messages(recording, rollout, every),
             foot_messages(recording, rollout, every),
             action_messages(recording, rollout, _labels(rollout, view)),
-            camera_messages(recording, rollout, view),
+            camera_messages(recording, rollout, view, depth_codes),
             *id_messages(recording, rollout, view),
             event_messages(recording, rollout),
         )

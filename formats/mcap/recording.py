@@ -33,9 +33,10 @@ from ..untrusted.files import read_input
 from ..untrusted.limits import limits
 
 NANOSECONDS = 1_000_000_000
-# No threads: episodes are written in parallel.
+# No threads: episodes are written in parallel. Level 1 makes writing an episode with depth 1.25
+# times as fast as the default 3, for 6 % more bytes.
 OPTIONS = MCAPWriteOptions(
-    compression=MCAPCompression.Zstd, compression_threads=0, chunk_size=1 << 20
+    compression=MCAPCompression.Zstd, compression_threads=0, compression_level=1, chunk_size=1 << 20
 )
 
 

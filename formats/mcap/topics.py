@@ -43,12 +43,13 @@ Write = tuple[int, Callable[[], None]]
 
 def vector(values: NDArray) -> Vector3:
     """Convert an array (3,) to a message."""
-    return Vector3(x=float(values[0]), y=float(values[1]), z=float(values[2]))
+    x, y, z = values.tolist()
+    return Vector3(x=x, y=y, z=z)
 
 
 def quaternion(quat_wxyz: NDArray) -> Quaternion:
     """Convert a quaternion wxyz to a message."""
-    w, x, y, z = (float(v) for v in quat_wxyz)
+    w, x, y, z = quat_wxyz.tolist()
     return Quaternion(x=x, y=y, z=z, w=w)
 
 

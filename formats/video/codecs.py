@@ -39,15 +39,15 @@ class VideoCodec:
         return {k: str(v) for k, v in (chosen | self.extra_options).items()}
 
 
-# Measured at 256 × 256 on rendered walks through a furnished house, one core: H.264 superfast with
-# CRF 21 1.2 ms and 9.2 kB a frame at 39.1 dB, SSIM 0.979; veryfast with CRF 20 1.6 ms, 8.0 kB,
-# 39.0 dB, 0.978; AV1 (LeRobot's default, preset 12, CRF 30) takes four times as long for half the
-# bytes at 2.8 dB less. Noise textures cost more, but keep the order. CAVLC (coder 0) makes H.264
-# 1.2 times as fast to write and 1.8 times as fast to read as CABAC does, for the same pixels and
-# 6 % more bytes.
+# Measured at 256 × 256 on two rendered walks through a furnished house, one core, CRF 21: H.264
+# ultrafast 0.55 and 0.61 ms, 9.7 and 10.7 kB a frame at 39.6 and 38.1 dB, SSIM 0.979 and 0.975;
+# superfast 0.91 and 0.94 ms, 9.2 and 9.8 kB, 39.3 and 37.9 dB, 0.981 and 0.977; AV1 (LeRobot's
+# default, preset 12, CRF 30) takes four times as long as superfast for half the bytes at 2.8 dB
+# less. Noise textures cost more, but keep the order. CAVLC (coder 0) makes H.264 1.2 times as fast
+# to write and 1.8 times as fast to read as CABAC does, for the same pixels and 6 % more bytes.
 RGB_CODECS: dict[str, VideoCodec] = {
     "h264": VideoCodec(
-        "h264", "h264", "yuv420p", 21, "superfast", {"bf": 0, "threads": 1, "coder": 0}
+        "h264", "h264", "yuv420p", 21, "ultrafast", {"bf": 0, "threads": 1, "coder": 0}
     ),
     "av1": VideoCodec(
         "libsvtav1", "av1", "yuv420p", 30, 12, {"svtav1-params": "fast-decode=0:lp=1"}

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, cast
@@ -107,6 +107,7 @@ def write_depth_video(
     frames_per_second: int,
     depth_range: DepthRange,
     counts: NDArray[np.int64] | None = None,
+    on_codes: Callable[[NDArray[np.uint16]], None] | None = None,
 ) -> int:
     """Encode planar depth losslessly, quantised to 12 bits; return the number of frames.
 
@@ -119,6 +120,7 @@ def write_depth_video(
         frames_per_second: frame rate.
         depth_range: valid depths.
         counts: (4096,); how often each depth code occurs is added to it.
+        on_codes: called with the codes (H, W) of each frame.
 
     Raises:
         ValueError: no frame, or a frame of another shape.
@@ -130,6 +132,8 @@ def write_depth_video(
         codes = depth_to_codes(depth_m, depth_range)
         if counts is not None:
             add_depth_codes(counts, codes)
+        if on_codes is not None:
+            on_codes(codes)
         height, width = codes.shape
         frame = av.VideoFrame(width, height, DEPTH_PIXEL_FORMAT)
         plane = frame.planes[0]

@@ -132,6 +132,10 @@ class Ledger:
         """Return the records of the files of an item's outputs, by output."""
         return {output: self._files[output] for output in row.outputs if output in self._files}
 
+    def relative(self, path: Path) -> str:
+        """Return a path as rows name it."""
+        return os.path.relpath(path, self.root)
+
     def select(self, stage: str, scope: str, names: Collection[str]) -> None:
         """Make `names` the current items of a stage among those that start with `scope`."""
         for (row_stage, item), row in self._rows.items():
@@ -176,7 +180,7 @@ class Ledger:
 
     def record(self, outputs: Iterable[Path]) -> None:
         """Record files and folders that were written beside the items, durably."""
-        files = {os.path.relpath(path, self.root): records_of(path) for path in outputs}
+        files = {self.relative(path): records_of(path) for path in outputs}
         changed = {name: records for name, records in files.items() if records}
         if any(self._files.get(name) != records for name, records in changed.items()):
             self._files.update(changed)
@@ -184,7 +188,7 @@ class Ledger:
 
     def unrecord(self, outputs: Iterable[Path]) -> None:
         """Drop the records of files and folders that were removed, durably."""
-        names = [os.path.relpath(path, self.root) for path in outputs]
+        names = [self.relative(path) for path in outputs]
         known = [name for name in names if self._files.pop(name, None) is not None]
         if known:
             self._append([{"unrecord": known}])
@@ -195,7 +199,7 @@ class Ledger:
         For caches that workers add files to, and never change one.
         """
         paths = files_in(folder)
-        self.record(p for p in paths if os.path.relpath(p, self.root) not in self._files)
+        self.record(p for p in paths if self.relative(p) not in self._files)
 
     def files(self) -> dict[str, FileRecord]:
         """Return the record of every file, by its path relative to `root`.

@@ -8,7 +8,7 @@ import logging
 import os
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -87,6 +87,8 @@ class Context:
         retry_quarantined: run items again that failed before, and would fail again.
         only: `STAGE:ITEM`, the one item to run; empty runs all.
         command: the command line that runs one item alone, up to its name; empty if there is none.
+        ahead: what this run did ahead of the stages, by stage and item: its share of the wall time
+            [s]; see `ahead`.
     """
 
     ledger: Ledger
@@ -96,6 +98,7 @@ class Context:
     retry_quarantined: bool = False
     only: str = ""
     command: str = ""
+    ahead: dict[tuple[str, str], float] = field(default_factory=dict)
 
 
 def run_stage(
@@ -127,7 +130,7 @@ def run_stage(
         StageFailedError: all items of a required stage failed for another reason.
         OnlyDone: the context asks for one item alone, and it has run.
     """
-    _check_distinct(stage, items)
+    check_distinct(stage, items)
     started = time.perf_counter()
     summary = StageSummary(stage)
     ledger = context.ledger
@@ -136,7 +139,12 @@ def run_stage(
     waiting: list[WorkItem] = []
     for item in items:
         row = ledger.row(stage, item.name)
-        reason = _why(context, stage, item, row, required)
+        ahead_s = context.ahead.get((stage, item.name))
+        if row is not None and row.key == item.key and ahead_s is not None:
+            _count(summary, row)
+            summary.seconds += ahead_s
+            continue
+        reason = why(context, stage, item, row, required)
         if context.explain:
             verdict = f"runs: {reason}" if reason else f"is reused ({_state(row)})"
             sys.stderr.write(f"{stage} {item.name} {verdict}\n")
@@ -163,26 +171,19 @@ def run_stage(
     errors: list[BaseException] = []
     try:
         for item, outcome in run_items(context.workers, waiting):
-            row = _record(context, stage, item, outcome)
-            summary.rows.append(row)
-            summary.done += row.status == "done"
-            summary.failed += row.failed
+            _count(summary, record(context, stage, item, outcome))
             if outcome.error is not None:
-                summary.quarantined += 1
                 errors.append(outcome.error)
             bar.set_postfix_str(_note(summary), refresh=False)
             bar.update()
     except BaseException:
-        context.workers.kill_processes()
-        sweep_beside(path for item in waiting for path in item.outputs)
-        with contextlib.suppress(OSError):  # a full disk must not hide that it is full
-            ledger.save()
+        drop(context, waiting)
         raise
     finally:
         bar.close()
     ledger.save()
     summary.rows.sort(key=lambda r: r.item)
-    summary.seconds = time.perf_counter() - started
+    summary.seconds += time.perf_counter() - started
     if required and errors and len(errors) == len(items):
         first = errors[0]
         message = str(first) if len(errors) == 1 else f"all {len(errors)} items failed: {first}"
@@ -199,7 +200,23 @@ class StageFailedError(VlnpeError):
     """Every item of a required stage failed, and the input is not the reason."""
 
 
-def _check_distinct(stage: str, items: Sequence[WorkItem]) -> None:
+def drop(context: Context, items: Iterable[WorkItem]) -> None:
+    """End the workers, remove what they left half-written, and keep what is known to be done."""
+    context.workers.kill_processes()
+    sweep_beside(path for item in items for path in item.outputs)
+    with contextlib.suppress(OSError):  # a full disk must not hide that it is full
+        context.ledger.save()
+
+
+def _count(summary: StageSummary, row: Row) -> None:
+    """Add an item that this run did."""
+    summary.rows.append(row)
+    summary.done += row.status == "done"
+    summary.failed += row.failed
+    summary.quarantined += row.status == "quarantined"
+
+
+def check_distinct(stage: str, items: Sequence[WorkItem]) -> None:
     """Raise unless all items have names of their own, on any file system.
 
     Two items of one name would share a row and their files, and one would be lost without a word.
@@ -212,7 +229,9 @@ def _check_distinct(stage: str, items: Sequence[WorkItem]) -> None:
         found[name] = item.name
 
 
-def _why(context: Context, stage: str, item: WorkItem, row: Row | None, required: bool) -> str:
+def why(
+    context: Context, stage: str, item: WorkItem, row: Row | None, required: bool = False
+) -> str:
     """Return why an item runs; empty if its row is still good."""
     ledger = context.ledger
     if row is None:
@@ -255,13 +274,13 @@ def _run_only(
     forget_failure(context.ledger, stage, found[0])
     context.ledger.forget(stage, [wanted])
     outcome = attempt(found[0].job, found[0].outputs, os.cpu_count() or 1)
-    row = _record(context, stage, found[0], outcome)
+    row = record(context, stage, found[0], outcome)
     context.ledger.save()
     sys.stderr.write(outcome.traceback or f"{stage} {wanted}: done\n")
     raise OnlyDone(row.status == "done")
 
 
-def _record(context: Context, stage: str, item: WorkItem, outcome: Outcome) -> Row:
+def record(context: Context, stage: str, item: WorkItem, outcome: Outcome) -> Row:
     """Write an item's row, and the traceback of a failure."""
     ledger = context.ledger
     row = _row(stage, item, outcome, ledger.root)

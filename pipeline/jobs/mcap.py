@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
+
+import mujoco
 
 from ...collectors.rendering.scene.shown_links import robot_links
 from ...collectors.robots import get_robot
@@ -12,11 +15,12 @@ from ...formats.core.licences import licence_id
 from ...formats.mcap.episode import write_episode_mcap
 from ...formats.mcap.robot_links import robot_topics
 from ...formats.mcap.rollout import SHOW_EVERY
-from ...formats.mcap.shown import map_topic
+from ...formats.mcap.shown import ShownTopic, map_topic
 from ...formats.rendered.folder import read_frame_folder
-from ...formats.scene.bundle import load_bundle
+from ...formats.scene.bundle import SceneBundle, load_bundle
 from ..engine.work import ItemResult
 from ..provenance import encoding_facts, scene_provenance
+from . import handover
 from .reviewed import reviewed_rollout
 
 
@@ -50,8 +54,9 @@ class McapJob:
 
     def run(self) -> ItemResult:
         """Write one episode's MCAP."""
-        bundle = load_bundle(self.scene)
-        encoding = encoding_facts(read_frame_folder(self.frames).facts, self.depth_storage)
+        bundle = _bundle(self.scene)
+        seen = read_frame_folder(self.frames)
+        encoding = encoding_facts(seen.facts, self.depth_storage)
         facts = DatasetFacts(
             self.name,
             licence_id(str(bundle.source.get("licence") or "")),
@@ -60,13 +65,30 @@ class McapJob:
         )
         recorded = reviewed_rollout(self.rollout, self.review)
         episode = recorded.episode
-        freemap = bundle.freemap(episode.level).for_height(episode.free_height_m)
-        links = robot_links(get_robot(self.robot).build_model(floor=False), recorded, SHOW_EVERY)
+        shown_map = _map(self.scene, episode.level, episode.free_height_m)
+        links = robot_links(_body(self.robot), recorded, SHOW_EVERY)
         write_episode_mcap(
             self.out,
             recorded,
             self.frames,
-            shown=(map_topic(freemap), *robot_topics(links)),
+            shown=(shown_map, *robot_topics(links)),
             dataset=facts.to_json(),
+            depth_codes=handover.depth.of(seen.depth_video),
         )
         return ItemResult({"bytes": self.out.stat().st_size})
+
+
+# Of all episodes of a scene and robot the same; together they take a tenth of writing one.
+@lru_cache(maxsize=1)
+def _bundle(scene: Path) -> SceneBundle:
+    return load_bundle(scene)
+
+
+@lru_cache(maxsize=4)
+def _map(scene: Path, level: int, free_height_m: float) -> ShownTopic:
+    return map_topic(_bundle(scene).freemap(level).for_height(free_height_m))
+
+
+@lru_cache(maxsize=4)
+def _body(robot: str) -> mujoco.MjModel:
+    return get_robot(robot).build_model(floor=False)

@@ -7,17 +7,17 @@ from functools import lru_cache
 from pathlib import Path
 
 from ...collectors.rendering.camera.extras import Extras
-from ...collectors.rendering.camera.rollout_views import render_rollout
+from ...collectors.rendering.camera.rollout_views import DEPTH_VIDEO, render_rollout
 from ...collectors.rendering.camera.views import View
 from ...collectors.rendering.interface import Renderer
 from ...collectors.rendering.registry import make_renderer
 from ...collectors.robots import get_robot
 from ...formats.core.atomic import atomic_folder
-from ...formats.mcap.rollout import read_rollout
 from ...formats.scene.bundle import SceneBundle, load_bundle
 from ...formats.splats.store import has_splats
 from ...formats.vlnce.groups import per_instruction
 from ..engine.work import ItemResult
+from . import handover
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,8 @@ class RenderJob:
     def run(self) -> ItemResult:
         """Render one rollout."""
         bundle, renderer = scene_renderer(self.scene, self.view.renderer, self.view.light)
-        recorded = read_rollout(self.rollout)
+        recorded = handover.rollout_at(self.rollout)
+        handover.depth.begin()
         with atomic_folder(self.out) as temporary:
             count = render_rollout(
                 bundle,
@@ -61,7 +62,9 @@ class RenderJob:
                 codec=self.rgb_codec,
                 robot=get_robot(self.robot),
                 extras=self.extras,
+                on_depth=handover.depth.add,
             )
+        handover.depth.end(self.out / DEPTH_VIDEO)
         facts = {
             "frames": count,
             "rollout": self.relative,

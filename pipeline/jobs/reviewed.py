@@ -7,8 +7,8 @@ from pathlib import Path
 
 from ...formats.core.errors import VlnpeError
 from ...formats.core.rollout import Rollout
-from ...formats.mcap.rollout import read_rollout
 from ...instruction_gen.review.decisions import DecisionFile, apply_decisions
+from .handover import rollout_at
 
 REVIEW_NAME = "review.jsonl"  # in the run folder
 
@@ -19,7 +19,7 @@ def reviewed_rollout(rollout: Path, review: Path) -> Rollout:
     Raises:
         VlnpeError: they rejected all of them.
     """
-    recorded = read_rollout(rollout)
+    recorded = rollout_at(rollout)
     if not review.is_file():
         return recorded
     kept, lost = apply_decisions([recorded.episode], DecisionFile(review))

@@ -26,8 +26,8 @@ def test_kills_in_three_stages_change_nothing(
     rng = np.random.default_rng(14)
     command = tiny_run.command(scan, run, "--workers", 1)
     killed = [
-        kill_in(command, stage, float(rng.uniform(0.0, 0.5)))
-        for stage in ("replay", "export", "pictures")
+        kill_in(command, run, stage, float(rng.uniform(0.0, 0.5)))
+        for stage in ("replay", "mcap", "pictures")
     ]
     assert sum(killed) >= 2
     done = tiny_run.run(command)
@@ -35,6 +35,16 @@ def test_kills_in_three_stages_change_nothing(
     assert "repair                 100%" in done.stderr and "reused 1" in done.stderr
     assert content(run) == content(finished)
     assert not list(run.rglob(f"{TEMPORARY_PREFIX}*"))
+
+
+def test_stage_by_stage_is_the_same_as_episode_by_episode(
+    scan: Path, finished: Path, prepared: Path, tmp_path: Path
+):
+    run = shutil.copytree(prepared, tmp_path / "run")
+    done = tiny_run.collect(scan, run, "--explain")
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert "\nepisodes " not in done.stderr
+    assert content(run) == content(finished)
 
 
 @pytest.mark.slow

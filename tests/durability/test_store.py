@@ -75,7 +75,7 @@ def test_a_run_killed_on_one_machine_is_completed_on_another(
     files = (path for path in prepared.rglob("*") if path.is_file())
     bucket.upload({path.relative_to(prepared).as_posix(): path for path in files})
     command = tiny_run.command(scan, Path(URL), "--workers", 1)
-    assert kill_in(command, "export", 0.2)
+    assert kill_in(command, scratch_folder(URL), "dataset", 0.0)
     shutil.rmtree(scratch_folder(URL))  # the next machine has another disk
     bucket.remove([LOCK_NAME])  # and does not know whether the first one lives
     done = tiny_run.run(command)

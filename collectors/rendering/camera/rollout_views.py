@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import queue
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +27,8 @@ from ..scene.robot_body import RobotBody, RobotGeometryPose
 from .extras import Extras, write_extras
 from .mounting import body_for
 from .views import VIEWS, CameraPath, Shot, View
+
+DEPTH_VIDEO = "depth.mp4"
 
 Picture = tuple[NDArray[np.uint8], NDArray[np.float32]]
 
@@ -137,6 +139,7 @@ def render_rollout(
     codec: str = "h264",
     robot: RobotSpec | None = None,
     extras: Extras | None = None,
+    on_depth: Callable[[NDArray[np.uint16]], None] | None = None,
 ) -> int:
     """Render a rollout into `out_dir`; return the number of frames.
 
@@ -157,6 +160,7 @@ def render_rollout(
         codec: key of `formats.video.RGB_CODECS`.
         robot: robot of the rollout; None = the registry's robot of that name.
         extras: optional videos, default none.
+        on_depth: called with the depth codes (H, W) of each frame as they are encoded.
 
     Raises:
         UnknownNameError: unknown view kind, robot or codec; the message lists the valid names.
@@ -184,6 +188,7 @@ def render_rollout(
         codec,
         rgb_counts=rgb_counts,
         depth_counts=depth_counts,
+        on_depth=on_depth,
     )
     with atomic_file(out_dir / "frames.npz") as temporary:
         np.savez(
@@ -231,7 +236,7 @@ def _facts(
             "meaning": "planar z in metres, 0 = invalid",
             "near_m": depth_range.near_m,
             "far_m": depth_range.far_m,
-            "file": "depth.mp4",
+            "file": DEPTH_VIDEO,
             "codec": DEPTH_CODEC.canonical,
             "pixel_format": DEPTH_CODEC.pixel_format,
         },
@@ -248,6 +253,7 @@ def _write_videos(
     *,
     rgb_counts: NDArray[np.int64],
     depth_counts: NDArray[np.int64],
+    on_depth: Callable[[NDArray[np.uint16]], None] | None = None,
 ) -> int:
     """Encode both videos in one pass over `frames`, depth in a thread beside RGB."""
     waiting: queue.Queue[NDArray[np.float32] | BaseException | None] = queue.Queue(maxsize=4)
@@ -266,11 +272,12 @@ def _write_videos(
     with ThreadPoolExecutor(max_workers=1, thread_name_prefix="depth") as pool:
         depth_writer = pool.submit(
             write_depth_video,
-            folder / "depth.mp4",
+            folder / DEPTH_VIDEO,
             depth_frames(),
             frames_per_second,
             depth_range,
             depth_counts,
+            on_depth,
         )
         try:
             colours = rgb_frames(depth_writer)

@@ -134,6 +134,10 @@ def _rectangles(
     `view` contains the boxes' corners (G, 8, 3) in the optical frame. Edges that pass the camera
     are cut at the near plane, so that parts beside or behind the camera cover nothing.
     """
+    numbers = np.flatnonzero(view[..., 2].max(axis=1) >= NEAR_M)
+    if not len(numbers):
+        return
+    view = view[numbers]  # of a robot with its camera in front, few: the rest is behind it
     start, stop = view[:, BOX_EDGES[:, 0]], view[:, BOX_EDGES[:, 1]]
     z0, z1 = start[..., 2:], stop[..., 2:]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -152,4 +156,4 @@ def _rectangles(
     for index in np.flatnonzero((low < high).all(-1)):
         left, top = (int(v) for v in low[index])
         right, bottom = (int(v) for v in high[index])
-        yield int(index), (left, top, right, bottom)
+        yield int(numbers[index]), (left, top, right, bottom)

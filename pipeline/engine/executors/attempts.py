@@ -5,7 +5,7 @@ from __future__ import annotations
 import pickle
 import time
 import traceback
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Future, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -93,6 +93,78 @@ def _attempt(
         except Exception as error:  # its arguments or its result cannot be pickled
             yield futures[future], Outcome(error=error, traceback=traceback.format_exc())
     return lost
+
+
+@dataclass(frozen=True)
+class Link:
+    """An item of a chain: items of several stages that one worker runs one after the other.
+
+    Attributes:
+        stage: The item's stage.
+        item: What to do.
+        needed: Whether the links after it read what it writes.
+        wants_success: Whether it is left out after an item with a bad outcome.
+    """
+
+    stage: str
+    item: WorkItem
+    needed: bool = False
+    wants_success: bool = False
+
+
+Chain = Sequence[Link]
+
+
+def run_chains(workers: Executor, chains: Sequence[Chain]) -> Iterator[list[tuple[Link, Outcome]]]:
+    """Yield the outcomes of each chain, of those of its links that were run.
+
+    Chains that were lost because a worker died are left out: which item did it is found out by
+    `run_items`.
+    """
+    threads = max(1, workers.cores // max(1, len(chains)))
+    futures: dict[Future[list[Outcome | None]], Chain] = {}
+    for chain in chains:
+        steps = [(k.item.job, k.item.outputs, k.needed, k.wants_success) for k in chain]
+        try:
+            futures[workers.submit(attempt_chain, steps, threads)] = chain
+        except BrokenExecutor:
+            break
+    lost = len(futures) < len(chains)
+    for future in as_completed(futures):
+        try:
+            outcomes = future.result()
+        except Exception:  # that of a dead worker, or of arguments that cannot be pickled
+            lost = True
+            continue
+        ran = zip(futures[future], outcomes, strict=True)
+        yield [(link, outcome) for link, outcome in ran if outcome is not None]
+    if lost:
+        _restart(workers, (link.item for chain in chains for link in chain))
+
+
+def attempt_chain(
+    steps: Sequence[tuple[Job, Sequence[Path], bool, bool]], threads: int
+) -> list[Outcome | None]:
+    """Run jobs one after the other in this process; see `attempt` and `Link`.
+
+    Args:
+        steps: Job, outputs, `needed` and `wants_success` of each.
+        threads: How many threads compiled kernels may use.
+
+    Returns:
+        The outcome of each; None where it was left out.
+    """
+    outcomes: list[Outcome | None] = []
+    broken = unsuccessful = False
+    for job, outputs, needed, wants_success in steps:
+        if broken or (wants_success and unsuccessful):
+            outcomes.append(None)
+            continue
+        outcome = attempt(job, outputs, threads)
+        outcomes.append(outcome)
+        broken |= needed and outcome.error is not None
+        unsuccessful |= outcome.result.failed
+    return outcomes
 
 
 def attempt(job: Job, outputs: Sequence[Path], threads: int) -> Outcome:

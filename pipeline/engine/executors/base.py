@@ -53,10 +53,13 @@ class Executor:
     Attributes:
         count: how many items run at a time.
         cores: how many cores a lone item may use.
+        chains: whether items of several stages may run as one; not where a lost machine should cost
+            as little as possible, or where each stage is submitted by itself.
     """
 
     count: int
     cores: int
+    chains: bool = False
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Run `function(*arguments)` in a worker, at the latest after `flush`.
@@ -121,6 +124,8 @@ class Workers(Executor):
     Each leads a process group of its own, so that Ctrl-C reaches this process alone, and ends
     with its children when this process has died.
     """
+
+    chains = True
 
     def __init__(self, count: int):
         """Set the number of processes, at least 1; none is started yet."""
