@@ -105,7 +105,7 @@ def train_recipe(request: Request, *, show: bool = True) -> Result:
     seed = recipe.seed if request.seed is None else request.seed
     start = load_checkpoint(request.start) if request.start else None
     if start is not None and start.card.config.model != config.model:
-        raise InputError(f"{request.start}: another architecture than the recipe's `model`")
+        raise InputError(f"{request.start}: has another architecture than the recipe's `model`")
     tokens = start.card.tokens if start is not None else _vocabulary(plan, config)
     choice = InstructionChoice(config.instructions, seed)
     cache = request.cache or out / "cache"
@@ -300,4 +300,4 @@ def _read_curves(path: Path) -> list[dict[str, Any]]:
         values = [{k: float(v) for k, v in row.items() if v} for row in rows]
         return [row | {"step": int(row["step"])} for row in values]
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise FileFormatError(path, f"no curves of a training ({error})") from error
+        raise FileFormatError(path, f"not the curves of a training ({error})") from error
