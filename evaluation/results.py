@@ -157,9 +157,9 @@ def read_results(path: Path) -> dict[str, Any]:
         value = json.loads(file.read_text())
         known = value["format"] == "vlnpe-results/1" and isinstance(value["episodes"], list)
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        raise FileFormatError(file, f"no results of `vlnpe evaluate` ({error})") from error
+        raise FileFormatError(file, f"not results of `vlnpe evaluate` ({error})") from error
     if not known:
-        raise FileFormatError(file, "no results of `vlnpe evaluate`")
+        raise FileFormatError(file, "not results of `vlnpe evaluate`")
     return value
 
 

@@ -47,7 +47,7 @@ def _views(index: DatasetIndex) -> set[View]:
         if missing:
             raise InputError(
                 f"{index.root}: its episodes lack {', '.join(missing)}; `vlnpe restore` gives "
-                "datasets that were edited their columns back"
+                "edited datasets their columns back"
             )
         table = pq.read_table(path, columns=list(_COLUMNS)).to_pydict()
         found |= set(zip(*(table[name] for name in _COLUMNS), strict=True))

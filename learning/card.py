@@ -111,7 +111,7 @@ def read_card(path: Path) -> tuple[Card, str]:
             place, f"not readable ({error.strerror}); a checkpoint is {path.name} and this card"
         ) from error
     except ValueError as error:
-        raise FileFormatError(place, f"no JSON ({error})") from error
+        raise FileFormatError(place, f"not JSON ({error})") from error
     if not isinstance(value, dict) or value.get("card") != CARD_VERSION:
         version = value.get("card") if isinstance(value, dict) else None
         raise FileFormatError(place, f"card version {version}; valid: {CARD_VERSION}")
@@ -119,7 +119,7 @@ def read_card(path: Path) -> tuple[Card, str]:
         config = train_config(value["config"])
         words = tuple(value["words"])
         if len(words) < 2 or not all(isinstance(word, str) for word in words):
-            raise ValueError("words are no vocabulary")
+            raise ValueError("words are not a vocabulary")
         view = View(**value["view"])
         card = Card(config, words, view, steps=int(value["steps"]), seed=int(value["seed"]))
         lists = ("robots", "controllers", "lights", "data", "curves")
@@ -127,4 +127,4 @@ def read_card(path: Path) -> tuple[Card, str]:
         rest |= {name: value[name] for name in ("recipe", "held_out", "start")}
         return replace(card, **rest), str(value["weights_sha256"])
     except (KeyError, TypeError, ValueError, InputError) as error:
-        raise FileFormatError(place, f"no card of a checkpoint ({error!r})") from error
+        raise FileFormatError(place, f"not the card of a checkpoint ({error!r})") from error

@@ -73,7 +73,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
     try:
         weights = load(raw)
     except SafetensorError as error:
-        raise FileFormatError(path, f"no safetensors file ({error})") from error
+        raise FileFormatError(path, f"not a safetensors file ({error})") from error
     with torch.random.fork_rng():
         model = build_model(card.tokens, card.config.model, pretrained=False)
     _fill(model, weights, path)
@@ -84,7 +84,7 @@ def _fill(model: Model, weights: Mapping[str, Tensor], path: Path) -> None:
     expected = model.state_dict()
     wrong = sorted(set(expected) ^ set(weights))
     if wrong:
-        raise FileFormatError(path, f"weights that are missing or too many: {', '.join(wrong[:5])}")
+        raise FileFormatError(path, f"missing or unexpected weights: {', '.join(wrong[:5])}")
     for name, value in weights.items():
         if value.shape != expected[name].shape:
             raise FileFormatError(

@@ -20,10 +20,10 @@ NOT_CORE = re.compile(
     r"|rsl_rl|huggingface_hub|open3d|s3fs|moto|pyvista|setuptools|gymnasium"
     r"|vlnpe\.evaluation\.(?:env|remote|server)"
     r"|vlnpe\.collectors\.gait_training\.(?:env|export|mirror|train))\b"
-    r"|vlnpe\.learning|vlnpe\.evaluation\.learned",
+    r"|vlnpe\.learning|vlnpe\.evaluation\.learned|benchmarks\.evidence\.judge",
     re.MULTILINE,
 )
-SUPPORT = re.compile(r"^from tests\.(support[\w.]+) import (\w+)", re.MULTILINE)
+SUPPORT = re.compile(r"^from tests\.(support[\w.]+) import \(?\s*(\w+)", re.MULTILINE)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -33,8 +33,15 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Leave out, with `--core`, test files whose text imports anything beyond the core."""
+    """Leave out, with `--core`, test files whose text imports anything beyond the core.
+
+    And folders whose `conftest.py` does, for pytest imports that one with the first file.
+    """
+    if collection_path.is_dir():
+        collection_path /= "conftest.py"
     if not (config.getoption("--core") and collection_path.suffix == ".py"):
+        return None
+    if not collection_path.is_file():
         return None
     source = collection_path.read_text()
     tests = Path(__file__).parent

@@ -66,7 +66,7 @@ def align_episodes(
             try:
                 if scene not in bundles:
                     known = ", ".join(sorted(bundles)) or "none"
-                    raise RejectedError(f"scene {raw.scene_id!r} is not at hand; at hand: {known}")
+                    raise RejectedError(f"scene {raw.scene_id!r} is missing; given: {known}")
                 if scene not in freemaps:
                     levels = range(len(bundles[scene].level_floor_z_m))
                     freemaps[scene] = [

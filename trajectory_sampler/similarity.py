@@ -110,13 +110,13 @@ def _close(a: Array, b: Array, within_m: float) -> bool:
 
 
 def _gap(a: Array, b: Array, measure: str) -> float:
-    if measure == FRECHET:
-        return float(_frechet(a, b))
-    return float(_warped(a, b)) / max(len(a), len(b))
+    gap = float(_coupled(a, b, measure == DTW))
+    return gap / max(len(a), len(b)) if measure == DTW else gap
 
 
 @kernel()
-def _frechet(a: Array, b: Array) -> float:
+def _coupled(a: Array, b: Array, summed: bool) -> float:
+    """Return the least sum, or the least maximum, of distances over all monotone couplings."""
     row = np.full(len(b), np.inf)
     for i in range(len(a)):
         before = np.inf  # the value up and to the left
@@ -128,22 +128,5 @@ def _frechet(a: Array, b: Array) -> float:
             if i == 0 and j == 0:
                 best = 0.0
             before = row[j]
-            row[j] = max(apart, best)
-    return row[-1]
-
-
-@kernel()
-def _warped(a: Array, b: Array) -> float:
-    row = np.full(len(b), np.inf)
-    for i in range(len(a)):
-        before = np.inf
-        for j in range(len(b)):
-            apart = np.hypot(a[i, 0] - b[j, 0], a[i, 1] - b[j, 1])
-            best = row[j]
-            if j > 0:
-                best = min(best, before, row[j - 1])
-            if i == 0 and j == 0:
-                best = 0.0
-            before = row[j]
-            row[j] = apart + best
+            row[j] = apart + best if summed else max(apart, best)
     return row[-1]

@@ -42,11 +42,11 @@ def parse_actions(text: str) -> list[Action]:
     """
     words = " ".join(text.lower().replace("’", "'").split())
     if doubt := _DOUBT.search(words):
-        raise ValueError(f"{doubt.group()!r} leaves open what is ordered: {text!r:.120}")
+        raise ValueError(f"{doubt.group()!r} is ambiguous: {text!r:.120}")
     found = list(_PHRASE.finditer(words))
     rest = _PHRASE.sub(" ", words)
     if not found:
-        raise ValueError(f"orders no action: {text!r:.120}")
+        raise ValueError(f"asks for no action: {text!r:.120}")
     if left := _LEFT.search(rest):
         raise ValueError(f"{left.group()!r} is not understood: {text!r:.120}")
     actions: list[Action] = []
@@ -68,5 +68,5 @@ def _actions(match: re.Match[str], text: str) -> list[Action]:
         value *= 1.0 if unit.startswith("c") else 100.0
         step, most, action = FORWARD_CM, MOST_CM, Action.FORWARD
     if not 0 < value <= most:
-        raise ValueError(f"{value:g} is no length or angle of a step: {text!r:.120}")
+        raise ValueError(f"{value:g} is not a length or angle of a step: {text!r:.120}")
     return [action] * max(1, round(value / step))

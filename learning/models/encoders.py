@@ -66,7 +66,7 @@ class TorchvisionEncoder(nn.Module):
                 SafetensorError,
             ) as error:
                 raise FileFormatError(
-                    path, f"no weights of {config.encoder}: {str(error).splitlines()[0]}"
+                    path, f"not weights of {config.encoder}: {str(error).splitlines()[0]}"
                 ) from error
         self.features = {"resnet50": 2048}.get(config.encoder, 512)
         self.stages = nn.Sequential(*list(network.children())[:-2])

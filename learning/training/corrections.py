@@ -92,7 +92,7 @@ class CorrectedEpisodes(Dataset[dict[str, Any]]):
             steps = min(len(found["action"]), self._config.max_steps)
             return self._item(found, steps)
         except (OSError, ValueError, KeyError) as error:
-            raise FileFormatError(path, f"no corrected walk ({error})") from error
+            raise FileFormatError(path, f"not a corrected walk ({error})") from error
 
     def _item(self, found: dict[str, NDArray[Any]], steps: int) -> dict[str, Any]:
         action, executed = found["action"], found["executed"]

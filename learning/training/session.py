@@ -1,10 +1,8 @@
-"""One training from a recipe to a checkpoint: data, curves, selection, card."""
+"""One training from a recipe to a checkpoint: data, holdout, card."""
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,26 +15,20 @@ from ...datasets.mixture.recipe import Recipe
 from ...datasets.selection import Selection
 from ...datasets.sequences import EpisodeSequences, SequenceConfig
 from ...datasets.tokens import Tokens, training_tokens
-from ...formats.core.atomic import write_bytes
-from ...formats.core.errors import FileFormatError, InputError, UnknownNameError
+from ...formats.core.errors import InputError, UnknownNameError
 from ...formats.core.progress import progress_bar
 from ..camera import view_of
-from ..card import SUFFIX, Card
-from ..checkpoint import load_checkpoint, save_checkpoint
+from ..card import Card
+from ..checkpoint import load_checkpoint
 from ..config import TrainConfig, train_config
 from ..models.heads import FUTURE
-from ..models.registry import Model
 from .cache import CachedSequences
 from .corrections import CorrectedEpisodes
+from .curves import TrainingLog, Validation
 from .holdout import Holdout, hold_out, published_holdout
-from .scores import step_scores
 from .train import TrainingEpisodes, Watcher, train_model
 
-CURVES = "curves.csv"
 _SAMPLE = 32  # episodes of the training data, and of the held-out data, that curves are made of
-
-# Returns scores of a model in closed loop; checkpoints are chosen by the score `SR`.
-Validation = Callable[[Model, Card], Mapping[str, float]]
 
 
 @dataclass(frozen=True)
@@ -105,7 +97,7 @@ def train_recipe(request: Request, *, show: bool = True) -> Result:
     seed = recipe.seed if request.seed is None else request.seed
     start = load_checkpoint(request.start) if request.start else None
     if start is not None and start.card.config.model != config.model:
-        raise InputError(f"{request.start}: another architecture than the recipe's `model`")
+        raise InputError(f"{request.start}: has another architecture than the recipe's `model`")
     tokens = start.card.tokens if start is not None else _vocabulary(plan, config)
     choice = InstructionChoice(config.instructions, seed)
     cache = request.cache or out / "cache"
@@ -147,7 +139,7 @@ def train_recipe(request: Request, *, show: bool = True) -> Result:
         episodes, shares = [*episodes, corrected], [*(share / 2 for share in shares), 0.5]
         source = {"source": "corrections", "share": 0.5, "episodes": len(corrected)}
         card = replace(card, data=(*card.data, source | {"sha": corrected.digest, "datasets": []}))
-    log = _Log(request, card, config, seen, unseen)
+    log = TrainingLog(out, card, config, seen, unseen, request.validate)
     with progress_bar("train", config.steps, show=show) as bar:
         train_model(
             episodes,
@@ -160,59 +152,6 @@ def train_recipe(request: Request, *, show: bool = True) -> Result:
             start=start.model.state_dict() if start is not None else None,
         )
     return Result(log.path, tuple(log.rows), log.chosen, plan)
-
-
-class _Log:
-    """Keeps the curves and the chosen checkpoint of one training."""
-
-    def __init__(
-        self,
-        request: Request,
-        card: Card,
-        config: TrainConfig,
-        seen: list[CachedSequences],
-        unseen: list[CachedSequences],
-    ):
-        self.rows: list[dict[str, Any]] = []
-        self.path = request.out / f"{config.model.name}{SUFFIX}"
-        self.chosen = 0
-        self._request, self._card, self._config = request, card, config
-        self._seen, self._unseen = seen, unseen
-        self._losses: list[float] = []
-        self._curves = request.out / CURVES
-
-    def step(self, done: int, loss: float | None, bar: Any) -> None:
-        if loss is None:  # resumed: what was logged up to there holds
-            self.rows = [row for row in _read_curves(self._curves) if row["step"] <= done]
-            self.chosen = self._best()
-        else:
-            self._losses.append(loss)
-            recent = self._losses[-20:]
-            bar.set_postfix_str(f"loss {sum(recent) / len(recent):.3f}")
-        bar.update(done - bar.n)
-
-    def checkpoint(self, model: Model, done: int) -> None:
-        model.eval()
-        row: dict[str, Any] = {"step": done, "loss": sum(self._losses) / len(self._losses)}
-        row |= {f"train {k}": v for k, v in step_scores(model, self._seen, self._config).items()}
-        row |= {f"held {k}": v for k, v in step_scores(model, self._unseen, self._config).items()}
-        if self._request.validate is not None:
-            row |= self._request.validate(model, self._card)
-        model.train()
-        self._losses.clear()
-        finite = {k: round(float(v), 6) for k, v in row.items() if np.isfinite(v)}
-        self.rows = [*self.rows, finite | {"step": done}]
-        _write_curves(self._curves, self.rows)
-        self.chosen = self._best()
-        if self.chosen == done:
-            self._card = replace(self._card, steps=done)
-            save_checkpoint(self.path, model, replace(self._card, curves=tuple(self.rows)))
-
-    def _best(self) -> int:
-        """Return the last of the steps with the highest SR; without validation, the last one."""
-        best = max((row.get("SR", 0.0) for row in self.rows), default=0.0)
-        steps = [row["step"] for row in self.rows if row.get("SR", 0.0) == best]
-        return int(steps[-1]) if steps else 0
 
 
 def _mixture_name(recipe: Recipe, name: str | None) -> str:
@@ -281,23 +220,3 @@ def _decode(episodes: list[CachedSequences], show: bool) -> None:
 
 def _every(plan: MixturePlan, label: str) -> tuple[str, ...]:
     return tuple(sorted({str(v) for s in plan.sources for v in s.selection.labels(label)}))
-
-
-def _write_curves(path: Path, rows: list[dict[str, Any]]) -> None:
-    names = list(dict.fromkeys(key for row in rows for key in row))
-    text = io.StringIO()
-    writer = csv.DictWriter(text, names, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    write_bytes(path, text.getvalue().encode())
-
-
-def _read_curves(path: Path) -> list[dict[str, Any]]:
-    if not path.is_file():
-        return []
-    try:
-        rows = list(csv.DictReader(io.StringIO(path.read_text())))
-        values = [{k: float(v) for k, v in row.items() if v} for row in rows]
-        return [row | {"step": int(row["step"])} for row in values]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise FileFormatError(path, f"no curves of a training ({error})") from error

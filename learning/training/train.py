@@ -229,5 +229,5 @@ def _restore(path: Path, training: _Training) -> int:
         UnpicklingError,
     ) as error:
         raise FileFormatError(
-            path, f"no state of this training, delete it to start again ({error})"
+            path, f"not a state of this training; delete it to start again ({error})"
         ) from error

@@ -69,7 +69,7 @@ def read_occupancy(path: Path, cloud: GaussianCloud) -> Scan:
 def _metadata(path: Path) -> tuple[float, NDArray[np.float64]]:
     """Return metres per pixel and the lower corner (2,) [m]."""
     if not path.is_file():
-        raise FileFormatError(path, "missing: it tells where the pixels of the map lie")
+        raise FileFormatError(path, "missing; it holds the position of the map")
     data = parse_json(path, read_input(path, max_bytes=MAX_META_BYTES))
     try:
         scale, origin = float(data["scale"]), np.array(data["min"][:2], dtype=np.float64)
@@ -98,7 +98,7 @@ def _check_directions(
     cell = np.floor((cloud.position[solid, :2] - origin) / scale).astype(np.int64)
     cell = cell[((cell >= 0) & (cell < free.shape[::-1])).all(1)]
     if not len(cell):
-        raise FileFormatError(path, "none of the splats lies on it; valid: that scene's own map")
+        raise FileFormatError(path, "none of the splats lies on it; give the map of the same scene")
 
     def wrong(picture: NDArray[np.bool_]) -> float:
         return float(picture[cell[:, 1], cell[:, 0]].mean())

@@ -40,10 +40,10 @@ def one_thread() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def walks(tmp_path_factory: pytest.TempPathFactory, two_rooms: SceneBundle) -> Walks:
     root = tmp_path_factory.mktemp("walks")
-    told = {"table": ((0.9, 2.3), "Go to the table."), "corner": ((1.0, 0.6), "Turn right.")}
+    goals = {"table": ((0.9, 2.3), "Go to the table."), "corner": ((1.0, 0.6), "Turn right.")}
     episodes = [
         replace(make_episode(two_rooms, (2.6, 2.0), goal, name=name, yaw=3.1), instruction=words)
-        for name, (goal, words) in told.items()
+        for name, (goal, words) in goals.items()
     ]
     view = make_view("ego", "vlnce", width_px=48, height_px=48)
     return Walks(root, two_rooms, view, episodes, write_walks(root, two_rooms, episodes, view))

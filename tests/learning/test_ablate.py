@@ -77,9 +77,9 @@ def test_from_recipe_to_table_and_again_without_training(
     path.write_text(json.dumps(recipe()))
     call = ["ablate", str(path), "--data", str(runs), "--out", str(out), "--json", "--threads", "1"]
     assert main(call) == 0
-    told, shown = capsys.readouterr()
+    output, shown = capsys.readouterr()
     assert len(shown.splitlines()) <= 2 * 12 and "\r" not in shown  # stderr is no terminal here
-    result = json.loads(told.splitlines()[-1])
+    result = json.loads(output.splitlines()[-1])
     assert set(result["rows"]) == {"best constant", "repeat the step before", "alone", "both"}
     assert set(result["training_fit"]) == {"alone", "both"}
     for row in ("alone", "both"):
@@ -217,8 +217,8 @@ def test_a_result_belongs_to_the_very_episodes_and_words(
     for file in (tmp_path / "lerobot" / "h1" / "meta" / "episodes").rglob("*.parquet"):
         table = pq.read_table(file)
         place = table.column_names.index("instructions")
-        told = [["Turn around."]] * table.num_rows
-        pq.write_table(table.set_column(place, "instructions", [told]), file)
+        texts = [["Turn around."]] * table.num_rows
+        pq.write_table(table.set_column(place, "instructions", [texts]), file)
     assert result() != before
 
 
@@ -314,7 +314,7 @@ def test_published_splits_are_what_is_held_out() -> None:
 
 
 @pytest.mark.parametrize(
-    ("train", "told"),
+    ("train", "valid"),
     [
         ({"step": 3}, "'step'; valid: batch"),
         ({"steps": 0}, "1 or more"),
@@ -325,10 +325,10 @@ def test_published_splits_are_what_is_held_out() -> None:
         ({"size_px": 4}, "size_px 4"),
     ],
 )
-def test_wrong_settings_are_told_what_is_valid(train: dict, told: str) -> None:
+def test_wrong_settings_are_told_what_is_valid(train: dict, valid: str) -> None:
     with pytest.raises((InputError, UnknownNameError)) as caught:
         train_config(train)
-    assert told in str(caught.value)
+    assert valid in str(caught.value)
 
 
 def test_pretrained_encoders_come_from_a_file(episodes: CachedSequences, tmp_path: Path) -> None:

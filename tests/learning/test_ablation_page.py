@@ -95,23 +95,23 @@ def ablation(
 def test_a_row_has_one_verdict_of_fit_on_whatever_robot(fitted: float, fits: bool) -> None:
     # On one robot it is as good as on what it has seen, on the other much worse.
     found = ablation(fitted=fitted, reached={"h1": 0.59, "jetbot": 0.41})
-    told = report_markdown(found, "plot.png")
-    verdicts = [line for line in told.splitlines() if line.startswith("The best row")]
+    report = report_markdown(found, "plot.png")
+    verdicts = [line for line in report.splitlines() if line.startswith("The best row")]
     assert len(verdicts) == 2
     for line in verdicts:
         assert ("fits what it has seen" in line) == ("collect more" in line) == fits
         assert ("raise steps" in line) != fits
-    rows = [line for line in told.splitlines() if line.startswith(("| alone |", f"| {LONG} |"))]
+    rows = [line for line in report.splitlines() if line.startswith(("| alone |", f"| {LONG} |"))]
     assert sum(line.endswith(f"| {'yes' if fits else 'no'} |") for line in rows) == 2
     assert not any(line.endswith(f"| {'no' if fits else 'yes'} |") for line in rows)
 
 
 def test_one_of_a_thing_is_singular() -> None:
-    told = report_markdown(ablation(episodes=1, fitted=0.9), "plot.png")
-    assert "1 trajectory in 1 scene" in told and "humanoid: 1 episode of 1 trajectory" in told
-    assert "of 1 step of 1 episode" in told and "1 episode is too few" in told
-    assert "a whole scene (house)" in told
-    assert not re.search(r"\b1 (trajectories|scenes|episodes|steps|trainings|seeds)\b", told)
+    report = report_markdown(ablation(episodes=1, fitted=0.9), "plot.png")
+    assert "1 trajectory in 1 scene" in report and "humanoid: 1 episode of 1 trajectory" in report
+    assert "of 1 step of 1 episode" in report and "1 episode is too few" in report
+    assert "a whole scene (house)" in report
+    assert not re.search(r"\b1 (trajectories|scenes|episodes|steps|trainings|seeds)\b", report)
     assert "1 training of" in report_markdown(ablation(seeds=1), "plot.png")
     assert "3 trajectories in 1 scene" in report_markdown(ablation(trajectories=3), "plot.png")
 
@@ -129,13 +129,13 @@ def test_what_has_no_interval_says_why() -> None:
 @pytest.mark.parametrize("trajectories", [2, 3, 9])
 def test_few_trajectories_have_an_interval_and_a_caution(trajectories: int) -> None:
     found = ablation(trajectories=trajectories)
-    told = report_markdown(found, "plot.png")
+    report = report_markdown(found, "plot.png")
     for entry in differences(found):
         action = entry["difference"]["action"]
         assert action.low < action.mean < action.high
-    assert "Welch" in told
+    assert "Welch" in report
     caution = f"the intervals rest on {trajectories} held-out trajectories only"
-    assert (caution in told) == (trajectories < 6)
+    assert (caution in report) == (trajectories < 6)
 
 
 def test_the_page_shows_the_picture_and_the_tables_and_escapes_names() -> None:

@@ -68,7 +68,7 @@ def not_finite(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("damage", "told"),
+    ("damage", "reason"),
     [
         (cut, "damaged"),
         (no_weights, "damaged"),
@@ -80,14 +80,14 @@ def not_finite(path: Path) -> None:
     ],
 )
 def test_damaged_checkpoints_are_refused_by_name(
-    trained: Path, damage: Callable[[Path], None], told: str, tmp_path: Path
+    trained: Path, damage: Callable[[Path], None], reason: str, tmp_path: Path
 ) -> None:
     path = tmp_path / trained.name
     for suffix in (".safetensors", ".json"):
         shutil.copy(trained.with_suffix(suffix), tmp_path)
     load_checkpoint(path)
     damage(path)
-    with pytest.raises(FileFormatError, match=told) as caught:
+    with pytest.raises(FileFormatError, match=reason) as caught:
         load_checkpoint(path)
     assert caught.value.path.stem == path.stem
 

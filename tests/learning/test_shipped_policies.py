@@ -54,9 +54,9 @@ def test_it_is_evaluated_by_name_and_sees_through_its_own_camera(
     write_episodes(folder / "episodes" / "train.json.gz", walks.episodes)
     call = ["evaluate", str(folder), "--policy", "cma", "--robot", "vlnce", "--workers", "1"]
     assert main([*call, "--json"]) == 0
-    told = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert told["setting"]["policy_version"] == policy_identity("cma", 1.0)
-    assert "64x64" in told["setting"]["view"] and not told["quarantined"]
+    result = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert result["setting"]["policy_version"] == policy_identity("cma", 1.0)
+    assert "64x64" in result["setting"]["view"] and not result["quarantined"]
     (results,) = folder.glob("evaluations/*/results.json")
     taken = json.loads(results.read_text())["episodes"]
     assert len(taken) == len(walks.episodes)

@@ -45,13 +45,13 @@ def test_from_recipe_to_checkpoint_chosen_in_closed_loop(
     call = ["train", recipe(tmp_path), "--data", str(walks.root), "--out", str(out)]
     call += ["--threads", "1", "--run", str(run), "--validate", "1", "--json"]
     assert main(call) == 0
-    told = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert told["checkpoint"] == str(out / "cma.safetensors") and told["step"] in (2, 4)
+    result = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert result["checkpoint"] == str(out / "cma.safetensors") and result["step"] in (2, 4)
     rows = list(csv.DictReader((out / "curves.csv").open()))
     assert [row["step"] for row in rows] == ["2", "4"]
     assert {"loss", "train action", "train constant", "SR", "OS"} <= set(rows[0])
     card, _ = read_card(out / "cma.safetensors")
-    assert card.steps == told["step"] and card.recipe["mixture"] == "walks"
+    assert card.steps == result["step"] and card.recipe["mixture"] == "walks"
     assert card.view.camera("ego") == "ego:48x48:90"
     assert card.data[0]["episodes"] == 2 and card.controllers == ("flash",)
     before = (out / "cma.safetensors").stat().st_mtime_ns
@@ -66,8 +66,8 @@ def test_dagger_goes_on_with_corrected_walks(
     call = ["train", recipe(tmp_path, steps=2), "--data", str(walks.root), "--out", str(out)]
     call += ["--threads", "1", "--run", str(run), "--dagger", "2", "--dagger-episodes", "2"]
     assert main([*call, "--json"]) == 0
-    told = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert told["checkpoint"] == str(out / "dagger-2" / "cma.safetensors")
+    result = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert result["checkpoint"] == str(out / "dagger-2" / "cma.safetensors")
     card, _ = read_card(out / "dagger-2" / "cma.safetensors")
     assert card.data[-1]["source"] == "corrections" and card.data[-1]["episodes"] == 4
     assert card.start == file_digest(out / "dagger-1" / "cma.safetensors")
@@ -90,7 +90,7 @@ def test_dagger_goes_on_with_corrected_walks(
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "reason"),
     [
         (["--model", "cms"], "cma"),
         (["--inputs", "rgb,smell"], "instruction"),
@@ -103,7 +103,7 @@ def test_dagger_goes_on_with_corrected_walks(
 )
 def test_wrong_options_are_answered_with_the_valid_ones(
     options: list[str],
-    told: str,
+    reason: str,
     walks: Walks,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -111,7 +111,7 @@ def test_wrong_options_are_answered_with_the_valid_ones(
     out = tmp_path / "out"
     call = ["train", recipe(tmp_path), "--data", str(walks.root), "--out", str(out), *options]
     assert main(call) == 2
-    assert told in capsys.readouterr().err
+    assert reason in capsys.readouterr().err
     assert not list(out.glob("*"))
 
 

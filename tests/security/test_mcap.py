@@ -9,18 +9,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import foxglove
 import numpy as np
 import pytest
 import zstandard
 
 from tests.formats.convert.test_convert import export_mcap
 from tests.security.hostile import DEEP_JSON, not_files, put, refusal
+from tests.support.mcap_copies import rewritten
 from tests.support.rollouts import make_rollout
 from vlnpe.formats.convert.episodes import mcap_from_unit, unit_from_mcap
 from vlnpe.formats.mcap.episode import FRAMES_ATTACHMENT, VIEW_METADATA
 from vlnpe.formats.mcap.facts import METADATA_NAME
-from vlnpe.formats.mcap.recording import open_recording, read_recording
+from vlnpe.formats.mcap.recording import read_recording
 from vlnpe.formats.mcap.rollout import read_rollout, write_rollout
 from vlnpe.formats.untrusted.arrays import read_arrays
 
@@ -95,42 +95,6 @@ def test_a_sparse_file_of_a_terabyte_is_refused(tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return export_mcap(tmp_path_factory.mktemp("mcap"), make_rollout(1.0))
-
-
-def rewritten(
-    sound: Path,
-    out: Path,
-    metadata: Callable[[str, str], str] = lambda name, value: value,
-    attachment: Callable[[str, bytes], bytes] = lambda name, data: data,
-) -> Path:
-    """A copy with other metadata or attachments."""
-    contents = read_recording(sound)
-    with open_recording(out) as recording:
-        for name, values in contents.metadata.items():
-            recording.writer.write_metadata(name, {k: metadata(name, v) for k, v in values.items()})
-        for attached in contents.attachments.values():
-            data = attachment(attached.name, attached.data)
-            recording.writer.attach(
-                log_time=0,
-                create_time=0,
-                name=attached.name,
-                media_type=attached.media_type,
-                data=data,
-            )
-        for name, messages in contents.messages.items():
-            channel = contents.channels[messages[0].channel_id]
-            schema = contents.schemas[channel.schema_id]
-            made = foxglove.Channel(
-                name,
-                schema=foxglove.Schema(
-                    name=schema.name, encoding=schema.encoding, data=schema.data
-                ),
-                message_encoding=channel.message_encoding,
-                context=recording.context,
-            )
-            for message in messages:
-                made.log(message.data, log_time=message.log_time)
-    return out
 
 
 def with_facts(sound: Path, out: Path, change: Callable[[dict[str, Any]], Any], of: str) -> Path:

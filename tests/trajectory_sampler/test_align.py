@@ -353,8 +353,8 @@ def test_no_goal_is_moved_by_more_than_its_start(two_rooms, start_off_m, goal_of
 
 
 def test_episodes_of_one_path_are_fitted_once(two_rooms):
-    told = [foreign(GOOD, name=k, instruction_text=f"Text {k}.") for k in range(3)]
-    result = align(*told, foreign(GOOD[::-1], name=9), bundles={"two_rooms": two_rooms})
+    texts = [foreign(GOOD, name=k, instruction_text=f"Text {k}.") for k in range(3)]
+    result = align(*texts, foreign(GOOD[::-1], name=9), bundles={"two_rooms": two_rooms})
     assert (len(result.episodes), result.paths) == (4, 2)
     assert [e.instruction for e in result.episodes[:3]] == ["Text 0.", "Text 1.", "Text 2."]
     groups = group_by_path(result.episodes)

@@ -296,15 +296,15 @@ def test_what_a_scene_cannot_hold_is_missing_and_the_advice_is_true(two_rooms):
 
 def test_waypoints_keep_their_clearance(two_rooms):
     for episode in sample(two_rooms).episodes:
-        told = episode.extra["waypoints"]
-        points = np.array(told["position_world_m"])
+        recorded = episode.extra["waypoints"]
+        points = np.array(recorded["position_world_m"])
         steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
         assert steps[:-1] == pytest.approx(0.25, abs=0.02)
         assert points[-1] == pytest.approx(episode.goal_position_world_m, abs=1e-3)
         cells = two_rooms.freemap(0).grid.cell_of(points[:, :2])
         real = two_rooms.freemap(0).clearance_m[cells[:, 0], cells[:, 1]]
-        assert np.array(told["clearance_m"]) == pytest.approx(real, abs=0.05)
-        assert min(told["clearance_m"]) >= CONFIG.robot_radius_m
+        assert np.array(recorded["clearance_m"]) == pytest.approx(real, abs=0.05)
+        assert min(recorded["clearance_m"]) >= CONFIG.robot_radius_m
 
 
 @pytest.mark.parametrize("heading", ["path", "random"])

@@ -20,7 +20,8 @@ from ....learning.card import Card
 from ....learning.checkpoint import Checkpoint, load_checkpoint
 from ....learning.models.registry import Model
 from ....learning.training.corrections import write_correction
-from ....learning.training.session import Request, Result, Validation, train_recipe
+from ....learning.training.curves import Validation
+from ....learning.training.session import Request, Result, train_recipe
 from ...inputs.crews import chosen_robots
 from ...inputs.views import chosen_views
 from ...options.training import Train

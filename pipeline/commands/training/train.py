@@ -34,7 +34,8 @@ def run(options: Train) -> int:
         )
     start_torch(options.threads)
     from ....datasets.mixture.recipe import read_recipe, recipe_path
-    from ....learning.training.session import CURVES, Request, train_recipe
+    from ....learning.training.curves import CURVES
+    from ....learning.training.session import Request, train_recipe
     from .loop import dagger, validation
 
     path = recipe_path(options.recipe)

@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from tests.formats.mcap.test_episode import decode, small_links, small_map, write_frame_folder
 from tests.formats.mcap.test_rollout import assert_same
 from tests.support.lerobot_data import write_unit, write_units
+from tests.support.mcap_copies import rewritten
 from tests.support.rollouts import make_rollout
 from tests.support.runs.work import InlineWorkers
 from vlnpe.formats.convert.dataset import DatasetFacts, open_dataset
@@ -222,37 +223,6 @@ def test_extracted_frames_are_those_that_went_in(tmp_path: Path) -> None:
     assert seen.shown == SHOWN
 
 
-def edited(path: Path, out: Path, topic: str = "", keep: int = 0, attachments: bool = True) -> None:
-    """A copy with only the first `keep` messages of a topic, or without attachments."""
-    import foxglove
-
-    contents = read_recording(path)
-    with open_recording(out) as recording:
-        for name, values in contents.metadata.items():
-            recording.writer.write_metadata(name, values)
-        for attached in contents.attachments.values() if attachments else ():
-            recording.writer.attach(
-                log_time=0,
-                create_time=0,
-                name=attached.name,
-                media_type=attached.media_type,
-                data=attached.data,
-            )
-        for name, messages in contents.messages.items():
-            channel = contents.channels[messages[0].channel_id]
-            schema = contents.schemas[channel.schema_id]
-            made = foxglove.Channel(
-                name,
-                schema=foxglove.Schema(
-                    name=schema.name, encoding=schema.encoding, data=schema.data
-                ),
-                message_encoding=channel.message_encoding,
-                context=recording.context,
-            )
-            for message in messages[: keep if name == topic else None]:
-                made.log(message.data, log_time=message.log_time)
-
-
 @pytest.mark.parametrize(
     ("damage", "reason"),
     [
@@ -272,18 +242,18 @@ def test_bad_mcap_files_are_named(tmp_path: Path, damage: str, reason: str) -> N
         case "truncated":
             path.write_bytes(good.read_bytes()[:-2000])
         case "no colour":
-            edited(good, path, "/camera/rgb", 0)
+            rewritten(good, path, kept={"/camera/rgb": 0})
         case "short depth":
-            edited(good, path, "/camera/depth", 5)
+            rewritten(good, path, kept={"/camera/depth": 5})
         case "half a state":
-            edited(good, path, "/state", 100)
+            rewritten(good, path, kept={"/state": 100})
         case "a rollout":
             write_rollout(path, rollout)
         case "another's":
             with open_recording(path) as recording:
                 recording.writer.write_metadata("other", {"a": "b"})
         case "no frames":
-            edited(good, path, attachments=False)
+            rewritten(good, path, attachment=lambda name, data: None)
     with pytest.raises(FileFormatError, match=reason) as raised:
         unit_from_mcap(path, tmp_path / "out" / "unit")
     assert raised.value.path == path
@@ -435,7 +405,7 @@ def test_the_command_quarantines_bad_files_and_counts_them(
 ) -> None:
     good = export_mcap(tmp_path, make_rollout(1.0))
     (good.parent / "cut.mcap").write_bytes(good.read_bytes()[:-3000])
-    edited(good, good.parent / "blind.mcap", "/camera/rgb", 0)
+    rewritten(good, good.parent / "blind.mcap", kept={"/camera/rgb": 0})
     out = tmp_path / "out"
     call = ["convert", str(good.parent), "--to", "lerobot", "--out", str(out)]
     assert cli.main(call) == 1

@@ -274,7 +274,7 @@ def test_an_episode_file_needs_its_scenes_and_results_must_be_results(run, tmp_p
     assert "no such file; valid: the folder of a `vlnpe evaluate`" in capsys.readouterr().err
     (tmp_path / "results.json").write_text("{}")
     assert main(["compare", str(tmp_path), str(tmp_path)]) == 2
-    assert "no results of `vlnpe evaluate`" in capsys.readouterr().err
+    assert "not results of `vlnpe evaluate`" in capsys.readouterr().err
 
 
 def test_a_missing_folder_is_told_before_any_library_is_loaded(tmp_path) -> None:
