@@ -180,12 +180,12 @@ def _writer(
     if settings is None:
         raise InputError(f"--writer {config.writer}: no language model is configured")
     # Only now: most runs need no client.
-    from .llm.client import Client
+    from .llm.client import Client, openai_backend
     from .llm.local import local_backend
     from .llm.writer import ModelWriter
 
-    backend = local_backend(settings) if config.writer == LOCAL else None
-    client = Client(settings, cache, backend)
+    backend_of = local_backend if config.writer == LOCAL else openai_backend
+    client = Client(settings, cache, backend_of(settings, texts=config.count))
     result.model.append(client)
     return ModelWriter(client, config)
 

@@ -37,6 +37,8 @@ def claims_of(parse: Parse, ground: Ground) -> list[Claim]:
     overview = _overview(parse)
     for index, clause in enumerate(parse.clauses):
         if index < overview:
+            seen = [noun_claim(index, n, ground, "see") for n in clause.nouns]
+            result += [c for c in seen if c is not None and c.kind == "false"]
             continue
         if clause.negated:
             # Rooms and doors that are not to be entered need not be on the way.
@@ -77,7 +79,7 @@ def _overview(parse: Parse) -> int:
     listed = [c for c in parse.clauses if found and c.stop <= found.end()]
     bare = all(not (c.verb or c.side or c.distance_m) and c.nouns for c in listed)
     rooms = all(n.kind == "room" and not n.prep for c in listed for n in c.nouns)
-    return len(listed) if bare and rooms else 0
+    return len(listed) if len(listed) > 1 and bare and rooms else 0
 
 
 def _said(clause: Clause, parse: Parse) -> str:

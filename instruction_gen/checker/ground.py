@@ -9,7 +9,6 @@ from ..facts.records import PassageFact
 from ..language.clauses import Noun
 from .things import (
     DOOR_M,
-    PASS_M,
     REACH_M,
     Found,
     Mask,
@@ -152,12 +151,18 @@ class Ground(Things):
         if not result.any():
             return Found(nothing, "the path goes through no doorway")
         if noun.ordinal:
-            doors = replace_head(noun, DOOR)
-            ranked = self._where(doors, self._near(PASS_M), "beside the path")
-            result = result & ranked.mask
+            near = [np.abs(self.along_m - m) <= DOOR_M for m in self._doors_numbered(noun)]
+            result = result & np.any([nothing, *near], axis=0)
             if not result.any():
                 return Found(nothing, f"that is not doorway number {noun.ordinal}")
         return Found(result)
+
+    def _doors_numbered(self, noun: Noun) -> list[float]:
+        """Return where the doorways are that have the number said, on its side if one is said."""
+        marks = self.facts.landmarks
+        doors = [n for n, m in enumerate(marks) if m.noun == DOOR]
+        keep = self._ordinal(doors, noun)
+        return [marks[n].along_m for n, kept in zip(doors, keep, strict=True) if kept]
 
     def door_near(self, noun: Noun, reach_m: float = REACH_M) -> Found:
         """Return where a doorway is at hand."""

@@ -149,7 +149,8 @@ wheelchair=<chair
 hospital bed=<bed
 trolley=cart
 locker=lockers
-reception desk=front desk,reception counter<desk,counter
+reception desk=front desk,reception counter,reception,nurses station,nurse station,
+nursing station<desk,counter
 fire extinguisher=
 sign=
 partition=screen

@@ -55,7 +55,16 @@ def read_answer[Form: BaseModel](content: str | None, form: type[Form]) -> Form:
         raise AnswerError("the answer is broken JSON") from None
 
 
-def answer_schema(form: type[BaseModel] = Answer) -> dict[str, Any]:
-    """Return JSON Schema of a form, as servers with structured output take it."""
+def answer_schema(form: type[BaseModel] = Answer, texts: int = 0) -> dict[str, Any]:
+    """Return JSON Schema of a form, as servers with structured output take it.
+
+    Args:
+        form: of the answer.
+        texts: how many instructions are wanted, where it is an `Answer`; 0 = any number. A small
+            model writes the same one over and over until the schema stops it.
+    """
     name = "instructions" if form is Answer else form.__name__.lower()
-    return {"name": name, "schema": form.model_json_schema()}
+    schema = form.model_json_schema()
+    if texts:
+        schema["properties"]["instructions"]["maxItems"] = texts
+    return {"name": name, "schema": schema}

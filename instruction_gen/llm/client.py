@@ -190,7 +190,11 @@ def wait_to_retry(
 
 
 def openai_backend(
-    settings: LlmSettings, *, structured: bool = True, form: type[BaseModel] = Answer
+    settings: LlmSettings,
+    *,
+    structured: bool = True,
+    form: type[BaseModel] = Answer,
+    texts: int = 0,
 ) -> Backend:
     """Return requests through the OpenAI SDK; it reads the key from the environment and keeps it.
 
@@ -198,6 +202,7 @@ def openai_backend(
         settings: how the model is reached.
         structured: ask for JSON, if the server can; else for text.
         form: of the JSON.
+        texts: how many instructions are wanted at most, 0 = any number.
     """
     import openai
 
@@ -207,7 +212,7 @@ def openai_backend(
     )
     forms: list[dict[str, Any]] = [{}]
     if structured:
-        schema = {"type": "json_schema", "json_schema": answer_schema(form)}
+        schema = {"type": "json_schema", "json_schema": answer_schema(form, texts)}
         forms = [{"response_format": schema}, {"response_format": {"type": "json_object"}}, {}]
 
     def send(messages: Messages) -> Reply:

@@ -13,8 +13,12 @@ from .settings import LlmSettings
 CONTEXT_TOKENS = 8192
 
 
-def local_backend(settings: LlmSettings) -> Backend:
+def local_backend(settings: LlmSettings, texts: int) -> Backend:
     """Return a backend that runs a model in this process.
+
+    Args:
+        settings: which model.
+        texts: how many instructions are wanted at most.
 
     Raises:
         InputError: llama-cpp-python is not installed, or cannot open the file.
@@ -32,7 +36,7 @@ def local_backend(settings: LlmSettings) -> Backend:
         raise InputError(f"{settings.model}: llama-cpp-python cannot open it ({error})") from error
 
     def send(messages: Messages) -> Reply:
-        form = {"type": "json_object", "schema": answer_schema()["schema"]}
+        form = {"type": "json_object", "schema": answer_schema(texts=texts)["schema"]}
         done = model.create_chat_completion(
             messages=list(messages), temperature=settings.temperature, response_format=form
         )

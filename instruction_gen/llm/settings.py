@@ -12,6 +12,7 @@ from ...formats.core.errors import InputError
 
 BASE_URL, API_KEY, MODEL = "VLNPE_LLM_BASE_URL", "VLNPE_LLM_API_KEY", "VLNPE_LLM_MODEL"
 GGUF = "VLNPE_GGUF"
+TIMEOUT_S = "VLNPE_LLM_TIMEOUT_S"
 PRICE_IN, PRICE_OUT = "VLNPE_LLM_PRICE_IN", "VLNPE_LLM_PRICE_OUT"
 
 
@@ -87,15 +88,20 @@ def settings_from(
         raise InputError(f"{BASE_URL}: not an http(s) address")
     if parts.username or parts.password or parts.query:
         raise InputError(f"{BASE_URL}: no user, password or query in it; the key goes to {API_KEY}")
-    prices = []
-    for name in (PRICE_IN, PRICE_OUT):
-        try:
-            prices.append(float(environment.get(name) or 0.0))
-        except ValueError as error:
-            raise InputError(f"{name}={environment[name]!r}: not a number") from error
+    prices = [_number(environment, name, 0.0) for name in (PRICE_IN, PRICE_OUT)]
+    timeout_s = _number(environment, TIMEOUT_S, LlmSettings.timeout_s)
+    if timeout_s <= 0:
+        raise InputError(f"{TIMEOUT_S}={environment[TIMEOUT_S]!r}: valid: seconds above 0")
     if max_cost and not any(prices):
         raise InputError(f"--max-cost needs {PRICE_IN} and {PRICE_OUT} (per million tokens)")
     return LlmSettings(
-        base_url=url, model=environment[MODEL], max_tokens=max_tokens, max_cost=max_cost,
-        price_in=prices[0], price_out=prices[1],
+        base_url=url, model=environment[MODEL], timeout_s=timeout_s, max_tokens=max_tokens,
+        max_cost=max_cost, price_in=prices[0], price_out=prices[1],
     )  # fmt: skip
+
+
+def _number(environment: Mapping[str, str], name: str, default: float) -> float:
+    try:
+        return float(environment.get(name) or default)
+    except ValueError as error:
+        raise InputError(f"{name}={environment[name]!r}: not a number") from error

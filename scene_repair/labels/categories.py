@@ -39,6 +39,12 @@ _ALIASES = {
     "door frame": "door",
     "global mesh": "",
     "screen": "screen",
+    "elevator door": "elevator",
+    "elevator portal": "elevator",
+    "curtain closed": "curtain",
+    "curtain open": "curtain",
+    "curtain half open": "curtain",
+    "nursesstation": "reception desk",
 }
 
 

@@ -29,6 +29,14 @@ from vlnpe.instruction_gen.language.parse import parse
         ("Go straight and end up at the sofa.", "Go straight and stop at the sofa."),
         ("Go straight and stay right beside the sofa.", "Go straight and stop beside the sofa."),
         ("Once you've done that, turn left and stop.", "Then turn left and stop."),
+        ("Take two rights and stop.", "Turn right then turn right and stop."),
+        ("Make two left turns and stop.", "Turn left then turn left and stop."),
+        ("Ignoring the sofa, go on and stop.", "Ignore the sofa, go on and stop."),
+        ("Go out by the doorway and stop.", "Go out through the doorway and stop."),
+        (
+            "Go past the bed, which you keep on your left, and stop.",
+            "Go past the bed, on your left, and stop.",
+        ),
     ],
 )
 def test_idioms_are_read_as_their_plain_words(said, plain):
@@ -114,6 +122,9 @@ def test_what_must_not_be_done_is_negated_to_its_end():
         ("Stop with the table at your two o'clock.", "table", "right"),
         ("Stop once the table's on your left.", "table", "left"),
         ("Stop there; the table is then on your left.", "table", "left"),
+        ("Keep the sofa right and the table left, and stop.", "sofa", "right"),
+        ("Keep the sofa right and the table left, and stop.", "table", "left"),
+        ("Go around the left of the table and stop.", "table", "right"),
     ],
 )
 def test_sides_are_read_where_people_say_them(text, noun, side):
@@ -188,3 +199,57 @@ def test_a_side_that_is_bound_to_a_thing_is_no_hint_of_a_turn():
     assert loose_sides(bound)[0] == ()
     pairs = zip(loose.clauses, loose_sides(loose), strict=True)
     assert any("left" in (*sides, clause.side) for clause, sides in pairs)
+
+
+def test_a_half_turn_is_a_slight_one():
+    (turn, *_) = parse("Half left, then stop at the chair.").clauses
+    assert (turn.side, turn.degree) == ("left", "slight")
+
+
+def test_the_side_of_it_is_no_hint_of_a_turn():
+    assert loose_sides(parse("Go round it with it on your left, and stop at the bed."))[0] == ()
+    assert loose_sides(parse("You are right at the bed."))[0] == ()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Living room, kitchen: turn left into the kitchen and stop next to the table.",
+        "You want the kitchen: turn left, go through the doorway and stop next to the table.",
+        "Cross the living room diagonally through the doorway into the kitchen, then stop next to "
+        "the table.",
+        "Take the first doorway on the left into the kitchen and stop next to the table.",
+    ],
+)
+def test_what_people_say_beside_the_way_is_true(two_rooms, text):
+    assert check_text(text, facts_of(LEFT, two_rooms)).problems == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("Living room, bathroom: turn left into the kitchen, stop next to the table.", "bathroom"),
+        ("You want the bathroom: turn left and stop next to the table.", "bathroom"),
+        ("Take the third doorway on the left into the kitchen and stop next to the table.", "3"),
+        ("Cross the living room diagonally past the piano, turn left and stop next to the table.",
+         "piano"),
+        ("Take two lefts into the kitchen and stop next to the table.", "does not turn left"),
+    ],
+)  # fmt: skip
+def test_what_people_say_beside_the_way_may_be_false(two_rooms, text, complaint):
+    assert complaint in " ".join(check_text(text, facts_of(LEFT, two_rooms)).problems)
+
+
+def test_through_the_other_doorway_of_a_room_leads_around_a_bend(two_rooms):
+    facts = facts_of(LEFT, two_rooms)
+    (turn,) = [t for t in facts.turns if abs(t.angle_deg) > 58]
+    start, end = facts.visits
+    # The same path with a room before it: the bend lies in a room that is passed through.
+    middle = replace(start, from_m=0.5, exits=2, beyond=())
+    before = replace(start, room="hallway", to_m=0.5, exits=3)
+    through = replace(facts, visits=(before, middle, end))
+    text = "Go past the sofa, out through the other doorway, and stop in the kitchen."
+    assert turn.along_m > middle.from_m
+    assert check_text(text, through).ok
+    several = replace(through, visits=(before, replace(middle, exits=4), end))
+    assert not check_text(text, several).ok

@@ -97,6 +97,20 @@ def test_a_model_that_mends_its_text_is_kept(two_rooms, tmp_path):
     assert [(one.text, one.attempts) for one in results] == [(GOOD[0], 1), (GOOD[1], 2)]
 
 
+def test_no_more_texts_are_asked_for_than_are_wanted(two_rooms, tmp_path, monkeypatch):
+    with Server(lambda n, r: completion(texts(*GOOD[:2]))).running() as server:
+        monkeypatch.setenv("VLNPE_LLM_BASE_URL", server.url)
+        monkeypatch.setenv("VLNPE_LLM_MODEL", "scripted")
+        monkeypatch.setenv("VLNPE_LLM_TIMEOUT_S", "120")
+        config = InstructConfig(writer="llm", count=2, llm=settings_from())
+        (tmp_path / "two_rooms").symlink_to(two_rooms.root)
+        done = instruct_episodes([episode_of(LEFT)], tmp_path, config, 0, cache=tmp_path / "c")
+    schema = server.requests[0]["response_format"]["json_schema"]["schema"]
+    assert schema["properties"]["instructions"]["maxItems"] == 2
+    assert done.episodes[0].extra["instructions"] == GOOD[:2]
+    assert settings_from().timeout_s == 120.0
+
+
 def test_a_model_that_repeats_itself_gives_one_text(two_rooms, tmp_path):
     with Server(lambda n, r: completion(texts(*[GOOD[0]] * 3))).running() as server:
         results, _, _ = write_with(server, tmp_path, two_rooms)
@@ -308,6 +322,8 @@ def test_settings_come_from_the_environment_alone():
         (good | {"VLNPE_LLM_BASE_URL": f"http://u:{KEY}@h"}, "no user, password"),
         (good | {"VLNPE_LLM_BASE_URL": "ftp://h"}, "http"),
         (good | {"VLNPE_LLM_PRICE_IN": "cheap"}, "not a number"),
+        (good | {"VLNPE_LLM_TIMEOUT_S": "long"}, "VLNPE_LLM_TIMEOUT_S"),
+        (good | {"VLNPE_LLM_TIMEOUT_S": "-1"}, "seconds above 0"),
     ):
         with pytest.raises(InputError, match=message) as raised:
             settings_from(broken)

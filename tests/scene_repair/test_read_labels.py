@@ -153,6 +153,8 @@ def test_damaged_house_files_are_named(text: str, what: str, tmp_path: Path) -> 
         ("chestOfDrawers_0012", "chest of drawers"),
         ("decade", "decade"),
         ("facade_3", "facade"),
+        ("elevator_portal_2", "elevator"),
+        ("nursesstation_1", "reception desk"),
     ],
 )
 def test_generated_names_give_no_category(name: str, category: str) -> None:
