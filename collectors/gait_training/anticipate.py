@@ -309,7 +309,7 @@ def main(
     robot: Annotated[str, tyro.conf.Positional],
     out: Path | None = None,
     start: Path = POLICY_FOLDER,
-    rounds: int = 12,
+    rounds: int = 6,
     seed: int = 0,
 ) -> None:
     """Teach a robot's gait to act ahead of a delay.
