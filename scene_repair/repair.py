@@ -16,7 +16,7 @@ from ..formats.scene.bundle import SceneBundle, VisualMesh
 from ..formats.scene.grid import GridSpec
 from .collide.level_collision import build_collision
 from .config import RepairConfig
-from .floor.levels import ScannedFloor, averted_faces, find_levels
+from .floor.levels import ScannedFloor, averted_faces, ceilings_in_floors, find_levels
 from .floor.repair_level import RepairedFloor, repair_floor
 from .floor.surfaces import find_surfaces
 from .grid.columns import sample_columns
@@ -37,6 +37,8 @@ log = logging.getLogger(__name__)
 MARGIN_M = 0.6
 # Floors may lie under low furniture with little air between.
 LEAST_CLEARANCE_M = 0.08
+# A ceiling in the plane of the floor above is hung this much lower: either could be drawn there.
+CEILING_DROP_M = 0.012
 # Larger maps take more memory than is reasonable; the sampling gets coarser, then it is refused.
 MAX_CELLS = 30_000_000
 
@@ -100,8 +102,9 @@ def repair_scene(
     original = WorldMesh.of(scan, way.source_to_world)
     coarse, fine = _grids(original, config)
     report(f"finding floors among {len(scan.faces):,} triangles")
-    found, ignore = _find_floors(original, fine, not_floor(scan), config)
-    floors = _repair_floors(scan, original, found, ignore, config, report)
+    found, ignore, ceilings = _find_floors(original, fine, not_floor(scan), config)
+    clear = original.lowered(ceilings, CEILING_DROP_M) if ceilings.any() else original
+    floors = _repair_floors(scan, clear, found, ignore, config, report)
     mesh = floors[-1].mesh
     report("building collision and freemaps")
     levels = [build_collision(mesh, floor, coarse, config) for floor in floors]
@@ -151,18 +154,19 @@ def _grids(mesh: WorldMesh, config: RepairConfig) -> tuple[GridSpec, GridSpec]:
 
 def _find_floors(
     mesh: WorldMesh, fine: GridSpec, ignore: NDArray[np.bool_], config: RepairConfig
-) -> tuple[list[ScannedFloor], NDArray[np.bool_]]:
-    """Return the floors of all levels, and the faces (F,) that are not floor."""
+) -> tuple[list[ScannedFloor], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return all levels' floors, faces (F,) that are no floor, and ceilings (F,) in floors."""
     columns = sample_columns(mesh.vertices, mesh.faces, fine)
     up = mesh.normals[:, 2]
     surfaces = find_surfaces(columns, up, ignore, LEAST_CLEARANCE_M)
     found = find_levels(surfaces, columns, mesh, config)
     averted = averted_faces(found, columns, up)
     if not averted.any():
-        return found, ignore
+        return found, ignore, averted
     ignore = ignore | averted
     surfaces = find_surfaces(columns, up, ignore, LEAST_CLEARANCE_M)
-    return find_levels(surfaces, columns, mesh, config), ignore
+    found = find_levels(surfaces, columns, mesh, config)
+    return found, ignore, ceilings_in_floors(found, columns, averted)
 
 
 def _repair_floors(

@@ -183,20 +183,46 @@ def averted_faces(
     None, if the floors' faces have inconsistent winding. A floor with a ceiling in its plane has no
     say: only its gaps would decide, and in them the ceiling lies alone.
     """
-    cells = len(columns.start) - 1
     total, count = 0.0, 0
     for floor in floors:
-        near = np.abs(columns.z - floor.z_m.ravel()[columns.cell]) < COPLANAR_M
-        upward = normal_z[columns.face] > 0
-        some_up = np.bincount(columns.cell[near & upward], minlength=cells) > 0
-        some_down = np.bincount(columns.cell[near & ~upward], minlength=cells) > 0
+        _, some_up, some_down = _sides(floor, columns, normal_z > 0)
         decided = some_up != some_down
-        if decided.sum() < (some_up & some_down).sum():
-            continue
-        total, count = total + float(some_up[decided].sum()), count + int(decided.sum())
+        if not _doubled(some_up, some_down):
+            total, count = total + float(some_up[decided].sum()), count + int(decided.sum())
     share = total / count if count else 0.5
     if share >= ALIKE_SHARE:
         return normal_z < 0
     if share <= 1 - ALIKE_SHARE:
         return normal_z > 0
     return np.zeros(len(normal_z), dtype=bool)
+
+
+def ceilings_in_floors(
+    floors: list[ScannedFloor], columns: Columns, averted: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Return (F,) averted faces in the plane of a floor, which may be seen in its place."""
+    ceilings = np.zeros(len(averted), dtype=bool)
+    for floor in floors:
+        near, some_up, some_down = _sides(floor, columns, ~averted)
+        if _doubled(some_up, some_down):
+            under = near & averted[columns.face] & some_up[columns.cell]
+            ceilings[columns.face[under]] = True
+    return ceilings
+
+
+def _sides(
+    floor: ScannedFloor, columns: Columns, upward: NDArray[np.bool_]
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which hits lie in a floor's plane, and which cells have one of each side there."""
+    cells = len(columns.start) - 1
+    near = np.abs(columns.z - floor.z_m.ravel()[columns.cell]) < COPLANAR_M
+    up = upward[columns.face]
+    some_up, some_down = (
+        np.bincount(columns.cell[near & side], minlength=cells) > 0 for side in (up, ~up)
+    )
+    return near, some_up, some_down
+
+
+def _doubled(some_up: NDArray[np.bool_], some_down: NDArray[np.bool_]) -> bool:
+    """Return whether most of a floor has a ceiling in its plane."""
+    return bool((some_up != some_down).sum() < (some_up & some_down).sum())

@@ -44,6 +44,14 @@ class WorldMesh:
         """Return the same faces over other vertex positions."""
         return replace(self, vertices=vertices)
 
+    def lowered(self, faces: NDArray[np.bool_], drop_m: float) -> WorldMesh:
+        """Return the mesh with the marked faces (F,) hung lower, apart from their neighbours."""
+        used, corners = np.unique(self.faces[faces], return_inverse=True)
+        moved = self.faces.copy()
+        moved[faces] = corners.reshape(-1, 3) + len(self.vertices)
+        copies = self.vertices[used] - (0.0, 0.0, drop_m)
+        return replace(self, vertices=np.concatenate([self.vertices, copies]), faces=moved)
+
     def extended(
         self,
         new_vertices: NDArray[np.float64],

@@ -126,3 +126,20 @@ def test_the_whole_chain_stays_at_home(tmp_path: Path):
     )
     assert (tmp_path / "out" / "run" / "report" / "index.html").is_file()
     check(trace, tmp_path)
+
+
+def test_repair_stays_at_home(tmp_path: Path):
+    scan = scans.write_glb(scans.two_rooms(1.0), tmp_path / "scan.glb")
+    check(traced(tmp_path, "repair", scan, "--out", tmp_path / "out" / "scene"), tmp_path)
+
+
+@pytest.mark.parametrize("policy", ["random", "cma"])
+def test_evaluate_stays_at_home(tmp_path: Path, policy: str):
+    pytest.importorskip("torch", reason="the extra `train` is not installed")
+    run = tmp_path / "out" / "run"
+    bundle = write_two_rooms(run / "scenes" / "two_rooms")
+    (run / "episodes").mkdir()
+    write_episodes(run / "episodes" / "val.json.gz", [make_episode(bundle)])
+    given = ("evaluate", run, "--policy", policy, "--robot", "vlnce", "--workers", 1)
+    check(traced(tmp_path, *given), tmp_path)
+    assert list((run / "evaluations").glob("*/results.json"))

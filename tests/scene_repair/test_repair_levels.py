@@ -10,9 +10,11 @@ import pytest
 import trimesh
 
 from tests.support.scenes import buildings, scans
+from vlnpe.formats.core.geometry import triangle_normals
 from vlnpe.formats.scene.bundle import Floor, SceneBundle
 from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.scene_repair.config import RepairConfig
+from vlnpe.scene_repair.grid.columns import sample_columns
 from vlnpe.scene_repair.repair import repair_scene
 from vlnpe.scene_repair.verify.exported import Surface
 from vlnpe.scene_repair.verify.scene import _balls_lost
@@ -67,6 +69,29 @@ def test_levels_and_their_floor(name: str, tmp_path: Path) -> None:
         # Nothing is missing in these buildings, so nothing may be added.
         assert level["patched_area_m2"] < 0.01
         assert level["bumps"] == []
+
+
+@pytest.mark.parametrize("name", [n for n in BUILDINGS if n.startswith("ceiling")])
+def test_the_upper_floor_is_seen_from_above_and_not_the_ceiling_in_its_plane(
+    name: str, tmp_path: Path
+) -> None:
+    bundle = repaired(BUILDINGS[name][0], tmp_path)
+    visual, upper = bundle.visual(), bundle.floor(1)
+    corners = visual.vertices[visual.faces].astype(np.float64)
+    columns = sample_columns(
+        visual.vertices.astype(np.float64), visual.faces.astype(np.int64), upper.grid
+    )
+    normal_z = triangle_normals(corners)[:, 2]
+    floor_z = upper.height_m.ravel()[columns.cell]
+    here = upper.covered.ravel()[columns.cell] & (np.abs(columns.z - floor_z) < 0.05)
+    top = np.full(upper.grid.rows * upper.grid.columns, -np.inf)
+    ceiling = top.copy()
+    up = normal_z[columns.face] > 0
+    np.maximum.at(top, columns.cell[here & up], columns.z[here & up])
+    np.maximum.at(ceiling, columns.cell[here & ~up], columns.z[here & ~up])
+    seen = np.isfinite(top)
+    assert seen.sum() * upper.grid.cell_m**2 > 17.0
+    assert (top[seen] - ceiling[seen]).min() > 0.004
 
 
 @pytest.mark.parametrize(
