@@ -90,7 +90,8 @@ def with_mirror_image(
     halves += [np.kron(np.eye(2), weight) for weight in middle]
     halves.append(0.5 * np.hstack([last, done @ last]))
     joined = [np.tile(bias, 2) for bias in biases[:-1]]
-    return halves, [*joined, 0.5 * (biases[-1] + done @ biases[-1])]
+    weights = [half.astype(np.float64) for half in halves]
+    return weights, [*joined, 0.5 * (biases[-1] + done @ biases[-1])]
 
 
 def layers_of(path: Path) -> tuple[list[Array], list[Array]]:

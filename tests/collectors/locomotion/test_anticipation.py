@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("torch", reason="extra `train` is not installed")
 
 from vlnpe.collectors.gait_training import anticipate
-from vlnpe.collectors.gait_training.anticipate import Correction, beside
+from vlnpe.collectors.gait_training.correction import PAST, Correction, beside
 from vlnpe.collectors.gait_training.export import layers_of
 from vlnpe.collectors.gait_training.mirror import Symmetry
 from vlnpe.collectors.gait_trials.trial import Conditions, Trial
@@ -72,10 +72,10 @@ def test_a_tiny_training_resumes_and_its_gait_stands(
     anticipate.anticipate(ROBOT, start, tmp_path / "parts", rounds=1)
     anticipate.anticipate(ROBOT, start, tmp_path / "parts", rounds=2)
     late = GaitPolicy.load(ROBOT, tmp_path / "parts")
-    assert late.card.past == anticipate.PAST
+    assert late.card.past == PAST
     assert late.card.training["anticipation"]["rounds"] == 2
     # It is as symmetric as the gait that it began with.
-    mirror = Symmetry.of(ROBOT, anticipate.PAST)
+    mirror = Symmetry.of(ROBOT, PAST)
     seen = np.random.default_rng(1).normal(0, 1, (5, late.network.inputs))
     image = seen[:, mirror.observation_order] * mirror.observation_signs.numpy()
     action = late.infer(seen)[:, mirror.joint_order] * mirror.joint_signs.numpy()
