@@ -45,7 +45,12 @@ def actor_to_onnx(actor: torch.nn.Module, mirror: Symmetry | None = None) -> byt
     weights[0] = weights[0] / std
     biases[0] = biases[0] - weights[0] @ mean
     if mirror is not None:
-        weights, biases = _with_mirror_image(weights, biases, mirror)
+        weights, biases = with_mirror_image(weights, biases, mirror)
+    return to_onnx(weights, biases)
+
+
+def to_onnx(weights: Sequence[Array], biases: Sequence[Array]) -> bytes:
+    """Serialise layers with ELU between them as `observation` → `action`."""
     nodes, constants, value = [], [], "observation"
     for i, (weight, bias) in enumerate(zip(weights, biases, strict=True)):
         last = i == len(weights) - 1
@@ -71,9 +76,9 @@ def actor_to_onnx(actor: torch.nn.Module, mirror: Symmetry | None = None) -> byt
     return model.SerializeToString()
 
 
-def _with_mirror_image(
+def with_mirror_image(
     weights: Sequence[Array], biases: Sequence[Array], mirror: Symmetry
-) -> tuple[Sequence[NDArray[np.floating]], Sequence[NDArray[np.floating]]]:
+) -> tuple[list[Array], list[Array]]:
     """Return the layers of (π(o) + M π(M o)) / 2, from those of π.
 
     M mirrors observations and actions.
@@ -85,7 +90,16 @@ def _with_mirror_image(
     halves += [np.kron(np.eye(2), weight) for weight in middle]
     halves.append(0.5 * np.hstack([last, done @ last]))
     joined = [np.tile(bias, 2) for bias in biases[:-1]]
-    return halves, [*joined, 0.5 * (biases[-1] + done @ biases[-1])]
+    weights = [half.astype(np.float64) for half in halves]
+    return weights, [*joined, 0.5 * (biases[-1] + done @ biases[-1])]
+
+
+def layers_of(path: Path) -> tuple[list[Array], list[Array]]:
+    """Return the weights and biases of a network that `to_onnx` wrote."""
+    tensors = {t.name: numpy_helper.to_array(t) for t in onnx.load(str(path)).graph.initializer}
+    count = len(tensors) // 2
+    weights, biases = ([tensors[f"{kind}{i}"] for i in range(count)] for kind in "wb")
+    return [w.astype(np.float64) for w in weights], [b.astype(np.float64) for b in biases]
 
 
 def _matrix(order: torch.Tensor, signs: torch.Tensor) -> Array:
@@ -145,10 +159,8 @@ def start_from(robot: RobotSpec, folder: Path, env: GaitEnv, actor: Any) -> None
         actor: `rsl_rl`'s, with a normaliser and an ELU network of half the exported widths.
     """
     path, _ = policy_files(robot, folder)
-    tensors = {t.name: numpy_helper.to_array(t) for t in onnx.load(str(path)).graph.initializer}
+    weights, biases = layers_of(path)
     linear = [layer for layer in actor.mlp if isinstance(layer, torch.nn.Linear)]
-    weights = [np.array(tensors[f"w{i}"], dtype=np.float64) for i in range(len(linear))]
-    biases = [np.array(tensors[f"b{i}"], dtype=np.float64) for i in range(len(linear))]
     for i, layer in enumerate(linear):
         rows, columns = layer.weight.shape
         last = i == len(linear) - 1

@@ -38,12 +38,12 @@ def mirror_joints(robot: RobotSpec) -> tuple[list[int], list[int]]:
     return order, [1 if abs(model.joint(name).axis[1]) > 0.5 else -1 for name in names]
 
 
-def mirror_observation(robot: RobotSpec) -> tuple[list[int], list[int]]:
-    """Return the permutation and signs that mirror whole observations."""
+def mirror_observation(robot: RobotSpec, past: int = 0) -> tuple[list[int], list[int]]:
+    """Return the permutation and signs that mirror whole observations of `layout(…, past)`."""
     order: list[int] = []
     signs: list[int] = []
     joint_order, joint_signs = mirror_joints(robot)
-    for name, width in layout(robot.policy_joints):
+    for name, width in layout(robot.policy_joints, past):
         start = len(order)
         if name in _BLOCK_SIGNS:
             order += range(start, start + width)
@@ -64,10 +64,10 @@ class Symmetry:
     joint_signs: torch.Tensor
 
     @classmethod
-    def of(cls, robot: RobotSpec) -> Symmetry:
-        """Look the robot's mirror images up, once."""
+    def of(cls, robot: RobotSpec, past: int = 0) -> Symmetry:
+        """Look the robot's mirror images up, once, for observations that repeat `past` steps."""
         tensors = []
-        for order, signs in (mirror_observation(robot), mirror_joints(robot)):
+        for order, signs in (mirror_observation(robot, past), mirror_joints(robot)):
             tensors += [torch.tensor(order), torch.tensor(np.asarray(signs, dtype=np.float32))]
         return cls(*tensors)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...formats.core.frames import quat_to_yaw
 from ..locomotion.gait import ClockState, joint_targets
-from ..locomotion.observation import RobotState, observe, states_of
+from ..locomotion.observation import RobotState, observe, remember, states_of
 from ..locomotion.policy import GaitPolicy
 from ..robots import POLICY_DECIMATION, TIMESTEP_S, RobotHandles, apply_physics_options
 from .terrain import Terrain
@@ -139,6 +139,7 @@ class Trial:
         self.fallen, self._gone = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
         self._target = np.tile(robot.default_joint_rad, (n, 1))
         self._pipe.fill(self._target)
+        self._seen: Array | None = None
         self.action, self._clock = np.zeros((n, robot.policy_joints)), ClockState.standing(n)
         self._soles = self._look_at_soles() if watch_feet else None
         # As in a replay, the robot first settles on its feet.
@@ -171,9 +172,9 @@ class Trial:
         self._clock, moving = gait.tick(self._clock, wanted, STEP_S)
         wanted, phase = gait.aimed(self._clock.command), self._clock.phase
         default, policed = robot.default_joint_rad, robot.policy_joints
-        self.action = self.policy.infer(
-            observe(self.state(), default[:policed], wanted, phase, moving, previous)
-        )
+        now = observe(self.state(), default[:policed], wanted, phase, moving, previous)
+        self._seen = remember(now, self._seen, policed, self.policy.card.past)
+        self.action = self.policy.infer(self._seen)
         before = self._target
         reference = gait.reference(phase, moving, wanted)
         self._target = joint_targets(default, reference, robot.action_scale_rad, self.action)

@@ -12,7 +12,7 @@ from ...formats.core.errors import FileFormatError, brief
 from ...formats.untrusted.documents import read_json_object
 from ..robots import POLICY_DECIMATION, TIMESTEP_S, RobotSpec
 from .gait import FACTORS, GaitClock
-from .observation import layout
+from .observation import layout, past_steps
 
 _AIM = ("aim", "aim_limits")
 POLICY_FOLDER = Path(__file__).parent / "policies"
@@ -60,6 +60,11 @@ class PolicyCard:
     evaluation: dict[str, Any]
     speed_rad_s: tuple[float | None, ...] = ()
 
+    @property
+    def past(self) -> int:
+        """How many earlier steps the policy sees."""
+        return past_steps(self.observation)
+
     def check(self, robot: RobotSpec, path: Path) -> None:
         """Refuse to run on anything but what the policy was trained on.
 
@@ -70,7 +75,7 @@ class PolicyCard:
         pairs = (
             ("robot", self.robot, robot.name),
             ("joints", self.joints, robot.policy_joint_names),
-            ("observation layout", self.observation, layout(robot.policy_joints)),
+            ("observation layout", self.observation, layout(robot.policy_joints, self.past)),
             ("action scale", self.action_scale_rad, robot.action_scale_rad),
             ("default pose", self.default_joint_rad, default_rad),
             ("rate", self.rate_hz, 1.0 / (TIMESTEP_S * POLICY_DECIMATION)),

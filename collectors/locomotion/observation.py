@@ -52,9 +52,13 @@ def states_of(qpos: Array, qvel: Array, handles: RobotHandles) -> RobotState:
     )
 
 
-def layout(joints: int) -> list[tuple[str, int]]:
-    """Return the names and widths of the blocks of one observation, in order."""
-    return [
+def layout(joints: int, past: int = 0) -> list[tuple[str, int]]:
+    """Return the names and widths of the blocks of one observation, in order.
+
+    Of each of the `past` policy steps before, the latest first, it repeats the last three blocks:
+    what the motors were told and what they did, from which a network finds out how late they are.
+    """
+    now = [
         ("linear_velocity_base_m_s", 3),
         ("angular_velocity_base_rad_s", 3),
         ("gravity_base", 3),
@@ -64,6 +68,32 @@ def layout(joints: int) -> list[tuple[str, int]]:
         ("joint_velocity_rad_s", joints),
         ("previous_action", joints),
     ]
+    return now + [
+        (f"{name}_{step}_ago", width) for step in range(1, past + 1) for name, width in now[-3:]
+    ]
+
+
+def past_steps(blocks: list[tuple[str, int]]) -> int:
+    """Return how many earlier steps the blocks of a `layout` repeat."""
+    return sum(name.startswith("previous_action_") for name, _ in blocks)
+
+
+def remember(now: Array, before: Array | None, joints: int, past: int) -> Array:
+    """Append to observations (N, D) of the present the last blocks of the `past` steps before.
+
+    Args:
+        now: (N, D) as of `observe`.
+        before: what this function returned a step ago; a robot that just started has None, and
+            takes what it sees for its past.
+        joints: that the policy moves.
+        past: number of steps.
+    """
+    tail = 3 * joints
+    if before is None:
+        return np.hstack([now, *[now[:, -tail:]] * past])
+    width = now.shape[1]
+    last, earlier = before[:, width - tail : width], before[:, width : width + tail * (past - 1)]
+    return np.hstack([now, last, earlier]) if past else now
 
 
 def rotate_to_base(quat_wxyz: Array, vector_world: Array) -> Array:

@@ -100,7 +100,8 @@ class GaitPolicy:
 
     def _started(self, data: mujoco.MjData) -> QuickStep:
         """Return a step for another simulation, with the clock and the action of the last one."""
-        step = QuickStep(data, self.handles(data.model), self.card.gait, self.card.rate_hz)
+        card = self.card
+        step = QuickStep(data, self.handles(data.model), card.gait, card.rate_hz, card.past)
         self._output = np.zeros(step.action.shape, dtype=np.float32)
         if self._step is not None:
             step.take_over(self._step)

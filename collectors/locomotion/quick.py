@@ -34,6 +34,7 @@ class QuickStep:
         handles: RobotHandles,
         gait: GaitClock,
         rate_hz: float,
+        past: int = 0,
         dtype: DTypeLike = np.float32,
     ) -> None:
         """Get ready.
@@ -43,6 +44,7 @@ class QuickStep:
             handles: of the robot in it.
             gait: its clock.
             rate_hz: how often `look` will be called.
+            past: number of earlier steps in an observation.
             dtype: of the observation.
         """
         robot = handles.robot
@@ -75,12 +77,14 @@ class QuickStep:
                 gait.last_steps,
             ]
         )
-        self.observation = np.zeros((1, sum(width for _, width in layout(joints))), dtype)
+        width = sum(width for _, width in layout(joints, past))
+        self.observation = np.zeros((1, width), dtype)
         self.reset()
 
     def reset(self) -> None:
-        """Forget clock and last action."""
+        """Forget clock, last action and what was seen before."""
         self.phase = np.zeros(1)
+        self._remembers = np.zeros(1, dtype=bool)
         # The command that is followed, and the steps left to take; see `gait.ClockState`.
         self._followed = np.zeros(4)
         self.action = np.zeros((1, self._joint_qpos.size))
@@ -90,6 +94,7 @@ class QuickStep:
         """Go on where another step of the same robot is in its gait."""
         self.phase[:], self.action[:] = other.phase, other.action
         self._followed[:] = other._followed
+        self.observation[:], self._remembers[:] = other.observation, other._remembers
 
     def look(self, vx_m_s: float, vy_m_s: float, yaw_rad_s: float) -> NDArray[np.floating]:
         """Advance the clock under a command in the base frame; returns the observation (1, D)."""
@@ -114,6 +119,7 @@ class QuickStep:
             self.action,
             self.phase,
             self._followed,
+            self._remembers,
             self.observation,
             self._reference,
         )
@@ -156,12 +162,14 @@ def _look(
     action,
     phase,
     followed,
+    remembers,
     seen,
     reference,
 ):
     """Fill the observation (1, D) and the reference (J,); advance the phase (1,) and `followed`.
 
-    `followed` (4,) is the command that is followed and the steps left to take.
+    `followed` (4,) is the command that is followed and the steps left to take; `remembers` (1,)
+    says whether `seen` holds the step before.
     """
     vx = min(max(vx, limits[0, 0]), limits[0, 1])
     vy = min(max(vy, limits[1, 0]), limits[1, 1])
@@ -211,10 +219,17 @@ def _look(
     seen[0, 12] = np.sin(angle) if moving else 0.0
     seen[0, 13] = np.cos(angle) if moving else 0.0
     count = len(joint_qpos)
+    width, tail = 14 + 3 * count, 3 * count
+    for n in range(seen.shape[1] - 1, width - 1, -1):
+        seen[0, n] = seen[0, n - tail]
     for n in range(count):
         seen[0, 14 + n] = qpos[joint_qpos[n]] - default[n]
         seen[0, 14 + count + n] = qvel[joint_dof[n]]
         seen[0, 14 + 2 * count + n] = action[0, n]
+    if not remembers[0]:
+        for n in range(width, seen.shape[1]):
+            seen[0, n] = seen[0, n - tail]
+        remembers[0] = True
 
     reference[:] = stand
     if not moving:

@@ -10,7 +10,7 @@ import pytest
 
 from vlnpe.collectors.gait_training.gaits import GAITS
 from vlnpe.collectors.locomotion.gait import FACTORS, ClockState, GaitClock, joint_targets
-from vlnpe.collectors.locomotion.observation import observe, states_of
+from vlnpe.collectors.locomotion.observation import observe, remember, states_of
 from vlnpe.collectors.locomotion.policy import GaitPolicy
 from vlnpe.collectors.locomotion.quick import QuickStep
 from vlnpe.collectors.robots import RobotHandles, RobotSpec, get_robot
@@ -38,14 +38,15 @@ def shaken(robot: RobotSpec, rng: np.random.Generator) -> mujoco.MjData:
     return data
 
 
+@pytest.mark.parametrize("past", [0, 3])
 @pytest.mark.parametrize(("robot", "gait"), CASES, ids=lambda case: getattr(case, "name", ""))
-def test_a_walk_of_one_is_a_walk_of_many(robot: RobotSpec, gait: GaitClock) -> None:
+def test_a_walk_of_one_is_a_walk_of_many(robot: RobotSpec, gait: GaitClock, past: int) -> None:
     rng = np.random.default_rng(3)
     data = shaken(robot, rng)
     handles = RobotHandles.find(robot, data.model)
-    step = QuickStep(data, handles, gait, 50.0, np.float64)
+    step = QuickStep(data, handles, gait, 50.0, past, np.float64)
     joints, default = robot.policy_joints, robot.default_joint_rad
-    clock, action = ClockState.standing(1), np.zeros((1, joints))
+    clock, action, seen = ClockState.standing(1), np.zeros((1, joints)), None
     for k in range(120):
         data.qpos[:] = shaken(robot, rng).qpos
         data.qvel[:] = rng.normal(0, 2.0, data.qvel.shape)
@@ -54,7 +55,7 @@ def test_a_walk_of_one_is_a_walk_of_many(robot: RobotSpec, gait: GaitClock) -> N
         wanted = robot.command_limits.clip(command[None])
         clock, moving = gait.tick(clock, wanted, 1 / 50.0)
         phase, wanted = clock.phase, gait.aimed(clock.command)
-        seen = observe(
+        now = observe(
             states_of(data.qpos[None], data.qvel[None], handles),
             default[:joints],
             wanted,
@@ -62,6 +63,7 @@ def test_a_walk_of_one_is_a_walk_of_many(robot: RobotSpec, gait: GaitClock) -> N
             moving,
             action,
         )
+        seen = remember(now, seen, joints, past)
         np.testing.assert_allclose(step.look(*command), seen, rtol=0, atol=1e-12)
         output = rng.normal(0, 3.0, (1, joints)).astype(np.float32)
         action = np.clip(output.astype(np.float64), -4.0, 4.0)

@@ -1,0 +1,104 @@
+"""A gait that anticipates delays: its network, its past, and how it learns."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch", reason="extra `train` is not installed")
+
+from vlnpe.collectors.gait_training import anticipate
+from vlnpe.collectors.gait_training.correction import PAST, Correction, beside
+from vlnpe.collectors.gait_training.export import layers_of
+from vlnpe.collectors.gait_training.mirror import Symmetry
+from vlnpe.collectors.gait_trials.trial import Conditions, Trial
+from vlnpe.collectors.locomotion import GaitPolicy
+from vlnpe.collectors.locomotion.network import Layer, Mlp
+from vlnpe.collectors.locomotion.observation import layout, past_steps, remember
+from vlnpe.collectors.locomotion.policy import policy_files
+from vlnpe.collectors.robots import get_robot
+
+ROBOT = get_robot("aliengo")
+JOINTS = ROBOT.policy_joints
+
+
+def run(weights: list[np.ndarray], biases: list[np.ndarray], seen: np.ndarray) -> np.ndarray:
+    """What the layers make of observations (N, D), with ELU between them."""
+    kinds = ["Elu"] * (len(weights) - 1) + ["Identity"]
+    network = Mlp([Layer(w, b, k) for w, b, k in zip(weights, biases, kinds, strict=True)])
+    action = np.zeros((len(seen), network.outputs), dtype=np.float32)
+    network.run(seen.astype(np.float32), action)
+    return action
+
+
+def layers(rng: np.random.Generator, *sizes: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    pairs = list(zip(sizes[1:], sizes[:-1], strict=True))
+    return [rng.normal(0, 0.5, pair) for pair in pairs], [rng.normal(0, 1, a) for a, _ in pairs]
+
+
+def test_two_networks_beside_each_other_are_their_sum() -> None:
+    rng = np.random.default_rng(0)
+    small, large = layers(rng, 5, 8, 6, 3), layers(rng, 9, 7, 4, 3)
+    seen = rng.normal(0, 1, (20, 9))
+    np.testing.assert_allclose(
+        run(*beside(small, large), seen),
+        run(*small, seen[:, :5]) + run(*large, seen),
+        rtol=0,
+        atol=1e-4,
+    )
+
+
+def test_the_past_is_what_was_seen() -> None:
+    rng = np.random.default_rng(0)
+    assert past_steps(layout(JOINTS, 4)) == 4 and past_steps(layout(JOINTS)) == 0
+    steps = rng.normal(0, 1, (9, 2, 14 + 3 * JOINTS))
+    tail = 3 * JOINTS
+    seen = None
+    for step in steps:
+        seen = remember(step, seen, JOINTS, 4)
+    assert seen is not None and seen.shape[1] == sum(w for _, w in layout(JOINTS, 4))
+    expected = [steps[8], *(steps[k][:, -tail:] for k in (7, 6, 5, 4))]
+    np.testing.assert_array_equal(seen, np.hstack(expected))
+
+
+def test_a_tiny_training_resumes_and_its_gait_stands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(anticipate, "ROBOTS", 6)
+    monkeypatch.setattr(anticipate, "SECONDS", 0.6)
+    start = policy_files(ROBOT)[0].parent
+    anticipate.anticipate(ROBOT, start, tmp_path / "parts", rounds=1)
+    anticipate.anticipate(ROBOT, start, tmp_path / "parts", rounds=2)
+    late = GaitPolicy.load(ROBOT, tmp_path / "parts")
+    assert late.card.past == PAST
+    assert late.card.training["anticipation"]["rounds"] == 2
+    # It is as symmetric as the gait that it began with.
+    mirror = Symmetry.of(ROBOT, PAST)
+    seen = np.random.default_rng(1).normal(0, 1, (5, late.network.inputs))
+    image = seen[:, mirror.observation_order] * mirror.observation_signs.numpy()
+    action = late.infer(seen)[:, mirror.joint_order] * mirror.joint_signs.numpy()
+    np.testing.assert_allclose(late.infer(image), action, rtol=0, atol=1e-4)
+    trial = Trial(late, Conditions(), np.zeros((1, 2)), np.zeros(1), np.random.default_rng(0))
+    assert not trial.fallen.any()
+    with pytest.raises(SystemExit, match="anticipates already"):
+        anticipate.anticipate(ROBOT, tmp_path / "parts", tmp_path / "again", rounds=1)
+
+
+def test_an_untrained_correction_adds_nothing() -> None:
+    gait = layers_of(policy_files(ROBOT)[0])
+    both = beside(gait, Correction(ROBOT).layers())
+    seen = np.random.default_rng(2).normal(0, 1, (8, both[0][0].shape[1]))
+    width = gait[0][0].shape[1]
+    np.testing.assert_allclose(run(*both, seen), run(*gait, seen[:, :width]), rtol=0, atol=1e-4)
+
+
+def test_nothing_lacks_where_actions_are_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(anticipate, "ROBOTS", 6)
+    monkeypatch.setattr(anticipate, "SECONDS", 0.6)
+    gait = GaitPolicy.load(ROBOT)
+    for most, lacks in ((4, False), (14, True)):
+        monkeypatch.setattr(anticipate, "LATE_SUBSTEPS", most)
+        _, lacking = anticipate.walks(gait, Correction(ROBOT), np.random.default_rng(0))
+        assert bool(np.abs(lacking).max() > 0.05) == lacks
