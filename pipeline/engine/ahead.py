@@ -10,11 +10,13 @@ kills its worker) is left to the stages, which change nothing about the result.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 from ...formats.core.progress import progress_bar
 from .executors.attempts import Link, run_chains
+from .files import Records
 from .ledger import Row
 from .quarantine import forget_failure
 from .runner import BAR_LABEL, Context, check_distinct, drop, record, why
@@ -66,11 +68,7 @@ def run_ahead(context: Context, chains: Sequence[Sequence[Link]], label: str) ->
     waiting = [left for chain in chains if (left := _left_to_do(context, chain))]
     if not waiting:
         return
-    for stage in stages:
-        items = [link.item for chain in waiting for link in chain if link.stage == stage]
-        for item in items:
-            forget_failure(context.ledger, stage, item)
-        context.ledger.forget(stage, [item.name for item in items])
+    earlier = _forget(context, (link for chain in waiting for link in chain))
     name = f"{f'{BAR} {label}':<{BAR_LABEL}}"
     done: list[Row] = []
     with progress_bar(
@@ -78,7 +76,11 @@ def run_ahead(context: Context, chains: Sequence[Sequence[Link]], label: str) ->
     ) as bar:
         try:
             for outcomes in run_chains(context.workers, waiting):
-                done += [record(context, link.stage, link.item, one) for link, one in outcomes]
+                for link, outcome in outcomes:
+                    if outcome is not None:
+                        done.append(record(context, link.stage, link.item, outcome))
+                    elif known := earlier.get(link.item.outputs):  # of other options, and untouched
+                        context.ledger.add(*known)
                 bar.set_postfix_str(_note(done), refresh=False)
                 bar.update()
         except BaseException:
@@ -88,6 +90,24 @@ def run_ahead(context: Context, chains: Sequence[Sequence[Link]], label: str) ->
     busy_s = sum(row.seconds for row in done)
     share = (time.perf_counter() - started) / busy_s if busy_s else 0.0
     context.ahead.update({(row.stage, row.item): share * row.seconds for row in done})
+
+
+def _forget(
+    context: Context, links: Iterable[Link]
+) -> dict[tuple[Path, ...], tuple[Row, dict[str, Records]]]:
+    """Forget what is known of items that are about to run; return rows of done ones, by outputs."""
+    ledger = context.ledger
+    known: dict[tuple[Path, ...], tuple[Row, dict[str, Records]]] = {}
+    stages: dict[str, list[str]] = {}
+    for link in links:
+        row = ledger.row(link.stage, link.item.name)
+        if row is not None and row.status == "done":
+            known[link.item.outputs] = row, ledger.records(row)
+        forget_failure(ledger, link.stage, link.item)
+        stages.setdefault(link.stage, []).append(link.item.name)
+    for stage, names in stages.items():
+        ledger.forget(stage, names)
+    return known
 
 
 def _left_to_do(context: Context, chain: Sequence[Link]) -> list[Link]:

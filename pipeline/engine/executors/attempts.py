@@ -115,8 +115,10 @@ class Link:
 Chain = Sequence[Link]
 
 
-def run_chains(workers: Executor, chains: Sequence[Chain]) -> Iterator[list[tuple[Link, Outcome]]]:
-    """Yield the outcomes of each chain, of those of its links that were run.
+def run_chains(
+    workers: Executor, chains: Sequence[Chain]
+) -> Iterator[list[tuple[Link, Outcome | None]]]:
+    """Yield the outcomes of each chain, None for links that were left out.
 
     Chains that were lost because a worker died are left out: which item did it is found out by
     `run_items`.
@@ -136,8 +138,7 @@ def run_chains(workers: Executor, chains: Sequence[Chain]) -> Iterator[list[tupl
         except Exception:  # that of a dead worker, or of arguments that cannot be pickled
             lost = True
             continue
-        ran = zip(futures[future], outcomes, strict=True)
-        yield [(link, outcome) for link, outcome in ran if outcome is not None]
+        yield list(zip(futures[future], outcomes, strict=True))
     if lost:
         _restart(workers, (link.item for chain in chains for link in chain))
 

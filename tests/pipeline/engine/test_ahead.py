@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -130,3 +131,14 @@ def test_a_full_disk_ends_the_run_and_keeps_what_is_done(tmp_path):
         ("second", "a"),
         ("last", "a"),
     }
+
+
+def test_what_earlier_options_made_is_kept_where_a_chain_ends_before_it(tmp_path, workers):
+    run_ahead(context(tmp_path, workers), [chain(tmp_path, "a")], "")
+    refused = work.Call(work.refuse, (tmp_path / "a",))
+    other = [replace(k, item=replace(k.item, key="other")) for k in chain(tmp_path, "a", refused)]
+    run_ahead(context(tmp_path, workers), [other], "")
+    ledger = Ledger(tmp_path)
+    assert [row.status for row in ledger.rows("first")] == ["quarantined"]
+    assert [row.key for row in ledger.rows("second")] == ["k"]
+    assert ledger.records(ledger.rows("second")[0])
