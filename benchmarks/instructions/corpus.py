@@ -8,7 +8,8 @@ in eight manners of speaking, named beside the texts, by a writer who had not se
 `sealed` was written about three more apartments by another such writer, and measured after the
 last change of the checker; its paths were sampled in the exact buildings (`vlnpe scan --exact`).
 `sealed2` was written likewise about three more apartments and a villa, and measured after the
-checker had been worked on with `voices` and `sealed`.
+checker had been worked on with `voices` and `sealed`, and `sealed3` about three more apartments and
+a villa by two further writers in eight voices, measured once after work with most parts before it.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from .rewording import reworded
 FOLDER = Path(__file__).parent / "corpus"
 PARTS = (
     *("earlier", "tuning", "held_out", "later"),
-    *("fresh", "last", "voices", "sealed", "sealed2"),
+    *("fresh", "last", "voices", "sealed", "sealed2", "sealed3"),
 )
 
 
