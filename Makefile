@@ -71,7 +71,7 @@ test-slow:  ## Run the slow tests: whole chains, buildings, kills, clusters
 docs:  ## Write the API reference to build/docs, in about a minute
 	@$(SETUP) full
 	@PYTHONWARNINGS="ignore:Error parsing type annotation" PDOC_ALLOW_EXEC=1 $(BIN)/python -m pdoc -d google -o build/docs vlnpe.formats vlnpe.wayfinding vlnpe.apartments vlnpe.scene_repair \
-	    vlnpe.trajectory_sampler vlnpe.instruction_gen vlnpe.collectors vlnpe.datasets vlnpe.learning \\
+	    vlnpe.trajectory_sampler vlnpe.instruction_gen vlnpe.collectors vlnpe.datasets vlnpe.learning \
 	    vlnpe.evaluation vlnpe.pipeline
 
 lint:  ## Check formatting, style and types

@@ -185,13 +185,15 @@ def run_compare(options: Compare) -> int:
         f"only {names[1]} succeeds: {len(found.won)}  {', '.join(found.won[:10])}",
         f"McNemar's exact test: p = {found.p_value:.3g}",
         "",
-        "second minus first, mean and 95 % interval of the paired difference (% are points)",
     ]
+    few = all(isnan(change.low) for change in found.differences.values())
+    interval = (
+        f"mean (no interval of fewer than {LEAST_PATHS} paths)" if few else "mean and 95 % interval"
+    )
+    lines.append(f"second minus first, {interval} of the paired difference; % are points")
     for name, change in found.differences.items():
         bounds = "" if isnan(change.low) else f" ({change.low:+.2f} to {change.high:+.2f})"
-        lines.append(f"  {name:<5} {change.mean:+8.2f} {COLUMNS[name][0]:<2}{bounds}")
-    if all(isnan(value.low) for value in found.differences.values()):
-        lines.append(f"fewer than {LEAST_PATHS} paths: no intervals")
+        lines.append(f"  {name:<5} {change.mean:+8.2f} {COLUMNS[name][0]:<2}{bounds}".rstrip())
     sys.stdout.write("\n".join(lines) + "\n")
     return 0
 

@@ -84,7 +84,7 @@ def test_the_oracle_arrives_the_idle_do_not_and_compare_says_so(run, tmp_path, c
     assert found["differences"]["TL"]["low"] is None  # two paths say nothing of others
     assert main(["compare", str(a), str(b)]) == 0
     printed = capsys.readouterr().out
-    assert "no intervals" in printed and "nan" not in printed
+    assert "no interval of fewer than 6 paths" in printed and "nan" not in printed
     # What it advises works.
     assert main(["render", str(b), "--scenes", str(run / "scenes"), "--video", "--camera",
                  "chase:64x48", "--out", str(b / "films"), "--workers", "1"]) == 0  # fmt: skip
