@@ -236,8 +236,15 @@ def _humanoid() -> Table:
     )
     claims = (
         Claim("CMA uses the language", "SR", _FULL, _DEAF, published=False),
-        Claim("CMA uses vision", "SR", _FULL, _BLIND, published=False),
+        Claim(
+            "CMA uses vision; its rival is weak, no better than chance",
+            "SR",
+            _FULL,
+            _BLIND,
+            published=False,
+        ),
         Claim("CMA is better than chance", "SR", _FULL, "random"),
+        Claim("CMA is better than straight ahead", "SR", _FULL, "forward", published=False),
         Claim("all scenes are better than 10", "SR", _FULL, "CMA, 10 scenes", published=False),
     )
     paper = "CMA from scratch on H1's data, under physics, val_unseen: SR 18.8; random 3.0."

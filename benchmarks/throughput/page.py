@@ -30,11 +30,11 @@ episodes/h; Xeon, Sapphire Rapids, but for the first line):
 
 Since then an episode goes through one worker (no stage waits for another, no depth is decoded for
 MCAP), MCAP has zstd level 1 and H.264 `ultrafast`. On one idle machine (AMD EPYC, two cores),
-before and after: 5,572 and 5,636 episodes/h, then 5,858; 22.3 and 21.6 CPU-ms a frame. Importing
-what a worker needs takes 1.2 instead of 1.8 CPU-s, for what is known of modules is kept. No gain:
-prefetching texels and triangles (9.4 instead of 9.5 ms a frame), x265 with other motion search,
-merging, intra modes, filters, instruction sets (3.2 to 3.5 ms a frame, of which an empty picture
-takes 1.1).
+before and after: 5,572 and 5,636 episodes/h, then 5,858 (one run); 22.6 and 22.3, then 21.6 CPU-ms
+a frame. Importing what a worker needs takes 1.2 instead of 1.8 CPU-s, for what is known of modules
+is kept. No gain: prefetching texels and triangles (9.4 instead of 9.5 ms a frame), x265 with other
+motion search, merging, intra modes, filters, instruction sets (3.2 to 3.5 ms a frame, of which an
+empty picture takes 1.1).
 """
 
 
