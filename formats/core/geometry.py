@@ -31,7 +31,7 @@ def triangle_normals_and_areas[S: np.floating[Any]](
     The normal of a triangle without area is zero.
     """
     cross = triangle_cross(corners)
-    doubled = np.linalg.norm(cross, axis=1)
+    doubled = _doubled_areas(cross)
     length = doubled[:, None]
     return np.divide(cross, length, out=np.zeros_like(cross), where=length > 0), 0.5 * doubled
 
@@ -43,7 +43,14 @@ def triangle_normals[S: np.floating[Any]](corners: NDArray[S]) -> NDArray[S]:
 
 def triangle_areas[S: np.floating[Any]](corners: NDArray[S]) -> NDArray[S]:
     """Return areas (F,) of triangles (F, 3, 3)."""
-    return 0.5 * np.linalg.norm(triangle_cross(corners), axis=1)
+    return 0.5 * _doubled_areas(triangle_cross(corners))
+
+
+def _doubled_areas(cross: NDArray[Any]) -> Any:
+    """Return the lengths (F,) of crosses (F, 3) in their dtype; zero where squares underflow."""
+    length = np.linalg.norm(cross, axis=1)
+    length[length < np.sqrt(np.finfo(length.dtype).tiny)] = 0.0
+    return length
 
 
 def arc_length(path_m: ArrayLike) -> NDArray[np.float64]:
