@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,6 +55,21 @@ class Choice:
 LIKELIEST = Choice()
 
 
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Compute in one thread of torch, and leave its number as it was.
+
+    A compact model's step takes a millisecond; threads that wait for each other beside the
+    physics and the drawing take it many times as long.
+    """
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
 class Stepper:
     """Lets a checkpoint's model act."""
 
@@ -95,7 +112,8 @@ class Stepper:
             "past": self._past()[None, None],
         }
         model = self._checkpoint.model
-        predicted, self._memory = model.advance(self._read, batch, self._memory)
+        with _one_thread() if card.config.model.encoder == "compact" else nullcontext():
+            predicted, self._memory = model.advance(self._read, batch, self._memory)
         return predicted
 
     @torch.inference_mode()

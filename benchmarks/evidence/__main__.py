@@ -16,6 +16,7 @@ from typing import Any
 
 from benchmarks.dataset import TRAINING, UNSEEN
 from benchmarks.evidence import cells, digest
+from benchmarks.evidence.figures import figures
 from benchmarks.evidence.page import page
 from benchmarks.evidence.plan import tables
 from benchmarks.evidence.records import Row, Table
@@ -123,8 +124,13 @@ def _training_run(data: Path) -> Path:
 
 
 def _write_page(docs: Path, value: Mapping[str, Any]) -> None:
+    every = tables(len(value["training_scenes"]))
+    drawn = figures(value, every)
+    for name, content in drawn.items():
+        with atomic_file(docs / name) as temporary:
+            temporary.write_bytes(content)
     with atomic_file(docs / "evidence.md") as temporary:
-        temporary.write_text(page(value, tables(len(value["training_scenes"]))))
+        temporary.write_text(page(value, every, drawn))
 
 
 if __name__ == "__main__":

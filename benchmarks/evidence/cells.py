@@ -192,7 +192,7 @@ def recipe(bench: Bench, training: Training) -> dict[str, Any]:
     }
     if training.model not in DISCRETE:  # as many steps as the others with their rounds
         train["steps"] *= 1 + bench.settings.dagger_rounds
-    if training.target:  # each robot's walks are passed over as often as in its own training
+    if training.passes:
         train["steps"] *= len(training.robots)
     chosen = bench.scenes[: training.scenes] if training.scenes else ()
     sources = {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from benchmarks.evidence.digest import walks_of
@@ -36,8 +36,24 @@ that touched anything. No row under `flash` says how a robot would fare.
 """
 
 
-def page(value: Mapping[str, Any], tables: Mapping[int, Table]) -> str:
-    """Return the page of the compact file's content and all tables by number."""
+_CAPTIONS = {
+    "evidence-rates.svg": "SR of every measured row with its 95 % interval",
+    "evidence-amount.svg": "SR against the number of paths that were trained on",
+    "evidence-curves.svg": "Single actions right, given the true steps before, in the course of "
+    "every training",
+}
+
+
+def page(
+    value: Mapping[str, Any], tables: Mapping[int, Table], figures: Collection[str] = ()
+) -> str:
+    """Return the page.
+
+    Args:
+        value: content of the compact file.
+        tables: all of them by number.
+        figures: file names of the figures that lie beside the page.
+    """
     scenes = sorted({episode[1] for episode in value["episodes"]})
     settings, train = value["settings"], value["settings"]["train"]
     rounds = settings["dagger_rounds"]
@@ -55,6 +71,7 @@ def page(value: Mapping[str, Any], tables: Mapping[int, Table]) -> str:
         f"{train['size_px']} px{corrected if rounds else ''}.\n",
         "## Summary\n",
         _summary(value, tables, judged),
+        *(f"![{text}]({name})\n" for name, text in _CAPTIONS.items() if name in figures),
         *(_section(value, table, judged[n], measured) for n, table in tables.items()),
         _sources(value),
     ]

@@ -128,11 +128,11 @@ def _embodiments() -> Table:
     data |= {"three robots": three, "three + VLN-CE style": (*three, *BODYLESS)}
     tests = {"vlnce": Test(), **{name: Test(name, "speed") for name in ROBOTS}}
     rows, claims = [], []
+    joint = Training(three, passes=True)
     for robot, test in tests.items():
         for name, walks in data.items():
             rows.append(Row(f"{name} → {robot}", Training(walks), test))
         if robot in ROBOTS:
-            joint = Training(three, target=robot)
             rows.append(Row(f"three robots, equal passes → {robot}", joint, test))
             claims += [
                 Claim(
@@ -147,6 +147,13 @@ def _embodiments() -> Table:
                     f"three robots → {robot}",
                     f"{robot} → {robot}",
                 ),
+                Claim(
+                    f"the same, with equal passes over {robot}'s data",
+                    "SR",
+                    f"three robots, equal passes → {robot}",
+                    f"{robot} → {robot}",
+                    published=False,
+                ),
             ]
         claims.append(
             Claim(
@@ -156,6 +163,18 @@ def _embodiments() -> Table:
                 f"{'VLN-CE style' if robot == 'vlnce' else 'three robots'} → {robot}",
             )
         )
+        if robot == "h1":
+            pair = Training(("h1/speed", "aliengo/speed"))
+            rows.append(Row("h1 + aliengo → h1", pair, test))
+            claims.append(
+                Claim(
+                    "adding the quadruped's data helps the humanoid",
+                    "SR",
+                    "h1 + aliengo → h1",
+                    "h1 → h1",
+                    published=False,
+                )
+            )
     paper = (
         "SR on val_unseen, VLN-CE / own / three / three + VLN-CE: humanoid 16.0 / 18.8 / 19.3 / "
         "26.9; quadruped 4.7 / 17.0 / 17.2 / 23.8; wheeled 11.0 / 12.0 / 15.8 / 20.0; flash 21.7 / "

@@ -27,8 +27,9 @@ class Training:
         inputs: of the model; features of the others are zero.
         scenes: number of training scenes, 0 for all.
         fraction: of the paths in each of them.
-        target: robot whose data must be passed over as often as in its own training; "" trains for
-            as many optimiser steps as every other row.
+        passes: whether each robot's walks are passed over as often as in a training on them alone,
+            by as many times the optimiser steps as there are robots; else all rows make as many
+            steps.
     """
 
     robots: tuple[str, ...] = BODYLESS
@@ -36,7 +37,7 @@ class Training:
     inputs: tuple[str, ...] = ALL_INPUTS
     scenes: int = 0
     fraction: float = 1.0
-    target: str = ""
+    passes: bool = False
 
     @property
     def name(self) -> str:
@@ -48,8 +49,8 @@ class Training:
             parts.append(f"-{self.scenes}-scenes")
         if self.fraction < 1.0:
             parts.append(f"-{self.fraction:g}-of-paths")
-        if self.target:
-            parts.append(f"-passes-of-{self.target}")
+        if self.passes:
+            parts.append("-equal-passes")
         return "".join(parts)
 
 

@@ -6,12 +6,15 @@ import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 from benchmarks.evidence import __main__ as command
 from benchmarks.evidence import cells, digest
+from benchmarks.evidence.figures import figures
+from benchmarks.evidence.judge import METRICS
 from benchmarks.evidence.page import page
 from benchmarks.evidence.plan import FULL, tables
 from benchmarks.evidence.records import Claim, Row, Table, Test, Training
@@ -198,7 +201,7 @@ def test_every_training_is_a_valid_recipe_of_its_data(run: Path, tmp_path: Path)
             assert len(source.scenes) == training.scenes
             assert source.fraction == training.fraction
         if training.model != "rdp":
-            assert config.steps == steps * (len(training.robots) if training.target else 1)
+            assert config.steps == steps * (len(training.robots) if training.passes else 1)
 
 
 def test_a_test_moves_the_camera_and_names_light_and_robot(run: Path, tmp_path: Path) -> None:
@@ -220,11 +223,44 @@ def test_claims_name_rows() -> None:
         Table(1, "?", (Row("a", "random"),), (Claim("", "SR", "a", "b"),), "")
 
 
+def test_the_amount_is_drawn_by_the_paths_trained_on() -> None:
+    """Two amounts of scenes are a line; one of them alone says nothing of the amount."""
+    rng = np.random.default_rng(0)
+    cells_of_rows = {}
+    for label, paths in (("10 scenes", 271), ("20 scenes", 548)):
+        for seed in (0, 1):
+            cells_of_rows[tables(20)[7].row(label).cell(seed)] = {
+                "episodes": paths,
+                "checkpoint_sha256": f"{paths}-{seed}",
+                "values": rng.choice([0.0, 100.0], (6, len(METRICS))).tolist(),
+                "curve": [{"step": 300.0, "train action": 0.7, "held action": 0.6}],
+            }
+    value = {
+        "metrics": METRICS,
+        "seeds": [0, 1],
+        "cells": cells_of_rows,
+        "episodes": [["val_unseen", f"home-{k // 2}", str(k), str(k)] for k in range(6)],
+    }
+    drawn = figures(value, tables(20))
+    assert set(drawn) == {"evidence-rates.svg", "evidence-amount.svg", "evidence-curves.svg"}
+    assert figures(value, tables(20)) == drawn
+    text = [t.text for t in ElementTree.fromstring(drawn["evidence-amount.svg"]).iter() if t.text]
+    assert {"271", "548", "paths trained on", "more scenes"} <= set(text)
+    assert "more paths in the same scenes" not in text
+    fewer = {name: cell for name, cell in cells_of_rows.items() if cell["episodes"] == 548}
+    assert set(figures({**value, "cells": fewer}, tables(20))) == {
+        "evidence-rates.svg",
+        "evidence-curves.svg",
+    }
+
+
 def test_the_page_is_what_its_results_say() -> None:
     source = DOCS / "evidence.json"
     if not source.is_file():
         pytest.skip("no results are published yet")
     value = digest.read(source)
-    assert (DOCS / "evidence.md").read_text() == page(value, tables(20))
+    drawn = figures(value, tables(20))
+    assert (DOCS / "evidence.md").read_text() == page(value, tables(20), drawn)
+    assert {p.name: p.read_bytes() for p in DOCS.glob("evidence-*.svg")} == drawn
     for cell in value["cells"].values():
         assert np.array(cell["values"]).shape == (len(value["episodes"]), len(value["metrics"]))

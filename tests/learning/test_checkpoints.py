@@ -124,6 +124,31 @@ def test_sampled_actions_follow_the_predicted_probabilities(trained: Path) -> No
     assert set(drawn[False]) == {int(expected.argmax())}
 
 
+def test_a_compact_model_steps_in_one_thread(
+    trained: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two threads that wait for each other made a closed-loop episode three times as slow."""
+    stepper = Stepper(load_checkpoint(trained))
+    seen: list[int] = []
+    convolve = torch.nn.Conv2d.forward
+
+    def spy(layer: torch.nn.Conv2d, images: torch.Tensor) -> torch.Tensor:
+        seen.append(torch.get_num_threads())
+        return convolve(layer, images)
+
+    monkeypatch.setattr(torch.nn.Conv2d, "forward", spy)
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        stepper.begin("Go.", "e")
+        stepper.act(
+            Sight(np.zeros((48, 48, 3), np.uint8), np.zeros((48, 48), np.float32), -1, np.zeros(3))
+        )
+        assert set(seen) == {1} and torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
+
+
 def test_a_training_resumes_only_its_own_state_and_keeps_its_curves(
     walks: Walks, tmp_path: Path
 ) -> None:

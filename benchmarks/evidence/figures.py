@@ -1,0 +1,185 @@
+"""The figures of docs/evidence.md: rates by row, SR against the amount of data, training curves."""
+
+from __future__ import annotations
+
+import io
+from collections import defaultdict
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from benchmarks.evidence.digest import walks_of
+from benchmarks.evidence.judge import mean_interval
+from benchmarks.evidence.records import Row, Table, Training
+from vlnpe.learning.ablation.intervals import Difference
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_COLOURS = ("#2b5fb8", "#c8611a", "#2e8b57", "#7b4aa8", "#a83250", "#5c6770")
+# Text stays text, and equal numbers give equal files.
+_STYLE = {"svg.fonttype": "none", "svg.hashsalt": "vlnpe", "font.size": 9}
+AMOUNT = 7  # number of the table
+
+
+def figures(value: Mapping[str, Any], tables: Mapping[int, Table]) -> dict[str, bytes]:
+    """Return the SVG files by name, those that have something to show.
+
+    Args:
+        value: content of the compact file.
+        tables: all of them by number.
+    """
+    import matplotlib
+
+    matplotlib.use("agg")
+    with matplotlib.rc_context(_STYLE):
+        drawn = {
+            "evidence-rates.svg": _rates(value, tables),
+            "evidence-amount.svg": _amount(value, tables[AMOUNT]),
+            "evidence-curves.svg": _curves(value),
+        }
+        return {name: _svg(figure) for name, figure in drawn.items() if figure is not None}
+
+
+def _rates(value: Mapping[str, Any], tables: Mapping[int, Table]) -> Figure | None:
+    """Draw SR with its interval for every measured row, a panel per table."""
+    panels = {
+        table: found for table in tables.values() if len(found := _measured(value, table)) > 1
+    }
+    if not panels:
+        return None
+    heights = [len(rows) + 2.2 for rows in panels.values()]
+    figure = _new((7.6, 0.2 * sum(heights)))
+    axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False, height_ratios=heights)
+    for axis, (table, rows), colour in zip(
+        axes.ravel(), panels.items(), _COLOURS * len(panels), strict=False
+    ):
+        for height, found in enumerate(rows.values()):
+            _dot(axis, found.mean, height, found, colour, along="x")
+        axis.set_yticks(range(len(rows)), [row.label for row in rows])
+        axis.set_ylim(len(rows) - 0.5, -0.5)
+        axis.set_title(f"{table.number}. {table.title}", fontsize=9.5, loc="left")
+        axis.tick_params(labelbottom=True)
+        _tidy(axis, "x")
+    axes[-1, 0].set_xlabel("SR [%]")
+    axes[-1, 0].set_xlim(0, None)
+    return figure
+
+
+def _amount(value: Mapping[str, Any], table: Table) -> Figure | None:
+    """Draw SR against the paths that were trained on, on a logarithmic axis."""
+    lines: dict[str, list[tuple[int, Difference]]] = defaultdict(list)
+    for row, found in _measured(value, table).items():
+        paths = next(iter(_cells(value, row))).get("episodes", 0)
+        if isinstance(row.policy, Training) and paths:
+            for name in _series(row.policy):
+                lines[name].append((paths, found))
+    lines = {
+        name: sorted(points, key=lambda point: point[0])
+        for name, points in lines.items()
+        if len({paths for paths, _ in points}) > 1
+    }
+    if not lines:
+        return None
+    figure = _new((5.6, 3.2))
+    axis = figure.subplots()
+    # Side by side where both have the same number of paths.
+    for (name, points), colour, aside in zip(lines.items(), _COLOURS, (0.99, 1.01), strict=False):
+        at = [aside * paths for paths, _ in points]
+        axis.plot(at, [f.mean for _, f in points], color=colour, linewidth=1, label=name)
+        for place, (_, found) in zip(at, points, strict=True):
+            _dot(axis, place, found.mean, found, colour, along="y")
+    axis.set_xscale("log")
+    ticks = sorted({paths for points in lines.values() for paths, _ in points})
+    axis.set_xticks(ticks, [str(tick) for tick in ticks])
+    axis.minorticks_off()
+    axis.set_xlabel("paths trained on")
+    axis.set_ylabel("SR [%]")
+    axis.set_ylim(0, None)
+    axis.legend(frameon=False)
+    _tidy(axis, "y")
+    return figure
+
+
+def _series(training: Training) -> tuple[str, ...]:
+    scenes, paths = "more scenes", "more paths in the same scenes"
+    if training.fraction < 1:
+        return (paths,)
+    return (scenes,) if training.scenes else (scenes, paths)  # all of both ends both lines
+
+
+def _curves(value: Mapping[str, Any]) -> Figure | None:
+    """Draw the parts of training and held-out actions that are right against the step."""
+    found = {
+        cell["checkpoint_sha256"]: (name.rsplit("--", 1)[0], cell["curve"])
+        for name, cell in sorted(value["cells"].items())
+        if cell.get("curve")
+    }
+    seeds = defaultdict(list)
+    for name, curve in found.values():
+        seeds[name.rsplit("-s", 1)[0]].append(curve)
+    if not seeds:
+        return None
+    columns = 3
+    rows = -(-len(seeds) // columns)
+    figure = _new((7.6, 1.55 * rows + 0.7))
+    axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    for unused in axes[len(seeds) :]:
+        unused.remove()
+    for axis, (name, curves) in zip(axes, seeds.items(), strict=False):
+        for curve in curves:
+            steps = [point["step"] for point in curve]
+            for key, colour, label in (
+                ("train action", _COLOURS[0], "training walks"),
+                ("held action", _COLOURS[1], "held-out walks"),
+                ("held constant", "#888", "the commonest action"),
+            ):
+                right = [100 * point.get(key, np.nan) for point in curve]
+                axis.plot(steps, right, color=colour, linewidth=1, marker=".", label=label)
+        axis.set_title(name, fontsize=7)
+        axis.tick_params(labelbottom=True)
+        _tidy(axis, "y")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles[:3], labels[:3], loc="outside lower center", ncols=3, frameon=False)
+    for axis in axes[: len(seeds)][-columns:]:
+        axis.set_xlabel("optimiser step")
+    figure.supylabel("actions right [%]", fontsize=9)
+    return figure
+
+
+def _measured(value: Mapping[str, Any], table: Table) -> dict[Row, Difference]:
+    """Return SR with its interval of the rows that have results."""
+    found = {row: walks_of(value, table, row.label) for row in table.rows}
+    return {row: mean_interval(walks, "SR") for row, walks in found.items() if walks is not None}
+
+
+def _cells(value: Mapping[str, Any], row: Row) -> list[Mapping[str, Any]]:
+    names = (row.cell(seed) for seed in value["seeds"])
+    return [value["cells"][name] for name in names if name in value["cells"]]
+
+
+def _dot(axis: Axes, x: float, y: float, found: Difference, colour: str, *, along: str) -> None:
+    """Draw a point with its interval; `along` says which axis the interval lies along."""
+    ends = [[found.mean - found.low], [found.high - found.mean]]
+    bars = {f"{along}err": np.maximum(ends, 0.0)}
+    axis.errorbar(x, y, **bars, fmt="o", color=colour, capsize=3, markersize=4.5)
+
+
+def _new(size_in: tuple[float, float]) -> Figure:
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=size_in, layout="constrained", facecolor="white")
+
+
+def _tidy(axis: Axes, grid: str) -> None:
+    axis.grid(axis=grid, color="#eee")
+    axis.set_axisbelow(True)
+    axis.spines[["top", "right"]].set_visible(False)
+
+
+def _svg(figure: Figure) -> bytes:
+    stream = io.BytesIO()
+    figure.savefig(stream, format="svg", metadata={"Date": None})
+    return stream.getvalue()
