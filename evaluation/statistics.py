@@ -12,6 +12,7 @@ from scipy.stats import binomtest
 
 RESAMPLES = 2000
 LEVEL = 0.95
+_BLOCK = 1_000_000  # trajectories drawn at once, to bound the memory
 LEAST_PATHS = 6  # the percentile bootstrap of fewer is far too narrow
 
 
@@ -65,17 +66,28 @@ def clustered_interval(
         return Interval(mean, np.nan, np.nan)
     # (T, 2) sum and count of each trajectory, one array per scene.
     totals = [np.array([(sum(v), len(v)) for v in scene.values()]) for scene in groups.values()]
-    means = np.empty(resamples)
-    for r in range(resamples):
-        drawn = [_resampled(totals[s], rng) for s in rng.integers(len(totals), size=len(totals))]
-        total, count = np.sum(drawn, axis=0)
-        means[r] = total / count
+    block = max(1, _BLOCK // paths)
+    means = np.concatenate(
+        [
+            _resampled_means(totals, min(block, resamples - first), rng)
+            for first in range(0, resamples, block)
+        ]
+    )
     low, high = np.quantile(means, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
     return Interval(mean, float(low), float(high))
 
 
-def _resampled(totals: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
-    return totals[rng.integers(len(totals), size=len(totals))].sum(axis=0)
+def _resampled_means(
+    totals: Sequence[NDArray[np.float64]], count: int, rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """Return the means (count,) of as many draws of scenes, and of trajectories within them."""
+    drawn = rng.integers(len(totals), size=(count, len(totals)))
+    sums = np.zeros((count, 2))
+    for scene, paths in enumerate(totals):
+        draws = np.nonzero(drawn == scene)[0]  # a draw that has the scene twice is here twice
+        chosen = rng.integers(len(paths), size=(len(draws), len(paths)))
+        np.add.at(sums, draws, paths[chosen].sum(axis=1))
+    return sums[:, 0] / sums[:, 1]
 
 
 @dataclass(frozen=True)
