@@ -217,12 +217,21 @@ class Chain:
         for view in views:
             dataset = export.Dataset.under(folder.root, robot, label, view.name)
             renders = partial(self._renders, scenes, view, product)
+            exports = partial(
+                export.items,
+                root=folder.root,
+                scenes=folder.scenes,
+                dataset=dataset,
+                depth_storage=product.depth_storage,
+                per_instruction=self.per_instruction,
+                mcap=product.mcap,
+            )
             together.run(
                 self.context,
                 asked,
                 walks,
                 renders,
-                partial(self._exports, dataset, product),
+                exports,
                 only_success=product.only_success,
                 label=f"{robot} {label}",
             )
@@ -232,14 +241,10 @@ class Chain:
             frames = self._stage(render.STAGE, renders(rollouts), dataset.scope).good()
             self.summaries += export.run(
                 self.context,
-                export.wanted(frames, product.only_success),
-                folder.root,
+                exports(export.wanted(frames, product.only_success)),
                 folder.scenes,
                 dataset,
                 {"options": dict(facts), "language_model": self._model_usage()},
-                depth_storage=product.depth_storage,
-                per_instruction=self.per_instruction,
-                mcap=product.mcap,
             )
 
     def _renders(
@@ -259,18 +264,6 @@ class Chain:
             product.rgb_codec,
             product.extras,
         )
-
-    def _exports(
-        self, dataset: export.Dataset, product: Product, frames: Mapping[str, Row]
-    ) -> dict[str, list[WorkItem]]:
-        root, depth = self.folder.root, product.depth_storage
-        items = {
-            export.STAGE: export.unit_items(frames, root, dataset, depth, self.per_instruction)
-        }
-        if product.mcap:
-            scenes = self.folder.scenes
-            items[export.MCAP_STAGE] = export.mcap_items(frames, root, scenes, dataset, depth)
-        return items
 
     def _instructed(self, source: StageSummary, parts: Mapping[str, Path]) -> list[Episode]:
         folder, config = self.folder, self.instructing

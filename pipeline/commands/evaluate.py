@@ -162,7 +162,7 @@ def _write_mcap(
         recorded = render.Recorded(rows, root, scenes, folder)
         items = render.items(recorded, view, FRAMES_PER_SECOND, root / "frames", root)
         frames = run_stage(context, render.STAGE, items, dataset.scope).good()
-        items = export.mcap_items(frames, root, folder, dataset, "video")
+        items = export.items(frames, root, folder, dataset)[export.MCAP_STAGE]
         run_stage(context, export.MCAP_STAGE, items, dataset.scope)
 
 
