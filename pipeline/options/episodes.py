@@ -7,7 +7,7 @@ from pathlib import Path
 
 import tyro
 
-from ...formats.scene import FULL_HEIGHT_M
+from ...trajectory_sampler.align_config import AlignConfig
 from ...trajectory_sampler.config import SampleConfig
 from . import Json
 
@@ -21,7 +21,7 @@ class Sampling:
     never shorter. Lower it for a single-room scan."""
     max_length_m: float = SampleConfig.max_length_m
     """Maximum length of a sampled reference path [m]; the geodesic distance is never longer."""
-    free_height_m: float = FULL_HEIGHT_M
+    free_height_m: float = SampleConfig.free_height_m
     """Free height above every path [m]. The default suits every robot; a lower value lets paths for
     low robots lead under tables, and 0 selects the height of the run's tallest robot."""
     min_crossings: int = SampleConfig.min_crossings
@@ -67,22 +67,22 @@ class Align:
     robot: str = ""
     """Robots that will walk the episodes, comma-separated; paths keep clear for the widest one.
     Without it, --robot-radius-m decides."""
-    robot_radius_m: float = 0.30
+    robot_radius_m: float = AlignConfig.robot_radius_m
     """Clearance that starts, goals and paths need [m], if no robot is named."""
-    free_height_m: float = FULL_HEIGHT_M
+    free_height_m: float = AlignConfig.free_height_m
     """Free height above every path [m]. The default suits every robot; a lower value lets paths for
     low robots lead under tables, and 0 selects the height of the run's tallest robot."""
-    max_start_nudge_m: float = 0.5
+    max_start_nudge_m: float = AlignConfig.max_start_nudge_m
     """Maximum distance by which a start in collision may be moved [m]."""
-    max_goal_nudge_m: float = 0.5
+    max_goal_nudge_m: float = AlignConfig.max_goal_nudge_m
     """Farthest that a goal in collision may be moved; no farther than a start [m]."""
-    goal_beyond_start: bool = False
+    goal_beyond_start: bool = AlignConfig.goal_beyond_start
     """Let a path's goal be moved farther than its own start is, instead of rejecting the path."""
-    max_waypoint_nudge_m: float = 0.5
+    max_waypoint_nudge_m: float = AlignConfig.max_waypoint_nudge_m
     """Maximum distance by which an inner waypoint may be moved [m]; others are bypassed."""
-    max_bypassed_share: float = 0.5
+    max_bypassed_share: float = AlignConfig.max_bypassed_share
     """Maximum share of a path's inner waypoints that may be bypassed."""
-    max_floor_gap_m: float = 1.0
+    max_floor_gap_m: float = AlignConfig.max_floor_gap_m
     """Maximum height of a point above or below its floor [m]."""
     workers: int = 0
     """Number of worker processes; 0 uses one per core."""
