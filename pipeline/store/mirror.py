@@ -14,7 +14,7 @@ import json
 import logging
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Set
 from functools import partial
 from pathlib import Path
 
@@ -146,17 +146,25 @@ def pull(store: ObjectFolder, scratch: Path) -> dict[str, FileRecord]:
         if _marked(scratch):
             log.warning("%s holds no run: going on with what is in %s", store.url, scratch)
         return {}
-    return _pull(store, scratch, manifest)
+    there, held = _ledger_of(manifest), set(store.names())
+    if not _is_current(scratch, manifest):
+        _pull(store, scratch, manifest, there, held)
+    return {name: record for name, record in there.files().items() if name in held}
 
 
-def _pull(store: ObjectFolder, scratch: Path, manifest: bytes) -> dict[str, FileRecord]:
-    """Bring a scratch folder up to this manifest of the store; see `pull`."""
-    there = _ledger_of(manifest)
-    names, held = there.files(), set(store.names())
-    stored = {name: record for name, record in names.items() if name in held}
-    if _is_current(scratch, manifest):
-        return stored
-    here = Ledger(scratch)
+def _pull(
+    store: ObjectFolder, scratch: Path, manifest: bytes, there: Ledger, held: Set[str]
+) -> None:
+    """Bring a scratch folder up to a manifest of the store; see `pull`.
+
+    Args:
+        store: The folder of the store.
+        scratch: The folder to change.
+        manifest: The store's manifest.
+        there: The ledger that it describes.
+        held: Names of the files that the store holds.
+    """
+    here, names = Ledger(scratch), there.files()
     before = here.files()
     missing = {
         name: scratch / name
@@ -182,7 +190,6 @@ def _pull(store: ObjectFolder, scratch: Path, manifest: bytes) -> dict[str, File
     ledger = Ledger(scratch)
     for row, files in own:
         ledger.add(row, files)
-    return stored
 
 
 @contextlib.contextmanager
@@ -212,7 +219,7 @@ def fetched(url: str) -> Path:
     if manifest is None:
         raise StoreError(f"{url}: holds no run ({MANIFEST_NAME} is missing)")
     if not _is_current(scratch, manifest):
-        _pull(store, scratch, manifest)
+        _pull(store, scratch, manifest, _ledger_of(manifest), set(store.names()))
     return scratch
 
 
