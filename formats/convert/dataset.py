@@ -228,7 +228,7 @@ def episode_files(root: Path) -> list[Path]:
     """
     files = sorted(root.glob(EPISODES_GLOB))
     if not files:
-        raise FileFormatError(root / "meta" / "episodes", "missing; the dataset has no episode")
+        raise FileFormatError(root / "meta" / "episodes", "missing; the dataset has no episodes")
     return files
 
 

@@ -204,7 +204,9 @@ def _episodes(text: str) -> tuple[list[Path], str, int]:
     if all(file.is_file() for file in files):
         splits = [read_vlnce(file).split for file in files]
         if len(set(splits)) < len(splits):
-            raise InputError(f"EPISODES={text}: two files of one split; valid: one per split")
+            raise InputError(
+                f"EPISODES={text}: two files have the same split; valid: one per split"
+            )
         return files, "", 1
     raise InputError(
         f"EPISODES={text}: valid: a number above 0, {', '.join(PRESETS)}, or existing VLN-CE "

@@ -27,10 +27,10 @@ class Sampling:
     min_crossings: int = SampleConfig.min_crossings
     """Minimum number of room-to-room transitions per sampled path; use 0 for a single-room scan."""
     similarity: str = SampleConfig.similarity
-    """How sampled paths are compared: frechet (greatest distance, keeps other goals and other
-    routes apart) or dtw (mean distance under time warping)."""
+    """Distance between sampled paths: frechet (maximum distance, distinguishes different goals and
+    different routes) or dtw (mean distance under dynamic time warping)."""
     min_gap_m: float = SampleConfig.min_gap_m
-    """Minimum distance between sampled paths [m]; closer ones count as too similar."""
+    """Minimum distance between sampled paths [m]; paths closer than this are too similar."""
     family_gap_m: float = SampleConfig.family_gap_m
     """Minimum distance between paths of different splits in one scene, in both directions [m]."""
     max_detour: float = SampleConfig.max_detour
@@ -38,7 +38,7 @@ class Sampling:
     max_turning_deg: float | None = SampleConfig.max_turning_deg
     """Maximum sum of a sampled path's turns [deg]."""
     heading: str = SampleConfig.heading
-    """Initial heading of the robot: path (along it) or random."""
+    """Initial heading of the robot: path (along the path) or random."""
     splits: str = ""
     """Number of paths per split over all scenes, e.g. train=147,val_seen=37,val_unseen=429.
     val_seen shares scenes with train, but no similar paths; val_unseen has scenes of its own."""
@@ -75,9 +75,9 @@ class Align:
     max_start_nudge_m: float = AlignConfig.max_start_nudge_m
     """Maximum distance by which a start in collision may be moved [m]."""
     max_goal_nudge_m: float = AlignConfig.max_goal_nudge_m
-    """Farthest that a goal in collision may be moved; no farther than a start [m]."""
+    """Maximum distance by which a goal in collision may be moved [m]; at most that of a start."""
     goal_beyond_start: bool = AlignConfig.goal_beyond_start
-    """Let a path's goal be moved farther than its own start is, instead of rejecting the path."""
+    """Accept paths whose goal is moved farther than their start, instead of rejecting them."""
     max_waypoint_nudge_m: float = AlignConfig.max_waypoint_nudge_m
     """Maximum distance by which an inner waypoint may be moved [m]; others are bypassed."""
     max_bypassed_share: float = AlignConfig.max_bypassed_share
@@ -103,9 +103,9 @@ class Filter:
     (default kept)."""
     rules: str = "step"
     """Rules, comma-separated: step (VLN-PE's: a height step in the reference path), geometric (the
-    way leaves its level; needs --scenes), text (the instruction mentions stairs)."""
+    path leaves its level; needs --scenes), text (the instruction mentions stairs)."""
     combine: str = "any"
-    """Drop an episode if any of the rules drops it, or only if all do."""
+    """When to drop an episode: any (if one of the rules applies) or all (if all of them do)."""
     max_step_m: float = 0.3
     """Maximum height difference between consecutive reference points, for the rule step [m]."""
     scenes: Path | None = None

@@ -65,7 +65,7 @@ class MirroredLedger(Ledger):
         try:
             self.upload()
         except StoreError as error:
-            log.warning("not uploaded yet: %s", error)
+            log.warning("upload failed, will be retried: %s", error)
         self._next_s = time.monotonic() + UPLOAD_EVERY_S
 
     def finish(self) -> None:
@@ -79,7 +79,7 @@ class MirroredLedger(Ledger):
             self.upload()
         except StoreError as error:
             raise StoreError(
-                f"{error}. What is done lies in {self.root}, and the same command uploads it"
+                f"{error}. Finished work is kept in {self.root}; the same command uploads it"
             ) from error
 
     def upload(self) -> None:
@@ -144,7 +144,9 @@ def pull(store: ObjectFolder, scratch: Path) -> dict[str, FileRecord]:
     manifest = store.read(MANIFEST_NAME)
     if manifest is None:
         if _marked(scratch):
-            log.warning("%s holds no run: going on with what is in %s", store.url, scratch)
+            log.warning(
+                "%s contains no run: continuing with the contents of %s", store.url, scratch
+            )
         return {}
     there, held = _ledger_of(manifest), set(store.names())
     if not _is_current(scratch, manifest):
@@ -178,7 +180,7 @@ def _pull(
         (scratch / name).unlink(missing_ok=True)
     if lost := missing.keys() - held:
         log.warning(
-            "%s: %d of the files that its manifest names are gone, e.g. %s; their items run again",
+            "%s: %d files of its manifest are missing, e.g. %s; their items run again",
             *(store.url, len(lost), min(lost)),
         )
     store.download({name: path for name, path in missing.items() if name in held})
@@ -202,7 +204,7 @@ def local_copy(url: str) -> Iterator[Path]:
     store = ObjectFolder.open(url)
     names = [name for name in store.names() if not Path(name).name.startswith(".vlnpe-")]
     if MANIFEST_NAME not in names:
-        raise StoreError(f"{url}: holds no run ({MANIFEST_NAME} is missing)")
+        raise StoreError(f"{url}: not a run folder ({MANIFEST_NAME} is missing)")
     with tempfile.TemporaryDirectory(prefix="vlnpe-") as folder:
         store.download({name: Path(folder) / name for name in names})
         yield Path(folder)
@@ -217,7 +219,7 @@ def fetched(url: str) -> Path:
     store, scratch = ObjectFolder.open(url), scratch_folder(url)
     manifest = store.read(MANIFEST_NAME)
     if manifest is None:
-        raise StoreError(f"{url}: holds no run ({MANIFEST_NAME} is missing)")
+        raise StoreError(f"{url}: not a run folder ({MANIFEST_NAME} is missing)")
     if not _is_current(scratch, manifest):
         _pull(store, scratch, manifest, _ledger_of(manifest), set(store.names()))
     return scratch

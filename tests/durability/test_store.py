@@ -217,4 +217,4 @@ def test_errors_name_the_url(bucket: ObjectFolder, monkeypatch: pytest.MonkeyPat
     with pytest.raises(StoreError, match="s3://nowhere/run"), mirrored("s3://nowhere/run"):
         pass
     failed = tiny_run.vlnpe("verify", "s3://bucket/none")
-    assert failed.returncode == 2 and "s3://bucket/none: holds no run" in failed.stderr
+    assert failed.returncode == 2 and "s3://bucket/none: not a run folder" in failed.stderr

@@ -177,7 +177,7 @@ def test_the_same_id_in_two_splits_is_two_episodes(run, tmp_path) -> None:
     [
         (["--policy", "genius"], "policy 'genius'.*valid: .*random.*ws://"),
         (["--controller", "path"], "'path' does not carry out discrete.*valid: speed, flash"),
-        (["--actions", "waypoints"], "only a policy server gives such actions"),
+        (["--actions", "waypoints"], "policy random outputs discrete actions"),
         (["--split", "train"], "split 'train'.*valid: .*val_seen"),
         (["--camera", "chase"], "one camera"),
         (["--robot", "h1,g1"], "one robot"),
