@@ -259,7 +259,7 @@ def test_an_invalid_recipe_lists_what_is_valid(changes: dict, message: str, tmp_
 
 
 @pytest.mark.parametrize("text", ["a: [", "- 1", "", "\x00"])
-def test_what_is_no_recipe_is_refused(text: str, tmp_path: Path) -> None:
+def test_files_that_are_no_recipes_are_refused(text: str, tmp_path: Path) -> None:
     path = tmp_path / "recipe.yaml"
     path.write_text(text)
     with pytest.raises(FileFormatError, match=r"recipe\.yaml"):

@@ -112,7 +112,7 @@ def test_unclear_answers_are_counted_and_asked_again_then_given_up() -> None:
     assert policy.unclear == 4 and len(server.requests) == 5
 
 
-def test_a_server_that_fails_is_asked_again_then_told_of() -> None:
+def test_a_failing_server_is_retried_then_reported() -> None:
     broken = (503, {}, "busy")
     with Server(
         lambda number, request: broken if number < 3 else completion("stop")
@@ -127,7 +127,7 @@ def test_a_server_that_fails_is_asked_again_then_told_of() -> None:
             policy.act(seen(0, 0))
 
 
-def test_where_the_model_is_must_be_said(monkeypatch) -> None:
+def test_the_models_address_is_required(monkeypatch) -> None:
     for name in ("VLNPE_LLM_BASE_URL", "VLNPE_LLM_MODEL"):
         monkeypatch.delenv(name, raising=False)
     for name in ("vlm", "map-llm", "map-vlm", "map-vlm-llm"):

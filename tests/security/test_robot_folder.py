@@ -149,7 +149,7 @@ ATTACKS = {
 
 
 @pytest.mark.parametrize("attack", ATTACKS)
-def test_each_way_out_is_refused_with_file_and_reason(rover: Path, attack: str):
+def test_each_path_out_of_the_folder_is_refused_with_file_and_reason(rover: Path, attack: str):
     spoil, reason = ATTACKS[attack]
     spoil(rover)
     with pytest.raises(FileFormatError, match=reason) as raised:

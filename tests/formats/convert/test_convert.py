@@ -132,7 +132,7 @@ def test_an_episode_comes_back_from_a_dataset_message_for_message(
     assert_same(rollout, read_rollout(tmp_path / "b.mcap"))
 
 
-def test_labels_go_along(tmp_path: Path) -> None:
+def test_labels_are_converted_too(tmp_path: Path) -> None:
     rollout, frames = make_rollout(2.0), tmp_path / "frames-a"
     write_frame_folder(frames, rollout)
     ids = np.random.default_rng(0).integers(0, 65_536, (9, 64, 96))

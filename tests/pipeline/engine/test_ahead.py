@@ -105,7 +105,7 @@ def test_only_successes_go_on_where_that_is_asked_for(tmp_path, workers):
         assert (tmp_path / "second-a.txt").exists() and not (tmp_path / "last-a.txt").exists()
 
 
-def test_what_a_dying_worker_takes_along_is_left_to_the_stages(tmp_path):
+def test_chains_lost_with_a_dying_worker_are_left_to_the_stages(tmp_path):
     chains = [
         chain(tmp_path, "bad", work.Call(work.die, (tmp_path / "bad",))),
         *(chain(tmp_path, name) for name in "abc"),

@@ -210,7 +210,7 @@ def test_a_buffer_named_often_is_read_once(tmp_path: Path) -> None:
         ("MAX_REPEATED", 8, "so often that they become 9"),
     ],
 )
-def test_little_that_becomes_much_is_refused(
+def test_small_files_that_expand_beyond_a_limit_are_refused(
     limit: str, value: int, what: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     tree, data = triangle_tree()
@@ -446,7 +446,7 @@ def test_shrinking_while_reading_is_the_mean(mode: str) -> None:
         picture_bytes(64, 64, "JPEG")[:-500],
     ],
 )
-def test_picture_bombs_and_stumps_are_left_out(data: bytes) -> None:
+def test_decompression_bombs_and_truncated_images_are_left_out(data: bytes) -> None:
     warnings: list[str] = []
     image = images.open_image(data, "a", warnings, images.PixelBudget())
     found = images.decode_all({} if image is None else {"a": image}, warnings)
@@ -487,14 +487,14 @@ def test_ply_header_without_end(tmp_path: Path) -> None:
         read_header(path)
 
 
-def test_stl_that_promises_too_much(tmp_path: Path) -> None:
+def test_stl_with_a_false_triangle_count_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "scan.stl"
     path.write_bytes(bytes(80) + struct.pack("<I", 4_000_000_000) + bytes(50))
     with pytest.raises(FileFormatError, match="declares 4,000,000,000 triangles"):
         read_mesh(path)
 
 
-def test_off_that_promises_too_much(tmp_path: Path) -> None:
+def test_off_with_false_counts_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "scan.off"
     path.write_text("OFF\n3 4000000000 0\n0 0 0\n1 0 0\n1 1 0\n3 0 1 2\n")
     with pytest.raises(FileFormatError, match="declares"):

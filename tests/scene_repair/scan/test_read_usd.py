@@ -184,7 +184,7 @@ def test_point_instancer_places_its_prototypes(tmp_path: Path) -> None:
     assert any("prototype index 7" in w for w in scan.warnings)
 
 
-def test_what_is_not_meant_to_be_seen_is_left_out(tmp_path: Path) -> None:
+def test_invisible_prims_are_left_out(tmp_path: Path) -> None:
     stage = new_stage(tmp_path / "scene.usda")
     square(stage, "/Root/floor")
     square(stage, "/Root/guide").CreatePurposeAttr(UsdGeom.Tokens.guide)
@@ -460,7 +460,7 @@ def test_package_that_climbs_out_is_refused(name: str, text: str, tmp_path: Path
         read_here(path)
 
 
-def test_package_that_lies_about_sizes_is_refused(tmp_path: Path) -> None:
+def test_package_with_contradictory_sizes_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "scene.usdz"
     with zipfile.ZipFile(path, "w") as package:
         package.writestr("scene.usda", "#usda 1.0\n")
