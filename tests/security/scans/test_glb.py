@@ -1,6 +1,6 @@
 """GLB and glTF: references, data: URIs, false sizes, cycles, recursion, NaN.
 
-More false accessors, buffers and pictures are in tests/scene_repair/scan/test_read_bad.py.
+More false accessors, buffers and pictures are in tests/scene_repair/scan/test_bad_gltf.py.
 """
 
 from __future__ import annotations

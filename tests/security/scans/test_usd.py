@@ -1,7 +1,7 @@
 """USD and USDZ: other files under these names, false types, packages, recursion.
 
 Layers and pictures outside the folder, cycles and instancing bombs are in
-tests/scene_repair/scan/test_read_usd.py.
+tests/scene_repair/scan/test_bad_usd.py.
 """
 
 from __future__ import annotations
