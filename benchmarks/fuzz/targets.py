@@ -157,7 +157,7 @@ def _recipe(folder: Path) -> Target:
 
 def _robot(name: str) -> Callable[[Path], Target]:
     def target(folder: Path) -> Target:
-        from tests.collectors.test_robot_folder import written_rover
+        from tests.support.robot_folders import written_rover
         from vlnpe.collectors.robots.folder.load import load_robot_folder
 
         rover = written_rover(folder / "rover")

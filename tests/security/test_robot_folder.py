@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 import trimesh
 
-from tests.collectors.test_robot_folder import edit, written_rover
 from tests.security.hostile import not_files, put, refusal
+from tests.support.robot_folders import edit, written_rover
 from vlnpe.collectors.locomotion.card import load_card
 from vlnpe.collectors.locomotion.onnx_file import OnnxFile
 from vlnpe.collectors.locomotion.onnx_mlp import read_mlp
