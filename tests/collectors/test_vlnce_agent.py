@@ -10,7 +10,7 @@ import pytest
 
 from tests.collectors.test_replay import make_episode, with_box
 from vlnpe.collectors.controllers import valid_controllers
-from vlnpe.collectors.rendering.camera.rollout_views import RolloutFrames
+from vlnpe.collectors.rendering.camera.rollout_frames import RolloutFrames
 from vlnpe.collectors.rendering.camera.views import make_view
 from vlnpe.collectors.rendering.embree import SceneRenderer
 from vlnpe.collectors.replay import ReplayConfig, replay_episode

@@ -14,7 +14,7 @@ from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
 
 from tests.collectors.test_replay import make_episode, same
-from vlnpe.collectors.rendering.camera.rollout_views import RolloutFrames
+from vlnpe.collectors.rendering.camera.rollout_frames import RolloutFrames
 from vlnpe.collectors.rendering.camera.views import make_view
 from vlnpe.collectors.rendering.registry import make_renderer
 from vlnpe.collectors.replay import ReplayConfig, replay_in
