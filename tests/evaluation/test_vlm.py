@@ -83,7 +83,7 @@ def policy_at(url: str) -> VlmPolicy:
     return VlmPolicy(model_at(url))
 
 
-def test_it_is_shown_the_way_and_its_words_are_taken_one_by_one(monkeypatch) -> None:
+def test_it_sees_the_instruction_and_its_actions_are_taken_one_by_one(monkeypatch) -> None:
     monkeypatch.setenv("VLNPE_LLM_API_KEY", "sk-sentinel")
     answers = ["move forward 75 cm", "turn left 15 degrees", "stop"]
     with Server(lambda number, request: completion(answers[number - 1])).running() as server:

@@ -158,7 +158,7 @@ def test_each_path_out_of_the_folder_is_refused_with_file_and_reason(rover: Path
     assert str(rover) in str(raised.value)
 
 
-def test_what_stays_inside_is_read(rover: Path, tmp_path: Path):
+def test_files_inside_the_folder_are_read(rover: Path, tmp_path: Path):
     (rover / "assets").mkdir()
     trimesh.creation.icosphere(1, radius=0.1).export(rover / "assets" / "hull.stl")
     (rover / "assets" / "again.stl").symlink_to("hull.stl")

@@ -171,7 +171,7 @@ def test_quotas_are_filled_and_splits_share_no_family(divided):
         assert path_gap(a.reference_path_world_m, b.reference_path_world_m) >= 0.8
 
 
-def test_what_a_scene_cannot_hold_is_missing_and_the_advice_is_true(two_rooms):
+def test_a_shortage_of_paths_is_counted_and_the_advice_works(two_rooms):
     config = replace(CONFIG, count=40, min_length_m=4.0, min_gap_m=2.0, relax=False, patience=10)
     result = sample_episodes(two_rooms, config, np.random.default_rng(0))
     assert result.missing["train"] == 40 - len(result.episodes) > 0

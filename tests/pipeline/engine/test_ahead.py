@@ -133,7 +133,7 @@ def test_a_full_disk_ends_the_run_and_keeps_what_is_done(tmp_path):
     }
 
 
-def test_what_earlier_options_made_is_kept_where_a_chain_ends_before_it(tmp_path, workers):
+def test_outputs_of_earlier_options_are_kept_where_a_chain_ends_before_them(tmp_path, workers):
     run_ahead(context(tmp_path, workers), [chain(tmp_path, "a")], "")
     refused = work.Call(work.refuse, (tmp_path / "a",))
     other = [replace(k, item=replace(k.item, key="other")) for k in chain(tmp_path, "a", refused)]
