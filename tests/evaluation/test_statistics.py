@@ -49,7 +49,7 @@ def test_rates_of_none_or_all_keep_an_interval() -> None:
     assert (every.low, every.high) == pytest.approx((54.07, 100.0), abs=0.01)
 
 
-def test_non_finite_values_are_left_out() -> None:
+def test_what_is_not_finite_is_left_out() -> None:
     rng = np.random.default_rng(0)
     found = clustered_interval([1.0, math.inf, math.nan], ["s"] * 3, ["a", "b", "c"], rng)
     assert found.mean == 1.0 and math.isnan(found.low)
