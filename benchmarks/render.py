@@ -9,7 +9,7 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from vlnpe.collectors.rendering.camera.rollout_views import RolloutFrames
+from vlnpe.collectors.rendering.camera.rollout_frames import RolloutFrames
 from vlnpe.collectors.rendering.camera.views import make_view
 from vlnpe.collectors.rendering.gl.probe import graphics_card, why_no_gl
 from vlnpe.collectors.rendering.interface import Renderer

@@ -6,16 +6,14 @@ import math
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from hashlib import sha256
-from typing import Any, cast
+from typing import cast
 
 import mujoco
 import numpy as np
 
 from ..formats.core.episode import Episode
 from ..formats.core.errors import InputError
-from ..formats.core.frames import quat_to_yaw
 from ..formats.core.rollout import (
-    DISCRETE_RATE_HZ,
     REST_EVENT,
     STATE_RATE_HZ,
     Action,
@@ -30,7 +28,6 @@ from .controllers import (
     Chooser,
     Coasting,
     Controller,
-    Expert,
     Pose,
     SteeredController,
     Steerer,
@@ -39,12 +36,12 @@ from .controllers import (
     controller_for,
 )
 from .ending import Ending
-from .locomotion import GaitPolicy
 from .metrics import rollout_metrics
 from .outcome import OutcomeWatch
 from .recorder import Recorder
 from .replay_config import ReplayConfig
 from .robots import POLICY_DECIMATION, TIMESTEP_S
+from .rollout_facts import expert_labels, provenance
 from .world import World
 
 STEPS_PER_SAMPLE = round(1.0 / (STATE_RATE_HZ * TIMESTEP_S))
@@ -271,7 +268,9 @@ class EpisodeRun:
             ActionSpan(action, start, stop)
             for (action, start), stop in zip(self.actions, stops, strict=bool(self.actions))
         ]
-        metrics = rollout_metrics(self.episode, world.freemap, arrays["position_world_m"], end)
+        place, quat = arrays["position_world_m"], arrays["quat_wxyz"]
+        made = provenance(world, config, teleports=self.entry.teleports)
+        metrics = rollout_metrics(self.episode, world.freemap, place, end)
         return Rollout(
             episode=self.episode,
             robot=world.robot.name,
@@ -282,34 +281,7 @@ class EpisodeRun:
             events=tuple(sorted(self.events, key=lambda event: event.time_s)),
             end_reason=end,
             metrics=replace(metrics, recovered=self.ending.recovered, down=self.ending.down),
-            labels=self._labels(arrays) if not self.actions else (),
-            facts={**self._common_facts(), **self.facts},
+            labels=() if self.actions else expert_labels(self.task, place, quat),
+            facts=made | self.facts,
             **arrays,
         )
-
-    def _labels(self, arrays: dict[str, Any]) -> tuple[Action, ...]:
-        """Return the expert's action at each frame of a robot that follows its path."""
-        every = STATE_RATE_HZ // DISCRETE_RATE_HZ
-        place, quat = arrays["position_world_m"][::every], arrays["quat_wxyz"][::every]
-        expert = Expert(self.task)
-        return tuple(
-            expert.next_action(Pose(x, y, yaw))
-            for (x, y, _), yaw in zip(place.tolist(), quat_to_yaw(quat).tolist(), strict=True)
-        )
-
-    def _common_facts(self) -> dict[str, Any]:
-        world, config = self.world, self.config
-        gait = None if self.entry.teleports else world.gait
-        floor = mujoco.mjtGeom(int(world.model.geom("floor").type[0]))
-        return {
-            "seed": config.seed,
-            "robot_mass_kg": world.robot.mass_kg,
-            "robot_physics": world.physics_hash,
-            "policy_sha256": gait.card.onnx_sha256 if isinstance(gait, GaitPolicy) else None,
-            "controller_config": asdict(self.controller_config),
-            "timestep_s": TIMESTEP_S,
-            "policy_rate_hz": 1.0 / (TIMESTEP_S * POLICY_DECIMATION),
-            "mujoco": mujoco.__version__,
-            "floor": floor.name.removeprefix("mjGEOM_").lower(),
-            "obstacle_boxes": world.obstacles,
-        }

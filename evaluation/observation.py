@@ -152,7 +152,7 @@ class Eye:
             ValueError: there was no look yet.
         """
         if self._looked_from is None:
-            raise ValueError("no look yet; valid: look() or look_labelled() before lens()")
+            raise ValueError("call look() or look_labelled() before lens()")
         position, quat = self._looked_from
         moved = np.asarray(position) - (start.x_m, start.y_m, start.z_m)
         rotation = start.rotation

@@ -219,7 +219,7 @@ def policy_identity(name: str, timeout_s: float, use: ModelUse | None = None) ->
             environment does not say where the model is, or a limit in `use` is invalid.
     """
     if name in MODEL_POLICIES:
-        from .model_policies import model_identity
+        from .llm.policies import model_identity
 
         return model_identity(name, use or ModelUse())
     if (path := checkpoint_path(name)) is not None:
@@ -256,7 +256,7 @@ def make_policy(name: str, seed: int, timeout_s: float, use: ModelUse | None = N
     if name == ORACLE:
         raise InputError("the oracle knows the path and is run by the replay itself")
     if name in MODEL_POLICIES:
-        from .model_policies import make_model_policy
+        from .llm.policies import make_model_policy
 
         return make_model_policy(name, use or ModelUse())
     if (path := checkpoint_path(name)) is not None:

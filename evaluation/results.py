@@ -193,7 +193,7 @@ def compare(
     Raises:
         InputError: they have no episode in common.
     """
-    a, b = (_by_uid(r["episodes"]) for r in (first, second))
+    a, b = (by_uid(r["episodes"]) for r in (first, second))
     uids = sorted(a.keys() & b.keys())
     if not uids:
         raise InputError(f"{names[0]} and {names[1]} have no episode in common")
@@ -217,5 +217,11 @@ def compare(
     )
 
 
-def _by_uid(episodes: Iterable[Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
-    return {f"{e['split']}/{e['scene']}/{e['episode']}": e for e in episodes}
+def uid_of(split: str, scene: str, episode: str) -> str:
+    """Return the name that no other episode of an evaluation has."""
+    return f"{split}/{scene}/{episode}"
+
+
+def by_uid(episodes: Iterable[Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+    """Return the episodes of a results file by `uid_of`."""
+    return {uid_of(e["split"], e["scene"], e["episode"]): e for e in episodes}

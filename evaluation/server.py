@@ -51,7 +51,7 @@ def decode(data: bytes | str) -> Any:
         ValueError: it is none.
     """
     if isinstance(data, str):
-        raise ValueError("a text message; valid: binary ones")
+        raise ValueError("a text message; valid: binary messages")
     try:
         return msgpack.unpackb(data, object_hook=_array_in)
     except (msgpack.UnpackException, TypeError, KeyError) as error:

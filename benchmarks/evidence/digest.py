@@ -14,7 +14,7 @@ from benchmarks.evidence.cells import Bench, asked, results_of
 from benchmarks.evidence.judge import METRICS, Walks
 from benchmarks.evidence.records import Row, Table
 from vlnpe.evaluation.policy import checkpoint_path
-from vlnpe.evaluation.results import COLUMNS, read_results
+from vlnpe.evaluation.results import COLUMNS, by_uid, read_results, uid_of
 from vlnpe.formats.core.atomic import atomic_file, file_digest
 from vlnpe.formats.core.errors import FileFormatError, InputError
 from vlnpe.learning.card import read_card
@@ -47,7 +47,7 @@ def collect(
             cell has another checkpoint than others of its training, or other data.
     """
     episodes = asked(bench)
-    uids = [_uid(e.split, e.scene_id, e.episode_id) for e in episodes]
+    uids = [uid_of(e.split, e.scene_id, e.episode_id) for e in episodes]
     cells: dict[str, Any] = {}
     for row in _rows(tables):
         for seed in bench.settings.seeds:
@@ -101,17 +101,13 @@ def _rows(tables: Mapping[int, Table]) -> Iterator[Row]:
     return (row for table in tables.values() for row in table.rows)
 
 
-def _uid(split: str, scene: str, episode: str) -> str:
-    return f"{split}/{scene}/{episode}"
-
-
 def _cell(path: Path, uids: list[str]) -> dict[str, Any]:
     found = read_results(path)
-    by_uid = {_uid(e["split"], e["scene"], e["episode"]): e for e in found["episodes"]}
-    lost = [uid for uid in uids if uid not in by_uid]
+    episodes = by_uid(found["episodes"])
+    lost = [uid for uid in uids if uid not in episodes]
     if lost:
         raise InputError(f"{path}: lacks {len(lost)} episodes, for example {lost[0]}")
-    values = [[round(COLUMNS[m][1](by_uid[uid]), 2) for m in METRICS] for uid in uids]
+    values = [[round(COLUMNS[m][1](episodes[uid]), 2) for m in METRICS] for uid in uids]
     cell = {"results_sha256": file_digest(path), "values": values}
     checkpoint = checkpoint_path(str(found["setting"]["policy"]))
     if checkpoint is not None:
@@ -157,7 +153,7 @@ def walks_of(value: Mapping[str, Any], table: Table, label: str) -> Walks | None
     values = np.array([cell["values"] for cell in cells], float)  # (S, N, metrics)
     episodes = value["episodes"]
     return Walks(
-        tuple(_uid(e[0], e[1], e[3]) for e in episodes),
+        tuple(uid_of(e[0], e[1], e[3]) for e in episodes),
         tuple(e[1] for e in episodes),
         tuple(e[2] for e in episodes),
         {metric: values[:, :, k] for k, metric in enumerate(value["metrics"])},

@@ -8,8 +8,6 @@ from benchmarks.evidence.records import BODYLESS, Claim, Row, Table, Test, Train
 
 ROBOTS = ("h1", "aliengo", "jetbot")
 FULL = Training()
-LANGUAGE_BLIND = Training(inputs=("rgb", "depth"))
-VISION_BLIND = Training(inputs=("instruction",))
 DEPTH_ONLY = Training(inputs=("depth", "instruction"))
 RGB_ONLY = Training(inputs=("rgb", "instruction"))
 SEQ2SEQ = Training(model="seq2seq")
@@ -25,11 +23,27 @@ def tables(training_scenes: int) -> Mapping[int, Table]:
     return {table.number: table for table in made}
 
 
+def _blinded(data: tuple[str, ...], test: Test) -> tuple[Row, ...]:
+    """Return the rows of a CMA with all senses, and of those without language and vision."""
+    return (
+        Row(_FULL, Training(data), test),
+        Row(_DEAF, Training(data, inputs=("rgb", "depth")), test),
+        Row(_BLIND, Training(data, inputs=("instruction",)), test),
+    )
+
+
+def _sense_claims(rival: str) -> tuple[Claim, ...]:
+    """Return the claims about `_blinded`; `rival` says why that without vision is weak."""
+    vision = f"CMA uses vision; its rival is weak, {rival}"
+    return (
+        Claim("CMA uses the language", "SR", _FULL, _DEAF, published=False),
+        Claim(vision, "SR", _FULL, _BLIND, published=False),
+    )
+
+
 def _senses() -> Table:
     rows = (
-        Row(_FULL, FULL),
-        Row(_DEAF, LANGUAGE_BLIND),
-        Row(_BLIND, VISION_BLIND),
+        *_blinded(BODYLESS, Test()),
         Row("CMA, depth only", DEPTH_ONLY),
         Row("CMA, RGB only", RGB_ONLY),
         Row("Seq2Seq", SEQ2SEQ),
@@ -39,14 +53,7 @@ def _senses() -> Table:
         Row("oracle", "oracle"),
     )
     claims = (
-        Claim("CMA uses the language", "SR", _FULL, _DEAF, published=False),
-        Claim(
-            "CMA uses vision; its rival is weak, it leaves the building through walls",
-            "SR",
-            _FULL,
-            _BLIND,
-            published=False,
-        ),
+        *_sense_claims("it leaves the building through walls"),
         Claim("CMA is better than chance", "SR", _FULL, "random", published=False),
         Claim("RDP is better than CMA, both from scratch", "SR", "RDP", _FULL),
         Claim("CMA is better than Seq2Seq", "SR", _FULL, "Seq2Seq"),
@@ -245,23 +252,14 @@ def _amount(training_scenes: int) -> Table:
 
 def _humanoid() -> Table:
     rows = (
-        Row(_FULL, Training(H1_DATA), H1),
-        Row(_DEAF, Training(H1_DATA, inputs=LANGUAGE_BLIND.inputs), H1),
-        Row(_BLIND, Training(H1_DATA, inputs=VISION_BLIND.inputs), H1),
+        *_blinded(H1_DATA, H1),
         Row("CMA, 10 scenes", Training(H1_DATA, scenes=10), H1),
         Row("random", "random", H1),
         Row("forward", "forward", H1),
         Row("oracle", "oracle", H1),
     )
     claims = (
-        Claim("CMA uses the language", "SR", _FULL, _DEAF, published=False),
-        Claim(
-            "CMA uses vision; its rival is weak, no better than chance",
-            "SR",
-            _FULL,
-            _BLIND,
-            published=False,
-        ),
+        *_sense_claims("no better than chance"),
         Claim("CMA is better than chance", "SR", _FULL, "random"),
         Claim("CMA is better than straight ahead", "SR", _FULL, "forward", published=False),
         Claim("all scenes are better than 10", "SR", _FULL, "CMA, 10 scenes", published=False),

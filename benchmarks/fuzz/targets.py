@@ -157,7 +157,7 @@ def _recipe(folder: Path) -> Target:
 
 def _robot(name: str) -> Callable[[Path], Target]:
     def target(folder: Path) -> Target:
-        from tests.collectors.test_robot_folder import written_rover
+        from tests.support.robot_folders import written_rover
         from vlnpe.collectors.robots.folder.load import load_robot_folder
 
         rover = written_rover(folder / "rover")
@@ -234,7 +234,7 @@ def _lerobot(pattern: str) -> Callable[[Path], Target]:
 
 def _internnav(pattern: str) -> Callable[[Path], Target]:
     def target(folder: Path) -> Target:
-        from tests.formats.test_internnav import make_unit
+        from tests.formats.internnav.layouts import make_unit
         from vlnpe.formats.internnav.reader import find_scenes, read_layout_episode
         from vlnpe.formats.internnav.writer import SceneEpisode, share_instructions, write_scene
         from vlnpe.formats.lerobot import read_episode_unit

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
-from ..gait_trials.aim import command_bounds
 from ..gait_trials.terrain import Terrain
 from ..gait_trials.trial import STEP_S, TargetPipe
 from ..locomotion.gait import ClockState, joint_targets
@@ -21,17 +20,11 @@ from ..robots import POLICY_DECIMATION, RobotHandles, RobotSpec, apply_physics_o
 from .config import TrainingConfig
 from .gaits import GAITS
 from .mirror import Symmetry
-from .randomize import (
-    ACTION_S,
-    draw_latency,
-    randomize_models,
-    sample_actions,
-    sample_commands,
-)
+from .randomize import draw_latency, randomize_models
 from .rewards import SMOOTHNESS_TERMS, BodyFacts, StepFacts, reward_terms
+from .schedule import Schedule
 
 Array = NDArray[np.float64]
-NEAR_S = 0.4  # what comes later than this hardly matters to the critic yet
 # Where the critic sees the ground, ahead and left of the base.
 AROUND_XY_M = np.array([(x, y) for x in (-0.15, 0.1, 0.35) for y in (-0.2, 0.2)])
 
@@ -85,13 +78,10 @@ class GaitEnv(VecEnv):
             joint_range_rad=np.array([j.range_rad for j in robot.joints[: robot.policy_joints]]),
             sideways=self.symmetry.joint_signs.numpy() < 0,
         )
-        self._command_bounds = command_bounds(
-            robot.command_limits, config.command_margin, config.command_beyond
-        )
         latency = draw_latency(rng, config)
         self._pipe = TargetPipe(latency)
         self.physical = np.column_stack([self.physical, latency])
-        self._hurried = rng.random(config.envs) < config.hurried_share
+        self._schedule = Schedule(robot, config, self.gait, rng)
         # Control vectors follow the model's actuator order, which is the policy's here.
         self._ctrl_order = np.argsort(self.handles.actuators)
         self._allocate()
@@ -101,14 +91,7 @@ class GaitEnv(VecEnv):
         n, j, f = self.num_envs, self.num_actions, len(self.robot.feet)
         self._action, self._previous, self._older = (np.zeros((n, j)) for _ in range(3))
         self._pipe.fill(np.tile(self._default, (n, 1)))
-        self._wanted, self._clock = np.zeros((n, 3)), ClockState.standing(n)
-        self._moving = np.zeros(n, dtype=bool)
-        self._next_command, self._next_push = np.zeros(n), np.zeros(n)
-        self._upcoming, self._upcoming_s, self._kick = (
-            np.zeros((n, 3)),
-            np.zeros(n),
-            np.zeros((n, 2)),
-        )
+        self._clock, self._moving = ClockState.standing(n), np.zeros(n, dtype=bool)
         self._linear_mean, self._yaw_mean = np.zeros((n, 2)), np.zeros(n)
         self._foot_position, self._joint_velocity = np.zeros((n, f, 3)), np.zeros((n, j))
         self._foot_contact = np.ones((n, f), dtype=bool)
@@ -154,29 +137,16 @@ class GaitEnv(VecEnv):
         A critic may know it: the next command and the next kick, weighted by how near they are,
         and the heights around the robot. Without it, advantages are mostly noise.
         """
-        now = self._age * STEP_S
-        soon, kick_soon = (
-            np.exp(-np.maximum(at - now, 0.0) / NEAR_S)[:, None]
-            for at in (self._next_command, self._next_push)
-        )
         q = self.handles.root_qpos
         w, x, y, z = self._qpos[:, q + 3 : q + 7].T
         yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
         cosine, sine = np.cos(yaw), np.sin(yaw)
         to_world = np.stack([cosine, -sine, sine, cosine], axis=-1).reshape(-1, 2, 2)
-        kick = np.einsum("nij,ni->nj", to_world, self._kick)
+        kick = np.einsum("nij,ni->nj", to_world, self._schedule.kick)
         around = self._qpos[:, None, q : q + 2] + np.einsum("nij,kj->nki", to_world, AROUND_XY_M)
         heights = self.terrain.at(around)
         heights -= heights.mean(axis=1, keepdims=True)
-        parts = [
-            self._wanted,
-            self._upcoming * soon,
-            soon,
-            kick * kick_soon,
-            kick_soon,
-            10.0 * heights,
-        ]
-        return np.concatenate(parts, axis=1)
+        return np.concatenate([self._schedule.future(self._age, kick), 10.0 * heights], axis=1)
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
         """Return one policy step of every simulation; see `rsl_rl.env.VecEnv.step`."""
@@ -196,11 +166,13 @@ class GaitEnv(VecEnv):
         time_out = (expired | left) & ~fallen
         self._note(facts, terms, fallen, reward)
         done = fallen | time_out
-        self._change_commands()
-        self._push()
+        self._schedule.change_commands(self._age)
+        kicked, kicks = self._schedule.kicks(self._age)
+        v = self.handles.root_dof
+        self._qvel[kicked, v : v + 2] += self.push_scale * kicks
         if done.any():
             self._reset(np.flatnonzero(done))
-        self._clock, self._moving = self.gait.tick(self._clock, self._wanted, STEP_S)
+        self._clock, self._moving = self.gait.tick(self._clock, self._schedule.wanted, STEP_S)
         self.episode_length_buf = torch.from_numpy(self._age.copy())
         return (
             self.get_observations(),
@@ -275,46 +247,6 @@ class GaitEnv(VecEnv):
         broken = ~np.isfinite(self._qpos).all(axis=1) | (np.abs(self._qvel).max(axis=1) > 100)
         return (roll > slack * fall.roll_rad) | (pitch > slack * fall.pitch_rad) | low | broken
 
-    def _change_commands(self) -> None:
-        """Give new commands to those whose time has come; every other one stops after a walk."""
-        due = np.flatnonzero(self._age * STEP_S >= self._next_command)
-        if not len(due):
-            return
-        self._wanted[due] = self._upcoming[due]
-        self._next_command[due] = self._age[due] * STEP_S + self._upcoming_s[due]
-        self._draw_command(due)
-
-    def _draw_command(self, due: NDArray[np.intp]) -> None:
-        """Draw the commands that follow the present ones, and how long they will last."""
-        rng, config = self.rng, self.config
-        walked = self.gait.moving(self._wanted[due])
-        stop = walked & (rng.random(len(due)) < config.stop_share)
-        hurried = self._hurried[due]
-        wait = rng.uniform(*config.command_s, len(due))
-        wait = np.where(stop, rng.uniform(*config.stop_s, len(due)), wait)
-        fresh = sample_commands(rng, len(due), self._command_bounds)
-        # Like discrete actions in VLN-PE's timing: a step or a turn each quarter of a second.
-        wait[hurried] = ACTION_S * rng.integers(1, 5, hurried.sum())
-        fresh[hurried] = sample_actions(rng, int(hurried.sum()))
-        stop &= ~hurried | (rng.random(len(due)) < 0.2)
-        wait[hurried & stop] = rng.uniform(*config.stop_s, int((hurried & stop).sum()))
-        self._upcoming[due] = np.where(stop[:, None], 0.0, fresh)
-        self._upcoming_s[due] = wait
-
-    def _push(self) -> None:
-        due = np.flatnonzero(self._age * STEP_S >= self._next_push)
-        if len(due):
-            v = self.handles.root_dof
-            self._qvel[due, v : v + 2] += self.push_scale * self._kick[due]
-            wait = self.rng.uniform(*self.config.push_s, len(due))
-            self._next_push[due] = self._age[due] * STEP_S + wait
-            self._draw_kick(due)
-
-    def _draw_kick(self, due: NDArray[np.intp]) -> None:
-        angle = self.rng.uniform(0, 2 * np.pi, len(due))
-        kick = self.config.push_m_s * self.rng.uniform(0.3, 1, len(due))
-        self._kick[due] = kick[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-
     def _reset(self, ids: NDArray[np.intp]) -> None:
         n, rng, h = len(ids), self.rng, self.handles
         self.batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
@@ -336,15 +268,11 @@ class GaitEnv(VecEnv):
         for array in (self._action, self._previous, self._older, self._linear_mean):
             array[ids] = 0.0
         self._clock.command[ids], self._clock.phase[ids], self._clock.steps_left[ids] = 0, 0, 0
-        self._wanted[ids], self._moving[ids] = 0.0, False
+        self._moving[ids] = False
         self._yaw_mean[ids], self._joint_velocity[ids] = 0.0, 0.0
         self._height[ids], self._foot_height[ids] = self.robot.base_height_m, 0.0
         self._foot_contact[ids] = True
-        self._next_command[ids] = 0.0
-        self._next_push[ids] = rng.uniform(*self.config.push_s, n)
-        self._draw_kick(ids)
-        self._draw_command(ids)
-        self._change_commands()
+        self._schedule.reset(ids, self._age)
 
     def _note(
         self,

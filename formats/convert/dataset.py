@@ -24,13 +24,13 @@ from ..lerobot.layout import (
     FileLimits,
 )
 from ..lerobot.statistics import MOMENTS, QUANTILES
+from ..lerobot.unit_parts import UnitParts, write_unit
 from ..lerobot.unit_rows import unit_schema
 from ..untrusted.documents import read_json_object
 from ..untrusted.files import check_input, check_links, read_input
 from ..untrusted.limits import limits
 from ..untrusted.tables import read_schema, read_table
 from ..video.mux import copy_frames
-from .units import UnitParts, write_unit
 
 MAX_CARD_BYTES = 16 << 20
 _NEEDED = {
@@ -228,7 +228,7 @@ def episode_files(root: Path) -> list[Path]:
     """
     files = sorted(root.glob(EPISODES_GLOB))
     if not files:
-        raise FileFormatError(root / "meta" / "episodes", "missing; the dataset has no episode")
+        raise FileFormatError(root / "meta" / "episodes", "missing; the dataset has no episodes")
     return files
 
 

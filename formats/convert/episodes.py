@@ -45,8 +45,9 @@ from ..untrusted.documents import read_json_object
 from .dataset import ROLLOUTS_PATH, DatasetFacts, extract_unit, kept_rollout, read_facts
 from .stored_depth import depth_video
 from .unit_mcap import UNIT_METADATA, extract_unit_mcap, write_unit_mcap
-from .units import ROLLOUT_NAME
 
+# An episode's whole rollout, kept beside a unit's frame rows: MCAP without pictures.
+ROLLOUT_NAME = "rollout.mcap"
 DATASET_NAME = "dataset.json"
 
 

@@ -17,6 +17,7 @@ from ..core.camera import DepthRange
 from ..core.errors import FileFormatError
 from ..lerobot.layout import DEPTH_KEY, RGB_KEY, Features
 from ..lerobot.unit import EpisodeUnit, read_episode_unit
+from ..lerobot.unit_parts import UnitParts, write_unit
 from ..lerobot.unit_rows import row_arrays, stores_images, with_depth_images
 from ..mcap.camera import camera_messages
 from ..mcap.camera_streams import extract_videos
@@ -34,7 +35,6 @@ from ..mcap.topics import event_messages, motion_messages, state_messages, write
 from .frame_rollout import frame_rollout, frame_view
 from .row_messages import read_rows, row_messages
 from .stored_depth import depth_video
-from .units import UnitParts, write_unit
 
 UNIT_METADATA = "vlnpe.unit"
 
@@ -72,7 +72,7 @@ def _write(path: Path, unit: EpisodeUnit, depth: Path, dataset: Mapping[str, Any
         )
     with open_recording(path) as recording:
         recording.writer.write_metadata(INSTRUCTION_METADATA, {"text": unit.task})
-        write_json_metadata(recording, UNIT_METADATA, UnitParts.of(unit).to_json())
+        write_json_metadata(recording, UNIT_METADATA, unit.to_json())
         write_json_metadata(recording, VIEW_METADATA, view.facts)
         if dataset is not None:
             write_json_metadata(recording, DATASET_METADATA, dataset)
@@ -109,7 +109,7 @@ def extract_unit_mcap(contents: Contents, path: Path, folder: Path) -> None:
     index = read_json_metadata(contents, UNIT_METADATA, path)
     view = read_json_metadata(contents, VIEW_METADATA, path)
     try:
-        parts = UnitParts.from_json(index)
+        parts = UnitParts.from_json(index, path)
         rows = read_rows(contents, path, parts.features, parts.length)
         files = {"depth": view["depth"] | {"file": f"{DEPTH_KEY}.mp4"}}
         files["rgb"] = view["rgb"] | {"file": f"{RGB_KEY}.mp4"}

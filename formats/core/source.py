@@ -179,7 +179,7 @@ def _parsed() -> dict[str, Any]:
 
 
 def _keep(path: Path, known: dict[str, Any], before: dict[str, Any]) -> None:
-    if known != before:
+    if known != before and not sys.dont_write_bytecode:
         with contextlib.suppress(OSError):  # an installed package may be read-only
             path.parent.mkdir(exist_ok=True)
             write_bytes(path, json.dumps(known).encode())

@@ -14,7 +14,6 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from ..convert.units import UnitParts
 from ..core.camera import CameraModel, DepthRange
 from ..core.errors import InputError
 from ..core.frames import (
@@ -29,6 +28,7 @@ from ..core.rollout import DISCRETE_RATE_HZ, EndReason
 from ..lerobot.features import dataset_features
 from ..lerobot.layout import EPISODE_ROWS
 from ..lerobot.statistics import column_statistics
+from ..lerobot.unit_parts import UnitParts
 from ..lerobot.unit_rows import unit_rows
 from ..rendered.table import FrameTable, StartFrame, planar_motion
 from ..video.mp4 import probe_video

@@ -86,7 +86,7 @@ def find_scenes(root: Path) -> list[SceneFolder]:
                 place = place.parent
             found.append(SceneFolder(folder, place.parent.name, place.name, tuple(episodes)))
     if not found:
-        raise FileFormatError(root, f"no VLN-PE scene in it (a folder with {layout.INFO_PATH})")
+        raise FileFormatError(root, f"contains no VLN-PE scene (a folder with {layout.INFO_PATH})")
     return found
 
 

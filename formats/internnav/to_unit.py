@@ -15,11 +15,11 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from ..convert.units import UnitParts, write_unit
 from ..core.camera import DepthRange
 from ..core.errors import FileFormatError
 from ..lerobot import layout as v3
 from ..lerobot.statistics import picture_statistics
+from ..lerobot.unit_parts import UnitParts, write_unit
 from ..lerobot.unit_rows import stores_images, unit_rows, with_depth_images
 from ..rendered.image_counts import new_depth_counts, new_rgb_counts
 from ..video.mp4 import write_depth_video, write_rgb_video
@@ -103,7 +103,7 @@ def _metres(episode: LayoutEpisode) -> Iterator[NDArray[np.float32]]:
 def _own_parts(episode: LayoutEpisode, folder: Path) -> tuple[UnitParts, pa.Table]:
     """Return index and rows of the unit that our own writer was given."""
     try:
-        parts = UnitParts.from_json(episode.unit or {})
+        parts = UnitParts.from_json(episode.unit or {}, folder / layout.UNITS_PATH)
         return parts, unit_rows(episode.columns, parts.features)
     except (KeyError, TypeError, ValueError, pa.ArrowException) as error:
         raise FileFormatError(folder / layout.UNITS_PATH, f"damaged: {error!r}") from error

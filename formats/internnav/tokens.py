@@ -39,7 +39,7 @@ def read_vocabulary(path: Path) -> Vocabulary:
         if not all(isinstance(word, str) for word in words):
             raise ValueError("word_list holds more than words")
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise FileFormatError(path, f"no instruction_vocab in it ({error!r})") from error
+        raise FileFormatError(path, f"contains no instruction_vocab ({error!r})") from error
     missing = [word for word in (PAD, UNKNOWN) if word not in words]
     if missing:
         raise FileFormatError(path, f"word_list lacks {missing[0]}")

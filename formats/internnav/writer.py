@@ -14,7 +14,6 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from ..convert.stored_depth import depth_video
-from ..convert.units import UnitParts
 from ..core.atomic import atomic_folder
 from ..core.errors import FileFormatError
 from ..core.rollout import EndReason
@@ -113,7 +112,7 @@ def write_scene(
                     "task_index": {"min": task_index, "max": last, "count": unit.length},
                 }
             )
-            kept.append({"episode_index": number, "unit": UnitParts.of(unit).to_json()})
+            kept.append({"episode_index": number, "unit": unit.to_json()})
             frames, task_index = frames + unit.length, last + 1
         _write_lines(temporary / layout.TASKS_PATH, tasks)
         _write_lines(temporary / layout.EPISODES_PATH, lines)

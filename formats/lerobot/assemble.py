@@ -82,7 +82,7 @@ def assemble_dataset(
         FileFormatError: a unit is damaged or does not match the first.
     """
     if not units:
-        raise ValueError(f"no episode to assemble into {out}")
+        raise ValueError(f"no episodes to assemble into {out}")
     first = read_episode_unit(units[0])
     sizes = [_size(read_episode_unit(folder), first) for folder in units]
     with atomic_folder(out) as root:

@@ -10,20 +10,17 @@ Units are independent, so any number of processes may write them; a unit is whol
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from ..core.atomic import atomic_folder
 from ..core.camera import CameraModel, DepthRange
 from ..core.errors import FileFormatError, UnknownNameError
 from ..core.rollout import Rollout
@@ -37,44 +34,21 @@ from ..video.mp4 import VideoFacts, iterate_depth_codes, iterate_rgb_video, prob
 from ..video.stream import pick_frames
 from .episode_columns import EPISODE_COLUMNS, LATER_COLUMNS, episode_columns
 from .features import DEPTH_STORAGES, dataset_features
-from .info import check_features
-from .layout import DEPTH_KEY, RGB_KEY, Features
-from .statistics import (
-    Statistics,
-    column_statistics,
-    picture_statistics,
-    statistics_from_json,
-    statistics_to_json,
-)
+from .layout import DEPTH_KEY, RGB_KEY
+from .statistics import column_statistics, picture_statistics
+from .unit_parts import ROWS, UNIT_INDEX, UnitParts, write_unit
 from .unit_rows import stores_images, unit_rows, with_depth_images
 
-UNIT_INDEX = "unit.json"
-UNIT_VERSION = 1
-ROWS = "rows.parquet"
 
-
-@dataclass(frozen=True)
-class EpisodeUnit:
-    """The index of a unit on disk.
+@dataclass(frozen=True, kw_only=True)
+class EpisodeUnit(UnitParts):
+    """A unit on disk.
 
     Attributes:
         folder: where it lies.
-        frames_per_second, robot: must agree within a dataset.
-        features: entries of info.json.
-        task: the instruction.
-        length: number of frames.
-        statistics: per feature, but for the columns that depend on the place in a dataset.
-        columns: values of `EPISODE_COLUMNS`.
     """
 
     folder: Path
-    frames_per_second: int
-    robot: str
-    features: Features
-    task: str
-    length: int
-    statistics: dict[str, Statistics]
-    columns: dict[str, Any]
 
     def video(self, key: str) -> Path:
         """Return the path of a video."""
@@ -152,27 +126,26 @@ def write_episode_unit(
     counts = _counts(frames)
     statistics |= picture_statistics(*counts, depth_range, len(table), stores_images(features))
     own = instructions or rollout.episode.extra.get("instructions") or [rollout.episode.instruction]
-    with atomic_folder(folder) as temporary:
+    parts = UnitParts(
+        frames_per_second=rate,
+        robot=rollout.robot,
+        features=features,
+        task=rollout.episode.instruction,
+        length=len(table),
+        statistics=statistics,
+        columns=episode_columns(rollout, table, frames.camera, depth_range, frames.light, own),
+    )
+
+    def make(temporary: Path) -> tuple[UnitParts, pa.Table]:
         rows = unit_rows(columns, features)
         if stores_images(features):
             rows = with_depth_images(rows, features, frames.depth_video, depth_range)
         else:
             _link(frames.depth_video, temporary / f"{DEPTH_KEY}.mp4")
-        pq.write_table(rows, temporary / ROWS)
         _link(frames.rgb_video, temporary / f"{RGB_KEY}.mp4")
-        unit = {
-            "unit_version": UNIT_VERSION,
-            "frames_per_second": rate,
-            "robot": rollout.robot,
-            "features": features,
-            "task": rollout.episode.instruction,
-            "length": len(table),
-            "statistics": {k: statistics_to_json(v) for k, v in statistics.items()},
-            "columns": episode_columns(
-                rollout, table, frames.camera, depth_range, frames.light, own
-            ),
-        }
-        (temporary / UNIT_INDEX).write_text(json.dumps(unit))
+        return parts, rows
+
+    write_unit(folder, make)
 
 
 def read_episode_unit(folder: Path) -> EpisodeUnit:
@@ -186,25 +159,11 @@ def read_episode_unit(folder: Path) -> EpisodeUnit:
         raise FileFormatError(path, "missing; not an episode unit")
     try:
         index = read_json_object(path)
-        check_features(path, index["features"])
-        if index["unit_version"] != UNIT_VERSION:
-            raise FileFormatError(
-                path, f"unit version {index['unit_version']}; this code reads {UNIT_VERSION}"
-            )
         index["columns"] = LATER_COLUMNS | index["columns"]
         missing = set(EPISODE_COLUMNS) - set(index["columns"])
         if missing:
             raise FileFormatError(path, f"episode columns {sorted(missing)} are missing")
-        return EpisodeUnit(
-            folder=folder,
-            frames_per_second=index["frames_per_second"],
-            robot=index["robot"],
-            features=index["features"],
-            task=index["task"],
-            length=index["length"],
-            statistics={k: statistics_from_json(v) for k, v in index["statistics"].items()},
-            columns=index["columns"],
-        )
+        return EpisodeUnit(folder=folder, **vars(UnitParts.from_json(index, path)))
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise FileFormatError(path, f"not an episode unit: {error!r}") from error
 

@@ -136,8 +136,7 @@ def _check_chunk(path: Path, chunk: Chunk, unpacked: int, cap: int) -> None:
         if inside > chunk.uncompressed_size:
             raise FileFormatError(
                 path,
-                f"a chunk says it unpacks to {chunk.uncompressed_size:,} bytes and holds "
-                f"{inside:,}",
+                f"a chunk declares {chunk.uncompressed_size:,} unpacked bytes, but has {inside:,}",
             )
     elif chunk.compression:
         raise FileFormatError(

@@ -60,7 +60,7 @@ def read_frame_folder(folder: Path) -> FrameFolder:
     meta, poses = folder / "meta.json", folder / "frames.npz"
     for path in (meta, poses):
         if not path.is_file():
-            raise FileFormatError(folder, f"no rendered frames here ({path.name} is missing)")
+            raise FileFormatError(folder, f"contains no rendered frames ({path.name} is missing)")
     facts, arrays = read_json_object(meta), read_arrays(poses)
     try:
         camera, depth = facts["camera"], facts["depth"]

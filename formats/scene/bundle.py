@@ -243,7 +243,7 @@ def load_bundle(root: Path) -> SceneBundle:
     """
     path = root / INDEX_NAME
     if not path.is_file():
-        raise FileFormatError(root, f"no repaired scene here ({INDEX_NAME} is missing)")
+        raise FileFormatError(root, f"contains no repaired scene ({INDEX_NAME} is missing)")
     try:
         index = read_json_object(path)
         for material in index["materials"]:

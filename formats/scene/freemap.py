@@ -49,8 +49,8 @@ class Freemap:
             return self
         if self.headroom_m.shape != self.traversable.shape:
             raise SceneError(
-                "the scene was repaired before free heights were kept; repair it again to plan "
-                f"for robots lower than {FULL_HEIGHT_M:g} m"
+                "the scene was repaired by a version that recorded no free heights; repair it "
+                f"again to plan for robots lower than {FULL_HEIGHT_M:g} m"
             )
         low = self.traversable | (np.isfinite(self.floor_z_m) & (self.headroom_m >= height_m))
         parts = np.asarray(label(low, connectivity=1))

@@ -61,7 +61,7 @@ def open_video(path: Path) -> Iterator[InputContainer]:
     except (FFmpegError, OSError) as error:
         raise FileFormatError(path, f"not a readable video ({error.strerror})") from error
     except UnicodeDecodeError as error:
-        raise FileFormatError(path, "not a readable video (its tags are not text)") from error
+        raise FileFormatError(path, "not a readable video (its metadata is not text)") from error
     with contextlib.closing(container):
         if not container.streams.video:
             raise FileFormatError(path, "no video stream")

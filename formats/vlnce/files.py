@@ -76,7 +76,7 @@ def read_vlnce(
             reader = EpisodeReader(path, index, raw)
             episode = reader.episode()
             if str(episode.episode_id) in seen:
-                raise reader.error("its episode_id occurs twice in the file")
+                raise reader.error("its episode_id occurs twice")
         except BadEpisodeError as error:
             if strict:
                 raise
@@ -170,10 +170,10 @@ def _to_episode(path: Path, raw: VlnceEpisode) -> Episode:
 
     ours = raw.info.get(OUR_KEY)
     if not isinstance(ours, dict):
-        raise fail(f"no info.{OUR_KEY}: a foreign VLN-CE file, align it with its scenes first")
+        raise fail(f"no info.{OUR_KEY}: not written by vlnpe; align the file with its scenes first")
     if ours.get("format_version") != FORMAT_VERSION:
         version = ours.get("format_version")
-        raise fail(f"format version {version}, this code reads {FORMAT_VERSION}")
+        raise fail(f"format version {version}; this code reads {FORMAT_VERSION}")
     if not raw.goals or not len(raw.reference_path_habitat_m):
         raise fail("no goal or no reference path")
     try:

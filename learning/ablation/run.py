@@ -102,7 +102,7 @@ def run_ablation(
     if config.model.name not in DISCRETE:
         raise UnknownNameError("model of an ablation", config.model.name, DISCRETE)
     if recipe.holdout == NO_HOLDOUT:
-        raise InputError("holdout none; valid: any other, for held-out episodes are predicted")
+        raise InputError("holdout none: an ablation predicts held-out episodes; valid: any other")
     library = Library(data)
     evaluated = recipe.evaluate or tuple(recipe.sources)
     used = {n for m in recipe.mixtures.values() for n in m.weights} | set(evaluated)

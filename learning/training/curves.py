@@ -115,4 +115,4 @@ def _read_curves(path: Path) -> list[dict[str, Any]]:
         values = [{k: float(v) for k, v in row.items() if v} for row in rows]
         return [row | {"step": int(row["step"])} for row in values]
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise FileFormatError(path, f"not the curves of a training ({error})") from error
+        raise FileFormatError(path, f"not the curves of a training run ({error})") from error

@@ -60,7 +60,7 @@ def hold_out(
         by = "scene" if len(scenes) > 1 else "trajectory"
     names = scenes if by == "scene" else everything
     if len(names) < 2:
-        raise InputError(f"holdout by {by}: only {len(names)} there; valid: 2 or more")
+        raise InputError(f"holdout by {by}: only {len(names)} found; valid: 2 or more")
     count = min(max(round(recipe.holdout_fraction * len(names)), 1), len(names) - 1)
     chosen = set(sorted(names, key=lambda name: _order(recipe.seed, name))[:count])
     if by == "trajectory":

@@ -97,7 +97,7 @@ def train_recipe(request: Request, *, show: bool = True) -> Result:
     seed = recipe.seed if request.seed is None else request.seed
     start = load_checkpoint(request.start) if request.start else None
     if start is not None and start.card.config.model != config.model:
-        raise InputError(f"{request.start}: has another architecture than the recipe's `model`")
+        raise InputError(f"{request.start}: its architecture differs from the recipe's `model`")
     tokens = start.card.tokens if start is not None else _vocabulary(plan, config)
     choice = InstructionChoice(config.instructions, seed)
     cache = request.cache or out / "cache"

@@ -208,7 +208,7 @@ def _restore(path: Path, training: _Training) -> int:
         state = torch.load(path, weights_only=True, map_location="cpu")
         if state["made_by"] != training.made_by:
             raise FileFormatError(
-                path, "the state of a training with other settings; use another output folder"
+                path, "the state of a training run with other settings; use another output folder"
             )
         training.model.load_state_dict(state["model"])
         training.optimizer.load_state_dict(state["optimizer"])
@@ -229,5 +229,5 @@ def _restore(path: Path, training: _Training) -> int:
         UnpicklingError,
     ) as error:
         raise FileFormatError(
-            path, f"not a state of this training; delete it to start again ({error})"
+            path, f"not the state of this training run; delete it to start again ({error})"
         ) from error

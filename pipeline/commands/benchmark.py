@@ -242,5 +242,5 @@ def _number(value: dict[str, float | None]) -> str:
 def _names(text: str) -> Sequence[str]:
     names = [name.strip() for name in text.split(",")]
     if not all(names):
-        raise InputError(f"{text!r}: an empty name; valid: a name, or a,b,c")
+        raise InputError(f"{text!r}: contains an empty name; valid: a name, or a,b,c")
     return list(dict.fromkeys(names))

@@ -18,7 +18,9 @@ from ...trajectory_sampler.align_config import AlignConfig
 from ...trajectory_sampler.config import SampleConfig
 from ...trajectory_sampler.presets import PRESETS, get_preset
 from ...trajectory_sampler.stairs import StairRules
-from ..chain import Chain, Product
+from ..chain import episodes
+from ..chain.rollouts import Product, collect, select_current
+from ..chain.run import Run
 from ..engine.context import open_context
 from ..engine.ledger import Ledger
 from ..engine.run_folder import RunFolder, safe_name
@@ -79,10 +81,9 @@ def run(options: Collect) -> int:
         keep_all(robots, context.ledger)
         widest = max(robots, key=lambda robot: robot.footprint_radius_m)
         eye = _eye(context.ledger) or kept(widest.name, folder.root)
-        chain = Chain(
-            folder, context, options.seed, actions, instructing, eye, options.per_instruction
-        )
-        scenes = chain.scenes(sources, repairing, options.allow_unsound)
+        current = Run(folder, context, options.seed, actions, options.per_instruction)
+        wording = episodes.Wording(instructing, eye)
+        scenes = episodes.repaired(current, sources, repairing, options.allow_unsound)
         sampling = _widened(sampling, robots, context.ledger)
         fitting = AlignConfig(
             robot_radius_m=_fitting_radius(robots, context.ledger),
@@ -90,19 +91,19 @@ def run(options: Collect) -> int:
             goal_beyond_start=options.goal_beyond_start,
         )
         if episode_files:
-            asked = chain.aligned(episode_files, scenes, rules, fitting)
+            asked = episodes.aligned(current, wording, episode_files, scenes, rules, fitting)
         else:
             quotas, exact = (plan.quotas, plan.exact) if plan else (None, True)
-            asked = chain.sampled(sampling, scenes, quotas, exact=exact)
+            asked = episodes.sampled(current, wording, sampling, scenes, quotas, exact=exact)
         if options.only_episodes:
-            return _print_episodes(options, folder, chain.summaries)
-        chain.keep(asked, scenes, pairs)
+            return _print_episodes(options, folder, current.summaries)
+        select_current(current, asked, scenes, pairs)
         for robot, controller in pairs:
-            chain.collected(
+            collect(
+                current,
                 asked,
                 scenes,
-                robot,
-                controller,
+                (robot, controller),
                 views[robot],
                 product,
                 {
@@ -127,8 +128,8 @@ def run(options: Collect) -> int:
                     "depth": options.depth,
                 },
             )
-        page = report.write(folder, context, chain.summaries)
-    return show_summary(folder, chain.summaries, page, options.max_failed, options.json)
+        page = report.write(folder, context, current.summaries)
+    return show_summary(folder, current.summaries, page, options.max_failed, options.json)
 
 
 def _print_episodes(options: Collect, folder: RunFolder, summaries: Sequence[StageSummary]) -> int:
@@ -203,7 +204,9 @@ def _episodes(text: str) -> tuple[list[Path], str, int]:
     if all(file.is_file() for file in files):
         splits = [read_vlnce(file).split for file in files]
         if len(set(splits)) < len(splits):
-            raise InputError(f"EPISODES={text}: two files of one split; valid: one per split")
+            raise InputError(
+                f"EPISODES={text}: two files have the same split; valid: one per split"
+            )
         return files, "", 1
     raise InputError(
         f"EPISODES={text}: valid: a number above 0, {', '.join(PRESETS)}, or existing VLN-CE "

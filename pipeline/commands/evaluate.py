@@ -68,12 +68,12 @@ def run_evaluate(options: Evaluate) -> int:
     maps = options.policy in MAPS and options.actions == WAYPOINTS
     if options.actions != DISCRETE and not (options.policy.startswith(SERVER_SCHEMES) or maps):
         raise InputError(
-            f"--actions {options.actions}: only a policy server gives such actions, and {MAP} "
-            f"{WAYPOINTS}, not {options.policy}; valid: {DISCRETE}, or --policy ws://HOST:PORT"
+            f"--actions {options.actions}: policy {options.policy} outputs {DISCRETE} actions; "
+            f"valid: {DISCRETE}, --policy ws://HOST:PORT, or {WAYPOINTS} of --policy {MAP}"
         )
     robots = chosen_robots(options.robot)
     if len(robots) != 1:
-        raise InputError(f"--robot {options.robot}: an evaluation has one robot")
+        raise InputError(f"--robot {options.robot}: an evaluation runs one robot")
     (robot,) = robots
     if options.controller == AUTO:
         controller = auto_controller(robot, controllers_for(options.actions), "speed")
@@ -162,7 +162,7 @@ def _write_mcap(
         recorded = render.Recorded(rows, root, scenes, folder)
         items = render.items(recorded, view, FRAMES_PER_SECOND, root / "frames", root)
         frames = run_stage(context, render.STAGE, items, dataset.scope).good()
-        items = export.mcap_items(frames, root, folder, dataset, "video")
+        items = export.items(frames, root, folder, dataset)[export.MCAP_STAGE]
         run_stage(context, export.MCAP_STAGE, items, dataset.scope)
 
 

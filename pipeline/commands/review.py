@@ -50,7 +50,9 @@ def opened(options: ReviewOptions) -> Review:
             raise InputError("--scenes is needed with an episode file")
         scenes = options.scenes
     if not files:
-        raise InputError(f"{source}: no instructed episodes in it (run `vlnpe collect` first)")
+        raise InputError(
+            f"{source}: contains no episodes with instructions; run `vlnpe collect` first"
+        )
     episodes = [episode for path in files for episode in read_episodes(path)]
     films = {
         episode.trajectory_id: film

@@ -128,16 +128,15 @@ def run_export(options: Export) -> int:
     with open_context(options.out, options) as context:
         for (robot, controller, view), rows in groups.items():
             dataset = export.Dataset.under(context.ledger.root, robot, controller, view)
-            summaries += export.run(
-                context,
+            items = export.items(
                 rows,
                 root,
                 folder,
                 dataset,
-                {},
                 depth_storage=options.depth,
                 per_instruction=options.per_instruction,
             )
+            summaries += export.run(context, items, folder, dataset, {})
     return _print_summary(options, summaries)
 
 

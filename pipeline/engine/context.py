@@ -13,10 +13,10 @@ from pathlib import Path
 
 from ...formats.core.atomic import sweep_beside, write_bytes
 from ...formats.core.errors import InputError, VlnpeError
+from ..options.command_line import command_line
 from ..options.running import Running
 from ..store.address import store_url
 from ..store.mirror import mirrored
-from .command_line import command_line
 from .executors.base import Execution, make_executor
 from .files import records_of
 from .ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger, Row

@@ -113,7 +113,7 @@ class Ledger:
         for folder in (root, root.absolute().parent):
             if any((folder / name).is_file() for name in (MANIFEST_NAME, JOURNAL_NAME)):
                 return Ledger(folder)
-        raise FileFormatError(root, f"no run here ({MANIFEST_NAME} is missing)")
+        raise FileFormatError(root, f"not a run folder ({MANIFEST_NAME} is missing)")
 
     def rows(self, stage: str | None = None) -> list[Row]:
         """Return the current rows of all stages or of one, in item order."""
@@ -215,7 +215,7 @@ class Ledger:
             }
         except (AttributeError, TypeError, ValueError) as error:
             raise FileFormatError(
-                self.root / MANIFEST_NAME, f"not records of files: {error!r}"
+                self.root / MANIFEST_NAME, f"damaged file records: {error!r}"
             ) from error
 
     def forget(self, stage: str, items: Collection[str]) -> None:

@@ -264,7 +264,7 @@ def _run_only(
     if stage != wanted_stage:
         if waiting:
             raise InputError(
-                f"--only {context.only}: {stage} {waiting[0].name} must be done before it; run the "
+                f"--only {context.only}: {stage} {waiting[0].name} must be finished first; run the "
                 "command without --only first"
             )
         return

@@ -73,7 +73,7 @@ def auto_controller(
 ) -> str:
     """Return what `auto` means: `usual`, or the first controller of `among` that drives `robot`.
 
-    If none of them does, the first is returned, for its refusal to be told.
+    If none of them does, return the first, whose error message then lists the valid ones.
     """
     valid = valid_controllers(robot)
     able = [name for name in among if name in valid] or list(among)
@@ -104,7 +104,9 @@ def _names(variable: str, text: str, everything: Iterable[str]) -> list[str]:
     """Return the comma-separated names in `text`, each once, with `all` expanded."""
     given = [part.strip() for part in text.split(",")]
     if not all(given):
-        raise InputError(f"{variable}={text}: an empty name; valid: a name, or a,b,c, or {ALL}")
+        raise InputError(
+            f"{variable}={text}: contains an empty name; valid: a name, or a,b,c, or {ALL}"
+        )
     spelled = [name for part in given for name in (everything if part == ALL else (part,))]
     return list(dict.fromkeys(spelled))
 

@@ -106,8 +106,8 @@ def chosen_free_height(robots: Iterable[RobotSpec], asked_m: float) -> float:
     tallest = max(needed, key=lambda name: needed[name])
     if 0 < asked_m < needed[tallest]:
         raise InputError(
-            f"--free-height-m {asked_m:g}: {tallest} needs {needed[tallest]:g} m; valid: that, up "
-            f"to {FULL_HEIGHT_M:g}, or 0 for what the tallest of the robots needs"
+            f"--free-height-m {asked_m:g}: {tallest} needs {needed[tallest]:g} m; valid: "
+            f"{needed[tallest]:g} to {FULL_HEIGHT_M:g}, or 0 for the height of the tallest robot"
         )
     return asked_m or needed[tallest]
 

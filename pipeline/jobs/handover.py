@@ -50,6 +50,8 @@ class DepthKeeper:
         return self._codes if known and self._codes else None
 
 
+# One per process, like the caches of scenes and renderers: a job's `run` takes no arguments, and
+# every job would get one that two of them use.
 depth = DepthKeeper()
 
 

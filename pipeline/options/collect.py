@@ -36,8 +36,8 @@ class Collect(Running, Sampling):
     docs/scans.md and docs/splats.md), or `builtin` for a generated apartment; builtin:villa,
     builtin:house and builtin:office are larger buildings, builtin:villa*10 is ten of them, of
     consecutive seeds, and builtin-exact:villa*10 the same ten without the virtual scan. Built-in
-    scenes can be listed, comma-separated. With a preset, one without a number is as many as the
-    preset needs."""
+    scenes can be listed, comma-separated. With a preset, a kind without a number stands for as many
+    buildings as the preset needs."""
     scenes: Path | None = None
     """Folder of scans. All of them are used, or only those named by the scene ids of the VLN-CE
     file in --episodes."""
@@ -51,8 +51,8 @@ class Collect(Running, Sampling):
     """Rules by which episodes of a VLN-CE file are dropped, comma-separated: step, geometric, text;
     see `vlnpe filter`."""
     goal_beyond_start: bool = False
-    """Let the goal of a VLN-CE path be moved out of collision farther than its start is, instead of
-    rejecting the path."""
+    """Accept VLN-CE paths whose goal is moved farther out of collision than their start, instead of
+    rejecting them."""
     per_instruction: bool = False
     """Write one episode per instruction into episode files and LeRobot datasets. By default a path
     is one episode that carries all its instructions."""

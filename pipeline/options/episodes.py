@@ -7,7 +7,7 @@ from pathlib import Path
 
 import tyro
 
-from ...formats.scene import FULL_HEIGHT_M
+from ...trajectory_sampler.align_config import AlignConfig
 from ...trajectory_sampler.config import SampleConfig
 from . import Json
 
@@ -21,16 +21,16 @@ class Sampling:
     never shorter. Lower it for a single-room scan."""
     max_length_m: float = SampleConfig.max_length_m
     """Maximum length of a sampled reference path [m]; the geodesic distance is never longer."""
-    free_height_m: float = FULL_HEIGHT_M
+    free_height_m: float = SampleConfig.free_height_m
     """Free height above every path [m]. The default suits every robot; a lower value lets paths for
     low robots lead under tables, and 0 selects the height of the run's tallest robot."""
     min_crossings: int = SampleConfig.min_crossings
     """Minimum number of room-to-room transitions per sampled path; use 0 for a single-room scan."""
     similarity: str = SampleConfig.similarity
-    """How sampled paths are compared: frechet (greatest distance, keeps other goals and other
-    routes apart) or dtw (mean distance under time warping)."""
+    """Distance between sampled paths: frechet (maximum distance, distinguishes different goals and
+    different routes) or dtw (mean distance under dynamic time warping)."""
     min_gap_m: float = SampleConfig.min_gap_m
-    """Minimum distance between sampled paths [m]; closer ones count as too similar."""
+    """Minimum distance between sampled paths [m]; paths closer than this are too similar."""
     family_gap_m: float = SampleConfig.family_gap_m
     """Minimum distance between paths of different splits in one scene, in both directions [m]."""
     max_detour: float = SampleConfig.max_detour
@@ -38,7 +38,7 @@ class Sampling:
     max_turning_deg: float | None = SampleConfig.max_turning_deg
     """Maximum sum of a sampled path's turns [deg]."""
     heading: str = SampleConfig.heading
-    """Initial heading of the robot: path (along it) or random."""
+    """Initial heading of the robot: path (along the path) or random."""
     splits: str = ""
     """Number of paths per split over all scenes, e.g. train=147,val_seen=37,val_unseen=429.
     val_seen shares scenes with train, but no similar paths; val_unseen has scenes of its own."""
@@ -67,22 +67,22 @@ class Align:
     robot: str = ""
     """Robots that will walk the episodes, comma-separated; paths keep clear for the widest one.
     Without it, --robot-radius-m decides."""
-    robot_radius_m: float = 0.30
+    robot_radius_m: float = AlignConfig.robot_radius_m
     """Clearance that starts, goals and paths need [m], if no robot is named."""
-    free_height_m: float = FULL_HEIGHT_M
+    free_height_m: float = AlignConfig.free_height_m
     """Free height above every path [m]. The default suits every robot; a lower value lets paths for
     low robots lead under tables, and 0 selects the height of the run's tallest robot."""
-    max_start_nudge_m: float = 0.5
+    max_start_nudge_m: float = AlignConfig.max_start_nudge_m
     """Maximum distance by which a start in collision may be moved [m]."""
-    max_goal_nudge_m: float = 0.5
-    """Farthest that a goal in collision may be moved; no farther than a start [m]."""
-    goal_beyond_start: bool = False
-    """Let a path's goal be moved farther than its own start is, instead of rejecting the path."""
-    max_waypoint_nudge_m: float = 0.5
+    max_goal_nudge_m: float = AlignConfig.max_goal_nudge_m
+    """Maximum distance by which a goal in collision may be moved [m]; at most that of a start."""
+    goal_beyond_start: bool = AlignConfig.goal_beyond_start
+    """Accept paths whose goal is moved farther than their start, instead of rejecting them."""
+    max_waypoint_nudge_m: float = AlignConfig.max_waypoint_nudge_m
     """Maximum distance by which an inner waypoint may be moved [m]; others are bypassed."""
-    max_bypassed_share: float = 0.5
+    max_bypassed_share: float = AlignConfig.max_bypassed_share
     """Maximum share of a path's inner waypoints that may be bypassed."""
-    max_floor_gap_m: float = 1.0
+    max_floor_gap_m: float = AlignConfig.max_floor_gap_m
     """Maximum height of a point above or below its floor [m]."""
     workers: int = 0
     """Number of worker processes; 0 uses one per core."""
@@ -103,9 +103,9 @@ class Filter:
     (default kept)."""
     rules: str = "step"
     """Rules, comma-separated: step (VLN-PE's: a height step in the reference path), geometric (the
-    way leaves its level; needs --scenes), text (the instruction mentions stairs)."""
+    path leaves its level; needs --scenes), text (the instruction mentions stairs)."""
     combine: str = "any"
-    """Drop an episode if any of the rules drops it, or only if all do."""
+    """When to drop an episode: any (if one of the rules applies) or all (if all of them do)."""
     max_step_m: float = 0.3
     """Maximum height difference between consecutive reference points, for the rule step [m]."""
     scenes: Path | None = None

@@ -35,14 +35,14 @@ class Evaluate(Running):
     for --actions waypoints, or auto: the first of these that suits robot and actions."""
     actions: str = "discrete"
     """Actions of a policy server: discrete (controller speed or flash), velocity (speed) or
-    waypoints (path, also of the policy map)."""
+    waypoints (path; the policy map supports them, too)."""
     split: str | None = None
     """Evaluate only this split, for example val_unseen; all by default."""
     limit: int | None = None
     """Maximum number of episodes; the first ones are evaluated."""
     camera: str = "ego"
     """Camera of the policy, with an optional size and field of view (ego:224x224:79); a learned
-    policy by default has the one of its training data."""
+    policy defaults to the camera of its training data."""
     camera_height: float | None = None
     """Height of the robot's own camera above the floor [m], standing; defaults to the robot's. A
     moved camera does not see the robot's body."""

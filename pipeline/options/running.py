@@ -16,7 +16,7 @@ class Running:
     max_failed: int = 0
     """Maximum number of quarantined items; exit with code 1 above it."""
     wait: bool = False
-    """If another process works in the output folder, wait for it to end instead of refusing."""
+    """If another process uses the output folder, wait until it ends instead of failing."""
     explain: bool = False
     """Print to stderr why each item runs or is reused."""
     retry_quarantined: bool = False
@@ -29,11 +29,12 @@ class Running:
     """Where to run: local (processes of this machine), ray (a Ray cluster), or slurm (batch jobs).
     The machines share the run folder; see docs/scaling.md."""
     ray_address: str = ""
-    """Address of a running Ray cluster; defaults to RAY_ADDRESS, else one is started here."""
+    """Address of a running Ray cluster; defaults to RAY_ADDRESS. Without one, a local cluster is
+    started."""
     slurm: str = ""
-    """Options of the Slurm jobs, name=value with commas: partition, account, qos, constraint,
-    exclude, nodelist, dependency, time (240 minutes), mem_gb (3), cpus (1 per task), tasks (256 at
-    most in one array)."""
+    """Options of the Slurm jobs, comma-separated name=value pairs: partition, account, qos,
+    constraint, exclude, nodelist, dependency, time (240 minutes), mem_gb (3), cpus (1 per task),
+    tasks (256 at most in one array)."""
     dry_run: bool = False
     """With --executor slurm: write the batch script of the first stage that has work, and stop."""
 

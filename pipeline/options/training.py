@@ -61,7 +61,7 @@ class Train:
     out: Path = Path("runs/train")
     """Output folder for the checkpoint, curves, resumable state and decoded images."""
     cache: Path | None = None
-    """Folder of decoded images, which several trainings may share; defaults to <out>/cache."""
+    """Folder of decoded images, which several training runs can share; defaults to <out>/cache."""
     model: str | None = None
     """Model: cma, seq2seq or rdp; overrides the recipe."""
     inputs: str | None = None
@@ -78,9 +78,9 @@ class Train:
     """Number of episodes of --run to evaluate in closed loop at each checkpoint, always the same
     ones; the checkpoint with the highest success rate is kept. 0 keeps the last one."""
     validate_split: str | None = None
-    """Split of those episodes, for example val_seen; all by default."""
+    """Split of these episodes, for example val_seen; all by default."""
     dagger: int = 0
-    """Rounds of DAgger after the training: the model executes training episodes of --run, the
+    """Rounds of DAgger after training: the model executes training episodes of --run, the
     expert labels each pose, and training continues on both, in <out>/dagger-<round>."""
     dagger_episodes: int = 50
     """Number of episodes per round of DAgger."""

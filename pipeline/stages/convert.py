@@ -31,10 +31,8 @@ def run(
     """Convert all episodes; return the stages' summaries and what was written.
 
     Raises:
-        InputError: the source is already of that kind or unusable, or holds several robots.
+        InputError: the source is unusable, or holds several robots.
     """
-    if source.kind is target:
-        raise InputError(f"{source.path}: is {target} already")
     root = context.ledger.root
     summaries, written = [], []
     for name, items in unit_items(source, root / "units", options).items():
@@ -81,7 +79,7 @@ def _warn_of_doubts(rows: Mapping[str, Row]) -> None:
     if doubted:
         facts = doubted[0].facts
         log.warning(
-            "%d episodes say %s frames/s and rows %s s apart; taken as asked for instead",
+            "%d episodes declare %s frames/s and timestamps %s s apart; using the requested rate",
             len(doubted),
             facts["fps"],
             facts["timestamp_step_s"],
@@ -92,7 +90,7 @@ def _warn_of_size(unit: EpisodeUnit) -> None:
     size = (unit.columns["camera_width_px"], unit.columns["camera_height_px"])
     if size != (layout.IMAGE_SIZE_PX, layout.IMAGE_SIZE_PX):
         log.warning(
-            "images of %d × %d; InternNav's depth encoder takes %d × %d: render that size for it",
+            "images are %d × %d px, but InternNav's depth encoder takes %d × %d: render that size",
             *size,
             layout.IMAGE_SIZE_PX,
             layout.IMAGE_SIZE_PX,

@@ -43,7 +43,7 @@ def detect(path: Path) -> Source:
     if not path.is_dir():
         check_input(path)
         if path.suffix != ".mcap":
-            raise FileFormatError(path, "not a folder and not an .mcap file")
+            raise FileFormatError(path, "neither a folder nor an .mcap file")
         return Source(path, Kind.MCAP, path.resolve().stem)
     name = path.resolve().name
     if (path / "meta" / "episodes").is_dir():
@@ -94,7 +94,7 @@ def unit_items(source: Source, units: Path, options: Options) -> dict[str, list[
                 out = units / name / episode
                 add(name, episode, seen, LayoutUnitJob(scene, number, out, name, options))
     if not groups:
-        raise FileFormatError(source.path, "no episode in it")
+        raise FileFormatError(source.path, "contains no episodes")
     return groups
 
 

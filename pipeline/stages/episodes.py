@@ -118,8 +118,8 @@ def check_complete(
             log.warning("%s", problem)
     elif problems:
         raise InputError(
-            "; ".join(problems) + ". Also: --quota SCENE=N gives a scene fewer and the others "
-            "more, --min-length-m and --min-crossings allow more paths, larger scenes hold more"
+            "; ".join(problems) + ". Alternatively, move paths to other scenes with --quota "
+            "SCENE=N, lower --min-length-m or --min-crossings, or add larger scenes"
         )
 
 

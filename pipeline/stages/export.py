@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -77,15 +77,10 @@ def wanted(frames: Mapping[str, Row], only_success: bool) -> dict[str, Row]:
 
 def run(
     context: Context,
-    frames: Mapping[str, Row],
-    root: Path,
+    items: Mapping[str, Sequence[WorkItem]],
     scenes: Path,
     dataset: Dataset,
     facts: Mapping[str, Any],
-    *,
-    depth_storage: str = "video",
-    per_instruction: bool = False,
-    mcap: bool = True,
 ) -> list[StageSummary]:
     """Export one robot's rendered episodes: units, MCAP files, and the dataset of the units.
 
@@ -93,24 +88,18 @@ def run(
 
     Args:
         context: ledger of the folder that `dataset` lies in, and workers.
-        frames: rows of the render stage by item; their outputs are relative to `root`.
-        root: folder of the render stage's ledger.
+        items: the return value of `items`.
         scenes: folder of the repaired scenes.
         dataset: where it goes.
         facts: configuration and seeds for the provenance.
-        depth_storage: see `check_depth_storage`.
-        per_instruction: make one LeRobot episode of each instruction, with the same frames.
-        mcap: write MCAP files; otherwise none are left from before.
     """
     out = context.ledger.root
-    items = unit_items(frames, root, dataset, depth_storage, per_instruction)
-    units = run_stage(context, STAGE, items, dataset.scope)
-    items = mcap_items(frames, root, scenes, dataset, depth_storage) if mcap else []
-    summaries = [units, run_stage(context, MCAP_STAGE, items, dataset.scope)]
+    summaries = [run_stage(context, stage, items[stage], dataset.scope) for stage in items]
     # The folder of MCAP files is handed on as it is.
     context.ledger.discard(MCAP_STAGE, dataset.scope)
-    items = [dataset_item(units.good(), out, scenes, dataset, facts)] if units.good() else []
-    summaries.append(run_stage(context, DATASET_STAGE, items, dataset.name))
+    units = summaries[0].good()
+    joined = [dataset_item(units, out, scenes, dataset, facts)] if units else []
+    summaries.append(run_stage(context, DATASET_STAGE, joined, dataset.name))
     context.ledger.discard(DATASET_STAGE, dataset.name)
     return summaries
 
@@ -121,23 +110,42 @@ def check_depth_storage(name: str) -> None:
         raise UnknownNameError("depth storage", name, DEPTH_STORAGES)
 
 
-def unit_items(
+def items(
+    frames: Mapping[str, Row],
+    root: Path,
+    scenes: Path,
+    dataset: Dataset,
+    *,
+    depth_storage: str = "video",
+    per_instruction: bool = False,
+    mcap: bool = True,
+) -> dict[str, list[WorkItem]]:
+    """Return the items of the stages `export` and `mcap`: LeRobot units, and MCAP files.
+
+    Args:
+        frames: rows of the render stage by item; their outputs are relative to `root`.
+        root: folder of the render stage's ledger.
+        scenes: folder of the repaired scenes.
+        dataset: where the files go.
+        depth_storage: see `check_depth_storage`.
+        per_instruction: make one unit of each instruction, with the same frames.
+        mcap: write MCAP files; otherwise that stage has no items.
+    """
+    reviewed = review_digests(root)
+    units = _unit_items(frames, root, dataset, depth_storage, reviewed, per_instruction)
+    files = _mcap_items(frames, root, scenes, dataset, depth_storage, reviewed) if mcap else []
+    return {STAGE: units, MCAP_STAGE: files}
+
+
+def _unit_items(
     frames: Mapping[str, Row],
     root: Path,
     dataset: Dataset,
     depth_storage: str,
-    per_instruction: bool = False,
+    reviewed: Callable[[str], str],
+    per_instruction: bool,
 ) -> list[WorkItem]:
-    """Return one item per LeRobot unit: of an episode, or of each of its instructions.
-
-    Args:
-        frames: rows of the render stage by item.
-        root: folder of the render stage's ledger.
-        dataset: where the units go.
-        depth_storage: see `check_depth_storage`.
-        per_instruction: make one unit of each instruction.
-    """
-    reviewed = review_digests(root)
+    """Return one item per LeRobot unit: of an episode, or of each of its instructions."""
     review = root / REVIEW_NAME
     result = []
     for name, row in frames.items():
@@ -183,11 +191,15 @@ def review_digests(root: Path) -> Callable[[str], str]:
     return of
 
 
-def mcap_items(
-    frames: Mapping[str, Row], root: Path, scenes: Path, dataset: Dataset, depth_storage: str
+def _mcap_items(
+    frames: Mapping[str, Row],
+    root: Path,
+    scenes: Path,
+    dataset: Dataset,
+    depth_storage: str,
+    reviewed: Callable[[str], str],
 ) -> list[WorkItem]:
     """Return one item per MCAP file with images."""
-    reviewed = review_digests(root)
     held_out = tuple(sorted(held_out_scenes(_divided(frames, scenes))))
     result = []
     for name, row in frames.items():

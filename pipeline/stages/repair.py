@@ -168,8 +168,8 @@ def _beside(source: Path) -> list[Path]:
         if looked > MAX_BESIDE:
             raise FileFormatError(
                 source,
-                f"its folder {source.parent} has more than {MAX_BESIDE:,} files, to all of which "
-                "it may refer; move the scan and its textures to a folder of their own",
+                f"its folder {source.parent} has more than {MAX_BESIDE:,} files, any of which it "
+                "may reference; move the scan and its textures to a folder of their own",
             )
         found += [
             folder / name

@@ -54,7 +54,7 @@ def hold(store: ObjectFolder, *, wait: bool = False) -> Iterator[None]:
         if not wait:
             raise LockedError(
                 f"{store.url} is in use by {other or 'another process'}; wait for it to end "
-                f"(--wait does, and goes on {STALE_S:.0f} s after a process that has died), or "
+                f"(--wait does, and continues {STALE_S:.0f} s after a process has died), or "
                 "choose another folder"
             )
         if not warned:

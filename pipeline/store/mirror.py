@@ -14,7 +14,7 @@ import json
 import logging
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Set
 from functools import partial
 from pathlib import Path
 
@@ -65,7 +65,7 @@ class MirroredLedger(Ledger):
         try:
             self.upload()
         except StoreError as error:
-            log.warning("not uploaded yet: %s", error)
+            log.warning("upload failed, will be retried: %s", error)
         self._next_s = time.monotonic() + UPLOAD_EVERY_S
 
     def finish(self) -> None:
@@ -79,7 +79,7 @@ class MirroredLedger(Ledger):
             self.upload()
         except StoreError as error:
             raise StoreError(
-                f"{error}. What is done lies in {self.root}, and the same command uploads it"
+                f"{error}. Finished work is kept in {self.root}; the same command uploads it"
             ) from error
 
     def upload(self) -> None:
@@ -144,19 +144,29 @@ def pull(store: ObjectFolder, scratch: Path) -> dict[str, FileRecord]:
     manifest = store.read(MANIFEST_NAME)
     if manifest is None:
         if _marked(scratch):
-            log.warning("%s holds no run: going on with what is in %s", store.url, scratch)
+            log.warning(
+                "%s contains no run: continuing with the contents of %s", store.url, scratch
+            )
         return {}
-    return _pull(store, scratch, manifest)
+    there, held = _ledger_of(manifest), set(store.names())
+    if not _is_current(scratch, manifest):
+        _pull(store, scratch, manifest, there, held)
+    return {name: record for name, record in there.files().items() if name in held}
 
 
-def _pull(store: ObjectFolder, scratch: Path, manifest: bytes) -> dict[str, FileRecord]:
-    """Bring a scratch folder up to this manifest of the store; see `pull`."""
-    there = _ledger_of(manifest)
-    names, held = there.files(), set(store.names())
-    stored = {name: record for name, record in names.items() if name in held}
-    if _is_current(scratch, manifest):
-        return stored
-    here = Ledger(scratch)
+def _pull(
+    store: ObjectFolder, scratch: Path, manifest: bytes, there: Ledger, held: Set[str]
+) -> None:
+    """Bring a scratch folder up to a manifest of the store; see `pull`.
+
+    Args:
+        store: The folder of the store.
+        scratch: The folder to change.
+        manifest: The store's manifest.
+        there: The ledger that it describes.
+        held: Names of the files that the store holds.
+    """
+    here, names = Ledger(scratch), there.files()
     before = here.files()
     missing = {
         name: scratch / name
@@ -170,7 +180,7 @@ def _pull(store: ObjectFolder, scratch: Path, manifest: bytes) -> dict[str, File
         (scratch / name).unlink(missing_ok=True)
     if lost := missing.keys() - held:
         log.warning(
-            "%s: %d of the files that its manifest names are gone, e.g. %s; their items run again",
+            "%s: %d files of its manifest are missing, e.g. %s; their items run again",
             *(store.url, len(lost), min(lost)),
         )
     store.download({name: path for name, path in missing.items() if name in held})
@@ -182,7 +192,6 @@ def _pull(store: ObjectFolder, scratch: Path, manifest: bytes) -> dict[str, File
     ledger = Ledger(scratch)
     for row, files in own:
         ledger.add(row, files)
-    return stored
 
 
 @contextlib.contextmanager
@@ -195,7 +204,7 @@ def local_copy(url: str) -> Iterator[Path]:
     store = ObjectFolder.open(url)
     names = [name for name in store.names() if not Path(name).name.startswith(".vlnpe-")]
     if MANIFEST_NAME not in names:
-        raise StoreError(f"{url}: holds no run ({MANIFEST_NAME} is missing)")
+        raise StoreError(f"{url}: not a run folder ({MANIFEST_NAME} is missing)")
     with tempfile.TemporaryDirectory(prefix="vlnpe-") as folder:
         store.download({name: Path(folder) / name for name in names})
         yield Path(folder)
@@ -210,9 +219,9 @@ def fetched(url: str) -> Path:
     store, scratch = ObjectFolder.open(url), scratch_folder(url)
     manifest = store.read(MANIFEST_NAME)
     if manifest is None:
-        raise StoreError(f"{url}: holds no run ({MANIFEST_NAME} is missing)")
+        raise StoreError(f"{url}: not a run folder ({MANIFEST_NAME} is missing)")
     if not _is_current(scratch, manifest):
-        _pull(store, scratch, manifest)
+        _pull(store, scratch, manifest, _ledger_of(manifest), set(store.names()))
     return scratch
 
 

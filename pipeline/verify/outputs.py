@@ -46,7 +46,7 @@ def _rollout(path: Path) -> None:
     rollout = read_rollout(path)
     times = rollout.time_s
     if len(times) > 1 and (times[1:] <= times[:-1]).any():
-        raise ValueError("its times do not increase")
+        raise ValueError("timestamps do not increase")
 
 
 def _frames(path: Path) -> None:

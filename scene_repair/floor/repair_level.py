@@ -75,6 +75,11 @@ class RepairedFloor:
     patch_area_m2: float
     cracks: list[Crack]
 
+    @property
+    def scanned_area_m2(self) -> float:
+        """Area of the floor that was scanned [m²], by cells."""
+        return float(self.scanned.sum()) * self.fine.cell_m**2
+
 
 def repair_floor(
     mesh: WorldMesh,

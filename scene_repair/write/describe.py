@@ -21,8 +21,7 @@ LOW_ROOM_M, HIGH_ROOM_M, LEAST_FLOOR_M2 = 2.0, 6.0, 4.0
 
 def describe_level(level: RepairedFloor, probes: dict[str, Any]) -> dict[str, Any]:
     """Return JSON values for one level: areas, every hole, every flattened bump, the probes."""
-    cell_m2 = level.fine.cell_m**2
-    scanned = float(level.scanned.sum()) * cell_m2
+    scanned = level.scanned_area_m2
     return {
         "floor_z_m": round(level.floor_z_m, 4),
         "floor_area_before_m2": round(scanned, 3),
@@ -95,7 +94,7 @@ def doubts(
             "wrongly"
         )
     for k, floor in enumerate(floors):
-        scanned = float(floor.scanned.sum()) * floor.fine.cell_m**2
+        scanned = floor.scanned_area_m2
         if floor.patch_area_m2 > scanned:
             found.append(
                 f"level {k}: more floor was added ({floor.patch_area_m2:.1f} m²) than had been "

@@ -143,7 +143,7 @@ def test_a_robot_that_cannot_move_backs_off(two_rooms: SceneBundle) -> None:
     assert done.commands[:, 0].min() < 0
 
 
-def test_a_weak_body_still_arrives(two_rooms: SceneBundle) -> None:
+def test_a_body_that_moves_at_half_the_command_still_arrives(two_rooms: SceneBundle) -> None:
     """A gait may give half of what it is asked for."""
     freemap = two_rooms.freemap(0)
     for controller in (

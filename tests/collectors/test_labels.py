@@ -119,7 +119,7 @@ def test_an_agent_that_asks_at_its_own_poses_arrives(two_rooms: SceneBundle, nam
 
 
 @pytest.mark.parametrize("name", ["aliengo", "jetbot"])
-def test_it_rests_where_its_coasting_says(two_rooms: SceneBundle, name: str) -> None:
+def test_robots_stop_at_their_measured_coasting_distance(two_rooms: SceneBundle, name: str) -> None:
     robot = get_robot(name)
     coasting = measure_coasting(robot, gait_for(robot))
     assert 0.0 < coasting.turn_lag_s < 0.5

@@ -77,7 +77,7 @@ PIXEL = base64.b64decode(
 )
 
 
-def test_what_exploded_is_set_aside_with_its_state_and_counted(root: Path) -> None:
+def test_a_diverged_episode_is_quarantined_with_its_state_and_counted(root: Path) -> None:
     ledger = Ledger(root)
     row = ledger.row("replay", "aliengo/path/mad")
     assert row is not None and row.status == "quarantined"
@@ -102,7 +102,7 @@ def test_what_exploded_is_set_aside_with_its_state_and_counted(root: Path) -> No
     assert [item["item"] for item in quarantine["items"]] == ["aliengo/path/mad"]
 
 
-def test_an_episode_that_is_mended_leaves_no_dump(root: Path, tmp_path: Path) -> None:
+def test_a_diverged_episode_that_succeeds_later_leaves_no_dump(root: Path, tmp_path: Path) -> None:
     bundle_root = root / "scenes" / "two_rooms"
     dump = tmp_path / "mad.diverged.json"
     dump.write_text("{}")

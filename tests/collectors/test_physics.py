@@ -216,7 +216,7 @@ def test_a_damaged_cache_is_rebuilt(
 
 
 @pytest.mark.parametrize("change", ["obstacles", "robot", "config", "scene"])
-def test_whatever_shapes_the_model_has_a_cache_of_its_own(tmp_path: Path, change: str) -> None:
+def test_every_setting_that_shapes_the_model_has_its_own_cache(tmp_path: Path, change: str) -> None:
     bundle, robot, config = write_two_rooms(tmp_path / "a"), make_cart(), LevelModelConfig()
     cache = tmp_path / "cache"
     level_model(bundle, 0, robot, config, cache)

@@ -307,7 +307,7 @@ def test_left_and_right_are_mirror_images(robot: RobotSpec):
 
 
 @all_robots
-def test_what_is_seen_is_not_touched_and_weighs_nothing(robot: RobotSpec):
+def test_visual_geoms_neither_collide_nor_weigh(robot: RobotSpec):
     model = robot.build_model(floor=False)
     visual = model.geom_group == VISUAL_GROUP
     collision = model.geom_group == COLLISION_GROUP

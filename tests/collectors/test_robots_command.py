@@ -139,7 +139,7 @@ def test_a_stroll_is_steady_and_straight(name: str):
     assert walk.position_m[:, 2] == pytest.approx(robot.base_height_m, rel=0.2)
 
 
-def test_what_cannot_walk_does_not():
+def test_an_agent_without_joints_cannot_stroll():
     with pytest.raises(InputError, match="vlnce has no joints"):
         stroll(get_robot("vlnce"))
 

@@ -10,7 +10,7 @@ import pytest
 
 from tests.collectors.test_replay import make_episode, with_box
 from vlnpe.collectors.controllers import valid_controllers
-from vlnpe.collectors.rendering.camera.rollout_views import RolloutFrames
+from vlnpe.collectors.rendering.camera.rollout_frames import RolloutFrames
 from vlnpe.collectors.rendering.camera.views import make_view
 from vlnpe.collectors.rendering.embree import SceneRenderer
 from vlnpe.collectors.replay import ReplayConfig, replay_episode
@@ -90,7 +90,7 @@ def test_it_is_seen_from_behind_and_not_by_itself(two_rooms: SceneBundle, rollou
 
 
 @pytest.mark.parametrize("controller", ["path", "speed"])
-def test_what_drives_is_refused(two_rooms: SceneBundle, controller: str):
+def test_controllers_that_drive_are_refused(two_rooms: SceneBundle, controller: str):
     with pytest.raises(InputError, match=r"vlnce has no joints to drive; valid for it: flash"):
         replay_episode(
             two_rooms, make_episode(two_rooms), ReplayConfig(robot="vlnce", controller=controller)
@@ -116,6 +116,6 @@ def test_all_means_every_robot_with_a_body():
     assert [robot.name for robot in chosen_robots("all,vlnce")] == [*names, "vlnce"]
 
 
-def test_only_it_cannot_be_driven():
+def test_only_the_bodyless_agent_cannot_be_driven():
     assert valid_controllers(get_robot("vlnce")) == ["flash"]
     assert valid_controllers(get_robot("jetbot")) == ["path", "speed", "flash"]

@@ -76,7 +76,7 @@ def test_every_item_comes_once_before_any_comes_again(sizes, data, seed) -> None
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 120), st.integers(1, 50), st.integers(1, 4))
-def test_it_goes_on_anywhere_and_splits_among_processes(
+def test_it_resumes_at_any_item_and_splits_among_processes(
     drawn: int, length: int, world: int
 ) -> None:
     def sampler(rank: int = 0, world: int = 1, length: int = length) -> MixtureSampler:
@@ -259,7 +259,7 @@ def test_an_invalid_recipe_lists_what_is_valid(changes: dict, message: str, tmp_
 
 
 @pytest.mark.parametrize("text", ["a: [", "- 1", "", "\x00"])
-def test_what_is_no_recipe_is_refused(text: str, tmp_path: Path) -> None:
+def test_files_that_are_no_recipes_are_refused(text: str, tmp_path: Path) -> None:
     path = tmp_path / "recipe.yaml"
     path.write_text(text)
     with pytest.raises(FileFormatError, match=r"recipe\.yaml"):

@@ -106,7 +106,7 @@ def test_two_machines_add_to_one_run(bucket: ObjectFolder, tmp_path: Path):
     assert set(bucket.names()) >= {"out/a", "out/b", MANIFEST_NAME}
 
 
-def test_what_was_not_uploaded_joins_what_another_machine_did(bucket: ObjectFolder, tmp_path: Path):
+def test_work_not_uploaded_joins_that_of_another_machine(bucket: ObjectFolder, tmp_path: Path):
     here, there = tmp_path / "here", tmp_path / "there"
     here.mkdir()
     offline = Ledger(here)
@@ -217,4 +217,4 @@ def test_errors_name_the_url(bucket: ObjectFolder, monkeypatch: pytest.MonkeyPat
     with pytest.raises(StoreError, match="s3://nowhere/run"), mirrored("s3://nowhere/run"):
         pass
     failed = tiny_run.vlnpe("verify", "s3://bucket/none")
-    assert failed.returncode == 2 and "s3://bucket/none: holds no run" in failed.stderr
+    assert failed.returncode == 2 and "s3://bucket/none: not a run folder" in failed.stderr

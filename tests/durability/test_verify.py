@@ -97,7 +97,7 @@ def test_missing_and_unknown_files_and_those_of_killed_processes_are_named(run: 
 
 
 @QUICK
-def test_a_run_of_an_older_version_gets_a_sentence_and_no_pass(run: Path, capsys):
+def test_a_run_of_an_older_version_is_explained_and_does_not_pass(run: Path, capsys):
     path = run / MANIFEST_NAME
     old = {"rows": json.loads(path.read_text())["rows"]}
     path.write_text(json.dumps(old, indent=2, sort_keys=True) + "\n")

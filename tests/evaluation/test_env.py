@@ -14,7 +14,7 @@ from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
 
 from tests.collectors.test_replay import make_episode, same
-from vlnpe.collectors.rendering.camera.rollout_views import RolloutFrames
+from vlnpe.collectors.rendering.camera.rollout_frames import RolloutFrames
 from vlnpe.collectors.rendering.camera.views import make_view
 from vlnpe.collectors.rendering.registry import make_renderer
 from vlnpe.collectors.replay import ReplayConfig, replay_in
@@ -119,7 +119,7 @@ def test_a_reset_ends_the_walk_before_it_and_leaves_no_thread(env: NavigationEnv
     assert threading.active_count() == before
 
 
-def test_what_is_no_action_is_refused_and_ends_the_walk(env: NavigationEnv) -> None:
+def test_an_invalid_action_is_refused_and_ends_the_walk(env: NavigationEnv) -> None:
     for wrong in (7, float("nan"), "jump", np.zeros(3), None):
         env.reset(options={"episode": 0})
         with pytest.raises(PolicyError, match="valid: 0 STOP"):

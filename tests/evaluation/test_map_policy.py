@@ -81,7 +81,7 @@ def test_its_map_is_that_of_the_rooms(walk) -> None:
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) == 6  # unseen, free, solid, wall, marks
 
 
-def test_it_is_told_neither_goal_nor_path_nor_where_the_world_is(two_rooms, walk) -> None:
+def test_it_receives_neither_goal_nor_path_nor_world_coordinates(two_rooms, walk) -> None:
     """Another goal and another path, hence another episode, and the same walk to the bit."""
     policy, rollout = walk
     other = Watched()
@@ -102,7 +102,7 @@ def test_it_moves_by_waypoints_in_physics_too(two_rooms) -> None:
     assert walked(two_rooms, MapPolicy(), (6.6, 1.5), kind="waypoints").metrics.success
 
 
-def test_a_way_leads_round_what_stands_there() -> None:
+def test_routes_lead_around_obstacles() -> None:
     seen = SeenMap()
     middle = seen.grid.rows // 2
     seen.floor[middle - 20 : middle + 20, middle - 10 : middle + 40] = True

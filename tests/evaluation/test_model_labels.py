@@ -68,7 +68,7 @@ def test_boxes_become_pixels_with_a_surface_and_answers_are_cached(tmp_path) -> 
         [{"name": "sofa", "box": [3, 3, 4, 4]}],
     ],
 )
-def test_what_has_no_known_name_or_surface_is_counted_and_left_out(tmp_path, things) -> None:
+def test_things_without_known_name_or_surface_are_counted_and_left_out(tmp_path, things) -> None:
     answer = {"things": [*things, *SOFA["things"]]}
     with Server(lambda number, request: completion(answer)).running() as server:
         labeller = labeller_at(server.url, tmp_path)
@@ -123,7 +123,7 @@ def test_things_without_a_key_are_told_apart_by_name_and_place_and_believed_when
     assert sofa.upper_m[0] == pytest.approx(2.52, abs=0.05)
 
 
-def test_what_is_behind_or_below_a_thing_in_its_box_is_not_the_thing() -> None:
+def test_pixels_behind_or_below_a_thing_in_its_box_are_not_the_thing() -> None:
     seen_map, camera = SeenMap(), CameraModel("c", 64, 48, 90.0)
     # Level, 1 m above the floor, along x.
     level = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])

@@ -82,7 +82,9 @@ def test_a_server_needs_nothing_of_vlnpe_and_answers(server) -> None:
         ("sys.stdout", "cannot be sent|is gone"),
     ],
 )
-def test_servers_that_fail_are_told_and_connected_to_anew(server, answer, message) -> None:
+def test_server_failures_are_reported_and_the_connection_is_reopened(
+    server, answer, message
+) -> None:
     url, _ = server(f"{answer} if self.count == 1 and self.episode['robot'] == 'h1' else 3")
     policy = RemotePolicy(url, timeout_s=0.5)
     policy.reset(Assignment("e0", "house", ASSIGNMENT.instruction, "h1", "speed"))
@@ -92,7 +94,7 @@ def test_servers_that_fail_are_told_and_connected_to_anew(server, answer, messag
     assert policy.act(seen()) == 3
 
 
-def test_a_server_that_died_or_never_was(server) -> None:
+def test_a_dead_or_missing_server_is_reported(server) -> None:
     url, process = server("1")
     policy = RemotePolicy(url, timeout_s=2.0)
     policy.reset(ASSIGNMENT)

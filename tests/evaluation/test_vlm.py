@@ -83,7 +83,7 @@ def policy_at(url: str) -> VlmPolicy:
     return VlmPolicy(model_at(url))
 
 
-def test_it_is_shown_the_way_and_its_words_are_taken_one_by_one(monkeypatch) -> None:
+def test_it_sees_the_instruction_and_its_actions_are_taken_one_by_one(monkeypatch) -> None:
     monkeypatch.setenv("VLNPE_LLM_API_KEY", "sk-sentinel")
     answers = ["move forward 75 cm", "turn left 15 degrees", "stop"]
     with Server(lambda number, request: completion(answers[number - 1])).running() as server:
@@ -112,7 +112,7 @@ def test_unclear_answers_are_counted_and_asked_again_then_given_up() -> None:
     assert policy.unclear == 4 and len(server.requests) == 5
 
 
-def test_a_server_that_fails_is_asked_again_then_told_of() -> None:
+def test_a_failing_server_is_retried_then_reported() -> None:
     broken = (503, {}, "busy")
     with Server(
         lambda number, request: broken if number < 3 else completion("stop")
@@ -127,7 +127,7 @@ def test_a_server_that_fails_is_asked_again_then_told_of() -> None:
             policy.act(seen(0, 0))
 
 
-def test_where_the_model_is_must_be_said(monkeypatch) -> None:
+def test_the_models_address_is_required(monkeypatch) -> None:
     for name in ("VLNPE_LLM_BASE_URL", "VLNPE_LLM_MODEL"):
         monkeypatch.delenv(name, raising=False)
     for name in ("vlm", "map-llm", "map-vlm", "map-vlm-llm"):

@@ -280,7 +280,7 @@ def test_intervals_of_differences_hold_the_truth_as_often_as_they_say(
     assert held / trials >= 0.92
 
 
-def test_one_training_tells_no_interval() -> None:
+def test_a_single_training_run_has_no_interval() -> None:
     run = [[score("s/0", 3), score("s/1", 4)]]
     found = paired_differences(run, run, np.random.default_rng(0))["action"]
     assert found.mean == 0 and np.isnan([found.low, found.high]).all()
@@ -325,7 +325,7 @@ def test_published_splits_are_what_is_held_out() -> None:
         ({"size_px": 4}, "size_px 4"),
     ],
 )
-def test_wrong_settings_are_told_what_is_valid(train: dict, valid: str) -> None:
+def test_invalid_settings_list_the_valid_ones(train: dict, valid: str) -> None:
     with pytest.raises((InputError, UnknownNameError)) as caught:
         train_config(train)
     assert valid in str(caught.value)

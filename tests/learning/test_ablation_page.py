@@ -92,7 +92,7 @@ def ablation(
 
 
 @pytest.mark.parametrize(("fitted", "fits"), [(0.74, False), (0.75, True), (0.9, True)])
-def test_a_row_has_one_verdict_of_fit_on_whatever_robot(fitted: float, fits: bool) -> None:
+def test_a_row_has_the_same_verdict_of_fit_on_every_robot(fitted: float, fits: bool) -> None:
     # On one robot it is as good as on what it has seen, on the other much worse.
     found = ablation(fitted=fitted, reached={"h1": 0.59, "jetbot": 0.41})
     report = report_markdown(found, "plot.png")
@@ -106,7 +106,7 @@ def test_a_row_has_one_verdict_of_fit_on_whatever_robot(fitted: float, fits: boo
     assert not any(line.endswith(f"| {'no' if fits else 'yes'} |") for line in rows)
 
 
-def test_one_of_a_thing_is_singular() -> None:
+def test_counts_of_one_are_singular() -> None:
     report = report_markdown(ablation(episodes=1, fitted=0.9), "plot.png")
     assert "1 trajectory in 1 scene" in report and "humanoid: 1 episode of 1 trajectory" in report
     assert "of 1 step of 1 episode" in report and "1 episode is too few" in report
@@ -116,7 +116,7 @@ def test_one_of_a_thing_is_singular() -> None:
     assert "3 trajectories in 1 scene" in report_markdown(ablation(trajectories=3), "plot.png")
 
 
-def test_what_has_no_interval_says_why() -> None:
+def test_a_missing_interval_is_explained() -> None:
     one = report_markdown(ablation(trajectories=1), "plot.png")
     assert f"On {', '.join(ROBOTS)}: no interval, because one held-out trajectory cannot" in one
     assert "Welch" not in one and "…" not in one

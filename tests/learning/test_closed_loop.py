@@ -80,7 +80,7 @@ def walk(walks: Walks, number: int, policy: Any) -> Rollout:
 # Of colours the codec loses a part; depth is only quantised.
 @pytest.mark.parametrize("inputs", [("rgb", "depth", "instruction"), ("depth", "instruction")])
 @pytest.mark.parametrize("name", ["cma", "seq2seq", "rdp"])
-def test_the_robot_is_asked_what_the_loader_asked(
+def test_the_agent_sees_inputs_like_the_loaders(
     walks: Walks, name: str, inputs: tuple[str, ...]
 ) -> None:
     selection = select_all([walks.root / "lerobot" / "vlnce"])

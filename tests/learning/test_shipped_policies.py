@@ -39,7 +39,7 @@ def test_a_shipped_checkpoint_is_small_and_whole(name: str) -> None:
     assert "/" not in "".join(d for s in checkpoint.card.data for d in s["datasets"])
 
 
-def test_what_it_was_not_trained_on_is_said(caplog: pytest.LogCaptureFixture) -> None:
+def test_unfamiliar_settings_are_warned_of(caplog: pytest.LogCaptureFixture) -> None:
     for policy, robot, controller in (
         ("random", "h1", "speed"),
         ("cma", "vlnce", "flash"),

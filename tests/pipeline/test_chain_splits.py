@@ -10,13 +10,13 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.support.runs.work import InlineWorkers
-from vlnpe.collectors.controllers import SpeedConfig
 from vlnpe.collectors.rendering.camera.extras import Extras
 from vlnpe.collectors.rendering.camera.views import CameraOverrides
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.vlnce.files import read_episodes
 from vlnpe.instruction_gen.records import InstructConfig
-from vlnpe.pipeline.chain import Chain, Product
+from vlnpe.pipeline.chain import episodes, rollouts
+from vlnpe.pipeline.chain.run import Run
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.engine.run_folder import RunFolder
 from vlnpe.pipeline.engine.runner import Context
@@ -31,9 +31,10 @@ pytestmark = pytest.mark.slow
 
 QUOTAS = {"a": {"train": 2, "val_seen": 1}, "b": {"val_unseen": 1}}
 CONFIG = SampleConfig(min_length_m=4.0, min_gap_m=0.8, family_gap_m=1.0, relax=False)
+WORDING = episodes.Wording(InstructConfig(), "aliengo")
 
 
-def start(root: Path, two_rooms, per_instruction: bool = False) -> tuple[Chain, dict]:
+def start(root: Path, two_rooms, per_instruction: bool = False) -> tuple[Run, dict]:
     for name in QUOTAS:
         if not (root / "scenes" / name).exists():
             shutil.copytree(two_rooms.root, root / "scenes" / name)
@@ -41,17 +42,16 @@ def start(root: Path, two_rooms, per_instruction: bool = False) -> tuple[Chain, 
             index.write_text(index.read_text().replace('"two_rooms"', f'"{name}"'))
     folder = RunFolder(root)
     context = Context(Ledger(root), InlineWorkers(1), progress=False)
-    settings = (folder, context, 0, SpeedConfig(), InstructConfig(), "aliengo")
-    return Chain(*settings, per_instruction), repair.rows_of(root / "scenes")
+    return Run(folder, context, 0, per_instruction=per_instruction), repair.rows_of(root / "scenes")
 
 
-def collect(chain: Chain, asked, scenes) -> Path:
+def collect(run: Run, asked, scenes) -> Path:
     robot = get_robot("aliengo")
     small = CameraOverrides(width_px=64, height_px=64)
     (view,) = chosen_views("ego", "baked", "embree", robot, small)
-    product = Product(4, Extras(False, False), False, "h264", "video")
-    chain.collected(asked, scenes, "aliengo", "flash", [view], product, {})
-    return chain.folder.root / "lerobot" / f"aliengo-flash-{view.name}"
+    product = rollouts.Product(4, Extras(False, False), False, "h264", "video")
+    rollouts.collect(run, asked, scenes, ("aliengo", "flash"), [view], product, {})
+    return run.folder.root / "lerobot" / f"aliengo-flash-{view.name}"
 
 
 def columns(dataset: Path) -> dict:
@@ -63,10 +63,10 @@ def columns(dataset: Path) -> dict:
 @pytest.fixture(scope="module")
 def sampled(two_rooms, tmp_path_factory) -> Path:
     root = tmp_path_factory.mktemp("sampled")
-    chain, scenes = start(root, two_rooms, per_instruction=True)
-    asked = chain.sampled(CONFIG, scenes, QUOTAS)
+    run, scenes = start(root, two_rooms, per_instruction=True)
+    asked = episodes.sampled(run, WORDING, CONFIG, scenes, QUOTAS)
     assert len(asked) == 4
-    collect(chain, asked, scenes)
+    collect(run, asked, scenes)
     return root
 
 
@@ -79,8 +79,8 @@ def test_files_and_datasets_may_have_one_episode_per_instruction(sampled):
     assert len(found["episode_id"]) == 12
     assert len(set(found["episode_id"])) == 12
     assert all(len(texts) == 1 for texts in found["instructions"])
-    rollouts = list((sampled / "rollouts").rglob("*.mcap"))
-    assert len(rollouts) == 4  # walked once
+    walked = list((sampled / "rollouts").rglob("*.mcap"))
+    assert len(walked) == 4  # walked once
     (row,) = robot_rows(Ledger(sampled))
     assert (row.episodes, row.instructions) == (4, 12)
 
@@ -94,11 +94,13 @@ def test_published_splits_hold_out_nothing_more(sampled):
 
 
 def test_files_of_several_splits_are_walked_once_per_path(sampled, two_rooms, tmp_path):
-    chain, scenes = start(tmp_path, two_rooms)
+    run, scenes = start(tmp_path, two_rooms)
     files = sorted((sampled / "episodes").glob("*.json.gz"))
-    asked = chain.aligned(files, scenes, StairRules(), AlignConfig(robot_radius_m=0.3))
+    asked = episodes.aligned(
+        run, WORDING, files, scenes, StairRules(), AlignConfig(robot_radius_m=0.3)
+    )
     assert [len(path.extra["instructions"]) for path in asked] == [3, 3, 3, 3]
-    found = columns(collect(chain, asked, scenes))
+    found = columns(collect(run, asked, scenes))
     assert len(found["episode_id"]) == 4
     originals = [e.episode_id for file in files for e in read_episodes(file)]
     exported_ids = [name for ids in found["instruction_episode_ids"] for name in ids]

@@ -33,7 +33,7 @@ def commands(page: Path) -> list[list[str]]:
     return [words for words in found if words]
 
 
-def test_pages_are_read() -> None:
+def test_commands_are_found_in_the_pages() -> None:
     words = [words for page in PAGES for words in commands(page)]
     assert {"vlnpe", "make"} <= {first for first, *_ in words} and len(words) > 60
 

@@ -33,7 +33,7 @@ def test_kept_depth_is_what_decoding_gives(tmp_path):
     assert np.array_equal(np.stack(kept), np.stack(list(iterate_depth_codes(video))))
 
 
-def test_another_file_of_the_name_is_not_taken_for_it(tmp_path):
+def test_depth_of_a_replaced_video_is_not_used(tmp_path):
     keeper, video = DepthKeeper(), tmp_path / "depth.mp4"
     assert keeper.of(video) is None
     write(video, keeper, seed=1)

@@ -42,7 +42,7 @@ SOUND_LEVEL: dict[str, Any] = {
 
 
 @pytest.mark.parametrize(("cells", "fault"), [(12, False), (2568, True)])
-def test_lost_cells_have_a_size_a_place_and_what_to_do(cells: int, fault: bool) -> None:
+def test_lost_cells_are_reported_with_size_place_and_advice(cells: int, fault: bool) -> None:
     area = cells * 0.0025
     place = {"xy_m": [1.5, -2.0], "area_m2": area}
     probes = {"walkable_cells_lost": cells, "walkable_places_lost": [place]}
@@ -53,7 +53,7 @@ def test_lost_cells_have_a_size_a_place_and_what_to_do(cells: int, fault: bool) 
         assert words in text
 
 
-def test_what_falls_through_is_never_small() -> None:
+def test_a_single_ball_that_falls_through_is_a_fault() -> None:
     fallen = {"dropped": 600, "fell_through": 1, "where_xy_m": [[0.5, 0.5]]}
     assert judge_level({**SOUND_LEVEL, "balls": {"visual.npz": fallen}}, {}).faults
     assert not judge_level(SOUND_LEVEL, {}).faults

@@ -102,7 +102,7 @@ def test_house_file_of_another_building_is_left_out(tmp_path: Path) -> None:
     assert any("not used" in w for w in scan.warnings)
 
 
-def test_what_is_labelled_twice_is_taken_once(tmp_path: Path) -> None:
+def test_duplicate_labels_are_taken_once(tmp_path: Path) -> None:
     source = write_matterport(tmp_path, np.eye(4))
     (tmp_path / "home.house").write_text(HOUSE)
     label = {"name": "Mine", "category": "dining table", "lower": [1, 1, 0], "upper": [2, 2, 0.75]}

@@ -96,7 +96,7 @@ def named(scan: Scan, up: str, unit: str) -> Scan:
     return replace(scan, up=(up, "the file says so"), unit=(unit, "the file says so"))
 
 
-def test_a_files_word_holds_where_the_shape_agrees() -> None:
+def test_declared_axis_and_unit_are_kept_if_the_geometry_agrees() -> None:
     to_y_up = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
     way = orient(named(turned(apartment(0), to_y_up, 1.0), "y", "m"), RepairConfig())
     assert way.evidence["up"] == "y"

@@ -215,7 +215,7 @@ def test_an_occupancy_map_is_a_surface(tmp_path: Path) -> None:
         read_splat_scan(source, print, given)
 
 
-def test_an_object_is_no_room() -> None:
+def test_a_captured_object_is_refused_as_a_room() -> None:
     path = SHARED_SCENES / "splats" / "guitar.compressed.ply"
     if not path.is_file():
         pytest.skip(f"no {path}")

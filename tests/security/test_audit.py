@@ -22,7 +22,7 @@ def test_everything_installed_is_permissive_or_reviewed() -> None:
     assert audit.licence_faults() == []
 
 
-def test_what_is_reviewed_is_installed_and_in_the_readme() -> None:
+def test_reviewed_packages_are_installed_and_in_the_readme() -> None:
     names = {d.metadata["Name"].lower().replace("_", "-") for d in distributions()}
     readme = (ROOT / "README.md").read_text()
     for key in audit.REVIEWED:
@@ -67,7 +67,7 @@ class Package:
         (Package("a", License="MIT", files=("a.libs/libx264-1b.so.165",)), "bundles libx264"),
     ],
 )
-def test_what_needs_a_decision_is_named(package: Package, reason: str) -> None:
+def test_licences_that_need_a_decision_are_named(package: Package, reason: str) -> None:
     (fault,) = audit.licence_faults([cast(Distribution, package)])
     assert fault.package == "a 1"
     assert reason in fault.reason
@@ -83,7 +83,7 @@ def test_what_needs_a_decision_is_named(package: Package, reason: str) -> None:
         Package("nvidia_anything", License="Proprietary"),
     ],
 )
-def test_what_is_permissive_passes(package: Package) -> None:
+def test_permissive_licences_pass(package: Package) -> None:
     assert audit.licence_faults([cast(Distribution, package)]) == []
 
 

@@ -26,7 +26,7 @@ def refused(capfd: pytest.CaptureFixture[str], *arguments: str) -> str:
 
 @not_files
 @pytest.mark.parametrize("verb", ["repair", "filter", "convert"])
-def test_what_is_not_a_file_is_named(
+def test_paths_that_are_no_files_are_named(
     verb: str, kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     name = {"repair": "a.glb", "filter": "a.json.gz", "convert": "a.mcap"}[verb]

@@ -272,7 +272,7 @@ def test_videos_that_refer_to_others_are_refused(
     refusal(lambda: probe_video(path))
 
 
-def test_units_with_names_that_climb_are_refused(tmp_path: Path) -> None:
+def test_feature_names_that_leave_the_unit_are_refused(tmp_path: Path) -> None:
     (unit,) = write_units(tmp_path, (0.0,))
     index = json.loads((unit / "unit.json").read_text())
     index["features"]["../../x"] = index["features"][RGB]

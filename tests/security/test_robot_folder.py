@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 import trimesh
 
-from tests.collectors.test_robot_folder import edit, written_rover
 from tests.security.hostile import not_files, put, refusal
+from tests.support.robot_folders import edit, written_rover
 from vlnpe.collectors.locomotion.card import load_card
 from vlnpe.collectors.locomotion.onnx_file import OnnxFile
 from vlnpe.collectors.locomotion.onnx_mlp import read_mlp
@@ -149,7 +149,7 @@ ATTACKS = {
 
 
 @pytest.mark.parametrize("attack", ATTACKS)
-def test_each_way_out_is_refused_with_file_and_reason(rover: Path, attack: str):
+def test_each_path_out_of_the_folder_is_refused_with_file_and_reason(rover: Path, attack: str):
     spoil, reason = ATTACKS[attack]
     spoil(rover)
     with pytest.raises(FileFormatError, match=reason) as raised:
@@ -158,7 +158,7 @@ def test_each_way_out_is_refused_with_file_and_reason(rover: Path, attack: str):
     assert str(rover) in str(raised.value)
 
 
-def test_what_stays_inside_is_read(rover: Path, tmp_path: Path):
+def test_files_inside_the_folder_are_read(rover: Path, tmp_path: Path):
     (rover / "assets").mkdir()
     trimesh.creation.icosphere(1, radius=0.1).export(rover / "assets" / "hull.stl")
     (rover / "assets" / "again.stl").symlink_to("hull.stl")

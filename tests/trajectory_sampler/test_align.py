@@ -128,7 +128,7 @@ def test_a_blocked_straight_way_is_walked_round(two_rooms):
         ([(1.0, 1.0, 0.0), (1.0, 1.0, 0.0)], "same place"),
     ],
 )
-def test_what_cannot_be_aligned_says_why(two_rooms, path, reason):
+def test_rejected_episodes_say_why(two_rooms, path, reason):
     result = align(foreign(path, name="x"), bundles={"two_rooms": two_rooms})
     assert result.episodes == []
     ((name, why),) = result.rejected

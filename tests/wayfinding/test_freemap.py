@@ -162,7 +162,7 @@ def test_a_start_in_a_tight_spot_can_leave_it(two_rooms):
     assert path_length(path) < 2.2
 
 
-def test_no_way_is_none(two_rooms):
+def test_an_unreachable_goal_has_no_path(two_rooms):
     freemap = two_rooms.freemap(0)
     assert plan_path(freemap, (1.0, 1.0), (6.0, 3.0), 0.6) is None  # the doorway is 1 m wide
     assert plan_path(freemap, (-4.0, 1.0), (6.0, 3.0), RADIUS) is None

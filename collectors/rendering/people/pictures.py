@@ -15,7 +15,7 @@ from ....formats.core.atomic import atomic_file
 from ....formats.core.rollout import Rollout
 from ....formats.video.mp4 import CLIP_CODEC, WATCH_CODEC, write_rgb_video
 from ...robots import RobotSpec, get_robot
-from ..camera.rollout_views import RolloutFrames
+from ..camera.rollout_frames import RolloutFrames
 from ..camera.views import View, make_view
 from ..interface import Renderer
 

@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw, ImageFont
 from ....formats.core.rollout import STATE_RATE_HZ, Rollout
 from ....formats.video.mp4 import write_rgb_video
 from ...robots import RobotSpec
-from ..camera.rollout_views import RolloutFrames
+from ..camera.rollout_frames import RolloutFrames
 from ..camera.views import View, make_view
 from ..interface import Renderer
 from .pictures import CLIP_CODEC

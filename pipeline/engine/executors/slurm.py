@@ -125,8 +125,8 @@ class SlurmExecutor(Executor):
         if not dry_run:
             if not submitit.SlurmExecutor.affinity() > 0:
                 raise InputError(
-                    "--executor slurm: srun is not on the PATH; valid: run it on a machine that "
-                    "submits jobs, or add --dry-run to see the batch script"
+                    "--executor slurm: srun is not on the PATH; run this on a machine that can "
+                    "submit jobs, or add --dry-run to see the batch script"
                 )
             self._folder.mkdir(parents=True, exist_ok=True)
             self._cluster = submitit.SlurmExecutor(self._folder, max_num_timeout=REQUEUES)

@@ -50,7 +50,7 @@ def test_two_networks_beside_each_other_are_their_sum() -> None:
     )
 
 
-def test_the_past_is_what_was_seen() -> None:
+def test_the_history_holds_earlier_observations() -> None:
     rng = np.random.default_rng(0)
     assert past_steps(layout(JOINTS, 4)) == 4 and past_steps(layout(JOINTS)) == 0
     steps = rng.normal(0, 1, (9, 2, 14 + 3 * JOINTS))
@@ -94,7 +94,7 @@ def test_an_untrained_correction_adds_nothing() -> None:
     np.testing.assert_allclose(run(*both, seen), run(*gait, seen[:, :width]), rtol=0, atol=1e-4)
 
 
-def test_nothing_lacks_where_actions_are_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_actions_without_delay_need_no_correction(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(anticipate, "ROBOTS", 6)
     monkeypatch.setattr(anticipate, "SECONDS", 0.6)
     gait = GaitPolicy.load(ROBOT)

@@ -87,7 +87,7 @@ def test_the_worst_part_of_the_table_counts():
     assert results["survivedpushes"].measured is None
 
 
-def test_nothing_measured_passes_nothing():
+def test_an_empty_table_passes_no_gate():
     assert [r.passed for r in gate_results({})] == [False] * len(GATES)
 
 
@@ -124,7 +124,7 @@ def test_a_gait_that_stands_still_passes_no_walking_gate(policy: GaitPolicy):
     assert math.isnan(result["foot_slip_m_s"])
 
 
-def test_who_falls_counts_with_what_it_was_asked_for(policy: GaitPolicy):
+def test_a_fall_counts_as_an_error_of_the_whole_command(policy: GaitPolicy):
     limp = impostor(Limp, policy)
     commands = np.array([[0.5, 0.0, 0.3]] * 2)
     result = velocity_errors(limp, commands, Conditions(), np.random.default_rng(0), 3.0, 2.0)

@@ -40,7 +40,7 @@ def shaken(robot: RobotSpec, rng: np.random.Generator) -> mujoco.MjData:
 
 @pytest.mark.parametrize("past", [0, 3])
 @pytest.mark.parametrize(("robot", "gait"), CASES, ids=lambda case: getattr(case, "name", ""))
-def test_a_walk_of_one_is_a_walk_of_many(robot: RobotSpec, gait: GaitClock, past: int) -> None:
+def test_a_robot_walks_alone_as_in_a_batch(robot: RobotSpec, gait: GaitClock, past: int) -> None:
     rng = np.random.default_rng(3)
     data = shaken(robot, rng)
     handles = RobotHandles.find(robot, data.model)

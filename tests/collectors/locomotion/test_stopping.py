@@ -51,7 +51,7 @@ def test_a_humanoid_that_freezes_in_the_middle_of_a_step_falls():
     assert measured(frozen)["falls"] > measured(policy)["falls"]
 
 
-def test_who_never_rests_counts_as_long_as_he_was_watched():
+def test_a_robot_that_never_rests_counts_with_the_whole_observation_time():
     policy = GaitPolicy.load(get_robot("aliengo"))
     # A clock that never ends its last steps.
     restless = replace(policy.card.gait, last_steps=1000)
@@ -74,7 +74,7 @@ def test_targets_arrive_as_many_physics_steps_late_as_asked_for(late: int):
     assert np.all(first[:late] == 0.0)
 
 
-def test_a_pipe_forgets_for_some_robots_only():
+def test_a_delay_line_can_be_refilled_for_single_robots():
     pipe = TargetPipe(np.array([8, 8]))
     pipe.fill(np.zeros((2, 1)))
     pipe.push(np.full((2, 1), 1.0))

@@ -13,7 +13,8 @@ from tests.support.scenes.rooms import PARTS
 from tests.support.walks import glide
 from vlnpe.collectors.rendering.camera import rollout_views
 from vlnpe.collectors.rendering.camera.extras import ROBOT_CODE, Extras
-from vlnpe.collectors.rendering.camera.rollout_views import RolloutFrames, render_rollout
+from vlnpe.collectors.rendering.camera.rollout_frames import RolloutFrames
+from vlnpe.collectors.rendering.camera.rollout_views import render_rollout
 from vlnpe.collectors.rendering.camera.views import (
     VIEWS,
     CameraOverrides,

@@ -140,7 +140,7 @@ def test_depth_is_that_of_the_splats_if_wanted(splat_rooms: SceneBundle, tmp_pat
     assert np.median(np.abs(frame.depth_m - true.depth_m)[on_robot]) < 0.01
 
 
-def test_where_no_splat_is_the_mesh_shows(splat_rooms: SceneBundle, tmp_path: Path) -> None:
+def test_pixels_without_splats_show_the_mesh(splat_rooms: SceneBundle, tmp_path: Path) -> None:
     shutil.copytree(splat_rooms.root, tmp_path / "rooms")
     cloud = load_splats(tmp_path / "rooms")
     save_splats(tmp_path / "rooms", cloud.take(cloud.position[:, 2] > 0.05))

@@ -22,7 +22,6 @@ from tests.formats.mcap.test_rollout import assert_same
 from tests.support.lerobot_data import write_unit, write_units
 from tests.support.mcap_copies import rewritten
 from tests.support.rollouts import make_rollout
-from tests.support.runs.work import InlineWorkers
 from vlnpe.formats.convert.dataset import DatasetFacts, open_dataset
 from vlnpe.formats.convert.episodes import (
     dataset_from_units,
@@ -57,11 +56,6 @@ ASSEMBLY: dict[str, Any] = {
     "title": "Two rooms",
     "limits": FileLimits(files_per_chunk=2, data_mb=0.001, video_mb=0.02),
 }
-
-
-@pytest.fixture
-def inline(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vlnpe.pipeline.engine.executors.base.Workers", InlineWorkers)
 
 
 def files(root: Path) -> dict[str, bytes]:
@@ -132,7 +126,7 @@ def test_an_episode_comes_back_from_a_dataset_message_for_message(
     assert_same(rollout, read_rollout(tmp_path / "b.mcap"))
 
 
-def test_labels_go_along(tmp_path: Path) -> None:
+def test_labels_are_converted_too(tmp_path: Path) -> None:
     rollout, frames = make_rollout(2.0), tmp_path / "frames-a"
     write_frame_folder(frames, rollout)
     ids = np.random.default_rng(0).integers(0, 65_536, (9, 64, 96))

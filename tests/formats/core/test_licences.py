@@ -41,7 +41,7 @@ def test_licence_files_of_real_scans(shared_scenes: Path, scan: str, name: str) 
 
 
 @pytest.mark.parametrize("name", ["unknown", "other", "cc-by-nd-4.0", "https://example.org/terms"])
-def test_what_is_not_known_to_allow_it_is_not_passed_on(name: str) -> None:
+def test_unknown_and_forbidding_licences_may_not_be_passed_on(name: str) -> None:
     assert not may_pass_on(name)
     assert "licence" in why_not(name) or "forbids" in why_not(name)
 

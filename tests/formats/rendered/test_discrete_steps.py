@@ -119,7 +119,7 @@ def test_sway_and_standing_give_no_actions() -> None:
     assert discrete_steps(poses).action.tolist() == [STOP]
 
 
-def test_what_is_walked_back_is_not_walked_again() -> None:
+def test_a_stretch_walked_back_and_forth_counts_once() -> None:
     there = walk([0.0] * 6, [0.5, 0.5, -0.5, 0.5, 0.5, 0.5])
     assert (discrete_steps(there).action == FORWARD).sum() == 8
 

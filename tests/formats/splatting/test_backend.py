@@ -108,7 +108,7 @@ def test_bodies_and_cuts_hide_splats_there_too() -> None:
     assert np.array_equal(cut.color, low.draw(eye, None, np.inf).color)
 
 
-def test_it_is_chosen_where_cuda_and_gsplat_are(
+def test_gsplat_is_used_if_it_and_cuda_are_available(
     gsplat: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cloud = random_cloud(np.random.default_rng(3), 10)

@@ -130,7 +130,7 @@ def test_a_body_hides_what_is_behind_it() -> None:
     assert (image.light[:, 35:] < 0.01).all()
 
 
-def test_what_is_above_the_cut_is_left_out_only_from_above() -> None:
+def test_splats_above_the_cut_are_left_out_only_from_above() -> None:
     cloud = random_cloud(np.random.default_rng(3), 300)
     scene = SplatScene.of(cloud)
     down = Eye(
@@ -216,7 +216,7 @@ def test_merging_in_blocks_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> N
         assert np.array_equal(getattr(blocks, name), getattr(whole, name)), name
 
 
-def test_what_bridges_a_gap_is_not_merged() -> None:
+def test_gaussians_across_a_gap_are_not_merged() -> None:
     rng = np.random.default_rng(4)
     cloud = random_cloud(rng, 512, sizes=(1e-4, 2e-4), spread=3.0)
     scene = SplatScene.of(cloud, detail=True)

@@ -87,7 +87,7 @@ def refused(capsys, monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize("case", SCENES)
-def test_a_scene_that_is_none(tmp_path, refused, case):
+def test_invalid_scenes_are_refused(tmp_path, refused, case):
     make, says = SCENES[case]
     refused(says, "--scene", make(tmp_path), "--out", "run", "--workers", 1)
     assert not (tmp_path / "run").exists()
@@ -110,7 +110,7 @@ def test_a_scene_that_is_none(tmp_path, refused, case):
         (("--workers", "-1"), "WORKERS=-1"),
     ],
 )
-def test_an_option_that_is_none_names_what_is_valid(tmp_path, refused, options, says):
+def test_invalid_options_list_the_valid_ones(tmp_path, refused, options, says):
     refused(says, *options, "--out", "run")
     assert not (tmp_path / "run").exists()
 

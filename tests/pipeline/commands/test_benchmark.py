@@ -63,7 +63,7 @@ def test_every_policy_meets_every_robot_that_its_controller_can_drive(run, capsy
         (["--policy", "guess"], "policy 'guess'"),
         (["--controller", "path"], "controller of a benchmark 'path'"),
         (["--split", "test"], "split 'test'"),
-        (["--policy", "stop,"], "an empty name"),
+        (["--policy", "stop,"], "contains an empty name"),
     ],
 )
 def test_bad_input_is_refused(run, capsys, options, message) -> None:

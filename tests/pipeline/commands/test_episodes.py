@@ -129,7 +129,7 @@ def test_fewer_paths_can_be_allowed(scenes, tmp_path, capsys, caplog):
     assert "needs --splits" in capsys.readouterr().err
 
 
-def test_what_does_not_fit_is_reported_with_advice_that_holds(scenes, tmp_path, capsys):
+def test_a_shortage_of_paths_is_reported_with_advice_that_works(scenes, tmp_path, capsys):
     call = ["sample", scenes / "a", "--splits", "train=30", "--min-length-m", "4"]
     out = tmp_path / "mine"
     assert main([str(a) for a in (*call, "--min-gap-m", "2", "--out", out)]) == 2

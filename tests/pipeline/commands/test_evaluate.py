@@ -64,7 +64,9 @@ def evaluated(run: Path, *options: str) -> dict:
 
 
 @pytest.mark.usefixtures("inline")
-def test_the_oracle_arrives_the_idle_do_not_and_compare_says_so(run, tmp_path, capsys) -> None:
+def test_the_oracle_arrives_an_idle_policy_does_not_and_compare_says_so(
+    run, tmp_path, capsys
+) -> None:
     a, b = tmp_path / "oracle", tmp_path / "stop"
     oracle = evaluated(run, "--policy", "oracle", "--out", str(a))
     idle = evaluated(run, "--policy", "stop", "--out", str(b), "--split", "val_seen")
@@ -177,7 +179,7 @@ def test_the_same_id_in_two_splits_is_two_episodes(run, tmp_path) -> None:
     [
         (["--policy", "genius"], "policy 'genius'.*valid: .*random.*ws://"),
         (["--controller", "path"], "'path' does not carry out discrete.*valid: speed, flash"),
-        (["--actions", "waypoints"], "only a policy server gives such actions"),
+        (["--actions", "waypoints"], "policy random outputs discrete actions"),
         (["--split", "train"], "split 'train'.*valid: .*val_seen"),
         (["--camera", "chase"], "one camera"),
         (["--robot", "h1,g1"], "one robot"),
@@ -277,7 +279,7 @@ def test_an_episode_file_needs_its_scenes_and_results_must_be_results(run, tmp_p
     assert "not results of `vlnpe evaluate`" in capsys.readouterr().err
 
 
-def test_a_missing_folder_is_told_before_any_library_is_loaded(tmp_path) -> None:
+def test_a_missing_folder_is_reported_before_any_library_is_loaded(tmp_path) -> None:
     code = (
         "import sys; from vlnpe.pipeline.cli import main; code = main(sys.argv[1:])\n"
         "assert code == 2 and 'mujoco' not in sys.modules and 'numpy' not in sys.modules"

@@ -18,7 +18,8 @@ from typing import Any
 
 import pytest
 
-from tests.support.hub import TOKEN, Hub, running_hub
+from tests.support.hub import TOKEN, running_hub
+from tests.support.hub_state import Hub
 from tests.support.lerobot_data import write_units
 from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.lerobot import assemble_dataset

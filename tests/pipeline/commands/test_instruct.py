@@ -103,7 +103,7 @@ def test_missing_scenes_are_named(
     assert not out.exists()
 
 
-def test_things_of_a_scene_without_labels_are_named_once(
+def test_objects_of_an_unlabelled_scene_are_named_once(
     scenes: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],

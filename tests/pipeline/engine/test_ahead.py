@@ -105,7 +105,7 @@ def test_only_successes_go_on_where_that_is_asked_for(tmp_path, workers):
         assert (tmp_path / "second-a.txt").exists() and not (tmp_path / "last-a.txt").exists()
 
 
-def test_what_a_dying_worker_takes_along_is_left_to_the_stages(tmp_path):
+def test_chains_lost_with_a_dying_worker_are_left_to_the_stages(tmp_path):
     chains = [
         chain(tmp_path, "bad", work.Call(work.die, (tmp_path / "bad",))),
         *(chain(tmp_path, name) for name in "abc"),
@@ -133,7 +133,7 @@ def test_a_full_disk_ends_the_run_and_keeps_what_is_done(tmp_path):
     }
 
 
-def test_what_earlier_options_made_is_kept_where_a_chain_ends_before_it(tmp_path, workers):
+def test_outputs_of_earlier_options_are_kept_where_a_chain_ends_before_them(tmp_path, workers):
     run_ahead(context(tmp_path, workers), [chain(tmp_path, "a")], "")
     refused = work.Call(work.refuse, (tmp_path / "a",))
     other = [replace(k, item=replace(k.item, key="other")) for k in chain(tmp_path, "a", refused)]

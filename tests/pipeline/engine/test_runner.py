@@ -92,7 +92,7 @@ def test_bad_items_are_quarantined_with_their_reason_and_counted(tmp_path, worke
     assert not (tmp_path / "quarantine" / "s" / "bug.txt").exists()
 
 
-def test_what_failed_for_want_of_memory_runs_again_unasked(tmp_path, workers):
+def test_items_that_failed_for_lack_of_memory_run_again_by_default(tmp_path, workers):
     path = tmp_path / "x.txt"
     poor = WorkItem("x", "k", (path,), work.Call(work.run_out_of_memory, (path,)))
     assert run_stage(context(tmp_path, workers), "s", [poor]).quarantined == 1

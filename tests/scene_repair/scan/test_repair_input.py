@@ -338,7 +338,7 @@ def test_unknown_kind(tmp_path: Path) -> None:
         ("house.sog", "splat-transform house.sog house.ply"),
     ],
 )
-def test_what_is_not_read_names_the_converter(name: str, expected: str, tmp_path: Path) -> None:
+def test_unsupported_formats_name_the_converter(name: str, expected: str, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(b"anything")
     message = refused(tmp_path / name)
     assert expected in message

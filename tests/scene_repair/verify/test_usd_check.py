@@ -95,7 +95,7 @@ def test_faces_without_extent_are_left_out(path: Path) -> None:
     assert stage.GetPrimAtPath(f"{CRATE}/red_paint_2")
 
 
-def test_what_does_not_hold_is_not_written_silently(path: Path) -> None:
+def test_an_invalid_stage_is_not_written_silently(path: Path) -> None:
     visual = content().visual
     visual.vertices[4, 2] = np.nan
     with pytest.raises(FileFormatError, match="point"):
@@ -206,7 +206,7 @@ BREAKS: dict[str, tuple[Callable[[Usd.Stage], object], str]] = {
 
 
 @pytest.mark.parametrize("name", BREAKS)
-def test_what_is_broken_is_named(name: str, written: Path) -> None:
+def test_broken_stages_are_named(name: str, written: Path) -> None:
     spoil, message = BREAKS[name]
     stage = Usd.Stage.Open(str(written))
     spoil(stage)

@@ -1,6 +1,6 @@
 """GLB and glTF: references, data: URIs, false sizes, cycles, recursion, NaN.
 
-More false accessors, buffers and pictures are in tests/scene_repair/scan/test_read_bad.py.
+More false accessors, buffers and pictures are in tests/scene_repair/scan/test_bad_gltf.py.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ def test_buffers_must_be_files(kind: str, tmp_path: Path) -> None:
         "data:application/octet-stream;base64," + base64.b64encode(POINTS[:20]).decode(),
     ],
 )
-def test_embedded_data_that_lies_is_refused(uri: str, tmp_path: Path) -> None:
+def test_invalid_embedded_data_is_refused(uri: str, tmp_path: Path) -> None:
     refusal(lambda: read_scan(written(tmp_path, tree(buffers=[{"byteLength": 36, "uri": uri}]))))
 
 
@@ -181,7 +181,7 @@ def test_headers_of_very_many_values_are_refused(
     assert "bytes of JSON" in refusal(lambda: read_scan(path)).reason
 
 
-def test_faces_of_numbers_that_are_none_are_dropped(tmp_path: Path) -> None:
+def test_faces_with_non_finite_coordinates_are_dropped(tmp_path: Path) -> None:
     nan = struct.pack("<9f", *[float("nan"), 0, 0, 1, 0, 0, 0, float("inf"), 0])
     (tmp_path / "points.bin").write_bytes(nan)
     assert "invalid coordinates" in refusal(lambda: read_scan(written(tmp_path, tree()))).reason

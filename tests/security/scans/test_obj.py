@@ -74,7 +74,7 @@ def test_texture_coordinates_and_normals_out_of_range_are_harmless(tmp_path: Pat
 
 
 @pytest.mark.parametrize("number", ["nan", "inf", "-inf", "1e400", "1e30", "9" * 400])
-def test_faces_of_numbers_that_are_none_are_dropped(number: str, tmp_path: Path) -> None:
+def test_faces_with_non_finite_coordinates_are_dropped(number: str, tmp_path: Path) -> None:
     scan = scan_of(tmp_path, f"v {number} 0 0\n{SQUARE}f 2 3 4\nf 1 2 3\n")
     assert len(scan.faces) == 1
     assert np.isfinite(scan.vertices).all()

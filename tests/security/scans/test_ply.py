@@ -146,7 +146,7 @@ def test_coloured_points_whose_faces_are_all_dropped_are_refused(tmp_path: Path)
 
 
 @pytest.mark.parametrize("number", ["nan", "inf", "1e400", "x"])
-def test_numbers_that_are_none_are_dropped_or_refused(number: str, tmp_path: Path) -> None:
+def test_non_finite_numbers_are_dropped_or_refused(number: str, tmp_path: Path) -> None:
     refusal(
         lambda: scan_of(tmp_path, ply().replace(b"\n1 0 0 1 0", f"\n{number} 0 0 1 0".encode()))
     )
@@ -165,5 +165,5 @@ def test_numbers_that_are_none_are_dropped_or_refused(number: str, tmp_path: Pat
         b"ply\nformat ascii 1.0\nproperty float x\nend_header\n",
     ],
 )
-def test_headers_that_are_none_are_refused(data: bytes, tmp_path: Path) -> None:
+def test_invalid_headers_are_refused(data: bytes, tmp_path: Path) -> None:
     refusal(lambda: scan_of(tmp_path, data))

@@ -1,7 +1,7 @@
 """USD and USDZ: other files under these names, false types, packages, recursion.
 
 Layers and pictures outside the folder, cycles and instancing bombs are in
-tests/scene_repair/scan/test_read_usd.py.
+tests/scene_repair/scan/test_bad_usd.py.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def package(
 
 
 @pytest.mark.parametrize("name", ["../a.usda", "/a.usda", "a/../../b.usda", "a\\b.usda"])
-def test_members_that_climb_are_refused(name: str, tmp_path: Path) -> None:
+def test_members_outside_the_package_are_refused(name: str, tmp_path: Path) -> None:
     assert "leaves" in refusal(lambda: check_package(package(tmp_path, (name, USDA)))).reason
 
 

@@ -1,10 +1,10 @@
-"""Write an episode unit from its parts, as they came out of another format."""
+"""The parts of an episode unit, and how they are written; see `unit`."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,42 +12,54 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from ..core.atomic import atomic_folder
-from ..lerobot.info import check_features
-from ..lerobot.layout import Features
-from ..lerobot.statistics import Statistics, statistics_from_json, statistics_to_json
-from ..lerobot.unit import ROWS, UNIT_INDEX, UNIT_VERSION, EpisodeUnit
+from ..core.errors import FileFormatError
+from .info import check_features
+from .layout import Features
+from .statistics import Statistics, statistics_from_json, statistics_to_json
 
-# An episode's whole rollout, kept beside a unit's frame rows: MCAP without pictures.
-ROLLOUT_NAME = "rollout.mcap"
+UNIT_INDEX = "unit.json"
+UNIT_VERSION = 1
+ROWS = "rows.parquet"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class UnitParts:
-    """The parts of a unit other than its rows and videos; see `EpisodeUnit`."""
+    """The parts of a unit other than its rows and videos.
+
+    Attributes:
+        frames_per_second, robot: must agree within a dataset.
+        features: entries of info.json.
+        task: the instruction.
+        length: number of frames.
+        statistics: per feature, but for the columns that depend on the place in a dataset.
+        columns: values of `EPISODE_COLUMNS`.
+    """
 
     frames_per_second: int
     robot: str
     features: Features
     task: str
     length: int
-    statistics: Mapping[str, Statistics]
-    columns: Mapping[str, Any]
+    statistics: dict[str, Statistics]
+    columns: dict[str, Any]
 
     @staticmethod
-    def of(unit: EpisodeUnit) -> UnitParts:
-        """Return those of a unit on disk."""
-        return UnitParts(**{f.name: getattr(unit, f.name) for f in fields(UnitParts)})
-
-    @staticmethod
-    def from_json(index: Mapping[str, Any]) -> UnitParts:
+    def from_json(index: Mapping[str, Any], path: Path) -> UnitParts:
         """Return the inverse of `to_json`.
 
+        Args:
+            index: JSON values.
+            path: file that they come from, for errors.
+
         Raises:
-            KeyError, TypeError, ValueError: not an index, or of another version.
+            FileFormatError: another version, or features that cannot be used.
+            KeyError, TypeError, ValueError, AttributeError: not an index.
         """
         if index["unit_version"] != UNIT_VERSION:
-            raise ValueError(f"unit version {index['unit_version']}; valid: {UNIT_VERSION}")
-        check_features(Path(UNIT_INDEX), index["features"])
+            raise FileFormatError(
+                path, f"unit version {index['unit_version']}; this code reads {UNIT_VERSION}"
+            )
+        check_features(path, index["features"])
         return UnitParts(
             frames_per_second=index["frames_per_second"],
             robot=index["robot"],
@@ -68,7 +80,7 @@ class UnitParts:
             "task": self.task,
             "length": self.length,
             "statistics": {k: statistics_to_json(v) for k, v in self.statistics.items()},
-            "columns": dict(self.columns),
+            "columns": self.columns,
         }
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from ..instruction_gen.llm.budget import Budget
-from .llm import vlm
-from .llm.ask import PROMPTS, TextModel, model_settings, model_version
-from .map_policy import restated
-from .map_policy.model_labels import ModelLabeller, labels_version
-from .map_policy.policy import MapPolicy
-from .policy import MAP_LLM, MAP_VLM, MAP_VLM_LLM, VLM, ModelUse, Policy
+from ...instruction_gen.llm.budget import Budget
+from ..map_policy import restated
+from ..map_policy.model_labels import ModelLabeller, labels_version
+from ..map_policy.policy import MapPolicy
+from ..policy import MAP_LLM, MAP_VLM, MAP_VLM_LLM, VLM, ModelUse, Policy
+from . import vlm
+from .ask import PROMPTS, TextModel, model_settings, model_version
 
 _TEXT_PROMPTS = {VLM: vlm.PROMPT, MAP_LLM: restated.PROMPT, MAP_VLM_LLM: restated.PROMPT}
 _LABELLED = (MAP_VLM, MAP_VLM_LLM)

@@ -1,0 +1,185 @@
+"""From episodes to datasets: `replay`, `render`, `export` of one robot under one controller."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from ...collectors.rendering.camera.extras import Extras
+from ...collectors.rendering.camera.views import View
+from ...collectors.replay import ReplayConfig
+from ...formats.core.episode import Episode
+from ...formats.core.errors import InputError
+from ..engine.ledger import Ledger, Row
+from ..engine.runner import WorkItem
+from ..inputs.crews import action_timing, kept
+from ..stages import export, render, replay, together
+from .run import Run
+
+
+@dataclass(frozen=True)
+class Product:
+    """What is rendered and exported from rollouts.
+
+    Attributes:
+        frames_per_second: rendered.
+        extras: videos beside colour and depth.
+        only_success: leave failures out of the export; they are rendered in any case.
+        rgb_codec: key of `formats.video.RGB_CODECS`.
+        depth_storage: what `export.check_depth_storage` takes.
+        mcap: write MCAP files, too.
+    """
+
+    frames_per_second: int
+    extras: Extras
+    only_success: bool
+    rgb_codec: str
+    depth_storage: str
+    mcap: bool = True
+
+
+def select_current(
+    run: Run,
+    asked: Sequence[Episode],
+    scenes: Mapping[str, Row],
+    pairs: Sequence[tuple[str, str]],
+) -> None:
+    """Drop the rows of robots other than `pairs` unless they walked these episodes.
+
+    Those of another seed stay: the report says that they are.
+    """
+    ledger = run.context.ledger
+    done = {tuple(row.item.split("/")[:2]) for row in ledger.rows(replay.STAGE)}
+    current = {(robot, replay.label_of(ledger, _config(run, robot, name))) for robot, name in pairs}
+    for robot, label in sorted(done - current):
+        try:
+            config = _recorded_config(run, robot, label)
+            if config.seed != run.seed:
+                continue
+            items = _walks(run, asked, scenes, config, label)
+        except InputError:  # a robot that is known no more
+            items = []
+        same = {item.name for item in items if _is_current(ledger, item)}
+        scope = f"{robot}/{label}/"
+        ledger.select(replay.STAGE, scope, same)
+        if len(same) < len(items) or not items:
+            for stage in (render.STAGE, export.STAGE, export.MCAP_STAGE):
+                ledger.select(stage, scope, ())
+            ledger.select(export.DATASET_STAGE, f"{robot}-{label}-", ())
+
+
+def collect(
+    run: Run,
+    asked: Sequence[Episode],
+    scenes: Mapping[str, Row],
+    crew: tuple[str, str],
+    views: Sequence[View],
+    product: Product,
+    facts: Mapping[str, Any],
+) -> None:
+    """Replay the episodes with one crew; render and export each view.
+
+    Args:
+        run: where.
+        asked: the episodes.
+        scenes: rows of the repair stage by scene id.
+        crew: robot and controller.
+        views: what to render.
+        product: how to render and export it.
+        facts: options for the provenance.
+    """
+    folder, (robot, controller) = run.folder, crew
+    config = _config(run, robot, controller)
+    label = replay.label_of(run.context.ledger, config)
+    walks = _walks(run, asked, scenes, config, label)
+    rollouts: dict[str, Row] | None = None
+    for view in views:
+        dataset = export.Dataset.under(folder.root, robot, label, view.name)
+        renders = partial(_renders, run, scenes, view, product)
+        exports = partial(
+            export.items,
+            root=folder.root,
+            scenes=folder.scenes,
+            dataset=dataset,
+            depth_storage=product.depth_storage,
+            per_instruction=run.per_instruction,
+            mcap=product.mcap,
+        )
+        together.run(
+            run.context,
+            asked,
+            walks,
+            renders,
+            exports,
+            only_success=product.only_success,
+            label=f"{robot} {label}",
+        )
+        if rollouts is None:
+            rollouts = run.stage(replay.STAGE, walks, f"{robot}/{label}/").good()
+            run.context.ledger.record_new(folder.models)
+        frames = run.stage(render.STAGE, renders(rollouts), dataset.scope).good()
+        summaries = export.run(
+            run.context,
+            exports(export.wanted(frames, product.only_success)),
+            folder.scenes,
+            dataset,
+            {"options": dict(facts), "language_model": _model_usage(run.context.ledger)},
+        )
+        run.summaries.extend(summaries)
+
+
+def _renders(
+    run: Run, scenes: Mapping[str, Row], view: View, product: Product, rollouts: Mapping[str, Row]
+) -> list[WorkItem]:
+    folder = run.folder
+    return render.items(
+        render.Recorded(rollouts, folder.root, scenes, folder.scenes),
+        view,
+        product.frames_per_second,
+        folder.frames,
+        folder.root,
+        product.rgb_codec,
+        product.extras,
+    )
+
+
+def _model_usage(ledger: Ledger) -> dict[str, Any]:
+    """Return requests, tokens and cost of the language model; empty without one."""
+    used = [row.facts.get("language_model") or {} for row in ledger.rows("instruct")]
+    return max(used, key=lambda one: one.get("requests", 0), default={})
+
+
+def _config(run: Run, robot: str, controller: str) -> ReplayConfig:
+    return replay.config(kept(robot, run.folder.root), controller, run.seed, run.actions)
+
+
+def _recorded_config(run: Run, robot: str, label: str) -> ReplayConfig:
+    """Return the settings of the rollouts that are kept under a label."""
+    for row in run.context.ledger.rows(replay.STAGE):
+        if row.item.startswith(f"{robot}/{label}/") and "seed" in row.facts:
+            actions, facts = row.facts["actions"], row.facts
+            timing = action_timing(**actions) if actions else run.actions
+            reference = kept(robot, run.folder.root)
+            return replay.config(reference, facts["controller"], facts["seed"], timing)
+    return _config(run, robot, label)
+
+
+def _walks(
+    run: Run,
+    asked: Sequence[Episode],
+    scenes: Mapping[str, Row],
+    config: ReplayConfig,
+    label: str,
+) -> list[WorkItem]:
+    folder = run.folder
+    where = (folder.scenes, folder.rollouts, folder.models)
+    return replay.items(asked, scenes, *where, config, label)
+
+
+def _is_current(ledger: Ledger, item: WorkItem) -> bool:
+    """Return whether an earlier run did, or failed at, exactly this item."""
+    row = ledger.row(replay.STAGE, item.name)
+    broken = row is not None and row.status == "quarantined" and row.key == item.key
+    return broken or ledger.is_done(replay.STAGE, item.name, item.key)

@@ -1,0 +1,12 @@
+"""Fixtures that the tests of several formats share."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.support.runs.work import InlineWorkers
+
+
+@pytest.fixture
+def inline(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("vlnpe.pipeline.engine.executors.base.Workers", InlineWorkers)

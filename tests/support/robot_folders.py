@@ -1,0 +1,44 @@
+"""Folders of a user's robot: the documented rover, and exports of ours."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+from vlnpe.collectors.locomotion.policy import policy_files
+from vlnpe.collectors.robots import get_robot
+from vlnpe.collectors.robots.folder.export import export_robot
+
+DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "robots.md"
+
+
+def written_rover(folder: Path) -> Path:
+    """The rover of docs/robots.md, as its reader would write it."""
+    text = DOCUMENT.read_text()
+    folder.mkdir(parents=True)
+    for name, kind in (("robot.toml", "toml"), ("model.xml", "xml")):
+        block = re.search(rf"```{kind}\n(.*?)```", text, re.DOTALL)
+        assert block
+        (folder / name).write_text(block[1])
+    return folder
+
+
+def exported(name: str, folder: Path) -> Path:
+    robot = get_robot(name)
+    export_robot(robot, folder, policy_files(robot) if robot.policy_joints else None)
+    return folder
+
+
+def edit(name: str, old: str, new: str) -> Callable[[Path], None]:
+    """Replace text in a file of the folder, which must have it."""
+
+    def spoil(folder: Path) -> None:
+        text = (folder / name).read_text()
+        assert old in text
+        (folder / name).write_text(text.replace(old, new))
+
+    return spoil
+
+
+TOML, XML = "robot.toml", "model.xml"
