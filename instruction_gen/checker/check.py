@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..facts.records import PathFacts
 from ..language.clauses import Parse
-from ..language.ending import last_stop
+from ..language.ending import announcement, goal_last, last_stop
 from ..language.parse import parse
 from .align import align
 from .claims import claims_of
@@ -42,11 +42,26 @@ def check_text(text: str, facts: PathFacts | Ground) -> Verdict:
     ground = facts if isinstance(facts, Ground) else Ground(facts)
     read = parse(text)
     problems = form_problems(read)
-    found: list[tuple[int, str]] = []
-    if not problems:
-        if last_stop(read) is None:
-            problems.append("the text does not say where to stop")
-        found = align(claims_of(read, ground), ground)
+    if problems:
+        return Verdict(tuple(problems), _spans(read, []))
+    verdicts = [_verdict(reading, ground) for reading in _readings(read)]
+    return next((v for v in verdicts if v.ok), verdicts[-1])
+
+
+def _readings(read: Parse) -> list[Parse]:
+    """Return how a text may be meant: what it says before the way may be where that ends."""
+    count, sure = announcement(read)
+    if not count:
+        return [read]
+    meant = goal_last(read, count)
+    return [meant] if sure else [meant, read]
+
+
+def _verdict(read: Parse, ground: Ground) -> Verdict:
+    problems = []
+    if last_stop(read) is None:
+        problems.append("the text does not say where to stop")
+    found = align(claims_of(read, ground), ground)
     spans = _spans(read, found)
     return Verdict((*problems, *(f"{_said(read, k)}: {reason}" for k, reason in found)), spans)
 

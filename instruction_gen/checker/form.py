@@ -10,6 +10,11 @@ from ..language.clauses import Clause, Parse
 MIN_WORDS, MAX_WORDS = 6, 90
 MAX_CHARACTERS = 700
 _FORBIDDEN = re.compile(r"[{}<>\[\]|\\^`~@#$%*_=+]|https?:|www\.|://", re.IGNORECASE)
+# "You see the sofa, right?" asks nothing.
+_QUESTION = re.compile(
+    r"(?:^|[.!?;:] )\W*(?:and |so )?(?:wh\w+|how|is|are|do|does|can|could|will|would|should)\b[^.!?]*\?",
+    re.I,
+)
 # "Okay, we want the kitchen" is how people talk on the way.
 _FIRST_PERSON = re.compile(r"\b(?:I|I'm|I'll|my|sorry|cannot|as an ai)\b", re.IGNORECASE)
 # Words that any English route has some of.
@@ -48,7 +53,7 @@ def form_problems(parse: Parse) -> list[str]:
     words = re.findall(r"[a-z']+", text.lower())
     if words and sum(w in _COMMON for w in words) < 0.18 * len(words):
         return ["not in English"]
-    if "?" in text:
+    if _QUESTION.search(text):
         problems.append("a question is no instruction")
     if found := _FIRST_PERSON.search(text):
         problems.append(f"{found[0]!r}: an instruction does not speak of itself")

@@ -3,14 +3,90 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
-from .clauses import Clause, Parse
+from .clauses import Clause, Noun, Parse
 
 # Prepositions of a place that one is at; the others lead on.
 STATIC = frozenset(("near", "at", "before", "between", "in"))
 _STAYING = STATIC | {"with", "after", "past"}
 _TO = re.compile(r"\b(?:to|as far as)\s+(?:the|a|an|your)\b[^,.;]*$", re.IGNORECASE)
 _UNTIL = re.compile(r"\s*,?\s*(?:until|till)\b", re.IGNORECASE)
+
+
+_MOTION = frozenset(("turn", "move", "enter", "leave", "pass"))
+_WAY = frozenset(("through", "into", "from", "past", "along", "around", "away", "to"))
+_SENTENCE = re.compile(r"[:;!?]|\.(?!\d)")
+# What says of a place that the way ends there.
+_GOAL = re.compile(
+    r"\b(?:goal|aim|destination|target|want|wanted|looking for|bound for|(?:you|we)(?: are|'re) after"
+    r"|where (?:to|you|we|this|it|the way)|you should|(?:you|we|this|it|way|route|walk)(?: \w+)? ends?"
+    r"|end(?:s|ing)? up|(?:your|our|the|last|final) (?:\w+ )?(?:stop|finish|spot|end(?! of)))\b",
+    re.IGNORECASE,
+)
+# "To reach the bed, …", "You're off to the kitchen."
+_PURPOSE = re.compile(r"\W*(?:(?:in order )?to (?:reach|get|go|find|arrive|come|be)|for (?:the|your|a))\b", re.IGNORECASE)
+_BOUND = re.compile(
+    r"\b(?:you|we)(?:'re| are| need| have| must|'ll| will)(?: \w+)? (?:to|for|be|reach)\b",
+    re.IGNORECASE,
+)
+
+
+def announcement(parse: Parse) -> tuple[int, bool]:
+    """Return how many clauses at the beginning may say where the way ends, and whether they do.
+
+    `Your goal is the bed. To get there, …`: the first sentence, as far as nothing in it moves.
+    """
+    sentence = _SENTENCE.search(parse.text)
+    end = sentence.start() if sentence else len(parse.text)
+    count = 0
+    said = ""
+    for clause in parse.clauses:
+        said = parse.text[: clause.stop]
+        goal = bool(_GOAL.search(said)) and not clause.verb
+        bound = not count and (goal or bool(_PURPOSE.match(said) or _BOUND.search(said)))
+        if clause.start >= end or not _static(clause, first=not count, bound=bound):
+            break
+        count += 1
+    first = parse.clauses[:count]
+    said = parse.text[: first[-1].stop] if first else ""
+    if not any(c.nouns for c in first) or not any(map(_moving, parse.clauses[count:])):
+        return 0, False
+    sure = bool(_GOAL.search(said)) or any(c.verb == "stop" for c in first)
+    titled = sentence is not None and sentence[0] == ":"
+    return (
+        (count, sure)
+        if sure or titled or bool(_PURPOSE.match(said) or _BOUND.search(said))
+        else (0, False)
+    )
+
+
+def goal_last(parse: Parse, count: int) -> Parse:
+    """Return a text that says its goal first, in `count` clauses, as if it said it last."""
+    rest = parse.clauses[count:]
+    named = [n for c in parse.clauses[:count] for n in c.nouns]
+    # "It lies behind the second door": that is on the way.
+    nouns = [n for k, n in enumerate(named) if n.kind in ("object", "room") or not k]
+    at = tuple(replace(n, prep=_placed(n, "with" if k else "near")) for k, n in enumerate(nouns))
+    stop = replace(parse.clauses[0], verb="stop", side="", until=False, nouns=at)
+    return replace(parse, clauses=(*rest, stop))
+
+
+def _placed(noun: Noun, otherwise: str) -> str:
+    return noun.prep if noun.prep in _STAYING else otherwise
+
+
+def _static(clause: Clause, *, first: bool, bound: bool) -> bool:
+    way = bool(clause.nouns) and clause.nouns[0].prep in _WAY
+    if bound and clause.verb in ("move", "") and not clause.side:
+        return way and clause.nouns[0].prep == "to"
+    if clause.side or clause.negated or clause.verb in _MOTION:
+        return False
+    return not (first and not clause.verb and way)
+
+
+def _moving(clause: Clause) -> bool:
+    return bool(clause.side) or clause.verb in _MOTION or any(n.prep in _WAY for n in clause.nouns)
 
 
 def last_stop(parse: Parse) -> int | None:
@@ -30,6 +106,11 @@ def last_stop(parse: Parse) -> int | None:
         return None
     if (end and _arrives(last, parse.clauses[end - 1], parse)) or _settles(last):
         return end
+    until = end
+    while until > 1 and _there(parse.clauses[until]):  # "until you reach the bed, near the window"
+        until -= 1
+    if until and _arrives(parse.clauses[until], parse.clauses[until - 1], parse):
+        return until
     if _destined(last, parse) or (end < len(parse.clauses) - 1 and _bounded(parse, end)):
         return end
     return _measured(parse, end)
@@ -83,8 +164,14 @@ def _measured(parse: Parse, end: int) -> int | None:
     return None
 
 
+def _there(clause: Clause) -> bool:
+    """Whether a clause only says what is where one is."""
+    here = all(n.prep in ("", "with") or n.prep in STATIC for n in clause.nouns)
+    return here and clause.verb in ("", "see") and not (clause.side or clause.until)
+
+
 def _arrives(last: Clause, before: Clause, parse: Parse) -> bool:
-    """Return whether the last clause says how far to walk."""
+    """Return whether a clause says until when to walk."""
     if not last.until or not last.nouns:
         return False
     bound = bool(_UNTIL.match(parse.text[last.start :]))
