@@ -12,11 +12,14 @@ MAX_CHARACTERS = 700
 _FORBIDDEN = re.compile(r"[{}<>\[\]|\\^`~@#$%*_=+]|https?:|www\.|://", re.IGNORECASE)
 # "You see the sofa, right?" asks nothing.
 _QUESTION = re.compile(
-    r"(?:^|[.!?;:] )\W*(?:and |so )?(?:wh\w+|how|is|are|do|does|can|could|will|would|should)\b[^.!?]*\?",
-    re.I,
+    r"(?:^|[.!?;:] )\W*(?:and |so )?"
+    r"(?:wh\w+|how|is|are|do|does|can|could|will|would|should)\b[^.!?]*\?",
+    re.IGNORECASE,
 )
 # "Okay, we want the kitchen" is how people talk on the way.
-_FIRST_PERSON = re.compile(r"\b(?:I|I'm|I'll|my|sorry|cannot|as an ai)\b", re.IGNORECASE)
+_FIRST_PERSON = re.compile(
+    r"\b(?:I(?! want| need|'d like)|my|sorry|cannot|as an ai)\b", re.IGNORECASE
+)
 # Words that any English route has some of.
 _COMMON = frozenset(
     """the a and to of in on at into left right turn walk go past stop through your you then with

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from ..facts.records import TurnFact
@@ -111,17 +109,19 @@ class Implied:
     def _towards_room(self, k: int, claim: Claim) -> bool:
         """Return whether turn `k` is made where just one opening leads to the room of a claim."""
         turn = self.turns[k]
-        visits = self.ground.facts.visits
-        for visit, following in pairwise(visits):
-            if not visit.from_m - _THRESHOLD_M <= turn.along_m <= visit.to_m - _BEFORE_M:
-                if not self._towards_door(turn, visit.to_m):
-                    continue
+        facts = self.ground.facts
+        # A path that stops on the threshold of a room leads to it, too.
+        rooms = [*({v.room} for v in facts.visits[1:]), set(facts.goal_rooms)]
+        for visit, following in zip(facts.visits, rooms, strict=True):
+            inside = visit.from_m - _THRESHOLD_M <= turn.along_m <= visit.to_m - _BEFORE_M
+            if not (inside or self._towards_door(turn, visit.to_m)):
+                continue
             openings = sum(name in claim.rooms for name in visit.beyond)
             near = claim.mask & self.between(visit.to_m - 0.4, visit.to_m + 0.4)
             against = bool(claim.side) and claim.side != turn.side
             if claim.turned or (against and visit.to_m - turn.along_m <= IMPLIED_M):
                 continue
-            if following.room in claim.rooms and openings == 1 and near.any():
+            if following & claim.rooms and openings == 1 and near.any():
                 return True
         return False
 

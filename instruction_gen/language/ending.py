@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 
 from .clauses import Clause, Noun, Parse
@@ -15,19 +16,19 @@ _UNTIL = re.compile(r"\s*,?\s*(?:until|till)\b", re.IGNORECASE)
 
 
 _MOTION = frozenset(("turn", "move", "enter", "leave", "pass"))
-_WAY = frozenset(("through", "into", "from", "past", "along", "around", "away", "to"))
+_WAY = frozenset("through into from past after along around away".split())
 _SENTENCE = re.compile(r"[:;!?]|\.(?!\d)")
 # What says of a place that the way ends there.
 _GOAL = re.compile(
-    r"\b(?:goal|aim|destination|target|want|wanted|looking for|bound for|(?:you|we)(?: are|'re) after"
-    r"|where (?:to|you|we|this|it|the way)|you should|(?:you|we|this|it|way|route|walk)(?: \w+)? ends?"
-    r"|end(?:s|ing)? up|(?:your|our|the|last|final) (?:\w+ )?(?:stop|finish|spot|end(?! of)))\b",
+    r"\b(?:goal|aim|destination|target|want|wanted|looking for|bound for"
+    r"|(?:you|we)(?: are|'re) after|where (?:to|you|we|this|it|the way)|you should"
+    r"|(?:you|we|this|it|way|route|walk)(?: \w+)? ends?|end(?:s|ing)? up|(?:your|our|the|last|final) (?:\w+ )?(?:stop|finish|spot|end(?! of)))\b",
     re.IGNORECASE,
 )
-# "To reach the bed, …", "You're off to the kitchen."
-_PURPOSE = re.compile(r"\W*(?:(?:in order )?to (?:reach|get|go|find|arrive|come|be)|for (?:the|your|a))\b", re.IGNORECASE)
-_BOUND = re.compile(
-    r"\b(?:you|we)(?:'re| are| need| have| must|'ll| will)(?: \w+)? (?:to|for|be|reach)\b",
+# "To reach the bed, …", "You're off to the kitchen.", "For the bed, …"
+_PURPOSE = re.compile(
+    r"\W*(?:(?:in order )?to (?:reach|get|go|find|arrive|come|be)|for (?:the|your|a)"
+    r"|(?:you|we)(?:'re| are| need| have| must|'ll| will)(?: \w+)? (?:to|for|be|reach))\b",
     re.IGNORECASE,
 )
 
@@ -35,36 +36,35 @@ _BOUND = re.compile(
 def announcement(parse: Parse) -> tuple[int, bool]:
     """Return how many clauses at the beginning may say where the way ends, and whether they do.
 
-    `Your goal is the bed. To get there, …`: the first sentence, as far as nothing in it moves.
+    `Your goal is the bed. To get there, …`: the first sentence, as far as nothing in it moves but
+    towards one thing.
     """
-    sentence = _SENTENCE.search(parse.text)
+    begin = parse.clauses[0].stop if parse.clauses else 0
+    sentence = _SENTENCE.search(parse.text, begin)
     end = sentence.start() if sentence else len(parse.text)
     count = 0
-    said = ""
     for clause in parse.clauses:
-        said = parse.text[: clause.stop]
-        goal = bool(_GOAL.search(said)) and not clause.verb
-        bound = not count and (goal or bool(_PURPOSE.match(said) or _BOUND.search(said)))
-        if clause.start >= end or not _static(clause, first=not count, bound=bound):
+        if clause.start >= end or not _static(clause, first=not count):
             break
         count += 1
     first = parse.clauses[:count]
-    said = parse.text[: first[-1].stop] if first else ""
-    if not any(c.nouns for c in first) or not any(map(_moving, parse.clauses[count:])):
+    nouns = _places(first)
+    if not nouns or not any(map(_moving, parse.clauses[count:])):
         return 0, False
-    sure = bool(_GOAL.search(said)) or any(c.verb == "stop" for c in first)
-    titled = sentence is not None and sentence[0] == ":"
-    return (
-        (count, sure)
-        if sure or titled or bool(_PURPOSE.match(said) or _BOUND.search(said))
-        else (0, False)
-    )
+    said = parse.text[: first[-1].stop]
+    if any(c.verb == "stop" for c in first):
+        return count, True
+    sure = bool(_GOAL.search(said)) and not any(c.verb in _MOTION for c in first)
+    # "With the mirror on your right" is where one starts, "to the hall" may be where one goes on.
+    thing = nouns[0].kind == "object" and not nouns[0].side and nouns[0].prep in ("", "to")
+    told = _PURPOSE.match(said) or _GOAL.search(said) or (sentence and sentence[0] == ":")
+    return (count, sure) if thing or told else (0, False)
 
 
 def goal_last(parse: Parse, count: int) -> Parse:
     """Return a text that says its goal first, in `count` clauses, as if it said it last."""
     rest = parse.clauses[count:]
-    named = [n for c in parse.clauses[:count] for n in c.nouns]
+    named = _places(parse.clauses[:count])
     # "It lies behind the second door": that is on the way.
     nouns = [n for k, n in enumerate(named) if n.kind in ("object", "room") or not k]
     at = tuple(replace(n, prep=_placed(n, "with" if k else "near")) for k, n in enumerate(nouns))
@@ -72,17 +72,22 @@ def goal_last(parse: Parse, count: int) -> Parse:
     return replace(parse, clauses=(*rest, stop))
 
 
+def _places(clauses: Sequence[Clause]) -> list[Noun]:
+    return [n for c in clauses for n in c.nouns if n.kind in ("object", "room", "door")]
+
+
 def _placed(noun: Noun, otherwise: str) -> str:
-    return noun.prep if noun.prep in _STAYING else otherwise
+    return noun.prep if noun.prep in _STAYING - {"after"} else otherwise
 
 
-def _static(clause: Clause, *, first: bool, bound: bool) -> bool:
-    way = bool(clause.nouns) and clause.nouns[0].prep in _WAY
-    if bound and clause.verb in ("move", "") and not clause.side:
-        return way and clause.nouns[0].prep == "to"
-    if clause.side or clause.negated or clause.verb in _MOTION:
+def _static(clause: Clause, *, first: bool) -> bool:
+    """Return whether a clause moves nowhere, or, as the first, only to what it names."""
+    prep = next((n.prep for n in _places([clause])), "")
+    if clause.side or clause.negated or (clause.verb in _MOTION and clause.verb != "move"):
         return False
-    return not (first and not clause.verb and way)
+    if clause.verb == "move":
+        return first and prep == "to"
+    return not (first and not clause.verb and prep in _WAY)
 
 
 def _moving(clause: Clause) -> bool:
@@ -185,7 +190,7 @@ def _settles(last: Clause) -> bool:
     """Return whether the last clause moves nowhere: its verb is unknown, or keeps one there."""
     if last.side:
         return False
-    if not last.nouns:
+    if not _places([last]):
         return last.distance_m > 0 and last.verb == "" and last.unparsed > 0
     if last.verb in ("", "see") and last.unparsed:
         return all(n.prep in _STAYING for n in last.nouns)

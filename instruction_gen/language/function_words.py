@@ -13,7 +13,7 @@ VERBS = {
     "leave": "leave exit leaving exiting depart quit",
     "pass": "pass passing passed skirt skirting",
     "stop": """stop wait halt stand pause finish park rest stopping waiting done end ends arrived
-        halting pausing finishing finished freeze linger conclude cease""",
+        halting pausing finishing finished finishes stops freeze linger conclude cease""",
     "see": "see observe notice find spot seeing look looking is are stands lies sits hangs",
     "reach": "reach reached approach reaching approaching arrive arriving meet hit",
 }

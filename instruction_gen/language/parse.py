@@ -232,6 +232,8 @@ class _Reader(SideReader):
         noun, stop = found
         if not self.prep and noun.kind == "object" and self._goes_on(stop):
             self.prep = "past"
+        if self.prep == "in" and noun.kind == "door" and self.draft.verb == "move":
+            self.prep = "into"  # "go in the second door"
         noun = replace(noun, prep=self.prep or noun.prep, side=noun.side or self.draft.pending_side)
         self.draft.pending_side = ""
         if noun.kind == "generic" and noun.head in ("left", "right"):
