@@ -16,13 +16,16 @@ _UNTIL = re.compile(r"\s*,?\s*(?:until|till)\b", re.IGNORECASE)
 
 
 _MOTION = frozenset(("turn", "move", "enter", "leave", "pass"))
-_WAY = frozenset("through into from past after along around away".split())
-_SENTENCE = re.compile(r"[:;!?]|\.(?!\d)")
+_INTO = frozenset("through into along around away".split())
+_WAY = _INTO | {"from", "past", "after"}
+_SENTENCE = re.compile(r"[:;!?]|\.(?!\d)|,? so\b(?! that)|, which means\b")
 # What says of a place that the way ends there.
 _GOAL = re.compile(
-    r"\b(?:goal|aim|destination|target|want|wanted|looking for|bound for"
-    r"|(?:you|we)(?: are|'re) after|where (?:to|you|we|this|it|the way)|you should"
-    r"|(?:you|we|this|it|way|route|walk)(?: \w+)? ends?|end(?:s|ing)? up|(?:your|our|the|last|final) (?:\w+ )?(?:stop|finish|spot|end(?! of)))\b",
+    r"\b(?:goal|aim|destination|target|want|wanted|looking for|bound for|end(?:s|ing)? up"
+    r"|(?:you|we)(?: are|'re) after|where (?:to (?:stop|end|be)|(?:you|we|this|it|the \w+)"
+    r"(?: \w+)? (?:stop|end|finish|want|need|should|go|head)\w*|this ends)|you should"
+    r"|(?:you|we|this|it|way|route|walk)(?: \w+)? ends?"
+    r"|(?:your|our|the|last|final) (?:\w+ )?(?:stop|finish|spot|end(?! of)))\b",
     re.IGNORECASE,
 )
 # "To reach the bed, …", "You're off to the kitchen.", "For the bed, …"
@@ -39,12 +42,13 @@ def announcement(parse: Parse) -> tuple[int, bool]:
     `Your goal is the bed. To get there, …`: the first sentence, as far as nothing in it moves but
     towards one thing.
     """
-    begin = parse.clauses[0].stop if parse.clauses else 0
-    sentence = _SENTENCE.search(parse.text, begin)
+    sentence = _SENTENCE.search(parse.text, parse.clauses[0].stop if parse.clauses else 0)
     end = sentence.start() if sentence else len(parse.text)
+    goal = bool(_GOAL.search(parse.text[:end]))
+    told = goal or bool(_PURPOSE.match(parse.text))
     count = 0
     for clause in parse.clauses:
-        if clause.start >= end or not _static(clause, first=not count):
+        if clause.start >= end or not _static(clause, first=not count, goal=goal, told=told):
             break
         count += 1
     first = parse.clauses[:count]
@@ -57,8 +61,8 @@ def announcement(parse: Parse) -> tuple[int, bool]:
     sure = bool(_GOAL.search(said)) and not any(c.verb in _MOTION for c in first)
     # "With the mirror on your right" is where one starts, "to the hall" may be where one goes on.
     thing = nouns[0].kind == "object" and not nouns[0].side and nouns[0].prep in ("", "to")
-    told = _PURPOSE.match(said) or _GOAL.search(said) or (sentence and sentence[0] == ":")
-    return (count, sure) if thing or told else (0, False)
+    named = sure or bool(_PURPOSE.match(said)) or (sentence is not None and sentence[0] == ":")
+    return (count, sure) if thing or named else (0, False)
 
 
 def goal_last(parse: Parse, count: int) -> Parse:
@@ -80,14 +84,15 @@ def _placed(noun: Noun, otherwise: str) -> str:
     return noun.prep if noun.prep in _STAYING - {"after"} else otherwise
 
 
-def _static(clause: Clause, *, first: bool) -> bool:
+def _static(clause: Clause, *, first: bool, goal: bool, told: bool) -> bool:
     """Return whether a clause moves nowhere, or, as the first, only to what it names."""
     prep = next((n.prep for n in _places([clause])), "")
     if clause.side or clause.negated or (clause.verb in _MOTION and clause.verb != "move"):
         return False
     if clause.verb == "move":
-        return first and prep == "to"
-    return not (first and not clause.verb and prep in _WAY)
+        return first and (prep == "to" or (told and prep in STATIC))
+    way = _WAY if not goal else _INTO if not first else ()
+    return bool(clause.verb) or prep not in way
 
 
 def _moving(clause: Clause) -> bool:

@@ -119,7 +119,8 @@ class _Reader(SideReader):
         elif word in PREPOSITIONS:
             self.prep = PREPOSITIONS[word]
             stopped = self.draft.verb == "stop"
-            if (word == "by" and (stopped or self.draft.nouns)) or (
+            opens = self.draft.verb == "see" or not (self.k and self.tokens[self.k - 1].is_word)
+            if (word == "by" and (stopped or self.draft.nouns or opens)) or (
                 word == "alongside" and stopped
             ):
                 self.prep = "near"
