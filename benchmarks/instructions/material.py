@@ -1,8 +1,8 @@
 """Maps and logs for writers of new texts: python -m benchmarks.instructions.material SCENES OUT
 
-For each scene in SCENES with `episodes/<scene>.json.gz` beside it, OUT gets `<scene>.md` (boxes of
-all things, and what is where along each path) and a plan of each path. Nothing of parser, checker or
-composer is in it: who writes from it knows only the building.
+For each scene in SCENES with `episodes/<scene>.json.gz` beside that folder, OUT gets `<scene>.md`
+(boxes of all things, and what is where along each path) and a plan of each path. Nothing of parser,
+checker or composer is in it: who writes from it knows only the building.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..facts.records import PathFacts
 from ..language.clauses import Parse
-from ..language.ending import announcement, goal_last, last_stop
+from ..language.ending import last_stop, readings
 from ..language.parse import parse
 from .align import align
 from .claims import claims_of
@@ -44,17 +44,8 @@ def check_text(text: str, facts: PathFacts | Ground) -> Verdict:
     problems = form_problems(read)
     if problems:
         return Verdict(tuple(problems), _spans(read, []))
-    verdicts = [_verdict(reading, ground) for reading in _readings(read)]
+    verdicts = [_verdict(reading, ground) for reading in readings(read)]
     return next((v for v in verdicts if v.ok), verdicts[-1])
-
-
-def _readings(read: Parse) -> list[Parse]:
-    """Return how a text may be meant: what it says before the way may be where that ends."""
-    count, sure = announcement(read)
-    if not count:
-        return [read]
-    meant = goal_last(read, count)
-    return [meant] if sure else [meant, read]
 
 
 def _verdict(read: Parse, ground: Ground) -> Verdict:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..language.clauses import Clause, Noun, Parse
-from ..language.ending import last_stop
+from ..language.ending import last_stop, readings
 
 _AT = frozenset(("at", "near", "before", "past", "after", "in", "with", ""))
 _MOVING = frozenset(("turn", "move", "enter", "leave", "pass"))
@@ -45,6 +45,7 @@ def sub_goals(read: Parse) -> list[SubGoal]:
     Raises:
         UnfollowableError: it never says where to stop, or goes on after that.
     """
+    read = next((r for r in readings(read) if last_stop(r) is not None), read)
     stop = last_stop(read)
     if stop is None:
         raise UnfollowableError("the text never says to stop")

@@ -34,13 +34,15 @@ _PURPOSE = re.compile(
     r"|(?:you|we)(?:'re| are| need| have| must|'ll| will)(?: \w+)? (?:to|for|be|reach))\b",
     re.IGNORECASE,
 )
+# "Stop at the bed. Then turn left": an order, given at the wrong place.
+_ORDER = re.compile(r"\W*(?:stop|wait|halt|pause|stand)\b", re.IGNORECASE)
 
 
 def announcement(parse: Parse) -> tuple[int, bool]:
     """Return how many clauses at the beginning may say where the way ends, and whether they do.
 
     `Your goal is the bed. To get there, …`: the first sentence, as far as nothing in it moves but
-    towards one thing.
+    towards one thing. They surely do where a word for an end says so.
     """
     sentence = _SENTENCE.search(parse.text, parse.clauses[0].stop if parse.clauses else 0)
     end = sentence.start() if sentence else len(parse.text)
@@ -53,7 +55,8 @@ def announcement(parse: Parse) -> tuple[int, bool]:
         count += 1
     first = parse.clauses[:count]
     nouns = _places(first)
-    if not nouns or not any(map(_moving, parse.clauses[count:])):
+    on = any(map(_moving, parse.clauses[count:]))
+    if not nouns or not on or _ORDER.match(parse.text):
         return 0, False
     said = parse.text[: first[-1].stop]
     if any(c.verb == "stop" for c in first):
@@ -65,8 +68,16 @@ def announcement(parse: Parse) -> tuple[int, bool]:
     return (count, sure) if thing or named else (0, False)
 
 
-def goal_last(parse: Parse, count: int) -> Parse:
-    """Return a text that says its goal first, in `count` clauses, as if it said it last."""
+def readings(parse: Parse) -> list[Parse]:
+    """Return how a text may be meant, a goal that is said first being moved to its end."""
+    count, sure = announcement(parse)
+    if not count:
+        return [parse]
+    meant = _goal_last(parse, count)
+    return [meant] if sure else [meant, parse]
+
+
+def _goal_last(parse: Parse, count: int) -> Parse:
     rest = parse.clauses[count:]
     named = _places(parse.clauses[:count])
     # "It lies behind the second door": that is on the way.

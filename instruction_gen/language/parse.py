@@ -119,7 +119,7 @@ class _Reader(SideReader):
         elif word in PREPOSITIONS:
             self.prep = PREPOSITIONS[word]
             stopped = self.draft.verb == "stop"
-            opens = self.draft.verb == "see" or not (self.k and self.tokens[self.k - 1].is_word)
+            opens = self.draft.verb == "see" or self.k == 0 or self.tokens[self.k - 1].text in ".:;"
             if (word == "by" and (stopped or self.draft.nouns or opens)) or (
                 word == "alongside" and stopped
             ):
