@@ -22,7 +22,7 @@ from .lexicon import (
 from .tokens import Token
 
 DETERMINERS = frozenset(
-    "the a an your this that these those its their some both all any each every".split()
+    "the a an your our this that these those its their some both all any each every".split()
 )
 _MAIN = frozenset("front main entrance entry apartment house".split())
 _BARE = frozenset("it them there here".split())
