@@ -50,7 +50,9 @@ def announcement(parse: Parse) -> tuple[int, bool]:
     told = goal or bool(_PURPOSE.match(parse.text))
     count = 0
     for clause in parse.clauses:
-        if clause.start >= end or not _static(clause, first=not count, goal=goal, told=told):
+        # "The bed: that's the finish."
+        beyond = clause.start >= end and not (count and clause.there and not clause.nouns)
+        if beyond or not _static(clause, first=not count, goal=goal, told=told):
             break
         count += 1
     first = parse.clauses[:count]
@@ -81,7 +83,7 @@ def _goal_last(parse: Parse, count: int) -> Parse:
     rest = parse.clauses[count:]
     named = _places(parse.clauses[:count])
     # "It lies behind the second door": that is on the way.
-    nouns = [n for k, n in enumerate(named) if n.kind in ("object", "room") or not k]
+    nouns = [n for n in named if n.kind != "door"] or named[:1]
     at = tuple(replace(n, prep=_placed(n, "with" if k else "near")) for k, n in enumerate(nouns))
     stop = replace(parse.clauses[0], verb="stop", side="", until=False, nouns=at)
     return replace(parse, clauses=(*rest, stop))
