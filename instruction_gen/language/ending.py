@@ -34,6 +34,7 @@ _PURPOSE = re.compile(
     r"|(?:you|we)(?:'re| are| need| have| must|'ll| will)(?: \w+)? (?:to|for|be|reach))\b",
     re.IGNORECASE,
 )
+_YOU = re.compile(r"\byou", re.IGNORECASE)
 # "Stop at the bed. Then turn left": an order, given at the wrong place.
 _ORDER = re.compile(r"\W*(?:stop|wait|halt|pause|stand)\b", re.IGNORECASE)
 
@@ -44,7 +45,8 @@ def announcement(parse: Parse) -> tuple[int, bool]:
     `Your goal is the bed. To get there, …`: the first sentence, as far as nothing in it moves but
     towards one thing. They surely do where a word for an end says so.
     """
-    sentence = _SENTENCE.search(parse.text, parse.clauses[0].stop if parse.clauses else 0)
+    begin = next((c.stop for c in parse.clauses if _places([c])), 0)
+    sentence = _SENTENCE.search(parse.text, begin)
     end = sentence.start() if sentence else len(parse.text)
     goal = bool(_GOAL.search(parse.text[:end]))
     told = goal or bool(_PURPOSE.match(parse.text))
@@ -64,10 +66,11 @@ def announcement(parse: Parse) -> tuple[int, bool]:
     if any(c.verb == "stop" for c in first):
         return count, True
     sure = bool(_GOAL.search(said)) and not any(c.verb in _MOTION for c in first)
-    # "With the mirror on your right" is where one starts, "to the hall" may be where one goes on.
-    thing = nouns[0].kind == "object" and not nouns[0].side and nouns[0].prep in ("", "to")
+    # "You have a mirror on your right" is where one starts, "to the hall" may be where one goes on.
+    thing = nouns[0].kind == "object" and nouns[0].prep in ("", "to")
+    stated = first[0].verb == "see" and not _YOU.search(said)
     named = sure or bool(_PURPOSE.match(said)) or (sentence is not None and sentence[0] == ":")
-    return (count, sure) if thing or named else (0, False)
+    return (count, sure) if named or (not nouns[0].side and (thing or stated)) else (0, False)
 
 
 def readings(parse: Parse) -> list[Parse]:
@@ -104,7 +107,7 @@ def _static(clause: Clause, *, first: bool, goal: bool, told: bool) -> bool:
         return False
     if clause.verb == "move":
         return first and (prep == "to" or (told and prep in STATIC))
-    way = _WAY if not goal else _INTO if not first else ()
+    way = _INTO if not first else () if goal else _WAY
     return bool(clause.verb) or prep not in way
 
 

@@ -64,6 +64,7 @@ _IDIOMS = (
     ("at|to your? twelve o'clock", "ahead of you"),
     ("at|to your? six o'clock", "behind you"),
     ("at your? back left|right?", "behind you"),
+    ("it is left|right out|then|at|into|through|again|,", "turn {2} {3}"),
     ("right to the back|end|edge|far|other", "to the {3}"),
     ("that is it|all", "stop there"),
     ("that is where you stop", "stop there"),
