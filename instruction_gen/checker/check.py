@@ -48,7 +48,7 @@ def check_text(text: str, facts: PathFacts | Ground) -> Verdict:
     if problems:
         return Verdict(tuple(problems), _spans(read, []))
     verdicts = [_verdict(reading, ground) for reading in readings(read)]
-    return next((v for v in verdicts if v.ok), verdicts[-1])
+    return min(verdicts, key=lambda verdict: len(verdict.problems))
 
 
 def _verdict(read: Parse, ground: Ground) -> Verdict:

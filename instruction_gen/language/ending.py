@@ -83,7 +83,8 @@ def readings(parse: Parse) -> list[Parse]:
 
 
 def _goal_last(parse: Parse, count: int) -> Parse:
-    rest = parse.clauses[count:]
+    # "… until you are there": there is the goal.
+    rest = [c for c in parse.clauses[count:] if c.nouns or not (c.verb == "stop" and c.there)]
     named = _places(parse.clauses[:count])
     # "It lies behind the second door": that is on the way.
     nouns = [n for n in named if n.kind != "door"] or named[:1]
