@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..facts.records import PathFacts
+from ..language.announced import readings
 from ..language.clauses import Parse
-from ..language.ending import last_stop, readings
+from ..language.ending import last_stop
 from ..language.parse import parse
 from .align import align
 from .claims import claims_of
@@ -86,6 +87,8 @@ def _spans(
     read: Parse, found: list[tuple[int, str]]
 ) -> tuple[tuple[int, int, tuple[str, ...]], ...]:
     return tuple(
-        (c.start, c.stop, tuple(reason for k, reason in found if k == index))
-        for index, c in enumerate(read.clauses)
+        sorted(
+            (c.start, c.stop, tuple(reason for k, reason in found if k == index))
+            for index, c in enumerate(read.clauses)
+        )
     )

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..language.announced import readings
 from ..language.clauses import Clause, Noun, Parse
-from ..language.ending import last_stop, readings
+from ..language.ending import last_stop
 
 _AT = frozenset(("at", "near", "before", "past", "after", "in", "with", ""))
 _MOVING = frozenset(("turn", "move", "enter", "leave", "pass"))

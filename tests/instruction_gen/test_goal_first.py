@@ -9,7 +9,7 @@ from benchmarks.instructions.rewording import goal_first
 from tests.instruction_gen.test_instruct import EAST, LEFT, episode_of, facts_of, texts_of
 from vlnpe.instruction_gen.checker import check_text
 from vlnpe.instruction_gen.follower import World, follow
-from vlnpe.instruction_gen.language.ending import announcement
+from vlnpe.instruction_gen.language.announced import announcement
 from vlnpe.instruction_gen.language.parse import parse
 
 WAY = "turn left and go through the doorway into the kitchen."
