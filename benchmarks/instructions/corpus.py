@@ -10,6 +10,8 @@ last change of the checker; its paths were sampled in the exact buildings (`vlnp
 `sealed2` was written likewise about three more apartments and a villa, and measured after the
 checker had been worked on with `voices` and `sealed`, and `sealed3` about three more apartments and
 a villa by two further writers in eight voices, measured once after work with most parts before it.
+`announced` was written by whoever mended the checker, about one more apartment and a villa, two
+thirds of it with the goal said first; three causes of its refusals were mended.
 """
 
 from __future__ import annotations
@@ -37,7 +39,7 @@ from .rewording import reworded
 FOLDER = Path(__file__).parent / "corpus"
 PARTS = (
     *("earlier", "tuning", "held_out", "later"),
-    *("fresh", "last", "voices", "sealed", "sealed2", "sealed3"),
+    *("fresh", "last", "voices", "sealed", "sealed2", "sealed3", "announced"),
 )
 
 

@@ -52,6 +52,7 @@ _ENDS = re.compile(
     r"|\b(?:you|where|which)\.$",  # half a sentence
     re.IGNORECASE,
 )
+_STOP = re.compile(r"\b(?:stop|wait|halt)", re.IGNORECASE)
 _NO_THING = frozenset(["door", "doors", "doorway", "steps", "stairs", "stand", "light"])
 
 
@@ -98,7 +99,10 @@ def skipped_turn(text: str, facts: PathFacts, rng: np.random.Generator) -> str |
         if found:
             side = "left" if "left" in found[0].lower() else "right"
             dropped = [t for t in clear if t.side == side]
-            if not dropped or _leads_on(text[found.end() :], dropped, facts):
+            rest = text[found.end() :]
+            if not _STOP.search(rest):  # where it stops is said first: "Your goal is the bed: …"
+                rest += " stop " + re.split(r"[.:;]", text)[0]
+            if not dropped or _leads_on(rest, dropped, facts):
                 return None
             shorter = re.sub(pattern, "", text, count=1)
             return shorter[0].upper() + shorter[1:]
@@ -117,7 +121,7 @@ def _leads_on(rest: str, turns: Sequence[TurnFact], facts: PathFacts) -> bool:
         rest = rest[: into.end() if into else following.start()]
     if re.match(r"\W*(?:and |then )?(?:(?:go|walk) )?(?:around|round|circle|skirt)\b", rest):
         return True  # the way around a thing bends
-    stop = re.search(r"\b(?:stop|wait|halt)", rest, re.IGNORECASE)
+    stop = _STOP.search(rest)
     rooms = [m[0].lower() for m in _NAMED.finditer(rest)]
     things = [m[0].lower() for m in _NAMED.finditer(rest[stop.start() :] if stop else "")]
     return any(

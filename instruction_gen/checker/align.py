@@ -24,7 +24,6 @@ _TWO_TURNS_DEG = 100.0  # this much within a bend may be told as two turns
 _TURNED_M = 0.5  # what follows a turn lies no farther before it
 _GENTLE_M = 2.5  # a bend that the facts do not have is told this far from a turn to elsewhere
 _BENT_DEG = 60.0  # a bend of this much may be told as a turn that goes on to that side
-_PLAIN_DEG = 30.0  # "turn left" is no smaller turn
 _BARE_STOP_M = 2.6
 _ORDER_M = 1.5  # things passed this near to each other may be mentioned in either order
 _MEANWHILE_M = 4.0
@@ -220,13 +219,13 @@ class _Aligner:
     def _is(claim: Claim, side: str, degrees: float) -> bool:
         if claim.side == "around":
             return degrees >= _AROUND_DEG
-        if side != claim.side:
+        if claim.side and side != claim.side:
             return degrees >= 165.0
         if claim.degree == "slight":
             return degrees <= 85.0
         if claim.degree == "sharp":
             return degrees >= 55.0
-        return (degrees >= _PLAIN_DEG or claim.degree == "some") and degrees <= 179.0
+        return degrees <= 179.0
 
     def _stop(self, claim: Claim) -> States:
         result: States = {}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..facts.records import PathFacts
+from ..language.announced import readings
 from ..language.clauses import Parse
 from ..language.ending import last_stop
 from ..language.parse import parse
@@ -21,10 +22,13 @@ class Verdict:
     Attributes:
         problems: one line each; empty when every claim holds.
         clauses: (start, stop, problems) of each clause, in characters of the text.
+        unchecked: the share of words in clauses that make no claim: what is not understood is not
+            refused, but counted here.
     """
 
     problems: tuple[str, ...]
     clauses: tuple[tuple[int, int, tuple[str, ...]], ...] = ()
+    unchecked: float = 0.0
 
     @property
     def ok(self) -> bool:
@@ -42,13 +46,34 @@ def check_text(text: str, facts: PathFacts | Ground) -> Verdict:
     ground = facts if isinstance(facts, Ground) else Ground(facts)
     read = parse(text)
     problems = form_problems(read)
-    found: list[tuple[int, str]] = []
-    if not problems:
-        if last_stop(read) is None:
-            problems.append("the text does not say where to stop")
-        found = align(claims_of(read, ground), ground)
-    spans = _spans(read, found)
-    return Verdict((*problems, *(f"{_said(read, k)}: {reason}" for k, reason in found)), spans)
+    if problems:
+        return Verdict(tuple(problems), _spans(read, []))
+    verdicts = [_verdict(reading, ground) for reading in readings(read)]
+    return min(verdicts, key=lambda verdict: len(verdict.problems))
+
+
+def _verdict(read: Parse, ground: Ground) -> Verdict:
+    problems = []
+    if last_stop(read) is None:
+        problems.append("the text does not say where to stop")
+    claims = claims_of(read, ground)
+    found = align(claims, ground)
+    return Verdict(
+        (*problems, *(f"{_said(read, k)}: {reason}" for k, reason in found)),
+        _spans(read, found),
+        _unchecked(read, {claim.clause for claim in claims if not claim.maybe}),
+    )
+
+
+def _unchecked(read: Parse, told: set[int]) -> float:
+    """Return the share of words in clauses that make no claim and name nothing known."""
+    empty = total = 0
+    for k, clause in enumerate(read.clauses):
+        words = len(read.text[clause.start : clause.stop].split())
+        total += words
+        if k not in told and not any(n.kind in ("object", "room", "door") for n in clause.nouns):
+            empty += words
+    return empty / max(1, total)
 
 
 def _said(read: Parse, clause: int) -> str:
@@ -62,6 +87,8 @@ def _spans(
     read: Parse, found: list[tuple[int, str]]
 ) -> tuple[tuple[int, int, tuple[str, ...]], ...]:
     return tuple(
-        (c.start, c.stop, tuple(reason for k, reason in found if k == index))
-        for index, c in enumerate(read.clauses)
+        sorted(
+            (c.start, c.stop, tuple(reason for k, reason in found if k == index))
+            for index, c in enumerate(read.clauses)
+        )
     )

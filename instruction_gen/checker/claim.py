@@ -64,7 +64,8 @@ class Claim:
 def noun_claims(index: int, clause: Clause, ground: Ground, verb: str) -> list[Claim]:
     """Return the claims of all nouns of a clause with the number `index`."""
     claims = []
-    for noun in clause.nouns:
+    # "The door on the right after the coat rack": one comes by the rack first.
+    for noun in sorted(clause.nouns, key=lambda n: n.prep != "after"):
         inside = clause.until and verb == "see" and noun.prep == "in"
         # "Until there is a shelf on your right": it is beside the walker then.
         beside = clause.until and verb == "see" and bool(noun.side) and noun.kind == "object"
@@ -113,6 +114,8 @@ def _joined(claims: list[Claim], a: int, b: int, ground: Ground) -> list[Claim]:
 
 def noun_claim(index: int, noun: Noun, ground: Ground, verb: str) -> Claim | None:
     """Return the claim of a noun phrase, None when it claims nothing."""
+    if noun.side == "behind" and verb == "leave":
+        verb = "see"  # "leaving the doorway behind you" is no way through it
     found = found_at(noun, ground, verb)
     if found is None:
         return None
@@ -203,14 +206,12 @@ def _room(noun: Noun, ground: Ground, verb: str, prep: str) -> Found:
         return ground.left(noun)
     if prep == "into" or verb in ("enter", "reach", "leave"):
         return ground.entered(noun)
-    if prep == "to" or prep == "on":
-        return ground.room_ahead(noun)
-    if prep in ("at", "before", "near"):
+    if prep in ("to", "on", "at", "before", "near"):
         ahead = ground.room_ahead(noun)
         return ground.room_behind_opening(noun) if ahead.reason else ahead
     inside = ground.inside(noun)
     # "Go in the kitchen", on whose threshold the path ends.
-    return ground.entered(noun) if inside.reason and verb == "move" else inside
+    return ground.entered(noun) if inside.reason and verb in ("move", "turn") else inside
 
 
 def unknown(noun: Noun, ground: Ground, *, needed: bool = False) -> Found | None:
@@ -224,5 +225,7 @@ def unknown(noun: Noun, ground: Ground, *, needed: bool = False) -> Found | None
     head = noun.text.split()[-1]
     if not needed and not OTHER_THINGS & {head, singular(head)}:
         return None
+    if any(m.noun.startswith(singular(head)) for m in ground.facts.landmarks):
+        return None  # "past the coats": what hangs on a coat rack is there, too
     nothing = np.zeros(len(ground.along_m), dtype=bool)
     return Found(nothing, f"nothing here is called {noun.text!r}")

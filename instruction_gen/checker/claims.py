@@ -19,12 +19,12 @@ from .stops import after_stop_claims, stop_claims
 _STRAIGHT = re.compile(r"\bstraight\b(?! away)", re.IGNORECASE)
 # Who crosses a room diagonally leaves the line that he came in on, to a side that is not told.
 _DIAGONAL = re.compile(r"\bdiagonal|\bat an angle\b", re.IGNORECASE)
-# The goal is said first: "We want the kitchen".
-_GOAL = re.compile(r"\b(?:want|goal|aim|destination|target|looking for|bound for)\b", re.I)
 # "Kitchen, hall, bathroom: through the …": the way at a glance.
 _OVERVIEW = re.compile(r"[^.:;!]*:")
+_AND = re.compile(r"\band\s*$", re.IGNORECASE)
 _AT_TURN_M = 0.5
 _INTO_M = 2.0
+_INSIDE_M = 4.0
 # A clause with words that were not understood may say otherwise where things are.
 _UNSURE = frozenset(("place", "door", "exit", "walk"))
 
@@ -50,14 +50,17 @@ def claims_of(parse: Parse, ground: Ground) -> list[Claim]:
             result += _moving_claims(index, replace(clause, nouns=clause.nouns[:k]), ground)
             end = replace(clause, verb="stop", side="", distance_m=0.0, nouns=clause.nouns[k:])
             result += stop_claims(index, end, parse, ground)
-        elif index != last and _GOAL.search(_said(clause, parse)):
-            result += [c for c in stop_claims(index, clause, parse, ground) if c.kind == "false"]
         elif clause.verb == "stop" or index == last:
             result += stop_claims(index, clause, parse, ground)
         elif last is not None and index > last:
             result += after_stop_claims(index, clause, parse, ground)
         else:
-            stated = _moving_claims(index, _listed(clause, parse.clauses[:index]), ground)
+            before = parse.clauses[:index]
+            joined = bool(before) and _AND.search(parse.text[: clause.start]) is not None
+            stated = _moving_claims(index, _listed(clause, before, joined=joined), ground)
+            if before and not clause.verb and _leaves(before[-1]):
+                # "Out of the bedroom, past the bed": what is passed may lie before the door.
+                stated = [replace(c, slack_m=max(c.slack_m, _INSIDE_M)) for c in stated]
             if elliptic(clause, parse):
                 stated = [replace(c, maybe=c.kind == "turn") for c in stated]
             if clause.unparsed:
@@ -97,12 +100,17 @@ def _leading(claims: list[Claim]) -> list[Claim]:
     return result[::-1]
 
 
-def _listed(clause: Clause, before: Sequence[Clause]) -> Clause:
+def _listed(clause: Clause, before: Sequence[Clause], *, joined: bool) -> Clause:
     """Return the clause; in `pass the bench, then a doorway on the left` one passes both."""
     goes_on = bool(before) and before[-1].verb in ("pass", "see") and not before[-1].until
     named = bool(clause.nouns) and not any(n.prep or n.ordinal for n in clause.nouns)
-    if goes_on and named and not (clause.verb or clause.side or clause.until):
+    if not named or clause.verb or clause.side or clause.until:
+        return clause
+    if goes_on:
         return replace(clause, verb=before[-1].verb)
+    # "Past the bench on the left and the door on the right"
+    if joined and before and before[-1].nouns[-1:] and before[-1].nouns[-1].prep == "past":
+        return replace(clause, nouns=tuple(replace(n, prep="past") for n in clause.nouns))
     return clause
 
 
@@ -124,6 +132,10 @@ def _moving_claims(index: int, clause: Clause, ground: Ground) -> list[Claim]:
         )
     # "Turn left before you reach the bed": it lies ahead and need not be reached.
     return result + noun_claims(index, clause, ground, "see" if clause.before else clause.verb)
+
+
+def _leaves(clause: Clause) -> bool:
+    return clause.verb == "leave" or any(n.prep == "from" for n in clause.nouns)
 
 
 def _hint(index: int, side: str, ground: Ground) -> Claim:
@@ -157,9 +169,11 @@ def _turn(index: int, clause: Clause, ground: Ground) -> list[Claim]:
                 rooms = rooms or claim.rooms
             after.append(replace(claim, bends=noun.prep == "around" and claim.kind == "place"))
             beyond = noun.kind == "room" and noun.prep in ("through", "along")
+    # "Until you face the door", "turn in there": whether one turns, and where to, is not told.
+    told = bool(clause.side)
     turn = Claim(
-        index, "turn", mask, f"turn {clause.side}", clause.side, clause.degree,
-        rooms=rooms,
+        index, "turn", mask, f"turn {clause.side}", clause.side, clause.degree if told else "some",
+        rooms=rooms, maybe=not told,
     )  # fmt: skip
     walk = []
     if clause.distance_m:

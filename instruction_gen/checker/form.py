@@ -10,8 +10,16 @@ from ..language.clauses import Clause, Parse
 MIN_WORDS, MAX_WORDS = 6, 90
 MAX_CHARACTERS = 700
 _FORBIDDEN = re.compile(r"[{}<>\[\]|\\^`~@#$%*_=+]|https?:|www\.|://", re.IGNORECASE)
+# "You see the sofa, right?" asks nothing.
+_QUESTION = re.compile(
+    r"(?:^|[.!?;:] )\W*(?:and |so )?"
+    r"(?:wh\w+|how|is|are|do|does|can|could|will|would|should)\b[^.!?]*\?",
+    re.IGNORECASE,
+)
 # "Okay, we want the kitchen" is how people talk on the way.
-_FIRST_PERSON = re.compile(r"\b(?:I|I'm|I'll|my|sorry|cannot|as an ai)\b", re.IGNORECASE)
+_FIRST_PERSON = re.compile(
+    r"\b(?:I(?! want| need|'d like)|my|sorry|cannot|as an ai)\b", re.IGNORECASE
+)
 # Words that any English route has some of.
 _COMMON = frozenset(
     """the a and to of in on at into left right turn walk go past stop through your you then with
@@ -48,7 +56,7 @@ def form_problems(parse: Parse) -> list[str]:
     words = re.findall(r"[a-z']+", text.lower())
     if words and sum(w in _COMMON for w in words) < 0.18 * len(words):
         return ["not in English"]
-    if "?" in text:
+    if _QUESTION.search(text):
         problems.append("a question is no instruction")
     if found := _FIRST_PERSON.search(text):
         problems.append(f"{found[0]!r}: an instruction does not speak of itself")

@@ -19,6 +19,7 @@ from .things import (
     spread,
 )
 
+_INTO_M = 1.5  # who starts on a threshold comes into the room until then
 _BEFORE_DOORS_M, _DOORS_M, _APART_DEG = 1.5, 6.0, 15.0
 
 __all__ = ["Found", "Ground", "Mask", "room_names", "spread"]
@@ -71,7 +72,7 @@ class Ground(Things):
         if not start and not end:
             return None
         masks = [self._around(v.from_m) for v in visits if v.room in names and v.from_m > 0]
-        masks += [self._around(0.0)] * start + [self.at_goal(1.2)] * end
+        masks += [self._between(0.0, _INTO_M)] * start + [self.at_goal(1.2)] * end
         return Found(np.any(masks, axis=0))
 
     @staticmethod

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from ..facts.records import TurnFact
@@ -18,11 +16,11 @@ _IMPLIED_DEG = 65.0
 _IMPLIED_AFTER_M = 0.1
 _OTHER_SIDE_DEG = 35.0  # a door mentioned on one side hides no turn to the other
 _SIDED_M = 2.2  # so does a door on that side
-_ROUND_DEG = 75.0
-_INSIDE_DEG = 130.0  # with the thing known to lie on the inside of the bend
+_INSIDE_DEG = 130.0
 _ROUND_M = 1.5  # a turn made this near to a thing that is walked around
 _THRESHOLD_M = 0.3  # a turn this shortly before a passage is made in the room behind it, too
-_BEFORE_M = 0.4  # one nearer to a passage is made on leaving through it
+_BEFORE_M = 0.4  # one nearer to a passage is made on leaving through it,
+_ASIDE_DEG = 30.0  # unless the passage lies this far aside
 _IN_VIEW_M = 1.5
 _PAST_DOOR_M = 0.5  # a turn nearer to the passage behind one may be made on coming in
 SPOT_M = 0.6
@@ -111,18 +109,32 @@ class Implied:
     def _towards_room(self, k: int, claim: Claim) -> bool:
         """Return whether turn `k` is made where just one opening leads to the room of a claim."""
         turn = self.turns[k]
-        visits = self.ground.facts.visits
-        for visit, following in pairwise(visits):
-            if not visit.from_m - _THRESHOLD_M <= turn.along_m <= visit.to_m - _BEFORE_M:
+        facts = self.ground.facts
+        # A path that stops on the threshold of a room leads to it, too.
+        rooms = [*({v.room} for v in facts.visits[1:]), set(facts.goal_rooms)]
+        for visit, following in zip(facts.visits, rooms, strict=True):
+            inside = visit.from_m - _THRESHOLD_M <= turn.along_m <= visit.to_m - _BEFORE_M
+            if not (inside or self._towards_door(turn, visit.to_m)):
                 continue
             openings = sum(name in claim.rooms for name in visit.beyond)
             near = claim.mask & self.between(visit.to_m - 0.4, visit.to_m + 0.4)
             against = bool(claim.side) and claim.side != turn.side
             if claim.turned or (against and visit.to_m - turn.along_m <= IMPLIED_M):
                 continue
-            if following.room in claim.rooms and openings == 1 and near.any():
+            if following & claim.rooms and openings == 1 and near.any():
                 return True
         return False
+
+    def _towards_door(self, turn: TurnFact, door_m: float) -> bool:
+        """Return whether a turn just before a passage is made to reach it, not after it."""
+        sign = 1 if turn.angle_deg > 0 else -1
+        return (
+            any(
+                p.along_m == door_m and sign * p.bearing_deg > _ASIDE_DEG and turn.along_m < door_m
+                for p in self.ground.facts.passages
+            )
+            and turn.along_m > door_m - _BEFORE_M
+        )
 
     def _towards_thing(self, k: int, claim: Claim) -> bool:
         """Return whether the thing at a stop is in view, unmistakably, where turn `k` is made."""
@@ -173,8 +185,9 @@ class Implied:
             turn = self.turns[k]
             near = claim.mask & self.between(turn.along_m - _ROUND_M, turn.along_m + _ROUND_M)
             against = claim.side in ("left", "right") and turn.side != claim.side
-            most = _INSIDE_DEG if claim.side == turn.side else _ROUND_DEG
-            if not near.any() or against or abs(turn.angle_deg) > most:
+            if against and not self.required[k]:
+                continue
+            if not near.any() or against or abs(turn.angle_deg) > _INSIDE_DEG:
                 break
             options.append(k + 1)
         return options

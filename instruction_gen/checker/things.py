@@ -12,7 +12,7 @@ from ..facts.doors import DOOR
 from ..facts.geometry import MOMENT_M
 from ..facts.records import LandmarkFact, PathFacts
 from ..language.clauses import Noun
-from ..language.lexicon import COLOUR_NEIGHBOURS, INNATE_COLOURS, ROOM_PHRASES
+from ..language.lexicon import COLOUR_NEIGHBOURS, INNATE_COLOURS, OBJECT_PHRASES, ROOM_PHRASES
 from ..language.nouns import called, room_answers
 
 Mask = NDArray[np.bool_]
@@ -31,6 +31,7 @@ _NEAREST_M = 0.2
 _UNDERFOOT_M = 0.3
 _TOGETHER_M = 3.0
 _DOORSTEP_M = 0.5
+_THROUGH_M = 0.25
 
 
 @dataclass(frozen=True)
@@ -88,8 +89,7 @@ class Things:
 
     def abeam(self, noun: Noun) -> float | None:
         """Return where the middle of a thing is passed [m]; None if it is one of several."""
-        chosen = [n for n, m in enumerate(self.facts.landmarks) if answers_to(m, noun.head)]
-        near = [n for n in chosen if self._is_beside(n)]
+        near = [n for n in self._called(noun.head) if self._is_beside(n)]
         if len(near) != 1:
             return None
         across = np.abs(np.abs(self.facing[near[0]]) - 90.0)
@@ -168,8 +168,7 @@ class Things:
         """Restrict a mask (N, S) to the things that a noun phrase may mean."""
         nothing = np.zeros(len(self.along_m), dtype=bool)
         name = noun.text
-        chosen = [n for n, m in enumerate(self.facts.landmarks) if answers_to(m, noun.head)]
-        chosen = chosen or self._in_room(noun.head)
+        chosen = self._called(noun.head)
         if not chosen:
             known = any(called(n, noun.head) for n in self.facts.level_nouns)
             where = "on the route" if known else "in this scene"
@@ -220,11 +219,29 @@ class Things:
         others = [n for n, m in marks if n not in meant and answers_to(m, head)]
         return np.asarray(self.seen[sorted(meant)].any(axis=0) & ~self.seen[others].any(axis=0))
 
-    def _in_room(self, head: str) -> list[int]:
-        """Return the things that are named by their room and kind: `kitchen table`."""
-        *room, kind = head.split()
-        names = room_names(" ".join(room))
+    def _called(self, head: str) -> list[int]:
+        """Return the things that `head` may mean.
+
+        A compound that names no kind of thing is read by its parts: `kitchen table` is the table
+        in the kitchen, `bath mat` a mat, if there is a bath as well.
+        """
         marks = enumerate(self.facts.landmarks)
+        first, _, kind = head.partition(" ")
+        if not kind or head in OBJECT_PHRASES:
+            found = [n for n, m in marks if answers_to(m, head)]
+            return found or self._in_room(*head.rsplit(" ", 1)) if kind else found
+        direct = [n for n, m in marks if answers_to(m, head)]
+        if direct:
+            return direct
+        room, last = head.rsplit(" ", 1)
+        if room_names(room):
+            return self._in_room(room, last)
+        known = first not in OBJECT_PHRASES or any(called(n, first) for n in self.facts.level_nouns)
+        return self._called(kind) if known else []
+
+    def _in_room(self, room: str, kind: str) -> list[int]:
+        marks = enumerate(self.facts.landmarks)
+        names = room_names(room)
         return [n for n, m in marks if m.room in names and answers_to(m, kind)]
 
     def _sided(self, chosen: list[int], side: str) -> Mask:
@@ -248,7 +265,14 @@ class Things:
         """Return which of the chosen things have that ordinal, from the start or in their room."""
         marks = [self.facts.landmarks[n] for n in chosen]
         beside = [n for n in chosen if self._is_beside(n)]
-        if noun.side:
+        if noun.kind == "door" and noun.side:
+            # Where it is passed; the door that one goes through may be said to be on either side.
+            here = [self.facts.landmarks[n] for n in beside]
+            through = [m.distance_m <= _THROUGH_M for m in here]
+            beside = [
+                n for n, m, t in zip(beside, here, through, strict=True) if t or m.side == noun.side
+            ]
+        elif noun.side:
             sided = self._sided(beside, noun.side) & self._near(PASS_M)[beside]
             beside = [n for k, n in enumerate(beside) if sided[k].any()]
         beside.sort(key=lambda n: self.facts.landmarks[n].along_m)
@@ -261,7 +285,7 @@ class Things:
             ]
             right |= set(inside[noun.ordinal - 1 : noun.ordinal])
             # Doors are counted from that of coming in, which is none of them, to that of going out.
-            low_m = visit.from_m + _DOORSTEP_M if visit.from_m else 0.0
+            low_m = visit.from_m + _DOORSTEP_M
             onward = [
                 n
                 for n in beside

@@ -146,6 +146,8 @@ def _make_stop(step, rng, memory, slots, rooms) -> str:
         options = words.AFTER if step.far_m >= 1.5 else words.AFTER_SHORT
         return _fill(_pick(options, rng, memory), n=metres(step.far_m))
     verb = _pick(words.STOP, rng, ())
+    if step.place == "outside":
+        return f"{verb} {_fill(_pick(words.OUTSIDE, rng, ()), **slots)}"
     if step.place == "inside":
         named = bool(rooms) and rooms[-1] == step.room
         options = words.INSIDE[1:2] if named else words.INSIDE
@@ -160,7 +162,9 @@ def _make_stop(step, rng, memory, slots, rooms) -> str:
     if step.place == "front" and rng.random() < 0.35:
         text = _fill(_pick(words.REACH_STOP, rng, memory), X=thing)
         return text.replace("front of it", "front of them") if step.mark.plural else text
-    options = {"front": words.FRONT, "beside": words.BESIDE, "near": words.NEAR}[step.place]
+    options = {
+        "front": words.FRONT, "beside": words.BESIDE, "near": words.NEAR, "past": words.PAST,
+    }[step.place]  # fmt: skip
     return f"{verb} {_fill(_pick(options, rng, ()), X=thing)}"
 
 
@@ -233,7 +237,6 @@ _OPENED = 0.3
 _STANDING = ("at ", "once ", "when ", "as ", "stop", "wait", "halt", "come")
 
 
-_AFTER_COMMA = (", then ", ", and ", ", then ")
 _JOINTS = (", then ", " and ", ", then ", " and ")
 
 
@@ -242,12 +245,12 @@ def _join(group: Sequence[str], rng: np.random.Generator) -> str:
     for k, clause in enumerate(group[1:], start=1):
         last = k == len(group) - 1
         loaded = " and " in _plain(text).split(", ")[-1] or " and " in _plain(clause)
-        if clause.startswith(("at ", "once ", "when ", "as ")):
-            joint = ", and "
-        elif not last:
+        if not last:
             joint = ", "
         elif loaded or "," in _plain(text):
-            joint = ", and " if "then" in _plain(text).split() else str(rng.choice(_AFTER_COMMA))
+            joint = ", then "  # no "leave the hall and turn left, and stop"
+        elif clause.startswith(("at ", "once ", "when ", "as ")):
+            joint = ", and "
         else:
             joint = str(rng.choice(_JOINTS))
         text += joint + clause

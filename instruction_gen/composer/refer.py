@@ -50,7 +50,10 @@ def passing_candidates(
     found = []
     for mark in facts.landmarks:
         beside = low_m <= mark.along_m <= high_m and mark.distance_m <= PASS_M and mark.side
-        if not (mark.nameable and beside and _turned_aside(mark)):
+        # What one sees through a door is not passed.
+        room = next((v.room for v in facts.visits if mark.along_m <= v.to_m), "")
+        here = not mark.room or mark.room == room
+        if not (mark.nameable and beside and here and _turned_aside(mark)):
             continue
         reference = _refer(mark, facts, rng, colours, mark.distance_m, mark.side)
         if reference is not None:

@@ -20,6 +20,8 @@ _TURN_AFTER_DOOR_M = 1.7
 _ROUND_DEG = 140.0
 _JUST_INSIDE_M = 2.0
 _FAR_AHEAD_M = 2.5
+_PAST_M = 2.5
+_LONG_M = 4.0  # nobody should walk farther without having been told anything
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,8 @@ class Step:
         mark: the thing named.
         other: a second thing (`between`).
         far_m: how far to walk [m].
-        place: how to stop: `front`, `beside`, `near`, `between`, `inside`, `after`.
+        place: how to stop: `front`, `beside`, `near`, `between`, `inside`, `outside`, `past`,
+            `after`.
         covers: Turns that this step describes, as indices into the facts' turns.
     """
 
@@ -93,7 +96,7 @@ def plan(facts: PathFacts, style: str, rng: np.random.Generator) -> list[Step]:
     first = steps[0] if steps else None
     if style != "terse" and first is not None and first.along_m > _FAR_AHEAD_M:
         # Turning is the first thing mentioned, but not the first thing done.
-        turns = first.kind in ("turn_enter", "enter_turn", "turn") and first.mark is None
+        turns = first.kind in ("turn_enter", "turn") and first.mark is None and not first.from_room
         steps = [Step("ahead", 0.0), *steps] if turns else steps
     if not steps:
         steps = [Step("walk", 0.0, far_m=facts.length_m)]
@@ -136,8 +139,11 @@ def mentioned_turns(facts: PathFacts) -> list[tuple[int, TurnFact]]:
 def _moves(facts: PathFacts, rng: np.random.Generator, taste: Taste, named: set[str]) -> list[Step]:
     steps: list[Step] = []
     passages = list(facts.passages)
-    for k, turn in mentioned_turns(facts):
+    turns = mentioned_turns(facts)
+    for n, (k, turn) in enumerate(turns):
         low, high = (turn.along_m + gap for gap in _DOOR_AFTER_TURN_M)
+        if n + 1 < len(turns):  # the doorway belongs to the turn that is nearer to it
+            high = min(high, turns[n + 1][1].along_m)
         after = next((p for p in passages if low <= p.along_m <= high), None)
         size = abs(turn.angle_deg)
         if after is not None and turn.along_m > 0.4 and size < 125:
@@ -183,8 +189,10 @@ def _moves(facts: PathFacts, rng: np.random.Generator, taste: Taste, named: set[
 
 
 def _other(passage: PassageFact) -> str:
-    """Return the room entered; one of the same kind as the room left is just the next room."""
-    return "" if passage.to_room == passage.from_room else passage.to_room
+    """Return the room entered, told from one of the same kind that is left."""
+    if not passage.to_room or passage.to_room != passage.from_room:
+        return passage.to_room
+    return f"{'next' if passage.to_room == 'hallway' else 'other'} {passage.to_room}"
 
 
 # things passed ----------------------------------------------------------------------------------
@@ -253,13 +261,17 @@ def _distances(steps: list[Step], stop: Step, facts: PathFacts) -> list[Step]:
         unmarked = step.mark is None and (
             step.kind == "turn" or (step.kind in _LEADS and not step.room)
         )
+        room = _room_at(facts, before + 0.5 * gap)
+        told = step.kind in ("pass", "between", "follow")
+        if room == "hallway" and gap > (2.0 if unmarked else _LONG_M) and not told:
+            result.append(Step("follow", before + 0.2, room=room))
         if unmarked and gap > 1.8:
-            room = _room_at(facts, before + 0.5 * gap)
-            if room == "hallway" and gap > 2.0:
-                result.append(Step("follow", before + 0.2, room=room))
             result.append(Step("walk", before, far_m=gap))
         result.append(step)
         before = max(before, _end(step) - 0.2)
+    hall = facts.visits[-1]
+    if hall.room == "hallway" and stop.along_m - max(before, hall.from_m) > _LONG_M:
+        result.append(Step("follow", before + 0.2, room=hall.room))
     return result
 
 
@@ -284,9 +296,15 @@ def _stop(facts: PathFacts, rng: np.random.Generator, taste: Taste) -> Step:
         if 40.0 < abs(mark.bearing_deg) < 140.0 and rng.random() < 0.4 * taste.sides + 0.1:
             side = "left" if mark.bearing_deg > 0 else "right"
         return Step("stop", length, side=side, mark=mark, place=place, room=facts.goal_room)
+    visits = facts.visits
     entered = bool(facts.passages) and length - facts.passages[-1].along_m <= _JUST_INSIDE_M
     if entered:
         return Step("stop", length, place="inside", room=_other(facts.passages[-1]))
+    if len(facts.goal_near_rooms) == 1 and facts.goal_near_rooms[0] not in (v.room for v in visits):
+        return Step("stop", length, place="outside", room=facts.goal_near_rooms[0])
+    passed = passing_candidates(facts, length - _PAST_M, length - 0.4, rng, taste.colours)
+    if passed:
+        return Step("stop", length, mark=passed[0], place="past", room=facts.goal_room)
     return Step("stop", length, place="after", far_m=1.0)
 
 

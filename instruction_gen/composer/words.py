@@ -7,7 +7,7 @@ from __future__ import annotations
 
 TURN = (
     "turn {s}", "take a {s}", "turn to the {s}", "make a {s}", "go {s}", "turn {s} and keep going",
-    "make a {s} turn", "swing {s}", "turn to your {s}",
+    "make a {s} turn", "turn to your {s}",
 )  # fmt: skip
 SLIGHT = (
     "bear {s}", "veer {s}", "take a slight {s}", "turn slightly {s}", "angle {s}",
@@ -116,6 +116,8 @@ REACH_STOP = (
     "walk over to {X} and wait there", "go on until you reach {X}, and stop",
 )  # fmt: skip
 INSIDE = ("just inside {B}", "just inside the doorway", "inside {B}")
+PAST = ("just past {X}", "right after {X}", "once you have passed {X}", "just after you pass {X}")
+OUTSIDE = ("just outside {B}", "outside {B}", "just before {B}", "at the entrance of {B}")
 AFTER = (
     "walk about {n} further and stop", "go on for about {n} and stop there",
     "continue for roughly {n} and stop", "stop after about {n}", "walk another {n} and stop there",

@@ -120,9 +120,10 @@ def _visits(
     length: float,
 ) -> tuple[VisitFact, ...]:
     knots = [0.0, *(p.along_m for p in passages), round(length, 2)]
-    ends = [*(c.from_region for c in crossings(shared.regions, path)), -1]
-    ends[-1] = int(shared.regions.at(path[-1]))
-    rooms = _rooms(shared, ends, passages)
+    crossed = crossings(shared.regions, path)
+    # A step over the threshold of the next room is no visit: the last room is the one before it.
+    last = crossed[-1].to_region if crossed else int(shared.regions.at(path[len(path) // 2]))
+    rooms = _rooms(shared, [*(c.from_region for c in crossed), last], passages)
     return tuple(
         _visit(shared, name, region, a, b)
         for (name, region), (a, b) in zip(rooms, pairwise(knots), strict=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..language.announced import readings
 from ..language.clauses import Clause, Noun, Parse
 from ..language.ending import last_stop
 
@@ -45,6 +46,7 @@ def sub_goals(read: Parse) -> list[SubGoal]:
     Raises:
         UnfollowableError: it never says where to stop, or goes on after that.
     """
+    read = next((r for r in readings(read) if last_stop(r) is not None), read)
     stop = last_stop(read)
     if stop is None:
         raise UnfollowableError("the text never says to stop")

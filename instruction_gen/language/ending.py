@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
-from .clauses import Clause, Parse
+from .clauses import Clause, Noun, Parse
 
 # Prepositions of a place that one is at; the others lead on.
 STATIC = frozenset(("near", "at", "before", "between", "in"))
-_STAYING = STATIC | {"with", "after", "past"}
+STAYING = STATIC | {"with", "after", "past"}
 _TO = re.compile(r"\b(?:to|as far as)\s+(?:the|a|an|your)\b[^,.;]*$", re.IGNORECASE)
 _UNTIL = re.compile(r"\s*,?\s*(?:until|till)\b", re.IGNORECASE)
+
+
+def places(clauses: Sequence[Clause]) -> list[Noun]:
+    """Return the nouns that name a thing, a room or a door."""
+    return [n for c in clauses for n in c.nouns if n.kind in ("object", "room", "door")]
 
 
 def last_stop(parse: Parse) -> int | None:
@@ -30,6 +36,11 @@ def last_stop(parse: Parse) -> int | None:
         return None
     if (end and _arrives(last, parse.clauses[end - 1], parse)) or _settles(last):
         return end
+    until = end
+    while until > 1 and _there(parse.clauses[until]):  # "until you reach the bed, near the window"
+        until -= 1
+    if until and _arrives(parse.clauses[until], parse.clauses[until - 1], parse):
+        return until
     if _destined(last, parse) or (end < len(parse.clauses) - 1 and _bounded(parse, end)):
         return end
     return _measured(parse, end)
@@ -43,7 +54,7 @@ def destination(clause: Clause, parse: Parse) -> bool:
 def goal_index(clause: Clause) -> int:
     """Return which noun of a clause is where it leads: `to the radiator beneath the window`."""
     k = len(clause.nouns) - 1
-    while k > 0 and clause.nouns[k].prep != "to" and clause.nouns[k].prep in _STAYING:
+    while k > 0 and clause.nouns[k].prep != "to" and clause.nouns[k].prep in STAYING:
         k -= 1
     return k
 
@@ -83,8 +94,14 @@ def _measured(parse: Parse, end: int) -> int | None:
     return None
 
 
+def _there(clause: Clause) -> bool:
+    """Whether a clause only says what is where one is."""
+    here = all(n.prep in ("", "with") or n.prep in STATIC for n in clause.nouns)
+    return here and clause.verb in ("", "see") and not (clause.side or clause.until)
+
+
 def _arrives(last: Clause, before: Clause, parse: Parse) -> bool:
-    """Return whether the last clause says how far to walk."""
+    """Return whether a clause says until when to walk."""
     if not last.until or not last.nouns:
         return False
     bound = bool(_UNTIL.match(parse.text[last.start :]))
@@ -98,8 +115,8 @@ def _settles(last: Clause) -> bool:
     """Return whether the last clause moves nowhere: its verb is unknown, or keeps one there."""
     if last.side:
         return False
-    if not last.nouns:
+    if not places([last]):
         return last.distance_m > 0 and last.verb == "" and last.unparsed > 0
     if last.verb in ("", "see") and last.unparsed:
-        return all(n.prep in _STAYING for n in last.nouns)
+        return all(n.prep in STAYING for n in last.nouns)
     return last.verb == "move" and all(n.prep in ("near", "at", "before") for n in last.nouns)

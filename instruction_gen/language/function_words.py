@@ -13,8 +13,8 @@ VERBS = {
     "leave": "leave exit leaving exiting depart quit",
     "pass": "pass passing passed skirt skirting",
     "stop": """stop wait halt stand pause finish park rest stopping waiting done end ends arrived
-        halting pausing finishing finished freeze linger conclude cease""",
-    "see": "see observe notice find spot seeing look looking is are",
+        halting pausing finishing finished finishes stops freeze linger conclude cease""",
+    "see": "see observe notice find spot seeing look looking is are stands lies sits hangs",
     "reach": "reach reached approach reaching approaching arrive arriving meet hit",
 }
 VERB_OF = {word: verb for verb, words in VERBS.items() for word in words.split()}
@@ -52,7 +52,6 @@ PHRASES = (
     (("next", "to"), "near"),
     (("close", "to"), "near"),
     (("in", "front", "of"), "before"),
-    (("just", "before"), "before"),
     (("short", "of"), "before"),
     (("out", "of"), "from"),
     (("up", "to"), "to"),

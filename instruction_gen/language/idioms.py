@@ -57,15 +57,18 @@ _IDIOMS = (
         "{0} the {2} doorway",
     ),
     ("take|through|enter|by|not|but|then the next|first|second|other one", "{0} the {2} doorway"),
-    ("take|through|enter|by|not|but|then the one", "{0} the doorway"),
+    ("take|through|enter|by|not|but|then the|that|this one", "{0} {1} doorway"),
     ("take the next|first|second|third|other ,|.|and|;", "{0} the {2} doorway {3}"),
     ("at|to your? one|two|three|four|five o'clock", "on your right"),
     ("at|to your? seven|eight|nine|ten|eleven o'clock", "on your left"),
     ("at|to your? twelve o'clock", "ahead of you"),
     ("at|to your? six o'clock", "behind you"),
     ("at your? back left|right?", "behind you"),
+    ("it is left|right out|then|at|into|through|again|,", "turn {2} {3}"),
+    ("right to the back|end|edge|far|other", "to the {3}"),
     ("that is it|all", "stop there"),
     ("that is where you stop", "stop there"),
+    ("that|this|there is the|your goal|stop|destination|target|finish|spot", "stop there"),
 )
 _STAYING = frozenset("stay remain".split())
 _STOPPING = frozenset("stop wait halt pause stopping waiting".split())

@@ -34,7 +34,7 @@ from .side_reader import SideReader
 
 # What a distance is counted from, where it does not say how far to walk.
 _FROM_THERE = frozenset("before short from away past beyond after off shy".split())
-_BORDERS = frozenset("ends begins starts".split())
+_BORDERS = frozenset("end ends begins starts".split())
 _INSIDE = frozenset("into inside in".split())
 _PLACED = frozenset("is are will on ahead in off behind further".split())
 _ANGLES = frozenset("thirty forty forty-five sixty ninety".split())
@@ -119,7 +119,8 @@ class _Reader(SideReader):
         elif word in PREPOSITIONS:
             self.prep = PREPOSITIONS[word]
             stopped = self.draft.verb == "stop"
-            if (word == "by" and (stopped or self.draft.nouns)) or (
+            opens = self.draft.verb == "see" or self.k == 0 or self.tokens[self.k - 1].text in ".:;"
+            if (word == "by" and (stopped or self.draft.nouns or opens)) or (
                 word == "alongside" and stopped
             ):
                 self.prep = "near"
@@ -232,10 +233,16 @@ class _Reader(SideReader):
         noun, stop = found
         if not self.prep and noun.kind == "object" and self._goes_on(stop):
             self.prep = "past"
+        if self.prep == "in" and noun.kind == "door" and self.draft.verb == "move":
+            self.prep = "into"  # "go in the second door"
         noun = replace(noun, prep=self.prep or noun.prep, side=noun.side or self.draft.pending_side)
         self.draft.pending_side = ""
         if noun.kind == "generic" and noun.head in ("left", "right"):
             return False
+        said = self.clauses[-1].nouns[-1:] if self.clauses else ()
+        if noun.kind == "door" and self.tokens[self.k].text in ("that", "this") and not noun.side:
+            # "There is a door on the left; take that one."
+            noun = replace(noun, side=next((n.side for n in said if n.kind == "door"), ""))
         self.draft.nouns.append(noun)
         self._take(stop - self.k)
         # "between the sofa and the table": the preposition holds for both.
@@ -279,7 +286,7 @@ class _Reader(SideReader):
         It does not in `… and the hallway is …`.
         """
         found = read_noun(self.tokens, self.k + 1)
-        kinds = ("object", "room") if self.prep == "past" else ("object",)
+        kinds = ("object", "room", "door") if self.prep == "past" else ("object",)
         if found is None or found[0].kind not in kinds:
             return False
         if self.tokens[self.k + 1].text in VERB_OF:  # "…, and stand by the bed"
@@ -289,7 +296,9 @@ class _Reader(SideReader):
 
     def _subordinate(self) -> bool:
         """Return whether a clause follows: `before you get to …`, `after passing …`."""
-        following = self.tokens[self.k + 1].text if self.k + 1 < len(self.tokens) else ""
+        following, second = [*(t.text for t in self.tokens[self.k + 1 : self.k + 3]), "", ""][:2]
+        if following in ("it", "that", "them") and second in VERB_OF and second not in _BORDERS:
+            return False  # "After it take the door on the left"
         return following.endswith("ing") or following in ("you", "it", "they", "that", "they're")
 
     def _noun_follows(self) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from .clauses import Noun
+from .function_words import VERB_OF
 from .lexicon import (
     ADJECTIVES,
     COLOURS,
@@ -21,7 +22,7 @@ from .lexicon import (
 from .tokens import Token
 
 DETERMINERS = frozenset(
-    "the a an your this that these those its their some both all any each every".split()
+    "the a an your our this that these those its their some both all any each every".split()
 )
 _MAIN = frozenset("front main entrance entry apartment house".split())
 _BARE = frozenset("it them there here".split())
@@ -86,7 +87,8 @@ def read_noun(tokens: Sequence[Token], k: int) -> tuple[Noun, int] | None:
             words.append(word)
             k += 1
             # Two nouns in a row are one thing: "kitchen table", "bathroom door".
-            if k < len(tokens) and _noun(tokens[k].text) and tokens[k].text not in GENERIC:
+            joins = k < len(tokens) and _noun(tokens[k].text) and tokens[k].text not in VERB_OF
+            if joins and tokens[k].text not in GENERIC:
                 continue
             break
         elif word in GENERIC and not (word in ADJECTIVES and _can_follow(after)):

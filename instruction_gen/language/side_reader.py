@@ -148,6 +148,8 @@ class SideReader(Cursor):
     def _elliptic(self) -> bool:
         """Return whether a bare side may be a turn: `then left past …`, `…, right at the …`."""
         before = self.tokens[self.k - 1].text if self.k else "."
+        if before == "," and self.clauses and self.clauses[-1].verb == "stop":
+            return False  # "stop there, right by the picture"
         if before in ("then", "and", ".", ";", "again"):
             return True
         if before == "," and self.tokens[self.k].text == "left":
