@@ -16,10 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ..formats.core import checkout
 from .engine.executors.base import available_cores
-
-REPOSITORY = Path(__file__).resolve().parents[1]
-
 
 @dataclass(frozen=True)
 class Finding:
@@ -63,19 +61,12 @@ def remedy(findings: Sequence[Finding]) -> str:
     """Return a shell command that installs what is missing; empty if nothing can be installed."""
     extras = [f.missing_extra for f in findings if f.missing_extra]
     uv = find_uv()
-    if not (REPOSITORY / "uv.lock").is_file():
+    if not (command := checkout.setup_command(extras)):
         return _install_command(extras, uv) if extras else ""
-    parts = []
-    if not uv:
-        uv = str(REPOSITORY / ".tools" / "bin" / "uv")
-        # The set-up skips an environment that its stamp calls complete.
-        stamps = f"{shlex.quote(str(REPOSITORY / '.venv'))}/.vlnpe-*"
-        parts.append(f"rm -f {stamps} && make -C {shlex.quote(str(REPOSITORY))} setup")
-    if extras:
-        # Inexact: what another extra or group has installed stays.
-        words = [uv, "sync", "--project", str(REPOSITORY), "--frozen", "--inexact"]
-        parts.append(shlex.join(words + [w for e in extras for w in ("--extra", e)]))
-    return " && ".join(parts)
+    if uv:
+        return command if extras else ""
+    # The set-up skips an environment that its stamp calls complete.
+    return f"rm -f {shlex.quote(str(checkout.CHECKOUT / '.venv'))}/.vlnpe-* && {command}"
 
 
 def _install_command(extras: list[str], uv: str | None) -> str:
@@ -152,7 +143,7 @@ def _memory() -> str:
 
 def find_uv(tool: str = "uv") -> str | None:
     """Return the path of uv (or `uvx`): the user's, or the copy in .tools."""
-    own = REPOSITORY / ".tools" / "bin" / tool
+    own = checkout.CHECKOUT / ".tools" / "bin" / tool
     return shutil.which(tool) or (str(own) if own.is_file() else None)
 
 
