@@ -214,7 +214,7 @@ def main(arguments):
             say("unknown extra %s; valid: %s" % (extra, ", ".join(known_extras())))
             return 2
     # The stamp lives in the environment: deleting `.venv` deletes it too.
-    names = ("full", "-".join([kind] + extras))
+    names = ("full", "-".join(arguments[:1] + extras))
     stamps = [os.path.join(ROOT, ".venv", ".vlnpe-" + name) for name in names]
     wanted = digest()
     for stamp in stamps:

@@ -217,6 +217,7 @@ class Chain:
         for view in views:
             dataset = export.Dataset.under(folder.root, robot, label, view.name)
             renders = partial(self._renders, scenes, view, product)
+            of_view = f" {view.kind} {view.light}"
             together.run(
                 self.context,
                 asked,
@@ -224,7 +225,7 @@ class Chain:
                 renders,
                 partial(self._exports, dataset, product),
                 only_success=product.only_success,
-                label=f"{robot} {label}",
+                label=f"{robot} {label}{of_view if len(views) > 1 else ''}",
             )
             if rollouts is None:
                 rollouts = self._stage(replay.STAGE, walks, scope).good()

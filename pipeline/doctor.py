@@ -19,6 +19,7 @@ import numpy as np
 from ..formats.core import checkout
 from .engine.executors.base import available_cores
 
+
 @dataclass(frozen=True)
 class Finding:
     """One finding about this machine.

@@ -19,7 +19,7 @@ from .executors.attempts import Link, run_chains
 from .files import Records
 from .ledger import Row
 from .quarantine import forget_failure
-from .runner import BAR_LABEL, Context, check_distinct, drop, record, why
+from .runner import BAR_LABEL, Context, check_distinct, counted, drop, record, why
 from .work import WorkItem
 
 BAR = "episodes"
@@ -128,6 +128,6 @@ def _left_to_do(context: Context, chain: Sequence[Link]) -> list[Link]:
 
 
 def _note(rows: Sequence[Row]) -> str:
-    done = sum(row.status == "done" for row in rows)
+    quarantined = sum(row.status != "done" for row in rows)
     failed = sum(row.failed for row in rows)
-    return f"items done {done}, failed {failed}, quarantined {len(rows) - done}"
+    return counted({"quarantined": quarantined, "failed": failed})

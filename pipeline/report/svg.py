@@ -71,10 +71,11 @@ def step_histogram(
     for name, value in (marks or {}).items():
         if edges[0] <= value <= edges[-1]:
             x = _x(value, edges[0], edges[-1])
+            side, anchor = (4, "start") if x < _WIDTH / 2 else (-4, "end")
             parts.append(
                 f'<line x1="{x:.1f}" y1="{_TOP}" x2="{x:.1f}" y2="{_HEIGHT - _BOTTOM}" '
-                f'stroke="#5c6878" stroke-dasharray="4 3"/><text x="{x + 4:.1f}" '
-                f'y="{_TOP + 10}" fill="#5c6878">{escape(name)}</text>'
+                f'stroke="#5c6878" stroke-dasharray="4 3"/><text x="{x + side:.1f}" '
+                f'y="{_TOP + 10}" text-anchor="{anchor}" fill="#5c6878">{escape(name)}</text>'
             )
     return _figure([*parts, *_legend(list(shares))])
 
