@@ -12,7 +12,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TextIO
 
-from .doctor import find_uv
+from ..formats.core.checkout import find_uv
 from .engine.ledger import Ledger
 from .engine.run_folder import RunFolder
 from .engine.runner import StageSummary
@@ -20,10 +20,10 @@ from .report.gather import RobotRow, robot_rows
 
 log = logging.getLogger(__name__)
 LEGEND = (
-    "collected: ended within 0.25 m of the goal; SR: stopped within 3 m of it; OS: passed within\n"
-    "3 m; SPL: SR weighted by path length; nDTW: likeness of path and walk; NE: mean distance to\n"
-    "the goal at the end; TL: mean length walked. Beneath a robot: how many of its paths did not\n"
-    "go well; touched: an obstacle."
+    "collected: ended within 0.25 m of the goal; SR: stopped within 3 m of it; OS:\n"
+    "passed within 3 m; SPL: SR weighted by path length; nDTW: likeness of path and\n"
+    "walk [%]; NE: mean distance to the goal at the end; TL: mean length walked.\n"
+    "Beneath a robot: how many of its paths did not go well; touched: an obstacle."
 )
 # The widest name of a robot, and of a controller: the table fits 100 characters.
 ROBOT_WIDTH, CONTROLLER_WIDTH = 13, 26

@@ -18,9 +18,13 @@ from ..store.address import store_url
 from ..store.mirror import local_copy
 from ..verify.run import verify_run
 
+UNFINISHED = (
+    3  # exit code of `verify` of a run that has not ended, where all that is there is sound
+)
+
 
 def run_verify(options: Verify) -> int:
-    """Verify a run; return 1 if any check fails.
+    """Verify a run; return 1 if anything is wrong, else 3 if the run has not ended.
 
     Raises:
         InputError: If the folder contains no run.
@@ -28,15 +32,18 @@ def run_verify(options: Verify) -> int:
     url = store_url(options.run)
     with local_copy(url) if url else nullcontext(options.run) as run:
         checks = verify_run(run)
-    bad = [c for c in checks if c.problem]
+    bad = [c for c in checks if c.problem and not c.unfinished]
+    open_ends = [c for c in checks if c.problem and c.unfinished]
     if options.json:
-        value = {"checked": len(checks), "problems": [asdict(c) for c in bad]}
-        sys.stdout.write(json.dumps(value) + "\n")
+        kinds = {"problems": bad, "unfinished": open_ends}
+        found = {kind: [asdict(c) for c in some] for kind, some in kinds.items()}
+        sys.stdout.write(json.dumps({"checked": len(checks), **found}) + "\n")
     else:
-        for check in bad:
-            sys.stdout.write(f"BAD  {check.what}: {check.problem}\n")
-        sys.stdout.write(f"outputs checked: {len(checks)}, bad: {len(bad)}\n")
-    return int(bool(bad))
+        for word, some in (("NOT FINISHED", open_ends), ("BAD", bad)):
+            sys.stdout.writelines(f"{word}  {check.what}: {check.problem}\n" for check in some)
+        told = f", not finished: {len(open_ends)}" if open_ends else ""
+        sys.stdout.write(f"outputs checked: {len(checks)}, bad: {len(bad)}{told}\n")
+    return 1 if bad else UNFINISHED if open_ends else 0
 
 
 def run_report(options: Report) -> int:

@@ -71,13 +71,15 @@ def _opened(
     with lock(folder.root, wait=options.wait):
         sweep_unlocked(folder.root)
         try:
-            with _working(folder.root, execution, ledger_of) as context:
+            command = "" if type(options) is Running else command_line(options)
+            whole = "" if options.only else command
+            with _working(folder.root, execution, ledger_of, whole) as context:
                 yield replace(
                     context,
                     explain=options.explain,
                     retry_quarantined=options.retry_quarantined,
                     only=options.only,
-                    command="" if type(options) is Running else command_line(options),
+                    command=command,
                 )
             if options.only:
                 raise InputError(f"--only {options.only}: the command has no such item")
@@ -132,13 +134,19 @@ def open_single(out: Path, workers: int = 1) -> Iterator[Context]:
 
 @contextmanager
 def _working(
-    root: Path, execution: Execution, ledger_of: Callable[[Path], Ledger] = Ledger
+    root: Path,
+    execution: Execution,
+    ledger_of: Callable[[Path], Ledger] = Ledger,
+    command: str = "",
 ) -> Iterator[Context]:
+    """Start what runs items; the ledger says meanwhile that `command` has not ended, if given."""
     ledger = ledger_of(root)
+    ledger.unfinished = command or ledger.unfinished
     ledger.save()
     with make_executor(execution, root) as executor, ended_first(executor.kill_processes):
         yield Context(ledger, executor)
-    if (root / JOURNAL_NAME).is_file():
+    if command or (root / JOURNAL_NAME).is_file():
+        ledger.unfinished = "" if command else ledger.unfinished
         ledger.save()
     ledger.finish()
 

@@ -74,7 +74,7 @@ class StripJob:
         """Draw the strip."""
         walked = read_rollout(self.rollout)
         seen = read_frame_folder(self.frames)
-        _, renderer = scene_renderer(self.scene, seen.facts["renderer"], seen.light)
+        _, renderer = scene_renderer(self.scene)
         film_strip(self.out, renderer, walked, seen, get_robot(self.robot))
         camera = seen.camera
         facts = {

@@ -44,7 +44,7 @@ def film_strip(
 
     Args:
         path: `.png` or `.jpg`.
-        renderer: of the rollout's scene, with the light of the frames.
+        renderer: of the rollout's scene; draws the robot from behind, in a light to see it by.
         rollout: recorded states.
         frames: rendered from it.
         robot: of the rollout.

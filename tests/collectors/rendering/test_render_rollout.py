@@ -347,11 +347,11 @@ def test_a_depth_encoder_that_fails_ends_the_rendering(
 
 @pytest.mark.parametrize("kind", ["ego", "chase"])
 def test_film_strips_show_what_was_recorded(
-    two_rooms: SceneBundle, rollout: Rollout, tmp_path: Path, kind: str
+    two_rooms: SceneBundle, renderer: Renderer, rollout: Rollout, tmp_path: Path, kind: str
 ) -> None:
-    renderer = make_renderer(two_rooms, "embree", light="DL300")
     view = make_view(kind, "aliengo", width_px=32, height_px=32, light="DL300")
-    render_rollout(two_rooms, renderer, rollout, view, tmp_path)
+    night = make_renderer(two_rooms, "embree", light="DL300")
+    render_rollout(two_rooms, night, rollout, view, tmp_path)
     frames, robot = read_frame_folder(tmp_path), get_robot("aliengo")
     out = tmp_path / "strip.jpg"
     strip = film_strip(out, renderer, rollout, frames, robot, columns=3, tile_px=64)

@@ -12,7 +12,6 @@ import pytest
 
 from vlnpe.formats.core import checkout as ours
 from vlnpe.formats.core.errors import MissingExtraError
-from vlnpe.pipeline import doctor
 from vlnpe.pipeline.cli import main
 
 EXTRAS = {"train": "rsl_rl", "scan": "open3d"}
@@ -43,7 +42,7 @@ def lacking(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 def with_uv(monkeypatch: pytest.MonkeyPatch) -> str:
     """A uv in a folder whose name has a space."""
     path = "/some tools/uv"
-    monkeypatch.setattr(doctor, "find_uv", lambda tool="uv": path)
+    monkeypatch.setattr(ours, "find_uv", lambda tool="uv": path)
     return path
 
 
@@ -121,7 +120,7 @@ def test_without_uv_the_set_up_comes_first(
     capsys: pytest.CaptureFixture[str],
     tmp_path: Path,
 ) -> None:
-    monkeypatch.setattr(doctor, "find_uv", lambda tool="uv": None)
+    monkeypatch.setattr(ours, "find_uv", lambda tool="uv": None)
     lacking("open3d")
     words = shlex.split(ask(capsys, tmp_path)["remedy"])
     assert words[:2] == ["rm", "-f"] and words[2].startswith(str(checkout / ".venv"))
@@ -136,7 +135,7 @@ def test_outside_a_checkout_the_extra_is_installed_by_its_requirements(
     capsys: pytest.CaptureFixture[str],
     tmp_path: Path,
 ) -> None:
-    monkeypatch.setattr(doctor, "find_uv", lambda tool="uv": uv)
+    monkeypatch.setattr(ours, "find_uv", lambda tool="uv": uv)
     monkeypatch.setattr(ours, "CHECKOUT", tmp_path)
     lacking("open3d")
     words = shlex.split(ask(capsys, tmp_path)["remedy"])
