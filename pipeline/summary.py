@@ -144,7 +144,7 @@ def looking_commands(folder: RunFolder, summaries: Sequence[StageSummary], page:
         )
         others = [path.name for path in datasets[1:]]
         if others:
-            lines.append(f"            likewise the others in {data.parent}:")
+            lines.append(f"            likewise, in {data.parent}:")
             lines += [f"              {name}" for name in others[:MOST_NAMES]]
         if len(others) > MOST_NAMES:
             lines.append(f"              … and {len(others) - MOST_NAMES} more")

@@ -18,9 +18,9 @@ from ..store.address import store_url
 from ..store.mirror import local_copy
 from ..verify.run import verify_run
 
-UNFINISHED = (
-    3  # exit code of `verify` of a run that has not ended, where all that is there is sound
-)
+# Exit code of `verify` where nothing is wrong but that the run has not ended.
+UNFINISHED = 3
+SHOWN = 10  # lines of what is not finished: after a kill it is every file of the items in flight
 
 
 def run_verify(options: Verify) -> int:
@@ -39,8 +39,11 @@ def run_verify(options: Verify) -> int:
         found = {kind: [asdict(c) for c in some] for kind, some in kinds.items()}
         sys.stdout.write(json.dumps({"checked": len(checks), **found}) + "\n")
     else:
-        for word, some in (("NOT FINISHED", open_ends), ("BAD", bad)):
-            sys.stdout.writelines(f"{word}  {check.what}: {check.problem}\n" for check in some)
+        lines = [f"BAD  {check.what}: {check.problem}" for check in bad]
+        lines += [f"NOT FINISHED  {c.what}: {c.problem}" for c in open_ends[:SHOWN]]
+        if len(open_ends) > SHOWN:
+            lines.append(f"NOT FINISHED  … and {len(open_ends) - SHOWN} more; --json lists them")
+        sys.stdout.writelines(f"{line}\n" for line in lines)
         told = f", not finished: {len(open_ends)}" if open_ends else ""
         sys.stdout.write(f"outputs checked: {len(checks)}, bad: {len(bad)}{told}\n")
     return 1 if bad else UNFINISHED if open_ends else 0

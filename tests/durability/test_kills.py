@@ -46,8 +46,7 @@ def test_verify_of_a_killed_run_tells_what_is_missing_from_what_is_damaged(
     assert checked.returncode == 3 and "BAD" not in checked.stdout, checked.stdout
     lines = checked.stdout.splitlines()
     (told,) = [line for line in lines if line.startswith("NOT FINISHED  the run: ")]
-    # Among them the walk of the episode in flight.
-    assert any(line.startswith("NOT FINISHED  rollouts/") for line in lines)
+    assert sum(line.startswith("NOT FINISHED  ") for line in lines) > 1  # the episode in flight
     floor = next((run / "scenes").rglob("*.usdc"))
     whole = floor.read_bytes()
     floor.write_bytes(whole[:-1] + b"x")
