@@ -57,6 +57,12 @@ def test_a_histogram_shows_each_group_as_shares():
         assert "no data" in empty
 
 
+def test_short_lengths_have_more_than_one_tick():
+    svg = step_histogram({"a": [1.5, 2.1, 2.6]}, "m", "paths")
+    texts = [e.text or "" for e in ET.fromstring(svg).iter() if e.tag.endswith("}text")]
+    assert {"1.6", "2", "2.4"} <= set(texts)
+
+
 @pytest.mark.parametrize("value", [0.1, 5.0, 9.9])
 def test_the_name_of_a_mark_is_not_cut_off(value):
     svg = step_histogram({"a": [0.0, 10.0]}, "m", "paths", marks={"R2R mean": value})
