@@ -181,6 +181,7 @@ def sync(command, environment):
         command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
     )
     lines = []
+    assert uv.stdout is not None
     for line in iter(uv.stdout.readline, b""):
         lines.append(line.decode("utf-8", "replace").rstrip())
         if sys.stderr.isatty() and not lines[-1].startswith(" "):

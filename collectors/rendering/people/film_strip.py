@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -74,9 +75,14 @@ def film_strip(
     scale = _scale(len(depths[0]), near_m, far_m)
     rows = [colours, [*(depth_picture(depth, near_m, far_m) for depth in depths), scale]]
     if frames.facts["kind"] != "chase":
-        size = {"width_px": tile_px, "height_px": round(0.75 * tile_px)}
-        drawn = {"light": renderer.light, "renderer": renderer.name}
-        behind = make_view("chase", robot, **size, **drawn)
+        behind = make_view(
+            "chase",
+            robot,
+            width_px=tile_px,
+            height_px=round(0.75 * tile_px),
+            light=renderer.light,
+            renderer=renderer.name,
+        )
         plan = RolloutFrames.plan(renderer, rollout, behind, samples[numbers], robot)
         rows.append([rgb for rgb, _ in plan.render(renderer)])
     picture = _grid(rows)
@@ -103,7 +109,7 @@ def depth_picture(depth_m: NDArray[np.float32], near_m: float, far_m: float) -> 
     return colours.astype(np.uint8)
 
 
-def _tile[T: np.generic](image: NDArray[T], width_px: int) -> NDArray[T]:
+def _tile(image: NDArray[Any], width_px: int) -> NDArray[Any]:
     """Return an image in another width; depth is not mixed across edges."""
     height = max(1, round(image.shape[0] * width_px / image.shape[1]))
     how = cv2.INTER_AREA if image.ndim == 3 else cv2.INTER_NEAREST
