@@ -68,6 +68,7 @@ def run_ahead(context: Context, chains: Sequence[Sequence[Link]], label: str) ->
     waiting = [left for chain in chains if (left := _left_to_do(context, chain))]
     if not waiting:
         return
+    context.ledger.begin()
     earlier = _forget(context, (link for chain in waiting for link in chain))
     name = f"{f'{BAR} {label}':<{BAR_LABEL}}"
     done: list[Row] = []

@@ -139,14 +139,16 @@ def _working(
     ledger_of: Callable[[Path], Ledger] = Ledger,
     command: str = "",
 ) -> Iterator[Context]:
-    """Start what runs items; the ledger says meanwhile that `command` has not ended, if given."""
+    """Start what runs items; once some run, the ledger says that `command` has not ended."""
     ledger = ledger_of(root)
-    ledger.unfinished = command or ledger.unfinished
+    ledger.command = command
     ledger.save()
     with make_executor(execution, root) as executor, ended_first(executor.kill_processes):
         yield Context(ledger, executor)
-    if command or (root / JOURNAL_NAME).is_file():
-        ledger.unfinished = "" if command else ledger.unfinished
+    ended = bool(command and ledger.unfinished)
+    if ended:
+        ledger.unfinished = ""
+    if ended or (root / JOURNAL_NAME).is_file():
         ledger.save()
     ledger.finish()
 

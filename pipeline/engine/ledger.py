@@ -68,7 +68,8 @@ class Ledger:
         damaged_lines: Numbers of the journal's lines that cannot be used, from 1. A killed run
             leaves one at most, the last; the items of all of them run again.
         hashed: Whether the manifest was written by a version that keeps records of files.
-        unfinished: The command line of a run that has begun and not ended; empty without one.
+        command: The command line that works in the folder, if it can be repeated.
+        unfinished: The command line of a run that has begun work and not ended; empty without one.
     """
 
     def __init__(self, root: Path):
@@ -82,7 +83,7 @@ class Ledger:
         self._files: dict[str, Records] = {}
         self._values: dict[str, dict[str, str]] = {}
         self.hashed = True
-        self.unfinished = ""
+        self.command = self.unfinished = ""
         self.damaged_lines: list[int] = []
         manifest = root / MANIFEST_NAME
         if manifest.exists():
@@ -158,6 +159,12 @@ class Ledger:
             and row.key == key
             and all((self.root / path).exists() for path in row.outputs)
         )
+
+    def begin(self) -> None:
+        """Note durably that the command has work to do."""
+        if self.command and self.unfinished != self.command:
+            self.unfinished = self.command
+            self._append([{"begun": self.command}])
 
     def add(self, row: Row, files: Mapping[str, Records] | None = None) -> None:
         """Record a finished item durably.
@@ -302,7 +309,9 @@ class Ledger:
             os.fsync(stream.fileno())
 
     def _replay(self, line: dict[str, Any]) -> None:
-        if "forget" in line:
+        if "begun" in line:
+            self.unfinished = str(line["begun"])
+        elif "forget" in line:
             stage, items = line["forget"]
             self._drop(stage, [items] if isinstance(items, str) else items)
         elif "parts" in line and "stage" not in line:

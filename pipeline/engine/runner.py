@@ -158,6 +158,8 @@ def run_stage(
     if context.only:
         _run_only(context, stage, items, waiting)
         return summary
+    if waiting:
+        ledger.begin()
     for item in waiting:
         forget_failure(ledger, stage, item)
     ledger.forget(stage, [item.name for item in waiting])
