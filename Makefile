@@ -27,8 +27,8 @@ help:  ## Show this help
 	@echo "  CAMERA=$(CAMERA) LIGHT=$(LIGHT) SEED=$(SEED) SCENES=<folder> OUT=<folder> WORKERS=<processes>"
 	@echo "  ARGS=<any other option of vlnpe collect, see vlnpe collect --help>"
 
-setup:  ## Install the core environment into .venv (collect does this automatically)
-	@$(SETUP) core
+setup:  ## Install the core environment into .venv (collect does this automatically) [EXTRA=train,… VERBOSE=1]
+	@$(SETUP) core $(EXTRA)
 
 collect:  ## Collect a dataset: make collect ROBOT=aliengo [SCENE=scan.glb EPISODES=8 OUT=…]
 	@$(SETUP) core
@@ -47,7 +47,7 @@ evidence:  ## Train and test what docs/evidence.md shows: make evidence [ARGS="-
 	@$(BIN)/python -m benchmarks.evidence $(ARGS)
 
 evaluate:  ## Evaluate a policy in closed loop: make evaluate POLICY=cma-h1 ROBOT=h1 [OUT=runs/<name>]
-	@$(SETUP) $(if $(filter cma cma-h1 %.safetensors,$(POLICY)),full,core)
+	@$(SETUP) core $(if $(filter cma cma-h1 %.safetensors,$(POLICY)),train)
 	@$(BIN)/vlnpe evaluate "$(or $(OUT),runs/apartment-$(SEED))" --policy "$(POLICY)" --robot "$(ROBOT)" \
 	    --controller "$(CONTROLLER)" $(ARGS)
 

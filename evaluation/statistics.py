@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import binomtest
+from scipy.stats import beta, binomtest
 
 RESAMPLES = 2000
 LEVEL = 0.95
@@ -18,7 +18,7 @@ LEAST_PATHS = 6  # the percentile bootstrap of fewer is far too narrow
 
 @dataclass(frozen=True)
 class Interval:
-    """A mean and its 95 % interval; the bounds are NaN for fewer than `LEAST_PATHS`."""
+    """A mean and its 95 % interval; the bounds are NaN where nothing says how sure the mean is."""
 
     mean: float
     low: float
@@ -46,8 +46,9 @@ def clustered_interval(
         scenes: (N,) of each episode.
         trajectories: (N,) of each episode, unique within a scene.
         rng: draws.
-        rate: values are 0 or 100. Draws of nothing but zeros, or hundreds, do not vary; then the
-            interval is Clopper's and Pearson's for the number of trajectories.
+        rate: values are 0 or 100, and then fewer than `LEAST_PATHS` trajectories have an interval,
+            too: Clopper's and Pearson's for their number. So have draws that would not vary, of
+            nothing but zeros or hundreds.
         resamples: number of draws.
     """
     array = np.asarray(values, np.float64)
@@ -57,11 +58,13 @@ def clustered_interval(
             groups.setdefault(scene, {}).setdefault(trajectory, []).append(value)
     if not groups:
         return Interval(np.nan, np.nan, np.nan)
-    mean = float(array[np.isfinite(array)].mean())
+    finite = array[np.isfinite(array)]
+    mean = float(finite.mean())
     paths = sum(map(len, groups.values()))
-    if rate and mean in (0.0, 100.0):
-        exact = binomtest(paths if mean else 0, paths).proportion_ci(LEVEL)
-        return Interval(mean, 100 * float(exact.low), 100 * float(exact.high))
+    # SPL is a rate only where every path is perfect or a failure.
+    counted = rate and bool(np.isin(finite, (0.0, 100.0)).all())
+    if counted and (paths < LEAST_PATHS or mean in (0.0, 100.0)):
+        return _exact(mean, paths)
     if paths < LEAST_PATHS:
         return Interval(mean, np.nan, np.nan)
     # (T, 2) sum and count of each trajectory, one array per scene.
@@ -88,6 +91,19 @@ def _resampled_means(
         chosen = rng.integers(len(paths), size=(len(draws), len(paths)))
         np.add.at(sums, draws, paths[chosen].sum(axis=1))
     return sums[:, 0] / sums[:, 1]
+
+
+def _exact(mean: float, paths: int) -> Interval:
+    """Return a rate [%] with Clopper's and Pearson's interval for a number of independent paths.
+
+    Where texts of one path end differently, the number of successes is no whole one; the beta
+    distribution takes it as it is (Korn and Graubard, Survey Methodology 24, 1998).
+    """
+    good = paths * mean / 100
+    tail = (1 - LEVEL) / 2
+    low = beta.ppf(tail, good, paths - good + 1) if mean > 0 else 0.0
+    high = beta.ppf(1 - tail, good + 1, paths - good) if mean < 100 else 1.0
+    return Interval(mean, 100 * float(low), 100 * float(high))
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,10 @@
 Runs before anything is installed and on any interpreter from 2.7 on, hence the old syntax: finds
 or installs uv, finds a Python 3.12 or 3.13 (on PATH, or under pyenv's `versions/`, which need not
 be on PATH) or lets uv fetch one, then syncs the committed lock into `.venv`. A stamp of the lock
-makes every further call a no-op.
+makes every further call a no-op. What uv says is shown in full if it fails, or if the environment
+variable VERBOSE is set.
 
-usage: python pipeline/bootstrap.py core|test|full
+usage: python pipeline/bootstrap.py core|test|full [extra,...]
 """
 
 from __future__ import print_function
@@ -16,6 +17,7 @@ import hashlib
 import json
 import os
 import platform
+import re
 import stat
 import subprocess
 import sys
@@ -163,6 +165,37 @@ def digest():
     return state.hexdigest()
 
 
+def known_extras():
+    """Return the names of the optional dependencies in pyproject.toml."""
+    with open(os.path.join(ROOT, "pyproject.toml")) as stream:
+        text = stream.read()
+    section = text.partition("[project.optional-dependencies]")[2].partition("\n[")[0]
+    return re.findall(r"^([\w-]+) *=", section, re.M)
+
+
+def sync(command, environment):
+    """Run uv and return its exit code; on a terminal one line says what it is doing."""
+    if os.environ.get("VERBOSE"):
+        return subprocess.call(command, env=environment)
+    uv = subprocess.Popen(
+        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+    )
+    lines = []
+    assert uv.stdout is not None
+    for line in iter(uv.stdout.readline, b""):
+        lines.append(line.decode("utf-8", "replace").rstrip())
+        if sys.stderr.isatty() and not lines[-1].startswith(" "):
+            sys.stderr.write("\r\033[K%s" % lines[-1][:79])
+            sys.stderr.flush()
+    code = uv.wait()
+    if sys.stderr.isatty():
+        sys.stderr.write("\r\033[K")
+    shown = lines if code else [line for line in lines if line.startswith("Installed ")]
+    for line in shown:
+        say(line)
+    return code
+
+
 def link_package():
     """Make the package importable for pyright: it is the checkout, whatever its folder's name."""
     link = os.path.join(ROOT, ".venv", "types", "vlnpe")
@@ -172,12 +205,18 @@ def link_package():
 
 
 def main(arguments):
-    if len(arguments) != 1 or arguments[0] not in SYNC:
-        say("usage: python pipeline/bootstrap.py " + "|".join(sorted(SYNC)))
+    if not 1 <= len(arguments) <= 2 or arguments[0] not in SYNC:
+        say("usage: python pipeline/bootstrap.py " + "|".join(sorted(SYNC)) + " [extra,...]")
         return 2
     kind = arguments[0]
+    extras = sorted(filter(None, ",".join(arguments[1:]).split(",")))
+    for extra in extras:
+        if extra not in known_extras():
+            say("unknown extra %s; valid: %s" % (extra, ", ".join(known_extras())))
+            return 2
     # The stamp lives in the environment: deleting `.venv` deletes it too.
-    stamps = [os.path.join(ROOT, ".venv", ".vlnpe-" + name) for name in ("full", kind)]
+    names = ("full", "-".join(arguments[:1] + extras))
+    stamps = [os.path.join(ROOT, ".venv", ".vlnpe-" + name) for name in names]
     wanted = digest()
     for stamp in stamps:
         if os.path.exists(stamp):
@@ -191,9 +230,12 @@ def main(arguments):
         environment.pop("VIRTUAL_ENV", None)
         if python:
             environment["UV_PYTHON"] = python
-        say("syncing the %s environment (%s)" % (kind, python or "Python fetched by uv"))
+        what = "the %s environment" % kind + "".join(" and %s" % extra for extra in extras)
+        say("syncing %s (%s)" % (what, python or "Python fetched by uv"))
         command = [uv, "sync", "--project", ROOT, "--frozen"] + SYNC[kind]
-        code = subprocess.call(command, env=environment)
+        for extra in extras:
+            command += ["--extra", extra]
+        code = sync(command, environment)
         if code == 0:
             link_package()
     except (RuntimeError, EnvironmentError) as error:

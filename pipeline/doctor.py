@@ -16,9 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ..formats.core import checkout
 from .engine.executors.base import available_cores
-
-REPOSITORY = Path(__file__).resolve().parents[1]
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class Finding:
 
 def examine(out: Path) -> list[Finding]:
     """Examine this machine without changing anything; `out` is where runs would be written."""
-    uv = find_uv()
+    uv = checkout.find_uv()
     return [
         Finding("python", True, f"{platform.python_version()} at {sys.executable}"),
         Finding("cores", True, f"{available_cores()} usable, {_memory()}"),
@@ -62,32 +61,22 @@ def examine(out: Path) -> list[Finding]:
 def remedy(findings: Sequence[Finding]) -> str:
     """Return a shell command that installs what is missing; empty if nothing can be installed."""
     extras = [f.missing_extra for f in findings if f.missing_extra]
-    uv = find_uv()
-    if not (REPOSITORY / "uv.lock").is_file():
-        return _install_command(extras, uv) if extras else ""
-    parts = []
-    if not uv:
-        uv = str(REPOSITORY / ".tools" / "bin" / "uv")
-        # The set-up skips an environment that its stamp calls complete.
-        stamps = f"{shlex.quote(str(REPOSITORY / '.venv'))}/.vlnpe-*"
-        parts.append(f"rm -f {stamps} && make -C {shlex.quote(str(REPOSITORY))} setup")
-    if extras:
-        # Inexact: what another extra or group has installed stays.
-        words = [uv, "sync", "--project", str(REPOSITORY), "--frozen", "--inexact"]
-        parts.append(shlex.join(words + [w for e in extras for w in ("--extra", e)]))
-    return " && ".join(parts)
+    if not (command := checkout.setup_command(extras)):
+        return checkout.install_command(_requirements(extras)) if extras else ""
+    if checkout.find_uv():
+        return command if extras else ""
+    # The set-up skips an environment that its stamp calls complete.
+    return f"rm -f {shlex.quote(str(checkout.CHECKOUT / '.venv'))}/.vlnpe-* && {command}"
 
 
-def _install_command(extras: list[str], uv: str | None) -> str:
-    """Install the extras' own requirements: there is no checkout whose lock could be synced."""
+def _requirements(extras: Sequence[str]) -> list[str]:
+    """Return what the extras need: without a checkout there is no lock that could be synced."""
     wanted = []
     for line in requires("vlnpe") or []:
         requirement, _, marker = line.partition(";")
         if any(f'extra == "{extra}"' in marker for extra in extras):
             wanted.append(requirement.strip())
-    if uv:
-        return shlex.join([uv, "pip", "install", "--python", sys.executable, *wanted])
-    return shlex.join([sys.executable, "-m", "pip", "install", *wanted])
+    return wanted
 
 
 def _guarded(subject: str, look: Callable[[], str]) -> Finding:
@@ -148,12 +137,6 @@ def _memory() -> str:
     except (AttributeError, ValueError, OSError):
         return "memory unknown"
     return f"{total / 1024**3:.1f} GiB of memory"
-
-
-def find_uv(tool: str = "uv") -> str | None:
-    """Return the path of uv (or `uvx`): the user's, or the copy in .tools."""
-    own = REPOSITORY / ".tools" / "bin" / tool
-    return shutil.which(tool) or (str(own) if own.is_file() else None)
 
 
 def _extra(name: str, modules: list[str]) -> Finding:

@@ -6,12 +6,13 @@ import json
 import logging
 import shlex
 import sys
+import textwrap
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TextIO
 
-from .doctor import find_uv
+from ..formats.core.checkout import find_uv
 from .engine.ledger import Ledger
 from .engine.run_folder import RunFolder
 from .engine.runner import StageSummary
@@ -19,11 +20,14 @@ from .report.gather import RobotRow, robot_rows
 
 log = logging.getLogger(__name__)
 LEGEND = (
-    "collected: ended within 0.25 m of the goal; SR: stopped within 3 m of it; OS: passed within\n"
-    "3 m; SPL: SR weighted by path length; nDTW: likeness of path and walk; NE: mean distance to\n"
-    "the goal at the end; TL: mean length walked. Then numbers of paths: fell, and of these down\n"
-    "a second later; stuck; out of time; touched an obstacle; physics diverged."
+    "collected: ended within 0.25 m of the goal; SR: stopped within 3 m of it; OS:\n"
+    "passed within 3 m; SPL: SR weighted by path length; nDTW: likeness of path and\n"
+    "walk [%]; NE: mean distance to the goal at the end; TL: mean length walked.\n"
+    "Beneath a robot: how many of its paths did not go well; touched: an obstacle."
 )
+# The widest name of a robot, and of a controller: the table fits 100 characters.
+ROBOT_WIDTH, CONTROLLER_WIDTH = 13, 26
+MOST_NAMES = 12  # datasets that are listed
 LEROBOT = "lerobot[dataset,viz]==0.6.1"
 
 
@@ -82,23 +86,43 @@ def stage_table(summaries: Sequence[StageSummary]) -> str:
 
 
 def robot_table(rows: Sequence[RobotRow]) -> str:
-    """Return one line per robot and controller: navigation metrics, then counts of failures."""
-    width = 1 + max([8, *(len(r.robot) for r in rows)])
-    wide = 1 + max([10, *(len(r.driven) for r in rows)])
-    header = f"{'robot':<{width}}{'controller':<{wide}}{'paths':>8}{'texts':>7}"
-    header += f"{'collected':>11}"
-    header += "".join(f"{name:>7}" for name in ("SR %", "OS %", "SPL %", "nDTW %", "NE m", "TL m"))
-    header += f"{'fell':>6}{'down':>6}{'stuck':>7}{'timeout':>9}{'collided':>10}{'diverged':>10}"
-    lines = [header]
-    for r in rows:
-        line = f"{r.robot:<{width}}{r.driven:<{wide}}{r.episodes:>8}{r.instructions:>7}"
-        line += f"{r.collected:>10.1f}%"
-        line += "".join(f"{v:>7.1f}" for v in (r.sr, r.os, r.spl))
-        line += _number(r.ndtw, 7, 1) + _number(r.ne, 7, 2) + _number(r.tl, 7, 2)
-        line += f"{r.falls:>6}{r.down:>6}{r.stuck:>7}{r.timeouts:>9}"
-        line += f"{r.collisions:>10}{r.diverged:>10}"
-        lines.append(line)
+    """Return one line per robot and controller, and one beneath if something went wrong."""
+    robots = [elided(r.robot, ROBOT_WIDTH) for r in rows]
+    controllers = [elided(r.driven, CONTROLLER_WIDTH) for r in rows]
+    width = 1 + max([5, *map(len, robots)])
+    wide = 1 + max([10, *map(len, controllers)])
+    header = f"{'robot':<{width}}{'controller':<{wide}}{'paths':>6}{'texts':>6}{'collected':>10}"
+    header += "".join(f"{name:>6}" for name in ("SR %", "OS %", "SPL %", "nDTW", "NE m"))
+    lines = [f"{header}{'TL m':>7}"]
+    for r, robot, controller in zip(rows, robots, controllers, strict=True):
+        line = f"{robot:<{width}}{controller:<{wide}}{r.episodes:>6}{r.instructions:>6}"
+        line += f"{r.collected:>9.1f}%"
+        line += "".join(f"{v:>6.1f}" for v in (r.sr, r.os, r.spl))
+        lines.append(line + _number(r.ndtw, 6, 1) + _number(r.ne, 6, 2) + _number(r.tl, 7, 2))
+        if troubles := _troubles(r):
+            lines += textwrap.wrap(troubles, 78, initial_indent="  ", subsequent_indent="  ")
     return "\n".join(lines)
+
+
+def elided(name: str, most: int) -> str:
+    """Return a name of at most `most` characters, without its middle where it is longer."""
+    if len(name) <= most:
+        return name
+    end = (most - 1) // 2
+    return f"{name[: most - 1 - end]}…{name[-end:]}"
+
+
+def _troubles(r: RobotRow) -> str:
+    counts = {
+        f"fell ({r.down} down a second later)": r.falls,
+        "stuck": r.stuck,
+        "out of time": r.timeouts,
+        "stopped far": r.stopped_far,
+        "blocked at the start": r.blocked_starts,
+        "touched": r.collisions,
+        "diverged": r.diverged,
+    }
+    return ", ".join(f"{count} {what}" for what, count in counts.items() if count)
 
 
 def _number(value: float | None, width: int, digits: int) -> str:
@@ -118,9 +142,17 @@ def looking_commands(folder: RunFolder, summaries: Sequence[StageSummary], page:
             f"  LeRobot   {uvx} --from '{LEROBOT}' lerobot-dataset-viz"
             f" --repo-id vlnpe/{data.name} --root {shlex.quote(str(data))} --episode-index 0"
         )
+        others = [path.name for path in datasets[1:]]
+        if others:
+            lines.append(f"            likewise, in {data.parent}:")
+            lines += [f"              {name}" for name in others[:MOST_NAMES]]
+        if len(others) > MOST_NAMES:
+            lines.append(f"              … and {len(others) - MOST_NAMES} more")
     if episodes:
         file = shlex.quote(str(episodes[0]))
         lines.append(f"  Foxglove  foxglove-studio {file}   (or drop it on app.foxglove.dev)")
+        if len(episodes) > 1:
+            lines.append(f"            likewise the other {len(episodes) - 1} in {folder.mcap}")
     lines.append(f"  report    python3 -m webbrowser {shlex.quote(page.as_uri())}")
     return "\n".join(lines)
 

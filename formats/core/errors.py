@@ -12,6 +12,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from .checkout import setup_command
+
 MAX_SHOWN = 100  # names in an error message
 MAX_REASON = 800  # characters
 
@@ -71,14 +73,13 @@ class MissingExtraError(InputError):
 
     Attributes:
         user: What needs it, the start of a sentence.
-        extra: Its name, as in `pip install vlnpe[extra]`.
+        extra: Its name in pyproject.toml.
     """
 
     def __init__(self, user: str, extra: str):
         self.user, self.extra = user, extra
-        super().__init__(
-            f"{user} needs the extra `{extra}`; `vlnpe doctor` prints how to install it"
-        )
+        command = setup_command([extra]) or "vlnpe doctor prints how to"
+        super().__init__(f"{user} needs the extra `{extra}`; to install it: {command}")
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
         """Support pickling, so that the error can be raised in a worker process."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Iterable
@@ -9,9 +10,10 @@ from typing import Any
 
 from tqdm import tqdm
 
-_BAR = "{desc} {percentage:3.0f}%|{bar:24}| {n_fmt}/{total_fmt} [{elapsed}<{remaining}]{postfix}"
+_BAR = "{desc} {percentage:3.0f}%|{bar}| {n_fmt}/{total_fmt} [{elapsed}<{remaining}]{postfix}"
 _LINE = "{desc} {percentage:3.0f}% {n_fmt}/{total_fmt} [{elapsed}<{remaining}]{postfix}"
 SILENCE_S = 30.0  # a line is written at least this often
+WIDEST, UNKNOWN_WIDTH = 100, 80  # columns of a bar; of a terminal that does not say how wide it is
 
 
 def progress_bar(
@@ -37,7 +39,11 @@ def progress_bar(
         show: false shows nothing.
     """
     terminal = sys.stderr.isatty()
-    how: dict[str, Any] = {} if terminal else {"mininterval": 0, "miniters": 1}
+    how: dict[str, Any] = {"mininterval": 0, "miniters": 1}
+    if terminal:
+        columns = os.get_terminal_size(sys.stderr.fileno()).columns or UNKNOWN_WIDTH
+        # tqdm draws nothing on a terminal of unknown height.
+        how = {"ncols": min(columns, WIDEST) - 1, "nrows": 2}
     return (tqdm if terminal else _Lines)(
         items,
         total=total,

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..video.stream import pick_frames
+from .card import HALF_BRIGHT_M
 from .layout import RGB_KEY
 from .unit import EpisodeUnit
 
 EPISODES, FRAMES = 3, 6
 WIDTH_PX, GAP_PX = 160, 4
-HALF_BRIGHT_M = 2.5  # depth that is shown half as bright as the nearest
 
 
 def shown_units(count: int) -> list[int]:

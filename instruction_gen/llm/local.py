@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ...formats.core.checkout import install_command
 from ...formats.core.errors import InputError
 from .answers import answer_schema
 from .budget import Usage
@@ -27,8 +28,8 @@ def local_backend(settings: LlmSettings, texts: int) -> Backend:
         import llama_cpp  # pyright: ignore[reportMissingImports]
     except ImportError as error:
         raise InputError(
-            "--writer local needs llama-cpp-python: pip install llama-cpp-python; or serve the "
-            "model with llama-server and use --writer llm"
+            f"--writer local needs llama-cpp-python: {install_command(['llama-cpp-python'])}; or "
+            "serve the model with llama-server and use --writer llm"
         ) from error
     try:
         model: Any = llama_cpp.Llama(settings.model, n_ctx=CONTEXT_TOKENS, verbose=False)

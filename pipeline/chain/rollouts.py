@@ -98,6 +98,7 @@ def collect(
     for view in views:
         dataset = export.Dataset.under(folder.root, robot, label, view.name)
         renders = partial(_renders, run, scenes, view, product)
+        of_view = f" {view.kind} {view.light}" if len(views) > 1 else ""
         exports = partial(
             export.items,
             root=folder.root,
@@ -114,7 +115,7 @@ def collect(
             renders,
             exports,
             only_success=product.only_success,
-            label=f"{robot} {label}",
+            label=f"{robot} {label}{of_view}",
         )
         if rollouts is None:
             rollouts = run.stage(replay.STAGE, walks, f"{robot}/{label}/").good()

@@ -18,9 +18,13 @@ from ..store.address import store_url
 from ..store.mirror import local_copy
 from ..verify.run import verify_run
 
+# Exit code of `verify` where nothing is wrong but that the run has not ended.
+UNFINISHED = 3
+SHOWN = 10  # lines of what is not finished: after a kill it is every file of the items in flight
+
 
 def run_verify(options: Verify) -> int:
-    """Verify a run; return 1 if any check fails.
+    """Verify a run; return 1 if anything is wrong, else 3 if the run has not ended.
 
     Raises:
         InputError: If the folder contains no run.
@@ -28,15 +32,21 @@ def run_verify(options: Verify) -> int:
     url = store_url(options.run)
     with local_copy(url) if url else nullcontext(options.run) as run:
         checks = verify_run(run)
-    bad = [c for c in checks if c.problem]
+    bad = [c for c in checks if c.problem and not c.unfinished]
+    open_ends = [c for c in checks if c.problem and c.unfinished]
     if options.json:
-        value = {"checked": len(checks), "problems": [asdict(c) for c in bad]}
-        sys.stdout.write(json.dumps(value) + "\n")
+        kinds = {"problems": bad, "unfinished": open_ends}
+        found = {kind: [asdict(c) for c in some] for kind, some in kinds.items()}
+        sys.stdout.write(json.dumps({"checked": len(checks), **found}) + "\n")
     else:
-        for check in bad:
-            sys.stdout.write(f"BAD  {check.what}: {check.problem}\n")
-        sys.stdout.write(f"outputs checked: {len(checks)}, bad: {len(bad)}\n")
-    return int(bool(bad))
+        lines = [f"BAD  {check.what}: {check.problem}" for check in bad]
+        lines += [f"NOT FINISHED  {c.what}: {c.problem}" for c in open_ends[:SHOWN]]
+        if len(open_ends) > SHOWN:
+            lines.append(f"NOT FINISHED  … and {len(open_ends) - SHOWN} more; --json lists them")
+        sys.stdout.writelines(f"{line}\n" for line in lines)
+        told = f", not finished: {len(open_ends)}" if open_ends else ""
+        sys.stdout.write(f"outputs checked: {len(checks)}, bad: {len(bad)}{told}\n")
+    return 1 if bad else UNFINISHED if open_ends else 0
 
 
 def run_report(options: Report) -> int:

@@ -19,7 +19,7 @@ from .executors.attempts import Link, run_chains
 from .files import Records
 from .ledger import Row
 from .quarantine import forget_failure
-from .runner import BAR_LABEL, Context, check_distinct, drop, record, why
+from .runner import BAR_LABEL, Context, check_distinct, counted, drop, record, why
 from .work import WorkItem
 
 BAR = "episodes"
@@ -68,6 +68,7 @@ def run_ahead(context: Context, chains: Sequence[Sequence[Link]], label: str) ->
     waiting = [left for chain in chains if (left := _left_to_do(context, chain))]
     if not waiting:
         return
+    context.ledger.begin()
     earlier = _forget(context, (link for chain in waiting for link in chain))
     name = f"{f'{BAR} {label}':<{BAR_LABEL}}"
     done: list[Row] = []
@@ -128,6 +129,6 @@ def _left_to_do(context: Context, chain: Sequence[Link]) -> list[Link]:
 
 
 def _note(rows: Sequence[Row]) -> str:
-    done = sum(row.status == "done" for row in rows)
+    quarantined = sum(row.status != "done" for row in rows)
     failed = sum(row.failed for row in rows)
-    return f"items done {done}, failed {failed}, quarantined {len(rows) - done}"
+    return counted({"quarantined": quarantined, "failed": failed})

@@ -71,13 +71,15 @@ def _opened(
     with lock(folder.root, wait=options.wait):
         sweep_unlocked(folder.root)
         try:
-            with _working(folder.root, execution, ledger_of) as context:
+            command = "" if type(options) is Running else command_line(options)
+            whole = "" if options.only else command
+            with _working(folder.root, execution, ledger_of, whole) as context:
                 yield replace(
                     context,
                     explain=options.explain,
                     retry_quarantined=options.retry_quarantined,
                     only=options.only,
-                    command="" if type(options) is Running else command_line(options),
+                    command=command,
                 )
             if options.only:
                 raise InputError(f"--only {options.only}: the command has no such item")
@@ -132,13 +134,21 @@ def open_single(out: Path, workers: int = 1) -> Iterator[Context]:
 
 @contextmanager
 def _working(
-    root: Path, execution: Execution, ledger_of: Callable[[Path], Ledger] = Ledger
+    root: Path,
+    execution: Execution,
+    ledger_of: Callable[[Path], Ledger] = Ledger,
+    command: str = "",
 ) -> Iterator[Context]:
+    """Start what runs items; once some run, the ledger says that `command` has not ended."""
     ledger = ledger_of(root)
+    ledger.command = command
     ledger.save()
     with make_executor(execution, root) as executor, ended_first(executor.kill_processes):
         yield Context(ledger, executor)
-    if (root / JOURNAL_NAME).is_file():
+    ended = bool(command and ledger.unfinished)
+    if ended:
+        ledger.unfinished = ""
+    if ended or (root / JOURNAL_NAME).is_file():
         ledger.save()
     ledger.finish()
 

@@ -68,6 +68,8 @@ class Ledger:
         damaged_lines: Numbers of the journal's lines that cannot be used, from 1. A killed run
             leaves one at most, the last; the items of all of them run again.
         hashed: Whether the manifest was written by a version that keeps records of files.
+        command: The command line that works in the folder, if it can be repeated.
+        unfinished: The command line of a run that has begun work and not ended; empty without one.
     """
 
     def __init__(self, root: Path):
@@ -81,6 +83,7 @@ class Ledger:
         self._files: dict[str, Records] = {}
         self._values: dict[str, dict[str, str]] = {}
         self.hashed = True
+        self.command = self.unfinished = ""
         self.damaged_lines: list[int] = []
         manifest = root / MANIFEST_NAME
         if manifest.exists():
@@ -91,6 +94,7 @@ class Ledger:
                 self.hashed = "files" in content
                 self._files = dict(content.get("files", {}))
                 self._values = dict(content.get("parts", {}))
+                self.unfinished = str(content.get("unfinished", ""))
             except (AttributeError, KeyError, RecursionError, TypeError, ValueError) as error:
                 raise FileFormatError(manifest, f"not a vlnpe manifest: {error!r}") from error
         journal = root / JOURNAL_NAME
@@ -155,6 +159,12 @@ class Ledger:
             and row.key == key
             and all((self.root / path).exists() for path in row.outputs)
         )
+
+    def begin(self) -> None:
+        """Note durably that the command has work to do."""
+        if self.command and self.unfinished != self.command:
+            self.unfinished = self.command
+            self._append([{"begun": self.command}])
 
     def add(self, row: Row, files: Mapping[str, Records] | None = None) -> None:
         """Record a finished item durably.
@@ -271,9 +281,9 @@ class Ledger:
         files = {output: one for output, one in self._files.items() if output not in left_out}
         used = {digest for row in rows for digest in row.parts.values()}
         values = {digest: one for digest, one in self._values.items() if digest in used}
-        return signed(
-            json_text({"files": files, "parts": values, "rows": [asdict(r) for r in rows]})
-        )
+        content = {"files": files, "parts": values, "rows": [asdict(r) for r in rows]}
+        begun = {"unfinished": self.unfinished} if self.unfinished else {}
+        return signed(json_text({**content, **begun}))
 
     def finish(self) -> None:
         """End a run whose rows are saved; ledgers that are copied elsewhere complete the copy."""
@@ -299,7 +309,9 @@ class Ledger:
             os.fsync(stream.fileno())
 
     def _replay(self, line: dict[str, Any]) -> None:
-        if "forget" in line:
+        if "begun" in line:
+            self.unfinished = str(line["begun"])
+        elif "forget" in line:
             stage, items = line["forget"]
             self._drop(stage, [items] if isinstance(items, str) else items)
         elif "parts" in line and "stage" not in line:

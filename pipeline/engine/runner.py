@@ -8,7 +8,7 @@ import logging
 import os
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -158,6 +158,8 @@ def run_stage(
     if context.only:
         _run_only(context, stage, items, waiting)
         return summary
+    if waiting:
+        ledger.begin()
     for item in waiting:
         forget_failure(ledger, stage, item)
     ledger.forget(stage, [item.name for item in waiting])
@@ -166,7 +168,8 @@ def run_stage(
         len(items),
         initial=len(items) - len(waiting),
         note=_note(summary),
-        show=context.progress,
+        # Of items that were done ahead a bar has told already.
+        show=context.progress and (bool(waiting) or summary.done == 0),
     )
     errors: list[BaseException] = []
     try:
@@ -294,10 +297,18 @@ def record(context: Context, stage: str, item: WorkItem, outcome: Outcome) -> Ro
 
 
 def _note(summary: StageSummary) -> str:
-    return (
-        f"done {summary.done}, reused {summary.reused}, failed {summary.failed}"
-        f", quarantined {summary.quarantined}"
+    return counted(
+        {
+            "quarantined": summary.quarantined,
+            "failed": summary.failed,
+            "reused": summary.reused,
+        }
     )
+
+
+def counted(counts: Mapping[str, int]) -> str:
+    """Return what there is of some kinds, for a bar, e.g. `failed 1, reused 12`."""
+    return ", ".join(f"{kind} {count}" for kind, count in counts.items() if count)
 
 
 def _row(stage: str, item: WorkItem, outcome: Outcome, root: Path) -> Row:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...collectors.rendering.camera.views import View
+from ...collectors.rendering.people.film_strip import film_strip
 from ...collectors.rendering.people.pictures import (
-    film_strip,
     save_picture,
     third_person_clip,
     watchable_video,
@@ -16,6 +16,7 @@ from ...collectors.rendering.people.scene_map import top_down_map
 from ...collectors.robots import get_robot
 from ...formats.core.atomic import write_json
 from ...formats.mcap.rollout import read_rollout
+from ...formats.rendered.folder import read_frame_folder
 from ..engine.work import ItemResult
 from .render import scene_renderer
 
@@ -53,27 +54,36 @@ class MapJob:
 
 @dataclass(frozen=True)
 class StripJob:
-    """Show one episode as a strip of images.
+    """Show one rendered episode as a strip of images.
 
     Attributes:
         scene: folder of the repaired scene.
         rollout: rollout file.
         robot: name or folder.
+        frames: frame folder of the rollout.
         out: picture.
     """
 
     scene: Path
     rollout: Path
     robot: str
+    frames: Path
     out: Path
 
     def run(self) -> ItemResult:
-        """Render the strip."""
+        """Draw the strip."""
         walked = read_rollout(self.rollout)
-        film_strip(self.out, scene_renderer(self.scene)[1], walked, robot=get_robot(self.robot))
+        seen = read_frame_folder(self.frames)
+        _, renderer = scene_renderer(self.scene)
+        film_strip(self.out, renderer, walked, seen, get_robot(self.robot))
+        camera = seen.camera
         facts = {
-            "episode": walked.episode.episode_id,
+            "robot": walked.robot,
             "controller": walked.controller,
+            "kind": seen.facts["kind"],
+            "camera": f"{camera.width_px} × {camera.height_px} px, {camera.hfov_deg:g}°",
+            "light": seen.light,
+            "episode": walked.episode.episode_id,
             "end_reason": str(walked.end_reason),
         }
         return ItemResult(facts)

@@ -12,7 +12,11 @@ from . import Json
 
 @dataclass(frozen=True)
 class Verify:
-    """Verify a run's outputs: files open, counts and checksums match, floors have no leaks."""
+    """Verify a run's outputs: files open, counts and checksums match, floors have no leaks.
+
+    Exit codes: 0 sound, 1 something is wrong, 2 no run, or one in use, 3 sound as far as it goes,
+    but its command has not ended.
+    """
 
     run: tyro.conf.Positional[Path]
     """Run folder, or the folder of a single repaired scene."""

@@ -40,7 +40,7 @@ def build_page(root: Path, pictures: Pictures) -> str:
         cards=_cards(rows, robots, quarantine),
         robot_rows=robots,
         failures=failure_figures(rows, diverged_rows(ledger), pictures.clips),
-        strips=[_strip(r, picture, ledger) for r, picture in sorted(pictures.strips.items())],
+        datasets=[_dataset(name, picture, ledger) for name, picture in pictures.strips.items()],
         maps=[map_figure(name, picture, paths) for name, picture in sorted(pictures.maps.items())],
         plots=dataset_plots(list(paths.episodes.values())),
         splits=dataset_rows(list(paths.episodes.values())),
@@ -71,14 +71,14 @@ def _cards(
     return [{"label": label, "value": value, "tone": tone} for label, value, tone in cards]
 
 
-def _strip(robot: str, picture: Path, ledger: Ledger) -> dict[str, str]:
-    row = ledger.row(PICTURES_STAGE, f"strip {robot}")
-    assert row is not None  # the picture is one of this stage
-    facts = row.facts
+def _dataset(name: str, picture: Path, ledger: Ledger) -> dict[str, Any]:
+    strip, made = ledger.row(PICTURES_STAGE, f"strip {name}"), ledger.row("dataset", name)
+    assert strip is not None  # the picture is one of this stage
     return {
-        "title": f"{robot}, {facts['controller']} controller, episode {facts['episode']}",
+        "name": name,
         "image": jpeg_uri(picture, maximum_width_px=4000),
-        "caption": f"From start to {facts['end_reason']}: what it saw, how far, how it walked.",
+        "strip": strip.facts,
+        "made": made.facts if made is not None and made.status == "done" else None,
     }
 
 

@@ -20,7 +20,7 @@ class Pictures:
 
     Attributes:
         maps: by `<scene>/<level>`; a JSON file beside each says where it lies.
-        strips: by robot.
+        strips: by dataset.
         clips: by `<robot>/<controller>/<episode>`; the last frame lies beside each as `.jpg`.
     """
 

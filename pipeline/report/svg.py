@@ -56,7 +56,7 @@ def step_histogram(
         name: np.histogram(group, edges)[0] / len(group) for name, group in values.items() if group
     }
     top = max(float(share.max()) for share in shares.values()) * 1.08
-    parts = _axes(edges[0], edges[-1], top, label, f"share of {what}")
+    parts = _axes(edges[0], edges[-1], top, label, f"share of {what}", whole=whole)
     for (name, share), color in zip(shares.items(), _colors(shares), strict=True):
         points = [(edges[0], 0.0)]
         for k, value in enumerate(share):
@@ -71,10 +71,11 @@ def step_histogram(
     for name, value in (marks or {}).items():
         if edges[0] <= value <= edges[-1]:
             x = _x(value, edges[0], edges[-1])
+            side, anchor = (4, "start") if x < _WIDTH / 2 else (-4, "end")
             parts.append(
                 f'<line x1="{x:.1f}" y1="{_TOP}" x2="{x:.1f}" y2="{_HEIGHT - _BOTTOM}" '
-                f'stroke="#5c6878" stroke-dasharray="4 3"/><text x="{x + 4:.1f}" '
-                f'y="{_TOP + 10}" fill="#5c6878">{escape(name)}</text>'
+                f'stroke="#5c6878" stroke-dasharray="4 3"/><text x="{x + side:.1f}" '
+                f'y="{_TOP + 10}" text-anchor="{anchor}" fill="#5c6878">{escape(name)}</text>'
             )
     return _figure([*parts, *_legend(list(shares))])
 
@@ -143,7 +144,14 @@ def _overlap(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
 
 
 def _axes(
-    low: float, high: float, top: float, label: str, y_label: str, ticks: bool = True
+    low: float,
+    high: float,
+    top: float,
+    label: str,
+    y_label: str,
+    *,
+    ticks: bool = True,
+    whole: bool = False,
 ) -> list[str]:
     bottom = _HEIGHT - _BOTTOM
     parts = [
@@ -155,7 +163,7 @@ def _axes(
     ]
     if ticks:
         step = _round_step((high - low) / 8)
-        step = 1.0 if step < 1 and low % 1 == 0.5 else step
+        step = max(1.0, step) if whole else step
         for k in range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1):
             x = _x(k * step, low, high)
             parts.append(

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ...collectors.controllers import CONTROLLERS
 from ..engine.ledger import Ledger, Row
 from ..engine.run_folder import RunFolder
 from ..engine.runner import Context, StageSummary, run_stage
@@ -18,6 +17,7 @@ from ..jobs.report import ReportJob
 from ..report.gather import replay_rows
 from ..report.pictures import STAGE as PICTURES_STAGE
 from ..report.pictures import Pictures
+from . import render
 
 STAGE = "report"
 CLIP_S = 5.0  # how much of a failure's end is shown
@@ -56,7 +56,8 @@ def _pictures(
     summary = run_stage(
         context, PICTURES_STAGE, [item for items in kinds for item in items.values()]
     )
-    context.ledger.discard(PICTURES_STAGE, "clip ")
+    for kind in ("clip ", "strip "):
+        context.ledger.discard(PICTURES_STAGE, kind)
     good = summary.good()
     made = (
         {name: item.outputs[0] for name, item in items.items() if item.name in good}
@@ -82,24 +83,27 @@ def _map_items(folder: RunFolder, ledger: Ledger) -> dict[str, WorkItem]:
 
 
 def _strip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict[str, WorkItem]:
-    """Return one strip per robot, of the episode that most robots completed where possible."""
+    """Return one strip per dataset, of the episode that most robots completed where possible."""
     solved = Counter(row.facts["episode"] for row in rows if not row.failed)
-    chosen: dict[str, Row] = {}
-    known = list(CONTROLLERS)  # those that walk come first
+    rollouts = {row.item: row for row in rows}
+    known: dict[str, list[tuple[Row, Row]]] = {}
+    for frames in ledger.rows(render.STAGE):
+        robot, controller, view, episode = frames.item.split("/", 3)
+        row = rollouts.get(f"{robot}/{controller}/{episode}")
+        if frames.status == "done" and row is not None:
+            known.setdefault(f"{robot}-{controller}-{view}", []).append((row, frames))
 
-    def rank(row: Row) -> tuple[bool, int, int, str]:
-        facts = row.facts
-        order = known.index(facts["controller"])
-        return row.failed, order, -solved[facts["episode"]], row.item
+    def rank(pair: tuple[Row, Row]) -> tuple[bool, int, str]:
+        row, _ = pair
+        return row.failed, -solved[row.facts["episode"]], row.item
 
-    for row in sorted(rows, key=rank):
-        chosen.setdefault(str(row.facts["robot"]), row)
     result = {}
-    for robot, row in chosen.items():
-        out = folder.report / "strips" / f"{robot}.jpg"
-        job = StripJob(*_paths(folder, row), out)
-        inputs = (row.key, _scene_key(ledger, row))
-        result[robot] = work_item(PICTURES_STAGE, f"strip {robot}", job, (out,), *inputs)
+    for name, pairs in known.items():
+        row, frames = min(pairs, key=rank)
+        out = folder.report / "strips" / f"{name}.jpg"
+        job = StripJob(*_paths(folder, row), folder.root / frames.outputs[0], out)
+        inputs = (frames.key, _scene_key(ledger, row))
+        result[name] = work_item(PICTURES_STAGE, f"strip {name}", job, (out,), *inputs)
     return result
 
 

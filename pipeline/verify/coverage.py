@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from ...formats.core.rollout import EndReason
 from ..engine.ledger import Ledger, Row
@@ -16,7 +17,8 @@ def check_coverage(ledger: Ledger) -> list[Check]:
 
     A robot that was only replayed has no datasets to be in, and neither has a folder of rollouts.
     """
-    return [*_unrendered(ledger), *_unexported(ledger), *_left_out(ledger)]
+    gaps = (*_unrendered(ledger), *_unexported(ledger), *_left_out(ledger))
+    return [replace(gap, unfinished=True) for gap in gaps]
 
 
 def _unrendered(ledger: Ledger) -> Iterator[Check]:

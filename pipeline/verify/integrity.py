@@ -25,10 +25,17 @@ UNRECORDED = {
 
 @dataclass(frozen=True)
 class Check:
-    """One output and what is wrong with it; an empty problem means that it is sound."""
+    """One output and what is wrong with it; an empty problem means that it is sound.
+
+    Attributes:
+        what: The output.
+        problem: What is wrong.
+        unfinished: Whether no more is wrong than that a run has not ended: its command mends it.
+    """
 
     what: str
     problem: str = ""
+    unfinished: bool = False
 
 
 def check_files(ledger: Ledger, below: str = "") -> list[Check]:
@@ -54,10 +61,18 @@ def check_files(ledger: Ledger, below: str = "") -> list[Check]:
 
 def check_ledger(ledger: Ledger) -> list[Check]:
     """Check what a ledger wrote about itself; its manifest was checked when it was opened."""
+    last = (ledger.root / JOURNAL_NAME).read_bytes().count(b"\n") + 1 if ledger.damaged_lines else 0
     checks = [
-        Check(f"{JOURNAL_NAME}, line {number}", "damaged or cut short; its item runs again")
+        Check(
+            f"{JOURNAL_NAME}, line {number}",
+            "damaged or cut short; its item runs again",
+            unfinished=number == last,
+        )
         for number in ledger.damaged_lines
     ]
+    if ledger.unfinished:
+        stopped = f"it has not ended; to finish it: {ledger.unfinished}"
+        checks.append(Check("the run", stopped, unfinished=True))
     quarantine = ledger.root / QUARANTINE_NAME
     listed = quarantine.read_bytes() if quarantine.is_file() else b""
     # While a run is unfinished, its last items are in the journal alone.
@@ -110,7 +125,7 @@ def _unknown(root: Path, below: str, records: Mapping[str, FileRecord]) -> Itera
                 "not in the manifest: nothing that finished in this run wrote it; if a run was "
                 "stopped, run its command again"
             )
-        yield Check(relative.as_posix(), problem)
+        yield Check(relative.as_posix(), problem, unfinished=True)
 
 
 def _recorded_beside(root: Path) -> set[Path]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from ...formats.core.errors import FileFormatError
@@ -46,9 +47,11 @@ def verify_run(root: Path) -> list[Check]:
         return [Check(MANIFEST_NAME, error.reason)]
     refuse_if_locked(ledger.root)
     checks = [*_verify_ledger(ledger), *check_coverage(ledger)]
+    if not ledger.unfinished:  # then nothing is on its way
+        checks = [replace(check, unfinished=False) for check in checks]
     for folder in nested_runs(ledger.root):
         name = folder.relative_to(ledger.root)
-        checks += [Check(f"{name}: {c.what}", c.problem) for c in verify_run(folder)]
+        checks += [replace(c, what=f"{name}: {c.what}") for c in verify_run(folder)]
     return checks
 
 

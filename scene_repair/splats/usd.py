@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.core.errors import FileFormatError, InputError
+from ...formats.core.errors import FileFormatError, MissingExtraError
 from ...formats.splats.record import (
     MAX_DEGREE,
     MAX_SPLATS,
@@ -54,7 +54,7 @@ def read_usd_splats(path: Path) -> GaussianCloud:
 
     Raises:
         FileFormatError: it holds none, or is damaged.
-        InputError: a NuRec volume, and msgpack is not installed.
+        MissingExtraError: a NuRec volume, and msgpack is not installed.
     """
     return cleaned(path, run_child((__name__,), path, _load))
 
@@ -215,10 +215,7 @@ def _payload(path: Path, prim: Any) -> bytes:
 
 def _unpacked(path: Path, data: bytes) -> Any:
     if find_spec("msgpack") is None:
-        raise InputError(
-            f"{path.name}: a NuRec volume needs msgpack to be read: "
-            "uv sync --extra evaluate, or pip install msgpack"
-        )
+        raise MissingExtraError(f"{path.name}: a NuRec volume", "evaluate")
     import msgpack
 
     most = MAX_SPLATS * ROW_BYTES + HEAD_BYTES

@@ -37,6 +37,28 @@ def test_kills_in_three_stages_change_nothing(
     assert not list(run.rglob(f"{TEMPORARY_PREFIX}*"))
 
 
+def test_verify_of_a_killed_run_tells_what_is_missing_from_what_is_damaged(
+    scan: Path, finished: Path, prepared: Path, tmp_path: Path
+):
+    run = shutil.copytree(prepared, tmp_path / "run")
+    assert kill_in(tiny_run.command(scan, run, "--workers", 1), run, "export", 0.0)
+    checked = tiny_run.vlnpe("verify", run)
+    assert checked.returncode == 3 and "BAD" not in checked.stdout, checked.stdout
+    lines = checked.stdout.splitlines()
+    (told,) = [line for line in lines if line.startswith("NOT FINISHED  the run: ")]
+    assert sum(line.startswith("NOT FINISHED  ") for line in lines) > 1  # the episode in flight
+    floor = next((run / "scenes").rglob("*.usdc"))
+    whole = floor.read_bytes()
+    floor.write_bytes(whole[:-1] + b"x")
+    assert tiny_run.vlnpe("verify", run).returncode == 1
+    floor.write_bytes(whole)
+    done = tiny_run.run(["sh", "-c", told.partition("to finish it: ")[2]])
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert content(run) == content(finished)
+    sound = tiny_run.vlnpe("verify", run)
+    assert sound.returncode == 0 and sound.stdout.endswith(", bad: 0\n"), sound.stdout
+
+
 def test_stage_by_stage_is_the_same_as_episode_by_episode(
     scan: Path, finished: Path, prepared: Path, tmp_path: Path
 ):

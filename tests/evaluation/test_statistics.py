@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
 from vlnpe.evaluation.results import COLUMNS, results_json, table
 from vlnpe.evaluation.statistics import clustered_interval, mcnemar
@@ -47,6 +48,23 @@ def test_rates_of_none_or_all_keep_an_interval() -> None:
     # 1 - 0.025 ** (1 / 6), Clopper and Pearson's bound for none of six.
     assert (none.low, none.high) == pytest.approx((0.0, 45.93), abs=0.01)
     assert (every.low, every.high) == pytest.approx((54.07, 100.0), abs=0.01)
+
+
+def test_rates_of_few_paths_have_the_exact_interval() -> None:
+    def interval(values: list[float], paths: str) -> tuple[float, float]:
+        rng = np.random.default_rng(0)
+        found = clustered_interval(values, ["s"] * len(values), list(paths), rng, rate=True)
+        return found.low, found.high
+
+    exact = binomtest(3, 4).proportion_ci(0.95)
+    expected = pytest.approx((100 * exact.low, 100 * exact.high))
+    assert interval([100.0, 0.0, 100.0, 100.0], "abcd") == expected
+    # Two texts of each path are no further evidence.
+    assert interval([100.0, 100.0, 0.0, 0.0, *[100.0] * 4], "aabbccdd") == expected
+    # Texts of one path that end differently: wider than that of either whole number of successes.
+    low, high = interval([100.0, 0.0, 100.0, 100.0], "aabb")
+    assert binomtest(1, 2).proportion_ci(0.95).low < low / 100 < 0.25 and high < 100.0
+    assert all(math.isnan(bound) for bound in interval([91.0, 0.0, 88.0, 100.0], "abcd"))  # SPL
 
 
 def test_what_is_not_finite_is_left_out() -> None:

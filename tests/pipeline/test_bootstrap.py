@@ -40,6 +40,9 @@ for word in "$@"; do echo "$word"; done > "$RECORD"
 echo "UV_PYTHON=$UV_PYTHON" >> "$RECORD"
 echo "VIRTUAL_ENV=$VIRTUAL_ENV" >> "$RECORD"
 /bin/mkdir -p "$FAKE_ENVIRONMENT"
+echo "Prepared 2 packages in 3ms" >&2
+echo "Installed 2 packages in 1ms" >&2
+echo " + numpy==2.2.6" >&2
 exit ${FAKE_CODE:-0}
 """
 
@@ -150,6 +153,33 @@ def test_syncs_the_lock_once(
     assert machine.calls() == []
 
 
+def test_adds_extras_to_the_core(machine: Machine, capsys: pytest.CaptureFixture[str]) -> None:
+    for _ in range(2):
+        assert machine.script.main(["core", "train,scan"]) == 0
+        assert machine.calls()[4:-2] == ["--inexact", "--extra", "scan", "--extra", "train"]
+        (machine.root / "uv.lock").open("a").write("# changed\n")
+    capsys.readouterr()
+    assert machine.script.main(["core", "trian"]) == 2
+    assert machine.calls() == []
+    assert "unknown extra trian; valid: train, scan, evaluate" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("code", "verbose"), [("0", ""), ("0", "1"), ("3", "")])
+def test_packages_are_listed_where_asked_for_or_needed(
+    machine: Machine,
+    code: str,
+    verbose: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setenv("FAKE_CODE", code)
+    monkeypatch.setenv("VERBOSE", verbose)
+    assert machine.script.main(["core"]) == int(code)
+    told = capfd.readouterr().err
+    assert "Installed 2 packages" in told
+    assert ("numpy==2.2.6" in told) == bool(int(code) or verbose)
+
+
 def test_a_current_stamp_needs_nothing_at_all(
     machine: Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -215,12 +245,15 @@ def test_pyright_finds_the_package_in_a_checkout_of_any_name(machine: Machine) -
         (machine.root / ".venv" / ".vlnpe-full").unlink()
 
 
-@pytest.mark.parametrize("arguments", [[], ["everything"], ["core", "full"], ["--help"]])
+@pytest.mark.parametrize(
+    "arguments", [[], ["everything"], ["core", "full"], ["core", "scan", "s3"], ["--help"]]
+)
 def test_a_bad_argument_is_refused(
     machine: Machine, arguments: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert machine.script.main(arguments) == 2
-    assert "core|full" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "core|full" in told or "unknown extra full" in told
     assert machine.calls() == []
 
 

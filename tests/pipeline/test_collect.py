@@ -146,7 +146,10 @@ def test_report_is_one_file_with_everything(run_root):
     for episode in read_episodes(run_root / "episodes" / "train.json.gz"):
         assert episode.episode_id in page
         assert episode.instruction.split(".")[0] in page
-    assert page.count("data:image/jpeg;base64,") >= 4  # map, before, after, film strip
+    datasets = [folder.name for folder in (run_root / "lerobot").iterdir()]
+    assert datasets and all(f"<h3>{name}</h3>" in page for name in datasets)
+    # Map, before, after, and a film strip of each dataset.
+    assert page.count("data:image/jpeg;base64,") >= 3 + len(datasets)
     for word in ("SPL", "nDTW", "FR", "StR", "Instruction"):
         assert word in page
 

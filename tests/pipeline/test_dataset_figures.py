@@ -57,6 +57,21 @@ def test_a_histogram_shows_each_group_as_shares():
         assert "no data" in empty
 
 
+def test_short_lengths_have_more_than_one_tick():
+    svg = step_histogram({"a": [1.5, 2.1, 2.6]}, "m", "paths")
+    texts = [e.text or "" for e in ET.fromstring(svg).iter() if e.tag.endswith("}text")]
+    assert {"1.6", "2", "2.4"} <= set(texts)
+
+
+@pytest.mark.parametrize("value", [0.1, 5.0, 9.9])
+def test_the_name_of_a_mark_is_not_cut_off(value):
+    svg = step_histogram({"a": [0.0, 10.0]}, "m", "paths", marks={"R2R mean": value})
+    (mark,) = [e for e in ET.fromstring(svg).iter() if e.text == "R2R mean"]
+    x, length = float(mark.attrib["x"]), 7.0 * len("R2R mean")
+    left = x - length if mark.attrib["text-anchor"] == "end" else x
+    assert left >= 0 and left + length <= float(ET.fromstring(svg).attrib["width"])
+
+
 def test_words_do_not_overlap_and_the_frequent_ones_are_larger():
     words = count_words(["Turn left at the sofa, then left again."] * 3 + ["Pass the doorway."])
     assert words["left"] == 6

@@ -15,7 +15,7 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdVol, Vt
 
 from tests.support.scenes.splats import assert_same, random_cloud
-from vlnpe.formats.core.errors import FileFormatError, InputError
+from vlnpe.formats.core.errors import FileFormatError, MissingExtraError
 from vlnpe.formats.core.frames import quat_to_matrix
 from vlnpe.formats.splats.kind import is_splats
 from vlnpe.formats.splats.record import GaussianCloud
@@ -151,5 +151,5 @@ def test_damaged_splats_in_usd_are_named(tmp_path: Path, monkeypatch: pytest.Mon
     with pytest.raises(FileFormatError, match="no Gaussian splats"):
         read_usd_splats(empty)
     monkeypatch.setattr(usd, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match="msgpack"):
+    with pytest.raises(MissingExtraError, match="EXTRA=evaluate"):
         usd._unpacked(path, whole)

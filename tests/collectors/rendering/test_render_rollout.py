@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any, cast
 
+import cv2
 import numpy as np
 import pytest
 
@@ -23,12 +24,13 @@ from vlnpe.collectors.rendering.camera.views import (
     parse_views,
 )
 from vlnpe.collectors.rendering.interface import Renderer
-from vlnpe.collectors.rendering.people.pictures import (
+from vlnpe.collectors.rendering.people.film_strip import (
+    SCALE_PX,
     depth_picture,
     film_strip,
-    third_person_clip,
-    watchable_video,
+    shown_depths,
 )
+from vlnpe.collectors.rendering.people.pictures import third_person_clip, watchable_video
 from vlnpe.collectors.rendering.people.scene_map import top_down_map
 from vlnpe.collectors.rendering.registry import make_renderer
 from vlnpe.collectors.robots import get_robot
@@ -36,6 +38,7 @@ from vlnpe.formats.core.camera import DepthRange
 from vlnpe.formats.core.errors import InputError, UnknownNameError
 from vlnpe.formats.core.frames import quat_to_matrix
 from vlnpe.formats.core.rollout import Rollout
+from vlnpe.formats.rendered.folder import read_frame_folder
 from vlnpe.formats.rendered.table import build_frame_table
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.video.id_video import read_id_video
@@ -343,10 +346,28 @@ def test_a_depth_encoder_that_fails_ends_the_rendering(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_film_strip_and_clip(renderer: Renderer, rollout: Rollout, tmp_path: Path) -> None:
-    strip = film_strip(tmp_path / "strip.jpg", renderer, rollout, columns=3, tile_px=64)
-    assert strip.shape == (64 + 64 + 48 + 2 * 4, 3 * 64 + 2 * 4, 3)
-    assert (tmp_path / "strip.jpg").stat().st_size > 1000
+@pytest.mark.parametrize("kind", ["ego", "chase"])
+def test_film_strips_show_what_was_recorded(
+    two_rooms: SceneBundle, renderer: Renderer, rollout: Rollout, tmp_path: Path, kind: str
+) -> None:
+    view = make_view(kind, "aliengo", width_px=32, height_px=32, light="DL300")
+    night = make_renderer(two_rooms, "embree", light="DL300")
+    render_rollout(two_rooms, night, rollout, view, tmp_path)
+    frames, robot = read_frame_folder(tmp_path), get_robot("aliengo")
+    out = tmp_path / "strip.jpg"
+    strip = film_strip(out, renderer, rollout, frames, robot, columns=3, tile_px=64)
+    behind = 0 if kind == "chase" else 48 + 4
+    assert strip.shape == (64 + 64 + 4 + behind, 3 * 64 + 3 * 4 + SCALE_PX, 3)
+    assert out.stat().st_size > 1000
+    first = cv2.resize(read_rgb_video(frames.rgb_video)[0], (64, 64))
+    shown = strip[:40, :64].astype(int)  # above the time
+    assert np.abs(shown - first[:40]).mean() < 4
+    # The scale beside the depth: near is warm, far is blue.
+    scale = strip[68:132, 3 * 68 + 2].astype(int)
+    assert scale[0, 2] > scale[0, 0] and scale[-1, 0] > scale[-1, 2]
+
+
+def test_clip(renderer: Renderer, rollout: Rollout, tmp_path: Path) -> None:
     last = third_person_clip(
         tmp_path / "clip.mp4",
         renderer,
@@ -363,7 +384,8 @@ def test_film_strip_and_clip(renderer: Renderer, rollout: Rollout, tmp_path: Pat
 
 def test_depth_pictures_distinguish_near_far_and_invalid() -> None:
     depth = np.array([[0.0, 0.5, 7.5]], dtype=np.float32)
-    black, near, far = depth_picture(depth, 8.0)[0].astype(int)
+    assert shown_depths([depth]) == (0, 8)
+    black, near, far = depth_picture(depth, 0.0, 8.0)[0].astype(int)
     assert (black == 0).all()
     assert near[0] > near[2]
     assert far[2] > far[0]

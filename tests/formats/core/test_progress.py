@@ -63,13 +63,14 @@ def test_a_slow_bar_is_not_silent_between_tenths(monkeypatch, capsys) -> None:
 
 
 @pytest.mark.skipif(not hasattr(os, "openpty"), reason="no pseudo-terminals here")
-def test_a_terminal_gets_one_bar() -> None:
+@pytest.mark.parametrize(("rows", "columns"), [(24, 120), (24, 80), (0, 0)])
+def test_a_terminal_gets_one_bar_that_fits(rows: int, columns: int) -> None:
     import fcntl
     import struct
     import termios
 
     main, side = os.openpty()
-    fcntl.ioctl(side, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 120, 0, 0))
+    fcntl.ioctl(side, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
     code = "\n".join(BARS.splitlines()[:7])
     with subprocess.Popen([sys.executable, "-c", code], stderr=side) as process:
         os.close(side)
@@ -83,3 +84,5 @@ def test_a_terminal_gets_one_bar() -> None:
     assert process.returncode == 0
     assert b"\r" in output and b"100%|" in output and output.count(b"\n") == 1
     assert b"5000/5000" in output and b"done 5000" in output
+    lengths = {len(line.decode()) for line in output.replace(b"\n", b"\r").split(b"\r")}
+    assert max(lengths) < min(columns or 80, 101)

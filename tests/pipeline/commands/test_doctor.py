@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from vlnpe.pipeline import doctor
+from vlnpe.formats.core import checkout as ours
+from vlnpe.formats.core.errors import MissingExtraError
 from vlnpe.pipeline.cli import main
 
 EXTRAS = {"train": "rsl_rl", "scan": "open3d"}
@@ -41,7 +42,7 @@ def lacking(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 def with_uv(monkeypatch: pytest.MonkeyPatch) -> str:
     """A uv in a folder whose name has a space."""
     path = "/some tools/uv"
-    monkeypatch.setattr(doctor, "find_uv", lambda tool="uv": path)
+    monkeypatch.setattr(ours, "find_uv", lambda tool="uv": path)
     return path
 
 
@@ -51,7 +52,7 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = tmp_path / "my vlnpe"
     folder.mkdir()
     (folder / "uv.lock").touch()
-    monkeypatch.setattr(doctor, "REPOSITORY", folder)
+    monkeypatch.setattr(ours, "CHECKOUT", folder)
     return folder
 
 
@@ -87,6 +88,7 @@ def test_one_command_adds_every_missing_extra(
     lacking: Callable[..., None],
     with_uv: str,
     checkout: Path,
+    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     tmp_path: Path,
 ) -> None:
@@ -101,11 +103,14 @@ def test_one_command_adds_every_missing_extra(
     if not missing:
         assert words == []
         return
-    extras = [w for name in missing for w in ("--extra", name)]
-    assert words == [
-        *(with_uv, "sync", "--project", str(checkout), "--frozen", "--inexact"),
-        *extras,
-    ]
+    assert words == ["make", "-C", str(checkout), "setup", f"EXTRA={','.join(missing)}"]
+    # From the checkout itself, and as errors have it.
+    monkeypatch.chdir(checkout)
+    assert ask(capsys, tmp_path)["remedy"] == f"make setup EXTRA={','.join(missing)}"
+    error = str(MissingExtraError("training", missing[0]))
+    assert error == (
+        f"training needs the extra `{missing[0]}`; to install it: make setup EXTRA={missing[0]}"
+    )
 
 
 def test_without_uv_the_set_up_comes_first(
@@ -115,13 +120,11 @@ def test_without_uv_the_set_up_comes_first(
     capsys: pytest.CaptureFixture[str],
     tmp_path: Path,
 ) -> None:
-    monkeypatch.setattr(doctor, "find_uv", lambda tool="uv": None)
+    monkeypatch.setattr(ours, "find_uv", lambda tool="uv": None)
     lacking("open3d")
     words = shlex.split(ask(capsys, tmp_path)["remedy"])
-    setup = words.index("setup")
-    assert words[setup - 3 : setup] == ["make", "-C", str(checkout)]
-    assert words[setup + 1 : setup + 3] == ["&&", str(checkout / ".tools" / "bin" / "uv")]
-    assert words[-2:] == ["--extra", "scan"]
+    assert words[:2] == ["rm", "-f"] and words[2].startswith(str(checkout / ".venv"))
+    assert words[3:] == ["&&", "make", "-C", str(checkout), "setup", "EXTRA=scan"]
 
 
 @pytest.mark.parametrize("uv", ["/tools/uv", None])
@@ -132,8 +135,8 @@ def test_outside_a_checkout_the_extra_is_installed_by_its_requirements(
     capsys: pytest.CaptureFixture[str],
     tmp_path: Path,
 ) -> None:
-    monkeypatch.setattr(doctor, "find_uv", lambda tool="uv": uv)
-    monkeypatch.setattr(doctor, "REPOSITORY", tmp_path)
+    monkeypatch.setattr(ours, "find_uv", lambda tool="uv": uv)
+    monkeypatch.setattr(ours, "CHECKOUT", tmp_path)
     lacking("open3d")
     words = shlex.split(ask(capsys, tmp_path)["remedy"])
     assert "install" in words and words[-1].startswith("open3d")

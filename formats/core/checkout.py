@@ -1,0 +1,33 @@
+"""The checkout that vlnpe runs from, and the commands that complete its environment."""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+CHECKOUT = Path(__file__).resolve().parents[2]  # or site-packages/vlnpe, where it was installed
+
+
+def setup_command(extras: Sequence[str] = ()) -> str:
+    """Return the shell command that installs the core and some extras; empty without a checkout."""
+    if not (CHECKOUT / "uv.lock").is_file():
+        return ""
+    folder = [] if Path.cwd() == CHECKOUT else ["-C", str(CHECKOUT)]
+    wanted = [f"EXTRA={','.join(extras)}"] if extras else []
+    return shlex.join(["make", *folder, "setup", *wanted])
+
+
+def install_command(requirements: Sequence[str]) -> str:
+    """Return the shell command that adds packages to this environment, which may have no pip."""
+    if uv := find_uv():
+        return shlex.join([uv, "pip", "install", "--python", sys.executable, *requirements])
+    return shlex.join([sys.executable, "-m", "pip", "install", *requirements])
+
+
+def find_uv(tool: str = "uv") -> str | None:
+    """Return the path of uv (or `uvx`): the user's, or the copy in .tools."""
+    own = CHECKOUT / ".tools" / "bin" / tool
+    return shutil.which(tool) or (str(own) if own.is_file() else None)

@@ -1,0 +1,55 @@
+"""What `collect` prints at its end fits a terminal and leaves nothing out."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from vlnpe.pipeline.engine.ledger import Row
+from vlnpe.pipeline.engine.run_folder import RunFolder
+from vlnpe.pipeline.engine.runner import StageSummary
+from vlnpe.pipeline.report.gather import RobotRow
+from vlnpe.pipeline.summary import elided, looking_commands, robot_table
+
+
+def robot(**values: Any) -> RobotRow:
+    plain: dict[str, Any] = {"int": 0, "float": 100.0, "float | None": 12.34}
+    known = {f.name: plain.get(str(f.type), "aliengo") for f in fields(RobotRow)}
+    return RobotRow(**{**known, "driven": "path", **values})
+
+
+def test_the_table_of_a_common_run_fits_80_columns() -> None:
+    header, line = robot_table([robot(episodes=480, instructions=1440)]).splitlines()
+    assert len(header) == len(line) <= 80
+    assert line.split()[:5] == ["aliengo", "path", "480", "1440", "100.0%"]
+
+
+def test_the_widest_table_fits_100_columns_and_tells_what_went_wrong() -> None:
+    counts = {"falls": 2, "down": 1, "stuck": 3, "timeouts": 4, "stopped_far": 5}
+    counts |= {"blocked_starts": 6, "collisions": 7, "diverged": 8}
+    names = {"robot": "a_robot_of_my_own_make", "driven": "speed, open loop, 50 steps, seed 12"}
+    lines = robot_table([robot(**counts, **names), robot(ne=None)]).splitlines()
+    assert max(map(len, lines)) <= 100
+    told = " ".join(" ".join(lines[2:-1]).split())
+    for words in ("2 fell (1 down a second later)", "3 stuck", "4 out of time", "5 stopped far"):
+        assert words in told
+    for words in ("6 blocked at the start", "7 touched", "8 diverged"):
+        assert words in told
+    assert "–" in lines[-1] and "fell" not in lines[-1]
+
+
+def test_long_names_lose_their_middle() -> None:
+    assert elided("aliengo", 7) == "aliengo"
+    assert elided("speed, open loop, seed 12", 13) == "speed,…eed 12"
+
+
+def test_every_dataset_is_named(tmp_path: Path) -> None:
+    names = [f"aliengo-path-ego-256x256-90deg-{k:02}" for k in range(15)]
+    rows = [Row("dataset", name, "", "done", outputs=(f"lerobot/{name}",)) for name in names]
+    made = StageSummary("dataset", rows=rows[:3])
+    text = looking_commands(RunFolder(tmp_path), [made], tmp_path / "index.html")
+    assert all(name in text for name in names[:3])
+    many = StageSummary("dataset", rows=rows)
+    text = looking_commands(RunFolder(tmp_path), [many], tmp_path / "index.html")
+    assert sum(name in text for name in names) == 13 and "… and 2 more" in text
