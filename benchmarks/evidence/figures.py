@@ -22,6 +22,7 @@ _COLOURS = ("#2b5fb8", "#c8611a", "#2e8b57", "#7b4aa8", "#a83250", "#5c6770")
 # Text stays text, and equal numbers give equal files.
 _STYLE = {"svg.fonttype": "none", "svg.hashsalt": "vlnpe", "font.size": 9}
 AMOUNT = 7  # number of the table
+_ROW_IN = 0.2  # height of a row of `_rates`
 
 
 def figures(value: Mapping[str, Any], tables: Mapping[int, Table]) -> dict[str, bytes]:
@@ -50,8 +51,18 @@ def _rates(value: Mapping[str, Any], tables: Mapping[int, Table]) -> Figure | No
     }
     if not panels:
         return None
-    heights = [len(rows) + 2.2 for rows in panels.values()]
-    figure = _new((7.6, 0.2 * sum(heights)))
+    # Fixed margins: the constrained layout moves by rounding errors from one drawing to the next.
+    heights = [len(rows) for rows in panels.values()]
+    drawn_in, gap_in = _ROW_IN * sum(heights), 0.6
+    total_in = drawn_in + gap_in * len(panels) + 0.2
+    figure = _new((7.6, total_in), layout=None)
+    figure.subplots_adjust(
+        left=0.36,
+        right=0.97,
+        bottom=0.5 / total_in,
+        top=1 - 0.3 / total_in,
+        hspace=gap_in * len(panels) / drawn_in,
+    )
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False, height_ratios=heights)
     for axis, (table, rows), colour in zip(
         axes.ravel(), panels.items(), _COLOURS * len(panels), strict=False
@@ -167,10 +178,10 @@ def _dot(axis: Axes, x: float, y: float, found: Difference, colour: str, *, alon
     axis.errorbar(x, y, **bars, fmt="o", color=colour, capsize=3, markersize=4.5)
 
 
-def _new(size_in: tuple[float, float]) -> Figure:
+def _new(size_in: tuple[float, float], layout: str | None = "constrained") -> Figure:
     from matplotlib.figure import Figure
 
-    return Figure(figsize=size_in, layout="constrained", facecolor="white")
+    return Figure(figsize=size_in, layout=layout, facecolor="white")
 
 
 def _tidy(axis: Axes, grid: str) -> None:

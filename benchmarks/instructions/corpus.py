@@ -11,9 +11,9 @@ last change of the checker; its paths were sampled in the exact buildings (`vlnp
 checker had been worked on with `voices` and `sealed`, and `sealed3` about three more apartments and
 a villa by two further writers in eight voices, measured once after work with most parts before it.
 `announced` was written by whoever mended the checker, about one more apartment and a villa, two
-thirds of it with the goal said first; three causes of its refusals were mended. `sealed4` was written
-about three more apartments and a villa by two writers who had seen neither parser nor checker, half of
-it with the goal said first, and measured once after that work.
+thirds of it with the goal said first; three causes of its refusals were mended. `sealed4` was
+written about three more apartments and a villa by two writers who had seen neither parser nor
+checker, half of it with the goal said first, and measured once after that work.
 """
 
 from __future__ import annotations
