@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from collections import defaultdict
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _COLOURS = ("#2b5fb8", "#c8611a", "#2e8b57", "#7b4aa8", "#a83250", "#5c6770")
 # Text stays text, and equal numbers give equal files.
-_STYLE = {"svg.fonttype": "none", "svg.hashsalt": "vlnpe", "font.size": 9}
+_STYLE: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "vlnpe", "font.size": 9}
 AMOUNT = 7  # number of the table
 _ROW_IN = 0.2  # height of a row of `_rates`
 
@@ -173,18 +173,20 @@ def _cells(value: Mapping[str, Any], row: Row) -> list[Mapping[str, Any]]:
 
 def _dot(axis: Axes, x: float, y: float, found: Difference, colour: str, *, along: str) -> None:
     """Draw a point with its interval; `along` says which axis the interval lies along."""
-    ends = [[found.mean - found.low], [found.high - found.mean]]
-    bars = {f"{along}err": np.maximum(ends, 0.0)}
-    axis.errorbar(x, y, **bars, fmt="o", color=colour, capsize=3, markersize=4.5)
+    ends = np.maximum([[found.mean - found.low], [found.high - found.mean]], 0.0)
+    sideways, upwards = (ends, None) if along == "x" else (None, ends)
+    axis.errorbar(x, y, upwards, sideways, fmt="o", color=colour, capsize=3, markersize=4.5)
 
 
-def _new(size_in: tuple[float, float], layout: str | None = "constrained") -> Figure:
+def _new(
+    size_in: tuple[float, float], layout: Literal["constrained"] | None = "constrained"
+) -> Figure:
     from matplotlib.figure import Figure
 
     return Figure(figsize=size_in, layout=layout, facecolor="white")
 
 
-def _tidy(axis: Axes, grid: str) -> None:
+def _tidy(axis: Axes, grid: Literal["x", "y"]) -> None:
     axis.grid(axis=grid, color="#eee")
     axis.set_axisbelow(True)
     axis.spines[["top", "right"]].set_visible(False)
