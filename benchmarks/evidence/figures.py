@@ -13,12 +13,12 @@ from benchmarks.evidence.digest import walks_of
 from benchmarks.evidence.judge import mean_interval
 from benchmarks.evidence.records import Row, Table, Training
 from vlnpe.learning.ablation.intervals import Difference
+from vlnpe.learning.ablation.plotting import COLOURS, tidy
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_COLOURS = ("#2b5fb8", "#c8611a", "#2e8b57", "#7b4aa8", "#a83250", "#5c6770")
 # Text stays text, and equal numbers give equal files.
 _STYLE: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "vlnpe", "font.size": 9}
 AMOUNT = 7  # number of the table
@@ -34,21 +34,19 @@ def figures(value: Mapping[str, Any], tables: Mapping[int, Table]) -> dict[str, 
     """
     import matplotlib
 
-    matplotlib.use("agg")
+    measured = {table: _measured(value, table) for table in tables.values()}
     with matplotlib.rc_context(_STYLE):
         drawn = {
-            "evidence-rates.svg": _rates(value, tables),
-            "evidence-amount.svg": _amount(value, tables[AMOUNT]),
+            "evidence-rates.svg": _rates(measured),
+            "evidence-amount.svg": _amount(value, measured[tables[AMOUNT]]),
             "evidence-curves.svg": _curves(value),
         }
         return {name: _svg(figure) for name, figure in drawn.items() if figure is not None}
 
 
-def _rates(value: Mapping[str, Any], tables: Mapping[int, Table]) -> Figure | None:
+def _rates(measured: Mapping[Table, Mapping[Row, Difference]]) -> Figure | None:
     """Draw SR with its interval for every measured row, a panel per table."""
-    panels = {
-        table: found for table in tables.values() if len(found := _measured(value, table)) > 1
-    }
+    panels = {table: rows for table, rows in measured.items() if len(rows) > 1}
     if not panels:
         return None
     # Fixed margins: the constrained layout moves by rounding errors from one drawing to the next.
@@ -65,7 +63,7 @@ def _rates(value: Mapping[str, Any], tables: Mapping[int, Table]) -> Figure | No
     )
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False, height_ratios=heights)
     for axis, (table, rows), colour in zip(
-        axes.ravel(), panels.items(), _COLOURS * len(panels), strict=False
+        axes.ravel(), panels.items(), COLOURS * len(panels), strict=False
     ):
         for height, found in enumerate(rows.values()):
             _dot(axis, found.mean, height, found, colour, along="x")
@@ -73,20 +71,21 @@ def _rates(value: Mapping[str, Any], tables: Mapping[int, Table]) -> Figure | No
         axis.set_ylim(len(rows) - 0.5, -0.5)
         axis.set_title(f"{table.number}. {table.title}", fontsize=9.5, loc="left")
         axis.tick_params(labelbottom=True)
-        _tidy(axis, "x")
+        tidy(axis, "x")
     axes[-1, 0].set_xlabel("SR [%]")
     axes[-1, 0].set_xlim(0, None)
     return figure
 
 
-def _amount(value: Mapping[str, Any], table: Table) -> Figure | None:
+def _amount(value: Mapping[str, Any], measured: Mapping[Row, Difference]) -> Figure | None:
     """Draw SR against the paths that were trained on, on a logarithmic axis."""
     lines: dict[str, list[tuple[int, Difference]]] = defaultdict(list)
-    for row, found in _measured(value, table).items():
-        paths = next(iter(_cells(value, row))).get("episodes", 0)
-        if isinstance(row.policy, Training) and paths:
+    for row, found in measured.items():
+        names = (row.cell(seed) for seed in value["seeds"])
+        cell = next(value["cells"][name] for name in names if name in value["cells"])
+        if isinstance(row.policy, Training) and "episodes" in cell:
             for name in _series(row.policy):
-                lines[name].append((paths, found))
+                lines[name].append((cell["episodes"], found))
     lines = {
         name: sorted(points, key=lambda point: point[0])
         for name, points in lines.items()
@@ -97,7 +96,7 @@ def _amount(value: Mapping[str, Any], table: Table) -> Figure | None:
     figure = _new((5.6, 3.2))
     axis = figure.subplots()
     # Side by side where both have the same number of paths.
-    for (name, points), colour, aside in zip(lines.items(), _COLOURS, (0.99, 1.01), strict=False):
+    for (name, points), colour, aside in zip(lines.items(), COLOURS, (0.99, 1.01), strict=False):
         at = [aside * paths for paths, _ in points]
         axis.plot(at, [f.mean for _, f in points], color=colour, linewidth=1, label=name)
         for place, (_, found) in zip(at, points, strict=True):
@@ -110,7 +109,7 @@ def _amount(value: Mapping[str, Any], table: Table) -> Figure | None:
     axis.set_ylabel("SR [%]")
     axis.set_ylim(0, None)
     axis.legend(frameon=False)
-    _tidy(axis, "y")
+    tidy(axis, "y")
     return figure
 
 
@@ -143,15 +142,15 @@ def _curves(value: Mapping[str, Any]) -> Figure | None:
         for curve in curves:
             steps = [point["step"] for point in curve]
             for key, colour, label in (
-                ("train action", _COLOURS[0], "training walks"),
-                ("held action", _COLOURS[1], "held-out walks"),
+                ("train action", COLOURS[0], "training walks"),
+                ("held action", COLOURS[1], "held-out walks"),
                 ("held constant", "#888", "the commonest action"),
             ):
                 right = [100 * point.get(key, np.nan) for point in curve]
                 axis.plot(steps, right, color=colour, linewidth=1, marker=".", label=label)
         axis.set_title(name, fontsize=7)
         axis.tick_params(labelbottom=True)
-        _tidy(axis, "y")
+        tidy(axis, "y")
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles[:3], labels[:3], loc="outside lower center", ncols=3, frameon=False)
     for axis in axes[: len(seeds)][-columns:]:
@@ -164,11 +163,6 @@ def _measured(value: Mapping[str, Any], table: Table) -> dict[Row, Difference]:
     """Return SR with its interval of the rows that have results."""
     found = {row: walks_of(value, table, row.label) for row in table.rows}
     return {row: mean_interval(walks, "SR") for row, walks in found.items() if walks is not None}
-
-
-def _cells(value: Mapping[str, Any], row: Row) -> list[Mapping[str, Any]]:
-    names = (row.cell(seed) for seed in value["seeds"])
-    return [value["cells"][name] for name in names if name in value["cells"]]
 
 
 def _dot(axis: Axes, x: float, y: float, found: Difference, colour: str, *, along: str) -> None:
@@ -184,12 +178,6 @@ def _new(
     from matplotlib.figure import Figure
 
     return Figure(figsize=size_in, layout=layout, facecolor="white")
-
-
-def _tidy(axis: Axes, grid: Literal["x", "y"]) -> None:
-    axis.grid(axis=grid, color="#eee")
-    axis.set_axisbelow(True)
-    axis.spines[["top", "right"]].set_visible(False)
 
 
 def _svg(figure: Figure) -> bytes:

@@ -44,9 +44,7 @@ _CAPTIONS = {
 }
 
 
-def page(
-    value: Mapping[str, Any], tables: Mapping[int, Table], figures: Collection[str] = ()
-) -> str:
+def page(value: Mapping[str, Any], tables: Mapping[int, Table], figures: Collection[str]) -> str:
     """Return the page.
 
     Args:

@@ -10,6 +10,7 @@ from markdown_it import MarkdownIt
 
 from ...formats.core.images import data_uri
 from .intervals import Estimate
+from .plotting import COLOURS, tidy
 from .report import CONSTANT, REPEAT
 
 # Columns of numbers are aligned to the right and never wrap; the others may.
@@ -42,14 +43,8 @@ def report_html(markdown: str, picture_name: str, picture: bytes) -> str:
     )
 
 
-_COLOURS = ("#2b5fb8", "#c8611a", "#2e8b57", "#7b4aa8", "#a83250", "#5c6770")
-
-
 def plot_png(rows: Mapping[str, Mapping[str, Mapping[str, Estimate]]], title: str) -> bytes:
     """Return a PNG plot: dots with intervals by row and evaluated source, baselines as lines."""
-    import matplotlib
-
-    matplotlib.use("agg")
     from matplotlib.figure import Figure
 
     trained = [name for name in rows if name not in (CONSTANT, REPEAT)]
@@ -63,7 +58,7 @@ def plot_png(rows: Mapping[str, Mapping[str, Mapping[str, Estimate]]], title: st
     axes = figure.subplots(rows_of, columns, sharey=True, squeeze=False).ravel()
     for unused in axes[len(places) :]:
         unused.remove()
-    for place, axis, colour in zip(places, axes, _COLOURS * len(places), strict=False):
+    for place, axis, colour in zip(places, axes, COLOURS * len(places), strict=False):
         for name, style in ((CONSTANT, "--"), (REPEAT, ":")):
             value = 100 * rows[name][place]["action"].mean
             axis.axvline(value, color="#888", linestyle=style, linewidth=1.2, label=name)
@@ -75,9 +70,7 @@ def plot_png(rows: Mapping[str, Mapping[str, Mapping[str, Estimate]]], title: st
             )
         axis.set_title(place, fontsize=11)
         axis.set_xlabel("held-out actions right [%]")
-        axis.grid(axis="x", color="#eee")
-        axis.set_axisbelow(True)
-        axis.spines[["top", "right"]].set_visible(False)
+        tidy(axis, "x")
     axes[0].set_yticks(range(len(trained)), trained)
     axes[0].set_ylim(len(trained) - 0.5, -0.5)
     handles, labels = axes[0].get_legend_handles_labels()
