@@ -40,7 +40,7 @@ class Schedule:
         self.kick, self._next_push_s = np.zeros((n, 2)), np.zeros(n)
 
     def reset(self, ids: NDArray[np.intp], age: NDArray[np.int64]) -> None:
-        """Begin anew for some robots, whose age is 0."""
+        """Restart the schedule of robots `ids`, whose age is 0."""
         self.wanted[ids] = 0.0
         self._next_command_s[ids] = 0.0
         self._next_push_s[ids] = self._rng.uniform(*self._config.push_s, len(ids))

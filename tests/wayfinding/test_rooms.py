@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import cast
 
 import numpy as np
 import pytest
 
-from vlnpe.formats.scene.bundle import LabeledObject, SceneBundle
+from vlnpe.formats.scene.bundle import Floor, LabeledObject, Obstacles, SceneBundle
 from vlnpe.wayfinding.crossings import crossings
 from vlnpe.wayfinding.regions import region_map
 
@@ -16,6 +17,22 @@ from vlnpe.wayfinding.regions import region_map
 @pytest.fixture
 def unlabelled(two_rooms):
     return replace(two_rooms, objects=())
+
+
+class Altered:
+    """A scene whose collision boxes were changed."""
+
+    objects = ()
+
+    def __init__(self, scene: SceneBundle, change: Callable[[Obstacles], Obstacles]):
+        self.scene, self.change = scene, change
+        self.scene_id, self.level_floor_z_m = change.__name__, scene.level_floor_z_m
+
+    def floor(self, level: int) -> Floor:
+        return self.scene.floor(level)
+
+    def obstacles(self, level: int) -> Obstacles:
+        return self.change(self.scene.obstacles(level))
 
 
 def test_rooms_without_labels_are_found_by_the_walls(unlabelled):
@@ -52,25 +69,16 @@ def test_one_space_with_two_uses_is_two_rooms(two_rooms):
 def test_small_furniture_and_lamps_are_no_walls(unlabelled):
     before = region_map(unlabelled, 0)
 
-    class Furnished:
-        scene_id = "furnished"
-        level_floor_z_m = unlabelled.level_floor_z_m
-        objects = ()
+    def furnish(boxes: Obstacles) -> Obstacles:
+        more = np.array([[2.0, 2.0, 0.4], [2.0, 2.0, 1.8], [6.0, 3.0, 0.9]])
+        half = np.array([[0.6, 1.0, 0.4], [0.5, 0.5, 0.4], [0.1, 0.1, 0.9]])
+        return replace(
+            boxes,
+            center_m=np.vstack([boxes.center_m, more]),
+            half_m=np.vstack([boxes.half_m, half]),
+        )
 
-        def floor(self, level):
-            return unlabelled.floor(level)
-
-        def obstacles(self, level):
-            boxes = unlabelled.obstacles(level)
-            more = np.array([[2.0, 2.0, 0.4], [2.0, 2.0, 1.8], [6.0, 3.0, 0.9]])
-            half = np.array([[0.6, 1.0, 0.4], [0.5, 0.5, 0.4], [0.1, 0.1, 0.9]])
-            return replace(
-                boxes,
-                center_m=np.vstack([boxes.center_m, more]),
-                half_m=np.vstack([boxes.half_m, half]),
-            )
-
-    after = region_map(cast(SceneBundle, Furnished()), 0)
+    after = region_map(cast(SceneBundle, Altered(unlabelled, furnish)), 0)
     assert np.array_equal(before.region, after.region)
 
 
@@ -85,21 +93,11 @@ def test_crossings_ignore_short_visits(two_rooms):
 
 
 def test_walls_thinner_than_a_cell_are_walls(unlabelled):
-    class Thin:
-        """The two rooms with walls of 2 cm, as a scan's surfaces often are."""
+    # As a scan's surfaces often are.
+    def thin(boxes: Obstacles) -> Obstacles:
+        return replace(boxes, half_m=np.where(boxes.half_m == 0.05, 0.01, boxes.half_m))
 
-        scene_id = "thin"
-        level_floor_z_m = unlabelled.level_floor_z_m
-        objects = ()
-
-        def floor(self, level):
-            return unlabelled.floor(level)
-
-        def obstacles(self, level):
-            boxes = unlabelled.obstacles(level)
-            return replace(boxes, half_m=np.where(boxes.half_m == 0.05, 0.01, boxes.half_m))
-
-    regions = region_map(cast(SceneBundle, Thin()), 0)
+    regions = region_map(cast(SceneBundle, Altered(unlabelled, thin)), 0)
     left, right = regions.at([[1.0, 1.0], [7.0, 3.0]])
     assert left != right
     assert regions.at((4.0, 0.5)) == -1
