@@ -27,6 +27,7 @@ from benchmarks import (
     physics,
     render,
     scaling,
+    training,
     write,
 )
 from benchmarks.throughput import page as throughput
@@ -46,6 +47,7 @@ SECTIONS: dict[str, Callable[[Path], str]] = {
     "write": write.report,
     "mcap": mcap.report,
     "load": load.report,
+    "training": training.report,
     "closed_loop": closed_loop.report,
     "durability": durability.report,
     "scaling": scaling.report,

@@ -192,8 +192,7 @@ def recipe(bench: Bench, training: Training) -> dict[str, Any]:
     }
     if training.model not in DISCRETE:  # as many steps as the others with their rounds
         train["steps"] *= 1 + bench.settings.dagger_rounds
-    if training.passes:
-        train["steps"] *= len(training.robots)
+    train["steps"] *= training.longer * (len(training.robots) if training.passes else 1)
     chosen = bench.scenes[: training.scenes] if training.scenes else ()
     sources = {}
     for walks in training.robots:

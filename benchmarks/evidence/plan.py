@@ -173,16 +173,27 @@ def _embodiments() -> Table:
         if robot == "h1":
             pair = ("h1/speed", "aliengo/speed")
             helped = "adding the quadruped's data helps the humanoid"
-            for name, training, text in (
-                ("h1 + aliengo", Training(pair), helped),
-                (
-                    "h1 + aliengo, equal passes",
-                    Training(pair, passes=True),
-                    f"{helped}, equal passes",
-                ),
-            ):
-                rows.append(Row(f"{name} → h1", training, test))
-                claims.append(Claim(text, "SR", f"{name} → h1", "h1 → h1", published=False))
+            rows += [
+                Row("h1 + aliengo → h1", Training(pair), test),
+                Row("h1 + aliengo, equal passes → h1", Training(pair, passes=True), test),
+                Row("h1, twice the steps → h1", Training(H1_DATA, longer=2), test),
+            ]
+            claims += [
+                Claim(text, "SR", more, less, published=False)
+                for text, more, less in (
+                    (helped, "h1 + aliengo → h1", "h1 → h1"),
+                    (
+                        f"{helped}, equal passes over its own",
+                        "h1 + aliengo, equal passes → h1",
+                        "h1 → h1",
+                    ),
+                    (
+                        f"{helped}, equal passes and equal steps",
+                        "h1 + aliengo, equal passes → h1",
+                        "h1, twice the steps → h1",
+                    ),
+                )
+            ]
     paper = (
         "SR on val_unseen, VLN-CE / own / three / three + VLN-CE: humanoid 16.0 / 18.8 / 19.3 / "
         "26.9; quadruped 4.7 / 17.0 / 17.2 / 23.8; wheeled 11.0 / 12.0 / 15.8 / 20.0; flash 21.7 / "

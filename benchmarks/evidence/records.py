@@ -30,6 +30,7 @@ class Training:
         passes: whether each robot's walks are passed over as often as in a training on them alone,
             by as many times the optimiser steps as there are robots; else all rows make as many
             steps.
+        longer: how many times the optimiser steps of other rows.
     """
 
     robots: tuple[str, ...] = BODYLESS
@@ -38,6 +39,7 @@ class Training:
     scenes: int = 0
     fraction: float = 1.0
     passes: bool = False
+    longer: int = 1
 
     @property
     def name(self) -> str:
@@ -51,6 +53,8 @@ class Training:
             parts.append(f"-{self.fraction:g}-of-paths")
         if self.passes:
             parts.append("-equal-passes")
+        if self.longer > 1:
+            parts.append(f"-{self.longer}-times-the-steps")
         return "".join(parts)
 
 

@@ -201,7 +201,8 @@ def test_every_training_is_a_valid_recipe_of_its_data(run: Path, tmp_path: Path)
             assert len(source.scenes) == training.scenes
             assert source.fraction == training.fraction
         if training.model != "rdp":
-            assert config.steps == steps * (len(training.robots) if training.passes else 1)
+            more = training.longer * (len(training.robots) if training.passes else 1)
+            assert config.steps == steps * more
 
 
 def test_a_test_moves_the_camera_and_names_light_and_robot(run: Path, tmp_path: Path) -> None:
