@@ -94,7 +94,6 @@ def write_episode_unit(
     rollout: Rollout,
     frames: FrameFolder,
     *,
-    instructions: Sequence[str] | None = None,
     depth_storage: str = "video",
 ) -> None:
     """Write one episode, whatever its outcome.
@@ -105,7 +104,6 @@ def write_episode_unit(
         frames: The rendered view. Its videos are linked, or copied where that is impossible. If
             its arrays have `rgb_counts` (3, 256) and `depth_counts` (4096,), the videos need not be
             decoded for their statistics.
-        instructions: All instructions of the path; by default the episode's own.
         depth_storage: One of `DEPTH_STORAGES`; `image` keeps whole millimetres in the rows.
 
     Raises:
@@ -125,7 +123,7 @@ def write_episode_unit(
     statistics = {key: column_statistics(values) for key, values in columns.items()}
     counts = _counts(frames)
     statistics |= picture_statistics(*counts, depth_range, len(table), stores_images(features))
-    own = instructions or rollout.episode.extra.get("instructions") or [rollout.episode.instruction]
+    own = rollout.episode.extra.get("instructions") or [rollout.episode.instruction]
     parts = UnitParts(
         frames_per_second=rate,
         robot=rollout.robot,

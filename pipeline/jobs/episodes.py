@@ -102,21 +102,18 @@ class AlignJob:
         scenes: folders of repaired scenes by name.
         out: episode file.
         config: tolerances, and the robot's footprint.
-        all_scenes: reject the episodes of other scenes instead of leaving them out.
     """
 
     source: Path
     scenes: Mapping[str, Path]
     out: Path
     config: AlignConfig
-    all_scenes: bool = False
 
     def run(self) -> ItemResult:
         """Align the episodes of `source` that lie in `scenes`."""
         file = read_vlnce(self.source)
         wanted = tuple(e for e in file.episodes if e.scene_stem in self.scenes)
-        if not self.all_scenes:
-            file = replace(file, episodes=wanted)
+        file = replace(file, episodes=wanted)
         needed = {episode.scene_stem for episode in wanted}
         bundles = {name: load_bundle(path) for name, path in self.scenes.items() if name in needed}
         result = align_episodes(file, bundles, self.config)
