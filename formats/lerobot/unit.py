@@ -22,7 +22,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from ..core.camera import CameraModel, DepthRange
-from ..core.errors import FileFormatError, UnknownNameError
+from ..core.errors import FileFormatError, check_name
 from ..core.rollout import Rollout
 from ..rendered.folder import FrameFolder
 from ..rendered.image_counts import add_depth_codes, add_rgb, new_depth_counts, new_rgb_counts
@@ -111,8 +111,7 @@ def write_episode_unit(
         ValueError: If the frames do not belong to the rollout.
         FileFormatError: If a video is damaged, or has another length, rate or size.
     """
-    if depth_storage not in DEPTH_STORAGES:
-        raise UnknownNameError("depth storage", depth_storage, DEPTH_STORAGES)
+    check_name("depth storage", depth_storage, DEPTH_STORAGES)
     depth_range, rate = frames.depth_range, frames.frames_per_second
     table = build_frame_table(rollout, frames.arrays, rate)
     rgb = _checked_video(frames.rgb_video, table, frames.camera)

@@ -19,7 +19,7 @@ from ...evaluation.results import COLUMNS, read_results
 from ...evaluation.rounds import spread
 from ...formats.core.atomic import atomic_file, file_digest, write_json
 from ...formats.core.episode import Episode
-from ...formats.core.errors import InputError, UnknownNameError
+from ...formats.core.errors import InputError, check_name
 from ...formats.core.source import ROOT, code_digest
 from ...formats.vlnce.files import read_episodes, write_episodes
 from ..engine.context import open_context
@@ -95,8 +95,7 @@ def _cells(options: Benchmark) -> list[Cell]:
         check_policy(policy)
     discrete = [name for name, entry in CONTROLLERS.items() if entry.discrete]
     for controller in controllers:
-        if controller not in discrete:
-            raise UnknownNameError("controller of a benchmark", controller, discrete)
+        check_name("controller of a benchmark", controller, discrete)
     return [
         Cell(policy, robot.name, controller)
         for controller in controllers
@@ -139,8 +138,7 @@ def _splits(
             found.setdefault(episode.split, []).append(episode)
     wanted = _names(options.split) if options.split else known.test_splits if known else found
     for split in wanted:
-        if split not in found:
-            raise UnknownNameError("split", split, found)
+        check_name("split", split, found)
     return {split: found[split] for split in wanted}
 
 

@@ -6,7 +6,7 @@ import json
 import sys
 
 from ...formats.convert.restore import restore
-from ...formats.core.errors import InputError, UnknownNameError
+from ...formats.core.errors import InputError, check_name
 from ...formats.core.rollout import STATE_RATE_HZ
 from ...formats.internnav.foreign import Assumptions
 from ...formats.video.mp4 import RGB_CODECS
@@ -65,8 +65,7 @@ def run_restore(options: Restore) -> int:
 
 
 def _options(options: Convert) -> convert_source.Options:
-    if options.rgb_codec not in RGB_CODECS:
-        raise UnknownNameError("video codec", options.rgb_codec, RGB_CODECS)
+    check_name("video codec", options.rgb_codec, RGB_CODECS)
     if not 0 < options.hfov_deg < 180:
         raise InputError(f"--hfov-deg {options.hfov_deg}: valid: between 0 and 180")
     if options.base_height_m is not None and not 0 < options.base_height_m < 10:
