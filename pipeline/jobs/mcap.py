@@ -10,7 +10,7 @@ import mujoco
 
 from ...collectors.rendering.scene.shown_links import robot_links
 from ...collectors.robots import get_robot
-from ...formats.convert.dataset import DatasetFacts
+from ...formats.convert.facts import DatasetFacts
 from ...formats.core.licences import licence_id
 from ...formats.mcap.episode import write_episode_mcap
 from ...formats.mcap.robot_links import robot_topics

@@ -22,7 +22,7 @@ from tests.formats.mcap.test_rollout import assert_same
 from tests.support.lerobot_data import write_unit, write_units
 from tests.support.mcap_copies import rewritten
 from tests.support.rollouts import make_rollout
-from vlnpe.formats.convert.dataset import DatasetFacts, open_dataset
+from vlnpe.formats.convert.dataset import open_dataset
 from vlnpe.formats.convert.episodes import (
     dataset_from_units,
     joint_facts,
@@ -30,6 +30,7 @@ from vlnpe.formats.convert.episodes import (
     unit_from_dataset,
     unit_from_mcap,
 )
+from vlnpe.formats.convert.facts import DatasetFacts
 from vlnpe.formats.core.camera import DepthRange
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.core.rollout import Rollout
