@@ -29,8 +29,7 @@ def check_kind(kind: str, controller: str) -> None:
     valid = controllers_for(kind)
     if controller not in valid:
         raise InputError(
-            f"controller {controller!r} does not carry out {kind} actions; valid: "
-            f"{', '.join(valid)}"
+            f"controller {controller!r} does not support {kind} actions; valid: {', '.join(valid)}"
         )
 
 

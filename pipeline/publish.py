@@ -215,9 +215,9 @@ def _reason(error: Exception) -> str:
     """Return what went wrong and what to do, in one line."""
     status = getattr(getattr(error, "response", None), "status_code", None)
     if status == 401:
-        return "the hub wants a token (401): set HF_TOKEN, or run `hf auth login`"
+        return "the Hub requires a token (401): set HF_TOKEN, or run `hf auth login`"
     if status == 403:
-        return "the token may not write there (403): take one with the right to write"
+        return "the token has no write access there (403): use one that has"
     reason = " ".join(str(error).split())
     cause = error.__cause__
     if cause is not None and str(cause) not in reason:

@@ -95,8 +95,8 @@ class SampleConfig:
             )
         if self.max_detour < 1 or (self.max_turning_deg is not None and self.max_turning_deg < 0):
             raise InputError(
-                f"detour {self.max_detour}, turning {self.max_turning_deg}°; valid: from 1 and "
-                "from 0 on"
+                f"detour {self.max_detour}, turning {self.max_turning_deg}°; valid: at least 1 "
+                "and at least 0"
             )
 
     def for_radius(self, radius_m: float) -> SampleConfig:

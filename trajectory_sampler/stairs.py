@@ -172,7 +172,7 @@ def filter_stairs(
 
 @dataclass(frozen=True)
 class _Judge:
-    """Judges episodes; a path's verdict by geometry is found once for its episodes."""
+    """Judges episodes; the geometric verdict of a path is computed once for its episodes."""
 
     rules: StairRules
     bundles: Mapping[str, SceneBundle]

@@ -36,7 +36,7 @@ OWN_VIEW = "ego"
 
 @dataclass(frozen=True)
 class Source:
-    """A query for episodes. An empty tuple does not restrict.
+    """A query for episodes. An empty tuple means no restriction.
 
     Attributes:
         data: dataset folders, or patterns of them, relative to the folder searched.

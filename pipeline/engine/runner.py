@@ -35,7 +35,7 @@ class Context:
         ledger: of the run folder (or of a single stage's output folder).
         workers: run the items of all stages.
         progress: show progress bars.
-        explain: say of every item why it runs or is reused.
+        explain: report for every item why it runs or is reused.
         retry_quarantined: run items again that failed before, and would fail again.
         only: `STAGE:ITEM`, the one item to run; empty runs all.
         command: the command line that runs one item alone, up to its name; empty if there is none.

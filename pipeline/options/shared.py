@@ -47,7 +47,7 @@ class Clearance:
 
 @dataclass(frozen=True, kw_only=True)
 class WalkedBy(Clearance):
-    """For whom episodes are made, where no robot runs yet."""
+    """The robots that episodes are made for."""
 
     robot: str = ""
     """Robots that will walk the paths, comma-separated; paths keep clear for the widest one.

@@ -294,7 +294,7 @@ def test_a_furnished_bedroom_gives_what_is_asked_for_or_says_why_not(bedroom, se
     caplog.clear()
     found = sample(bedroom, seed, count=200, **advised).episodes
     assert 4 <= len(found) < 200
-    assert "shorter or fewer ones may be had: --min-length-m" in caplog.text
+    assert "lower --min-length-m, or ask for fewer" in caplog.text
     # What the advice promises it keeps.
     shorter = sample(bedroom, seed, count=200, **{**advised, "min_length_m": 1.0}).episodes
     assert len(shorter) > len(found)

@@ -199,7 +199,7 @@ def test_references_outside_the_folder_are_refused(reference: str, tmp_path: Pat
     )
     scan = read_mesh(folder / "scan.obj")
     assert all(m.image is None for m in scan.materials)
-    assert any("leaves the scan's folder" in w for w in scan.warnings)
+    assert any("leads out of the scan's folder" in w for w in scan.warnings)
 
 
 def test_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
