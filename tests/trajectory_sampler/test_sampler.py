@@ -11,6 +11,7 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 
+from tests.support.paths import path_clearance
 from vlnpe.formats.core.errors import InputError, SceneError
 from vlnpe.formats.core.frames import wrap_angle
 from vlnpe.formats.core.geometry import path_length, resample
@@ -22,7 +23,7 @@ from vlnpe.trajectory_sampler.sampling import LEAST_GAP_M, sample_episodes
 from vlnpe.trajectory_sampler.similarity import path_gap
 from vlnpe.wayfinding.crossings import crossings
 from vlnpe.wayfinding.distance import AGENT_RADIUS_M, distance_field
-from vlnpe.wayfinding.planning import path_clearance, segments_free
+from vlnpe.wayfinding.planning import segments_free
 from vlnpe.wayfinding.regions import region_map
 
 CONFIG = SampleConfig(count=2, min_length_m=5.0)
