@@ -1,4 +1,4 @@
-"""What a motion leads through, and how much room a path has: to check what plans and records say."""
+"""The poses that a motion leads through, and the room that a path has: what only tests ask."""
 
 from __future__ import annotations
 
