@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from ...formats.convert.restore import restore
-from ...formats.core.errors import InputError, check_name
+from ...formats.core.errors import InputError
 from ...formats.core.rollout import STATE_RATE_HZ
 from ...formats.internnav.foreign import Assumptions
-from ...formats.video.mp4 import RGB_CODECS
+from ...formats.video.mp4 import check_rgb_codec
 from ..engine.context import open_context
 from ..options.convert import Convert, Restore
 from ..stages import convert, convert_source
@@ -53,7 +53,7 @@ def run_restore(options: Restore) -> int:
 
 
 def _options(options: Convert) -> convert_source.Options:
-    check_name("video codec", options.rgb_codec, RGB_CODECS)
+    check_rgb_codec(options.rgb_codec)
     if not 0 < options.hfov_deg < 180:
         raise InputError(f"--hfov-deg {options.hfov_deg}: valid: between 0 and 180")
     if options.base_height_m is not None and not 0 < options.base_height_m < 10:
