@@ -18,9 +18,17 @@ def _front(width: float, y: float, z0: float, height: float, material: int) -> T
     return quad((width / 2, y, z0), (-width, 0.0, 0.0), (0.0, 0.0, height), material)
 
 
-def _doors(kit: Kit, width: float, y: float, z0: float, height: float, *pattern: int) -> Triangles:
-    """Return a front of doors or drawers; `pattern` is what `Kit.front` takes after the sizes."""
-    return _front(width, y, z0, height, kit.front(width, height, *pattern))
+def _doors(
+    kit: Kit,
+    width: float,
+    y: float,
+    z0: float,
+    height: float,
+    pattern: tuple[int, int, int],
+    wood: bool = False,
+) -> Triangles:
+    """Return a front of doors or drawers; `pattern` is its rows, its columns, and its colour."""
+    return _front(width, y, z0, height, kit.front(width, height, *pattern, wood))
 
 
 def _feet(x: float, ys: Sequence[float], height: float, material: int) -> list[Triangles]:
@@ -93,7 +101,7 @@ def wardrobe(kit: Kit, rng: np.random.Generator, doors: int) -> Piece:
     body = kit.wood(k) if wooden else kit.front_color(k)
     parts = [
         box((-width / 2, 0.0, 0.0), (width / 2, depth, height), body),
-        _doors(kit, width, depth + 0.004, 0.06, height - 0.06, 1, doors, k, wooden),
+        _doors(kit, width, depth + 0.004, 0.06, height - 0.06, (1, doors, k), wooden),
         box(
             (-width / 2 - 0.015, 0.0, height),
             (width / 2 + 0.015, depth + 0.02, height + 0.035),
@@ -113,7 +121,7 @@ def dresser(kit: Kit, rng: np.random.Generator) -> Piece:
     parts = [
         box((-width / 2, 0.0, 0.08), (width / 2, 0.44, height), body),
         *_feet(width / 2 - 0.05, (0.02, 0.37), 0.1, body),
-        _doors(kit, width - 0.04, 0.445, 0.1, height - 0.13, 3, 2, k, wooden),
+        _doors(kit, width - 0.04, 0.445, 0.1, height - 0.13, (3, 2, k), wooden),
         *vase(kit, -0.3 * width, 0.2, height),
         *books(kit, rng, 0.25 * width, 0.22, height),
     ]
@@ -129,7 +137,7 @@ def sideboard(kit: Kit, rng: np.random.Generator) -> Piece:
     parts = [
         box((-width / 2, 0.0, 0.12), (width / 2, 0.42, height), body),
         *_feet(width / 2 - 0.08, (0.03, 0.33), 0.13, kit.black),
-        _doors(kit, width - 0.04, 0.425, 0.14, height - 0.17, 1, 4, k, wooden),
+        _doors(kit, width - 0.04, 0.425, 0.14, height - 0.17, (1, 4, k), wooden),
         *table_lamp_parts(kit, x, 0.2, height),
         *books(kit, rng, -0.1, 0.2, height),
         *vase(kit, -0.36 * width, 0.2, height),
@@ -145,7 +153,7 @@ def tv_stand(kit: Kit, rng: np.random.Generator, width: float) -> list[Piece]:
     board = [
         box((-width / 2, 0.0, 0.1), (width / 2, 0.4, 0.48), body),
         *_feet(width / 2 - 0.12, (0.04, 0.3), 0.11, kit.black),
-        _doors(kit, width - 0.04, 0.405, 0.12, 0.34, 1, 3, k, wooden),
+        _doors(kit, width - 0.04, 0.405, 0.12, 0.34, (1, 3, k), wooden),
         box((0.34 * width, 0.08, 0.48), (0.34 * width + 0.2, 0.3, 0.56), kit.black),
     ]
     tw, th = 0.72 * width, 0.4 * width
@@ -167,7 +175,7 @@ def shoe_cabinet(kit: Kit, rng: np.random.Generator) -> Piece:
     k, width = int(rng.integers(6)), float(rng.uniform(0.75, 1.0))
     parts = [
         box((-width / 2, 0.0, 0.0), (width / 2, 0.24, 0.98), kit.white),
-        _doors(kit, width - 0.03, 0.244, 0.06, 0.9, 3, 1, k),
+        _doors(kit, width - 0.03, 0.244, 0.06, 0.9, (3, 1, k)),
         box((-width / 2 - 0.01, 0.0, 0.98), (width / 2 + 0.01, 0.25, 1.0), kit.wood()),
         turned([(0.05, 1.0), (0.1, 1.05), (0.09, 1.05), (0.04, 1.01)], (0.2, 0.12), kit.brass),
     ]
@@ -184,7 +192,7 @@ def nightstand(kit: Kit, rng: np.random.Generator, k: int) -> Piece:
             for x in (-0.22, 0.175)
             for y in (0.01, 0.32)
         ),
-        _doors(kit, 0.42, 0.384, 0.13, 0.36, 2, 1, k, True),
+        _doors(kit, 0.42, 0.384, 0.13, 0.36, (2, 1, k), True),
         *table_lamp_parts(kit, -0.05, 0.16, 0.52),
         *books(kit, rng, 0.12, 0.26, 0.52),
     ]
