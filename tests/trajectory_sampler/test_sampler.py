@@ -172,6 +172,7 @@ def test_quotas_are_filled_and_splits_share_no_family(divided):
         assert path_gap(a.reference_path_world_m, b.reference_path_world_m) >= 0.8
 
 
+@pytest.mark.chain
 def test_a_shortage_of_paths_is_counted_and_the_advice_works(two_rooms):
     config = replace(CONFIG, count=40, min_length_m=4.0, min_gap_m=2.0, relax=False, patience=10)
     result = sample_episodes(two_rooms, config, np.random.default_rng(0))
@@ -287,6 +288,7 @@ def bedroom(two_rooms, tmp_path):
     return replace(load_bundle(root), objects=())
 
 
+@pytest.mark.chain
 @pytest.mark.parametrize("seed", range(2))
 def test_a_furnished_bedroom_gives_what_is_asked_for_or_says_why_not(bedroom, seed, caplog):
     """With the options that the README advises for a scan of one room."""

@@ -137,6 +137,7 @@ def test_source_digest_follows_side_files_and_stops_in_crowds(
         repair.source_digest(source)
 
 
+@pytest.mark.chain
 def test_a_scene_takes_its_licence_from_the_folder_or_nothing_is_made(tmp_path: Path) -> None:
     (tmp_path / "secret").write_text("secret")
     folder, out = tmp_path / "scan", tmp_path / "out"
