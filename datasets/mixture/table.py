@@ -6,8 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-from .choice import DatasetRow
-from .plan import MixturePlan
+from .plan import DatasetRow, MixturePlan
 
 _HEAD = ("source", "dataset", "robot", "episodes", "frames", "weight", "share", "left out")
 

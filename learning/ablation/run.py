@@ -15,8 +15,7 @@ import numpy as np
 import torch
 
 from ...datasets.episode_index import episode_tables
-from ...datasets.mixture.choice import Library, choose
-from ...datasets.mixture.plan import MixturePlan, plan_mixture
+from ...datasets.mixture.plan import Library, MixturePlan, choose, plan_mixture
 from ...datasets.mixture.recipe import NO_HOLDOUT, Recipe
 from ...datasets.selection import Selection
 from ...datasets.sequences import EpisodeSequences, SequenceConfig

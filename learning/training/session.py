@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...datasets.instructions import InstructionChoice
-from ...datasets.mixture.choice import Library, choose
-from ...datasets.mixture.plan import MixturePlan, plan_mixture
+from ...datasets.mixture.plan import Library, MixturePlan, choose, plan_mixture
 from ...datasets.mixture.recipe import Recipe
 from ...datasets.selection import Selection
 from ...datasets.sequences import EpisodeSequences, SequenceConfig

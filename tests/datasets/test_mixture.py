@@ -17,9 +17,8 @@ from hypothesis import strategies as st
 
 from tests.support.lerobot_data import write_unit
 from tests.support.training_data import make_walk, write_dataset
-from vlnpe.datasets.mixture.choice import Library, choose
 from vlnpe.datasets.mixture.loader import MixtureLoader
-from vlnpe.datasets.mixture.plan import plan_mixture
+from vlnpe.datasets.mixture.plan import Library, choose, plan_mixture
 from vlnpe.datasets.mixture.recipe import FOLDER, Recipe, Source, read_recipe, recipe_of
 from vlnpe.datasets.mixture.sampler import MixtureSampler
 from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig, collate_sequences

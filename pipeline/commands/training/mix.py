@@ -6,8 +6,7 @@ import json
 import sys
 from typing import Any
 
-from ....datasets.mixture.choice import Library
-from ....datasets.mixture.plan import MixturePlan, plan_mixture
+from ....datasets.mixture.plan import Library, MixturePlan, plan_mixture
 from ....datasets.mixture.recipe import read_recipe, recipe_path
 from ....datasets.mixture.table import plan_json, plan_text
 from ....formats.core.atomic import write_json
