@@ -10,7 +10,7 @@ from ....datasets.mixture.plan import Library, MixturePlan, plan_mixture
 from ....datasets.mixture.recipe import read_recipe, recipe_path
 from ....datasets.mixture.table import plan_json, plan_text
 from ....formats.core.atomic import write_json
-from ....formats.core.errors import InputError, check_name
+from ....formats.core.errors import InputError, UnknownNameError
 from ...options.training import Mix
 
 
@@ -20,12 +20,13 @@ def run(options: Mix) -> int:
     Raises:
         InputError: If the recipe is invalid, or the data does not exist.
     """
-    check_name("draws", options.draws, ("episodes", "frames"))
+    if options.draws not in ("episodes", "frames"):
+        raise UnknownNameError("draws", options.draws, ("episodes", "frames"))
     if not options.dry_run and options.out is None:
         raise InputError("vlnpe mix: pass --dry-run, or an output file with --out FILE.json")
     recipe = read_recipe(recipe_path(options.recipe))
-    if options.mixture is not None:
-        check_name("mixture", options.mixture, recipe.mixtures)
+    if options.mixture is not None and options.mixture not in recipe.mixtures:
+        raise UnknownNameError("mixture", options.mixture, recipe.mixtures)
     library = Library(options.data)
     names = [options.mixture] if options.mixture else list(recipe.mixtures)
     plans = [plan_mixture(recipe, name, library, options.draws) for name in names]
