@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from ..formats.core.errors import UnknownNameError
+from ..formats.core.errors import check_name
 
 
 @dataclass(frozen=True)
@@ -105,6 +105,5 @@ def building_config(kind: str) -> ApartmentConfig:
     Raises:
         UnknownNameError: there is no such kind.
     """
-    if kind not in BUILDINGS:
-        raise UnknownNameError("kind of building", kind, tuple(BUILDINGS))
+    check_name("kind of building", kind, BUILDINGS)
     return BUILDINGS[kind]

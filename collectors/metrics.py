@@ -21,7 +21,7 @@ from ..formats.core.geometry import path_length, space_evenly
 from ..formats.core.kernel import kernel
 from ..formats.core.rollout import STATE_RATE_HZ, EndReason, Metrics
 from ..formats.scene.freemap import Freemap
-from ..wayfinding.distance import AGENT_RADIUS_M, DistanceField, distance_field
+from ..wayfinding.distance import AGENT_RADIUS_M, distance_field
 
 ACTION_RATE_HZ = 4
 NDTW_THRESHOLD_M = 3.0
@@ -59,7 +59,6 @@ def rollout_metrics(
     freemap: Freemap,
     position_world_m: NDArray[np.float64],
     end_reason: EndReason,
-    field: DistanceField | None = None,
 ) -> Metrics:
     """Return the metrics of a base track (T, 3) [m] at `STATE_RATE_HZ`, T ≥ 1.
 
@@ -78,15 +77,13 @@ def rollout_metrics(
         freemap: the level's.
         position_world_m: where the base was.
         end_reason: why it ended.
-        field: distances to the episode's goal for `AGENT_RADIUS_M`, if already computed.
     """
     stride = STATE_RATE_HZ // ACTION_RATE_HZ
     last = len(position_world_m) - 1
     ticks = np.unique(np.append(np.arange(0, last + 1, stride), last))
     track = position_world_m[ticks, :2]
     goal = episode.goal_position_world_m[:2]
-    if field is None:
-        field = distance_field(freemap, goal, AGENT_RADIUS_M)
+    field = distance_field(freemap, goal, AGENT_RADIUS_M)
     distance = field.at(track)
     error = field.at(track[-1], math.inf)
     length = path_length(track)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 
-from ..formats.core.errors import UnknownNameError
+from ..formats.core.errors import check_name
 from .episode_index import EpisodeEntry
 
 OWN, ANY = "own", "any"
@@ -27,8 +27,7 @@ class InstructionChoice:
     epoch: int = 0
 
     def __post_init__(self) -> None:
-        if self.choice not in CHOICES:
-            raise UnknownNameError("choice of instructions", self.choice, CHOICES)
+        check_name("choice of instructions", self.choice, CHOICES)
 
     def text(self, entry: EpisodeEntry) -> str:
         """Return an episode's instruction; the same for every robot, worker and order of items."""

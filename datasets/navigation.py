@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch.utils.data import Dataset
 
-from ..formats.core.errors import InputError, UnknownNameError
+from ..formats.core.errors import InputError, check_name
 from ..formats.lerobot.layout import DEPTH_KEY, RGB_KEY
 from .episode_index import EpisodeEntry, read_index
 from .episode_reader import EpisodeReader
@@ -96,8 +96,7 @@ class NavigationDataset(Dataset[dict[str, Any]]):
         shared = common_columns(selection.datasets)
         rows = [k for k, (kind, _) in shared.items() if kind not in ("video", "image")]
         for name in config.columns or ():
-            if name not in rows:
-                raise UnknownNameError("column in all datasets", name, rows)
+            check_name("column in all datasets", name, rows)
         self.selection, self.config, self.instruction_choice = selection, config, instruction_choice
         chosen = config.columns or [key for key in COMMON if key in rows]
         self._now = [k for k in chosen if not k.startswith("action") or k == "action.velocity"]

@@ -91,7 +91,7 @@ class OpenVideos:
         self._open: OrderedDict[tuple[int, Path], VideoCursor] = OrderedDict()
 
     def cursor(self, path: Path, frames_per_second: int) -> VideoCursor:
-        """Return the cursor of `path`; the one that was not asked for longest is closed."""
+        """Return the cursor of `path`; the least recently used one is closed."""
         # Forked workers inherit the parent's cursors, whose file position is shared: not theirs.
         key = (os.getpid(), path)
         if key not in self._open:

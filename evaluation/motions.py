@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..collectors.controllers import CONTROLLERS, Motion, Velocity, Waypoints
-from ..formats.core.errors import InputError, UnknownNameError
+from ..formats.core.errors import InputError, check_name
 from ..formats.core.rollout import Action
 
 DISCRETE, VELOCITY, WAYPOINTS = "discrete", "velocity", "waypoints"
@@ -25,13 +25,11 @@ def check_kind(kind: str, controller: str) -> None:
         UnknownNameError: there is no such kind.
         InputError: the controller does not; the message names those that do.
     """
-    if kind not in ACTION_KINDS:
-        raise UnknownNameError("kind of actions", kind, ACTION_KINDS)
+    check_name("kind of actions", kind, ACTION_KINDS)
     valid = controllers_for(kind)
     if controller not in valid:
         raise InputError(
-            f"controller {controller!r} does not carry out {kind} actions; valid: "
-            f"{', '.join(valid)}"
+            f"controller {controller!r} does not support {kind} actions; valid: {', '.join(valid)}"
         )
 
 

@@ -33,19 +33,18 @@ class Checkpoint:
     sha256: str
 
 
-def save_checkpoint(path: Path, model: Model, card: Card, *, half: bool = True) -> None:
-    """Write the weights, and then the card.
+def save_checkpoint(path: Path, model: Model, card: Card) -> None:
+    """Write the weights, in half precision, and then the card.
 
     Args:
         path: of the weights, `.safetensors`.
         model: on any device.
         card: its description.
-        half: store in half precision.
     """
     if path.suffix != SUFFIX:
         raise InputError(f"{path}: a checkpoint's file ends in {SUFFIX}")
     weights = {
-        name: value.detach().to("cpu", torch.float16 if half else torch.float32).contiguous()
+        name: value.detach().to("cpu", torch.float16).contiguous()
         for name, value in model.state_dict().items()
     }
     raw = save(weights)

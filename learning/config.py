@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
-from ..formats.core.errors import InputError, UnknownNameError
+from ..formats.core.errors import InputError, check_name
 
 MODELS = ("cma", "seq2seq", "rdp")
 IMAGES = ("rgb", "depth")
@@ -54,11 +54,9 @@ class ModelConfig:
             ("model", self.name, MODELS),
             ("encoder", self.encoder, ENCODERS),
         ):
-            if value not in valid:
-                raise UnknownNameError(kind, value, valid)
+            check_name(kind, value, valid)
         for name in self.inputs:
-            if name not in INPUTS:
-                raise UnknownNameError("input of the model", str(name), INPUTS)
+            check_name("input of the model", name, INPUTS)
         for name in ("hidden", "words", "layers", "diffusion_steps"):
             if getattr(self, name) < 1:
                 raise InputError(f"model: {name} {getattr(self, name)}; valid: 1 or more")
@@ -126,10 +124,8 @@ class TrainConfig:
             )
         if not 0.0 <= self.unknown < 1.0:
             raise InputError(f"train: unknown {self.unknown}; valid: at least 0, below 1")
-        if self.instructions not in ("own", "any"):
-            raise UnknownNameError("choice of instructions", self.instructions, ("own", "any"))
-        if self.device not in ("auto", "cpu", "cuda"):
-            raise UnknownNameError("device", self.device, ("auto", "cpu", "cuda"))
+        check_name("choice of instructions", self.instructions, ("own", "any"))
+        check_name("device", self.device, ("auto", "cpu", "cuda"))
 
     def to_json(self) -> dict[str, Any]:
         """Return the settings as JSON values."""
@@ -155,8 +151,7 @@ def _checked(what: str, kind: type, given: Mapping[str, Any]) -> dict[str, Any]:
     defaults = {f.name: f.default for f in fields(kind) if f.name != "model"}
     result = {}
     for key, value in given.items():
-        if key not in defaults:
-            raise UnknownNameError(f"key in {what}:", str(key), defaults)
+        check_name(f"key in {what}:", key, defaults)
         default: Any = defaults[key]
         if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)

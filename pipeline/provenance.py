@@ -59,7 +59,6 @@ def provenance(
         facts: `options`, as the user chose them.
         code_sha256: digest of the code that made the episodes and their pixels.
     """
-    lock = ROOT / "uv.lock"
     rollouts = [episode["rollout"] for episode in episodes]
     written = [episode["instruction"] for episode in episodes]
     made = {
@@ -68,9 +67,7 @@ def provenance(
     }
     options = dict(facts.get("options") or {})
     return {
-        "vlnpe": version("vlnpe"),
-        "code_sha256": code_sha256,
-        "lock_sha256": file_digest(lock) if lock.is_file() else None,
+        **versions(code_sha256),
         "config_sha256": digest(options, made, dict(encoding)),
         "scenes": {bundle.scene_id: bundle.source for bundle in bundles},
         "held_out_scenes": sorted(held_out_scenes(scenes)),
@@ -96,14 +93,21 @@ def scene_provenance(
         encoding: frame rate, light, codecs, … of the pixels.
         code_sha256: digest of the code that made the episode and its pixels.
     """
+    return {
+        **versions(code_sha256),
+        "scenes": {bundle.scene_id: bundle.source},
+        "held_out_scenes": list(held_out),
+        "encoding": dict(encoding),
+    }
+
+
+def versions(code_sha256: str) -> dict[str, str | None]:
+    """Return what was run: vlnpe's version, its code, and the lock of the libraries, if any."""
     lock = ROOT / "uv.lock"
     return {
         "vlnpe": version("vlnpe"),
         "code_sha256": code_sha256,
         "lock_sha256": file_digest(lock) if lock.is_file() else None,
-        "scenes": {bundle.scene_id: bundle.source},
-        "held_out_scenes": list(held_out),
-        "encoding": dict(encoding),
     }
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import re
 from collections.abc import Mapping
@@ -16,7 +15,9 @@ from ..formats.core.atomic import TEMPORARY_PREFIX, file_digest
 from ..formats.core.errors import FileFormatError, InputError, MissingExtraError, VlnpeError
 from ..formats.core.licences import UNKNOWN, licence_id, may_pass_on, why_not
 from ..formats.lerobot.episode_columns import EDITED_ADVICE
-from ..formats.lerobot.layout import CODEBASE_VERSION, INFO_PATH, PROVENANCE_PATH
+from ..formats.lerobot.info import read_info
+from ..formats.lerobot.layout import CODEBASE_VERSION, PROVENANCE_PATH
+from ..formats.untrusted.documents import read_json_object
 
 CARD = "README.md"
 REPO = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*/[A-Za-z0-9][A-Za-z0-9._-]*")
@@ -135,7 +136,7 @@ def plan_release(root: Path, repo: str, tag: str | None = None, private: bool = 
             f"--tag {tag!r}: valid: letters, digits, '-', '_' and '.', beginning with a letter, "
             "and not a version number, which LeRobot reads as its format version"
         )
-    _read_json(root / INFO_PATH)
+    read_info(root)
     if not (root / CARD).is_file():
         raise FileFormatError(
             root / CARD, f"missing; a dataset is not published without its card; {EDITED_ADVICE}"
@@ -214,9 +215,9 @@ def _reason(error: Exception) -> str:
     """Return what went wrong and what to do, in one line."""
     status = getattr(getattr(error, "response", None), "status_code", None)
     if status == 401:
-        return "the hub wants a token (401): set HF_TOKEN, or run `hf auth login`"
+        return "the Hub requires a token (401): set HF_TOKEN, or run `hf auth login`"
     if status == 403:
-        return "the token may not write there (403): take one with the right to write"
+        return "the token has no write access there (403): use one that has"
     reason = " ".join(str(error).split())
     cause = error.__cause__
     if cause is not None and str(cause) not in reason:
@@ -256,7 +257,7 @@ def _content(root: Path, files: Mapping[str, int]) -> str:
 
 def _refusals(root: Path) -> tuple[str, ...]:
     path = root / PROVENANCE_PATH
-    scenes = _read_json(path).get("scenes") if path.is_file() else None
+    scenes = read_json_object(path).get("scenes") if path.is_file() else None
     if not isinstance(scenes, dict) or not scenes:
         return (f"{PROVENANCE_PATH} names no scene, so {why_not(UNKNOWN)}",)
     found = {
@@ -268,15 +269,3 @@ def _refusals(root: Path) -> tuple[str, ...]:
         for name, licence in found.items()
         if not may_pass_on(licence)
     )
-
-
-def _read_json(path: Path) -> dict[str, Any]:
-    try:
-        value = json.loads(path.read_text())
-    except FileNotFoundError as error:
-        raise FileFormatError(path, "missing; not a LeRobot dataset") from error
-    except (OSError, ValueError) as error:
-        raise FileFormatError(path, f"not readable: {error}") from error
-    if not isinstance(value, dict):
-        raise FileFormatError(path, "not a JSON object")
-    return value

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..formats.core.errors import UnknownNameError
+from ..formats.core.errors import check_name
 from ..formats.scene import FULL_HEIGHT_M
 
 UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
@@ -56,7 +56,5 @@ class RepairConfig:
     collision: str = ""
 
     def __post_init__(self) -> None:
-        if self.up != "auto" and self.up not in UP_AXES:
-            raise UnknownNameError("up axis", self.up, ("auto", *UP_AXES))
-        if self.unit != "auto" and self.unit not in UNIT_M:
-            raise UnknownNameError("unit", self.unit, ("auto", *UNIT_M))
+        check_name("up axis", self.up, ("auto", *UP_AXES))
+        check_name("unit", self.unit, ("auto", *UNIT_M))

@@ -7,10 +7,15 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.video.scheduling import ordinary_threads
+
+# Speed belongs to benchmarks: a busy machine must not fail a test.
+settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("busy")
 
 SHARED_SCENES = Path(__file__).resolve().parents[2] / "shared" / "scenes"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from ..formats.core.errors import InputError, UnknownNameError
+from ..formats.core.errors import InputError, check_name
 from ..formats.scene import FULL_HEIGHT_M
 
 FRECHET, DTW = "frechet", "dtw"
@@ -75,10 +75,8 @@ class SampleConfig:
     patience: int = 30
 
     def __post_init__(self):
-        if self.similarity not in MEASURES:
-            raise UnknownNameError("similarity measure", self.similarity, MEASURES)
-        if self.heading not in HEADINGS:
-            raise UnknownNameError("start heading", self.heading, HEADINGS)
+        check_name("similarity measure", self.similarity, MEASURES)
+        check_name("start heading", self.heading, HEADINGS)
         if self.count < 1:
             raise InputError(f"count is {self.count}; valid: 1 or more")
         if not 0 < self.min_length_m < self.max_length_m:
@@ -97,8 +95,8 @@ class SampleConfig:
             )
         if self.max_detour < 1 or (self.max_turning_deg is not None and self.max_turning_deg < 0):
             raise InputError(
-                f"detour {self.max_detour}, turning {self.max_turning_deg}°; valid: from 1 and "
-                "from 0 on"
+                f"detour {self.max_detour}, turning {self.max_turning_deg}°; valid: at least 1 "
+                "and at least 0"
             )
 
     def for_radius(self, radius_m: float) -> SampleConfig:

@@ -161,8 +161,8 @@ def _connected_ends(
         }
         if not found:
             raise RejectedError(
-                f"the {what} at {_place(point)} stands in collision, farther than "
-                f"{limit:g} m from floor free for radius {config.robot_radius_m:g} m"
+                f"the {what} at {_place(point)} is in collision, farther than "
+                f"{limit:g} m from floor that is free for radius {config.robot_radius_m:g} m"
             )
         options.append(found)
     common = options[0].keys() & options[1].keys()
@@ -236,7 +236,7 @@ def _passable(
         way = plan_path(freemap, a, b, config.robot_radius_m)
         if way is None:
             raise RejectedError(
-                f"there is no way from waypoint {_place(a)} to {_place(b)} for a robot of "
+                f"no path leads from waypoint {_place(a)} to {_place(b)} for a robot of "
                 f"radius {config.robot_radius_m:g} m"
             )
         thin = simplify_path(

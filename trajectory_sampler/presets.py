@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from ..formats.core.errors import InputError, UnknownNameError
+from ..formats.core.errors import InputError, check_name
 
 TRAIN = "train"
 
@@ -42,8 +42,7 @@ def get_preset(name: str) -> Preset:
     Raises:
         UnknownNameError: there is no such preset.
     """
-    if name not in PRESETS:
-        raise UnknownNameError("preset", name, PRESETS)
+    check_name("preset", name, PRESETS)
     return PRESETS[name]
 
 
@@ -87,8 +86,7 @@ def choose_seen(
     seen = sum(n for split, n in splits.items() if is_seen(split))
     unseen = sum(splits.values()) - seen
     for name in named:
-        if name not in scenes:
-            raise UnknownNameError("scene to train in", name, scenes)
+        check_name("scene to train in", name, scenes)
     if named:
         chosen = [scene for scene in scenes if scene in set(named)]
     else:
@@ -128,8 +126,7 @@ def plan_quotas(
     """
     fixed = dict(fixed or {})
     for scene in fixed:
-        if scene not in scenes:
-            raise UnknownNameError("scene with a quota", scene, scenes)
+        check_name("scene with a quota", scene, scenes)
     result: dict[str, dict[str, int]] = {scene: {} for scene in scenes}
     for kind in (True, False):
         own = [scene for scene in scenes if (scene in seen) == kind]

@@ -226,15 +226,15 @@ def _warn(
         )
     if config.relax and result.gap_m < config.min_gap_m:
         logger.warning(
-            "%s: holds too few paths that differ by %g m; took paths that differ by %g m",
+            "%s: holds too few paths that differ by %g m; accepted paths that differ by %g m",
             bundle.scene_id,
             config.min_gap_m,
             result.gap_m,
         )
     if result.missing and config.relax:
         logger.warning(
-            "%s: %s. It holds no more paths of %g … %g m that differ by %g m; shorter or fewer "
-            "ones may be had: --min-length-m, or ask for fewer",
+            "%s: %s. It holds no more paths of %g … %g m that differ by %g m; lower "
+            "--min-length-m, or ask for fewer",
             bundle.scene_id,
             result.summary,
             config.min_length_m,

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..formats.core.errors import InputError, UnknownNameError
+from ..formats.core.errors import InputError, check_name
 from ..formats.core.frames import HABITAT_TO_WORLD, transform_points
 from ..formats.scene.bundle import SceneBundle
 from ..formats.scene.freemap import Freemap
@@ -54,10 +54,8 @@ class StairRules:
         if not self.rules:
             raise InputError(f"no stair rule; valid: {', '.join(RULES)}")
         for rule in self.rules:
-            if rule not in RULES:
-                raise UnknownNameError("stair rule", rule, RULES)
-        if self.combine not in (ANY, ALL):
-            raise UnknownNameError("combination of stair rules", self.combine, (ANY, ALL))
+            check_name("stair rule", rule, RULES)
+        check_name("combination of stair rules", self.combine, (ANY, ALL))
         if not self.max_step_m > 0:
             raise InputError(f"stair threshold is {self.max_step_m} m; valid: above 0")
 
@@ -174,7 +172,7 @@ def filter_stairs(
 
 @dataclass(frozen=True)
 class _Judge:
-    """Judges episodes; a path's verdict by geometry is found once for its episodes."""
+    """Judges episodes; the geometric verdict of a path is computed once for its episodes."""
 
     rules: StairRules
     bundles: Mapping[str, SceneBundle]

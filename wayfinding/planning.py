@@ -109,17 +109,6 @@ def segments_free(grid: GridSpec, free: Mask, path_xy_m: ArrayLike) -> Mask:
     return _all_along(path[:-1], path[1:], grid, free)
 
 
-def path_clearance(freemap: Freemap, path_xy_m: ArrayLike) -> Array:
-    """Return clearances (S,) [m] along a path (P, 2 or 3) [m], sampled every half cell."""
-    path = np.asarray(path_xy_m, dtype=np.float64)[:, :2]
-    points = resample(path, 0.5 * freemap.grid.cell_m)
-    cells = freemap.grid.cell_of(points)
-    inside = freemap.grid.inside(cells)
-    cells = np.clip(cells, 0, np.array(freemap.grid.shape) - 1)
-    clearance = freemap.clearance_m[cells[:, 0], cells[:, 1]]
-    return np.where(inside & freemap.traversable[cells[:, 0], cells[:, 1]], clearance, 0.0)
-
-
 def simplify_path(
     freemap: Freemap, path_m: ArrayLike, *, radius_m: float, spacing_m: float, tolerance_m: float
 ) -> Array:

@@ -47,10 +47,7 @@ class Tracer:
         face = np.full(count, -1, dtype=np.int32)
         distance = np.zeros(count, dtype=np.float32)
         bary = np.zeros((count, 2), dtype=np.float32)
-
-        for part in _chunks(count):
-            o = np.ascontiguousarray(origins_m[part], dtype=np.float32)
-            d = np.ascontiguousarray(directions[part], dtype=np.float32)
+        for part, o, d in _chunks(origins_m, directions):
             found = self._scene.run(o, d, dists=np.full(len(o), reach_m, np.float32), output=1)
             face[part] = found["primID"]
             distance[part] = found["tfar"]
@@ -61,12 +58,8 @@ class Tracer:
         self, origins_m: NDArray[np.floating], directions: NDArray[np.floating], reach_m: float
     ) -> NDArray[np.float32]:
         """Return the distance (N,) [m] to the first hit; `reach_m` where there is none."""
-        count = len(origins_m)
-        result = np.empty(count, dtype=np.float32)
-
-        for part in _chunks(count):
-            o = np.ascontiguousarray(origins_m[part], dtype=np.float32)
-            d = np.ascontiguousarray(directions[part], dtype=np.float32)
+        result = np.empty(len(origins_m), dtype=np.float32)
+        for part, o, d in _chunks(origins_m, directions):
             reach = np.full(len(o), reach_m, np.float32)
             result[part] = np.minimum(self._scene.run(o, d, dists=reach, query="DISTANCE"), reach_m)
         return result
@@ -78,16 +71,18 @@ class Tracer:
         reach_m: NDArray[np.floating],
     ) -> NDArray[np.bool_]:
         """Return (N,) whether anything lies within `reach_m` (N,) along each ray."""
-        count = len(origins_m)
-        result = np.empty(count, dtype=bool)
-
-        for part in _chunks(count):
-            o = np.ascontiguousarray(origins_m[part], dtype=np.float32)
-            d = np.ascontiguousarray(directions[part], dtype=np.float32)
+        result = np.empty(len(origins_m), dtype=bool)
+        for part, o, d in _chunks(origins_m, directions):
             reach = np.ascontiguousarray(reach_m[part], dtype=np.float32)
             result[part] = self._scene.run(o, d, dists=reach, query="OCCLUDED") != -1
         return result
 
 
-def _chunks(count: int) -> Iterator[slice]:
-    return (slice(a, min(a + _CHUNK, count)) for a in range(0, count, _CHUNK))
+def _chunks(
+    origins_m: NDArray[np.floating], directions: NDArray[np.floating]
+) -> Iterator[tuple[slice, NDArray[np.float32], NDArray[np.float32]]]:
+    """Yield the rays in parts, as Embree takes them."""
+    for first in range(0, len(origins_m), _CHUNK):
+        part = slice(first, min(first + _CHUNK, len(origins_m)))
+        o, d = (np.ascontiguousarray(v[part], np.float32) for v in (origins_m, directions))
+        yield part, o, d

@@ -29,6 +29,7 @@ from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.video import mp4
 from vlnpe.pipeline.jobs import export, mcap, render, replay
+from vlnpe.pipeline.jobs.handover import DepthKeeper
 
 WARM, TIMED = 1, 3  # episodes
 FRAMES_PER_SECOND = 4
@@ -106,16 +107,17 @@ def measure_parts(scene: str, robot_name: str) -> dict[str, Any]:
             config = ReplayConfig(robot=robot_name, controller="path")
             rollout, review = out / "r.mcap", run / "review.jsonl"
             out.mkdir()
+            depth = DepthKeeper()
             jobs = {
                 "replay": replay.ReplayJob(folder, episode, config, run / "models", rollout),
                 "render": render.RenderJob(
                     folder, rollout, "r.mcap", robot_name, view, FRAMES_PER_SECOND, "h264",
-                    Extras(), out / "frames",
+                    Extras(), out / "frames", depth,
                 ),
                 "export": export.UnitJob(rollout, out / "frames", out / "unit", "video", review),
                 "mcap": mcap.McapJob(
                     rollout, out / "frames", folder, robot_name, "data", (), "video", review, "",
-                    out / "m.mcap",
+                    out / "m.mcap", depth,
                 ),
             }  # fmt: skip
             for name, job in jobs.items():

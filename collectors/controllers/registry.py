@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from ...formats.core.errors import InputError, UnknownNameError
+from ...formats.core.errors import InputError, check_name
 from ..robots import RobotSpec
 from .flash import FlashConfig, FlashController
 from .interface import Controller, Task, Teleporter
@@ -77,6 +77,5 @@ def get_controller(name: str) -> ControllerEntry:
     Raises:
         UnknownNameError: there is none; the message lists the valid names.
     """
-    if name not in CONTROLLERS:
-        raise UnknownNameError("controller", name, CONTROLLERS)
+    check_name("controller", name, CONTROLLERS)
     return CONTROLLERS[name]

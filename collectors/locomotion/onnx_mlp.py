@@ -81,7 +81,7 @@ def _product(file: OnnxFile, node: Node, constants: list[str], width: int) -> tu
     """Return the matrix (outputs, width) and what is added (outputs,) of a Gemm or MatMul."""
     factor = file.constant(constants[0])
     if factor.ndim != 2 or node.attributes.get("transA"):
-        raise NotAnMlpError(file.path, f"{node.kind} with {constants[0]!r} is no layer's")
+        raise NotAnMlpError(file.path, f"{node.kind} with {constants[0]!r} is not part of a layer")
     # ONNX multiplies rows: x W. A Gemm may have stored W the other way round.
     if not node.attributes.get("transB"):
         factor = factor.T

@@ -91,7 +91,7 @@ class QuickStep:
         self._reference = np.zeros_like(self._default)
 
     def take_over(self, other: QuickStep) -> None:
-        """Go on where another step of the same robot is in its gait."""
+        """Continue from the gait phase of another step of the same robot."""
         self.phase[:], self.action[:] = other.phase, other.action
         self._followed[:] = other._followed
         self.observation[:], self._remembers[:] = other.observation, other._remembers

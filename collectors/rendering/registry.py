@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable
 from pathlib import Path
 
-from ...formats.core.errors import InputError, UnknownNameError
+from ...formats.core.errors import InputError, UnknownNameError, check_name
 from ...formats.scene.bundle import SceneBundle
 from ...formats.splats.store import has_splats
 from .embree import SceneRenderer
@@ -63,6 +63,5 @@ def make_renderer(bundle: SceneBundle, name: str = "embree", *, light: str = "ba
         InputError: `gl`, but no OpenGL context can be created, or `splat`, but the scene has no
             splats or the light is not baked; the message says why.
     """
-    if name not in RENDERERS:
-        raise UnknownNameError("renderer", name, RENDERERS)
+    check_name("renderer", name, RENDERERS)
     return RENDERERS[name](bundle, light)

@@ -105,11 +105,6 @@ class RobotSpec:
         return tuple(foot.name for foot in self.feet)
 
     @property
-    def sole_names(self) -> tuple[str, ...]:
-        """Names of all geoms that touch the ground, foot by foot."""
-        return tuple(name for foot in self.feet for name in foot.soles)
-
-    @property
     def default_joint_rad(self) -> NDArray[np.float64]:
         """(J,) default joint positions [rad]."""
         return np.array([joint.default_rad for joint in self.joints])

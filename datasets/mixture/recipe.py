@@ -21,7 +21,7 @@ from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from ...formats.core.errors import FileFormatError, InputError, UnknownNameError, brief
+from ...formats.core.errors import FileFormatError, InputError, UnknownNameError, brief, check_name
 from ...formats.core.rollout import EndReason
 from ...formats.untrusted.yaml_document import read_yaml
 
@@ -36,7 +36,7 @@ OWN_VIEW = "ego"
 
 @dataclass(frozen=True)
 class Source:
-    """A query for episodes. An empty tuple does not restrict.
+    """A query for episodes. An empty tuple means no restriction.
 
     Attributes:
         data: dataset folders, or patterns of them, relative to the folder searched.
@@ -202,8 +202,7 @@ def _record[T](kind: type[T], what: str, value: Any) -> T:
     given = _mapping(what, value if value is not None else {})
     known = {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
     for key, entry in given.items():
-        if key not in known:
-            raise UnknownNameError(f"key in {what}:", str(key), known)
+        check_name(f"key in {what}:", key, known)
         default = known[key].default
         where = f"{what}: {key}"
         if isinstance(default, tuple) and key != "compare":
@@ -243,8 +242,7 @@ def _number(what: str, value: Any) -> float:
 
 def _known(kind: str, names: Any, valid: Any) -> None:
     for name in names:
-        if name not in valid:
-            raise UnknownNameError(kind, name, valid)
+        check_name(kind, name, valid)
 
 
 FOLDER = Path(__file__).resolve().parents[1] / "recipes"

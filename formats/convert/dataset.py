@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,22 +16,18 @@ from ..lerobot.info import PLACE_FIELDS, fill_template, video_start_s
 from ..lerobot.layout import (
     CODEBASE_VERSION,
     DATASET_ROWS,
-    DEPTH_KEY,
     INFO_PATH,
-    PROVENANCE_PATH,
     Features,
-    FileLimits,
 )
 from ..lerobot.statistics import MOMENTS, QUANTILES
 from ..lerobot.unit_parts import UnitParts, write_unit
 from ..lerobot.unit_rows import unit_schema
-from ..untrusted.documents import read_json_object
-from ..untrusted.files import check_input, check_links, read_input
+from ..untrusted.files import check_input, check_links
 from ..untrusted.limits import limits
 from ..untrusted.tables import read_schema, read_table
 from ..video.mux import copy_frames
+from .facts import DatasetFacts, facts_of
 
-MAX_CARD_BYTES = 16 << 20
 _NEEDED = {
     "total_episodes": int,
     "robot_type": str,
@@ -44,43 +39,6 @@ PICTURES = ("video", "image")
 EPISODES_GLOB = "meta/episodes/chunk-*/file-*.parquet"
 # Whole rollouts of the episodes, where a converter had them; LeRobot does not look there.
 ROLLOUTS_PATH = "rollouts/episode_{episode_index:06d}.mcap"
-
-
-@dataclass(frozen=True)
-class DatasetFacts:
-    """What belongs to a dataset as a whole, and to no episode.
-
-    Attributes:
-        title, licence: of the card.
-        provenance: meta/provenance.json.
-        limits: when new files begin.
-        depth_storage: one of LeRobot's `DEPTH_STORAGES`.
-    """
-
-    title: str
-    licence: str
-    provenance: dict[str, Any]
-    limits: FileLimits = FileLimits()  # noqa: RUF009 (frozen)
-    depth_storage: str = "video"
-
-    def to_json(self) -> dict[str, Any]:
-        """Return JSON values."""
-        return asdict(self)
-
-    @staticmethod
-    def from_json(values: dict[str, Any]) -> DatasetFacts:
-        """Return the inverse of `to_json`.
-
-        Raises:
-            KeyError, TypeError: not such facts.
-        """
-        return DatasetFacts(
-            str(values["title"]),
-            str(values["licence"]),
-            dict(values["provenance"]),
-            FileLimits(**values["limits"]),
-            str(values["depth_storage"]),
-        )
 
 
 @dataclass(frozen=True)
@@ -127,7 +85,7 @@ def open_dataset(root: Path) -> Dataset:
         raise FileFormatError(
             root, f"{len(numbers)} episodes listed, {INFO_PATH} says {info['total_episodes']}"
         )
-    return Dataset(root, info, tuple(sorted(numbers)), _facts(root, info))
+    return Dataset(root, info, tuple(sorted(numbers)), facts_of(root, info))
 
 
 def read_facts(root: Path) -> DatasetFacts:
@@ -136,7 +94,7 @@ def read_facts(root: Path) -> DatasetFacts:
     Raises:
         FileFormatError: no LeRobot v3.0 dataset, or damaged.
     """
-    return _facts(root, read_info(root))
+    return facts_of(root, read_info(root))
 
 
 def extract_unit(root: Path, number: int, folder: Path) -> None:
@@ -254,48 +212,3 @@ def _frame_rows(
 def _place(root: Path, template: str, row: dict[str, Any], prefix: str, **names: str) -> Path:
     indices = {name: row[f"{prefix}/{name}"] for name in PLACE_FIELDS}
     return fill_template(root, template, **indices, **names)
-
-
-def _facts(root: Path, info: dict[str, Any]) -> DatasetFacts:
-    provenance = root / PROVENANCE_PATH
-    try:
-        value = read_json_object(provenance, root=root) if provenance.exists() else {}
-        file_limits = FileLimits(
-            int(info["chunks_size"]),
-            _megabytes(info["data_files_size_in_mb"]),
-            _megabytes(info["video_files_size_in_mb"]),
-        )
-        depth_storage = info["features"][DEPTH_KEY]["dtype"]
-    except (ValueError, KeyError, TypeError, OverflowError) as error:
-        raise FileFormatError(root / INFO_PATH, f"damaged: {error!r}") from error
-    front = _card_front(root / "README.md")
-    return DatasetFacts(
-        front.get("pretty_name", root.name),
-        front.get("license", "unknown"),
-        value,
-        file_limits,
-        depth_storage,
-    )
-
-
-def _megabytes(value: Any) -> float:
-    """Return a size in the notation of the file, so that it is written back unchanged."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e9:
-        raise ValueError(f"size {brief(value)} MB; valid: a number above 0")
-    return value
-
-
-def _card_front(path: Path) -> dict[str, str]:
-    """Return the text values of a card's front matter, as `dataset_card` writes them."""
-    if not path.exists():
-        return {}
-    found = {}
-    text = read_input(path, root=path.parent, max_bytes=MAX_CARD_BYTES).decode(errors="replace")
-    for line in text.partition("\n---")[0].splitlines():
-        key, _, value = line.partition(": ")
-        if key in ("license", "pretty_name"):
-            try:
-                found[key] = str(json.loads(value))
-            except ValueError:
-                found[key] = value.strip()
-    return found

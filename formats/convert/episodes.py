@@ -42,7 +42,8 @@ from ..mcap.shown import extract_shown
 from ..rendered.folder import video_name
 from ..rendered.table import build_frame_table
 from ..untrusted.documents import read_json_object
-from .dataset import ROLLOUTS_PATH, DatasetFacts, extract_unit, kept_rollout, read_facts
+from .dataset import ROLLOUTS_PATH, extract_unit, kept_rollout, read_facts
+from .facts import DatasetFacts
 from .stored_depth import depth_video
 from .unit_mcap import UNIT_METADATA, extract_unit_mcap, write_unit_mcap
 

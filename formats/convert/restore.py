@@ -60,7 +60,7 @@ def restore(root: Path, originals: Sequence[Path]) -> Restored:
     if lost:
         raise FileFormatError(
             root,
-            f"episode {lost[0]} (and {len(lost) - 1} more) is in none of "
+            f"{len(lost)} episodes (the first is number {lost[0]}) are in none of "
             f"{', '.join(map(str, originals))}; name all datasets that it was made from",
         )
     found = {number: known[digest] for number, digest in own.items()}

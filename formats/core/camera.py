@@ -42,6 +42,13 @@ class CameraModel:
         f, cx, cy = self.focal_px, 0.5 * (self.width_px - 1), 0.5 * (self.height_px - 1)
         return np.array([[f, 0.0, cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
 
+    def pixel_rays(self) -> NDArray[np.float64]:
+        """Return the points (height, width, 3) of the optical frame that pixels show at depth 1."""
+        row, column = np.indices((self.height_px, self.width_px))
+        x = (column - (self.width_px - 1) / 2) / self.focal_px
+        y = (row - (self.height_px - 1) / 2) / self.focal_px
+        return np.stack([x, y, np.ones(x.shape)], axis=-1)
+
     def to_json(self) -> dict[str, Any]:
         """Return the camera as JSON values, sufficient to unproject its pixels."""
         return {

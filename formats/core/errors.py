@@ -90,6 +90,13 @@ class DivergedError(VlnpeError):
     """The physics simulation diverged (NaN or implausibly large values)."""
 
 
+def check_name(kind: str, name: str, valid: Iterable[str]) -> None:
+    """Raise UnknownNameError unless `name` is one of `valid`; `kind` says of what, in words."""
+    names = tuple(valid)
+    if name not in names:
+        raise UnknownNameError(kind, name, names)
+
+
 def brief(value: Any) -> str:
     """Return a value for an error message: never long, whatever it is and however it nests."""
     shortened = reprlib.Repr(

@@ -59,11 +59,6 @@ def world_to_habitat_rotation(yaw_rad: float) -> Array:
     return np.array([0.0, np.sin(half), 0.0, np.cos(half)])
 
 
-def wxyz_to_xyzw(quat_wxyz: ArrayLike) -> Array:
-    """Move w last; only for a format's edge. Shape (..., 4)."""
-    return np.roll(np.asarray(quat_wxyz, dtype=np.float64), -1, axis=-1)
-
-
 def xyzw_to_wxyz(quat_xyzw: ArrayLike) -> Array:
     """Move w first; only for a format's edge. Shape (..., 4)."""
     return np.roll(np.asarray(quat_xyzw, dtype=np.float64), 1, axis=-1)
@@ -147,14 +142,6 @@ def quat_to_yaw(quat_wxyz: ArrayLike) -> Array:
     """Return the heading of the body x axis about world z [rad], shape (...) from (..., 4)."""
     w, x, y, z = np.moveaxis(np.asarray(quat_wxyz, dtype=np.float64), -1, 0)
     return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-
-
-def quat_to_roll_pitch(quat_wxyz: ArrayLike) -> tuple[Array, Array]:
-    """Return roll and pitch [rad] of z-y-x Euler angles, each (...), from (..., 4)."""
-    w, x, y, z = np.moveaxis(np.asarray(quat_wxyz, dtype=np.float64), -1, 0)
-    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
-    return roll, pitch
 
 
 def wrap_angle(angle_rad: ArrayLike) -> Array:

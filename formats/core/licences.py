@@ -82,10 +82,10 @@ def may_pass_on(identifier: str) -> bool:
 def why_not(identifier: str) -> str:
     """Return in words why data of such a scene may not be published."""
     if identifier in _NO_DERIVATIVES:
-        return f"{identifier} forbids to pass on derived works"
+        return f"{identifier} forbids distributing derived works"
     if identifier == UNKNOWN:
         return "its licence is unknown"
-    return f"its licence ({identifier}) is not one that vlnpe knows to allow it"
+    return f"its licence ({identifier}) is not known to permit it"
 
 
 def hub_licence(identifiers: Iterable[str]) -> dict[str, str]:

@@ -87,7 +87,7 @@ def _span_of_rows(folder: Path, number: int, tasks: NDArray[Any] | None) -> tupl
         return None
     if tasks.dtype.kind not in "iu" or tasks.ndim != 1:
         raise FileFormatError(
-            folder, f"episode {number}: task_index of its rows; valid: one whole number a row"
+            folder, f"episode {number}: task_index of its rows; valid: one whole number per row"
         )
     return int(np.min(tasks)), int(np.max(tasks))
 

@@ -20,7 +20,7 @@ from typing import Any
 import pyarrow as pa
 
 from ..core.errors import FileFormatError
-from ..untrusted import documents
+from ..untrusted.documents import parse_json
 from ..untrusted.files import read_input
 from ..untrusted.limits import limits
 
@@ -110,15 +110,6 @@ def place(template: str, number: int, **names: str) -> str:
     return template.format(episode_chunk=chunk, episode_index=number, **names)
 
 
-def read_json(path: Path) -> dict[str, Any]:
-    """Return one object.
-
-    Raises:
-        FileFormatError: missing, no JSON, or no object.
-    """
-    return documents.read_json_object(path, root=scene_folder(path))
-
-
 def read_lines(path: Path) -> list[dict[str, Any]]:
     """Return one object per line.
 
@@ -126,7 +117,7 @@ def read_lines(path: Path) -> list[dict[str, Any]]:
         FileFormatError: missing, or a line is not a JSON object.
     """
     data = read_input(path, root=scene_folder(path), max_bytes=limits().json_bytes)
-    values = [documents.parse_json(path, line) for line in data.splitlines() if line.strip()]
+    values = [parse_json(path, line) for line in data.splitlines() if line.strip()]
     if not all(isinstance(value, dict) for value in values):
         raise FileFormatError(path, "a line is not a JSON object")
     return values

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from ..core.errors import FileFormatError
 from ..untrusted.arrays import map_array
+from ..untrusted.documents import read_json_object
 from ..untrusted.tables import read_table
 from . import layout
 from .episode_tasks import read_tasks
-from .layout import COLUMNS, read_json, read_lines
+from .layout import COLUMNS, read_lines
 
 MAX_DEPTH = 3  # folders between a root and its scenes' trajectories
 MAX_NUMBER = 1e6  # of metres, radians or rows: more is damage
@@ -106,7 +107,7 @@ def read_layout_episode(folder: Path, number: int) -> LayoutEpisode:
         FileFormatError: a file is missing or corrupt, numbers of rows differ, or values are
             impossible.
     """
-    info = read_json(folder / layout.INFO_PATH)
+    info = read_json_object(folder / layout.INFO_PATH, root=folder)
     columns = _read_columns(folder / _place(layout.DATA_PATH, number), folder)
     rgb = map_array(folder / _place(layout.VIDEO_PATH, number, layout.RGB_KEY), root=folder)
     depth_path = folder / _place(layout.VIDEO_PATH, number, layout.DEPTH_KEY)
@@ -157,7 +158,7 @@ def read_dataset_facts(folder: Path) -> dict[str, Any] | None:
         FileFormatError: damaged.
     """
     path = folder / layout.DATASET_PATH
-    return read_json(path) if path.is_file() else None
+    return read_json_object(path, root=folder) if path.is_file() else None
 
 
 def _folders(root: Path, depth: int) -> Iterator[Path]:

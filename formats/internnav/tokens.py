@@ -37,7 +37,7 @@ def read_vocabulary(path: Path) -> Vocabulary:
     try:
         words = tuple(value.get("instruction_vocab", value)["word_list"])
         if not all(isinstance(word, str) for word in words):
-            raise ValueError("word_list holds more than words")
+            raise ValueError("word_list contains entries that are not text")
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise FileFormatError(path, f"contains no instruction_vocab ({error!r})") from error
     missing = [word for word in (PAD, UNKNOWN) if word not in words]

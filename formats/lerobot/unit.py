@@ -22,7 +22,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from ..core.camera import CameraModel, DepthRange
-from ..core.errors import FileFormatError, UnknownNameError
+from ..core.errors import FileFormatError, check_name
 from ..core.rollout import Rollout
 from ..rendered.folder import FrameFolder
 from ..rendered.image_counts import add_depth_codes, add_rgb, new_depth_counts, new_rgb_counts
@@ -94,7 +94,6 @@ def write_episode_unit(
     rollout: Rollout,
     frames: FrameFolder,
     *,
-    instructions: Sequence[str] | None = None,
     depth_storage: str = "video",
 ) -> None:
     """Write one episode, whatever its outcome.
@@ -105,7 +104,6 @@ def write_episode_unit(
         frames: The rendered view. Its videos are linked, or copied where that is impossible. If
             its arrays have `rgb_counts` (3, 256) and `depth_counts` (4096,), the videos need not be
             decoded for their statistics.
-        instructions: All instructions of the path; by default the episode's own.
         depth_storage: One of `DEPTH_STORAGES`; `image` keeps whole millimetres in the rows.
 
     Raises:
@@ -113,8 +111,7 @@ def write_episode_unit(
         ValueError: If the frames do not belong to the rollout.
         FileFormatError: If a video is damaged, or has another length, rate or size.
     """
-    if depth_storage not in DEPTH_STORAGES:
-        raise UnknownNameError("depth storage", depth_storage, DEPTH_STORAGES)
+    check_name("depth storage", depth_storage, DEPTH_STORAGES)
     depth_range, rate = frames.depth_range, frames.frames_per_second
     table = build_frame_table(rollout, frames.arrays, rate)
     rgb = _checked_video(frames.rgb_video, table, frames.camera)
@@ -125,7 +122,7 @@ def write_episode_unit(
     statistics = {key: column_statistics(values) for key, values in columns.items()}
     counts = _counts(frames)
     statistics |= picture_statistics(*counts, depth_range, len(table), stores_images(features))
-    own = instructions or rollout.episode.extra.get("instructions") or [rollout.episode.instruction]
+    own = rollout.episode.extra.get("instructions") or [rollout.episode.instruction]
     parts = UnitParts(
         frames_per_second=rate,
         robot=rollout.robot,

@@ -4,7 +4,7 @@ Everything `write_rollout` writes, and: colour as the video's own packets (Compr
 beyond the video's), depth as 16-bit millimetres (RawImage 16UC1, 0 = invalid), camera calibration,
 the camera's transform, commands, discrete actions, the instruction, the reference path, the scene's
 map, the robot's body, and as an attachment the exact numbers behind the frames. `read_rollout`
-reads these files, too; `extract_episode` gives back everything.
+reads these files, too; `extract_contents` gives back everything.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from .camera_streams import extract_videos
 from .facts import JSON_KEY, METADATA_NAME, rollout_facts
 from .id_images import LABELS_NAME, extract_id_videos, id_messages, id_videos
 from .plan import plan_messages
-from .recording import Contents, Recording, open_recording, read_recording
+from .recording import Contents, Recording, open_recording
 from .rollout import SHOW_EVERY, rollout_of
 from .sensors import action_messages, command_messages, foot_messages, imu_messages
 from .shown import ShownTopic, extract_shown, shown_messages
@@ -47,7 +47,7 @@ FRAMES_ATTACHMENT = "frames.npz"
 
 @dataclass(frozen=True)
 class ExtractedEpisode:
-    """The result of `extract_episode`.
+    """The result of `extract_contents`.
 
     Attributes:
         rollout: physics truth, exact.
@@ -175,23 +175,19 @@ def attach(recording: Recording, name: str, media_type: str, data: bytes) -> Non
     recording.writer.attach(log_time=0, create_time=0, name=name, media_type=media_type, data=data)
 
 
-def extract_episode(path: Path, folder: Path) -> ExtractedEpisode:
-    """Read what `write_episode_mcap` wrote, and write its frames as the render stage does.
+def extract_contents(contents: Contents, path: Path, folder: Path) -> ExtractedEpisode:
+    """Return what `write_episode_mcap` wrote, and write its frames as the render stage does.
 
     The colour video gets the very packets it had; depth is encoded again, without loss.
 
     Args:
-        path: the file.
+        contents: of the file.
+        path: the file, for errors.
         folder: for the frames; replaced as a whole.
 
     Raises:
-        FileFormatError: missing, truncated, corrupt, or not an episode with pictures.
+        FileFormatError: truncated, corrupt, or not an episode with pictures.
     """
-    return extract_contents(read_recording(path), path, folder)
-
-
-def extract_contents(contents: Contents, path: Path, folder: Path) -> ExtractedEpisode:
-    """Return `extract_episode` of a file that was read."""
     rollout, facts, arrays = extract_records(contents, path)
     with atomic_folder(folder) as temporary:
         count = len(arrays["sample_index"])

@@ -77,7 +77,7 @@ FREE, BLOCKED, NOTHING = (205, 214, 205, 255), (96, 96, 104, 255), (0, 0, 0, 0)
 BELOW_M = 0.02  # so that paths and feet are drawn over it
 
 
-def map_topic(freemap: Freemap, time_s: float = 0.0) -> ShownTopic:
+def map_topic(freemap: Freemap) -> ShownTopic:
     """Return the map as one message: free floor, floor under something, and no floor."""
     floor = np.isfinite(freemap.floor_z_m)
     kind = np.where(floor, np.where(freemap.traversable, 0, 1), 2)
@@ -90,7 +90,7 @@ def map_topic(freemap: Freemap, time_s: float = 0.0) -> ShownTopic:
         for k, name in enumerate(("red", "green", "blue", "alpha"))
     ]
     grid = Grid(
-        timestamp=timestamp(time_s),
+        timestamp=timestamp(0.0),
         frame_id=WORLD_FRAME,
         pose=Pose(
             position=Vector3(x=x, y=y, z=z), orientation=Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
@@ -104,5 +104,5 @@ def map_topic(freemap: Freemap, time_s: float = 0.0) -> ShownTopic:
     )
     schema = Grid.get_schema()
     return ShownTopic(
-        MAP_TOPIC, schema.name, schema.data, ((nanoseconds(time_s), bytes(grid.encode())),)
+        MAP_TOPIC, schema.name, schema.data, ((nanoseconds(0.0), bytes(grid.encode())),)
     )

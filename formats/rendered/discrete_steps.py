@@ -49,18 +49,13 @@ def planar_poses(state: NDArray) -> NDArray[np.float64]:
     return np.column_stack([state[:, :2].astype(np.float64), quat_to_yaw(state[:, 3:7])])
 
 
-def total_turning(yaw_rad: NDArray[np.float64], least_rad: float = TURN_STEP_RAD) -> float:
-    """Return the sum of all swings of a heading [rad].
+def total_turning(yaw_rad: NDArray[np.float64]) -> float:
+    """Return the sum of all swings [rad] of an unwrapped heading (N,), N ≥ 1.
 
-    A swing is a change between two extremes of at least `least_rad`; what is smaller, as a gait's
-    sway, belongs to the swing around it. By default this is turning at the resolution of one turn
-    action.
-
-    Args:
-        yaw_rad: (N,) unwrapped heading, N ≥ 1.
-        least_rad: smallest change that counts.
+    A swing is a change between two extremes of at least one turn action; what is smaller, as a
+    gait's sway, belongs to the swing around it.
     """
-    least = least_rad - 1e-6
+    least = TURN_STEP_RAD - 1e-6
     total, low, high = 0.0, float(yaw_rad[0]), float(yaw_rad[0])
     sense = 0
     for yaw in yaw_rad.tolist():

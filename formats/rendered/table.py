@@ -157,22 +157,13 @@ def planar_motion(
 ) -> NDArray[np.float64]:
     """Return the motion (N, 3) from each pose to the next: Δx, Δy [m] and Δyaw [rad].
 
-    Displacements are in the pose's yaw frame; the last row is zero. Inverse: `integrate_motion`.
+    Displacements are in the pose's yaw frame; the last row is zero.
     """
     yaw = quat_to_yaw(quat_wxyz)
     motion = np.zeros((len(yaw), 3))
     motion[:-1, :2] = _rotate_about_z(np.diff(position_world_m, axis=0), -yaw[:-1])[:, :2]
     motion[:-1, 2] = wrap_angle(np.diff(yaw))
     return motion
-
-
-def integrate_motion(motion: NDArray, start_xy_yaw: NDArray) -> NDArray[np.float64]:
-    """Return poses (N, 3), x, y [m] and unwrapped yaw [rad], that `motion` (N, 3) leads through."""
-    yaw = start_xy_yaw[2] + np.concatenate([[0.0], np.cumsum(motion[:-1, 2], dtype=np.float64)])
-    steps = np.pad(motion[:-1, :2].astype(np.float64), ((0, 0), (0, 1)))
-    steps = _rotate_about_z(steps, yaw[:-1])[:, :2]
-    xy = start_xy_yaw[:2] + np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
-    return np.column_stack([xy, yaw])
 
 
 def executed_actions(

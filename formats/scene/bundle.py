@@ -15,20 +15,18 @@ The index is written last: a folder with one is complete.
 
 from __future__ import annotations
 
-import zipfile
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.atomic import atomic_file, write_json
+from ..core.atomic import write_json
 from ..core.errors import FileFormatError, brief
-from ..untrusted.arrays import read_arrays
 from ..untrusted.documents import read_json_object
 from ..untrusted.files import is_relative
+from .arrays import grid_arrays, grid_of, known_fields, record_of, save_npz
 from .freemap import Freemap
 from .grid import GridSpec
 
@@ -161,7 +159,7 @@ class SceneBundle:
             FileFormatError: the file is missing, or lacks another array.
         """
         path = self.root / "visual.npz"
-        return _record(path, lambda data: VisualMesh(**_known(VisualMesh, data)))
+        return record_of(path, lambda data: VisualMesh(**known_fields(VisualMesh, data)))
 
     def level_folder(self, level: int) -> Path:
         """Return the folder of a level.
@@ -177,17 +175,17 @@ class SceneBundle:
     def floor(self, level: int) -> Floor:
         """Load a level's floor."""
         path = self.level_folder(level) / "floor.npz"
-        return _record(path, lambda data: Floor(_grid(data), data["height_m"], data["covered"]))
+        return record_of(path, lambda data: Floor(grid_of(data), data["height_m"], data["covered"]))
 
     def obstacles(self, level: int) -> Obstacles:
         """Load a level's collision boxes."""
         path = self.level_folder(level) / "obstacles.npz"
-        return _record(path, lambda data: Obstacles(**_known(Obstacles, data)))
+        return record_of(path, lambda data: Obstacles(**known_fields(Obstacles, data)))
 
     def freemap(self, level: int) -> Freemap:
         """Load a level's planning map."""
         path = self.level_folder(level) / "freemap.npz"
-        return _record(path, lambda data: Freemap(_grid(data), **_known(Freemap, data)))
+        return record_of(path, lambda data: Freemap(grid_of(data), **known_fields(Freemap, data)))
 
 
 def save_bundle(
@@ -196,19 +194,19 @@ def save_bundle(
     levels: list[tuple[Floor, Obstacles, Freemap]],
 ) -> None:
     """Write `bundle` and its arrays under `bundle.root`; the index goes last."""
-    _save_npz(bundle.root / "visual.npz", **vars(visual))
+    save_npz(bundle.root / "visual.npz", **vars(visual))
     for k, (floor, obstacles, freemap) in enumerate(levels):
         folder = bundle.root / "levels" / str(k)
-        _save_npz(
+        save_npz(
             folder / "floor.npz",
-            **_grid_arrays(floor.grid),
+            **grid_arrays(floor.grid),
             height_m=floor.height_m,
             covered=floor.covered,
         )
-        _save_npz(folder / "obstacles.npz", **vars(obstacles))
-        _save_npz(
+        save_npz(folder / "obstacles.npz", **vars(obstacles))
+        save_npz(
             folder / "freemap.npz",
-            **_grid_arrays(freemap.grid),
+            **grid_arrays(freemap.grid),
             floor_z_m=freemap.floor_z_m,
             traversable=freemap.traversable,
             headroom_m=freemap.headroom_m,
@@ -277,47 +275,3 @@ def load_bundle(root: Path) -> SceneBundle:
         )
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise FileFormatError(path, f"not a scene index: {error!r}") from error
-
-
-def _record[T](path: Path, make: Callable[[dict[str, NDArray[Any]]], T]) -> T:
-    """Return what `make` makes of a file's arrays.
-
-    Raises:
-        FileFormatError: the file is missing or damaged, or lacks an array.
-    """
-    if not path.is_file():
-        raise FileFormatError(path, "missing; the scene's repair is incomplete")
-    data = read_arrays(path)
-    try:
-        return make(data)
-    except (KeyError, TypeError, ValueError) as error:
-        raise FileFormatError(path, f"damaged: {error}") from error
-
-
-def _known(kind: type, data: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    return {f.name: data[f.name] for f in fields(kind) if f.name in data}
-
-
-def _save_npz(path: Path, **arrays: Any) -> None:
-    # NumPy's own writer compresses three times as long for files 3 % smaller.
-    with (
-        atomic_file(path) as temporary,
-        zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
-    ):
-        for name, array in arrays.items():
-            with archive.open(f"{name}.npy", "w", force_zip64=True) as stream:
-                np.lib.format.write_array(stream, np.asanyarray(array), allow_pickle=False)
-
-
-def _grid_arrays(grid: GridSpec) -> dict[str, Any]:
-    return {
-        "origin_xy_m": np.asarray(grid.origin_xy_m),
-        "cell_m": np.float64(grid.cell_m),
-        "shape": np.asarray(grid.shape),
-    }
-
-
-def _grid(data: Any) -> GridSpec:
-    x, y = (float(v) for v in data["origin_xy_m"])
-    rows, columns = (int(v) for v in data["shape"])
-    return GridSpec((x, y), float(data["cell_m"]), rows, columns)

@@ -171,7 +171,7 @@ class _Reader:
         data = self._buffer(int(view["buffer"]))
         start, length = int(view.get("byteOffset", 0)), int(view["byteLength"])
         if start < 0 or length < 0 or start + length > len(data):
-            raise ValueError(f"buffer view {index} leaves its buffer")
+            raise ValueError(f"buffer view {index} extends beyond its buffer")
         return data[start : start + length]
 
     def _buffer(self, index: int) -> memoryview:

@@ -93,19 +93,18 @@ def parse_json(
     return value
 
 
-def read_json(path: Path, *, root: Path | None = None, max_bytes: int | None = None) -> Any:
+def read_json(path: Path, *, root: Path | None = None) -> Any:
     """Return the value of a JSON file.
 
     Args:
         path: the file.
         root: the folder that it must lie in after links are followed; None: anywhere.
-        max_bytes: instead of `json_bytes` of the limits.
 
     Raises:
         FileFormatError: missing, not a regular file, a link out of `root`, not JSON, or beyond a
             limit.
     """
-    return parse_json(path, read_input(path, root=root, max_bytes=max_bytes or limits().json_bytes))
+    return parse_json(path, read_input(path, root=root, max_bytes=limits().json_bytes))
 
 
 def read_json_object(path: Path, *, root: Path | None = None) -> dict[str, Any]:

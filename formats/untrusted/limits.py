@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass, fields, replace
 
-from ..core.errors import InputError, UnknownNameError
+from ..core.errors import InputError, check_name
 
 VARIABLE = "VLNPE_LIMITS"
 
@@ -66,8 +66,7 @@ def limits() -> Limits:
     changes: dict[str, int] = {}
     for entry in os.environ.get(VARIABLE, "").replace(",", " ").split():
         name, _, value = entry.partition("=")
-        if name not in known:
-            raise UnknownNameError(f"limit in {VARIABLE}", name, known)
+        check_name(f"limit in {VARIABLE}", name, known)
         if not value.isdecimal() or int(value) < 1:
             raise InputError(f"{VARIABLE}: {name}={value}; valid: a whole number above 0")
         changes[name] = int(value)

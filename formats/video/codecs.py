@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from ..core.errors import UnknownNameError
+from ..core.errors import check_name
 from .depth_codes import DEPTH_PIXEL_FORMAT
 
 GROUP_OF_PICTURES = 2  # key frame distance, LeRobot's own choice
@@ -57,8 +57,7 @@ RGB_CODECS: dict[str, VideoCodec] = {
 
 def check_rgb_codec(name: str) -> None:
     """Raise UnknownNameError unless `name` is in `RGB_CODECS`."""
-    if name not in RGB_CODECS:
-        raise UnknownNameError("video codec", name, RGB_CODECS)
+    check_name("video codec", name, RGB_CODECS)
 
 
 # Pictures to be looked at, not trained on, have B-frames. With these x264's macroblock tree reads

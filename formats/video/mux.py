@@ -14,7 +14,7 @@ from av.container import InputContainer
 from av.error import FFmpegError
 
 from ..core.atomic import atomic_file
-from ..core.errors import FileFormatError, UnknownNameError
+from ..core.errors import FileFormatError, check_name
 from .stream import demux_packets, open_video, stream_settings, ticks_per_frame
 
 # Codec → FFmpeg's reader of its bare stream, and what must stand before each packet for it.
@@ -38,8 +38,7 @@ def write_bitstream(
         UnknownNameError: another codec.
         ValueError: the packets are no such stream, or not one per frame.
     """
-    if codec not in _RAW_FORMATS:
-        raise UnknownNameError("video codec", codec, _RAW_FORMATS)
+    check_name("video codec", codec, _RAW_FORMATS)
     raw_format, separator = _RAW_FORMATS[codec]
     stream_bytes = b"".join(separator + packet for packet in packets)
     options = {"framerate": str(frames_per_second)}

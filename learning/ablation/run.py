@@ -21,7 +21,7 @@ from ...datasets.selection import Selection
 from ...datasets.sequences import EpisodeSequences, SequenceConfig
 from ...datasets.tokens import Tokens, training_tokens
 from ...formats.core.atomic import file_digest, write_json
-from ...formats.core.errors import InputError, UnknownNameError
+from ...formats.core.errors import InputError, check_name
 from ...formats.core.progress import progress_bar
 from ...formats.core.source import code_digest
 from ...formats.lerobot.layout import STATS_PATH
@@ -99,8 +99,7 @@ def run_ablation(
         InputError: settings or data that are not valid.
     """
     config = train_config({**recipe.train, **changes})
-    if config.model.name not in DISCRETE:
-        raise UnknownNameError("model of an ablation", config.model.name, DISCRETE)
+    check_name("model of an ablation", config.model.name, DISCRETE)
     if recipe.holdout == NO_HOLDOUT:
         raise InputError("holdout none: an ablation predicts held-out episodes; valid: any other")
     library = Library(data)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from torch import nn
-
 from ...datasets.tokens import Tokens
 from ..config import ModelConfig
 from .cma import Cma
@@ -38,8 +36,3 @@ def build_model(tokens: Tokens, config: ModelConfig, *, pretrained: bool = True)
     if config.word_vectors and pretrained:
         load_word_vectors(model.reader.embedding, tuple(words), Path(config.word_vectors))
     return model
-
-
-def parameter_count(model: nn.Module) -> int:
-    """Return the number of trained numbers."""
-    return sum(parameter.numel() for parameter in model.parameters())

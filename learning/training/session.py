@@ -15,7 +15,7 @@ from ...datasets.mixture.recipe import Recipe
 from ...datasets.selection import Selection
 from ...datasets.sequences import EpisodeSequences, SequenceConfig
 from ...datasets.tokens import Tokens, training_tokens
-from ...formats.core.errors import InputError, UnknownNameError
+from ...formats.core.errors import InputError, check_name
 from ...formats.core.progress import progress_bar
 from ..camera import view_of
 from ..card import Card
@@ -160,8 +160,7 @@ def _mixture_name(recipe: Recipe, name: str | None) -> str:
     if name is None:
         names = ", ".join(recipe.mixtures)
         raise InputError(f"the recipe has several mixtures: {names}; choose one with --mixture")
-    if name not in recipe.mixtures:
-        raise UnknownNameError("mixture", name, recipe.mixtures)
+    check_name("mixture", name, recipe.mixtures)
     return name
 
 

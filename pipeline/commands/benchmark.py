@@ -9,7 +9,6 @@ import platform
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +16,10 @@ from ...collectors.controllers import CONTROLLERS, valid_controllers
 from ...evaluation.policy import check_policy
 from ...evaluation.results import COLUMNS, read_results
 from ...evaluation.rounds import spread
-from ...formats.core.atomic import atomic_file, file_digest, write_json
+from ...formats.core.atomic import atomic_file, write_json
 from ...formats.core.episode import Episode
-from ...formats.core.errors import InputError, UnknownNameError
-from ...formats.core.source import ROOT, code_digest
+from ...formats.core.errors import InputError, check_name
+from ...formats.core.source import code_digest
 from ...formats.vlnce.files import read_episodes, write_episodes
 from ..engine.context import open_context
 from ..engine.ledger import MANIFEST_NAME
@@ -29,6 +28,7 @@ from ..inputs.crews import chosen_robots
 from ..options.benchmark import Benchmark
 from ..options.collect import Collect
 from ..options.evaluate import Evaluate
+from ..provenance import versions
 from . import collect
 from .evaluate import run_evaluate
 
@@ -95,8 +95,7 @@ def _cells(options: Benchmark) -> list[Cell]:
         check_policy(policy)
     discrete = [name for name, entry in CONTROLLERS.items() if entry.discrete]
     for controller in controllers:
-        if controller not in discrete:
-            raise UnknownNameError("controller of a benchmark", controller, discrete)
+        check_name("controller of a benchmark", controller, discrete)
     return [
         Cell(policy, robot.name, controller)
         for controller in controllers
@@ -139,8 +138,7 @@ def _splits(
             found.setdefault(episode.split, []).append(episode)
     wanted = _names(options.split) if options.split else known.test_splits if known else found
     for split in wanted:
-        if split not in found:
-            raise UnknownNameError("split", split, found)
+        check_name("split", split, found)
     return {split: found[split] for split in wanted}
 
 
@@ -169,16 +167,13 @@ def _value(
     results: dict[Cell, dict[str, Any]],
 ) -> dict[str, Any]:
     """Return the result file's content."""
-    lock = ROOT / "uv.lock"
     digests = {split: episodes_digest(episodes) for split, episodes in splits.items()}
     paths = {split: paths_digest(episodes) for split, episodes in splits.items()}
     published = dict(known.paths_sha256) if known else {}
     return {
         "format": "vlnpe-benchmark/1",
         "benchmark": str(options.episodes) if known else options.episodes.name,
-        "vlnpe": version("vlnpe"),
-        "code_sha256": code_digest("pipeline.jobs.evaluate"),
-        "lock_sha256": file_digest(lock) if lock.is_file() else None,
+        **versions(code_digest("pipeline.jobs.evaluate")),
         "machine": f"{platform.system()} {platform.machine()}, Python {platform.python_version()}",
         "seed": options.seed,
         "episodes_sha256": digests,

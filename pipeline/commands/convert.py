@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import json
-import sys
-
 from ...formats.convert.restore import restore
-from ...formats.core.errors import InputError, UnknownNameError
+from ...formats.core.errors import InputError
 from ...formats.core.rollout import STATE_RATE_HZ
 from ...formats.internnav.foreign import Assumptions
-from ...formats.video.mp4 import RGB_CODECS
+from ...formats.video.mp4 import check_rgb_codec
 from ..engine.context import open_context
 from ..options.convert import Convert, Restore
 from ..stages import convert, convert_source
-from ..summary import joined, stage_table
+from ..summary import joined, print_result, stage_table
 
 
 def run_convert(options: Convert) -> int:
@@ -31,21 +28,16 @@ def run_convert(options: Convert) -> int:
         summaries, written = convert.run(context, source, target, chosen)
     quarantined = sum(s.quarantined for s in summaries)
     code = int(quarantined > options.max_failed)
-    if options.json:
-        value = {
-            "out": str(options.out),
-            "written": [str(path) for path in written],
-            "stages": {s.stage: s.counts() for s in joined(summaries)},
-            "exit_code": code,
-        }
-        sys.stdout.write(json.dumps(value) + "\n")
-        return code
-    sys.stdout.write(f"\n{stage_table(summaries)}\n\n")
-    for path in written:
-        sys.stdout.write(f"written to {path}\n")
+    facts = {
+        "written": [str(path) for path in written],
+        "stages": {s.stage: s.counts() for s in joined(summaries)},
+        "exit_code": code,
+    }
+    lines = [f"\n{stage_table(summaries)}\n", *(f"written to {path}" for path in written)]
     if quarantined:
         reasons = options.out / "quarantine.json"
-        sys.stdout.write(f"{quarantined} items were quarantined; see {reasons} for the reasons\n")
+        lines.append(f"{quarantined} items were quarantined; see {reasons} for the reasons")
+    print_result(options, facts, "\n".join(lines))
     return code
 
 
@@ -56,17 +48,12 @@ def run_restore(options: Restore) -> int:
         FileFormatError: If a folder is not a dataset, or an episode is in none of the originals.
     """
     done = restore(options.dataset, options.original)
-    if options.json:
-        value = {"episodes": done.episodes, "sources": [str(path) for path in done.sources]}
-        sys.stdout.write(json.dumps(value) + "\n")
-    else:
-        sys.stdout.write(f"{options.dataset}: {done.episodes} episodes restored\n")
-    return 0
+    facts = {"episodes": done.episodes, "sources": [str(path) for path in done.sources]}
+    return print_result(options, facts, f"{options.dataset}: {done.episodes} episodes restored")
 
 
 def _options(options: Convert) -> convert_source.Options:
-    if options.rgb_codec not in RGB_CODECS:
-        raise UnknownNameError("video codec", options.rgb_codec, RGB_CODECS)
+    check_rgb_codec(options.rgb_codec)
     if not 0 < options.hfov_deg < 180:
         raise InputError(f"--hfov-deg {options.hfov_deg}: valid: between 0 and 180")
     if options.base_height_m is not None and not 0 < options.base_height_m < 10:

@@ -160,7 +160,7 @@ def run_sample(options: Sample) -> int:
         InputError: An option is invalid, or the scenes do not hold the paths asked for.
     """
     folders = _scene_folders(options.scenes)
-    scenes = scene_rows(folders)
+    scenes = repair.scene_rows(folder.resolve() for folder in folders)
     robots = _robots(options.robot)
     radius_m = _radius(robots, options.robot_radius_m)
     plan = SamplingPlan.of(options, options.preset, list(scenes))
@@ -227,20 +227,6 @@ def _pictures(out: Path | None, scenes: Sequence[Path], paths: Sequence[Episode]
         here = [path for path in paths if path.scene_id == bundle.scene_id]
         written += write_pictures(out, bundle, here)
     return written
-
-
-def scene_rows(folders: Sequence[Path]) -> dict[str, Row]:
-    """Return a ledger row for each repaired scene, as if the repair stage had written it.
-
-    The key hashes the scene's index file, which the repair writes last and never changes.
-    """
-    rows: dict[str, Row] = {}
-    for path in (folder.resolve() for folder in folders):
-        if path.name in rows:
-            raise InputError(f"two scenes are named {path.name}; rename one")
-        key = digest(path, (path / INDEX_NAME).read_text())
-        rows[path.name] = Row(repair.STAGE, path.name, key, "done")
-    return rows
 
 
 def _scene_folders(given: Sequence[Path]) -> list[Path]:

@@ -39,7 +39,7 @@ from ...evaluation.results import (
 from ...evaluation.statistics import LEAST_PATHS
 from ...formats.core.atomic import file_digest, write_json
 from ...formats.core.episode import Episode
-from ...formats.core.errors import InputError, UnknownNameError
+from ...formats.core.errors import InputError, check_name
 from ...formats.vlnce.files import read_episodes
 from ...learning.card import read_card
 from ..engine.context import open_context
@@ -224,8 +224,7 @@ def asked_episodes(
     episodes = [episode for path in files for episode in read_episodes(path)]
     splits = {episode.split for episode in episodes}
     if split is not None:
-        if split not in splits:
-            raise UnknownNameError("split", split, splits)
+        check_name("split", split, splits)
         episodes = [e for e in episodes if e.split == split]
     return episodes, scenes
 

@@ -21,8 +21,8 @@ from ..engine.runner import Context, StageSummary, run_stage
 from ..engine.work import work_item
 from ..jobs.instructions.instruct import CACHE, InstructJob, read_facts, read_sights
 from ..jobs.instructions.name_things import NameThingsJob
-from ..options.collect import Collect
 from ..options.instructions import Instruct
+from ..options.shared import Wording
 from ..stages import instruct, repair, visibility
 from ..summary import print_result
 
@@ -139,7 +139,7 @@ def _show(episodes: list[Episode], job: InstructJob, count: int) -> None:
         sys.stdout.write(show_path(episode, facts) + "\n\n")
 
 
-def instruct_config(options: Collect | Instruct) -> InstructConfig:
+def instruct_config(options: Wording) -> InstructConfig:
     """Return the configuration of the instructions that `collect` and `instruct` were asked for.
 
     Raises:

@@ -16,6 +16,7 @@ from ..options.results import Doctor, Report, Verify
 from ..stages import report
 from ..store.address import store_url
 from ..store.mirror import local_copy
+from ..summary import print_result
 from ..verify.run import verify_run
 
 # Exit code of `verify` where nothing is wrong but that the run has not ended.
@@ -58,8 +59,7 @@ def run_report(options: Report) -> int:
     folder = RunFolder(options.run.resolve())
     with Workers(1) as workers:
         page = report.write(folder, Context(Ledger.existing(folder.root), workers), [])
-    sys.stdout.write((json.dumps({"report": str(page)}) if options.json else str(page)) + "\n")
-    return 0
+    return print_result(options, {"report": str(page)}, str(page))
 
 
 def run_doctor(options: Doctor) -> int:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from collections.abc import Sequence
 
 from ...collectors.rendering.camera.extras import Extras
@@ -21,7 +19,7 @@ from ..inputs.views import check_frame_rate, chosen_lights, chosen_views
 from ..options.rollouts import Export, Render, Replay
 from ..report.gather import robot_rows
 from ..stages import export, render, repair, replay
-from ..summary import joined, robot_table, stage_table
+from ..summary import joined, print_result, robot_table, stage_table
 
 FRAME_RATE, VIDEO_RATE = 4, 25  # default frames per second
 
@@ -142,17 +140,10 @@ def run_export(options: Export) -> int:
 
 def _print_summary(options: Replay | Render | Export, summaries: Sequence[StageSummary]) -> int:
     quarantined = sum(s.quarantined for s in summaries)
-    if options.json:
-        value = {
-            "out": str(options.out),
-            "stages": {s.stage: s.counts() for s in joined(summaries)},
-            "exit_code": int(quarantined > options.max_failed),
-        }
-        sys.stdout.write(json.dumps(value) + "\n")
-    else:
-        sys.stdout.write(f"\n{stage_table(summaries)}\n\n")
-        if isinstance(options, Replay):
-            rows = robot_rows(Ledger.existing(options.out))
-            sys.stdout.write(f"{robot_table(rows)}\n\n")
-        sys.stdout.write(f"written to {options.out}\n")
-    return int(quarantined > options.max_failed)
+    code = int(quarantined > options.max_failed)
+    facts = {"stages": {s.stage: s.counts() for s in joined(summaries)}, "exit_code": code}
+    text = f"\n{stage_table(summaries)}\n\n"
+    if isinstance(options, Replay) and not options.json:
+        text += f"{robot_table(robot_rows(Ledger.existing(options.out)))}\n\n"
+    print_result(options, facts, f"{text}written to {options.out}")
+    return code

@@ -18,8 +18,8 @@ from ...formats.core.progress import progress_bar
 from .executors.attempts import Link, run_chains
 from .files import Records
 from .ledger import Row
-from .quarantine import forget_failure
-from .runner import BAR_LABEL, Context, check_distinct, counted, drop, record, why
+from .record import forget_failure, record
+from .runner import BAR_LABEL, Context, check_distinct, counted, drop, why
 from .work import WorkItem
 
 BAR = "episodes"
@@ -79,7 +79,9 @@ def run_ahead(context: Context, chains: Sequence[Sequence[Link]], label: str) ->
             for outcomes in run_chains(context.workers, waiting):
                 for link, outcome in outcomes:
                     if outcome is not None:
-                        done.append(record(context, link.stage, link.item, outcome))
+                        done.append(
+                            record(context.ledger, link.stage, link.item, outcome, context.command)
+                        )
                     elif known := earlier.get(link.item.outputs):  # of other options, and untouched
                         context.ledger.add(*known)
                 bar.set_postfix_str(_note(done), refresh=False)

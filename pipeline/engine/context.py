@@ -21,7 +21,7 @@ from .executors.base import Execution, make_executor
 from .files import records_of
 from .ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger, Row
 from .lock import LOCK_NAME, lock, sweep_unlocked
-from .quarantine import FOLDER as QUARANTINE_FOLDER
+from .record import FOLDER as QUARANTINE_FOLDER
 from .run_folder import open_run_folder
 from .runner import Context, run_stage
 from .signals import ended_first

@@ -11,53 +11,19 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from ...formats.core.atomic import write_bytes
 from ...formats.core.errors import FileFormatError
 from .checksums import journal_line, json_text, parse_journal_line, read_signed, signed
 from .files import FileRecord, Records, files_in, path_in_run, records_of
+from .rows import Row
 
 MANIFEST_NAME = "manifest.json"
 JOURNAL_NAME = "manifest.journal.jsonl"
 QUARANTINE_NAME = "quarantine.json"
-
-Status = Literal["done", "quarantined"]
-
-
-@dataclass(frozen=True)
-class Row:
-    """The outcome of one work item.
-
-    Attributes:
-        stage, item: which one.
-        key: digest of config, inputs and code that made it.
-        status: `done`, or `quarantined` when it raised.
-        failed: done, but with a bad outcome (a fall, a stuck robot): data, and counted apart.
-        outputs: produced files and folders, relative to the ledger's folder.
-        seconds: wall time it took.
-        cpu_seconds: CPU time it took, of all threads; 0 in rows written before it was kept.
-        facts: whatever later stages and the report want to know (JSON values).
-        error: `type` and `reason` of a quarantined item.
-        current: whether the latest run asked for it. Rows of earlier options stay, so that going
-            back to them costs nothing, but the report and the counts leave them out.
-        parts: digests of what it was made of, by name; see `explain`.
-    """
-
-    stage: str
-    item: str
-    key: str
-    status: Status
-    failed: bool = False
-    outputs: tuple[str, ...] = ()
-    seconds: float = 0.0
-    cpu_seconds: float = 0.0
-    facts: dict[str, Any] = field(default_factory=dict)
-    error: dict[str, str] = field(default_factory=dict)
-    current: bool = True
-    parts: dict[str, str] = field(default_factory=dict)
 
 
 class Ledger:
@@ -89,8 +55,8 @@ class Ledger:
         if manifest.exists():
             try:
                 content = read_signed(manifest)
-                for row in content["rows"]:
-                    self._keep(_row(row))
+                rows = [Row.parse(row) for row in content["rows"]]
+                self._rows = {(row.stage, row.item): row for row in rows}
                 self.hashed = "files" in content
                 self._files = dict(content.get("files", {}))
                 self._values = dict(content.get("parts", {}))
@@ -121,16 +87,11 @@ class Ledger:
 
     def rows(self, stage: str | None = None) -> list[Row]:
         """Return the current rows of all stages or of one, in item order."""
-        found = [self._rows[k] for k in sorted(self._rows) if stage in (None, k[0])]
-        return [row for row in found if row.current]
+        return [row for row in self.all_rows(stage) if row.current]
 
-    def all_rows(self, stage: str) -> list[Row]:
-        """Return the rows of a stage, those of earlier options too, in item order."""
-        return [self._rows[key] for key in sorted(self._rows) if key[0] == stage]
-
-    def every_row(self) -> list[Row]:
-        """Return the rows of all stages, those of earlier options too."""
-        return [self._rows[key] for key in sorted(self._rows)]
+    def all_rows(self, stage: str | None = None) -> list[Row]:
+        """Return the rows of all stages or of one, those of earlier options too, in item order."""
+        return [self._rows[key] for key in sorted(self._rows) if stage in (None, key[0])]
 
     def records(self, row: Row) -> dict[str, Records]:
         """Return the records of the files of an item's outputs, by output."""
@@ -173,7 +134,7 @@ class Ledger:
             row: The item.
             files: Records of the files of its outputs, by output.
         """
-        self._keep(row)
+        self._rows[(row.stage, row.item)] = row
         self._files.update(files or {})
         self._append([{**asdict(row), **({"files": dict(files)} if files else {})}])
 
@@ -277,7 +238,7 @@ class Ledger:
             for output, records in self._files.items()
             if without and any(path_in_run(output, name) in without for name in records)
         }
-        rows = [row for row in self.every_row() if left_out.isdisjoint(row.outputs)]
+        rows = [row for row in self.all_rows() if left_out.isdisjoint(row.outputs)]
         files = {output: one for output, one in self._files.items() if output not in left_out}
         used = {digest for row in rows for digest in row.parts.values()}
         values = {digest: one for digest, one in self._values.items() if digest in used}
@@ -323,7 +284,8 @@ class Ledger:
             self._files.update(line["record"])
         else:
             files = line.pop("files", {})
-            self._keep(_row(line))
+            row = Row.parse(line)
+            self._rows[(row.stage, row.item)] = row
             self._files.update(files)
 
     def _drop(self, stage: str, items: Iterable[str]) -> None:
@@ -339,10 +301,3 @@ class Ledger:
                 outputs.difference_update(row.outputs)
         for path in outputs:
             self._files.pop(path, None)
-
-    def _keep(self, row: Row) -> None:
-        self._rows[(row.stage, row.item)] = row
-
-
-def _row(value: dict[str, Any]) -> Row:
-    return Row(**{**value, "outputs": tuple(value["outputs"])})

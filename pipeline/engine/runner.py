@@ -3,76 +3,28 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import logging
 import os
 import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import dataclass, field
 
 from ...formats.core.atomic import sweep_beside
 from ...formats.core.errors import InputError, VlnpeError
 from ...formats.core.progress import progress_bar
-from .executors.attempts import TRANSIENT, Outcome, attempt, run_items
+from .executors.attempts import attempt, run_items
 from .executors.base import Executor
 from .explain import changes, parts_of
-from .files import Records
-from .ledger import Ledger, Row
-from .quarantine import forget_failure, keep_failure
+from .ledger import Ledger
+from .record import forget_failure, record
+from .rows import Row, StageSummary
 from .signals import OnlyDone
 from .work import WorkItem
 
 log = logging.getLogger(__name__)
 
 BAR_LABEL = 22  # characters of a bar's name: stage, robot and controller
-
-# The output folder itself is unusable: going on would fail every item for the same reason.
-FATAL_ERRNO = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM}
-
-
-@dataclass
-class StageSummary:
-    """Counts of one stage's run; `rows` are all its items' rows, reused ones too.
-
-    `done` counts what this run did, `reused` what it found done; `failed` those of both with a bad
-    outcome.
-    """
-
-    stage: str
-    done: int = 0
-    reused: int = 0
-    failed: int = 0
-    quarantined: int = 0
-    seconds: float = 0.0
-    rows: list[Row] = field(default_factory=list)
-
-    def counts(self) -> dict[str, int | float]:
-        """Return plain numbers for tables and `--json`."""
-        return {
-            "done": self.done,
-            "reused": self.reused,
-            "failed": self.failed,
-            "quarantined": self.quarantined,
-            "seconds": round(self.seconds, 2),
-        }
-
-    def joined(self, other: StageSummary) -> StageSummary:
-        """Return both runs of one stage (for two robots, …) as one."""
-        return StageSummary(
-            self.stage,
-            self.done + other.done,
-            self.reused + other.reused,
-            self.failed + other.failed,
-            self.quarantined + other.quarantined,
-            self.seconds + other.seconds,
-            [*self.rows, *other.rows],
-        )
-
-    def good(self) -> dict[str, Row]:
-        """Return the rows of items that are done, by item name."""
-        return {r.item: r for r in self.rows if r.status == "done"}
 
 
 @dataclass(frozen=True)
@@ -83,7 +35,7 @@ class Context:
         ledger: of the run folder (or of a single stage's output folder).
         workers: run the items of all stages.
         progress: show progress bars.
-        explain: say of every item why it runs or is reused.
+        explain: report for every item why it runs or is reused.
         retry_quarantined: run items again that failed before, and would fail again.
         only: `STAGE:ITEM`, the one item to run; empty runs all.
         command: the command line that runs one item alone, up to its name; empty if there is none.
@@ -141,7 +93,7 @@ def run_stage(
         row = ledger.row(stage, item.name)
         ahead_s = context.ahead.get((stage, item.name))
         if row is not None and row.key == item.key and ahead_s is not None:
-            _count(summary, row)
+            summary.count(row)
             summary.seconds += ahead_s
             continue
         reason = why(context, stage, item, row, required)
@@ -174,7 +126,7 @@ def run_stage(
     errors: list[BaseException] = []
     try:
         for item, outcome in run_items(context.workers, waiting):
-            _count(summary, record(context, stage, item, outcome))
+            summary.count(record(ledger, stage, item, outcome, context.command))
             if outcome.error is not None:
                 errors.append(outcome.error)
             bar.set_postfix_str(_note(summary), refresh=False)
@@ -209,14 +161,6 @@ def drop(context: Context, items: Iterable[WorkItem]) -> None:
     sweep_beside(path for item in items for path in item.outputs)
     with contextlib.suppress(OSError):  # a full disk must not hide that it is full
         context.ledger.save()
-
-
-def _count(summary: StageSummary, row: Row) -> None:
-    """Add an item that this run did."""
-    summary.rows.append(row)
-    summary.done += row.status == "done"
-    summary.failed += row.failed
-    summary.quarantined += row.status == "quarantined"
 
 
 def check_distinct(stage: str, items: Sequence[WorkItem]) -> None:
@@ -277,23 +221,10 @@ def _run_only(
     forget_failure(context.ledger, stage, found[0])
     context.ledger.forget(stage, [wanted])
     outcome = attempt(found[0].job, found[0].outputs, os.cpu_count() or 1)
-    row = record(context, stage, found[0], outcome)
+    row = record(context.ledger, stage, found[0], outcome, context.command)
     context.ledger.save()
     sys.stderr.write(outcome.traceback or f"{stage} {wanted}: done\n")
     raise OnlyDone(row.status == "done")
-
-
-def record(context: Context, stage: str, item: WorkItem, outcome: Outcome) -> Row:
-    """Write an item's row, and the traceback of a failure."""
-    ledger = context.ledger
-    row = _row(stage, item, outcome, ledger.root)
-    if outcome.error is not None:
-        row = keep_failure(ledger, row, item, outcome.traceback, context.command)
-    parts = parts_of(item.inputs, item.job)
-    ledger.describe({part.digest: part.values for part in parts.values()})
-    row = replace(row, parts={name: part.digest for name, part in parts.items()})
-    ledger.add(row, _files(outcome, ledger.root))
-    return row
 
 
 def _note(summary: StageSummary) -> str:
@@ -309,31 +240,3 @@ def _note(summary: StageSummary) -> str:
 def counted(counts: Mapping[str, int]) -> str:
     """Return what there is of some kinds, for a bar, e.g. `failed 1, reused 12`."""
     return ", ".join(f"{kind} {count}" for kind, count in counts.items() if count)
-
-
-def _row(stage: str, item: WorkItem, outcome: Outcome, root: Path) -> Row:
-    error = outcome.error
-    if error is None:
-        return Row(
-            stage,
-            item.name,
-            item.key,
-            "done",
-            failed=outcome.result.failed,
-            outputs=tuple(os.path.relpath(p, root) for p in item.outputs),
-            seconds=outcome.seconds,
-            cpu_seconds=outcome.cpu_seconds,
-            facts=outcome.result.facts,
-        )
-    if isinstance(error, OSError) and error.errno in FATAL_ERRNO:
-        raise InputError(f"cannot use {error.filename or root}: {error.strerror}")
-    log.debug("%s %s", item.name, outcome.traceback)
-    reason = str(error) if isinstance(error, VlnpeError) else repr(error)
-    described = {"type": type(error).__name__, "reason": reason}
-    if isinstance(error, OSError | MemoryError) or type(error).__name__ in TRANSIENT:
-        described["transient"] = "yes"
-    return Row(stage, item.name, item.key, "quarantined", error=described)
-
-
-def _files(outcome: Outcome, root: Path) -> dict[str, Records]:
-    return {os.path.relpath(path, root): records for path, records in outcome.files.items()}

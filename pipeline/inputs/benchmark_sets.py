@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from ...formats.core.episode import Episode
-from ...formats.core.errors import UnknownNameError
 from ..engine.keys import digest
 
 
@@ -55,17 +54,6 @@ SETS: dict[str, BenchmarkSet] = {
         },
     ),
 }
-
-
-def get_set(name: str) -> BenchmarkSet:
-    """Return the benchmark of a name.
-
-    Raises:
-        UnknownNameError: there is none.
-    """
-    if name not in SETS:
-        raise UnknownNameError("benchmark", name, SETS)
-    return SETS[name]
 
 
 def paths_digest(episodes: Iterable[Episode]) -> str:

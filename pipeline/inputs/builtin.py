@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 
-from ...formats.core.errors import InputError, UnknownNameError
+from ...formats.core.errors import InputError, check_name
 
 BUILTIN = "builtin"
 _DEFAULT_KIND = "apartment"
@@ -96,5 +96,4 @@ def check_kind(kind: str) -> None:
     # Takes long to import, and most runs have scans of their own.
     from ...apartments.config import BUILDINGS
 
-    if kind not in BUILDINGS:
-        raise UnknownNameError("built-in building", kind, BUILDINGS)
+    check_name("built-in building", kind, BUILDINGS)

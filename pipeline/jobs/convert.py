@@ -9,7 +9,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from ...formats.convert.dataset import DatasetFacts
 from ...formats.convert.episodes import (
     DATASET_NAME,
     dataset_from_units,
@@ -17,6 +16,7 @@ from ...formats.convert.episodes import (
     unit_from_dataset,
     unit_from_mcap,
 )
+from ...formats.convert.facts import DatasetFacts
 from ...formats.internnav.foreign import Assumptions
 from ...formats.internnav.reader import SceneFolder, read_dataset_facts
 from ...formats.internnav.to_unit import unit_from_layout

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...formats.scene.bundle import load_bundle
+from ...formats.scene.bundle import SceneBundle, load_bundle
 from ...formats.vlnce.files import VlnceFile, read_vlnce, write_episodes, write_vlnce
 from ...trajectory_sampler.align_config import AlignConfig
 from ...trajectory_sampler.alignment import align_episodes
@@ -76,9 +76,7 @@ class FilterJob:
     def run(self) -> ItemResult:
         """Write the episodes of `source` that climb no stairs."""
         file = read_vlnce(self.source)
-        named = {episode.scene_stem for episode in file.episodes}
-        bundles = {n: load_bundle(path) for n, path in self.scenes.items() if n in named}
-        result = filter_stairs(file, self.rules, bundles)
+        result = filter_stairs(file, self.rules, _bundles(self.scenes, file))
         write_vlnce(self.out, result.kept)
         dropped = [[str(d.episode_id), d.reason] for d in result.dropped]
         facts = {
@@ -102,24 +100,19 @@ class AlignJob:
         scenes: folders of repaired scenes by name.
         out: episode file.
         config: tolerances, and the robot's footprint.
-        all_scenes: reject the episodes of other scenes instead of leaving them out.
     """
 
     source: Path
     scenes: Mapping[str, Path]
     out: Path
     config: AlignConfig
-    all_scenes: bool = False
 
     def run(self) -> ItemResult:
         """Align the episodes of `source` that lie in `scenes`."""
         file = read_vlnce(self.source)
         wanted = tuple(e for e in file.episodes if e.scene_stem in self.scenes)
-        if not self.all_scenes:
-            file = replace(file, episodes=wanted)
-        needed = {episode.scene_stem for episode in wanted}
-        bundles = {name: load_bundle(path) for name, path in self.scenes.items() if name in needed}
-        result = align_episodes(file, bundles, self.config)
+        file = replace(file, episodes=wanted)
+        result = align_episodes(file, _bundles(self.scenes, file), self.config)
         write_episodes(self.out, result.episodes)
         facts = {
             "split": self.config.split or file.split,
@@ -132,6 +125,12 @@ class AlignJob:
             "robot_radius_m": self.config.robot_radius_m,
         }
         return ItemResult(facts)
+
+
+def _bundles(scenes: Mapping[str, Path], file: VlnceFile) -> dict[str, SceneBundle]:
+    """Open the scenes, by name, that a file's episodes lie in."""
+    named = {episode.scene_stem for episode in file.episodes}
+    return {name: load_bundle(path) for name, path in scenes.items() if name in named}
 
 
 def bad_episodes(file: VlnceFile) -> list[list[Any]]:

@@ -1,4 +1,4 @@
-"""What a job leaves in memory for the next one of its episode, if that runs in the same process.
+"""What a job leaves in memory for the next one of its episode, if one worker runs both.
 
 Reading a rollout takes a tenth as long as walking it, and decoding depth four tenths as long as
 encoding it. Files count, not what was meant to be in them: if one was replaced since, it is read.
@@ -21,13 +21,12 @@ Stamp = tuple[int, ...]
 
 
 class DepthKeeper:
-    """Keeps the depth codes of the last episode that this process rendered."""
+    """Keeps the depth codes of one rendered episode.
+
+    Jobs of one episode share a keeper, also in a worker: they are pickled together.
+    """
 
     def __init__(self) -> None:
-        self.begin()
-
-    def begin(self) -> None:
-        """Forget all."""
         self._codes: list[NDArray[np.uint16]] = []
         self._bytes = 0
         self._stamp: Stamp | None = None
@@ -48,11 +47,6 @@ class DepthKeeper:
         """Return the codes of each frame of a video, if they are known."""
         known = self._stamp is not None and self._stamp == _stamp(video)
         return self._codes if known and self._codes else None
-
-
-# One per process, like the caches of scenes and renderers: a job's `run` takes no arguments, and
-# every job would get one that two of them use.
-depth = DepthKeeper()
 
 
 def rollout_at(path: Path) -> Rollout:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
@@ -10,7 +10,7 @@ import mujoco
 
 from ...collectors.rendering.scene.shown_links import robot_links
 from ...collectors.robots import get_robot
-from ...formats.convert.dataset import DatasetFacts
+from ...formats.convert.facts import DatasetFacts
 from ...formats.core.licences import licence_id
 from ...formats.mcap.episode import write_episode_mcap
 from ...formats.mcap.robot_links import robot_topics
@@ -20,7 +20,7 @@ from ...formats.rendered.folder import read_frame_folder
 from ...formats.scene.bundle import SceneBundle, load_bundle
 from ..engine.work import ItemResult
 from ..provenance import encoding_facts, scene_provenance
-from . import handover
+from .handover import DepthKeeper
 from .reviewed import reviewed_rollout
 
 
@@ -39,6 +39,7 @@ class McapJob:
         review: what people decided about the instructions, if there is such a file.
         code_sha256: digest of the code that made the episode and its pixels.
         out: MCAP file.
+        depth: holds the depth codes of `frames`, or nothing: then the video is decoded.
     """
 
     rollout: Path
@@ -51,6 +52,7 @@ class McapJob:
     review: Path
     code_sha256: str
     out: Path
+    depth: DepthKeeper = field(default_factory=DepthKeeper, compare=False)
 
     def run(self) -> ItemResult:
         """Write one episode's MCAP."""
@@ -73,7 +75,7 @@ class McapJob:
             self.frames,
             shown=(shown_map, *robot_topics(links)),
             dataset=facts.to_json(),
-            depth_codes=handover.depth.of(seen.depth_video),
+            depth_codes=self.depth.of(seen.depth_video),
         )
         return ItemResult({"bytes": self.out.stat().st_size})
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from ...formats.scene.bundle import SceneBundle, load_bundle
 from ...formats.splats.store import has_splats
 from ...formats.vlnce.groups import per_instruction
 from ..engine.work import ItemResult
-from . import handover
+from .handover import DepthKeeper, rollout_at
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,7 @@ class RenderJob:
         rgb_codec: key of `RGB_CODECS`.
         extras: further videos.
         out: frame folder.
+        depth: is left the depth codes.
     """
 
     scene: Path
@@ -45,12 +46,12 @@ class RenderJob:
     rgb_codec: str
     extras: Extras
     out: Path
+    depth: DepthKeeper = field(default_factory=DepthKeeper, compare=False)
 
     def run(self) -> ItemResult:
         """Render one rollout."""
         bundle, renderer = scene_renderer(self.scene, self.view.renderer, self.view.light)
-        recorded = handover.rollout_at(self.rollout)
-        handover.depth.begin()
+        recorded = rollout_at(self.rollout)
         with atomic_folder(self.out) as temporary:
             count = render_rollout(
                 bundle,
@@ -62,9 +63,9 @@ class RenderJob:
                 codec=self.rgb_codec,
                 robot=get_robot(self.robot),
                 extras=self.extras,
-                on_depth=handover.depth.add,
+                on_depth=self.depth.add,
             )
-        handover.depth.end(self.out / DEPTH_VIDEO)
+        self.depth.end(self.out / DEPTH_VIDEO)
         facts = {
             "frames": count,
             "rollout": self.relative,

@@ -5,13 +5,8 @@ that belong to such modules are repeated here; a test compares them.
 """
 
 from pathlib import Path
-from typing import Annotated
-
-import tyro
 
 from ...formats.core.errors import InputError
-
-Json = Annotated[bool, tyro.conf.arg(name="json")]
 
 
 def must_exist(*paths: Path | None) -> None:

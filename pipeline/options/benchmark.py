@@ -7,7 +7,7 @@ from pathlib import Path
 
 import tyro
 
-from . import Json, check_limit
+from . import check_limit
 from .running import Running
 
 
@@ -36,8 +36,6 @@ class Benchmark(Running):
     """Random seed of policies and physics."""
     out: Path | None = None
     """Run folder of vlnpe-10, runs/vlnpe-10 by default. The results go to its benchmark/."""
-    json: Json = False
-    """Print one JSON object with the results as the last line."""
 
     def check(self) -> None:
         """Raise InputError if `limit` is below 1."""

@@ -8,8 +8,8 @@ from typing import Literal
 
 import tyro
 
-from . import Json
 from .running import Running
+from .shared import Printing
 
 
 @dataclass(frozen=True)
@@ -51,12 +51,10 @@ class Convert(Running):
     """N1 input: split of the episodes."""
     rgb_codec: str = "h264"
     """N1 input: codec of the RGB video, h264 or av1."""
-    json: Json = False
-    """Print one JSON object with the summary as the last line."""
 
 
 @dataclass(frozen=True)
-class Restore:
+class Restore(Printing):
     """Restore the metadata that LeRobot's delete, split and merge tools drop from a dataset.
 
     Episodes are matched by their frame rows. Restores the columns in meta/episodes (uid, scene,
@@ -67,5 +65,3 @@ class Restore:
     """Folder of the edited dataset; modified in place."""
     original: tuple[Path, ...]
     """Datasets that it was made from, as written by vlnpe."""
-    json: Json = False
-    """Print one JSON object with the summary as the last line."""

@@ -9,11 +9,11 @@ import tyro
 
 from ...trajectory_sampler.align_config import AlignConfig
 from ...trajectory_sampler.config import SampleConfig
-from . import Json
+from .shared import Clearance, Parallel, WalkedBy
 
 
 @dataclass(frozen=True)
-class Sampling:
+class Sampling(Clearance):
     """Options of sampling that `sample` and `collect` share."""
 
     min_length_m: float = SampleConfig.min_length_m
@@ -21,9 +21,6 @@ class Sampling:
     never shorter. Lower it for a single-room scan."""
     max_length_m: float = SampleConfig.max_length_m
     """Maximum length of a sampled reference path [m]; the geodesic distance is never longer."""
-    free_height_m: float = SampleConfig.free_height_m
-    """Free height above every path [m]. The default suits every robot; a lower value lets paths for
-    low robots lead under tables, and 0 selects the height of the run's tallest robot."""
     min_crossings: int = SampleConfig.min_crossings
     """Minimum number of room-to-room transitions per sampled path; use 0 for a single-room scan."""
     similarity: str = SampleConfig.similarity
@@ -54,7 +51,7 @@ class Sampling:
 
 
 @dataclass(frozen=True)
-class Align:
+class Align(Parallel, WalkedBy):
     """Transform VLN-CE episodes into the frame of repaired scenes, snapped to free floor."""
 
     episodes: tyro.conf.Positional[tuple[Path, ...]]
@@ -64,14 +61,8 @@ class Align:
     out: Path | None = None
     """Episode file to write (default aligned.json.gz); for several files a folder (default
     aligned), which gets one file per split."""
-    robot: str = ""
-    """Robots that will walk the episodes, comma-separated; paths keep clear for the widest one.
-    Without it, --robot-radius-m decides."""
     robot_radius_m: float = AlignConfig.robot_radius_m
     """Clearance that starts, goals and paths need [m], if no robot is named."""
-    free_height_m: float = AlignConfig.free_height_m
-    """Free height above every path [m]. The default suits every robot; a lower value lets paths for
-    low robots lead under tables, and 0 selects the height of the run's tallest robot."""
     max_start_nudge_m: float = AlignConfig.max_start_nudge_m
     """Maximum distance by which a start in collision may be moved [m]."""
     max_goal_nudge_m: float = AlignConfig.max_goal_nudge_m
@@ -84,16 +75,12 @@ class Align:
     """Maximum share of a path's inner waypoints that may be bypassed."""
     max_floor_gap_m: float = AlignConfig.max_floor_gap_m
     """Maximum height of a point above or below its floor [m]."""
-    workers: int = 0
-    """Number of worker processes; 0 uses one per core."""
     max_failed: int = 0
     """Maximum number of rejected episodes; exit with code 1 above it."""
-    json: Json = False
-    """Print one JSON object with the summary as the last line."""
 
 
 @dataclass(frozen=True)
-class Filter:
+class Filter(Parallel):
     """Drop episodes that climb stairs, detected by height steps in the reference path."""
 
     episodes: tyro.conf.Positional[tuple[Path, ...]]
@@ -110,14 +97,10 @@ class Filter:
     """Maximum height difference between consecutive reference points, for the rule step [m]."""
     scenes: Path | None = None
     """Folder of repaired scenes, for the rule geometric."""
-    workers: int = 0
-    """Number of worker processes; 0 uses one per core."""
-    json: Json = False
-    """Print one JSON object with the summary as the last line."""
 
 
 @dataclass(frozen=True)
-class Sample(Sampling):
+class Sample(Parallel, Sampling, WalkedBy):
     """Sample new trajectories in repaired scenes."""
 
     scenes: tyro.conf.Positional[tuple[Path, ...]] = ()
@@ -130,18 +113,11 @@ class Sample(Sampling):
     preset: str = ""
     """Sizes inferred from VLN-PE's: gru_vln10 (147, 37 and 429 paths over ten scenes, three of them
     for training) or lab_3dgs (40 and 160 paths in one scene)."""
-    robot: str = ""
-    """Robots that will walk the paths, comma-separated; paths keep clear for the widest one.
-    Without it, --robot-radius-m decides."""
     robot_radius_m: float = SampleConfig.robot_radius_m
     """Clearance kept at every point of a path [m], if no robot is named."""
     seed: int = 0
     """Random seed."""
     pictures: Path | None = None
     """Folder for pictures of the paths over the planning map, one PNG per scene and level."""
-    workers: int = 0
-    """Number of worker processes; 0 uses one per core."""
     max_failed: int = 0
     """Maximum number of scenes without any path; exit with code 1 above it."""
-    json: Json = False
-    """Print one JSON object with the summary as the last line."""

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import tyro
 
-from . import Json, check_limit, must_exist
+from . import check_limit, must_exist
 from .running import Running
+from .shared import DiscreteActions, Mounting, Printing
 
 
 @dataclass(frozen=True)
-class Evaluate(Running):
+class Evaluate(Running, DiscreteActions, Mounting):
     """Evaluate a policy in closed loop: TL, NE, FR, StR, OS, SR, SPL, nDTW.
 
     Example: vlnpe evaluate runs/apartment-0 --policy random --robot h1
@@ -43,19 +44,10 @@ class Evaluate(Running):
     camera: str = "ego"
     """Camera of the policy, with an optional size and field of view (ego:224x224:79); a learned
     policy defaults to the camera of its training data."""
-    camera_height: float | None = None
-    """Height of the robot's own camera above the floor [m], standing; defaults to the robot's. A
-    moved camera does not see the robot's body."""
-    camera_pitch: float | None = None
-    """Downward tilt of the robot's own camera [deg]; defaults to the robot's."""
     light: str = "baked"
     """Lighting: baked, DL5000, DL300 or CL."""
     renderer: str = "auto"
     """Renderer: embree, gl, splat, splat_depth, or auto."""
-    action_steps: int = 50
-    """Duration of a discrete action of the speed controller, in physics steps of 5 ms."""
-    closed_loop: bool = False
-    """Run each discrete action of the speed controller until its 0.25 m or 15° is reached."""
     timeout_s: float = 30.0
     """Maximum time that a policy server may take for one action [s]; physics waits meanwhile."""
     max_tokens: int = 0
@@ -73,8 +65,6 @@ class Evaluate(Running):
     """Also write one MCAP file per episode with the images that the policy saw, for Foxglove."""
     out: Path | None = None
     """Output folder; defaults to <run>/evaluations/<policy>-<robot>-<controller>-<light>."""
-    json: Json = False
-    """Print one JSON object with the results' summary as the last line."""
 
     def check(self) -> None:
         """Raise InputError if a file or folder is missing, or `limit` is below 1."""
@@ -83,15 +73,13 @@ class Evaluate(Running):
 
 
 @dataclass(frozen=True)
-class Compare:
+class Compare(Printing):
     """Compare two evaluations episode by episode: changed outcomes and metrics."""
 
     first: tyro.conf.Positional[Path]
     """Folder of `evaluate`, or its results.json."""
     second: tyro.conf.Positional[Path]
     """Folder or results.json of the other evaluation."""
-    json: Json = False
-    """Print one JSON object with the comparison as the last line."""
 
     def check(self) -> None:
         """Raise InputError if a file or folder is missing."""

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import tyro
 
-from . import Json
+from .shared import Parallel, Wording
 
 
 @dataclass(frozen=True)
-class Instruct:
+class Instruct(Parallel, Wording):
     """Write instructions for the episodes that have none."""
 
     episodes: tyro.conf.Positional[Path]
@@ -20,19 +20,6 @@ class Instruct:
     """Folder of repaired scenes."""
     out: Path = Path("instructed.json.gz")
     """Episode file to write."""
-    writer: str = "composer"
-    """Writer: composer (offline), llm (any OpenAI-compatible server, see
-    docs/instructions.md), or local (a GGUF model on disk)."""
-    style: str = "mixed"
-    """Styles: natural, terse, rich, a comma-separated list (terse,rich), or mixed, which
-    alternates between all."""
-    count: int = 3
-    """Number of texts per path and language."""
-    language: str = "en"
-    """Languages: en, zh, hi, or a comma-separated list (en,zh). Languages other than en need a
-    language model."""
-    replace: bool = False
-    """Also rewrite existing instructions."""
     per_instruction: bool = False
     """Write one episode per instruction. By default a path is one episode that carries all."""
     robot: str = "aliengo"
@@ -41,10 +28,6 @@ class Instruct:
     vision: bool = False
     """In scenes without labels, let a vision-language model name what the camera sees (the same
     environment variables as --writer llm)."""
-    max_tokens: int = 0
-    """Stop querying the language model after this many tokens; 0 means no limit."""
-    max_cost: float = 0.0
-    """Stop querying after this cost, at the prices set in the environment; 0 means no limit."""
     cache: Path | None = None
     """Cache folder for model responses; default `llm_cache` next to the output."""
     facts: Path | None = None
@@ -53,12 +36,8 @@ class Instruct:
     """Print a map and the texts for this many paths."""
     seed: int = 0
     """Random seed of the phrasing."""
-    workers: int = 0
-    """Number of worker processes; 0 uses one per core."""
     max_failed: int = 0
     """Maximum number of episodes without a valid instruction; exit with code 1 above it."""
-    json: Json = False
-    """Print one JSON object with the summary as the last line."""
 
 
 @dataclass(frozen=True)

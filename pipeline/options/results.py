@@ -7,11 +7,11 @@ from pathlib import Path
 
 import tyro
 
-from . import Json
+from .shared import Printing
 
 
 @dataclass(frozen=True)
-class Verify:
+class Verify(Printing):
     """Verify a run's outputs: files open, counts and checksums match, floors have no leaks.
 
     Exit codes: 0 sound, 1 something is wrong, 2 no run, or one in use, 3 sound as far as it goes,
@@ -20,32 +20,26 @@ class Verify:
 
     run: tyro.conf.Positional[Path]
     """Run folder, or the folder of a single repaired scene."""
-    json: Json = False
-    """Print one JSON object with the findings as the last line."""
 
 
 @dataclass(frozen=True)
-class Report:
+class Report(Printing):
     """Regenerate the report page of a run."""
 
     run: tyro.conf.Positional[Path]
     """Run folder."""
-    json: Json = False
-    """Print one JSON object with the path of the page as the last line."""
 
 
 @dataclass(frozen=True)
-class Doctor:
+class Doctor(Printing):
     """Check what this machine supports, and print the command that installs what is missing."""
 
     out: Path = Path("runs")
     """Folder that runs would be written to."""
-    json: Json = False
-    """Print one JSON object with the findings as the last line."""
 
 
 @dataclass(frozen=True)
-class Push:
+class Push(Printing):
     """Publish a LeRobot dataset on the Hugging Face Hub under an immutable tag.
 
     Without --yes, show what would be uploaded; nothing is uploaded and the network is not used.
@@ -64,5 +58,3 @@ class Push:
     permission."""
     yes: bool = False
     """Upload the dataset."""
-    json: Json = False
-    """Print one JSON object with the release as the last line."""

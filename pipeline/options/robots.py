@@ -7,11 +7,11 @@ from pathlib import Path
 
 import tyro
 
-from . import Json
+from .shared import Printing
 
 
 @dataclass(frozen=True)
-class Robots:
+class Robots(Printing):
     """List the robots: mass, height, camera, command limits, controllers and gait evaluation.
 
     Robots given by name are described in full. `--view h1` writes a turntable image and a walking
@@ -28,5 +28,3 @@ class Robots:
     out: Path | None = None
     """Output folder of the images for --view (default: the current folder), or of the robot for
     --export."""
-    json: Json = False
-    """Print one JSON object as the last line."""

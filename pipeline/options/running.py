@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..engine.executors.base import LOCAL, Execution
+from .shared import Parallel
 
 
 @dataclass(frozen=True, kw_only=True)
-class Running:
+class Running(Parallel):
     """How items are run."""
 
-    workers: int = 0
-    """Number of worker processes; 0 uses one per core, or all that a cluster has."""
     max_failed: int = 0
     """Maximum number of quarantined items; exit with code 1 above it."""
     wait: bool = False

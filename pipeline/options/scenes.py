@@ -7,11 +7,11 @@ from pathlib import Path
 
 import tyro
 
-from . import Json
+from .shared import Orientation, Printing
 
 
 @dataclass(frozen=True)
-class Scan:
+class Scan(Printing):
     """Generate a furnished building and a virtual scan of it."""
 
     seed: tyro.conf.Positional[int] = 0
@@ -25,12 +25,10 @@ class Scan:
     """Capture the building as Gaussian splats (scan.ply) instead of a textured mesh (scan.glb)."""
     out: Path = Path("scan")
     """Output folder for the scan, its labels and the ground-truth floor."""
-    json: Json = False
-    """Print one JSON object with the summary as the last line."""
 
 
 @dataclass(frozen=True)
-class Repair:
+class Repair(Printing, Orientation):
     """Turn a scan into a simulation-ready scene: fill floor holes and build collision geometry."""
 
     scan: tyro.conf.Positional[Path]
@@ -38,14 +36,8 @@ class Repair:
     (PLY, SPLAT, SPZ, glTF). See docs/scans.md for details and for label files."""
     out: Path = Path("scene")
     """Output folder for the scene."""
-    up: str = "auto"
-    """Up axis of the scan: x, y, z, -x, -y, -z, or auto to detect it."""
-    unit: str = "auto"
-    """Length unit of the scan: m, cm, mm, in, ft, or auto to detect it."""
     collision: Path | None = None
     """Mesh, USD stage or InteriorGS' occupancy.png to use as the surface of splats; without it
     the surface is fused from them. It must be in the coordinates of the splats."""
     allow_unsound: bool = False
     """Exit with code 0 even if the repaired scene fails its soundness checks."""
-    json: Json = False
-    """Print one JSON object with the summary as the last line."""

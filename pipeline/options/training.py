@@ -7,11 +7,11 @@ from pathlib import Path
 
 import tyro
 
-from . import Json
+from .shared import Printing
 
 
 @dataclass(frozen=True)
-class Mix:
+class Mix(Printing):
     """Show the training data of a recipe's mixtures: datasets, episodes, shares and exclusions.
 
     Unless --dry-run is given, the selected episodes are also written to --out, by dataset and
@@ -31,12 +31,10 @@ class Mix:
     """Show the mixtures without writing anything."""
     out: Path | None = None
     """Output file for the selected episodes (.json)."""
-    json: Json = False
-    """Print one JSON object with the plan as the last line."""
 
 
 @dataclass(frozen=True)
-class Train:
+class Train(Printing):
     r"""Train a policy (Seq2Seq, CMA or RDP) on collected datasets.
 
     Writes <out>/<model>.safetensors with its card <model>.json, and curves.csv. Run the same
@@ -92,12 +90,10 @@ class Train:
     """Torch device: cpu, cuda or auto; overrides the recipe."""
     threads: int = 0
     """Number of torch threads; 0 uses one per core."""
-    json: Json = False
-    """Print one JSON object with the result as the last line."""
 
 
 @dataclass(frozen=True)
-class Ablate:
+class Ablate(Printing):
     """Train a compact agent on each mixture of a recipe and evaluate it on held-out episodes.
 
     Writes table.md, results.json, plot.png and index.html. Run the same command again to resume
@@ -119,5 +115,3 @@ class Ablate:
     """Torch device: cpu, cuda or auto; overrides the recipe."""
     threads: int = 0
     """Number of torch threads; 0 uses one per core."""
-    json: Json = False
-    """Print one JSON object with the results as the last line."""

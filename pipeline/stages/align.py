@@ -89,14 +89,15 @@ def record_rejected(
     scenes: Mapping[str, Row],
 ) -> None:
     """Quarantine, episode by episode, what could not be read or aligned, or has no scene."""
+    count = len(sources)
     for row in filtered.good().values():
         for _, name, reason in row.facts.get("bad", ()):
-            _quarantine(
-                ledger, filtered, _named(row, name, len(sources)), "FileFormatError", reason
-            )
+            name = _named(row.facts["split"], name, count)
+            ledger.add(filtered.quarantined_episode(name, "FileFormatError", reason))
     for row in aligned.good().values():
         for name, reason in row.facts["rejected"]:
-            _quarantine(ledger, aligned, _named(row, name, len(sources)), "SceneError", reason)
+            name = _named(row.facts["split"], name, count)
+            ledger.add(aligned.quarantined_episode(name, "SceneError", reason))
     known = ", ".join(sorted(scenes)) or "none"
     for source in sources:
         file = read_vlnce(source)
@@ -105,19 +106,10 @@ def record_rejected(
                 reason = (
                     f"scene {episode.scene_id!r} was not given or not repaired; repaired: {known}"
                 )
-                name = str(episode.episode_id)
-                name = name if len(sources) == 1 else f"{file.split}/{name}"
-                _quarantine(ledger, aligned, name, "SceneError", reason)
+                name = _named(file.split, str(episode.episode_id), count)
+                ledger.add(aligned.quarantined_episode(name, "SceneError", reason))
     ledger.save()
 
 
-def _named(row: Row, name: str, files: int) -> str:
-    return name if files == 1 else f"{row.facts['split']}/{name}"
-
-
-def _quarantine(ledger: Ledger, summary: StageSummary, name: str, kind: str, reason: str) -> None:
-    error = {"type": kind, "reason": reason}
-    row = Row(summary.stage, f"episode {name}", "", "quarantined", error=error)
-    ledger.add(row)
-    summary.rows.append(row)
-    summary.quarantined += 1
+def _named(split: str, name: str, files: int) -> str:
+    return name if files == 1 else f"{split}/{name}"

@@ -63,7 +63,7 @@ def _check_alike(rows: Mapping[str, Row]) -> None:
             what = "robot" if row.facts["robot"] != first.facts["robot"] else "view or frame rate"
             raise InputError(
                 f"{row.facts['source']} ({row.facts['robot']}) has a different {what} from "
-                f"{first.facts['source']} ({first.facts['robot']}); a dataset holds one only: "
+                f"{first.facts['source']} ({first.facts['robot']}); a dataset has only one: "
                 "convert them from separate folders"
             )
 

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ...formats.core.errors import UnknownNameError
+from ...formats.core.errors import check_name
 from ...formats.core.rollout import EndReason
 from ...formats.core.source import code_digest
 from ...formats.lerobot.features import DEPTH_STORAGES
@@ -106,8 +106,7 @@ def run(
 
 def check_depth_storage(name: str) -> None:
     """Raise UnknownNameError unless `name` is a depth storage: `video` or `image`."""
-    if name not in DEPTH_STORAGES:
-        raise UnknownNameError("depth storage", name, DEPTH_STORAGES)
+    check_name("depth storage", name, DEPTH_STORAGES)
 
 
 def items(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ...instruction_gen.llm.brief import prompts_sha256
-from ..engine.ledger import Ledger, Row
+from ..engine.ledger import Ledger
 from ..engine.runner import StageSummary
 from ..engine.work import WorkItem, work_item
 from ..jobs.instructions.instruct import InstructJob
@@ -32,9 +32,6 @@ def record_failed(ledger: Ledger, done: StageSummary) -> None:
         for name, reason in row.facts["quarantined"].items()
     }
     for name, reason in sorted(reasons.items()):
-        error = {"type": "VlnpeError", "reason": f"no true instruction: {reason}"}
-        row = Row(STAGE, f"episode {name}", "", "quarantined", error=error)
-        ledger.add(row)
-        done.rows.append(row)
-        done.quarantined += 1
+        reason = f"no true instruction: {reason}"
+        ledger.add(done.quarantined_episode(name, "VlnpeError", reason))
     ledger.save()

@@ -109,17 +109,29 @@ def check_items(repaired: Mapping[str, Row], scenes: Path, allow_unsound: bool) 
 
 
 def rows_of(folder: Path) -> dict[str, Row]:
-    """Return a ledger row for every scene in a folder, as if this stage had written it.
-
-    The key hashes the scene's index file, which the repair writes last and never modifies.
+    """Return a ledger row for every scene in a folder; see `scene_rows`.
 
     Raises:
         InputError: If `folder` contains no repaired scene.
     """
-    return {
-        name: Row(STAGE, name, digest(path, (path / INDEX_NAME).read_text()), "done")
-        for name, path in scenes_in(folder.resolve()).items()
-    }
+    return scene_rows(scenes_in(folder.resolve()).values())
+
+
+def scene_rows(scenes: Iterable[Path]) -> dict[str, Row]:
+    """Return a ledger row for each repaired scene by name, as if this stage had written it.
+
+    The key hashes the scene's index file, which the repair writes last and never changes.
+
+    Raises:
+        InputError: If two scenes have one name.
+    """
+    rows: dict[str, Row] = {}
+    for path in scenes:
+        if path.name in rows:
+            raise InputError(f"two scenes are named {path.name}; rename one")
+        key = digest(path, (path / INDEX_NAME).read_text())
+        rows[path.name] = Row(STAGE, path.name, key, "done")
+    return rows
 
 
 def demand(names: Iterable[str], scenes: Mapping[str, Row], folder: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, cast
 
 from ...formats.core.episode import Episode
@@ -13,7 +14,9 @@ from ..engine.ledger import Row
 from ..engine.runner import Context
 from ..engine.work import WorkItem
 from ..jobs.export import UnitJob
+from ..jobs.handover import DepthKeeper
 from ..jobs.mcap import McapJob
+from ..jobs.render import RenderJob
 from . import render, replay
 
 
@@ -50,13 +53,22 @@ def run(
         texts = len(per_instruction(episode))
         known.append({"split": episode.split, "texts": texts, "scene": episode.scene_id})
     frames: dict[str, Row] = {}
+    depths = {path: DepthKeeper() for path in chains}
     for (path, chain), facts, item in zip(chains.items(), known, renders(rollouts), strict=True):
         row = foreseen(context, render.STAGE, item, lambda f=facts, p=path: {**f, "rollout": p})
         if row is not None:
-            chain.append(Link(render.STAGE, item, needed=True))
+            chain.append(Link(render.STAGE, sharing(item, depths[path]), needed=True))
             frames[item.name] = row
     for stage, items in exports(frames).items():
         for item in items:
             rollout = context.ledger.relative(cast(UnitJob | McapJob, item.job).rollout)
-            chains[rollout].append(Link(stage, item, wants_success=only_success))
+            shared = sharing(item, depths[rollout])
+            chains[rollout].append(Link(stage, shared, wants_success=only_success))
     run_ahead(context, list(chains.values()), label)
+
+
+def sharing(item: WorkItem, depth: DepthKeeper) -> WorkItem:
+    """Return an item whose job leaves depth in `depth`, or takes it from there, if it needs any."""
+    if not isinstance(item.job, RenderJob | McapJob):
+        return item
+    return replace(item, job=replace(item.job, depth=depth))

@@ -235,7 +235,7 @@ def _only_here(here: Ledger, there: Ledger) -> list[tuple[Row, dict[str, Records
     """Return the finished items of the scratch folder that the store does not have."""
     return [
         (row, here.records(row))
-        for row in here.every_row()
+        for row in here.all_rows()
         if row.status == "done" and there.row(row.stage, row.item) is None
     ]
 

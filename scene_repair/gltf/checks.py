@@ -72,7 +72,7 @@ def _refuse_compressed(path: Path, tree: dict[str, Any]) -> None:
 
 
 def _view(file: GltfFile, index: int, view: dict[str, Any]) -> int:
-    """Return the length of a buffer view; raise if it leaves its buffer."""
+    """Return the length of a buffer view; raise if it extends beyond its buffer."""
     offset, length = int(view.get("byteOffset", 0)), int(view["byteLength"])
     held = file.buffer_length(int(view["buffer"]))
     if offset < 0 or length < 0 or offset + length > held:
@@ -87,7 +87,7 @@ def _accessor(
     views: list[dict[str, Any]],
     lengths: list[int],
 ) -> int:
-    """Return the size of an accessor in bytes; raise if it leaves its buffer view."""
+    """Return the size of an accessor in bytes; raise if it extends beyond its buffer view."""
     count = int(accessor["count"])
     size = COMPONENT_BYTES[accessor["componentType"]] * COMPONENTS[accessor["type"]]
     if count < 0:

@@ -177,7 +177,7 @@ class GltfFile:
     def without_images(self) -> io.BytesIO:
         """Return the file's bytes without images and unused vertex attributes.
 
-        Pictures are opened apart, in bounded memory; materials are named by their number, which
+        Images are opened separately, in bounded memory; materials are named by their number, which
         says which node they belong to.
         """
         tree = {k: v for k, v in self.tree.items() if k not in ("images", "textures")}

@@ -71,7 +71,7 @@ def label_by_boxes(scan: Scan, boxes: list[LabelBox], source_to_world: NDArray[n
 def _within(
     box: LabelBox, tree: KDTree | None, points: NDArray[np.float64], margin: float
 ) -> NDArray[np.intp]:
-    """Return which of `points` (N, 3) lie in a grown box; a tree of them helps with many boxes."""
+    """Return which of `points` (N, 3) lie in an enlarged box; a tree of them is for many boxes."""
     reach = float(np.linalg.norm(box.half + margin)) * (1 + 1e-9)
     count = 0 if tree is None else tree.query_ball_point(box.center, reach, return_length=True)
     if tree is None or count > MOST_OF_ALL * len(points):

@@ -98,7 +98,7 @@ def _picture(
 ) -> Image.Image | None:
     path = Path(look.texture).resolve()
     if not path.is_relative_to(folder):
-        warnings.append(f"reference {look.texture!r} leaves the scan's folder; ignored")
+        warnings.append(f"reference {look.texture!r} leads out of the scan's folder; ignored")
         return None
     try:
         if look.member:

@@ -88,7 +88,7 @@ def side_file(folder: Path, name: str, max_bytes: int) -> bytes | None:
             return None
         target = path.resolve()
         if not target.is_relative_to(folder.resolve()):
-            raise FileFormatError(path, "is a link that leaves the scan's folder")
+            raise FileFormatError(path, "is a link that leads out of the scan's folder")
         return read_input(path, root=folder, max_bytes=max_bytes)
     except (OSError, RuntimeError) as error:
         raise FileFormatError(path, f"cannot be read: {error}") from error

@@ -46,7 +46,7 @@ class ConfinedResolver(Resolver):
         except (OSError, ValueError, RuntimeError) as error:
             return self._refuse(f"reference {brief(name)} is not a file name: {error}")
         if "://" in name or not target.is_relative_to(self.folder):
-            self.refused = f"reference {brief(name)} leaves the scan's folder"
+            self.refused = f"reference {brief(name)} leads out of the scan's folder"
             return self._refuse(f"{self.refused}; ignored")
         if target in self._known:
             return self._known[target]

@@ -98,7 +98,7 @@ def _check_directions(
     cell = np.floor((cloud.position[solid, :2] - origin) / scale).astype(np.int64)
     cell = cell[((cell >= 0) & (cell < free.shape[::-1])).all(1)]
     if not len(cell):
-        raise FileFormatError(path, "none of the splats lies on it; give the map of the same scene")
+        raise FileFormatError(path, "no splat lies on it; use the map of the same scene")
 
     def wrong(picture: NDArray[np.bool_]) -> float:
         return float(picture[cell[:, 1], cell[:, 0]].mean())

@@ -12,19 +12,14 @@ from ..scan.record import Scan
 from .read import read_splat_scan
 
 
-def repair_splats(
-    source: Path,
-    out_dir: Path,
-    config: RepairConfig | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> SceneBundle:
+def repair_splats(source: Path, out_dir: Path, config: RepairConfig | None = None) -> SceneBundle:
     """Write the repaired scene of the splats `source`, them included; see `repair_scene`.
 
     Raises:
         FileFormatError: the file or one beside it is missing, damaged or shows no surface.
         SceneError: the surface is no building with a floor.
     """
-    return repair_scene(source, out_dir, config, progress, _read)
+    return repair_scene(source, out_dir, config, read=_read)
 
 
 def _read(source: Path, config: RepairConfig, tell: Callable[[str], None]) -> Scan:

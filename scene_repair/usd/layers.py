@@ -81,7 +81,8 @@ def _check_inside(path: Path) -> None:
             plain = posixpath.normpath(posixpath.join(posixpath.dirname(member), reference))
             if plain not in members:
                 raise FileFormatError(
-                    path, f"{member}: reference {reference!r} leaves the package or is missing"
+                    path,
+                    f"{member}: reference {reference!r} leads out of the package or is missing",
                 )
 
 
@@ -134,13 +135,13 @@ def confined(folder: Path, layer: Path, reference: str) -> Path | None:
         raise FileFormatError(layer, f"reference {name!r} is not a file name")
     windows = re.match(r"[A-Za-z]:", name) or "\\" in name
     if "://" in name or windows or Path(name).is_absolute():
-        raise FileFormatError(layer, f"reference {name!r} leaves the scan's folder")
+        raise FileFormatError(layer, f"reference {name!r} leads out of the scan's folder")
     try:
         target = (layer.parent / name).resolve()
     except (OSError, RuntimeError):  # a link to itself, or a name of thousands of letters
         return None
     if not target.is_relative_to(folder):
-        raise FileFormatError(layer, f"reference {name!r} leaves the scan's folder")
+        raise FileFormatError(layer, f"reference {name!r} leads out of the scan's folder")
     if not target.is_file():
         return None
     if target.suffix.lower() not in USD_SUFFIXES:

@@ -36,7 +36,7 @@ def check_package(path: Path) -> list[str]:
         if member.file_size != member.compress_size:
             raise FileFormatError(path, f"member {name!r} has contradictory sizes")
         if PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts or "\\" in name:
-            raise FileFormatError(path, f"member {name!r} leaves the package")
+            raise FileFormatError(path, f"member {name!r} leads out of the package")
     total = sum(member.file_size for member in members)
     if total > size:
         raise FileFormatError(

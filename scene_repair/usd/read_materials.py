@@ -143,7 +143,7 @@ class StageMaterials:
             return layer.realPath, posixpath.normpath(name)
         target = (Path(layer.realPath).parent / name).resolve()
         if "://" in name or not target.is_relative_to(self.folder):
-            return self._refuse(f"reference {name!r} leaves the scan's folder; ignored")
+            return self._refuse(f"reference {name!r} leads out of the scan's folder; ignored")
         if not target.is_file():
             return self._refuse(f"referenced file {name!r} is missing")
         return str(target), ""

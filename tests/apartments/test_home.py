@@ -60,6 +60,7 @@ def test_impossible_area_is_refused() -> None:
         draw_plan(np.random.default_rng(0), ApartmentConfig(area_m2=(700.0, 800.0)))
 
 
+@pytest.mark.chain
 def test_every_room_is_reachable_and_paths_are_long(home: TrueScene) -> None:
     space = exact_freemap(home)
     free = space.free(CONFIG.robot_radius_m)

@@ -273,7 +273,7 @@ def test_default_pose_just_touches_the_floor_and_nothing_else(robot: RobotSpec):
     data.qpos[handles.root_qpos + 2] -= 0.01
     mujoco.mj_forward(model, data)
     touching = {model.geom(g).name for c in data.contact for g in (c.geom1, c.geom2)}
-    assert touching == {"floor", *robot.sole_names}
+    assert touching == {"floor", *(sole for foot in robot.feet for sole in foot.soles)}
 
 
 @all_robots
@@ -387,7 +387,7 @@ def test_hash_follows_dynamics_and_not_looks(robot: RobotSpec):
         spec.body(robot.root_body).mass *= 1.01
 
     def grow_foot(spec: mujoco.MjSpec) -> None:
-        spec.geom(robot.sole_names[0]).size[0] += 0.001
+        spec.geom(robot.feet[0].soles[0]).size[0] += 0.001
 
     reference = robot.physics_hash()
     assert variant(recolour) == reference

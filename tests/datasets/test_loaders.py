@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from torch.nn.utils.rnn import pad_packed_sequence
 
 from tests.support.lerobot_data import DEPTH, RGB, write_unit, write_units
+from tests.support.paths import integrate_motion
 from tests.support.rollouts import make_frames
 from tests.support.training_data import WORDS, make_walk, write_dataset
 from vlnpe.datasets.episode_index import read_index
@@ -30,7 +31,7 @@ from vlnpe.datasets.windows import WaypointWindows, WindowConfig
 from vlnpe.formats.core.errors import FileFormatError, InputError, UnknownNameError
 from vlnpe.formats.lerobot import FileLimits, assemble_dataset
 from vlnpe.formats.rendered.discrete_steps import discrete_steps, execute
-from vlnpe.formats.rendered.table import build_frame_table, integrate_motion
+from vlnpe.formats.rendered.table import build_frame_table
 from vlnpe.formats.vlnce.files import write_episodes
 from vlnpe.formats.vlnce.groups import group_by_path
 

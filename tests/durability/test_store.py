@@ -101,7 +101,7 @@ def test_two_machines_add_to_one_run(bucket: ObjectFolder, tmp_path: Path):
         _row(name, name, ledger)
         ledger.save()
     pull(bucket, first)
-    assert {row.item for row in Ledger(first).every_row()} == {"a", "b"}
+    assert {row.item for row in Ledger(first).all_rows()} == {"a", "b"}
     assert (first / "out/b").read_text() == "b"
     assert set(bucket.names()) >= {"out/a", "out/b", MANIFEST_NAME}
 
@@ -121,7 +121,7 @@ def test_work_not_uploaded_joins_that_of_another_machine(bucket: ObjectFolder, t
     assert (here / "out/both").read_text() == "theirs"
     merged.finish()
     with local_copy(URL) as copy:
-        assert {row.key for row in Ledger(copy).every_row()} == {"mine", "theirs"}
+        assert {row.key for row in Ledger(copy).all_rows()} == {"mine", "theirs"}
 
 
 def test_no_row_of_the_store_ever_lacks_its_file(
@@ -158,7 +158,7 @@ def test_no_row_of_the_store_ever_lacks_its_file(
         with local_copy(URL) as copy:
             for name, record in Ledger(copy).files().items():
                 assert type(record).of(copy / name) == record
-    assert sorted(row.key for row in Ledger(tmp_path).every_row()) == ["new a", "new d", "old c"]
+    assert sorted(row.key for row in Ledger(tmp_path).all_rows()) == ["new a", "new d", "old c"]
     assert [n for n in bucket.names() if n.startswith("out/")] == ["out/a", "out/c", "out/d"]
 
 

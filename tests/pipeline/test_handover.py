@@ -3,27 +3,36 @@
 from __future__ import annotations
 
 import os
+import pickle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from vlnpe.formats.core.camera import DepthRange
+from vlnpe.collectors.rendering.camera.extras import Extras
+from vlnpe.collectors.rendering.camera.views import View
+from vlnpe.formats.core.camera import CameraModel, DepthRange
 from vlnpe.formats.video.mp4 import iterate_depth_codes, write_depth_video
+from vlnpe.pipeline.engine.work import WorkItem
 from vlnpe.pipeline.jobs import handover
 from vlnpe.pipeline.jobs.handover import DepthKeeper
+from vlnpe.pipeline.jobs.mcap import McapJob
+from vlnpe.pipeline.jobs.render import RenderJob
+from vlnpe.pipeline.stages.together import sharing
 
 
-def write(video: Path, keeper: DepthKeeper, seed: int, frames: int = 5) -> None:
+def kept_while_writing(video: Path, seed: int, frames: int = 5) -> DepthKeeper:
     depth = np.random.default_rng(seed).uniform(0.0, 12.0, (frames, 32, 48)).astype(np.float32)
-    keeper.begin()
+    keeper = DepthKeeper()
     write_depth_video(video, depth, 4, DepthRange(), on_codes=keeper.add)
     keeper.end(video)
+    return keeper
 
 
 def test_kept_depth_is_what_decoding_gives(tmp_path):
-    keeper, video = DepthKeeper(), tmp_path / "depth.mp4"
-    write(video, keeper, seed=1)
+    video = tmp_path / "depth.mp4"
+    keeper = kept_while_writing(video, seed=1)
     os.link(video, tmp_path / "linked.mp4")  # as the export does
     folder = tmp_path / "moved"
     folder.mkdir()
@@ -34,22 +43,30 @@ def test_kept_depth_is_what_decoding_gives(tmp_path):
 
 
 def test_depth_of_a_replaced_video_is_not_used(tmp_path):
-    keeper, video = DepthKeeper(), tmp_path / "depth.mp4"
-    assert keeper.of(video) is None
-    write(video, keeper, seed=1)
+    video = tmp_path / "depth.mp4"
+    assert DepthKeeper().of(video) is None
+    keeper = kept_while_writing(video, seed=1)
     write_depth_video(video, np.ones((5, 32, 48), np.float32), 4, DepthRange())
     assert keeper.of(video) is None
-    keeper.begin()
-    assert keeper.of(video) is None
+
+
+def test_a_render_job_leaves_its_depth_to_the_mcap_job_of_its_chain(tmp_path):
+    path, keeper = tmp_path / "x", DepthKeeper()
+    view = View("ego", CameraModel("ego", 8, 8, 90.0))
+    render = RenderJob(path, path, "x", "aliengo", view, 4, "h264", Extras(), path)
+    mcap = McapJob(path, path, path, "aliengo", "x", (), "video", path, "", path)
+    items = [WorkItem("x", "x", (path,), job) for job in (render, mcap)]
+    jobs: list[Any] = [sharing(item, keeper).job for item in items]
+    first, second = pickle.loads(pickle.dumps(jobs))  # as on the way to a worker
+    assert first.depth is second.depth and first.depth is not keeper
+    assert render.depth is not mcap.depth
 
 
 def test_long_episodes_are_not_kept(tmp_path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(handover, "MOST_BYTES", 4 * 32 * 48 * 2)
-    keeper, video = DepthKeeper(), tmp_path / "depth.mp4"
-    write(video, keeper, seed=1, frames=5)
-    assert keeper.of(video) is None
-    write(video, keeper, seed=2, frames=4)
-    assert keeper.of(video) is not None
+    video = tmp_path / "depth.mp4"
+    assert kept_while_writing(video, seed=1, frames=5).of(video) is None
+    assert kept_while_writing(video, seed=2, frames=4).of(video) is not None
 
 
 def test_a_replaced_rollout_is_read_again(tmp_path, monkeypatch: pytest.MonkeyPatch):

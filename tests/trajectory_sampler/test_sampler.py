@@ -11,6 +11,7 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 
+from tests.support.paths import path_clearance
 from vlnpe.formats.core.errors import InputError, SceneError
 from vlnpe.formats.core.frames import wrap_angle
 from vlnpe.formats.core.geometry import path_length, resample
@@ -22,7 +23,7 @@ from vlnpe.trajectory_sampler.sampling import LEAST_GAP_M, sample_episodes
 from vlnpe.trajectory_sampler.similarity import path_gap
 from vlnpe.wayfinding.crossings import crossings
 from vlnpe.wayfinding.distance import AGENT_RADIUS_M, distance_field
-from vlnpe.wayfinding.planning import path_clearance, segments_free
+from vlnpe.wayfinding.planning import segments_free
 from vlnpe.wayfinding.regions import region_map
 
 CONFIG = SampleConfig(count=2, min_length_m=5.0)
@@ -171,6 +172,7 @@ def test_quotas_are_filled_and_splits_share_no_family(divided):
         assert path_gap(a.reference_path_world_m, b.reference_path_world_m) >= 0.8
 
 
+@pytest.mark.chain
 def test_a_shortage_of_paths_is_counted_and_the_advice_works(two_rooms):
     config = replace(CONFIG, count=40, min_length_m=4.0, min_gap_m=2.0, relax=False, patience=10)
     result = sample_episodes(two_rooms, config, np.random.default_rng(0))
@@ -286,6 +288,7 @@ def bedroom(two_rooms, tmp_path):
     return replace(load_bundle(root), objects=())
 
 
+@pytest.mark.chain
 @pytest.mark.parametrize("seed", range(2))
 def test_a_furnished_bedroom_gives_what_is_asked_for_or_says_why_not(bedroom, seed, caplog):
     """With the options that the README advises for a scan of one room."""
@@ -294,7 +297,7 @@ def test_a_furnished_bedroom_gives_what_is_asked_for_or_says_why_not(bedroom, se
     caplog.clear()
     found = sample(bedroom, seed, count=200, **advised).episodes
     assert 4 <= len(found) < 200
-    assert "shorter or fewer ones may be had: --min-length-m" in caplog.text
+    assert "lower --min-length-m, or ask for fewer" in caplog.text
     # What the advice promises it keeps.
     shorter = sample(bedroom, seed, count=200, **{**advised, "min_length_m": 1.0}).episodes
     assert len(shorter) > len(found)

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.support.paths import path_clearance
 from tests.support.scenes.rooms import PARTS
 from vlnpe.formats.core.geometry import path_length, resample
 from vlnpe.formats.scene.freemap import Freemap
@@ -16,7 +17,6 @@ from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.wayfinding.distance import distance_field, nearest_cell
 from vlnpe.wayfinding.geodesic import line_is_free
 from vlnpe.wayfinding.planning import (
-    path_clearance,
     plan_path,
     segments_free,
     simplify_path,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ...looks import pictures
@@ -14,6 +16,28 @@ from .tables import books, vase
 def _front(width: float, y: float, z0: float, height: float, material: int) -> Triangles:
     # Seen from +y, right is −x.
     return quad((width / 2, y, z0), (-width, 0.0, 0.0), (0.0, 0.0, height), material)
+
+
+def _doors(
+    kit: Kit,
+    width: float,
+    y: float,
+    z0: float,
+    height: float,
+    pattern: tuple[int, int, int],
+    wood: bool = False,
+) -> Triangles:
+    """Return a front of doors or drawers; `pattern` is its rows, its columns, and its colour."""
+    return _front(width, y, z0, height, kit.front(width, height, *pattern, wood))
+
+
+def _feet(x: float, ys: Sequence[float], height: float, material: int) -> list[Triangles]:
+    """Return square feet at ±x, which begin at each of `ys`."""
+    return [
+        box((at - 0.03, y, 0.0), (at + 0.03, y + 0.06, height), material)
+        for at in (-x, x)
+        for y in ys
+    ]
 
 
 def bookshelf(kit: Kit, rng: np.random.Generator) -> Piece:
@@ -77,13 +101,7 @@ def wardrobe(kit: Kit, rng: np.random.Generator, doors: int) -> Piece:
     body = kit.wood(k) if wooden else kit.front_color(k)
     parts = [
         box((-width / 2, 0.0, 0.0), (width / 2, depth, height), body),
-        _front(
-            width,
-            depth + 0.004,
-            0.06,
-            height - 0.06,
-            kit.front(width, height - 0.06, 1, doors, k, wooden),
-        ),
+        _doors(kit, width, depth + 0.004, 0.06, height - 0.06, (1, doors, k), wooden),
         box(
             (-width / 2 - 0.015, 0.0, height),
             (width / 2 + 0.015, depth + 0.02, height + 0.035),
@@ -102,18 +120,8 @@ def dresser(kit: Kit, rng: np.random.Generator) -> Piece:
     body = kit.wood(k) if wooden else kit.front_color(k)
     parts = [
         box((-width / 2, 0.0, 0.08), (width / 2, 0.44, height), body),
-        *(
-            box((x - 0.03, y, 0.0), (x + 0.03, y + 0.06, 0.1), body)
-            for x in (-width / 2 + 0.05, width / 2 - 0.05)
-            for y in (0.02, 0.37)
-        ),
-        _front(
-            width - 0.04,
-            0.445,
-            0.1,
-            height - 0.13,
-            kit.front(width - 0.04, height - 0.13, 3, 2, k, wooden),
-        ),
+        *_feet(width / 2 - 0.05, (0.02, 0.37), 0.1, body),
+        _doors(kit, width - 0.04, 0.445, 0.1, height - 0.13, (3, 2, k), wooden),
         *vase(kit, -0.3 * width, 0.2, height),
         *books(kit, rng, 0.25 * width, 0.22, height),
     ]
@@ -128,22 +136,8 @@ def sideboard(kit: Kit, rng: np.random.Generator) -> Piece:
     x = 0.36 * width
     parts = [
         box((-width / 2, 0.0, 0.12), (width / 2, 0.42, height), body),
-        *(
-            box(
-                (sx * (width / 2 - 0.08) - 0.03, y, 0.0),
-                (sx * (width / 2 - 0.08) + 0.03, y + 0.06, 0.13),
-                kit.black,
-            )
-            for sx in (-1, 1)
-            for y in (0.03, 0.33)
-        ),
-        _front(
-            width - 0.04,
-            0.425,
-            0.14,
-            height - 0.17,
-            kit.front(width - 0.04, height - 0.17, 1, 4, k, wooden),
-        ),
+        *_feet(width / 2 - 0.08, (0.03, 0.33), 0.13, kit.black),
+        _doors(kit, width - 0.04, 0.425, 0.14, height - 0.17, (1, 4, k), wooden),
         *table_lamp_parts(kit, x, 0.2, height),
         *books(kit, rng, -0.1, 0.2, height),
         *vase(kit, -0.36 * width, 0.2, height),
@@ -158,16 +152,8 @@ def tv_stand(kit: Kit, rng: np.random.Generator, width: float) -> list[Piece]:
     body = kit.wood(k) if wooden else kit.front_color(k)
     board = [
         box((-width / 2, 0.0, 0.1), (width / 2, 0.4, 0.48), body),
-        *(
-            box(
-                (sx * (width / 2 - 0.12) - 0.03, y, 0.0),
-                (sx * (width / 2 - 0.12) + 0.03, y + 0.06, 0.11),
-                kit.black,
-            )
-            for sx in (-1, 1)
-            for y in (0.04, 0.3)
-        ),
-        _front(width - 0.04, 0.405, 0.12, 0.34, kit.front(width - 0.04, 0.34, 1, 3, k, wooden)),
+        *_feet(width / 2 - 0.12, (0.04, 0.3), 0.11, kit.black),
+        _doors(kit, width - 0.04, 0.405, 0.12, 0.34, (1, 3, k), wooden),
         box((0.34 * width, 0.08, 0.48), (0.34 * width + 0.2, 0.3, 0.56), kit.black),
     ]
     tw, th = 0.72 * width, 0.4 * width
@@ -189,7 +175,7 @@ def shoe_cabinet(kit: Kit, rng: np.random.Generator) -> Piece:
     k, width = int(rng.integers(6)), float(rng.uniform(0.75, 1.0))
     parts = [
         box((-width / 2, 0.0, 0.0), (width / 2, 0.24, 0.98), kit.white),
-        _front(width - 0.03, 0.244, 0.06, 0.9, kit.front(width - 0.03, 0.9, 3, 1, k)),
+        _doors(kit, width - 0.03, 0.244, 0.06, 0.9, (3, 1, k)),
         box((-width / 2 - 0.01, 0.0, 0.98), (width / 2 + 0.01, 0.25, 1.0), kit.wood()),
         turned([(0.05, 1.0), (0.1, 1.05), (0.09, 1.05), (0.04, 1.01)], (0.2, 0.12), kit.brass),
     ]
@@ -206,7 +192,7 @@ def nightstand(kit: Kit, rng: np.random.Generator, k: int) -> Piece:
             for x in (-0.22, 0.175)
             for y in (0.01, 0.32)
         ),
-        _front(0.42, 0.384, 0.13, 0.36, kit.front(0.42, 0.36, 2, 1, k, True)),
+        _doors(kit, 0.42, 0.384, 0.13, 0.36, (2, 1, k), True),
         *table_lamp_parts(kit, -0.05, 0.16, 0.52),
         *books(kit, rng, 0.12, 0.26, 0.52),
     ]

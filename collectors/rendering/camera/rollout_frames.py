@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ....formats.core.errors import UnknownNameError
+from ....formats.core.errors import check_name
 from ....formats.core.rollout import Rollout
 from ...robots import RobotSpec, get_robot
 from ..frame import Frame, Pose
@@ -64,8 +64,7 @@ class RolloutFrames:
             UnknownNameError: no such view kind or robot; the message lists the valid names.
             ValueError: the renderer is not the one that the view names.
         """
-        if view.kind not in VIEWS:
-            raise UnknownNameError("camera", view.kind, VIEWS)
+        check_name("camera", view.kind, VIEWS)
         if (renderer.name, renderer.light) != (view.renderer, view.light):
             raise ValueError(
                 f"view {view.name} requires renderer {view.renderer} with light {view.light}, "

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ....formats.core.atomic import atomic_file, write_json
 from ....formats.core.camera import DepthRange
-from ....formats.core.errors import UnknownNameError
+from ....formats.core.errors import check_name
 from ....formats.core.rollout import Rollout
 from ....formats.rendered.image_counts import new_depth_counts, new_rgb_counts
 from ....formats.scene.bundle import SceneBundle
@@ -66,8 +66,7 @@ def render_rollout(
         UnknownNameError: unknown view kind, robot or codec; the message lists the valid names.
         ValueError: the frame rate does not divide 100, or renderer and view do not match.
     """
-    if codec not in RGB_CODECS:
-        raise UnknownNameError("video codec", codec, RGB_CODECS)
+    check_name("video codec", codec, RGB_CODECS)
     limits = depth_range or DepthRange()
     samples = rollout.frame_samples(frames_per_second)
     frames = RolloutFrames.plan(renderer, rollout, view, samples, robot)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....formats.core.camera import CameraModel
-from ....formats.core.errors import InputError, UnknownNameError
+from ....formats.core.errors import InputError, check_name
 from ....formats.core.frames import matrix_to_quat
 from ....formats.core.rollout import Rollout
 from ...robots import RobotSpec, get_robot
@@ -145,8 +145,7 @@ def make_view(
     Raises:
         UnknownNameError: no such kind or robot; the message lists the valid names.
     """
-    if kind not in VIEWS:
-        raise UnknownNameError("camera", kind, VIEWS)
+    check_name("camera", kind, VIEWS)
     spec = get_robot(robot) if isinstance(robot, str) else robot
     default = VIEWS[kind].default_camera(spec)
     camera = CameraModel(

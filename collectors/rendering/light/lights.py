@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ....formats.core.errors import UnknownNameError
+from ....formats.core.errors import check_name
 
 
 @dataclass(frozen=True)
@@ -98,6 +98,5 @@ def get_light(name: str) -> Light:
     Raises:
         UnknownNameError: no such light; the message lists the valid names.
     """
-    if name not in LIGHTS:
-        raise UnknownNameError("light", name, LIGHTS)
+    check_name("light", name, LIGHTS)
     return LIGHTS[name]

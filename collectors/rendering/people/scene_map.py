@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ....formats.core.camera import CameraModel
 from ....formats.core.frames import matrix_to_quat
@@ -40,11 +40,6 @@ class SceneMap:
     left_m: float
     top_m: float
     px_per_m: float
-
-    def to_pixel(self, xy_world_m: ArrayLike) -> NDArray[np.float64]:
-        """Convert world points (..., 2) [m] to (column, row); pixel centres at integer + 0.5."""
-        xy = np.asarray(xy_world_m, dtype=np.float64)
-        return np.stack([xy[..., 0] - self.left_m, self.top_m - xy[..., 1]], -1) * self.px_per_m
 
 
 def top_down_map(

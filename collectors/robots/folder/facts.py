@@ -236,7 +236,7 @@ def _drive(table: _Table) -> WheelDrive:
     both = sorted(set(drive.left) & set(drive.right))
     if both:
         raise table.error(
-            "right", f"contains {brief(both[0])}, which is also in left; valid: one side"
+            "right", f"contains {brief(both[0])}, which is also in left; valid: each wheel once"
         )
     table.refuse_unknown()
     return drive

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from ....formats.core.errors import InputError, UnknownNameError
+from ....formats.core.errors import InputError, check_name
 from ..signals import without_interrupts
 
 LOCAL, RAY, SLURM = "local", "ray", "slurm"
@@ -39,8 +39,7 @@ class Execution:
     dry_run: bool = False
 
     def __post_init__(self) -> None:
-        if self.executor not in EXECUTORS:
-            raise UnknownNameError("executor", self.executor, EXECUTORS)
+        check_name("executor", self.executor, EXECUTORS)
         if self.workers < 0:
             raise InputError(f"WORKERS={self.workers}: valid: 0 (one per core) and above")
         if self.dry_run and self.executor != SLURM:

@@ -10,12 +10,11 @@ import cv2
 import numpy as np
 
 from ....collectors.rendering.registry import make_renderer
-from ....collectors.rendering.scene.robot_body import RobotBody
 from ....collectors.robots import RobotSpec, get_robot
 from ....formats.core.atomic import write_json
 from ....formats.core.camera import CameraModel
 from ....formats.core.episode import Episode
-from ....formats.core.frames import quat_to_matrix, yaw_to_quat
+from ....formats.core.frames import quat_to_matrix
 from ....formats.scene.bundle import LabeledObject, SceneBundle, load_bundle
 from ....formats.vlnce.files import read_episodes, scene_stem
 from ....instruction_gen.language.nouns import noun_of
@@ -23,7 +22,7 @@ from ....instruction_gen.llm.client import Client, openai_backend
 from ....instruction_gen.llm.settings import LlmSettings
 from ....instruction_gen.llm.sight import Sights, View, name_things
 from ...engine.work import ItemResult
-from .visibility import looks_along
+from .visibility import StandingEye, looks_along
 
 WIDTH_PX, HEIGHT_PX = 320, 240
 EVERY = 4  # looks of `looks_along` from one frame to the next: two metres
@@ -91,24 +90,14 @@ def named_objects(
 
 
 def _views(bundle: SceneBundle, episodes: Sequence[Episode], robot: RobotSpec) -> list[View]:
-    body = RobotBody(robot.build_model(floor=False), robot.joint_names)
-    defaults = [joint.default_rad for joint in robot.joints]
+    eye = StandingEye(robot)
     camera = CameraModel("look", WIDTH_PX, HEIGHT_PX, robot.camera.model.hfov_deg)
-    row, column = np.indices((HEIGHT_PX, WIDTH_PX))
-    ray = np.stack(
-        [
-            (column - (WIDTH_PX - 1) / 2) / camera.focal_px,
-            (row - (HEIGHT_PX - 1) / 2) / camera.focal_px,
-            np.ones(row.shape),
-        ],
-        axis=-1,
-    )
+    ray = camera.pixel_rays()
     renderer = make_renderer(bundle)
     views = []
     for episode in episodes:
         for _, point, yaw in looks_along(episode.reference_path_world_m)[::EVERY]:
-            stand = (*point[:2], point[2] + robot.base_height_m)
-            position, quat = body.camera_pose(robot.camera.name, stand, yaw_to_quat(yaw), defaults)
+            position, quat = eye.pose(point, yaw)
             frame = renderer.render_labelled(camera, position, quat)
             depth = np.where(frame.depth_m > 0, frame.depth_m, np.nan)
             points = (ray * depth[..., None]) @ quat_to_matrix(quat).T + position

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ....collectors.rendering.frame import Frame
 from ....collectors.rendering.registry import make_renderer
@@ -75,10 +75,8 @@ class LookJob:
 def look(bundle: SceneBundle, episodes: list[Episode], robot: RobotSpec) -> Visibility:
     """Render ids along the reference paths; episodes of one trajectory share a path."""
     started = time.process_time()
-    mount = robot.camera
-    body = RobotBody(robot.build(robot).compile(), [joint.name for joint in robot.joints])
-    defaults = [joint.default_rad for joint in robot.joints]
-    camera = CameraModel("look", WIDTH_PX, HEIGHT_PX, mount.model.hfov_deg)
+    eye = StandingEye(robot)
+    camera = CameraModel("look", WIDTH_PX, HEIGHT_PX, robot.camera.model.hfov_deg)
     paths: dict[str, PathSight] = {}
     # Where nothing has a name, or nothing is asked, a renderer would be built for nothing.
     worth = [e for e in episodes if any(":" not in o.category for o in bundle.objects)]
@@ -89,24 +87,43 @@ def look(bundle: SceneBundle, episodes: list[Episode], robot: RobotSpec) -> Visi
             continue
         looks, glimpses = looks_along(episode.reference_path_world_m), []
         for along, point, yaw in looks:
-            stand = (*point[:2], point[2] + robot.base_height_m)
-            position, quat = body.camera_pose(mount.name, stand, yaw_to_quat(yaw), defaults)
+            position, quat = eye.pose(point, yaw)
             frame = renderer.render_labelled(camera, position, quat)
             glimpses += counter.glimpses(frame, along, position, quat_to_matrix(quat))
         paths[episode.trajectory_id] = PathSight(tuple(a for a, _, _ in looks), tuple(glimpses))
-    return Visibility(camera_of(robot, body), paths, time.process_time() - started)
+    return Visibility(eye.described(), paths, time.process_time() - started)
 
 
-def camera_of(robot: RobotSpec, body: RobotBody) -> SightCamera:
-    """Return the robot's own camera, where it is when the robot stands."""
-    mount = robot.camera
-    base = (0.0, 0.0, robot.base_height_m)
-    defaults = [joint.default_rad for joint in robot.joints]
-    lens, _ = body.camera_pose(mount.name, base, yaw_to_quat(0.0), defaults)
-    return SightCamera(
-        robot.name, WIDTH_PX, HEIGHT_PX, mount.model.hfov_deg, round(float(lens[2]), 3),
-        mount.pitch_down_deg, SPACING_M,
-    )  # fmt: skip
+class StandingEye:
+    """The robot's own camera, as it stands."""
+
+    def __init__(self, robot: RobotSpec):
+        self._robot = robot
+        self._body = RobotBody(robot.build_model(floor=False), robot.joint_names)
+
+    def pose(
+        self, floor_m: ArrayLike, yaw_rad: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return position (3,) [m] and quat_wxyz (4,) of the optical frame of a robot on a floor.
+
+        Args:
+            floor_m: (3,) floor under the base.
+            yaw_rad: heading.
+        """
+        x, y, z = np.asarray(floor_m, np.float64)
+        base = (x, y, z + self._robot.base_height_m)
+        return self._body.camera_pose(
+            self._robot.camera.name, base, yaw_to_quat(yaw_rad), self._robot.default_joint_rad
+        )
+
+    def described(self) -> SightCamera:
+        """Return what the camera is, for the record."""
+        mount = self._robot.camera
+        lens, _ = self.pose((0.0, 0.0, 0.0), 0.0)
+        return SightCamera(
+            self._robot.name, WIDTH_PX, HEIGHT_PX, mount.model.hfov_deg, round(float(lens[2]), 3),
+            mount.pitch_down_deg, SPACING_M,
+        )  # fmt: skip
 
 
 def looks_along(path_m: NDArray[np.float64]) -> list[tuple[float, NDArray[np.float64], float]]:
@@ -190,16 +207,7 @@ class _Counter:
         self, frame: Frame, position_m: NDArray[np.float64], rotation: NDArray[np.float64]
     ) -> NDArray[np.int32]:
         camera, depth = self._camera, frame.depth_m
-        row, column = np.indices(depth.shape)
-        ray = np.stack(
-            [
-                (column - (camera.width_px - 1) / 2) / camera.focal_px,
-                (row - (camera.height_px - 1) / 2) / camera.focal_px,
-                np.ones(depth.shape),
-            ],
-            axis=-1,
-        )
-        points = (ray * depth[..., None]) @ rotation.T + position_m
+        points = (camera.pixel_rays() * depth[..., None]) @ rotation.T + position_m
         ids = np.full(depth.shape, -1, dtype=np.int32)
         for k in self._named:
             low, high = np.array(self._things[k].lower_m), np.array(self._things[k].upper_m)

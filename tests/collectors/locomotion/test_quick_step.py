@@ -38,6 +38,7 @@ def shaken(robot: RobotSpec, rng: np.random.Generator) -> mujoco.MjData:
     return data
 
 
+@pytest.mark.chain
 @pytest.mark.parametrize("past", [0, 3])
 @pytest.mark.parametrize(("robot", "gait"), CASES, ids=lambda case: getattr(case, "name", ""))
 def test_a_robot_walks_alone_as_in_a_batch(robot: RobotSpec, gait: GaitClock, past: int) -> None:

@@ -400,8 +400,8 @@ def test_the_map_shows_things_where_it_says(
     blue = level.image[..., 2].astype(int) - level.image[..., 0] > 40
     rows, columns = np.nonzero(blue)
     low, high = LOWER[-1], UPPER[-1]
-    left, top = level.to_pixel([low[0], high[1]])
-    right, bottom = level.to_pixel([high[0], low[1]])
+    left, right = ((x - level.left_m) * scale for x in (low[0], high[0]))
+    top, bottom = ((level.top_m - y) * scale for y in (high[1], low[1]))
     assert np.abs(np.array([columns.min(), columns.max() + 1]) - [left, right]).max() < 1.2
     assert np.abs(np.array([rows.min(), rows.max() + 1]) - [top, bottom]).max() < 1.2
     assert (level.image[0, 0] == 250).all()  # paper outside

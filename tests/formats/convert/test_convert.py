@@ -22,7 +22,7 @@ from tests.formats.mcap.test_rollout import assert_same
 from tests.support.lerobot_data import write_unit, write_units
 from tests.support.mcap_copies import rewritten
 from tests.support.rollouts import make_rollout
-from vlnpe.formats.convert.dataset import DatasetFacts, open_dataset
+from vlnpe.formats.convert.dataset import open_dataset
 from vlnpe.formats.convert.episodes import (
     dataset_from_units,
     joint_facts,
@@ -30,12 +30,13 @@ from vlnpe.formats.convert.episodes import (
     unit_from_dataset,
     unit_from_mcap,
 )
+from vlnpe.formats.convert.facts import DatasetFacts
 from vlnpe.formats.core.camera import DepthRange
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.core.rollout import Rollout
 from vlnpe.formats.lerobot import FileLimits, assemble_dataset, read_episode_unit
 from vlnpe.formats.mcap.depth_images import decode_depth, depth_encoding, encode_depth
-from vlnpe.formats.mcap.episode import extract_episode, write_episode_mcap
+from vlnpe.formats.mcap.episode import extract_contents, write_episode_mcap
 from vlnpe.formats.mcap.recording import open_recording, read_recording
 from vlnpe.formats.mcap.robot_links import robot_topics
 from vlnpe.formats.mcap.rollout import read_rollout, write_rollout
@@ -145,7 +146,9 @@ def test_labels_are_converted_too(tmp_path: Path) -> None:
     dataset_from_units([tmp_path / "unit"], tmp_path / "set", DatasetFacts("a", "mit", {}))
     unit_from_dataset(tmp_path / "set", 0, tmp_path / "back")
     mcap_from_unit(tmp_path / "back", tmp_path / "b.mcap")
-    seen = extract_episode(tmp_path / "b.mcap", tmp_path / "there")
+    seen = extract_contents(
+        read_recording(tmp_path / "b.mcap"), tmp_path / "b.mcap", tmp_path / "there"
+    )
     np.testing.assert_array_equal(read_id_video(tmp_path / "there" / "semantic.mov"), ids)
     assert seen.frames.facts == meta
     assert (tmp_path / "there/labels.json").read_text() == (frames / "labels.json").read_text()
@@ -205,7 +208,7 @@ def test_every_depth_code_comes_back(far_m: float) -> None:
 
 def test_extracted_frames_are_those_that_went_in(tmp_path: Path) -> None:
     path = export_mcap(tmp_path, make_rollout(2.0))
-    seen = extract_episode(path, tmp_path / "frames")
+    seen = extract_contents(read_recording(path), path, tmp_path / "frames")
     before = tmp_path / "frames-a"
     assert list(iterate_bitstream(before / "rgb.mp4")) == list(
         iterate_bitstream(seen.frames.rgb_video)

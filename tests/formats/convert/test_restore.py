@@ -128,5 +128,5 @@ def test_an_episode_of_another_dataset_is_named(
     root = copy(edited["split"], tmp_path / "set")
     before = {p: p.read_bytes() for p in root.rglob("*") if p.is_file()}
     assert main(["restore", str(root), "--original", str(tmp_path / "other")]) == 2
-    assert "episode 0 (and 1 more) is in none of" in capsys.readouterr().err
+    assert "2 episodes (the first is number 0) are in none of" in capsys.readouterr().err
     assert before == {p: p.read_bytes() for p in root.rglob("*") if p.is_file()}

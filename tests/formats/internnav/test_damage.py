@@ -66,7 +66,7 @@ DAMAGE: dict[str, str] = {
     "list of tasks": r"task_index \[0, 1\]; valid: its min and max",
     "empty span": r"task_index \[\]; valid: a whole number",
     "unnumbered task": "task_index 'x'; valid: a whole number",
-    "rows of words": "task_index of its rows; valid: one whole number a row",
+    "rows of words": "task_index of its rows; valid: one whole number per row",
     "no instruction": "no instruction for episode 0",
     "half a line": r"tasks\.jsonl: not JSON",
 }

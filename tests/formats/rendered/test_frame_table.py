@@ -10,11 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from tests.support.paths import integrate_motion
 from tests.support.rollouts import make_frames, make_rollout
 from vlnpe.formats.core.frames import quat_to_matrix, quat_to_yaw, wrap_angle, yaw_to_quat
 from vlnpe.formats.core.rollout import REST_EVENT, Action, ActionSpan, Event
 from vlnpe.formats.rendered.discrete_steps import discrete_steps, planar_poses
-from vlnpe.formats.rendered.table import build_frame_table, integrate_motion, planar_motion
+from vlnpe.formats.rendered.table import build_frame_table, planar_motion
 
 RATES = [1, 2, 4, 5, 10, 20, 25, 50]
 

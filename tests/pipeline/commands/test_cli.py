@@ -57,6 +57,7 @@ def test_table_agrees_with_the_commands(name: str) -> None:
     assert first_parameter.annotation is verb.options()
 
 
+@pytest.mark.chain
 @pytest.mark.parametrize("name", ["", *VERBS])
 def test_help_imports_nothing_heavy(name: str) -> None:
     *text, loaded = help_and_modules(name)
@@ -71,6 +72,7 @@ def test_help_lists_every_command() -> None:
     assert [name for name in listed if name in VERBS] == list(VERBS)
 
 
+@pytest.mark.chain
 def test_a_command_imports_no_other_command() -> None:
     modules = subprocess.run(
         [sys.executable, "-c", SHOW_MODULES, "doctor", "--json"], capture_output=True, text=True
@@ -113,6 +115,7 @@ def test_a_negative_seed_is_refused(words: list[str], capsys: pytest.CaptureFixt
     assert "SEED=-5: valid: 0 and above" in capsys.readouterr().err
 
 
+@pytest.mark.chain
 def test_mujoco_is_imported_without_glfw() -> None:
     """GLFW's import starts a process and takes a quarter of MuJoCo's time; EGL does without it."""
     code = "import sys; from vlnpe.pipeline.cli import main; main(['report', 'missing'])"
@@ -124,6 +127,7 @@ def test_mujoco_is_imported_without_glfw() -> None:
     assert done.stdout == "False\n"
 
 
+@pytest.mark.chain
 @pytest.mark.parametrize("words", [["--help"], ["collect", "--help"], ["robots", "--json"]])
 def test_a_closed_pipe_ends_a_command_quietly(words: list[str]) -> None:
     """As in `vlnpe collect --help | head`, where head has read enough."""

@@ -115,6 +115,7 @@ def test_a_repaired_scene_has_its_folder_s_name(tmp_path, capsys):
     assert load_bundle(tmp_path / "flat-1").scene_id == "flat-1"
 
 
+@pytest.mark.chain
 def test_fewer_paths_can_be_allowed(scenes, tmp_path, capsys, caplog):
     sizes = ("--splits", "train=30,val_unseen=2", "--train-scenes", "1", "--min-length-m", "4")
     call = ("sample", scenes / "a", scenes / "b", *sizes, "--min-gap-m", "2", "--allow-fewer")
@@ -129,6 +130,7 @@ def test_fewer_paths_can_be_allowed(scenes, tmp_path, capsys, caplog):
     assert "needs --splits" in capsys.readouterr().err
 
 
+@pytest.mark.chain
 def test_a_shortage_of_paths_is_reported_with_advice_that_works(scenes, tmp_path, capsys):
     call = ["sample", scenes / "a", "--splits", "train=30", "--min-length-m", "4"]
     out = tmp_path / "mine"

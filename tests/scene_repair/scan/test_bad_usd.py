@@ -52,7 +52,7 @@ def test_layers_outside_the_folder_are_refused(way: str, target: str, tmp_path: 
     }[way]
     head = f"(subLayers = [@{target}@])" if way == "sublayer" else ""
     path.write_text(f"#usda 1.0\n{head}\n{arc}\n")
-    with pytest.raises(FileFormatError, match="leaves the scan's folder") as caught:
+    with pytest.raises(FileFormatError, match="leads out of the scan's folder") as caught:
         read_here(path)
     assert caught.value.path.name == "scene.usda"
     assert target in str(caught.value)
@@ -70,7 +70,7 @@ def test_hidden_ways_out_of_the_folder_are_refused(tmp_path: Path) -> None:
         '#usda 1.0\ndef Xform "a" (prepend variantSets = "v"\nvariants = {string v = "one"})\n{\n'
         'variantSet "v" = {\n"one" (references = @../a.usda@) {\n}\n}\n}\n'
     )
-    with pytest.raises(FileFormatError, match="leaves the scan's folder"):
+    with pytest.raises(FileFormatError, match="leads out of the scan's folder"):
         read_here(path)
     path.write_text(
         '#usda 1.0\ndef Mesh "a" (clips = {dictionary default = {\n'
@@ -100,7 +100,7 @@ def test_pictures_outside_the_folder_are_left_out(where: str, tmp_path: Path) ->
     save(stage)
     scan = read_here(tmp_path / "scan" / "scene.usda")
     assert all(m.image is None for m in scan.materials)
-    assert any("leaves the scan's folder" in w for w in scan.warnings)
+    assert any("leads out of the scan's folder" in w for w in scan.warnings)
 
 
 def test_references_in_a_circle_are_refused(tmp_path: Path) -> None:

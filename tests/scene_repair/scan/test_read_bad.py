@@ -107,7 +107,7 @@ def test_obj_that_takes_its_materials_from_outside(tmp_path: Path) -> None:
     )
     scan = read_mesh(folder / "scan.obj")
     check_sound(scan)
-    assert any("'../out.mtl' leaves the scan's folder" in w for w in scan.warnings)
+    assert any("'../out.mtl' leads out of the scan's folder" in w for w in scan.warnings)
 
 
 @pytest.mark.parametrize(

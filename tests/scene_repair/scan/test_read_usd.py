@@ -239,6 +239,7 @@ def test_unstated_conventions_are_left_open(tmp_path: Path) -> None:
     assert scan.unit is None
 
 
+@pytest.mark.chain
 def test_our_own_scene_reads_back(tmp_path: Path) -> None:
     parts = {
         "Floor_1": scans.sheet((0, 0), (4, 3), step=0.5),

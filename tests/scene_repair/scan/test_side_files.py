@@ -24,7 +24,7 @@ def test_links_out_of_the_folder_are_refused(name: str, tmp_path: Path) -> None:
     folder.mkdir()
     source = scans.write_glb(scans.room(), folder / "home.glb")
     (folder / name).symlink_to("../secret")
-    with pytest.raises(FileFormatError, match="leaves the scan's folder") as caught:
+    with pytest.raises(FileFormatError, match="leads out of the scan's folder") as caught:
         label_scan(source, read_scan(source))
         licence_beside(source)
     assert caught.value.path == folder / name
@@ -137,6 +137,7 @@ def test_source_digest_follows_side_files_and_stops_in_crowds(
         repair.source_digest(source)
 
 
+@pytest.mark.chain
 def test_a_scene_takes_its_licence_from_the_folder_or_nothing_is_made(tmp_path: Path) -> None:
     (tmp_path / "secret").write_text("secret")
     folder, out = tmp_path / "scan", tmp_path / "out"
@@ -144,7 +145,7 @@ def test_a_scene_takes_its_licence_from_the_folder_or_nothing_is_made(tmp_path: 
     out.mkdir()
     source = scans.write_glb(scans.room(), folder / "home.glb")
     (folder / "LICENSE").symlink_to(tmp_path / "secret")
-    with pytest.raises(FileFormatError, match="leaves the scan's folder"):
+    with pytest.raises(FileFormatError, match="leads out of the scan's folder"):
         repair_scene(source, out)
     assert not list(out.iterdir())
     (folder / "LICENSE").unlink()

@@ -1,0 +1,143 @@
+"""Options that several commands share; those of one command beside them are in its own module."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import tyro
+
+from ...trajectory_sampler.config import SampleConfig
+
+
+@dataclass(frozen=True, kw_only=True)
+class Printing:
+    """What a command prints at its end."""
+
+    json: Annotated[bool, tyro.conf.arg(name="json")] = False
+    """Print one JSON object with the result as the last line."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parallel(Printing):
+    """How many items are run at a time."""
+
+    workers: int = 0
+    """Number of worker processes; 0 uses one per core, or all that a cluster has."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Orientation:
+    """What a scan's file may not say about it."""
+
+    up: str = "auto"
+    """Up axis of scans: x, y, z, -x, -y, -z, or auto to detect it."""
+    unit: str = "auto"
+    """Length unit of scans: m, cm, mm, in, ft, or auto to detect it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clearance:
+    """What paths keep free."""
+
+    free_height_m: float = SampleConfig.free_height_m
+    """Free height above every path [m]. The default suits every robot; a lower value lets paths for
+    low robots lead under tables, and 0 selects the height of the run's tallest robot."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WalkedBy(Clearance):
+    """The robots that episodes are made for."""
+
+    robot: str = ""
+    """Robots that will walk the paths, comma-separated; paths keep clear for the widest one.
+    Without it, --robot-radius-m decides."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DiscreteActions:
+    """How the controller `speed` carries out discrete actions."""
+
+    action_steps: int = 50
+    """Duration of a discrete action of the speed controller, in physics steps of 5 ms."""
+    closed_loop: bool = False
+    """Run each discrete action of the speed controller until its 0.25 m or 15° is reached, instead
+    of for a fixed number of steps."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Driving(DiscreteActions):
+    """How robots follow episodes."""
+
+    controller: str = "auto"
+    """Controllers to run: path, speed or flash, a comma-separated list (path,speed), or `all`.
+    `auto` selects path, or flash for an agent without a body."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mounting:
+    """Where the robot's own camera sits."""
+
+    camera_height: float | None = None
+    """Height of the robot's own camera above the floor [m], standing; defaults to the robot's. A
+    moved camera does not see the robot's body."""
+    camera_pitch: float | None = None
+    """Downward tilt of the robot's own camera [deg]; defaults to the robot's."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drawing(Mounting):
+    """How rollouts are rendered."""
+
+    light: str = "baked"
+    """Lighting: baked (as scanned), DL5000 (panel lights, day), DL300 (night), CL (a lamp on the
+    robot), a comma-separated list (DL5000,CL), or `all`. Each has frames and datasets of its
+    own."""
+    renderer: str = "auto"
+    """Renderer: embree (ray tracing on the CPU), gl (MuJoCo through EGL), splat (Gaussian splats,
+    depth of the mesh), splat_depth (depth of the splats too), or auto, which selects splat in
+    scenes of splats, else gl if a GPU is available, else embree."""
+    semantic: bool = False
+    """Also render semantic segmentation: semantic.mov (and in MCAP), and class names in
+    labels.json."""
+    instance: bool = False
+    """Also render instance segmentation: instance.mov (and in MCAP), and object names in
+    labels.json."""
+    rgb_codec: str = "h264"
+    """Codec of RGB videos: h264, or av1 (royalty-free)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wording:
+    """How instructions are written."""
+
+    writer: str = "composer"
+    """Writer of the instructions: composer (offline), llm (any OpenAI-compatible server, see
+    docs/instructions.md), or local (a GGUF model on disk)."""
+    style: str = "mixed"
+    """Styles of the instructions: natural, terse, rich, a comma-separated list (terse,rich), or
+    mixed, which alternates between all."""
+    count: int = 3
+    """Number of instructions per path and language."""
+    language: str = "en"
+    """Languages of the instructions: en, zh, hi, or a comma-separated list (en,zh). Languages other
+    than en need a language model."""
+    replace: bool = False
+    """Also rewrite the instructions that a file already has."""
+    max_tokens: int = 0
+    """Stop querying the language model after this many tokens; 0 means no limit."""
+    max_cost: float = 0.0
+    """Stop querying after this cost, at the prices set in the environment; 0 means no limit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DatasetFormat:
+    """What datasets contain."""
+
+    per_instruction: bool = False
+    """Write one episode per instruction, in LeRobot datasets with the same frames. By default a
+    path is one episode that carries all its instructions."""
+    only_success: bool = False
+    """Export only successful episodes. By default all are exported, each with its end reason."""
+    depth: str = "video"
+    """Depth storage in LeRobot datasets: video (lossless, 12-bit codes) or image (16-bit, mm)."""
