@@ -150,6 +150,33 @@ def test_a_robot_on_other_paths_is_left_out_and_the_printed_command_brings_it_ba
     assert "Left out" not in back.stdout
 
 
+def test_what_a_recipe_lacks_is_collected_by_the_commands_that_mix_prints(
+    scan: Path, finished: Path, tmp_path: Path
+):
+    shutil.copytree(finished, tmp_path / "runs" / "run")
+    sources = {
+        "day": {"robots": ["vlnce"], "lights": ["DL5000"]},
+        "night": {"robots": ["vlnce"], "lights": ["DL300"]},
+        "scanned": {"robots": ["vlnce"]},
+    }
+    mixtures = {"all": list(sources), "night": ["night"]}
+    recipe = {"recipe": 1, "title": "t", "sources": sources, "mixtures": mixtures}
+    (tmp_path / "recipe.yaml").write_text(json.dumps(recipe))
+    asked = ("mix", tmp_path / "recipe.yaml", "--data", tmp_path / "runs", "--dry-run")
+    lacking = tiny_run.vlnpe(*asked)
+    assert lacking.returncode == 2
+    found = re.findall("^  (.*) # +(.*)$", lacking.stderr, re.MULTILINE)
+    assert [name for _, name in found] == ["day", "night"], lacking.stderr
+    for command, _ in found:
+        # The run has moved since it was collected.
+        done = tiny_run.run(
+            ["bash", "-c", command.replace(str(finished), str(tmp_path / "runs/run"))]
+        )
+        assert done.returncode == 0, done.stderr[-2000:]
+    shown = tiny_run.vlnpe(*asked)
+    assert shown.returncode == 0, shown.stderr
+
+
 @pytest.mark.parametrize(
     ("ids", "names"),
     [
