@@ -17,6 +17,23 @@ COLLECT = --robot "$(ROBOT)" --controller "$(CONTROLLER)" --scene "$(SCENE)" --e
           $(if $(SCENES),--scenes "$(SCENES)") $(if $(OUT),--out "$(OUT)") \
           $(if $(WORKERS),--workers "$(WORKERS)") $(ARGS)
 
+# A misspelt variable would be ignored. Names with an underscore are those of libraries.
+collect_TAKES       = ROBOT CONTROLLER SCENE SCENES EPISODES CAMERA LIGHT SEED OUT WORKERS ARGS
+dataset-bench_TAKES = ROBOT CONTROLLER TRAIN UNSEEN KINDS PATHS IMAGE OUT WORKERS ARGS
+evaluate_TAKES      = ROBOT CONTROLLER POLICY OUT SEED ARGS
+evidence_TAKES      = ARGS
+train-gait_TAKES    = ROBOT OUT
+report_TAKES        = OUT SEED
+verify_TAKES        = OUT SEED
+setup_TAKES         = EXTRA
+bench_TAKES         = ONLY
+GIVEN   := $(foreach name,$(.VARIABLES),$(if $(filter line,$(origin $(name))),$(if $(findstring _,$(name)),,$(name))))
+TAKEN   := $(sort $(foreach goal,$(MAKECMDGOALS),$($(goal)_TAKES)))
+UNKNOWN := $(filter-out $(TAKEN) VERBOSE PYTHON SHELL MAKE%,$(GIVEN))
+ifneq ($(UNKNOWN),)
+$(error make $(MAKECMDGOALS): unknown variable $(UNKNOWN); valid: $(or $(TAKEN),none))
+endif
+
 .DEFAULT_GOAL := help
 .PHONY: help setup collect dataset-bench evidence evaluate train-gait test test-fast test-slow lint audit docs bench report verify doctor clean
 

@@ -29,6 +29,12 @@ COLUMNS: dict[str, tuple[str, Callable[[Mapping[str, Any]], float]]] = {
     "CR": ("%", lambda e: 100.0 * bool(e["contacts"])),
     "time": ("s", lambda e: _number(e["metrics"]["duration_s"])),
 }
+LEGEND = (
+    "TL: mean length walked; NE: mean distance to the goal at the end; FR: fell; StR: got stuck;\n"
+    "OS: passed within 3 m of the goal; SR: stopped within 3 m of it; SPL: SR weighted by path\n"
+    "length; nDTW: likeness of path and walk; CR: touched an obstacle; time: mean duration.\n"
+    "(low..high): 95 % interval. With few episodes it is wide: an SR of 0 or 100 may be chance."
+)
 # What is counted of a model behind a server, by the key in an episode's results.
 COUNTS = {
     "unclear": "answers of the model could not be read and were asked for again",

@@ -219,6 +219,7 @@ def _with_local_inputs(options: Any) -> Any:
 def _complain(message: object) -> None:
     line = " ".join(str(message).split())
     sys.stderr.write(f"vlnpe: error: {line}\n")
+    sys.stderr.writelines(f"  {hint}\n" for hint in getattr(message, "hints", ()))
 
 
 if __name__ == "__main__":

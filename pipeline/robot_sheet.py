@@ -12,6 +12,7 @@ from ..collectors.locomotion.card import PolicyCard
 from ..collectors.locomotion.policy import GaitPolicy
 from ..collectors.rendering.people.portraits import StandingRobot
 from ..collectors.robots import RobotSpec
+from ..formats.core.checkout import program
 from ..formats.core.errors import FileFormatError
 
 
@@ -144,6 +145,25 @@ def table(sheets: Sequence[RobotSheet]) -> str:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = ("  ".join(f"{c:<{w}}" for c, w in zip(row, widths, strict=True)) for row in rows)
     return "\n".join(line.rstrip() for line in lines)
+
+
+def missed_gates(sheets: Sequence[RobotSheet]) -> list[str]:
+    """Return what a gate is and which ones the gaits miss, in words; nothing without any."""
+    if not any(sheet.gates for sheet in sheets):
+        return []
+    missed = {
+        sheet.name: [
+            str(g["name"]) for g in sheet.gates if g["measured"] is not None and not g["passed"]
+        ]
+        for sheet in sheets
+    }
+    wide = max(map(len, missed))
+    return [
+        "",
+        "gates: requirements on a trained gait, e.g. 99 % of 12 m paths reached on flat ground.",
+        f"docs/gaits.md lists them with their limits; so does {program()} robots NAME. Missed:",
+        *(f"  {name:<{wide}}  {'; '.join(names)}" for name, names in missed.items() if names),
+    ]
 
 
 def details(sheet: RobotSheet) -> str:

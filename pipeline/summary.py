@@ -8,15 +8,18 @@ import shlex
 import sys
 import textwrap
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, TextIO
 
 from ..formats.core.checkout import find_uv
-from .engine.ledger import Ledger
+from .engine.ledger import Ledger, Row
 from .engine.run_folder import RunFolder
 from .engine.runner import StageSummary
-from .report.gather import RobotRow, robot_rows
+from .inputs.crews import kept
+from .options.collect import Collect
+from .options.command_line import command_line
+from .report.gather import LeftOut, RobotRow, left_out, robot_rows
 
 log = logging.getLogger(__name__)
 LEGEND = (
@@ -27,7 +30,7 @@ LEGEND = (
 )
 # The widest name of a robot, and of a controller: the table fits 100 characters.
 ROBOT_WIDTH, CONTROLLER_WIDTH = 13, 26
-MOST_NAMES = 12  # datasets that are listed
+MOST_NAMES = 12  # datasets that have a line
 LEROBOT = "lerobot[dataset,viz]==0.6.1"
 
 
@@ -35,23 +38,28 @@ def show_summary(
     folder: RunFolder,
     summaries: Sequence[StageSummary],
     page: Path,
-    max_failed: int,
-    as_json: bool,
+    options: Collect,
     stream: TextIO = sys.stdout,
 ) -> int:
     """Write the closing table, or one JSON object, to `stream`; return the exit code.
 
-    0: done; 1: more items are quarantined than `max_failed` allows.
+    0: done; 1: more items are quarantined than `options.max_failed` allows.
     """
     quarantined = sum(s.quarantined for s in summaries)
-    rows = robot_rows(Ledger(folder.root))
-    code = int(quarantined > max_failed)
-    if as_json:
+    ledger = Ledger(folder.root)
+    rows, absent = robot_rows(ledger), left_out(ledger)
+    again = [_walked_too(one, options, folder.root) for one in absent]
+    code = int(quarantined > options.max_failed)
+    if options.json:
         value = {
             "out": str(folder.root),
             "report": str(page),
             "stages": {s.stage: s.counts() for s in joined(summaries)},
             "robots": [vars(r) for r in rows],
+            "left_out": [
+                {**vars(one), "command": command}
+                for one, command in zip(absent, again, strict=True)
+            ],
             "quarantined": quarantined,
             "exit_code": code,
         }
@@ -59,11 +67,28 @@ def show_summary(
         return code
     stream.write("\n" + stage_table(summaries) + "\n\n" + robot_table(rows))
     stream.write(f"\n{LEGEND}\n\n" if rows else "\n\n")
-    stream.write(looking_commands(folder, summaries, page) + "\n")
+    for one, command in zip(absent, again, strict=True):
+        stream.write(
+            f"Left out: {one.robot} {one.controller}, {one.paths} paths. It walked other paths, or "
+            "another version\nmade it; its data stays in the folder. To have it walk these "
+            f"paths, too:\n  {command}\n\n"
+        )
+    stream.write(looking_commands(ledger, page) + "\n")
     if code:
         path = folder.root / "quarantine.json"
         stream.write(f"\n{quarantined} items were quarantined; see {path} for the reasons\n")
     return code
+
+
+def _walked_too(one: LeftOut, options: Collect, root: Path) -> str:
+    """Return the command by which a robot that was left out walks this run's paths."""
+    timing = (
+        {"action_steps": one.actions["steps"], "closed_loop": one.actions["closed_loop"]}
+        if one.actions
+        else {}
+    )
+    who = {"robot": kept(one.robot, root), "controller": one.controller}
+    return command_line(replace(options, **who, **timing))
 
 
 def joined(summaries: Sequence[StageSummary]) -> list[StageSummary]:
@@ -129,32 +154,40 @@ def _number(value: float | None, width: int, digits: int) -> str:
     return f"{'–':>{width}}" if value is None else f"{value:>{width}.{digits}f}"
 
 
-def looking_commands(folder: RunFolder, summaries: Sequence[StageSummary], page: Path) -> str:
+def looking_commands(ledger: Ledger, page: Path) -> str:
     """Return the commands that show the result: LeRobot's viewer, Foxglove, the report."""
-    made = [row for summary in summaries for row in summary.good().values()]
-    datasets = [folder.root / row.outputs[0] for row in made if row.stage == "dataset"]
-    episodes = [folder.root / row.outputs[0] for row in made if row.stage == "mcap"]
+    datasets = [ledger.root / row.outputs[0] for row in _done(ledger, "dataset")]
+    episodes: dict[Path, list[Path]] = {}  # by dataset
+    for row in _done(ledger, "mcap"):
+        file = ledger.root / row.outputs[0]
+        episodes.setdefault(file.parent, []).append(file)
     uvx = f"{find_uv('uvx') or 'uvx'} --python {shlex.quote(sys.executable)}"
-    lines = ["View the results:"]
-    if datasets:
-        data = datasets[0]
-        lines.append(
-            f"  LeRobot   {uvx} --from '{LEROBOT}' lerobot-dataset-viz"
-            f" --repo-id vlnpe/{data.name} --root {shlex.quote(str(data))} --episode-index 0"
-        )
-        others = [path.name for path in datasets[1:]]
-        if others:
-            lines.append(f"            likewise, in {data.parent}:")
-            lines += [f"              {name}" for name in others[:MOST_NAMES]]
-        if len(others) > MOST_NAMES:
-            lines.append(f"              … and {len(others) - MOST_NAMES} more")
-    if episodes:
-        file = shlex.quote(str(episodes[0]))
-        lines.append(f"  Foxglove  foxglove-studio {file}   (or drop it on app.foxglove.dev)")
-        if len(episodes) > 1:
-            lines.append(f"            likewise the other {len(episodes) - 1} in {folder.mcap}")
+    viewers = [
+        f"{uvx} --from '{LEROBOT}' lerobot-dataset-viz --repo-id vlnpe/{data.name} "
+        f"--root {shlex.quote(str(data))} --episode-index 0"
+        for data in datasets
+    ]
+    players = [f"foxglove-studio {shlex.quote(str(files[0]))}" for files in episodes.values()]
+    if players:
+        players[0] += "   (or drop it on app.foxglove.dev)"
+    further = sum(map(len, episodes.values())) - len(players)
+    lines = ["View the results:", *_listed("LeRobot", viewers), *_listed("Foxglove", players)]
+    if further > 0:
+        beside = "it" if len(players) == 1 else "these"
+        lines.append(f"            and {further} more beside {beside}")
     lines.append(f"  report    python3 -m webbrowser {shlex.quote(page.as_uri())}")
     return "\n".join(lines)
+
+
+def _done(ledger: Ledger, stage: str) -> list[Row]:
+    return [row for row in ledger.rows(stage) if row.status == "done"]
+
+
+def _listed(name: str, commands: Sequence[str]) -> list[str]:
+    """Return commands below each other, the first after a name; of very many the first ones."""
+    shown = [f"  {name if k == 0 else '':<10}{command}" for k, command in enumerate(commands)]
+    more = len(commands) - MOST_NAMES
+    return shown[:MOST_NAMES] + ([f"{'':<12}… and {more} more datasets"] if more > 0 else [])
 
 
 def print_result(options: Any, facts: dict[str, Any], text: str) -> int:

@@ -71,7 +71,8 @@ def sample_episodes(
     over the rooms least reached from there, so that few paths already see the whole scene. Levels
     are served in turn. Paths of different splits are of different families: nowhere nearer than
     `family_gap_m`, forward or backward. When the scene does not hold as many distinct paths, those
-    found are returned and the result says what is missing.
+    found are returned and the result says what is missing. Without quotas, the first paths of a
+    larger count are those of a smaller one.
 
     Args:
         bundle: the repaired scene.
@@ -84,6 +85,9 @@ def sample_episodes(
     """
     # The smallest split first: the large ones fill what is left around its families.
     wanted = dict(sorted((quotas or {config.split: config.count}).items(), key=lambda q: q[1]))
+    # Headings have a stream of their own, so that the first paths of a larger count are those of a
+    # smaller one. Between quotas paths compete, and fixed sets are known by digest.
+    headings = rng if quotas else rng.spawn(1)[0]
     search = _Search(bundle, config, rng)
     kept: list[Candidate] | None = None
     gap_m = config.min_gap_m
@@ -104,7 +108,7 @@ def sample_episodes(
     if not kept:
         raise SceneError(_nothing(bundle, config, SampleResult([], total, dict(search.dropped))))
     result = SampleResult(
-        _episodes(bundle, kept, wanted, config, rng), total, dict(search.dropped), missing,
+        _episodes(bundle, kept, wanted, config, headings), total, dict(search.dropped), missing,
         gap_m if config.relax else config.min_gap_m, clear_for_m, enough_at_m,
     )  # fmt: skip
     _warn(bundle, kept, config, result)

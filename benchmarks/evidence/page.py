@@ -115,24 +115,47 @@ def _section(
     measured: Mapping[str, str],
 ) -> str:
     heads = [f"{name} [{COLUMNS[name][0]}]" for name in SHOWN]
-    lines = [
-        f"## {table.number}. {table.title}\n",
-        f"| row | seeds | {' | '.join(heads)} |",
-        "| --- | ---: |" + " ---: |" * len(SHOWN),
+    rows = [
+        f"| {row.label} | {measured[row.cell(0)]} |"
+        for row in table.rows
+        if row.cell(0) in measured
     ]
-    for row in table.rows:
-        if row.cell(0) not in measured:
-            why = value["missing"].get(row.cell(0), "")
-            lines.append(
-                f"| {row.label} | 0 | {UNMEASURED}{': ' + why if why else ''} |"
-                + " |" * (len(SHOWN) - 1)
-            )
-        else:
-            lines.append(f"| {row.label} | {measured[row.cell(0)]} |")
-    lines += ["", "| claim | difference | verdict |", "| --- | ---: | --- |"]
-    for claim, (shown, found) in zip(table.claims, judged, strict=True):
-        lines.append(f"| {claim.text} ({claim.more} − {claim.less}) | {shown} | {found} |")
-    return "\n".join([*lines, "", f"VLN-PE: {table.paper}", ""])
+    lacking = {
+        row.label: value["missing"].get(row.cell(0), "")
+        for row in table.rows
+        if row.cell(0) not in measured
+    }
+    claims = [
+        f"| {claim.text} ({claim.more} − {claim.less}) | {shown} | {found} |"
+        for claim, (shown, found) in zip(table.claims, judged, strict=True)
+        if found != UNMEASURED
+    ]
+    untested = {
+        claim.text: ""
+        for claim, (_, found) in zip(table.claims, judged, strict=True)
+        if found == UNMEASURED
+    }
+    lines = [f"## {table.number}. {table.title}\n"]
+    if rows:
+        head = [f"| row | seeds | {' | '.join(heads)} |", "| --- | ---: |" + " ---: |" * len(SHOWN)]
+        lines += [*head, *rows, ""]
+    lines += _unmeasured("Rows", lacking)
+    if claims:
+        lines += ["| claim | difference | verdict |", "| --- | ---: | --- |", *claims, ""]
+    lines += _unmeasured("Claims", untested)
+    return "\n".join([*lines, f"VLN-PE: {table.paper}", ""])
+
+
+def _unmeasured(what: str, reasons: Mapping[str, str]) -> list[str]:
+    """Return one line that names what was not measured, and why where that is known."""
+    by_reason: dict[str, list[str]] = {}
+    for name, why in reasons.items():
+        by_reason.setdefault(why, []).append(name)
+    told = [
+        f"{what} {UNMEASURED}{f' ({why})' if why else ''}: {' · '.join(names)}."
+        for why, names in by_reason.items()
+    ]
+    return [" ".join(told), ""] if told else []
 
 
 def _judged(value: Mapping[str, Any], table: Table, claim: Claim) -> tuple[str, str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -38,6 +38,7 @@ _IDENTITY = (
     "camera_width_px",
     "camera_height_px",
 )
+COLLECTED = ("robot", "controller", "light", "camera")  # conditions that a collection can meet
 DUPLICATE, HELD_OUT, FRACTION = "duplicate", "held out", "fraction"
 
 
@@ -108,6 +109,18 @@ class MixturePlan:
         return [_size(source.selection, self.unit) for source in self.sources]
 
 
+class NoEpisodesError(InputError):
+    """Sources of a recipe have no episodes.
+
+    Attributes:
+        lacking: Those whose robots, controllers, lights or cameras were not collected, by name.
+    """
+
+    def __init__(self, message: str, lacking: Mapping[str, Source] | None = None):
+        super().__init__(message)
+        self.lacking = dict(lacking or {})
+
+
 class Library:
     """The datasets under a folder, each read once."""
 
@@ -126,14 +139,14 @@ class Library:
         """Return datasets whose folders match any of the patterns, each once.
 
         Raises:
-            InputError: a pattern that matches no dataset.
+            NoEpisodesError: a pattern that matches no dataset.
             FileFormatError: a dataset that vlnpe did not collect.
         """
         found: dict[Path, DatasetIndex] = {}
         for pattern in patterns:
             folders = [f for f in self._folders(pattern) if (f / INFO_PATH).is_file()]
             if not folders:
-                raise InputError(f"no LeRobot dataset matches {pattern!r} in {self.root}")
+                raise NoEpisodesError(f"no LeRobot dataset matches {pattern!r} in {self.root}")
             for folder in folders:
                 key = folder.resolve()
                 if key not in self._read:
@@ -170,12 +183,11 @@ def plan_mixture(
         held_out: trajectories (`scene/trajectory`) that no source may take.
 
     Raises:
-        InputError: a source without a dataset or without any episode; frame rates that differ.
+        NoEpisodesError: sources without a dataset or without any episode.
+        InputError: frame rates that differ.
     """
     mixture = recipe.mixtures[name]
-    found = {
-        s: choose(recipe.sources[s], s, library, held_out, training=True) for s in mixture.weights
-    }
+    found = choose_all(recipe, mixture.weights, library, held_out, training=True)
     shares = _shares(mixture, [_size(selection, unit) for selection, _ in found.values()])
     plans = tuple(
         SourcePlan(s, weight, share, *found[s])
@@ -183,6 +195,36 @@ def plan_mixture(
     )
     check_frame_rate(index for plan in plans for index in plan.selection.datasets)
     return MixturePlan(name, plans, unit)
+
+
+def choose_all(
+    recipe: Recipe,
+    names: Iterable[str],
+    library: Library,
+    held_out: frozenset[str] = frozenset(),
+    *,
+    training: bool = False,
+) -> dict[str, tuple[Selection, tuple[DatasetRow, ...]]]:
+    """Return what `choose` returns of several of a recipe's sources, by name.
+
+    Raises:
+        NoEpisodesError: Sources without any episode; names them all.
+    """
+    found, errors = {}, {}
+    for name in names:
+        try:
+            found[name] = choose(recipe.sources[name], name, library, held_out, training=training)
+        except NoEpisodesError as error:
+            errors[name] = error
+    if errors:
+        lines = dict.fromkeys(str(error) for error in errors.values())
+        lacking = {n: source for e in errors.values() for n, source in e.lacking.items()}
+        raise NoEpisodesError(
+            f"no episodes for {', '.join(map(repr, errors))}: {'; '.join(lines)}; collect what is "
+            "missing, or change the recipe",
+            lacking,
+        )
+    return found
 
 
 def choose(
@@ -200,9 +242,12 @@ def choose(
     the source names them.
 
     Raises:
-        InputError: Nothing is left; the message lists what the data has.
+        NoEpisodesError: Nothing is left; the message lists what the data has.
     """
-    indices = library.find(source.data)
+    try:
+        indices = library.find(source.data)
+    except NoEpisodesError as error:
+        raise NoEpisodesError(str(error), {name: source}) from error
     kept, rows, dropped = [], [], {}
     seen: set[tuple[Any, ...]] = set()
     for index in indices:
@@ -222,7 +267,11 @@ def choose(
         if mask.any():
             kept.append((index, np.flatnonzero(mask)))
     if not kept:
-        raise InputError(_nothing_left(name, indices, dropped, library.root))
+        # Of other reasons there are episodes of what the source asks for, and it can use none.
+        new = all(reason.split(" ")[0] in COLLECTED for reason in dropped)
+        raise NoEpisodesError(
+            _nothing_left(name, indices, dropped, library.root), {name: source} if new else {}
+        )
     selection = Selection(
         tuple(index for index, _ in kept),
         np.repeat(np.arange(len(kept)), [len(r) for _, r in kept]).astype(np.int32),
@@ -297,7 +346,4 @@ def _nothing_left(
     name: str, indices: Sequence[DatasetIndex], dropped: Mapping[str, int], root: Path
 ) -> str:
     reasons = "; ".join(f"{count} × {reason}" for reason, count in sorted(dropped.items()))
-    return (
-        f"source {name!r}: no episode is left of {len(indices)} datasets in {root} ({reasons}); "
-        "collect what is missing, or change the recipe"
-    )
+    return f"source {name!r}: no episode is left of {len(indices)} datasets in {root} ({reasons})"

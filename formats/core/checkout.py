@@ -31,3 +31,11 @@ def find_uv(tool: str = "uv") -> str | None:
     """Return the path of uv (or `uvx`): the user's, or the copy in .tools."""
     own = CHECKOUT / ".tools" / "bin" / tool
     return shutil.which(tool) or (str(own) if own.is_file() else None)
+
+
+def program() -> str:
+    """Return how a shell in this folder finds vlnpe; its environment may not be active."""
+    own = Path(sys.executable).with_name("vlnpe")
+    if shutil.which("vlnpe") or not own.is_file():
+        return "vlnpe"
+    return str(own.relative_to(Path.cwd()) if own.is_relative_to(Path.cwd()) else own)

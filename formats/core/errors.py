@@ -12,14 +12,20 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from .checkout import setup_command
+from .checkout import program, setup_command
 
 MAX_SHOWN = 100  # names in an error message
 MAX_REASON = 800  # characters
 
 
 class VlnpeError(Exception):
-    """Base class of all errors raised by vlnpe."""
+    """Base class of all errors raised by vlnpe.
+
+    Attributes:
+        hints: Lines for a terminal beneath the message, e.g. commands that help.
+    """
+
+    hints: tuple[str, ...] = ()
 
 
 class InputError(VlnpeError):
@@ -78,7 +84,7 @@ class MissingExtraError(InputError):
 
     def __init__(self, user: str, extra: str):
         self.user, self.extra = user, extra
-        command = setup_command([extra]) or "vlnpe doctor prints how to"
+        command = setup_command([extra]) or f"{program()} doctor prints how to"
         super().__init__(f"{user} needs the extra `{extra}`; to install it: {command}")
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:

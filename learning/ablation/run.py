@@ -15,7 +15,7 @@ import numpy as np
 import torch
 
 from ...datasets.episode_index import episode_tables
-from ...datasets.mixture.plan import Library, MixturePlan, choose, plan_mixture
+from ...datasets.mixture.plan import Library, MixturePlan, choose_all, plan_mixture
 from ...datasets.mixture.recipe import NO_HOLDOUT, Recipe
 from ...datasets.selection import Selection
 from ...datasets.sequences import EpisodeSequences, SequenceConfig
@@ -105,7 +105,8 @@ def run_ablation(
     library = Library(data)
     evaluated = recipe.evaluate or tuple(recipe.sources)
     used = {n for m in recipe.mixtures.values() for n in m.weights} | set(evaluated)
-    found = {name: choose(recipe.sources[name], name, library)[0] for name in sorted(used)}
+    every = choose_all(recipe, sorted(used), library)
+    found = {name: selection for name, (selection, _) in every.items()}
     paths = [t for chosen in found.values() for t in chosen.trajectories()]
     holdout = hold_out(recipe, paths, published_holdout(found.values()))
     held = {name: _held_out(name, found[name], holdout) for name in evaluated}

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...datasets.instructions import InstructionChoice
-from ...datasets.mixture.plan import Library, MixturePlan, choose, plan_mixture
+from ...datasets.mixture.plan import Library, MixturePlan, choose_all, plan_mixture
 from ...datasets.mixture.recipe import Recipe
 from ...datasets.selection import Selection
 from ...datasets.sequences import EpisodeSequences, SequenceConfig
@@ -90,7 +90,8 @@ def train_recipe(request: Request, *, show: bool = True) -> Result:
     config = train_config({**recipe.train, **(request.changes or {})})
     name = _mixture_name(recipe, request.mixture)
     library = Library(request.data)
-    found = {s: choose(recipe.sources[s], s, library)[0] for s in recipe.mixtures[name].weights}
+    used = choose_all(recipe, recipe.mixtures[name].weights, library)
+    found = {source: selection for source, (selection, _) in used.items()}
     holdout = _holdout(recipe, found)
     plan = plan_mixture(recipe, name, library, "episodes", holdout.trajectories)
     held = {s: _held(selection, holdout) for s, selection in found.items()}

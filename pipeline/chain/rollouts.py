@@ -12,6 +12,7 @@ from ...collectors.rendering.camera.views import View
 from ...collectors.replay import ReplayConfig
 from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError
+from ..engine.explain import parts_of
 from ..engine.ledger import Ledger, Row
 from ..engine.runner import WorkItem
 from ..inputs.crews import action_timing, kept
@@ -46,28 +47,28 @@ def select_current(
     scenes: Mapping[str, Row],
     pairs: Sequence[tuple[str, str]],
 ) -> None:
-    """Drop the rows of robots other than `pairs` unless they walked these episodes.
+    """Leave out robots other than `pairs` that walked other paths, or else than they would now.
 
-    Those of another seed stay: the report says that they are.
+    Those that walked some of these paths stay, also with more or fewer of them, and so do those of
+    another seed: the report says how many each walked. `report.gather.left_out` tells the others.
     """
     ledger = run.context.ledger
     done = {tuple(row.item.split("/")[:2]) for row in ledger.rows(replay.STAGE)}
     current = {(robot, replay.label_of(ledger, _config(run, robot, name))) for robot, name in pairs}
     for robot, label in sorted(done - current):
+        scope = f"{robot}/{label}/"
+        rows = [row for row in ledger.rows(replay.STAGE) if row.item.startswith(scope)]
         try:
             config = _recorded_config(run, robot, label)
-            if config.seed != run.seed:
+            if config.seed != run.seed or _agree(
+                ledger, rows, asked, _walks(run, asked, scenes, config, label)
+            ):
                 continue
-            items = _walks(run, asked, scenes, config, label)
         except InputError:  # a robot that is known no more
-            items = []
-        same = {item.name for item in items if _is_current(ledger, item)}
-        scope = f"{robot}/{label}/"
-        ledger.select(replay.STAGE, scope, same)
-        if len(same) < len(items) or not items:
-            for stage in (render.STAGE, export.STAGE, export.MCAP_STAGE):
-                ledger.select(stage, scope, ())
-            ledger.select(export.DATASET_STAGE, f"{robot}-{label}-", ())
+            pass
+        for stage in (replay.STAGE, render.STAGE, export.STAGE, export.MCAP_STAGE):
+            ledger.select(stage, scope, ())
+        ledger.select(export.DATASET_STAGE, f"{robot}-{label}-", ())
 
 
 def collect(
@@ -177,6 +178,27 @@ def _walks(
     folder = run.folder
     where = (folder.scenes, folder.rollouts, folder.models)
     return replay.items(asked, scenes, *where, config, label)
+
+
+def _agree(
+    ledger: Ledger, rows: Sequence[Row], asked: Sequence[Episode], items: Sequence[WorkItem]
+) -> bool:
+    """Return whether rows are walks of `items`, or of further paths walked in the same way."""
+    named = {item.name: item for item in items}
+    ways = [
+        _without_episode({name: part.digest for name, part in parts_of(i.inputs, i.job).items()})
+        for i in {e.scene_id: i for e, i in zip(asked, items, strict=True)}.values()
+    ]
+    return any(row.item in named for row in rows) and all(
+        _is_current(ledger, named[row.item])
+        if row.item in named
+        else _without_episode(row.parts) in ways
+        for row in rows
+    )
+
+
+def _without_episode(parts: Mapping[str, str]) -> dict[str, str]:
+    return {name: digest for name, digest in parts.items() if not name.startswith("Episode ")}
 
 
 def _is_current(ledger: Ledger, item: WorkItem) -> bool:

@@ -129,7 +129,7 @@ def run(options: Collect) -> int:
                 },
             )
         page = report.write(folder, context, current.summaries)
-    return show_summary(folder, current.summaries, page, options.max_failed, options.json)
+    return show_summary(folder, current.summaries, page, options)
 
 
 def _print_episodes(options: Collect, folder: RunFolder, summaries: Sequence[StageSummary]) -> int:

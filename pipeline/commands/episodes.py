@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...formats.core.atomic import file_digest
+from ...formats.core.checkout import program
 from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError
 from ...formats.scene.bundle import INDEX_NAME
@@ -200,7 +201,7 @@ def run_sample(options: Sample) -> int:
         text += ", ".join(f"{count} {reason}" for reason, count in sorted(dropped.items()))
     if plan and plan.instructions:
         flags = f"--count {plan.instructions} --per-instruction"
-        text += f"\nfor the published number of episodes: vlnpe instruct … {flags}"
+        text += f"\nfor the published number of episodes: {program()} instruct … {flags}"
     facts = {
         "out": str(out),
         "files": [str(path) for path in written.values()],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import shlex
 import sys
 from collections.abc import Mapping
 from dataclasses import asdict, replace
@@ -28,6 +29,7 @@ from ...evaluation.policy import (
 from ...evaluation.results import (
     COLUMNS,
     COUNTS,
+    LEGEND,
     RESULTS_NAME,
     compare,
     grouped,
@@ -38,6 +40,7 @@ from ...evaluation.results import (
 )
 from ...evaluation.statistics import LEAST_PATHS
 from ...formats.core.atomic import file_digest, write_json
+from ...formats.core.checkout import program
 from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError, check_name
 from ...formats.vlnce.files import read_episodes
@@ -266,7 +269,7 @@ def _tell(options: Evaluate, out: Path, value: dict[str, Any], scenes: Path) -> 
     groups = grouped(value["episodes"], "split")
     if len(groups) > 1:
         groups["all"] = value["episodes"]
-    text = table(groups) if value["episodes"] else "no episode has a result"
+    text = f"{table(groups)}\n\n{LEGEND}" if value["episodes"] else "no episode has a result"
     sys.stdout.write(f"\n{text}\n\n")
     if value["quarantined"]:
         count = len(value["quarantined"])
@@ -279,7 +282,9 @@ def _tell(options: Evaluate, out: Path, value: dict[str, Any], scenes: Path) -> 
     if options.films > 0:
         sys.stdout.write(f"report:  {out / policy_report.PAGE_NAME}\n")
         return
+    walks, films = shlex.quote(str(out)), shlex.quote(str(out / "films"))
     sys.stdout.write(
-        f"films:   the same command with --films 2, or vlnpe render {out} --scenes {scenes} "
-        f"--video --camera chase --out {out}/films\n"
+        'films:   the same command with --films 2 (of make: ARGS="--films 2"), or\n'
+        f"         {program()} render {walks} --scenes {shlex.quote(str(scenes))} --video "
+        f"--camera chase --out {films}\n"
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import webbrowser
 
+from ...formats.core.checkout import program
 from ...formats.core.errors import InputError
 from ...formats.scene.visibility import read_visibility
 from ...formats.vlnce.files import read_episodes
@@ -51,7 +52,7 @@ def opened(options: ReviewOptions) -> Review:
         scenes = options.scenes
     if not files:
         raise InputError(
-            f"{source}: contains no episodes with instructions; run `vlnpe collect` first"
+            f"{source}: contains no episodes with instructions; run `{program()} collect` first"
         )
     episodes = [episode for path in files for episode in read_episodes(path)]
     films = {

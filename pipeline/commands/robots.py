@@ -50,13 +50,13 @@ def run_robots(options: Robots) -> int:
 
 def _list(options: Robots, done: _Done) -> None:
     # Imported late: loading the physics and rendering modules takes seconds.
-    from ..robot_sheet import details, sheet_of, table
+    from ..robot_sheet import details, missed_gates, sheet_of, table
 
     sheets = [sheet_of(get_robot(name)) for name in options.names or ROBOTS]
     # A robot requested by name that cannot be used is an error.
     done.problems = bool(options.names) and any(sheet.problem for sheet in sheets)
     done.values["robots"] = [asdict(sheet) for sheet in sheets]
-    done.lines.append(table(sheets))
+    done.lines += [table(sheets), *([] if options.names else missed_gates(sheets))]
     if options.names:
         done.lines += ["", *(details(sheet) for sheet in sheets)]
 

@@ -18,6 +18,9 @@ def json_text(value: Any) -> bytes:
 
 _OPEN = b"{\n"
 
+# Members of a manifest apart from its digest.
+UNSIGNED = {"files", "parts", "rows", "finished", "unfinished"}
+
 
 def signed(body: bytes) -> bytes:
     """Return a JSON object, as `json_text` writes it, with a first member that is its SHA-256."""
@@ -36,7 +39,7 @@ def read_signed(path: Path) -> dict[str, Any]:
     content = json.loads(raw)
     _, _, rest = raw.removeprefix(_OPEN).partition(b"\n")
     # A damaged name of the first member must not pass for a file without one.
-    if raw != signed(_OPEN + rest) and not content.keys() <= {"files", "parts", "rows"}:
+    if raw != signed(_OPEN + rest) and not content.keys() <= UNSIGNED:
         raise FileFormatError(
             path,
             "its content does not match its own SHA-256: it was damaged or edited. Restore it "

@@ -145,9 +145,9 @@ def _working(
     ledger.save()
     with make_executor(execution, root) as executor, ended_first(executor.kill_processes):
         yield Context(ledger, executor)
-    ended = bool(command and ledger.unfinished)
+    ended = bool(command and (ledger.unfinished or ledger.finished != command))
     if ended:
-        ledger.unfinished = ""
+        ledger.unfinished, ledger.finished = "", command
     if ended or (root / JOURNAL_NAME).is_file():
         ledger.save()
     ledger.finish()

@@ -25,8 +25,8 @@ class Part:
 
     Attributes:
         digest: Of all of it.
-        values: Its values by name, where they are few and short; they are shared by the items
-            that are made of the same thing.
+        values: Its values by name, of long ones a digest; they are shared by the items that are
+            made of the same thing.
     """
 
     digest: str
@@ -74,10 +74,10 @@ def _differences(name: str, old: Mapping[str, str], new: Mapping[str, str]) -> l
     for key in sorted({*old, *new}):
         if old.get(key) != new.get(key):
             where = f"{name}.{key}" if key else name
-            change = f"{old.get(key, 'nothing')} → {new.get(key, 'nothing')}"
-            # A digest of code means nothing to a reader.
-            found.append(f"{where} changed" if name == CODE and ":" not in key else
-                         f"{where}: {change}")  # fmt: skip
+            then, now = old.get(key, "nothing"), new.get(key, "nothing")
+            # Digests mean nothing to a reader.
+            plain = ":" in key if name == CODE else "…" not in (then[:1], now[:1])
+            found.append(f"{where}: {then} → {now}" if plain else f"{where} changed")
     return found or [f"{name} changed"]
 
 
@@ -99,11 +99,11 @@ def _values(value: Any) -> dict[str, str]:
         found: dict[str, str] = {}
         for one in fields(value):
             inner = getattr(value, one.name)
-            if isinstance(inner, np.ndarray):
-                return {}  # an episode: large, and of this item alone
             if is_dataclass(inner):
                 found |= {f"{one.name}.{k}" if k else one.name: v
                           for k, v in _values(inner).items()}  # fmt: skip
+            elif isinstance(inner, dict):
+                found |= {f"{one.name}.{k}": _short(v) for k, v in inner.items()}
             else:
                 found |= {one.name: _short(inner)}
         return found
@@ -111,7 +111,8 @@ def _values(value: Any) -> dict[str, str]:
 
 
 def _short(value: Any) -> str:
-    text = json.dumps(value, default=str, sort_keys=True)
+    plain = value.tolist() if isinstance(value, np.ndarray) else value
+    text = json.dumps(plain, default=str, sort_keys=True)
     return text if len(text) <= PLAIN else f"…{digest(text)[:SHORT]}"
 
 

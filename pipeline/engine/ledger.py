@@ -36,6 +36,7 @@ class Ledger:
         hashed: Whether the manifest was written by a version that keeps records of files.
         command: The command line that works in the folder, if it can be repeated.
         unfinished: The command line of a run that has begun work and not ended; empty without one.
+        finished: The command line of the last run that has ended; empty without one.
     """
 
     def __init__(self, root: Path):
@@ -49,7 +50,7 @@ class Ledger:
         self._files: dict[str, Records] = {}
         self._values: dict[str, dict[str, str]] = {}
         self.hashed = True
-        self.command = self.unfinished = ""
+        self.command = self.unfinished = self.finished = ""
         self.damaged_lines: list[int] = []
         manifest = root / MANIFEST_NAME
         if manifest.exists():
@@ -61,6 +62,7 @@ class Ledger:
                 self._files = dict(content.get("files", {}))
                 self._values = dict(content.get("parts", {}))
                 self.unfinished = str(content.get("unfinished", ""))
+                self.finished = str(content.get("finished", ""))
             except (AttributeError, KeyError, RecursionError, TypeError, ValueError) as error:
                 raise FileFormatError(manifest, f"not a vlnpe manifest: {error!r}") from error
         journal = root / JOURNAL_NAME
@@ -243,8 +245,8 @@ class Ledger:
         used = {digest for row in rows for digest in row.parts.values()}
         values = {digest: one for digest, one in self._values.items() if digest in used}
         content = {"files": files, "parts": values, "rows": [asdict(r) for r in rows]}
-        begun = {"unfinished": self.unfinished} if self.unfinished else {}
-        return signed(json_text({**content, **begun}))
+        commands = {"unfinished": self.unfinished, "finished": self.finished}
+        return signed(json_text({**content, **{k: v for k, v in commands.items() if v}}))
 
     def finish(self) -> None:
         """End a run whose rows are saved; ledgers that are copied elsewhere complete the copy."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ...formats.core.checkout import program
 from ...formats.core.errors import InputError
 from ...formats.scene.bundle import INDEX_NAME
 from ...scene_repair.scan.files import SUFFIXES, USD_SUFFIXES
@@ -54,7 +55,7 @@ def scenes_in(folder: Path) -> dict[str, Path]:
     indices = sorted(folder.glob(f"*/{INDEX_NAME}"))
     found = {p.parent.name: p.parent for p in indices if not p.parent.name.startswith(".")}
     if not found:
-        raise InputError(f"{folder}: contains no repaired scene; run `vlnpe repair` first")
+        raise InputError(f"{folder}: contains no repaired scene; run `{program()} repair` first")
     return found
 
 

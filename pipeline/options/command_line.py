@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import shlex
-import shutil
-import sys
 from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
+
+from ...formats.core.checkout import program
 
 # Of these, a command that runs an item again has its own.
 LEFT_OUT = {
@@ -23,7 +23,7 @@ def command_line(options: Any) -> str:
         options: An instance of a class of `pipeline.options` whose command has its name in lower
             case letters.
     """
-    words = [_program(), type(options).__name__.lower()]
+    words = [program(), type(options).__name__.lower()]
     for one in fields(options):
         value = getattr(options, one.name)
         default = None if one.default is MISSING else one.default
@@ -38,11 +38,3 @@ def command_line(options: Any) -> str:
         else:
             words += [f"--{one.name.replace('_', '-')}", str(value)]
     return f"cd {shlex.quote(str(Path.cwd()))} && {shlex.join(words)}"
-
-
-def _program() -> str:
-    """Return how a shell in this folder finds vlnpe; its environment may not be active."""
-    own = Path(sys.executable).with_name("vlnpe")
-    if shutil.which("vlnpe") or not own.is_file():
-        return "vlnpe"
-    return str(own.relative_to(Path.cwd()) if own.is_relative_to(Path.cwd()) else own)

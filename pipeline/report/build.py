@@ -13,7 +13,7 @@ from jinja2 import Environment, PackageLoader, select_autoescape
 from ..engine.ledger import Ledger, Row
 from .dataset import dataset_plots, dataset_rows, texts_of
 from .failures import failure_figures
-from .gather import RobotRow, diverged_rows, driven, replay_rows, robot_rows
+from .gather import RobotRow, diverged_rows, driven, left_out, replay_rows, robot_rows
 from .maps import ScenePaths, map_figure, path_name
 from .pictures import STAGE as PICTURES_STAGE
 from .pictures import Pictures, jpeg_uri
@@ -39,6 +39,7 @@ def build_page(root: Path, pictures: Pictures) -> str:
         colors=paths.colors,
         cards=_cards(rows, robots, quarantine),
         robot_rows=robots,
+        left_out=left_out(ledger),
         failures=failure_figures(rows, diverged_rows(ledger), pictures.clips),
         datasets=[_dataset(name, picture, ledger) for name, picture in pictures.strips.items()],
         maps=[map_figure(name, picture, paths) for name, picture in sorted(pictures.maps.items())],

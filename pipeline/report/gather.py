@@ -64,6 +64,54 @@ class RobotRow:
     collisions: int
 
 
+@dataclass(frozen=True)
+class LeftOut:
+    """A robot under one controller that lies in a run's folder, but not on the run's paths.
+
+    Attributes:
+        robot, controller: Robot and controller names.
+        actions: how the controller `speed` executed discrete actions; empty for others.
+        paths: how many it walked.
+        datasets: names of its datasets.
+    """
+
+    robot: str
+    controller: str
+    actions: Mapping[str, Any]
+    paths: int
+    datasets: tuple[str, ...]
+
+
+def left_out(ledger: Ledger) -> list[LeftOut]:
+    """Return the robots whose walks lie in the folder and no table shows."""
+    shown = {_crew(row) for row in ledger.rows("replay")}
+    groups: dict[tuple[str, str], list[Row]] = defaultdict(list)
+    for row in ledger.all_rows("replay"):
+        if row.status == "done" and _crew(row) not in shown:
+            groups[_crew(row)].append(row)
+    datasets = [row for row in ledger.all_rows("dataset") if not row.current]
+    return [
+        LeftOut(
+            robot,
+            rows[0].facts["controller"],
+            rows[0].facts.get("actions") or {},
+            len(rows),
+            tuple(
+                row.item
+                for row in datasets
+                if row.item.startswith(f"{robot}-{label}-")
+                and (ledger.root / row.outputs[0]).is_dir()
+            ),
+        )
+        for (robot, label), rows in groups.items()
+    ]
+
+
+def _crew(row: Row) -> tuple[str, str]:
+    robot, label, _ = row.item.split("/", 2)
+    return robot, label
+
+
 def replay_rows(ledger: Ledger) -> list[Row]:
     """Return the rows of existing rollouts."""
     return [row for row in ledger.rows("replay") if row.status == "done"]
@@ -79,12 +127,11 @@ def robot_rows(ledger: Ledger) -> list[RobotRow]:
     groups: dict[tuple[str, str], list[dict[str, Any]]] = defaultdict(list)
     for row in replay_rows(ledger):
         # Other seeds and actions of one controller are kept under labels of their own.
-        groups[(row.facts["robot"], row.item.split("/")[1])].append(row.facts)
+        groups[_crew(row)].append(row.facts)
     seeds = {facts.get("seed") for some in groups.values() for facts in some}
     diverged: Counter[tuple[str, str]] = Counter()
     for row in diverged_rows(ledger):
-        robot, controller, _ = row.item.split("/", 2)
-        diverged[(robot, controller)] += 1
+        diverged[_crew(row)] += 1
     names = sorted({*groups, *diverged})
     return [
         _robot_row(robot, label, groups[(robot, label)], diverged[(robot, label)], len(seeds) > 1)

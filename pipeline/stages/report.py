@@ -14,7 +14,7 @@ from ..engine.work import WorkItem, work_item
 from ..inputs.crews import kept
 from ..jobs.pictures import ClipJob, MapJob, StripJob
 from ..jobs.report import ReportJob
-from ..report.gather import replay_rows
+from ..report.gather import left_out, replay_rows
 from ..report.pictures import STAGE as PICTURES_STAGE
 from ..report.pictures import Pictures
 from . import render
@@ -32,7 +32,7 @@ def write(folder: RunFolder, context: Context, summaries: list[StageSummary]) ->
     page = folder.report / PAGE
     shown = [row for row in ledger.rows() if row.stage != STAGE]
     # The page shows outcomes, not only what was done: a repaired item keeps its key.
-    content = [_untimed(row) for row in shown]
+    content = [*map(_untimed, shown), *left_out(ledger)]
     item = work_item(STAGE, PAGE, ReportJob(folder.root, made, page), (page,), content=content)
     summaries += [summary, run_stage(context, STAGE, [item])]
     return page

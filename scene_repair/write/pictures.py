@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -23,6 +24,8 @@ RED = (0.86, 0.10, 0.12)
 GREEN = (0.05, 0.55, 0.20)
 GREY = (0.45, 0.47, 0.52)
 CUT = (0.24, 0.26, 0.30)
+LEFT = 18  # px beside text
+TITLE, SMALL = 0.62, 0.46  # sizes of the font
 
 
 def view_from_above(
@@ -149,14 +152,16 @@ def write_picture(
 
     Views of several levels get their names written above them.
     """
-    gap, name_px = 16, 30 if len(views) > 1 else 0
-    head = 64
     width = pixels.columns
+    metre_px = max(1, round(1.0 / pixels.cell_m))
+    scale = _text_scale(width, title, [text for text, _ in legend], metre_px)
+    head = round(64 * scale)
+    gap, name_px = 16, round(30 * scale) if len(views) > 1 else 0
     height = head + sum(v.shape[0] for v in views.values()) + (gap + name_px) * len(views)
     canvas = np.full((height, width, 3), BACKGROUND, dtype=np.float32)
     top, names = head, []
     for name, view in views.items():
-        names.append((name, top + 20))
+        names.append((name, top + round(20 * scale)))
         top += name_px
         canvas[top : top + view.shape[0]] = view[::-1]
         top += view.shape[0] + gap
@@ -164,18 +169,42 @@ def write_picture(
     ink = (45, 48, 56)
     font = cv2.FONT_HERSHEY_DUPLEX
     for name, baseline in names if name_px else ():
-        cv2.putText(out, name, (18, baseline), font, 0.5, ink, 1, cv2.LINE_AA)
-    cv2.putText(out, title, (18, 27), font, 0.62, ink, 1, cv2.LINE_AA)
-    x = 18
+        place = (round(LEFT * scale), baseline)
+        cv2.putText(out, name, place, font, 0.5 * scale, ink, int(scale), cv2.LINE_AA)
+
+    def at(x: float, y: float) -> tuple[int, int]:
+        return round(scale * x), round(scale * y)
+
+    def line(a: tuple[float, float], b: tuple[float, float]) -> None:
+        cv2.line(out, at(*a), at(*b), ink, round(2 * scale), cv2.LINE_AA)
+
+    def write(text: str, x: float, y: float, size: float) -> None:
+        cv2.putText(out, text, at(x, y), font, scale * size, ink, int(scale), cv2.LINE_AA)
+
+    write(title, LEFT, 27, TITLE)
+    x = LEFT
     for text, color in legend:
         rgb = [round(255 * c) for c in color]
-        cv2.rectangle(out, (x, 41), (x + 14, 55), rgb, -1, cv2.LINE_AA)
-        cv2.putText(out, text, (x + 22, 54), font, 0.46, ink, 1, cv2.LINE_AA)
-        x += 44 + cv2.getTextSize(text, font, 0.46, 1)[0][0]
-    metre = max(1, round(1.0 / pixels.cell_m))
-    right = width - 20
-    cv2.line(out, (right - metre, 48), (right, 48), ink, 2, cv2.LINE_AA)
-    for at in (right - metre, right):
-        cv2.line(out, (at, 43), (at, 53), ink, 2, cv2.LINE_AA)
-    cv2.putText(out, "1 m", (right - metre - 40, 53), font, 0.46, ink, 1, cv2.LINE_AA)
+        cv2.rectangle(out, at(x, 41), at(x + 14, 55), rgb, -1, cv2.LINE_AA)
+        write(text, x + 22, 54, SMALL)
+        x += _entry_px(text)
+    metre = metre_px / scale
+    right = width / scale - LEFT
+    line((right - metre, 48), (right, 48))
+    for end in (right - metre, right):
+        line((end, 43), (end, 53))
+    write("1 m", right - metre - 40, 53, SMALL)
     cv2.imwrite(str(path), out[..., ::-1])
+
+
+def _text_scale(width_px: int, title: str, legend: Sequence[str], metre_px: int) -> float:
+    """Return how much larger than in a picture of 620 px text is, as far as it fits."""
+    title_px = cv2.getTextSize(title, cv2.FONT_HERSHEY_DUPLEX, TITLE, 1)[0][0]
+    below_px = sum(map(_entry_px, legend)) + 60  # and the scale bar with its number
+    fitting = (width_px / (title_px + 2 * LEFT), (width_px - metre_px) / (below_px + 2 * LEFT))
+    return max(1.0, min(width_px / 620, *fitting))
+
+
+def _entry_px(text: str) -> int:
+    """Return the width of a legend's entry [px], at scale 1."""
+    return 44 + cv2.getTextSize(text, cv2.FONT_HERSHEY_DUPLEX, SMALL, 1)[0][0]

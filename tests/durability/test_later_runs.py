@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import shutil
 import subprocess
 from dataclasses import replace
@@ -103,6 +105,76 @@ def test_a_quarantined_item_is_run_alone_by_the_command_that_is_kept(
     fixed = alone()
     assert fixed.returncode == 0 and f"render {item}: done" in fixed.stderr
     assert not (run / error["traceback"]).exists()
+
+
+def test_a_robot_on_fewer_of_the_same_paths_joins_the_others(
+    scan: Path, finished: Path, tmp_path: Path
+):
+    run = shutil.copytree(finished, tmp_path / "run")
+    fewer = ("--robot", "aliengo", "--controller", "flash", "--episodes", "1")
+    done = tiny_run.collect(scan, run, *fewer)
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert [(r.robot, r.episodes) for r in robot_rows(Ledger(run))] == [
+        ("aliengo", 1),
+        ("vlnce", 2),
+    ]
+    assert "Left out" not in done.stdout
+    page = (run / "report" / "index.html").read_text()
+    for dataset in (run / "lerobot").iterdir():
+        assert f"<h3>{dataset.name}</h3>" in page and f"--root {dataset} " in done.stdout
+    own = tiny_run.collect(scan, run, "--episodes", "1", "--json")
+    stages = json.loads(own.stdout.splitlines()[-1])["stages"]
+    assert (stages["replay"]["done"], stages["replay"]["reused"]) == (0, 1)
+
+
+def test_a_robot_on_other_paths_is_left_out_and_the_printed_command_brings_it_back(
+    scan: Path, finished: Path, tmp_path: Path
+):
+    run = shutil.copytree(finished, tmp_path / "run")
+    other = ("--robot", "aliengo", "--controller", "flash", "--heading", "random")
+    done = tiny_run.collect(scan, run, *other)
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert [r.robot for r in robot_rows(Ledger(run))] == ["aliengo"]
+    assert "Left out: vlnce flash, 2 paths." in done.stdout
+    page = (run / "report" / "index.html").read_text()
+    assert "left out here" in page and "vlnce flash (2 paths; vlnce-flash-ego" in page
+    (command,) = re.findall("^  (cd .*collect.*)$", done.stdout, re.MULTILINE)
+    back = tiny_run.run(["bash", "-c", f"{command} --explain"])
+    assert back.returncode == 0, back.stderr[-2000:]
+    # It walks again, and which field of the paths has changed is said.
+    assert re.search(r"replay vlnce.* runs: .*Episode\.start_yaw_rad: \S+ → \S+", back.stderr)
+    assert [(r.robot, r.episodes) for r in robot_rows(Ledger(run))] == [
+        ("aliengo", 2),
+        ("vlnce", 2),
+    ]
+    assert "Left out" not in back.stdout
+
+
+def test_what_a_recipe_lacks_is_collected_by_the_commands_that_mix_prints(
+    scan: Path, finished: Path, tmp_path: Path
+):
+    shutil.copytree(finished, tmp_path / "runs" / "run")
+    sources = {
+        "day": {"robots": ["vlnce"], "lights": ["DL5000"]},
+        "night": {"robots": ["vlnce"], "lights": ["DL300"]},
+        "scanned": {"robots": ["vlnce"]},
+    }
+    mixtures = {"all": list(sources), "night": ["night"]}
+    recipe = {"recipe": 1, "title": "t", "sources": sources, "mixtures": mixtures}
+    (tmp_path / "recipe.yaml").write_text(json.dumps(recipe))
+    asked = ("mix", tmp_path / "recipe.yaml", "--data", tmp_path / "runs", "--dry-run")
+    lacking = tiny_run.vlnpe(*asked)
+    assert lacking.returncode == 2
+    found = re.findall("^  (.*) # +(.*)$", lacking.stderr, re.MULTILINE)
+    assert [name for _, name in found] == ["day", "night"], lacking.stderr
+    for command, _ in found:
+        # The run has moved since it was collected.
+        done = tiny_run.run(
+            ["bash", "-c", command.replace(str(finished), str(tmp_path / "runs/run"))]
+        )
+        assert done.returncode == 0, done.stderr[-2000:]
+    shown = tiny_run.vlnpe(*asked)
+    assert shown.returncode == 0, shown.stderr
 
 
 @pytest.mark.parametrize(

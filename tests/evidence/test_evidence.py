@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -112,7 +113,11 @@ def test_cells_are_made_once_and_the_page_says_what_is_missing(run: Path, tmp_pa
         "vision-blind) | SR +0.0 (+0.0 … +0.0) points | not shown |" in text
     )
     assert "CMA is better than chance (CMA − random) | SR +100.0" in text and "reproduced" in text
-    assert "not measured: no data of h1/speed" in text and "not measured: the data has 3" in text
+    assert "not measured (no data of h1/speed" in text and "not measured (the data has 3" in text
+    # What was measured comes first, and all that was not is one line.
+    assert "| not measured" not in text and "| 0 |" not in text
+    assert re.search(r"^Rows not measured.*: .*h1 → vlnce.*aliengo → vlnce", text, re.MULTILINE)
+    assert re.search("^Claims not measured: .*the humanoid falls", text, re.MULTILINE)
     commands.calls.clear()
     assert command.main(arguments, commands) == 0 and not commands.calls
     again = (tmp_path / "docs" / "evidence.md").read_text()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,6 @@ SHELL = re.compile(r"^```sh\n(.*?)^```", re.DOTALL | re.MULTILINE)
 # `formats/core/frames.py`, but not `scenes/<scene>/` of a run folder.
 NAMED = re.compile(r"`([a-z_]+/[\w./-]*\w(?:/|\.\w+))`")
 FOLDERS = {path.name for path in ROOT.iterdir() if path.is_dir()} - {"build", "runs"}
-VARIABLE = re.compile(r"\b([A-Z]+)=")
 
 
 def commands(page: Path) -> list[list[str]]:
@@ -46,15 +46,42 @@ def test_commands_of_vlnpe_parse(page: Path) -> None:
             assert verb.name in VERBS
 
 
+def make(*words: str) -> subprocess.CompletedProcess[str]:
+    """Let make say what it would do."""
+    command = ["make", "-n", *words]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_targets_and_variables_of_make_exist(page: Path) -> None:
-    makefile = (ROOT / "Makefile").read_text()
-    targets = set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
-    variables = set(re.findall(r"\$\((?:origin |or \$\()?([A-Z]+)\b", makefile))
     for first, *words in commands(page):
         if first == "make":
-            assert {w for w in words if "=" not in w} <= targets, words
-            assert {m[1] for w in words if (m := VARIABLE.match(w))} <= variables, words
+            done = make(*words)
+            assert done.returncode == 0, (words, done.stderr)
+
+
+@pytest.mark.parametrize(
+    ("words", "unknown", "valid"),
+    [
+        (["collect", "EPISODE=3"], "EPISODE", "EPISODES"),
+        (["collect", "ROBOTS=h1", "SCENE=scan.glb"], "ROBOTS", "ROBOT"),
+        (["evaluate", "LIGHT=DL300"], "LIGHT", "POLICY"),
+    ],
+)
+def test_variables_that_a_target_does_not_take_are_refused(
+    words: list[str], unknown: str, valid: str
+) -> None:
+    done = make(*words)
+    assert done.returncode == 2
+    assert f"unknown variable {unknown}; valid: " in done.stderr
+    assert valid in done.stderr.split("valid: ")[1].rstrip(". Stop\n").split()
+
+
+def test_values_and_variables_of_libraries_are_not_taken_for_variables() -> None:
+    words = ["ROBOT=h1", "ARGS=--splits train=3 --count 1", "HF_HUB_OFFLINE=1"]
+    done = make("collect", *words)
+    assert done.returncode == 0, done.stderr
+    assert "--splits train=3 --count 1" in done.stdout
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

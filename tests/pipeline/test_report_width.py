@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -87,3 +88,14 @@ def test_no_table_is_cut_off(page, width_px: int, tmp_path: Path) -> None:
     hidden = hidden_px(page(), ".scroll", width_px, tmp_path)
     assert len(hidden) >= 3  # the page, its tables
     assert max(hidden) <= 0, hidden
+
+
+def test_tables_of_a_collection_fit_a_phone(tmp_path: Path) -> None:
+    hidden = hidden_px(collection_page(), ".scroll", 390, tmp_path)
+    assert len(hidden) >= 3
+    assert max(hidden) <= 0, hidden
+
+
+def test_no_word_of_a_head_is_divided() -> None:
+    heads = re.findall("<th[^>]*>(.*?)</th>", collection_page())
+    assert len(heads) > 20 and not [head for head in heads if "-<br>" in head]

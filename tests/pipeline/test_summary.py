@@ -6,9 +6,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from vlnpe.pipeline.engine.ledger import Row
-from vlnpe.pipeline.engine.run_folder import RunFolder
-from vlnpe.pipeline.engine.runner import StageSummary
+from vlnpe.pipeline.engine.ledger import Ledger, Row
 from vlnpe.pipeline.report.gather import RobotRow
 from vlnpe.pipeline.summary import elided, looking_commands, robot_table
 
@@ -44,12 +42,24 @@ def test_long_names_lose_their_middle() -> None:
     assert elided("speed, open loop, seed 12", 13) == "speed,…eed 12"
 
 
-def test_every_dataset_is_named(tmp_path: Path) -> None:
+def test_every_dataset_has_its_commands(tmp_path: Path) -> None:
     names = [f"aliengo-path-ego-256x256-90deg-{k:02}" for k in range(15)]
-    rows = [Row("dataset", name, "", "done", outputs=(f"lerobot/{name}",)) for name in names]
-    made = StageSummary("dataset", rows=rows[:3])
-    text = looking_commands(RunFolder(tmp_path), [made], tmp_path / "index.html")
-    assert all(name in text for name in names[:3])
-    many = StageSummary("dataset", rows=rows)
-    text = looking_commands(RunFolder(tmp_path), [many], tmp_path / "index.html")
-    assert sum(name in text for name in names) == 13 and "… and 2 more" in text
+    ledger = Ledger(tmp_path)
+
+    def collected(name: str) -> str:
+        ledger.add(Row("dataset", name, "", "done", outputs=(f"lerobot/{name}",)))
+        for number in range(3):
+            file = f"mcap/{name}/{number}.mcap"
+            ledger.add(Row("mcap", f"{name}/{number}", "", "done", outputs=(file,)))
+        return looking_commands(ledger, tmp_path / "index.html")
+
+    first = collected(names[0])
+    assert "and 2 more beside it" in first
+    collected(names[1])
+    lines = collected(names[2]).splitlines()
+    for name in names[:3]:
+        assert sum(f"--root {tmp_path / 'lerobot' / name} " in line for line in lines) == 1
+        assert sum(str(tmp_path / "mcap" / name / "0.mcap") in line for line in lines) == 1
+    assert any("and 6 more beside these" in line for line in lines)
+    many = [collected(name) for name in names][-1]
+    assert many.count("lerobot-dataset-viz") == 12 and "… and 3 more datasets" in many

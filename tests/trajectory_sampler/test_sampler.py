@@ -67,6 +67,12 @@ def test_the_same_seed_gives_the_same_episodes(two_rooms):
     assert str(a) != str(c)
 
 
+def test_the_first_paths_of_more_are_those_of_fewer(two_rooms):
+    few, more = (sample(two_rooms, count=count).episodes for count in (2, 3))
+    assert [len(few), len(more)] == [2, 3]
+    assert [str(e) for e in few] == [str(e) for e in more[:2]]
+
+
 def test_episodes_survive_their_file(two_rooms, tmp_path):
     episodes = sample(two_rooms).episodes
     write_episodes(tmp_path / "e.json.gz", episodes)

@@ -26,6 +26,8 @@ GAP_PX = 4
 PAPER = 255
 SCALE_PX = 64  # width of the depth's scale, beside the last tile
 LEVELS = 256
+DARKEST = 32  # of the levels; darker blues look black
+UNMEASURED = 150  # grey, which no depth has
 
 
 def film_strip(
@@ -91,21 +93,21 @@ def film_strip(
 
 
 def shown_depths(depths_m: Sequence[NDArray[np.float32]]) -> tuple[float, float]:
-    """Return from where to where [m, whole] nearly all of some depths lie; 0 is invalid."""
+    """Return from where to where [m, whole] some depths lie, but for the nearest; 0 is invalid."""
     valid = np.concatenate([depth[depth > 0] for depth in depths_m])
-    low, high = np.percentile(valid, [1, 99]) if len(valid) else (0.0, 1.0)
+    low, high = np.percentile(valid, [1, 100]) if len(valid) else (0.0, 1.0)
     return math.floor(low), max(math.ceil(high), math.floor(low) + 1)
 
 
 def depth_picture(depth_m: NDArray[np.float32], near_m: float, far_m: float) -> Picture:
-    """Return depth (H, W) [m] as colours: warm up to `near_m`, dark blue from `far_m` on.
+    """Return depth (H, W) [m] as colours: warm up to `near_m`, blue from `far_m` on.
 
-    What is invalid is black.
+    What is invalid is grey.
     """
     farness = np.clip((depth_m - near_m) / (far_m - near_m), 0.0, 1.0)
-    level = np.round((LEVELS - 1) * (1.0 - farness)).astype(np.uint8)
+    level = np.round(LEVELS - 1 - (LEVELS - 1 - DARKEST) * farness).astype(np.uint8)
     colours = cv2.applyColorMap(level, cv2.COLORMAP_TURBO)[..., ::-1].copy()
-    colours[depth_m <= 0] = 0
+    colours[depth_m <= 0] = UNMEASURED
     return colours.astype(np.uint8)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from ....formats.core.atomic import sweep, write_bytes, write_json
 from ...options.training import Ablate
+from .missing import commands_for_missing
 from .threads import start_torch
 
 TABLE, RESULTS, PLOT, PAGE = "table.md", "results.json", "plot.png", "index.html"
@@ -33,7 +34,8 @@ def run(options: Ablate) -> int:
     }
     if options.out.is_dir():
         sweep(options.out)
-    ablation = run_ablation(recipe, options.data, options.out, changes)
+    with commands_for_missing(options.data):
+        ablation = run_ablation(recipe, options.data, options.out, changes)
     picture = plot_png(estimates(ablation), recipe.title)
     markdown = report_markdown(ablation, PLOT)
     value = report_json(ablation)

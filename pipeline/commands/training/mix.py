@@ -6,12 +6,13 @@ import json
 import sys
 from typing import Any
 
-from ....datasets.mixture.plan import Library, MixturePlan, plan_mixture
+from ....datasets.mixture.plan import Library, MixturePlan, choose_all, plan_mixture
 from ....datasets.mixture.recipe import read_recipe, recipe_path
 from ....datasets.mixture.table import plan_json, plan_text
 from ....formats.core.atomic import write_json
 from ....formats.core.errors import InputError, UnknownNameError
 from ...options.training import Mix
+from .missing import commands_for_missing
 
 
 def run(options: Mix) -> int:
@@ -27,8 +28,11 @@ def run(options: Mix) -> int:
     recipe = read_recipe(recipe_path(options.recipe))
     if options.mixture is not None and options.mixture not in recipe.mixtures:
         raise UnknownNameError("mixture", options.mixture, recipe.mixtures)
-    library = Library(options.data)
     names = [options.mixture] if options.mixture else list(recipe.mixtures)
+    sources = dict.fromkeys(s for name in names for s in recipe.mixtures[name].weights)
+    with commands_for_missing(options.data):
+        library = Library(options.data)
+        choose_all(recipe, sources, library, training=True)
     plans = [plan_mixture(recipe, name, library, options.draws) for name in names]
     for plan in plans:
         sys.stdout.write(f"{plan.name}: draws are {plan.unit}\n{plan_text(plan)}\n\n")

@@ -7,8 +7,10 @@ import sys
 from typing import Any
 
 from ....formats.core.atomic import file_digest, sweep
+from ....formats.core.checkout import program
 from ....formats.core.errors import InputError
 from ...options.training import Train
+from .missing import commands_for_missing
 from .threads import start_torch
 
 RDP = "rdp"
@@ -56,7 +58,8 @@ def run(options: Train) -> int:
         cache=options.cache,
         recipe_sha256=file_digest(path),
     )
-    result = dagger(options, request, train_recipe(request))
+    with commands_for_missing(options.data):
+        result = dagger(options, request, train_recipe(request))
     last = dict(result.curves[-1]) if result.curves else {}
     if options.json:
         value = {"checkpoint": str(result.checkpoint), "step": result.chosen, "last": last}
@@ -66,7 +69,7 @@ def run(options: Train) -> int:
     sys.stdout.write(
         f"\ncheckpoint: {result.checkpoint} (step {result.chosen})\n"
         f"curves:     {options.out / CURVES}\n"
-        f"evaluate:   vlnpe evaluate <run> --policy {result.checkpoint} --robot <robot>\n"
+        f"evaluate:   {program()} evaluate <run> --policy {result.checkpoint} --robot <robot>\n"
     )
     return 0
 

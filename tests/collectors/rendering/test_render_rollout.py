@@ -383,12 +383,14 @@ def test_clip(renderer: Renderer, rollout: Rollout, tmp_path: Path) -> None:
 
 
 def test_depth_pictures_distinguish_near_far_and_invalid() -> None:
-    depth = np.array([[0.0, 0.5, 7.5]], dtype=np.float32)
-    assert shown_depths([depth]) == (0, 8)
-    black, near, far = depth_picture(depth, 0.0, 8.0)[0].astype(int)
-    assert (black == 0).all()
+    depth = np.full((1, 300), 0.7, dtype=np.float32)
+    depth[0, :3] = 0.0, 0.5, 7.5
+    assert shown_depths([depth]) == (0, 8)  # what is far is seldom, and must not be cut off
+    invalid, near, far = depth_picture(depth, 0.0, 7.5)[0, :3].astype(int)
+    assert invalid[0] == invalid[1] == invalid[2] > 0  # grey
     assert near[0] > near[2]
     assert far[2] > far[0]
+    assert far[2] > 128  # blue, not black
 
 
 @pytest.mark.parametrize("scale", [20.0, 47.0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import json
 import os
 import signal
 import subprocess
@@ -141,3 +142,19 @@ def test_a_closed_pipe_ends_a_command_quietly(words: list[str]) -> None:
     # Argparse, which writes the overview, takes no notice of a closed pipe.
     assert done.returncode in (0, 128 + signal.SIGPIPE)
     assert done.stderr == ""
+
+
+def test_robots_says_what_a_gate_is_and_which_ones_are_missed(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["robots", "--json"]) == 0
+    robots = {robot["name"]: robot for robot in json.loads(capsys.readouterr().out)["robots"]}
+    assert main(["robots"]) == 0
+    table, _, told = capsys.readouterr().out.partition("\ngates: ")
+    assert "docs/gaits.md" in told
+    for name, robot in robots.items():
+        missed = [gate["name"] for gate in robot["gates"] if not gate["passed"]]
+        (line,) = [line for line in table.splitlines() if line.startswith(f"{name} ")]
+        assert not missed or f"{len(robot['gates']) - len(missed)} of {len(robot['gates'])}" in line
+        assert all(gate in told for gate in missed)
+        assert bool(missed) == (f"\n  {name} " in told)
