@@ -26,13 +26,24 @@ Command = tuple[float, float, float]
 def coasting_of(robot: RobotSpec, gait: Any) -> Coasting:
     """Return the values of the gait's card (`evaluation["stopping"]`), or measure them now."""
     stopping = gait.card.evaluation.get("stopping") if isinstance(gait, GaitPolicy) else None
-    return measure_coasting(robot, gait) if stopping is None else _by_card(stopping)
+    return measure_coasting(robot, gait) if stopping is None else _by_card(gait, stopping)
 
 
-def _by_card(stopping: Mapping[str, Any]) -> Coasting:
+def _by_card(gait: GaitPolicy, stopping: Mapping[str, Any]) -> Coasting:
     rates, turned = stopping.get("turn_rad_s", ()), stopping.get("turned_rad_p50", ())
-    lag_s = float(np.interp(_TURN_RAD_S, rates, turned)) / _TURN_RAD_S if len(rates) else 0.0
-    return Coasting(tuple(stopping["speed_m_s"]), tuple(stopping["distance_m_p50"]), lag_s)
+    turn_lag_s = float(np.interp(_TURN_RAD_S, rates, turned)) / _TURN_RAD_S if len(rates) else 0.0
+    return _coasting(gait, stopping["speed_m_s"], stopping["distance_m_p50"], turn_lag_s)
+
+
+def _coasting(
+    gait: Any, speed_m_s: Sequence[float], distance_m: Sequence[float], turn_lag_s: float
+) -> Coasting:
+    """Take the lag of walking from the longest stop: what is left of it without braking."""
+    brake_m_s2 = gait.card.gait.brakes[0] if isinstance(gait, GaitPolicy) else math.inf
+    lag_s = 0.0
+    if len(speed_m_s):
+        lag_s = max(0.0, distance_m[-1] / speed_m_s[-1] - speed_m_s[-1] / (2.0 * brake_m_s2))
+    return Coasting(tuple(speed_m_s), tuple(distance_m), lag_s, turn_lag_s)
 
 
 def measure_coasting(
@@ -58,8 +69,8 @@ def measure_coasting(
     speed_m_s, distance_m = np.array(rows).reshape(-1, 2).T.tolist()
     turns = ground.stops((0.0, 0.0, min(_TURN_RAD_S, limits.yaw_rad_s[1])))
     lags_s = [stop.turned_rad / stop.turn_rad_s for stop in turns if stop.turn_rad_s > 0.1]
-    lag_s = max(float(np.mean(lags_s)), 0.0) if lags_s else 0.0
-    return Coasting(tuple(speed_m_s), tuple(distance_m), lag_s)
+    turn_lag_s = max(float(np.mean(lags_s)), 0.0) if lags_s else 0.0
+    return _coasting(gait, speed_m_s, distance_m, turn_lag_s)
 
 
 @dataclass(frozen=True)

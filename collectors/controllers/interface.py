@@ -19,13 +19,16 @@ class Coasting:
 
     Attributes:
         speed_m_s: (K,) ascending, greater than 0.
-        distance_m: (K,) from the zero command to rest.
+        distance_m: (K,) from the zero command to rest, after walking steadily.
+        lag_s: by how much walking lags behind its command: what it was told in this time, it
+            still has to do.
         turn_lag_s: by how much a turn lags behind its command: the angle that is turned on after
             the zero command, over the turn rate before it.
     """
 
     speed_m_s: tuple[float, ...] = ()
     distance_m: tuple[float, ...] = ()
+    lag_s: float = 0.0
     turn_lag_s: float = 0.0
 
     def distance(self, speed_m_s: float) -> float:

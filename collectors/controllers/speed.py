@@ -23,7 +23,6 @@ from .interface import STOPPED, Decision, Pose, Task
 from .servo import Command, ServoConfig, Track, braking, steer
 
 RECENT = 5  # samples of 10 ms over which the velocity is taken
-STRIDE = 20  # samples over which the walking speed is taken: a gait's own swaying is quicker
 CLOSED_LOOP_S = 0.7  # an action takes a walking robot about so long in closed loop
 
 
@@ -42,7 +41,7 @@ class SpeedConfig:
         carry_s: a moving body goes on for about this long; the expert chooses a direction from
             where it will then be, turned as far as commanded (`Coasting.turn_lag_s`), or it would
             correct every turn by the opposite one. It stops by where the robot will come to rest
-            (`Coasting.distance`).
+            (`Coasting.distance`, `lag_s`).
         expert: how actions are chosen.
     """
 
@@ -80,9 +79,10 @@ class SpeedController:
         self._start_s = 0.0
         self._coming: Action | None = None
         self._command: Command = STOPPED
-        self._recent: deque[Pose] = deque(maxlen=STRIDE + 1)
-        lag_samples = round(task.coasting.turn_lag_s * self.rate_hz)
-        self._pending_rad_s: deque[float] = deque(maxlen=lag_samples)
+        self._recent: deque[Pose] = deque(maxlen=RECENT + 1)
+        # What was commanded so recently that the body has not done it yet.
+        self._pending_m_s = self._no_commands(task.coasting.lag_s)
+        self._pending_rad_s = self._no_commands(task.coasting.turn_lag_s)
 
     rate_hz = 100
 
@@ -104,6 +104,7 @@ class SpeedController:
             self._start_s = time_s
         wanted = self._steered(track, pose) if self._config.end_on_displacement else self._timed()
         self._command = self._ramped(wanted)
+        self._pending_m_s.append(self._command[0])
         self._pending_rad_s.append(self._command[2])
         notes = tuple(self._chooser.notes())
         return Decision(self._command, started, done=track.action is Action.STOP, notes=notes)
@@ -158,15 +159,21 @@ class SpeedController:
         return Pose(soon.x_m, soon.y_m, wrap_angle(now.yaw_rad + lagging_rad + ramp_rad))
 
     def _at_rest(self) -> Pose:
-        """Return the pose at which the robot would come to rest if it were stopped now."""
-        old, new = self._recent[0], self._recent[-1]
-        dx, dy = new.x_m - old.x_m, new.y_m - old.y_m
-        moved_m = math.hypot(dx, dy)
-        if not moved_m:
-            return new
-        speed_m_s = moved_m * self.rate_hz / (len(self._recent) - 1)
-        ratio = self._task.coasting.distance(speed_m_s) / moved_m
-        return Pose(new.x_m + ratio * dx, new.y_m + ratio * dy, new.yaw_rad)
+        """Return the pose at which the robot would come to rest if it were stopped now.
+
+        From the commands alone: between two actions a robot is still far from the speed that it
+        was last told, and by its speed alone it would seem to stop sooner or later than it does.
+        """
+        now, speed_m_s = self._recent[-1], self._command[0]
+        steady_m = math.copysign(self._task.coasting.distance(abs(speed_m_s)), speed_m_s)
+        unsteady_m = sum(past_m_s - speed_m_s for past_m_s in self._pending_m_s) / self.rate_hz
+        distance_m = steady_m + unsteady_m
+        x_m = now.x_m + distance_m * math.cos(now.yaw_rad)
+        return Pose(x_m, now.y_m + distance_m * math.sin(now.yaw_rad), now.yaw_rad)
+
+    def _no_commands(self, seconds: float) -> deque[float]:
+        samples = round(seconds * self.rate_hz)
+        return deque([0.0] * samples, maxlen=samples)
 
     def _ramped(self, wanted: Command) -> Command:
         """Return the command one sample further on the ramp to `wanted`."""

@@ -15,12 +15,12 @@ from ...formats.core.frames import wrap_angle
 from ...formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
 from ...formats.scene.freemap import Freemap
 from ...formats.scene.grid import GridSpec
+from ..coasting import coasting_of
 from ..controllers import STOPPED, Controller, PathConfig, Pose, SpeedConfig, Task
 from ..controllers.path import PathController
 from ..controllers.speed import SpeedController
 from ..locomotion.policy import GaitPolicy
 from ..outcome import OutcomeConfig
-from ..robots import RobotSpec
 from .trial import STEP_S, Conditions, Trial
 
 Array = NDArray[np.float64]
@@ -54,16 +54,22 @@ def open_ground(half_m: float = 30.0, cell_m: float = 0.25) -> Freemap:
     return Freemap(grid, np.zeros(grid.shape, np.float32), np.ones(grid.shape, dtype=bool))
 
 
-def task_along(robot: RobotSpec, path: Array) -> Task:
-    """Return the task of following corners (P, 2) on open ground."""
-    return Task(
-        reference_xy_m=path,
-        goal_xy_m=path[-1],
-        freemap=open_ground(),
-        radius_m=robot.footprint_radius_m,
-        limits=robot.command_limits,
-        goal_tolerance_m=OutcomeConfig().success_m,
-    )
+def tasks_along(policy: GaitPolicy, paths: Sequence[Array]) -> list[Task]:
+    """Return the tasks of following corners (P, 2) on open ground, as a replay would set them."""
+    robot = policy.robot
+    coasting = coasting_of(robot, policy)
+    return [
+        Task(
+            reference_xy_m=path,
+            goal_xy_m=path[-1],
+            freemap=open_ground(),
+            radius_m=robot.footprint_radius_m,
+            limits=robot.command_limits,
+            goal_tolerance_m=OutcomeConfig().success_m,
+            coasting=coasting,
+        )
+        for path in paths
+    ]
 
 
 @dataclass(frozen=True)
@@ -129,7 +135,7 @@ def follow_paths(
     paths = [random_path(rng) for _ in range(count)]
     trial = Trial(policy, conditions, np.zeros((count, 2)), np.zeros(count), rng)
     outcome = OutcomeConfig()
-    tasks = [task_along(policy.robot, path) for path in paths]
+    tasks = tasks_along(policy, paths)
     controllers: list[PathController | SpeedController] = [
         SpeedController(task, SpeedConfig()) if by_speed else PathController(task, PathConfig())
         for task in tasks
@@ -187,9 +193,7 @@ def action_errors(
     paths = [random_path(rng, FORWARD_STEP_M * actions) for _ in range(count)]
     heading = rng.uniform(-np.pi / 2, np.pi / 2, count)
     trial = Trial(policy, conditions, np.zeros((count, 2)), heading, rng)
-    drivers = Drivers(
-        [SpeedController(task_along(policy.robot, path), config) for path in paths], trial
-    )
+    drivers = Drivers([SpeedController(task, config) for task in tasks_along(policy, paths)], trial)
     while trial.going.any():
         drivers.step()
         trial.leave(np.array([len(started) > actions for started in drivers.actions]))

@@ -215,6 +215,14 @@ def test_closed_loop_actions_are_exact_and_timed_ones_last_a_quarter_second(poli
     assert results[True]["actions"] == 80
 
 
+@pytest.mark.parametrize("name", ["h1", "g1"])
+def test_a_humanoid_by_speed_comes_to_rest_at_the_goal(name: str):
+    """It is stopped in the middle of an action: seldom at a steady speed, often just turned."""
+    policy, rng = GaitPolicy.load(get_robot(name)), np.random.default_rng(9)
+    result = follow_paths(policy, 8, Conditions(), rng, by_speed=True)
+    assert result["reached"] == 1.0
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_random_paths_have_their_length(seed: int):
     path = random_path(np.random.default_rng(seed))
