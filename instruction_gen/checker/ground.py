@@ -137,6 +137,8 @@ class Ground(Things):
         """Return where the path passes from one room into another."""
         nothing = np.zeros(len(self.along_m), dtype=bool)
         passages = list(self.facts.passages)
+        if noun.side not in ("", "left", "right"):
+            noun = replace_side(noun, "")  # what one goes through is ahead of one anyway
         if noun.side:
             passages = [p for p in passages if self._door_side(p.along_m, noun.side)]
             ends = bool(self.facts.goal_rooms) and self._door_side(self.length_m, noun.side)

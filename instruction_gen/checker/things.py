@@ -32,6 +32,7 @@ _UNDERFOOT_M = 0.3
 _TOGETHER_M = 3.0
 _DOORSTEP_M = 0.5
 _THROUGH_M = 0.25
+_VAGUE = 0.5  # `ahead` and `behind` are said of much
 
 
 @dataclass(frozen=True)
@@ -41,12 +42,14 @@ class Found:
     Attributes:
         mask: (S,) which places of the path.
         reason: why it holds nowhere, "" when it holds somewhere.
+        strength: of that reason as a contradiction, see `align`.
         view: (S,) from which places the things meant are in view, and no others of their name;
             None where that is unknown.
     """
 
     mask: Mask
     reason: str = ""
+    strength: float = 1.0
     view: Mask | None = None
 
 
@@ -190,7 +193,7 @@ class Things:
             if not here.any():
                 beside = noun.side in ("left", "right")
                 where = f"on the {noun.side}" if beside else f"{noun.side} the walker"
-                return Found(nothing, f"the {name} is not {where}")
+                return Found(nothing, f"the {name} is not {where}", 1.0 if beside else _VAGUE)
         if noun.ordinal:
             keep = self._ordinal(chosen, noun)
             here = here & keep[:, None]

@@ -83,7 +83,7 @@ TURN_PLACE = frozenset("at in into through by past between along out".split())
 SEVERAL = frozenset("both all which each also".split())
 OPENERS = frozenset("there here then next that".split())
 RIGHT_ADVERB = frozenset(
-    """there here next in by beside before after away where past behind between at through up
+    """opposite across there here next in by beside before after away where past behind between at through up
     outside inside""".split()
 )
 FILLERS = frozenset(
