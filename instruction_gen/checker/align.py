@@ -290,10 +290,10 @@ class _Aligner:
         made = max(self.states)
         following = self.implied.following(made)
         if claim.kind == "turn":
-            # Who only bears to a side may do so after a turn that was implied.
-            first = made if claim.degree else min(self.states)
-            against = any(t.side != claim.side for t in self.turns[first:])
-            return 1.0 if against or claim.side == "around" else LOOSE
+            # Who only bears to a side may do so within the 20 degrees that the facts leave out.
+            against = any(t.side != claim.side for t in self.turns[made:])
+            slight = claim.degree in ("slight", "some")
+            return LOOSE if slight and not against else 1.0
         if claim.kind == "walk":
             return 1.0
         if claim.kind == "stop":

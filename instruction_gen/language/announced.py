@@ -21,6 +21,7 @@ _GOAL = re.compile(
     re.IGNORECASE,
 )
 _NEAR = re.compile(r"\W*right (?:at|by|beside|in|next)\b|.*\binside\b", re.IGNORECASE)
+_PURPOSE = re.compile(r"\W*(?:in order )?(?:to|for)\b", re.IGNORECASE)
 # "Stop at the bed. Then turn left": an order, given at the wrong place.
 _ORDER = re.compile(r"\W*(?:stop|wait|halt|pause|stand)\b", re.IGNORECASE)
 
@@ -34,27 +35,31 @@ def announcement(parse: Parse) -> tuple[int, bool]:
     begin = next((c.stop for c in parse.clauses if places([c])), 0)
     sentence = _SENTENCE.search(parse.text, begin)
     end = sentence.start() if sentence else len(parse.text)
-    # "The bed: that's the finish."
     first: list[Clause] = []
     for clause in parse.clauses:
+        # "The bed: that's the finish."
         beyond = clause.start >= end and not (first and clause.there and not clause.nouns)
-        said = parse.text[clause.start : clause.stop]
-        turns = bool(clause.side) and not _NEAR.match(said)
-        if beyond or turns or clause.negated or clause.verb in _MOTION - {"move"}:
-            break
-        if clause.verb == "move" and first:
+        if beyond or (first and _PURPOSE.match(parse.text) and _moving(clause)):
             break
         first.append(clause)
-    on = any(map(_moving, parse.clauses[len(first) :]))
-    if not places(first) or not on or _ORDER.match(parse.text):
+    rest = parse.clauses[len(first) :]
+    nouns = places(first)
+    if not nouns or not any(map(_moving, rest)) or _ORDER.match(parse.text):
         return 0, False
-    stated = {"see", "stop", "reach"} & {c.verb for c in first}
-    said = parse.text[: first[-1].stop]
-    sure = bool(_GOAL.search(said)) and first[0].verb != "move"
-    prep = places(first)[0].prep
-    if stated or sure or prep in ("", "to") or prep in STATIC or _NEAR.match(said):
-        return len(first), sure or any(c.verb == "stop" for c in first)
-    return 0, False
+    stated = any(c.verb in ("see", "stop", "reach") for c in first)
+    sure = bool(_GOAL.search(parse.text[: first[-1].stop]))
+    leads = first[0].verb == "move" and (nouns[0].prep == "to" or nouns[0].prep in STATIC)
+    still = [c for c in first[leads:] if not _moving(c)]
+    still += [c for c in first[leads:] if c not in still and _staying(c, parse, stated or sure)]
+    if len(still) + leads < len(first) or not (sure or leads or not nouns[0].side):
+        return 0, False
+    return len(first), (sure and not leads) or any(c.verb == "stop" for c in first)
+
+
+def _staying(clause: Clause, parse: Parse, stated: bool) -> bool:
+    """Return whether a clause that seems to move only places something: `just inside the hall`."""
+    near = bool(_NEAR.match(parse.text[clause.start : clause.stop]))
+    return near or (stated and not clause.side and clause.verb not in _MOTION)
 
 
 def readings(parse: Parse) -> list[Parse]:

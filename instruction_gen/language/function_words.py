@@ -64,7 +64,7 @@ PHRASES = (
 )
 UNTIL = frozenset("until till once when as if where".split())
 JOINTS = frozenset("and then but so while".split())
-SLIGHT = frozenset("slight slightly gentle gently little soft bit".split())
+SLIGHT = frozenset("diagonally slight slightly gentle gently little soft bit".split())
 SHARP = frozenset("sharp sharply hard".split())
 THERE = frozenset("there here now done immediately".split())
 SECOND = frozenset("going walking moving heading straight following".split())
