@@ -29,6 +29,7 @@ _BENT_DEG = 60.0  # a bend of this much may be told as a turn that goes on to th
 _BARE_STOP_M = 2.6
 _ORDER_M = 1.5  # things passed this near to each other may be mentioned in either order
 _MEANWHILE_M = 4.0
+_COME_M = 0.9  # who comes through a door is about to be in the room behind it
 ORDER_M = 3.0
 LOOSE = 0.5
 UNTOLD = 1.0
@@ -70,6 +71,7 @@ class _Aligner:
         start = np.zeros(len(self.along), dtype=bool)
         start[0] = True
         self.states: States = {0: start}
+        self.through = -1  # the last clause that led through a door
         self.entered = False  # the claim before led through a door
         self.doors: set[str] = set()  # sides on which the text says that doors are
         self.tight: States | None = None  # after a distance: where it must have led
@@ -98,6 +100,8 @@ class _Aligner:
                 strength = self._strength(claim)
                 problems.append(Contradiction(claim.clause, self._why(claim), strength))
             self.entered = claim.kind == "door" and bool(after)
+            if after and claim.kind in ("door", "exit"):
+                self.through = claim.clause
         if not problems:
             left = self._left_out()
             if left is not None:
@@ -304,7 +308,13 @@ class _Aligner:
             return LOOSE
         first_m = min(float(self.along[np.argmax(mask)]) for mask in self.states.values())
         before = self.along[claim.mask & (self.along <= first_m)]
-        return min(1.0, (first_m - float(before[-1])) / ORDER_M) if len(before) else LOOSE
+        if not len(before):
+            return LOOSE
+        # What was passed in the room before is not in this: "the door past the sofa" is.
+        elsewhere = any(before[-1] < p < first_m + _COME_M for p in self.ground.passages_m)
+        if elsewhere and self.through != claim.clause:
+            return 1.0
+        return min(1.0, (first_m - float(before[-1])) / ORDER_M)
 
     def _untold(self, k: int) -> float:
         """Return how strong a contradiction it is that turn `k` is not told."""

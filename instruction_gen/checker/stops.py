@@ -54,7 +54,7 @@ def stop_claims(index: int, clause: Clause, parse: Parse, ground: Ground) -> lis
             if found.view is not None:
                 view = found.view if view is None else view | found.view
         elif not clause.unparsed or noun.kind != "room":
-            result.append(Claim(index, "false", everywhere, found.reason))
+            result.append(Claim(index, "false", everywhere, found.reason, strength=found.strength))
     # "Stop when you reach the bed": what comes next says where.
     nexts = parse.clauses[index + 1 : index + 2]
     named = named or any(c.until or c.verb in ("see", "reach", "") for c in nexts)

@@ -6,7 +6,7 @@ import re
 from dataclasses import replace
 
 from .clauses import Clause, Noun, Parse
-from .ending import STATIC, STAYING, places
+from .ending import STATIC, STAYING, last_stop, places
 
 _MOTION = frozenset(("turn", "move", "enter", "leave", "pass"))
 _WAY = frozenset("through into along around away from past after".split())
@@ -58,7 +58,8 @@ def announcement(parse: Parse) -> tuple[int, bool]:
 
 def _staying(clause: Clause, parse: Parse, stated: bool) -> bool:
     """Return whether a clause that seems to move only places something: `just inside the hall`."""
-    near = bool(_NEAR.match(parse.text[clause.start : clause.stop]))
+    begin = max((c.stop for c in parse.clauses if c.stop <= clause.start), default=0)
+    near = bool(_NEAR.match(parse.text[begin : clause.stop].lstrip(" ,")))
     return near or (stated and not clause.side and clause.verb not in _MOTION)
 
 
@@ -66,9 +67,20 @@ def readings(parse: Parse) -> list[Parse]:
     """Return how a text may be meant, a goal that is said first being moved to its end."""
     count, sure = announcement(parse)
     if not count:
-        return [parse]
+        return [parse, *_going_on(parse)]
     meant = _goal_last(parse, count)
     return [meant] if sure else [meant, parse]
+
+
+def _going_on(parse: Parse) -> list[Parse]:
+    """Return the text with a stop that it goes on after as a place: `the rest of the hall, …`."""
+    last = last_stop(parse)
+    if last is None or not any(map(_moving, parse.clauses[last + 1 :])):
+        return []
+    if _ORDER.match(parse.text[parse.clauses[last].start :]):
+        return []
+    passed = replace(parse.clauses[last], verb="", there=False)
+    return [replace(parse, clauses=(*parse.clauses[:last], passed, *parse.clauses[last + 1 :]))]
 
 
 def _goal_last(parse: Parse, count: int) -> Parse:

@@ -83,8 +83,8 @@ TURN_PLACE = frozenset("at in into through by past between along out".split())
 SEVERAL = frozenset("both all which each also".split())
 OPENERS = frozenset("there here then next that".split())
 RIGHT_ADVERB = frozenset(
-    """opposite across there here next in by beside before after away where past behind between at through up
-    outside inside""".split()
+    """there here next in by beside before after away where past behind between at through up
+    outside inside opposite across""".split()
 )
 FILLERS = frozenset(
     """the a an you your will be it its that which who this these those to straight ahead forward
