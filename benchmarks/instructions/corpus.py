@@ -13,7 +13,8 @@ a villa by two further writers in eight voices, measured once after work with mo
 `announced` was written by whoever mended the checker, about one more apartment and a villa, two
 thirds of it with the goal said first; three causes of its refusals were mended. `sealed4` was
 written about three more apartments and a villa by two writers who had seen neither parser nor
-checker, half of it with the goal said first, and measured once after that work.
+checker, half of it with the goal said first, and measured once after that work, `sealed5` likewise
+by two more writers in eight voices about three more apartments and a villa.
 """
 
 from __future__ import annotations
@@ -42,6 +43,7 @@ FOLDER = Path(__file__).parent / "corpus"
 PARTS = (
     *("earlier", "tuning", "held_out", "later"),
     *("fresh", "last", "voices", "sealed", "sealed2", "sealed3", "announced", "sealed4"),
+    "sealed5",
 )
 
 
