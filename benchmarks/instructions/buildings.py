@@ -1,8 +1,8 @@
-"""Generated buildings as the maps that facts and follower need, without scan and repair."""
+"""Facts of generated buildings from their plans, without scan and repair."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,32 +10,19 @@ from numpy.typing import NDArray
 from vlnpe.apartments import building_config
 from vlnpe.apartments.home.building import build_scene
 from vlnpe.apartments.truth import true_floor
-from vlnpe.formats.scene.bundle import LabeledObject
-from vlnpe.wayfinding.regions import ROOM_PREFIX, RegionMap, split_rooms
+from vlnpe.formats.scene.bundle import LabeledObject, SceneBundle
+from vlnpe.formats.scene.grid import GridSpec
+from vlnpe.instruction_gen.facts import LevelFacts
+from vlnpe.wayfinding.regions import ROOM_PREFIX, split_rooms
 
 _CELL_M = 0.05
 _LOW_M, _HIGH_M = 0.9, 1.7  # what fills these heights bounds the open floor, as walls do
 _OPENINGS = frozenset(("door", "door frame", "window", "floor", "ceiling", "wall"))
 
 
-@dataclass(frozen=True)
-class Building:
-    """The ground floor of a generated building, as much of a `SceneBundle` as facts read.
-
-    Attributes:
-        objects: things and rooms.
-        level_floor_z_m: height of each floor [m].
-        regions: its rooms.
-    """
-
-    objects: tuple[LabeledObject, ...]
-    level_floor_z_m: tuple[float, ...]
-    regions: RegionMap
-
-
-def building(kind: str, seed: int) -> Building:
-    """Return the building of a seed; the same as `vlnpe scan SEED --kind KIND --exact` writes."""
-    scene = build_scene(np.random.default_rng(seed), building_config(kind), painted=False)
+def building(building_kind: str, seed: int) -> LevelFacts:
+    """Return the ground floor of the building that `vlnpe scan SEED --kind KIND --exact` writes."""
+    scene = build_scene(np.random.default_rng(seed), building_config(building_kind), painted=False)
     plan = scene.plan
     low, high = plan.floor_z_m, plan.floor_z_m + plan.ceiling_m
     objects = [LabeledObject(o.name, o.category, o.lower_m, o.upper_m, 0) for o in scene.objects]
@@ -43,20 +30,33 @@ def building(kind: str, seed: int) -> Building:
     for room in plan.rooms:
         counts[room.kind] = counts.get(room.kind, 0) + 1
         name = f"Room_{room.kind}_{counts[room.kind]}"
-        ends = (*map(float, room.lower_m), low), (*map(float, room.upper_m), high)
-        objects.append(LabeledObject(name, ROOM_PREFIX + room.kind, *ends, 0))
+        (x0, y0), (x1, y1) = room.lower_m, room.upper_m
+        kind = ROOM_PREFIX + room.kind
+        objects.append(LabeledObject(name, kind, (x0, y0, low), (x1, y1, high), 0))
     grid, floor = true_floor(plan, _CELL_M)
     for thing in objects:
-        _stand(floor, grid.center_of, thing)
-    return Building(tuple(objects), (low,), split_rooms(floor, objects, grid))
+        _stand(floor, grid, thing)
+    bundle = SceneBundle(
+        root=Path(),
+        scene_id=f"{building_kind}-{seed}",
+        source={},
+        source_to_world=np.eye(4),
+        habitat_to_world=np.eye(4),
+        materials=(),
+        labels=(),
+        objects=tuple(objects),
+        level_floor_z_m=(low,),
+        generator={},
+    )
+    return LevelFacts.of(bundle, 0, split_rooms(floor, objects, grid))
 
 
-def _stand(floor: NDArray[np.bool_], center_of, thing: LabeledObject) -> None:
+def _stand(floor: NDArray[np.bool_], grid: GridSpec, thing: LabeledObject) -> None:
     """Take what a tall thing covers from the open floor (rows, columns)."""
     tall = thing.lower_m[2] < _LOW_M and thing.upper_m[2] > _HIGH_M
     if not tall or thing.category in _OPENINGS or thing.category.startswith(ROOM_PREFIX):
         return
     rows, columns = np.indices(floor.shape)
-    xy = center_of(np.stack([rows, columns], -1))
+    xy = grid.center_of(np.stack([rows, columns], -1))
     low, high = np.array(thing.lower_m[:2]), np.array(thing.upper_m[:2])
     floor &= ~np.all((xy > low) & (xy < high), axis=-1)
