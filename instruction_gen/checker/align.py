@@ -30,11 +30,11 @@ _BARE_STOP_M = 2.6
 _ORDER_M = 1.5  # things passed this near to each other may be mentioned in either order
 _MEANWHILE_M = 4.0
 _COME_M = 0.9  # who comes through a door is about to be in the room behind it
-ORDER_M = 3.0
-LOOSE = 0.5
-UNTOLD = 1.0
-CLEAR_DEG = 75.0
-DOOR_M = 2.2
+# How strong contradictions are; see `Contradiction`.
+_LOOSE = 0.5
+_OUT_OF_ORDER_M = 3.0  # a thing passed this much out of order
+_CLEAR_DEG = 75.0  # a turn of this much is one that nobody leaves out
+_DOOR_AFTER_M = 2.2  # unless a door is behind it that was told with its side
 _DOORS = frozenset(f"the {door}" for door in DOORS)
 
 
@@ -87,7 +87,7 @@ class _Aligner:
             if claim.abeam_m is not None:
                 if claim.abeam_m < passed_m - _ORDER_M:
                     reason = f"{claim.reason} is passed earlier"
-                    strength = min(1.0, (passed_m - claim.abeam_m) / ORDER_M)
+                    strength = min(1.0, (passed_m - claim.abeam_m) / _OUT_OF_ORDER_M)
                     problems.append(Contradiction(claim.clause, reason, strength))
                     continue
                 passed_m = claim.abeam_m
@@ -297,7 +297,7 @@ class _Aligner:
             # Who only bears to a side may do so within the 20 degrees that the facts leave out.
             against = any(t.side != claim.side for t in self.turns[made:])
             slight = claim.degree in ("slight", "some")
-            return LOOSE if slight and not against else 1.0
+            return _LOOSE if slight and not against else 1.0
         if claim.kind == "walk":
             return 1.0
         if claim.kind == "stop":
@@ -305,24 +305,24 @@ class _Aligner:
         if following is not None and not self._reachable(claim, made):
             return self._untold(following)
         if claim.kind in ("door", "exit"):
-            return LOOSE
+            return _LOOSE
         first_m = min(float(self.along[np.argmax(mask)]) for mask in self.states.values())
         before = self.along[claim.mask & (self.along <= first_m)]
         if not len(before):
-            return LOOSE
+            return _LOOSE
         # What was passed in the room before is not in this: "the door past the sofa" is.
         elsewhere = any(before[-1] < p < first_m + _COME_M for p in self.ground.passages_m)
         if elsewhere and self.through != claim.clause:
             return 1.0
-        return min(1.0, (first_m - float(before[-1])) / ORDER_M)
+        return min(1.0, (first_m - float(before[-1])) / _OUT_OF_ORDER_M)
 
     def _untold(self, k: int) -> float:
         """Return how strong a contradiction it is that turn `k` is not told."""
         turn = self.turns[k]
-        through = any(0 <= p - turn.along_m <= DOOR_M for p in self.ground.passages_m)
+        through = any(0 <= p - turn.along_m <= _DOOR_AFTER_M for p in self.ground.passages_m)
         # "There is a door on the left. Pop in there."
         told = through and turn.side in self.doors
-        return UNTOLD if abs(turn.angle_deg) >= CLEAR_DEG and not told else LOOSE
+        return 1.0 if abs(turn.angle_deg) >= _CLEAR_DEG and not told else _LOOSE
 
     def _why(self, claim: Claim) -> str:
         made = max(self.states)
