@@ -1,9 +1,10 @@
 """Run it: python -m benchmarks.instructions --scenes FOLDER [--scans FOLDER]
     [RUN…] [--out result.json]
 
-The corpus (`corpus/*.json`) is measured by parts on the scenes in FOLDER; apartments that are
-missing there are made. Each RUN is a folder with scenes/<scene>, episodes/<scene>.json.gz and
-facts/<scene>.seen.json, as `vlnpe collect` writes them; follower and composer are measured on it.
+The corpus (`corpus/*.json`) is measured by parts on the scenes in FOLDER; generated buildings that
+are missing there need no scan. Each RUN is a folder with scenes/<scene>,
+episodes/<scene>.json.gz and facts/<scene>.seen.json, as `vlnpe collect` writes them; follower and
+composer are measured on it.
 """
 
 from __future__ import annotations

@@ -13,7 +13,8 @@ a villa by two further writers in eight voices, measured once after work with mo
 `announced` was written by whoever mended the checker, about one more apartment and a villa, two
 thirds of it with the goal said first; three causes of its refusals were mended. `sealed4` was
 written about three more apartments and a villa by two writers who had seen neither parser nor
-checker, half of it with the goal said first, and measured once after that work.
+checker, half of it with the goal said first, and measured once after that work, `sealed5` likewise
+by two more writers in eight voices about three more apartments and a villa.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import json
 import subprocess
 import sys
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,11 +32,12 @@ import numpy as np
 
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.episode import Episode
-from vlnpe.formats.scene.bundle import load_bundle
+from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.facts import LevelFacts, path_facts
 from vlnpe.pipeline.jobs.instructions.visibility import look
 
+from .buildings import building
 from .lies import KINDS
 from .rewording import reworded
 
@@ -42,6 +45,7 @@ FOLDER = Path(__file__).parent / "corpus"
 PARTS = (
     *("earlier", "tuning", "held_out", "later"),
     *("fresh", "last", "voices", "sealed", "sealed2", "sealed3", "announced", "sealed4"),
+    "sealed5",
 )
 
 
@@ -66,8 +70,9 @@ def read_corpus(scenes: Path, scans: Path | None, parts: tuple[str, ...]) -> lis
     """Return the entries of some parts.
 
     Args:
-        scenes: folder of repaired scenes; buildings that it lacks are made there, and so are
-            real scenes whose scan is in `scans`. Other real scenes are left out.
+        scenes: folder of repaired scenes; real scenes that it lacks are made there if their scan is
+            in `scans`, else left out. Generated buildings that it lacks need no scan; what the
+            robot's camera sees of them is not in their facts.
         scans: folder of scans, e.g. `small_house.glb`.
         parts: of `PARTS`.
     """
@@ -75,37 +80,39 @@ def read_corpus(scenes: Path, scans: Path | None, parts: tuple[str, ...]) -> lis
     for file in sorted(FOLDER.glob("*.json")):
         document = json.loads(file.read_text())
         paths = [p for p in document["paths"] if p["half"] in parts]
-        scene = scenes / file.stem
-        there = bool(paths) and (scene / "scene.json").is_file()
-        if there or (paths and _made(scene, document["scene"], scans)):
-            result += _entries(scene, paths)
-        elif paths:
+        if not paths:
+            continue
+        scene, source = scenes / file.stem, document["scene"]
+        kind = next((kind for kind in ("apartment", "villa") if kind in source), "")
+        there = (scene / "scene.json").is_file()
+        if kind and not there:
+            result += _entries(scene.name, paths, {0: building(kind, source[kind])})
+        elif there or _made(scene, source, scans):
+            bundle = load_bundle(scene)
+            levels = {n: LevelFacts.of(bundle, n) for n in {p["level"] for p in paths}}
+            result += _entries(scene.name, paths, levels, bundle)
+        else:
             sys.stderr.write(f"{file.stem}: no scan, left out\n")
     return result
 
 
 def _made(scene: Path, source: dict[str, Any], scans: Path | None) -> bool:
-    vlnpe = [sys.executable, "-m", "vlnpe.pipeline.cli"]
-    kind = next((kind for kind in ("apartment", "villa") if kind in source), "")
-    if kind:
-        scan = scene.parent / "scans" / scene.name
-        seed = str(source[kind])
-        command = [*vlnpe, "scan", seed, "--kind", kind, "--out", str(scan)]
-        subprocess.run(command, check=True)
-        scan = scan / "scan.glb"
-    elif scans is not None and (scans / source["scan"]).is_file():
-        scan = scans / source["scan"]
-    else:
+    if scans is None or not (scans / source["scan"]).is_file():
         return False
-    subprocess.run([*vlnpe, "repair", str(scan), "--out", str(scene)], check=True)
+    scan = str(scans / source["scan"])
+    vlnpe = [sys.executable, "-m", "vlnpe.pipeline.cli"]
+    subprocess.run([*vlnpe, "repair", scan, "--out", str(scene)], check=True)
     return True
 
 
-def _entries(scene: Path, paths: list[dict[str, Any]]) -> list[Entry]:
-    bundle = load_bundle(scene)
-    episodes = [_episode(path, scene.name) for path in paths]
-    sight = look(bundle, episodes, get_robot("aliengo"))
-    levels = {level: LevelFacts.of(bundle, level) for level in {e.level for e in episodes}}
+def _entries(
+    scene_id: str,
+    paths: list[dict[str, Any]],
+    levels: Mapping[int, LevelFacts],
+    bundle: SceneBundle | None = None,
+) -> list[Entry]:
+    episodes = [_episode(path, scene_id) for path in paths]
+    sight = look(bundle, episodes, get_robot("aliengo")) if bundle else None
     return [
         Entry(
             path["id"],

@@ -52,6 +52,12 @@ _ENDS = re.compile(
     r"|\b(?:you|where|which)\.$",  # half a sentence
     re.IGNORECASE,
 )
+# "Your goal is the bed: …" says where to stop, too.
+_GOAL_FIRST = re.compile(
+    r"[^.:;!?]*\b(?:goal|aim|target|destination|finish\w*|ends?(?! of)|point|place|spot|stop\w*"
+    r"|where|wants?|after|headed|bound|make for|going to|reach)\b",
+    re.IGNORECASE,
+)
 _STOP = re.compile(r"\b(?:stop|wait|halt)", re.IGNORECASE)
 _NO_THING = frozenset(["door", "doors", "doorway", "steps", "stairs", "stand", "light"])
 
@@ -251,12 +257,13 @@ def _renumbered(text: str, facts: PathFacts, form: str, number: int) -> str | No
 def no_stop(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
     """Leave the stop and all that follows it out.
 
-    What is left must not end with how far to go, until when, or up to which thing.
+    What is left must not begin with the goal, nor end with how far to go, until when, or up to
+    which thing.
     """
     found = list(
         re.finditer(r"(?:,? and|,? then|\.|,)? ?\b(?:stop|wait|halt)", text, re.IGNORECASE)
     )
-    if not found:
+    if not found or _GOAL_FIRST.match(text[: found[-1].start()]):
         return None
     shorter = text[: found[-1].start()].rstrip(" ,.") + "."
     return shorter if len(shorter.split()) >= 6 and not _ENDS.search(shorter) else None

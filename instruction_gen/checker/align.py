@@ -8,9 +8,11 @@ that leaves none is false where it stands.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from ..language.lexicon import DOORS
 from .claim import Claim
 from .ground import Ground, Mask, spread
 from .implied import IMPLIED_M, SPOT_M, Implied
@@ -27,13 +29,36 @@ _BENT_DEG = 60.0  # a bend of this much may be told as a turn that goes on to th
 _BARE_STOP_M = 2.6
 _ORDER_M = 1.5  # things passed this near to each other may be mentioned in either order
 _MEANWHILE_M = 4.0
+_COME_M = 0.9  # who comes through a door is about to be in the room behind it
+# How strong contradictions are; see `Contradiction`.
+_LOOSE = 0.5
+_OUT_OF_ORDER_M = 3.0  # a thing passed this much out of order
+_CLEAR_DEG = 75.0  # a turn of this much is one that nobody leaves out
+_DOOR_AFTER_M = 2.2  # unless a door is behind it that was told with its side
+_DOORS = frozenset(f"the {door}" for door in DOORS)
 
 
 States = dict[int, Mask]
 
 
-def align(claims: Sequence[Claim], ground: Ground) -> list[tuple[int, str]]:
-    """Return problems as (clause, reason), in order."""
+@dataclass(frozen=True)
+class Contradiction:
+    """What does not hold.
+
+    Attributes:
+        clause: index of its clause.
+        reason: in words.
+        strength: 1 = no reading of the clause holds; less where the words are vague or the facts
+            are within what a person may overlook.
+    """
+
+    clause: int
+    reason: str
+    strength: float
+
+
+def align(claims: Sequence[Claim], ground: Ground) -> list[Contradiction]:
+    """Return what does not hold, in order."""
     return _Aligner(ground).run(claims)
 
 
@@ -46,19 +71,24 @@ class _Aligner:
         start = np.zeros(len(self.along), dtype=bool)
         start[0] = True
         self.states: States = {0: start}
+        self.through = -1  # the last clause that led through a door
         self.entered = False  # the claim before led through a door
+        self.doors: set[str] = set()  # sides on which the text says that doors are
         self.tight: States | None = None  # after a distance: where it must have led
 
-    def run(self, claims: Sequence[Claim]) -> list[tuple[int, str]]:
-        problems = []
+    def run(self, claims: Sequence[Claim]) -> list[Contradiction]:
+        problems: list[Contradiction] = []
+        self.doors = {c.side for c in claims if c.kind == "door" or c.reason in _DOORS}
         passed_m = 0.0
         for claim in claims:
             if claim.kind == "false":
-                problems.append((claim.clause, claim.reason))
+                problems.append(Contradiction(claim.clause, claim.reason, claim.strength))
                 continue
             if claim.abeam_m is not None:
                 if claim.abeam_m < passed_m - _ORDER_M:
-                    problems.append((claim.clause, f"{claim.reason} is passed earlier"))
+                    reason = f"{claim.reason} is passed earlier"
+                    strength = min(1.0, (passed_m - claim.abeam_m) / _OUT_OF_ORDER_M)
+                    problems.append(Contradiction(claim.clause, reason, strength))
                     continue
                 passed_m = claim.abeam_m
             after = self._step(claim)
@@ -67,13 +97,16 @@ class _Aligner:
             elif after:
                 self.states = after
             elif not claim.optional:
-                problems.append((claim.clause, self._why(claim)))
+                strength = self._strength(claim)
+                problems.append(Contradiction(claim.clause, self._why(claim), strength))
             self.entered = claim.kind == "door" and bool(after)
+            if after and claim.kind in ("door", "exit"):
+                self.through = claim.clause
         if not problems:
             left = self._left_out()
             if left is not None:
                 last = claims[-1].clause if claims else 0
-                problems.append((last, self._skipped(left)))
+                problems.append(Contradiction(last, self._skipped(left), self._untold(left)))
         return problems
 
     # steps ------------------------------------------------------------------------------------
@@ -255,6 +288,41 @@ class _Aligner:
         return None if None in left else left[-1]
 
     # reasons ----------------------------------------------------------------------------------
+
+    def _strength(self, claim: Claim) -> float:
+        """Return how strong a contradiction is that a claim holds nowhere after those before it."""
+        made = max(self.states)
+        following = self.implied.following(made)
+        if claim.kind == "turn":
+            # Who only bears to a side may do so within the 20 degrees that the facts leave out.
+            against = any(t.side != claim.side for t in self.turns[made:])
+            slight = claim.degree in ("slight", "some")
+            return _LOOSE if slight and not against else 1.0
+        if claim.kind == "walk":
+            return 1.0
+        if claim.kind == "stop":
+            return 1.0 if following is None else self._untold(following)
+        if following is not None and not self._reachable(claim, made):
+            return self._untold(following)
+        if claim.kind in ("door", "exit"):
+            return _LOOSE
+        first_m = min(float(self.along[np.argmax(mask)]) for mask in self.states.values())
+        before = self.along[claim.mask & (self.along <= first_m)]
+        if not len(before):
+            return _LOOSE
+        # What was passed in the room before is not in this: "the door past the sofa" is.
+        elsewhere = any(before[-1] < p < first_m + _COME_M for p in self.ground.passages_m)
+        if elsewhere and self.through != claim.clause:
+            return 1.0
+        return min(1.0, (first_m - float(before[-1])) / _OUT_OF_ORDER_M)
+
+    def _untold(self, k: int) -> float:
+        """Return how strong a contradiction it is that turn `k` is not told."""
+        turn = self.turns[k]
+        through = any(0 <= p - turn.along_m <= _DOOR_AFTER_M for p in self.ground.passages_m)
+        # "There is a door on the left. Pop in there."
+        told = through and turn.side in self.doors
+        return 1.0 if abs(turn.angle_deg) >= _CLEAR_DEG and not told else _LOOSE
 
     def _why(self, claim: Claim) -> str:
         made = max(self.states)

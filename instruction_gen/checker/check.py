@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..facts.records import PathFacts
@@ -9,10 +10,12 @@ from ..language.announced import readings
 from ..language.clauses import Parse
 from ..language.ending import last_stop
 from ..language.parse import parse
-from .align import align
+from .align import Contradiction, align
 from .claims import claims_of
 from .form import form_problems
 from .ground import Ground
+
+REFUSED = 1.0  # contradictions that are together as strong as this refuse a text
 
 
 @dataclass(frozen=True)
@@ -49,20 +52,20 @@ def check_text(text: str, facts: PathFacts | Ground) -> Verdict:
     if problems:
         return Verdict(tuple(problems), _spans(read, []))
     verdicts = [_verdict(reading, ground) for reading in readings(read)]
-    return min(verdicts, key=lambda verdict: len(verdict.problems))
+    return min(verdicts, key=lambda verdict: verdict[0])[1]
 
 
-def _verdict(read: Parse, ground: Ground) -> Verdict:
-    problems = []
-    if last_stop(read) is None:
-        problems.append("the text does not say where to stop")
+def _verdict(read: Parse, ground: Ground) -> tuple[float, Verdict]:
+    """Return how strongly a reading is contradicted, and the verdict on it."""
+    problems = [] if last_stop(read) is not None else ["the text does not say where to stop"]
     claims = claims_of(read, ground)
     found = align(claims, ground)
-    return Verdict(
-        (*problems, *(f"{_said(read, k)}: {reason}" for k, reason in found)),
-        _spans(read, found),
-        _unchecked(read, {claim.clause for claim in claims if not claim.maybe}),
-    )
+    strength = len(problems) + sum(one.strength for one in found)
+    if strength < REFUSED:
+        found = []
+    problems += [f"{_said(read, one.clause)}: {one.reason}" for one in found]
+    unchecked = _unchecked(read, {claim.clause for claim in claims if not claim.maybe})
+    return strength, Verdict(tuple(problems), _spans(read, found), unchecked)
 
 
 def _unchecked(read: Parse, told: set[int]) -> float:
@@ -84,11 +87,11 @@ def _said(read: Parse, clause: int) -> str:
 
 
 def _spans(
-    read: Parse, found: list[tuple[int, str]]
+    read: Parse, found: Sequence[Contradiction]
 ) -> tuple[tuple[int, int, tuple[str, ...]], ...]:
     return tuple(
         sorted(
-            (c.start, c.stop, tuple(reason for k, reason in found if k == index))
+            (c.start, c.stop, tuple(one.reason for one in found if one.clause == index))
             for index, c in enumerate(read.clauses)
         )
     )

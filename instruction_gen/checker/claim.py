@@ -37,6 +37,7 @@ class Claim:
         counted: a door told from others by its place in their order.
         abeam_m: where a thing that is passed once is beside the walker [m], None = unclear.
         rooms: canonical names of the room that it leads into, none where it leads into none.
+        strength: of a false claim as a contradiction, see `align`.
         view: (S,) of a stop: from where the thing there is in view and unmistakable.
     """
 
@@ -58,6 +59,7 @@ class Claim:
     counted: bool = False
     abeam_m: float | None = None
     rooms: frozenset[str] = frozenset()
+    strength: float = 1.0
     view: Mask | None = None
 
 
@@ -68,7 +70,8 @@ def noun_claims(index: int, clause: Clause, ground: Ground, verb: str) -> list[C
     for noun in sorted(clause.nouns, key=lambda n: n.prep != "after"):
         inside = clause.until and verb == "see" and noun.prep == "in"
         # "Until there is a shelf on your right": it is beside the walker then.
-        beside = clause.until and verb == "see" and bool(noun.side) and noun.kind == "object"
+        sided = noun.side in ("left", "right")
+        beside = clause.until and verb == "see" and sided and noun.kind == "object"
         # "When you get to the shelf": it is reached then.
         there = clause.until and noun.prep == "to" and noun.kind == "object"
         doing = "" if inside else "pass" if beside else "reach" if there else verb
@@ -120,7 +123,7 @@ def noun_claim(index: int, noun: Noun, ground: Ground, verb: str) -> Claim | Non
     if found is None:
         return None
     if found.reason:
-        return Claim(index, "false", found.mask, found.reason)
+        return Claim(index, "false", found.mask, found.reason, strength=found.strength)
     leaving = noun.prep == "from" or (verb == "leave" and not noun.prep and noun.kind != "door")
     through = noun.kind in ("room", "door", "generic") and (
         noun.prep in ("into", "through")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..facts.doors import DOOR
@@ -10,6 +12,7 @@ from ..language.clauses import Noun
 from .things import (
     DOOR_M,
     REACH_M,
+    VAGUE,
     Found,
     Mask,
     Things,
@@ -137,11 +140,14 @@ class Ground(Things):
         """Return where the path passes from one room into another."""
         nothing = np.zeros(len(self.along_m), dtype=bool)
         passages = list(self.facts.passages)
+        if noun.side not in ("", "left", "right"):
+            noun = replace_side(noun, "")  # what one goes through is ahead of one anyway
         if noun.side:
             passages = [p for p in passages if self._door_side(p.along_m, noun.side)]
             ends = bool(self.facts.goal_rooms) and self._door_side(self.length_m, noun.side)
             if not passages and self.facts.passages and not ends:
-                return Found(nothing, f"no doorway that is walked through is on the {noun.side}")
+                reason = f"no doorway that is walked through is on the {noun.side}"
+                return Found(nothing, reason, VAGUE)
         masks = [self._around(p.along_m) for p in passages]
         # A doorway inside of what the map calls one room.
         near = [n for n, m in enumerate(self.facts.landmarks) if m.noun == DOOR]
@@ -152,18 +158,23 @@ class Ground(Things):
         if not result.any():
             return Found(nothing, "the path goes through no doorway")
         if noun.ordinal:
-            near = [np.abs(self.along_m - m) <= DOOR_M for m in self._doors_numbered(noun)]
-            result = result & np.any([nothing, *near], axis=0)
-            if not result.any():
-                return Found(nothing, f"that is not doorway number {noun.ordinal}")
+            there = result & self._numbered(noun, noun.ordinal)
+            if not there.any():
+                # People begin to count at the door that they came by, or at the one after it.
+                others = [self._numbered(noun, noun.ordinal + k) for k in (-1, 1)]
+                strength = VAGUE if (result & np.any(others, axis=0)).any() else 1.0
+                return Found(nothing, f"that is not doorway number {noun.ordinal}", strength)
+            result = there
         return Found(result)
 
-    def _doors_numbered(self, noun: Noun) -> list[float]:
-        """Return where the doorways are that have the number said, on its side if one is said."""
+    def _numbered(self, noun: Noun, number: int) -> Mask:
+        """Return where doorways are of a number, on the side of `noun` if it has one."""
         marks = self.facts.landmarks
         doors = [n for n, m in enumerate(marks) if m.noun == DOOR]
-        keep = self._ordinal(doors, noun)
-        return [marks[n].along_m for n, kept in zip(doors, keep, strict=True) if kept]
+        keep = self._ordinal(doors, replace(noun, ordinal=max(number, 1)))
+        at_m = [marks[n].along_m for n, kept in zip(doors, keep, strict=True) if kept]
+        near = [np.abs(self.along_m - m) <= DOOR_M for m in at_m]
+        return np.any([np.zeros(len(self.along_m), dtype=bool), *near], axis=0)
 
     def door_near(self, noun: Noun, reach_m: float = REACH_M) -> Found:
         """Return where a doorway is at hand."""

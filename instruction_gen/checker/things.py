@@ -32,6 +32,8 @@ _UNDERFOOT_M = 0.3
 _TOGETHER_M = 3.0
 _DOORSTEP_M = 0.5
 _THROUGH_M = 0.25
+_ALMOST_M = 3.4
+VAGUE = 0.5  # strength where words are vague: `ahead` and `behind` are said of much
 
 
 @dataclass(frozen=True)
@@ -41,12 +43,14 @@ class Found:
     Attributes:
         mask: (S,) which places of the path.
         reason: why it holds nowhere, "" when it holds somewhere.
+        strength: of that reason as a contradiction, see `align`.
         view: (S,) from which places the things meant are in view, and no others of their name;
             None where that is unknown.
     """
 
     mask: Mask
     reason: str = ""
+    strength: float = 1.0
     view: Mask | None = None
 
 
@@ -134,9 +138,17 @@ class Things:
         # What lies well behind has been passed; it is not where one stops.
         mask[:, -1] &= (here <= 1.3) | (np.abs(self.bearing[:, -1]) <= 130.0)
         found = self._where(noun, mask, "at the end of the path")
+        if found.reason and self._where(noun, mask | self._almost(), "").mask.any():
+            return dataclasses.replace(found, strength=VAGUE)
         if found.reason or not found.mask.any():
             return found
         return dataclasses.replace(found, mask=self.at_goal())
+
+    def _almost(self) -> Mask:
+        """Return (N, S) which things one stops some steps away from."""
+        mask = np.zeros_like(self.open)
+        mask[:, -1] = (self.distance[:, -1] <= _ALMOST_M) & self.open[:, -1]
+        return mask
 
     def stopped_after(self, noun: Noun) -> Found:
         """Return the end of the path, where a thing was passed shortly before."""
@@ -190,7 +202,7 @@ class Things:
             if not here.any():
                 beside = noun.side in ("left", "right")
                 where = f"on the {noun.side}" if beside else f"{noun.side} the walker"
-                return Found(nothing, f"the {name} is not {where}")
+                return Found(nothing, f"the {name} is not {where}", 1.0 if beside else VAGUE)
         if noun.ordinal:
             keep = self._ordinal(chosen, noun)
             here = here & keep[:, None]

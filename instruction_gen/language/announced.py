@@ -6,11 +6,10 @@ import re
 from dataclasses import replace
 
 from .clauses import Clause, Noun, Parse
-from .ending import STATIC, STAYING, places
+from .ending import STATIC, STAYING, last_stop, places
 
 _MOTION = frozenset(("turn", "move", "enter", "leave", "pass"))
-_INTO = frozenset("through into along around away".split())
-_WAY = _INTO | {"from", "past", "after"}
+_WAY = frozenset("through into along around away from past after".split())
 _SENTENCE = re.compile(r"[:;!?]|\.(?!\d)|,? so\b(?! that)|, which means\b")
 # What says of a place that the way ends there.
 _GOAL = re.compile(
@@ -21,13 +20,8 @@ _GOAL = re.compile(
     r"|(?:your|our|the|last|final) (?:\w+ )?(?:stop|finish|spot|end(?! of)))\b",
     re.IGNORECASE,
 )
-# "To reach the bed, …", "You're off to the kitchen.", "For the bed, …"
-_PURPOSE = re.compile(
-    r"\W*(?:(?:in order )?to (?:reach|get|go|find|arrive|come|be)|for (?:the|your|a)"
-    r"|(?:you|we)(?:'re| are| need| have| must|'ll| will)(?: \w+)? (?:to|for|be|reach))\b",
-    re.IGNORECASE,
-)
-_YOU = re.compile(r"\byou", re.IGNORECASE)
+_NEAR = re.compile(r"\W*right (?:at|by|beside|in|next)\b|.*\binside\b", re.IGNORECASE)
+_PURPOSE = re.compile(r"\W*(?:in order )?(?:to|for)\b", re.IGNORECASE)
 # "Stop at the bed. Then turn left": an order, given at the wrong place.
 _ORDER = re.compile(r"\W*(?:stop|wait|halt|pause|stand)\b", re.IGNORECASE)
 
@@ -35,44 +29,58 @@ _ORDER = re.compile(r"\W*(?:stop|wait|halt|pause|stand)\b", re.IGNORECASE)
 def announcement(parse: Parse) -> tuple[int, bool]:
     """Return how many clauses at the beginning may say where the way ends, and whether they do.
 
-    `Your goal is the bed. To get there, …`: the first sentence, as far as nothing in it moves but
-    towards one thing. They surely do where a word for an end says so.
+    `Your goal is the bed. To get there, …`: the first sentence may, if nothing in it moves but
+    towards one thing. It surely does where a word for an end says so.
     """
     begin = next((c.stop for c in parse.clauses if places([c])), 0)
     sentence = _SENTENCE.search(parse.text, begin)
     end = sentence.start() if sentence else len(parse.text)
-    goal = bool(_GOAL.search(parse.text[:end]))
-    told = goal or bool(_PURPOSE.match(parse.text))
-    count = 0
+    first: list[Clause] = []
     for clause in parse.clauses:
         # "The bed: that's the finish."
-        beyond = clause.start >= end and not (count and clause.there and not clause.nouns)
-        if beyond or not _static(clause, first=not count, goal=goal, told=told):
+        beyond = clause.start >= end and not (first and clause.there and not clause.nouns)
+        if beyond or (first and _PURPOSE.match(parse.text) and _moving(clause)):
             break
-        count += 1
-    first = parse.clauses[:count]
+        first.append(clause)
+    rest = parse.clauses[len(first) :]
     nouns = places(first)
-    on = any(map(_moving, parse.clauses[count:]))
-    if not nouns or not on or _ORDER.match(parse.text):
+    if not nouns or not any(map(_moving, rest)) or _ORDER.match(parse.text):
         return 0, False
-    said = parse.text[: first[-1].stop]
-    if any(c.verb == "stop" for c in first):
-        return count, True
-    sure = bool(_GOAL.search(said)) and not any(c.verb in _MOTION for c in first)
-    # "You have a mirror on your right" is where one starts, "to the hall" may be where one goes on.
-    thing = nouns[0].kind == "object" and nouns[0].prep in ("", "to")
-    stated = first[0].verb == "see" and not _YOU.search(said)
-    named = sure or bool(_PURPOSE.match(said)) or (sentence is not None and sentence[0] == ":")
-    return (count, sure) if named or (not nouns[0].side and (thing or stated)) else (0, False)
+    stated = any(c.verb in ("see", "stop", "reach") for c in first)
+    sure = bool(_GOAL.search(parse.text[: first[-1].stop]))
+    leads = first[0].verb == "move" and (nouns[0].prep == "to" or nouns[0].prep in STATIC)
+    still = [c for c in first[leads:] if not _moving(c)]
+    still += [c for c in first[leads:] if c not in still and _staying(c, parse, stated or sure)]
+    if len(still) + leads < len(first) or not (sure or leads or not nouns[0].side):
+        return 0, False
+    return len(first), (sure and not leads) or any(c.verb == "stop" for c in first)
+
+
+def _staying(clause: Clause, parse: Parse, stated: bool) -> bool:
+    """Return whether a clause that seems to move only places something: `just inside the hall`."""
+    begin = max((c.stop for c in parse.clauses if c.stop <= clause.start), default=0)
+    near = bool(_NEAR.match(parse.text[begin : clause.stop].lstrip(" ,")))
+    return near or (stated and not clause.side and clause.verb not in _MOTION)
 
 
 def readings(parse: Parse) -> list[Parse]:
     """Return how a text may be meant, a goal that is said first being moved to its end."""
     count, sure = announcement(parse)
     if not count:
-        return [parse]
+        return [parse, *_going_on(parse)]
     meant = _goal_last(parse, count)
     return [meant] if sure else [meant, parse]
+
+
+def _going_on(parse: Parse) -> list[Parse]:
+    """Return the text with a stop that it goes on after as a place: `the rest of the hall, …`."""
+    last = last_stop(parse)
+    if last is None or not any(map(_moving, parse.clauses[last + 1 :])):
+        return []
+    if _ORDER.match(parse.text[parse.clauses[last].start :]):
+        return []
+    passed = replace(parse.clauses[last], verb="", there=False)
+    return [replace(parse, clauses=(*parse.clauses[:last], passed, *parse.clauses[last + 1 :]))]
 
 
 def _goal_last(parse: Parse, count: int) -> Parse:
@@ -88,17 +96,6 @@ def _goal_last(parse: Parse, count: int) -> Parse:
 
 def _placed(noun: Noun, otherwise: str) -> str:
     return noun.prep if noun.prep in STAYING - {"after"} else otherwise
-
-
-def _static(clause: Clause, *, first: bool, goal: bool, told: bool) -> bool:
-    """Return whether a clause moves nowhere, or, as the first, only to what it names."""
-    prep = next((n.prep for n in places([clause])), "")
-    if clause.side or clause.negated or (clause.verb in _MOTION and clause.verb != "move"):
-        return False
-    if clause.verb == "move":
-        return first and (prep == "to" or (told and prep in STATIC))
-    way = _INTO if not first else () if goal else _WAY
-    return bool(clause.verb) or prep not in way
 
 
 def _moving(clause: Clause) -> bool:

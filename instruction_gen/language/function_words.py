@@ -64,7 +64,7 @@ PHRASES = (
 )
 UNTIL = frozenset("until till once when as if where".split())
 JOINTS = frozenset("and then but so while".split())
-SLIGHT = frozenset("slight slightly gentle gently little soft bit".split())
+SLIGHT = frozenset("diagonally slight slightly gentle gently little soft bit".split())
 SHARP = frozenset("sharp sharply hard".split())
 THERE = frozenset("there here now done immediately".split())
 SECOND = frozenset("going walking moving heading straight following".split())
@@ -84,7 +84,7 @@ SEVERAL = frozenset("both all which each also".split())
 OPENERS = frozenset("there here then next that".split())
 RIGHT_ADVERB = frozenset(
     """there here next in by beside before after away where past behind between at through up
-    outside inside""".split()
+    outside inside opposite across""".split()
 )
 FILLERS = frozenset(
     """the a an you your will be it its that which who this these those to straight ahead forward

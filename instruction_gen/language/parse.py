@@ -118,6 +118,8 @@ class _Reader(SideReader):
             self.k += 1
         elif word in PREPOSITIONS:
             self.prep = PREPOSITIONS[word]
+            if self.prep == "with":
+                self.draft.pending_side = ""  # "it is on your left, with the bin on your right"
             stopped = self.draft.verb == "stop"
             opens = self.draft.verb == "see" or self.k == 0 or self.tokens[self.k - 1].text in ".:;"
             if (word == "by" and (stopped or self.draft.nouns or opens)) or (
@@ -213,6 +215,8 @@ class _Reader(SideReader):
             return True
         if self.draft.verb and not (self.draft.verb == "move" and word in SECOND):
             self._close()
+        if word.endswith("ing"):
+            self.draft.pending_side = ""  # "always on your left, passing the plant"
         self.draft.verb = verb
         if word in BEND_WORDS and not self.draft.degree:
             self.draft.degree = "some"

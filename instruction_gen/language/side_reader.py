@@ -145,7 +145,7 @@ class SideReader(Cursor):
         if prep in ("on", "at", "in", "off") or (
             prep == "to" and draft.nouns and (draft.verb != "turn" or about_object)
         ):
-            open_ = bool(draft.nouns) and draft.nouns[-1].side in ("", "ahead")
+            open_ = bool(draft.nouns) and draft.nouns[-1].side in ("", "ahead", "beside")
             if draft.nouns and draft.nouns[-1].side == "behind":
                 # "Behind you to the right" says both.
                 draft.nouns.append(replace(draft.nouns[-1], side=side))

@@ -1,0 +1,72 @@
+"""How strongly a text contradicts the facts, and which of its readings counts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.instructions.buildings import building
+from tests.instruction_gen.test_instruct import EAST, LEFT, facts_of
+from vlnpe.instruction_gen.checker import Ground, check_text
+from vlnpe.instruction_gen.checker.align import align
+from vlnpe.instruction_gen.checker.claims import claims_of
+from vlnpe.instruction_gen.language.announced import announcement
+from vlnpe.instruction_gen.language.parse import parse
+
+
+def strength(text, facts):
+    """Return how strongly a text is contradicted, read as it stands."""
+    ground = Ground(facts)
+    return sum(one.strength for one in align(claims_of(parse(text), ground), ground))
+
+
+def test_a_bend_that_the_facts_lack_is_a_weak_contradiction(two_rooms):
+    facts = facts_of(EAST, two_rooms)
+    rest = "and go on past the sofa, then stop when the sofa is behind you."
+    assert not facts.turns
+    assert 0 < strength(f"Leave the kitchen, bear right {rest}", facts) < 1
+    assert strength(f"Leave the kitchen, turn right {rest}", facts) >= 1
+    assert check_text(f"Leave the kitchen, bear right {rest}", facts).ok
+    assert not check_text(f"Leave the kitchen, turn right {rest}", facts).ok
+
+
+def test_weak_contradictions_add_up(two_rooms):
+    facts = facts_of(EAST, two_rooms)
+    text = "Leave the kitchen, {}go on past the sofa, then stop when the sofa is behind you."
+    assert check_text(text.format("bear right, "), facts).ok
+    assert not check_text(text.format("bear right, veer left, "), facts).ok
+
+
+@pytest.mark.parametrize(
+    "first",
+    [
+        "In the kitchen, right by the table, is where you stop.",
+        "This one finishes just inside the kitchen, beside the table.",
+        "The place to reach is the table in the kitchen.",
+        "Get yourself to the table.",
+    ],
+)
+def test_a_first_sentence_that_moves_nowhere_may_be_the_goal(two_rooms, first):
+    facts = facts_of(LEFT, two_rooms)
+    way = "Turn left and go through the doorway."
+    assert announcement(parse(f"{first} {way}"))[0]
+    assert check_text(f"{first} {way}", facts).ok
+    assert not check_text(f"{first} {way.replace('left', 'right')}", facts).ok
+    assert not check_text(f"{first.replace('table', 'sofa')} {way}", facts).ok
+
+
+def test_a_side_after_a_thing_is_no_turn_if_the_thing_is_there(two_rooms):
+    facts = facts_of(EAST, two_rooms)
+    text = (
+        "Go straight through the doorway, past the sofa, {}, and stop once the sofa is behind you."
+    )
+    assert check_text(text.format("right"), facts).ok
+    assert not check_text(text.format("left"), facts).ok
+
+
+def test_a_building_made_without_a_scan_has_rooms_that_doors_join():
+    level = building("apartment", 3)
+    assert "doorway" in level.nouns and "bathroom" in level.names
+    assert all(any(openings) for openings in level.openings)
+    inside = np.unique(level.regions.region)
+    assert set(inside[inside >= 0]) == set(range(len(level.names)))
