@@ -12,7 +12,7 @@ from ..language.clauses import Clause, Parse
 from ..language.ending import destination, goal_index, last_stop
 from .claim import Claim, noun_claim, noun_claims
 from .ground import Ground, spread
-from .hints import apposed, elliptic, loose_sides
+from .hints import elliptic, loose_sides
 from .stops import after_stop_claims, stop_claims
 
 # Who goes straight to a thing makes no turn on the way.
@@ -61,9 +61,7 @@ def claims_of(parse: Parse, ground: Ground) -> list[Claim]:
             if before and not clause.verb and _leaves(before[-1]):
                 # "Out of the bedroom, past the bed": what is passed may lie before the door.
                 stated = [replace(c, slack_m=max(c.slack_m, _INSIDE_M)) for c in stated]
-            if elliptic(clause, parse) or (
-                apposed(clause, parse) and _so_placed(before, clause.side, ground)
-            ):
+            if elliptic(clause, parse):
                 stated = [replace(c, maybe=c.kind == "turn") for c in stated]
             if clause.unparsed:
                 stated = [replace(c, optional=c.kind in _UNSURE) for c in stated]
@@ -76,16 +74,6 @@ def claims_of(parse: Parse, ground: Ground) -> list[Claim]:
         replace(c, rooms=frozenset(), view=None) if c.clause in straight else c
         for c in _leading(result)
     ]
-
-
-def _so_placed(before: Sequence[Clause], side: str, ground: Ground) -> bool:
-    """Return whether what was named last is on that side: `past the bench, left, and …`."""
-    last = before[-1].nouns[-1:] if before else ()
-    if not last or last[0].side or last[0].kind not in ("object", "door"):
-        return not before  # "Right, off we go"
-    noun = replace(last[0], side=side)
-    found = ground.passed(noun) if noun.kind == "object" else ground.door_near(noun)
-    return not found.reason
 
 
 def _overview(parse: Parse) -> int:

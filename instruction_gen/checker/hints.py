@@ -69,12 +69,3 @@ def elliptic(clause: Clause, parse: Parse) -> bool:
     joined = {"then", "and"} & set(words[:place]) or _JOINED.search(parse.text[: clause.start])
     adverb = bool(RIGHT_ADVERB & set(words[place + 1 : place + 2]))
     return clause.side == "right" and not joined and adverb
-
-
-def apposed(clause: Clause, parse: Parse) -> bool:
-    """Return whether a bare side may belong to what was named: `the bench, left, and the table`."""
-    begin = max((c.stop for c in parse.clauses if c.stop <= clause.start), default=0)
-    alone = re.fullmatch(
-        r"[\s,(]*(?:just |off )?(?:left|right)", parse.text[begin : clause.stop], re.I
-    )
-    return alone is not None

@@ -11,7 +11,6 @@ from ..language.clauses import Clause, Noun, Parse
 from ..language.ending import STATIC
 from .claim import Claim, found_at, unknown
 from .ground import Found, Ground, Mask, room_names
-from .hints import apposed
 
 _SHORT_OF_M = 4.5  # one stops this far at most "before" a door
 MOVING = frozenset({"turn", "move", "enter", "leave", "pass"})
@@ -90,7 +89,7 @@ def after_stop_claims(index: int, clause: Clause, parse: Parse, ground: Ground) 
     said = parse.text[clause.start : clause.stop].strip(" ,.;")
     everywhere = np.ones(len(ground.along_m), dtype=bool)
     if clause.verb in MOVING and not clause.until and not clause.meanwhile:
-        if _goes_on(clause, said) and not apposed(clause, parse):
+        if _goes_on(clause, said):
             return [Claim(index, "false", everywhere, "the text goes on after its stop")]
         clause = replace(
             clause, verb="", nouns=tuple(replace(n, prep="near") for n in clause.nouns)

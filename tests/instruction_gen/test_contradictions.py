@@ -55,15 +55,6 @@ def test_a_first_sentence_that_moves_nowhere_may_be_the_goal(two_rooms, first):
     assert not check_text(f"{first.replace('table', 'sofa')} {way}", facts).ok
 
 
-def test_a_side_after_a_thing_is_no_turn_if_the_thing_is_there(two_rooms):
-    facts = facts_of(EAST, two_rooms)
-    text = (
-        "Go straight through the doorway, past the sofa, {}, and stop once the sofa is behind you."
-    )
-    assert check_text(text.format("right"), facts).ok
-    assert not check_text(text.format("left"), facts).ok
-
-
 def test_a_building_made_without_a_scan_has_rooms_that_doors_join():
     level = building("apartment", 3)
     assert "doorway" in level.nouns and "bathroom" in level.names
