@@ -20,6 +20,7 @@ from vlnpe.formats.core.errors import FileFormatError, InputError
 from vlnpe.learning.card import read_card
 
 FORMAT = "vlnpe-evidence/2"
+_LOSS_ROUNDING = 0.005  # relative; the losses of two seeds differ by about 0.02
 _SAME = ("metrics", "settings", "training_scenes", "episodes")
 
 
@@ -44,7 +45,7 @@ def collect(
 
     Raises:
         InputError: A results file does not hold the episodes that were asked for, or a published
-            cell has another checkpoint than others of its training, or other data.
+            cell is of other data than others of its training, or of another training.
     """
     episodes = asked(bench)
     uids = [uid_of(e.split, e.scene_id, e.episode_id) for e in episodes]
@@ -79,22 +80,46 @@ def _with_published(
         return value
     seeds = sorted({*value["seeds"], *published["seeds"]})
     cells = {**published["cells"], **value["cells"]}
-    first: dict[tuple[str, int | None], Any] = {}
+    first: dict[tuple[str, int], Any] = {}
     for row, seed in product(_rows(tables), seeds):
         cell = cells.get(row.cell(seed), {})
         if "checkpoint_sha256" not in cell:
             continue
         name = row.policy_name
-        for key, sha in (
-            ((name, None), cell["data_sha"]),
-            ((name, seed), cell["checkpoint_sha256"]),
-        ):
-            if first.setdefault(key, sha) != sha:
-                raise InputError(
-                    f"{row.cell(seed)}: trained on other data, or another time, than further cells "
-                    f"of {name}; measure them again, or write to another --docs"
-                )
+        # The first of another seed, too, is of the same data.
+        same = first.setdefault((name, seed), cell)
+        data = next(c["data_sha"] for (n, _), c in first.items() if n == name)
+        if cell["data_sha"] != data or not _same_training(cell, same):
+            raise InputError(
+                f"{row.cell(seed)}: trained on other data, or in another way, than further cells "
+                f"of {name}; measure them again, or write to another --docs"
+            )
     return {**value, "seeds": seeds, "cells": cells}
+
+
+def _same_training(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Return whether two checkpoints are of the same training, on machines that may differ.
+
+    The same training on another processor gives weights that differ by rounding, whose losses
+    stay within `_LOSS_ROUNDING` of each other.
+    """
+    if one["checkpoint_sha256"] == other["checkpoint_sha256"]:
+        return True
+    curves = [[(p["step"], p["loss"]) for p in cell["curve"]] for cell in (one, other)]
+    return len(curves[0]) == len(curves[1]) and all(
+        step == step_2 and abs(loss - loss_2) <= _LOSS_ROUNDING * loss_2
+        for (step, loss), (step_2, loss_2) in zip(*curves, strict=True)
+    )
+
+
+def retrained(value: Mapping[str, Any], tables: Mapping[int, Table]) -> list[str]:
+    """Return the trainings, with seeds, whose cells are of more than one checkpoint."""
+    found: dict[str, set[str]] = {}
+    for row, seed in product(_rows(tables), value["seeds"]):
+        cell = value["cells"].get(row.cell(seed), {})
+        if "checkpoint_sha256" in cell:
+            found.setdefault(f"{row.policy_name}-s{seed}", set()).add(cell["checkpoint_sha256"])
+    return [name for name, checkpoints in found.items() if len(checkpoints) > 1]
 
 
 def _rows(tables: Mapping[int, Table]) -> Iterator[Row]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from benchmarks.evidence.digest import walks_of
+from benchmarks.evidence.digest import retrained, walks_of
 from benchmarks.evidence.judge import (
     UNMEASURED,
     difference,
@@ -71,7 +71,7 @@ def page(value: Mapping[str, Any], tables: Mapping[int, Table], figures: Collect
         _summary(value, tables, judged),
         *(f"![{text}]({name})\n" for name, text in _CAPTIONS.items() if name in figures),
         *(_section(value, table, judged[n], measured) for n, table in tables.items()),
-        _sources(value),
+        _sources(value, tables),
     ]
     return "\n".join(parts).rstrip() + "\n"
 
@@ -178,11 +178,20 @@ def _cell(found: Difference) -> str:
     return f"{found.mean:.1f} ({found.low:.1f} … {found.high:.1f})"
 
 
-def _sources(value: Mapping[str, Any]) -> str:
+def _sources(value: Mapping[str, Any], tables: Mapping[int, Table]) -> str:
+    again = retrained(value, tables)
     lines = [
         "## Trainings and result files\n",
         "Digests are SHA-256, their first 12 digits; held-out steps are those of `val_seen`, given "
         "the true steps before. The commonest action alone is right as often as said beside it.\n",
+        *(
+            [
+                f"Trained again from the same data, recipe and seed for some of their cells, on "
+                f"another machine, with losses within 0.5 %: {', '.join(again)}.\n"
+            ]
+            if again
+            else []
+        ),
         "| cell | episodes trained on | held-out actions right | commonest action | stops right | "
         "checkpoint | results |",
         "| --- | ---: | ---: | ---: | ---: | --- | --- |",

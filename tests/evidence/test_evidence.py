@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -156,26 +157,36 @@ def test_published_cells_of_the_same_bench_stay(run: Path, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("one", "other"),
+    ("change", "name"),
     [
-        (("cma-s0--vlnce-flash-baked", "a", "1"), ("cma-s1--vlnce-flash-baked", "b", "2")),
-        (("cma-s0--vlnce-flash-baked", "a", "1"), ("cma-s0--h1-speed-baked", "a", "2")),
+        ({"data_sha": ["b"]}, "cma-s1--vlnce-flash-baked"),
+        ({"data_sha": ["b"]}, "cma-s0--h1-speed-baked"),
+        (
+            {"checkpoint_sha256": "2", "curve": [{"step": 600, "loss": 0.72}]},
+            "cma-s0--h1-speed-baked",
+        ),
+        ({"checkpoint_sha256": "2", "curve": []}, "cma-s0--h1-speed-baked"),
     ],
 )
-def test_cells_of_one_training_are_of_the_same_data_and_checkpoint(
-    run: Path, tmp_path: Path, one: tuple[str, str, str], other: tuple[str, str, str]
+def test_cells_of_one_training_are_of_the_same_data_and_losses(
+    run: Path, tmp_path: Path, change: dict[str, Any], name: str
 ) -> None:
     bench = cells.Bench(run, run, "val_unseen", tmp_path, cells.read_settings(), ())
     value = digest.collect(bench, tables(3), {})
-    published = {
-        name: {"values": [], "data_sha": [data], "checkpoint_sha256": weights}
-        for name, data, weights in (one, other)
+    cell = {
+        "values": [],
+        "data_sha": ["a"],
+        "checkpoint_sha256": "1",
+        "curve": [{"step": 600, "loss": 0.7}],
     }
-    same = {name: {**cell, "data_sha": ["a"]} for name, cell in published.items()}
-    for cell in same.values():
-        cell["checkpoint_sha256"] = "1"
-    assert digest.collect(bench, tables(3), {}, {**value, "cells": same})["cells"] == same
+    again = {"checkpoint_sha256": "2", "curve": [{"step": 600, "loss": 0.7002}]}
+    first = "cma-s0--vlnce-flash-baked"
+    same = {first: cell, "cma-s0--h1-speed-baked": cell | again}
+    kept = digest.collect(bench, tables(3), {}, {**value, "cells": same})
+    assert kept["cells"] == same
+    assert digest.retrained(kept, tables(3)) == ["cma-s0"]
     with pytest.raises(InputError, match="measure them again"):
+        published = {first: cell, name: cell | change}
         digest.collect(bench, tables(3), {}, {**value, "cells": published})
 
 
