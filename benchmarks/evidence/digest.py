@@ -115,7 +115,8 @@ def _same_training(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
 def retrained(value: Mapping[str, Any], tables: Mapping[int, Table]) -> list[str]:
     """Return the trainings, with seeds, whose cells are of more than one checkpoint."""
     found: dict[str, set[str]] = {}
-    for row, seed in product(_rows(tables), value["seeds"]):
+    seeds: list[int] = value["seeds"]
+    for row, seed in product(_rows(tables), seeds):
         cell = value["cells"].get(row.cell(seed), {})
         if "checkpoint_sha256" in cell:
             found.setdefault(f"{row.policy_name}-s{seed}", set()).add(cell["checkpoint_sha256"])
