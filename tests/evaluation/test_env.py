@@ -230,7 +230,7 @@ def test_modalities_and_tokens_are_chosen(two_rooms, episodes) -> None:
         NavigationEnv(two_rooms.root, episodes, **setting)
     with pytest.raises(InputError, match=r"modality 'smell'.*valid: depth_m"):
         NavigationEnv(two_rooms.root, episodes, modalities=["smell"])
-    with pytest.raises(InputError, match=r"'speed' does not carry out waypoints.*valid: path"):
+    with pytest.raises(InputError, match=r"'speed' does not support waypoints.*valid: path"):
         NavigationEnv(two_rooms.root, episodes, actions="waypoints")
 
 

@@ -20,9 +20,13 @@ from vlnpe.scene_repair.scan.dispatch import read_scan, scan_of
 from vlnpe.scene_repair.scan.headers import check_pcd
 
 SIZE = (5.0, 4.0, 2.6)
-needs_open3d = pytest.mark.skipif(
-    importlib.util.find_spec("open3d") is None, reason="the extra `scan` is not installed"
-)
+needs_open3d = pytest.mark.usefixtures("open3d_loads")
+
+
+@pytest.fixture
+def open3d_loads() -> None:
+    """Skip where the extra `scan`, or one of the system's libraries that it needs, is missing."""
+    pytest.importorskip("open3d", exc_type=ImportError)
 
 
 def cloud(spacing: float = 0.06) -> tuple[np.ndarray, np.ndarray]:
