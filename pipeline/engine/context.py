@@ -145,7 +145,8 @@ def _working(
     ledger.save()
     with make_executor(execution, root) as executor, ended_first(executor.kill_processes):
         yield Context(ledger, executor)
-    ended = bool(command and (ledger.unfinished or ledger.finished != command))
+    # A run that found all done leaves the manifest as it is.
+    ended = bool(command and (ledger.unfinished or not ledger.finished))
     if ended:
         ledger.unfinished, ledger.finished = "", command
     if ended or (root / JOURNAL_NAME).is_file():

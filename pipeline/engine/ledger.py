@@ -36,7 +36,7 @@ class Ledger:
         hashed: Whether the manifest was written by a version that keeps records of files.
         command: The command line that works in the folder, if it can be repeated.
         unfinished: The command line of a run that has begun work and not ended; empty without one.
-        finished: The command line of the last run that has ended; empty without one.
+        finished: The command line of the last run that has done work and ended; empty without one.
     """
 
     def __init__(self, root: Path):
