@@ -108,9 +108,7 @@ def find_turns(
             with a turn. None means that it looks along the path.
         min_turn_rad: smaller changes of heading are no turns.
     """
-    line = np.ascontiguousarray(path_xy_m, dtype=np.float32)[:, None]
-    corners = cv2.approxPolyDP(line, _STRAIGHT_M, closed=False)[:, 0].astype(np.float64)
-    legs = np.diff(corners, axis=0)
+    legs = np.diff(_corners(path_xy_m), axis=0)
     lengths = np.linalg.norm(legs, axis=1)
     headings = np.arctan2(legs[:, 1], legs[:, 0])
     along = np.cumsum(lengths)
@@ -130,6 +128,18 @@ def find_turns(
         if abs(angle) > 2 * MIN_TURN_RAD:
             found.insert(0, Turn(0.0, angle))
     return tuple(t for t in found if abs(t.angle_rad) >= min_turn_rad)
+
+
+def _corners(path_xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the corners (C, 2) [m] of a path's simplified shape, its ends included."""
+    far = int(np.argmax(np.linalg.norm(path_xy_m - path_xy_m[0], axis=1)))
+    closed = np.linalg.norm(path_xy_m[-1] - path_xy_m[0]) < _STRAIGHT_M
+    if closed and 0 < far < len(path_xy_m) - 1:
+        # Distances to the line from start to end say nothing where a path comes back.
+        there, back = _corners(path_xy_m[: far + 1]), _corners(path_xy_m[far:])
+        return np.concatenate([there, back[1:]])
+    line = np.ascontiguousarray(path_xy_m, dtype=np.float32)[:, None]
+    return cv2.approxPolyDP(line, _STRAIGHT_M, closed=False)[:, 0].astype(np.float64)
 
 
 def _one_bend(last: Turn, gap_m: float, angle_rad: float) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from vlnpe.formats.core.episode import Episode
@@ -108,6 +108,7 @@ def test_a_start_that_looks_away_begins_with_a_turn(two_rooms):
 
 
 @given(st.lists(st.sampled_from([-90, -45, 45, 90]), min_size=0, max_size=4), st.floats(-3, 3))
+@example([90, 90, 90], 2.5625)  # back to its start
 @settings(max_examples=60, deadline=None)
 def test_turns_of_a_path_are_found_with_their_angles(angles, heading):
     # Legs of 3 m: no two bends are one.
