@@ -20,7 +20,7 @@ from vlnpe.formats.core.errors import FileFormatError, InputError
 from vlnpe.learning.card import read_card
 
 FORMAT = "vlnpe-evidence/2"
-_LOSS_ROUNDING = 0.005  # relative; the losses of two seeds differ by about 0.02
+SAME_LOSS = 0.005  # relative, of one training on two machines; two seeds differ by about 0.02
 _SAME = ("metrics", "settings", "training_scenes", "episodes")
 
 
@@ -80,16 +80,15 @@ def _with_published(
         return value
     seeds = sorted({*value["seeds"], *published["seeds"]})
     cells = {**published["cells"], **value["cells"]}
-    first: dict[tuple[str, int], Any] = {}
+    data: dict[str, Any] = {}  # of every seed of a training
+    trained: dict[tuple[str, int], Any] = {}
     for row, seed in product(_rows(tables), seeds):
         cell = cells.get(row.cell(seed), {})
         if "checkpoint_sha256" not in cell:
             continue
         name = row.policy_name
-        # The first of another seed, too, is of the same data.
-        same = first.setdefault((name, seed), cell)
-        data = next(c["data_sha"] for (n, _), c in first.items() if n == name)
-        if cell["data_sha"] != data or not _same_training(cell, same):
+        same_data = cell["data_sha"] == data.setdefault(name, cell["data_sha"])
+        if not same_data or not _same_training(cell, trained.setdefault((name, seed), cell)):
             raise InputError(
                 f"{row.cell(seed)}: trained on other data, or in another way, than further cells "
                 f"of {name}; measure them again, or write to another --docs"
@@ -101,14 +100,13 @@ def _same_training(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
     """Return whether two checkpoints are of the same training, on machines that may differ.
 
     The same training on another processor gives weights that differ by rounding, whose losses
-    stay within `_LOSS_ROUNDING` of each other.
+    stay within `SAME_LOSS` of each other.
     """
     if one["checkpoint_sha256"] == other["checkpoint_sha256"]:
         return True
-    curves = [[(p["step"], p["loss"]) for p in cell["curve"]] for cell in (one, other)]
-    return len(curves[0]) == len(curves[1]) and all(
-        step == step_2 and abs(loss - loss_2) <= _LOSS_ROUNDING * loss_2
-        for (step, loss), (step_2, loss_2) in zip(*curves, strict=True)
+    losses, expected = ({p["step"]: p["loss"] for p in c["curve"]} for c in (one, other))
+    return losses.keys() == expected.keys() and all(
+        abs(losses[step] - loss) <= SAME_LOSS * loss for step, loss in expected.items()
     )
 
 

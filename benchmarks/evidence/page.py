@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from benchmarks.evidence.digest import retrained, walks_of
+from benchmarks.evidence.digest import SAME_LOSS, retrained, walks_of
 from benchmarks.evidence.judge import (
     UNMEASURED,
     difference,
@@ -187,7 +187,7 @@ def _sources(value: Mapping[str, Any], tables: Mapping[int, Table]) -> str:
         *(
             [
                 f"Trained again from the same data, recipe and seed for some of their cells, on "
-                f"another machine, with losses within 0.5 %: {', '.join(again)}.\n"
+                f"another machine, with losses within {100 * SAME_LOSS:g} %: {', '.join(again)}.\n"
             ]
             if again
             else []
