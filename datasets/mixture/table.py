@@ -6,7 +6,8 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-from .plan import DatasetRow, MixturePlan
+from .choice import DatasetRow
+from .plan import MixturePlan
 
 _HEAD = ("source", "dataset", "robot", "episodes", "frames", "weight", "share", "left out")
 

@@ -15,7 +15,8 @@ import numpy as np
 import torch
 
 from ...datasets.episode_index import episode_tables
-from ...datasets.mixture.plan import Library, MixturePlan, choose_all, plan_mixture
+from ...datasets.mixture.choice import Library, choose_all
+from ...datasets.mixture.plan import MixturePlan, plan_mixture
 from ...datasets.mixture.recipe import NO_HOLDOUT, Recipe
 from ...datasets.selection import Selection
 from ...datasets.sequences import EpisodeSequences, SequenceConfig

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from ...datasets.instructions import InstructionChoice
-from ...datasets.mixture.plan import Library, MixturePlan, choose_all, plan_mixture
+from ...datasets.mixture.choice import Library, choose_all
+from ...datasets.mixture.plan import MixturePlan, plan_mixture
 from ...datasets.mixture.recipe import Recipe
 from ...datasets.selection import Selection
 from ...datasets.sequences import EpisodeSequences, SequenceConfig

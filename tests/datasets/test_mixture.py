@@ -17,8 +17,9 @@ from hypothesis import strategies as st
 
 from tests.support.lerobot_data import write_unit
 from tests.support.training_data import make_walk, write_dataset
+from vlnpe.datasets.mixture.choice import Library, choose
 from vlnpe.datasets.mixture.loader import MixtureLoader
-from vlnpe.datasets.mixture.plan import Library, choose, plan_mixture
+from vlnpe.datasets.mixture.plan import plan_mixture
 from vlnpe.datasets.mixture.recipe import FOLDER, Recipe, Source, read_recipe, recipe_of
 from vlnpe.datasets.mixture.sampler import MixtureSampler
 from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig, collate_sequences
@@ -26,6 +27,8 @@ from vlnpe.datasets.tokens import training_tokens
 from vlnpe.formats.core.errors import FileFormatError, InputError
 from vlnpe.formats.lerobot import assemble_dataset
 from vlnpe.pipeline.cli import main
+from vlnpe.pipeline.commands.training.missing import collect_command
+from vlnpe.pipeline.engine.ledger import Ledger
 
 EPISODES = {"h1": 6, "aliengo": 8, "vlnce": 5}
 
@@ -306,10 +309,40 @@ def test_wrong_calls_end_with_code_2(
     path.write_text(json.dumps(recipe()))
     assert main(["mix", str(path), "--data", str(runs), *arguments]) == 2
     assert message in capsys.readouterr().err
-    missing = recipe(sources={"humanoid": {"robots": ["g1"]}}, mixtures={"all": ["humanoid"]})
-    path.write_text(json.dumps(missing))
+
+
+def test_sources_without_episodes_are_named_with_the_commands_that_collect_them(
+    runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sources = {
+        "humanoid": {"robots": ["g1"]},
+        "lamp": {"robots": ["g1"], "lights": ["CL"]},
+        "known": {"robots": ["h1"]},
+    }
+    path = tmp_path / "recipe.yaml"
+    path.write_text(json.dumps(recipe(sources=sources, mixtures={"a": [*sources], "b": ["lamp"]})))
     assert main(["mix", str(path), "--data", str(runs), "--dry-run"]) == 2
-    assert "8 × robot aliengo" in capsys.readouterr().err
+    reason, humanoid, lamp = capsys.readouterr().err.splitlines()[-3:]
+    assert f"'humanoid', 'lamp' (left out of 3 datasets in {runs}: " in reason
+    assert "8 × robot aliengo, 6 × robot h1" in reason and "known" not in reason
+    new_run = f"--out {runs / 'apartment-0'}"
+    assert humanoid.endswith(f"collect --robot g1 {new_run}  # humanoid")
+    assert lamp.endswith(f"collect --robot g1 --light CL {new_run}  # lamp")
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("vlnpe collect", "vlnpe collect --robot g1"),
+        ("vlnpe collect --robot h1", "vlnpe collect --robot g1"),
+        ("vlnpe collect --out 'a b' --robot h1", "vlnpe collect --out 'a b' --robot g1"),
+    ],
+)
+def test_missing_robots_join_the_run_at_hand(before: str, after: str, tmp_path: Path) -> None:
+    ledger = Ledger(tmp_path)
+    ledger.finished = before
+    ledger.save()
+    assert collect_command(Source(robots=("g1",)), tmp_path) == after
 
 
 def test_published_splits_are_not_trained_on(tmp_path: Path) -> None:

@@ -14,7 +14,8 @@ import torch
 from numpy.typing import NDArray
 
 from tests.support.training_data import WORDS, write_dataset
-from vlnpe.datasets.mixture.plan import Library, plan_mixture
+from vlnpe.datasets.mixture.choice import Library
+from vlnpe.datasets.mixture.plan import plan_mixture
 from vlnpe.datasets.mixture.recipe import recipe_of
 from vlnpe.datasets.selection import select_all
 from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig, collate_sequences

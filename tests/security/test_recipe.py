@@ -10,7 +10,7 @@ import pytest
 
 from tests.security.hostile import not_files, put, refusal
 from tests.security.test_inputs import bomb
-from vlnpe.datasets.mixture.plan import Library
+from vlnpe.datasets.mixture.choice import Library
 from vlnpe.datasets.mixture.recipe import read_recipe
 from vlnpe.formats.core.errors import InputError
 

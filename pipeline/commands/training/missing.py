@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ....datasets.mixture.plan import NoEpisodesError
+from ....datasets.mixture.choice import NoEpisodesError
 from ....datasets.mixture.recipe import EVERYTHING, OWN_VIEW, Source
 from ....formats.core.checkout import program
 from ...engine.ledger import MANIFEST_NAME, Ledger
@@ -42,10 +42,10 @@ def collect_command(source: Source, data: Path) -> str:
         "--camera": () if source.cameras == (OWN_VIEW,) else source.cameras,
     }
     wanted = {option: ",".join(names) for option, names in options.items() if names}
-    added = shlex.join(word for pair in wanted.items() for word in pair)
+    added = [word for pair in wanted.items() for word in pair]
     for run in (data, *sorted(data.glob("*"))):
         before = Ledger(run).finished if (run / MANIFEST_NAME).is_file() else ""
-        command, known, rest = before.partition(f" {COLLECT} ")
+        command, known, rest = f"{before} ".partition(f" {COLLECT} ")
         if known:
             words = shlex.split(rest)
             kept = [
@@ -53,5 +53,5 @@ def collect_command(source: Source, data: Path) -> str:
                 for word, previous in zip(words, ["", *words], strict=False)
                 if word not in wanted and previous not in wanted
             ]
-            return f"{command} {COLLECT} {shlex.join(kept)} {added}"
-    return f"{program()} {COLLECT} {added} --out {shlex.quote(str(data / NEW_RUN))}"
+            return f"{command} {COLLECT} {shlex.join([*kept, *added])}"
+    return f"{program()} {COLLECT} {shlex.join([*added, '--out', str(data / NEW_RUN)])}"

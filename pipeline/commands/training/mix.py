@@ -6,11 +6,12 @@ import json
 import sys
 from typing import Any
 
-from ....datasets.mixture.plan import Library, MixturePlan, choose_all, plan_mixture
+from ....datasets.mixture.choice import Library, choose_all
+from ....datasets.mixture.plan import MixturePlan, plan_chosen
 from ....datasets.mixture.recipe import read_recipe, recipe_path
 from ....datasets.mixture.table import plan_json, plan_text
 from ....formats.core.atomic import write_json
-from ....formats.core.errors import InputError, UnknownNameError
+from ....formats.core.errors import InputError, check_name
 from ...options.training import Mix
 from .missing import commands_for_missing
 
@@ -21,19 +22,17 @@ def run(options: Mix) -> int:
     Raises:
         InputError: If the recipe is invalid, or the data does not exist.
     """
-    if options.draws not in ("episodes", "frames"):
-        raise UnknownNameError("draws", options.draws, ("episodes", "frames"))
+    check_name("draws", options.draws, ("episodes", "frames"))
     if not options.dry_run and options.out is None:
         raise InputError("vlnpe mix: pass --dry-run, or an output file with --out FILE.json")
     recipe = read_recipe(recipe_path(options.recipe))
-    if options.mixture is not None and options.mixture not in recipe.mixtures:
-        raise UnknownNameError("mixture", options.mixture, recipe.mixtures)
+    if options.mixture is not None:
+        check_name("mixture", options.mixture, recipe.mixtures)
     names = [options.mixture] if options.mixture else list(recipe.mixtures)
     sources = dict.fromkeys(s for name in names for s in recipe.mixtures[name].weights)
     with commands_for_missing(options.data):
-        library = Library(options.data)
-        choose_all(recipe, sources, library, training=True)
-    plans = [plan_mixture(recipe, name, library, options.draws) for name in names]
+        chosen = choose_all(recipe, sources, Library(options.data), training=True)
+    plans = [plan_chosen(recipe, name, chosen, options.draws) for name in names]
     for plan in plans:
         sys.stdout.write(f"{plan.name}: draws are {plan.unit}\n{plan_text(plan)}\n\n")
     value: dict[str, Any] = {"recipe": recipe.title, "mixtures": [plan_json(p) for p in plans]}
