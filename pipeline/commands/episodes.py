@@ -18,9 +18,9 @@ from ...formats.vlnce.groups import instruction_count
 from ...trajectory_sampler.align_config import AlignConfig
 from ...trajectory_sampler.stairs import StairRules
 from ..engine.context import open_single
-from ..engine.keys import digest
 from ..engine.ledger import Row
 from ..engine.runner import Context, StageSummary, run_stage
+from ..engine.work import digest
 from ..inputs.folders import scenes_in
 from ..inputs.sampling_plan import SamplingPlan, chosen_free_height, sample_config
 from ..options.episodes import Align, Filter, Sample

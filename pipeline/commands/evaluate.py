@@ -46,10 +46,10 @@ from ...formats.core.errors import InputError, check_name
 from ...formats.vlnce.files import read_episodes
 from ...learning.card import read_card
 from ..engine.context import open_context
-from ..engine.keys import digest
 from ..engine.ledger import Row
 from ..engine.run_folder import safe_name
 from ..engine.runner import Context, run_stage
+from ..engine.work import digest
 from ..inputs.crews import AUTO, action_timing, auto_controller, chosen_robots, keep_all
 from ..inputs.views import chosen_views
 from ..options.evaluate import Compare, Evaluate

@@ -15,10 +15,9 @@ from ...instruction_gen.llm.settings import settings_from
 from ...instruction_gen.records import LLM, LOCAL, InstructConfig, parse_languages, parse_styles
 from ...instruction_gen.show import show_path
 from ..engine.context import open_single, run_output
-from ..engine.keys import digest
 from ..engine.ledger import Row
 from ..engine.runner import Context, StageSummary, run_stage
-from ..engine.work import work_item
+from ..engine.work import digest, work_item
 from ..jobs.instructions.instruct import CACHE, InstructJob, read_facts, read_sights
 from ..jobs.instructions.name_things import NameThingsJob
 from ..options.instructions import Instruct

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...formats.core.source import NAME, imported_modules, libraries, module_digest
-from .keys import digest
-from .work import Job, unused_libraries
+from .work import Job, digest, unused_libraries
 
 CODE = "code"
 SHORT = 16  # characters kept of a digest

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from ...formats.core.episode import Episode
-from ..engine.keys import digest
+from ..engine.work import digest
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,7 @@ from ...formats.internnav.to_unit import unit_from_layout
 from ...formats.internnav.writer import SceneEpisode, write_scene
 from ...formats.lerobot import read_episode_unit
 from ...formats.vlnce.vocabulary import Vocabulary
-from ..engine.keys import digest
-from ..engine.work import ItemResult
+from ..engine.work import ItemResult, digest
 
 
 class Kind(StrEnum):

@@ -12,8 +12,7 @@ from ...formats.core.errors import FileFormatError
 from ...formats.internnav import layout
 from ...formats.internnav.reader import find_scenes, is_layout
 from ...formats.untrusted.files import check_input
-from ..engine.keys import digest
-from ..engine.work import Job, WorkItem, work_item
+from ..engine.work import Job, WorkItem, digest, work_item
 from ..jobs.convert import DatasetUnitJob, Kind, LayoutUnitJob, McapUnitJob, Options
 
 UNIT_STAGE = "unit"

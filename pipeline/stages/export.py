@@ -16,10 +16,9 @@ from ...formats.scene.bundle import INDEX_NAME
 from ...formats.vlnce.files import read_episodes
 from ...formats.vlnce.groups import group_by_path
 from ...instruction_gen.review.decisions import DecisionFile
-from ..engine.keys import digest
 from ..engine.ledger import Row
 from ..engine.runner import Context, StageSummary, run_stage
-from ..engine.work import WorkItem, work_item
+from ..engine.work import WorkItem, digest, work_item
 from ..inputs.crews import kept
 from ..jobs.export import DatasetJob, UnitJob
 from ..jobs.mcap import McapJob

@@ -15,10 +15,9 @@ from ...formats.untrusted.files import check_input
 from ...formats.untrusted.limits import limits
 from ...scene_repair.config import RepairConfig
 from ...scene_repair.scan.files import USD_SUFFIXES, side_names
-from ..engine.keys import digest
 from ..engine.ledger import JOURNAL_NAME, MANIFEST_NAME, Row
 from ..engine.lock import LOCK_NAME
-from ..engine.work import Job, WorkItem, work_item
+from ..engine.work import Job, WorkItem, digest, work_item
 from ..inputs.builtin import BuiltIn
 from ..inputs.folders import scenes_in
 from ..jobs.scenes.repair import RepairJob
