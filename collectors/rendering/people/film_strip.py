@@ -74,7 +74,7 @@ def film_strip(
     )
     depths = [codes_to_depth(one, frames.depth_range) for one in codes]
     near_m, far_m = shown_depths(depths)
-    scale = _scale(len(depths[0]), near_m, far_m)
+    scale = depth_scale(len(depths[0]), near_m, far_m)
     rows = [colours, [*(depth_picture(depth, near_m, far_m) for depth in depths), scale]]
     if frames.facts["kind"] != "chase":
         behind = make_view(
@@ -92,8 +92,8 @@ def film_strip(
     return picture
 
 
-def shown_depths(depths_m: Sequence[NDArray[np.float32]]) -> tuple[float, float]:
-    """Return from where to where [m, whole] some depths lie, but for the nearest; 0 is invalid."""
+def shown_depths(depths_m: Sequence[NDArray[np.float32]]) -> tuple[int, int]:
+    """Return the whole metres between which depths lie, but for the nearest; 0 is invalid."""
     valid = np.concatenate([depth[depth > 0] for depth in depths_m])
     low, high = np.percentile(valid, [1, 100]) if len(valid) else (0.0, 1.0)
     return math.floor(low), max(math.ceil(high), math.floor(low) + 1)
@@ -102,9 +102,11 @@ def shown_depths(depths_m: Sequence[NDArray[np.float32]]) -> tuple[float, float]
 def depth_picture(depth_m: NDArray[np.float32], near_m: float, far_m: float) -> Picture:
     """Return depth (H, W) [m] as colours: warm up to `near_m`, blue from `far_m` on.
 
-    What is invalid is grey.
+    Colours change with the square root of the depth, because most of what a robot in a room sees
+    is near. What is invalid is grey.
     """
-    farness = np.clip((depth_m - near_m) / (far_m - near_m), 0.0, 1.0)
+    near, far = np.sqrt([near_m, far_m])
+    farness = np.clip((np.sqrt(depth_m) - near) / (far - near), 0.0, 1.0)
     level = np.round(LEVELS - 1 - (LEVELS - 1 - DARKEST) * farness).astype(np.uint8)
     colours = cv2.applyColorMap(level, cv2.COLORMAP_TURBO)[..., ::-1].copy()
     colours[depth_m <= 0] = UNMEASURED
@@ -118,19 +120,24 @@ def _tile(image: NDArray[Any], width_px: int) -> NDArray[Any]:
     return np.asarray(cv2.resize(image, (width_px, height), interpolation=how), image.dtype)
 
 
-def _scale(height_px: int, near_m: float, far_m: float) -> Picture:
-    """Return the colours of depths as a column, far on top, with its ends in metres."""
-    column = np.linspace(far_m, near_m, height_px, dtype=np.float32)[:, None]
+def depth_scale(height_px: int, near_m: int, far_m: int) -> Picture:
+    """Return the colours of depths as a column, far on top, with whole metres beside it."""
+    near, far = math.sqrt(near_m), math.sqrt(far_m)
+    column = np.square(np.linspace(far, near, height_px, dtype=np.float32))[:, None]
     column = np.maximum(column, np.float32(1e-3))  # 0 would be invalid
     scale = np.full((height_px, SCALE_PX, 3), PAPER, np.uint8)
     scale[:, : SCALE_PX // 4] = depth_picture(column, near_m, far_m)
     image = Image.fromarray(scale)
     draw = ImageDraw.Draw(image)
     font = ImageFont.load_default(size=15)
-    for share, anchor in ((0.0, "lt"), (0.5, "lm"), (1.0, "lb")):
-        metres = far_m + share * (near_m - far_m)
+    labels = [(far_m, "lt"), (near_m, "lb")]
+    if far_m - near_m > 1:
+        between = range(near_m + 1, far_m)
+        labels.append((min(between, key=lambda m: abs(2 * math.sqrt(m) - near - far)), "lm"))
+    for metres, anchor in labels:
+        share = (far - math.sqrt(metres)) / (far - near)
         place = (SCALE_PX // 4 + 5, 2 + share * (height_px - 5))
-        draw.text(place, f"{metres:g} m", font=font, fill="black", anchor=anchor)
+        draw.text(place, f"{metres} m", font=font, fill="black", anchor=anchor)
     return np.asarray(image)
 
 

@@ -27,6 +27,7 @@ from vlnpe.collectors.rendering.interface import Renderer
 from vlnpe.collectors.rendering.people.film_strip import (
     SCALE_PX,
     depth_picture,
+    depth_scale,
     film_strip,
     shown_depths,
 )
@@ -391,6 +392,17 @@ def test_depth_pictures_distinguish_near_far_and_invalid() -> None:
     assert near[0] > near[2]
     assert far[2] > far[0]
     assert far[2] > 128  # blue, not black
+    # A quarter of the way has the colour in the middle, which changes with the square root.
+    quarter, half = depth_picture(np.array([[2.0, 4.5]], np.float32), 0.0, 8.0)[0].astype(int)
+    assert quarter[1] > 200 and half[2] > half[0]  # green, blue
+
+
+@pytest.mark.parametrize(("near", "far"), [(0, 1), (0, 2), (0, 8), (2, 9), (95, 999)])
+def test_the_labels_of_a_depth_scale_fit(near: int, far: int) -> None:
+    ink = depth_scale(240, near, far)[:, SCALE_PX // 4 + 1 :].max(axis=2) < 100
+    assert ink.any() and not ink[[0, -1]].any() and not ink[:, -1].any()
+    lines = np.flatnonzero(np.diff(np.flatnonzero(ink.any(axis=1))) > 1)
+    assert len(lines) == (1 if far - near == 1 else 2)  # apart from each other
 
 
 @pytest.mark.parametrize("scale", [20.0, 47.0])
