@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -142,19 +141,20 @@ def mark_holes(
 
 
 def write_picture(
+    path: Path,
     views: dict[str, NDArray[np.float32]],
     pixels: GridSpec,
     title: str,
     legend: list[tuple[str, tuple[float, float, float]]],
-    path: Path,
+    *,
+    scale: float,
 ) -> None:
     """Stack level views (row 0 = least y) under a title line with legend and scale bar.
 
-    Views of several levels get their names written above them.
+    Views of several levels get their names written above them. Text is drawn at `scale`, see
+    `text_scale`.
     """
     width = pixels.columns
-    metre_px = max(1, round(1.0 / pixels.cell_m))
-    scale = _text_scale(width, title, [text for text, _ in legend], metre_px)
     head = round(64 * scale)
     gap, name_px = 16, round(30 * scale) if len(views) > 1 else 0
     height = head + sum(v.shape[0] for v in views.values()) + (gap + name_px) * len(views)
@@ -188,7 +188,7 @@ def write_picture(
         cv2.rectangle(out, at(x, 41), at(x + 14, 55), rgb, -1, cv2.LINE_AA)
         write(text, x + 22, 54, SMALL)
         x += _entry_px(text)
-    metre = metre_px / scale
+    metre = _metre_px(pixels) / scale
     right = width / scale - LEFT
     line((right - metre, 48), (right, 48))
     for end in (right - metre, right):
@@ -197,12 +197,21 @@ def write_picture(
     cv2.imwrite(str(path), out[..., ::-1])
 
 
-def _text_scale(width_px: int, title: str, legend: Sequence[str], metre_px: int) -> float:
+def text_scale(
+    pixels: GridSpec, title: str, legend: list[tuple[str, tuple[float, float, float]]]
+) -> float:
     """Return how much larger than in a picture of 620 px text is, as far as it fits."""
     title_px = cv2.getTextSize(title, cv2.FONT_HERSHEY_DUPLEX, TITLE, 1)[0][0]
-    below_px = sum(map(_entry_px, legend)) + 60  # and the scale bar with its number
-    fitting = (width_px / (title_px + 2 * LEFT), (width_px - metre_px) / (below_px + 2 * LEFT))
-    return max(1.0, min(width_px / 620, *fitting))
+    below_px = sum(_entry_px(text) for text, _ in legend) + 60  # and the scale bar with its number
+    fitting = (
+        pixels.columns / (title_px + 2 * LEFT),
+        (pixels.columns - _metre_px(pixels)) / (below_px + 2 * LEFT),
+    )
+    return max(1.0, min(pixels.columns / 620, *fitting))
+
+
+def _metre_px(pixels: GridSpec) -> int:
+    return max(1, round(1.0 / pixels.cell_m))
 
 
 def _entry_px(text: str) -> int:

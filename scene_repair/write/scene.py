@@ -36,7 +36,7 @@ from ..scan.record import Scan, ScanMaterial
 from ..usd.write_stage import UsdContent, write_usd
 from ..verify.scene import RECORD_NAME, verify_scene
 from .describe import describe_level, doubts
-from .pictures import GREEN, GREY, RED, mark_holes, view_from_above, write_picture
+from .pictures import GREEN, GREY, RED, mark_holes, text_scale, view_from_above, write_picture
 from .textures import write_materials
 
 # The pictures: free space around the floor, and limits of their size.
@@ -191,23 +191,19 @@ def _write_pictures(repaired: Repaired, out_dir: Path, scene_id: str, width_px: 
     ]
     filled = sum(h.fill for f in floors for h in f.holes)
     cracks = sum(len(f.cracks) for f in floors)
-    added = sum(f.patch_area_m2 for f in floors)
-    captions = (
-        ("before", f"as scanned, {filled} holes, {cracks} cracks, {added:.2f} m2 of floor missing"),
-        ("after", f"repaired, {added:.2f} m2 of floor added"),
-    )
-    legends = ([("hole in the floor", RED)], [("floor added", GREEN)])
-    for k, ((name, caption), legend) in enumerate(zip(captions, legends, strict=True)):
+    patched = f"{sum(f.patch_area_m2 for f in floors):.2f} m2 of floor"
+    missing = f"{filled} holes, {cracks} cracks, {patched} missing"
+    gaps = ("left open", GREY)
+    heads = {
+        "before": (f"{scene_id}: as scanned, {missing}", [("hole in the floor", RED), gaps]),
+        "after": (f"{scene_id}: repaired, {patched} added", [("floor added", GREEN), gaps]),
+    }
+    text = min(text_scale(pixels, *head) for head in heads.values())  # they stand side by side
+    for k, (name, head) in enumerate(heads.items()):
         marked = {
             f"level {n}, floor at {f.floor_z_m:.2f} m": mark_holes(
                 view[k], f.holes, fine=fine, pixels=pixels, before=k == 0
             )
             for n, (view, f) in enumerate(zip(views, floors, strict=True))
         }
-        write_picture(
-            marked,
-            pixels,
-            f"{scene_id}: {caption}",
-            [*legend, ("left open", GREY)],
-            out_dir / f"{name}.png",
-        )
+        write_picture(out_dir / f"{name}.png", marked, pixels, *head, scale=text)

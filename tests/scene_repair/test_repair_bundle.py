@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from PIL import Image
@@ -60,6 +61,8 @@ def test_bundle_is_whole(bundle: SceneBundle, source: Path) -> None:
     assert bundle.source["licence"] == "Use as you like."
     assert bundle.source["path"] == "house.glb"
     assert bundle.level_floor_z_m == pytest.approx((0.0,), abs=1e-3)
+    before, after = (cv2.imread(str(bundle.root / f"{name}.png")) for name in ("before", "after"))
+    assert before is not None and after is not None and before.shape == after.shape
 
 
 def test_arrays_agree(bundle: SceneBundle) -> None:
