@@ -269,8 +269,10 @@ def _tell(options: Evaluate, out: Path, value: dict[str, Any], scenes: Path) -> 
     groups = grouped(value["episodes"], "split")
     if len(groups) > 1:
         groups["all"] = value["episodes"]
+    who = value["setting"]
+    head = f"policy {who['policy']} drives {who['robot']} ({who['controller']})"
     text = f"{table(groups)}\n\n{LEGEND}" if value["episodes"] else "no episode has a result"
-    sys.stdout.write(f"\n{text}\n\n")
+    sys.stdout.write(f"\n{head}\n{text}\n\n")
     if value["quarantined"]:
         count = len(value["quarantined"])
         reason = next(iter(value["quarantined"].values()))

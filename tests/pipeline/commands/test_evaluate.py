@@ -80,6 +80,7 @@ def test_the_oracle_arrives_an_idle_policy_does_not_and_compare_says_so(
     taken = oracle["episodes"][0]["taken"]
     assert taken == [int(span.action) for span in rollout.actions] and taken[-1] == 0
     printed = advised = capsys.readouterr().out
+    assert "policy stop drives aliengo (speed)" in printed
     assert "SPL [%]" in printed and "val_seen" in printed
     assert all(f"{name}: " in printed for name in COLUMNS)  # the legend says what each means
     assert max(map(len, printed.split("results:")[0].splitlines())) <= 120
