@@ -90,7 +90,9 @@ def sampled(
 
     items = episodes.items(run.context.ledger, planned, config.robot_radius_m, item)
     run.unselect(align.FILTER_STAGE, align.STAGE)
+    earlier = run.context.ledger.rows(episodes.STAGE)
     summary = run.stage(episodes.STAGE, items, required=True)
+    episodes.warn_if_fewer(earlier, summary.rows)
     if quotas is not None:
         episodes.check_complete(summary.rows, quotas, exact=exact, before=before)
     return _instructed(run, wording, summary, parts)

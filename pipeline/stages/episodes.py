@@ -123,6 +123,22 @@ def check_complete(
         )
 
 
+def warn_if_fewer(before: Iterable[Row], after: Iterable[Row]) -> None:
+    """Log a warning of scenes of which the run's episode files now hold fewer paths than before."""
+    earlier = {row.item: row.facts.get("episodes", 0) for row in before}
+    for row in after:
+        now = row.facts.get("episodes", 0)
+        if row.status == "done" and now < earlier.get(row.item, 0):
+            log.warning(
+                "the episode files now hold %d of the %d paths that they held in %s; robots that "
+                "walked more of them stay in the table and the report, and `mix` prints commands "
+                "for the paths that are left",
+                now,
+                earlier[row.item],
+                row.item,
+            )
+
+
 def _shortage(row: Row, quotas: Mapping[str, int]) -> str:
     facts, total = row.facts, sum(quotas.values())
     missing = ", ".join(f"{n} of {quotas[s]} {s}" for s, n in facts["missing"].items())

@@ -61,3 +61,11 @@ def test_other_options_are_no_reason_to_warn(two_rooms, tmp_path, caplog):
     summary, _ = sampled(tmp_path, two_rooms, 0.42, count=2)
     assert summary.done == 1
     assert not caplog.records
+
+
+def test_fewer_paths_than_before_are_said(two_rooms, tmp_path, caplog):
+    (more, _), (fewer, _) = (sampled(tmp_path, two_rooms, 0.3, count=n) for n in (3, 2))
+    episodes.warn_if_fewer(fewer.rows, more.rows)
+    assert not caplog.records
+    episodes.warn_if_fewer(more.rows, fewer.rows)
+    assert "now hold 2 of the 3 paths that they held in two_rooms" in caplog.text
