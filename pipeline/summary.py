@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import shlex
 import sys
 import textwrap
@@ -19,19 +20,20 @@ from .engine.runner import StageSummary
 from .inputs.crews import kept
 from .options.collect import Collect
 from .options.command_line import command_line
-from .report.gather import LeftOut, RobotRow, left_out, robot_rows
+from .report.gather import LeftOut, RobotRow, left_out, robot_rows, shared_paths_note
 
 log = logging.getLogger(__name__)
 LEGEND = (
     "collected: ended within 0.25 m of the goal; SR: stopped within 3 m of it; OS:\n"
     "passed within 3 m; SPL: SR weighted by path length; nDTW: likeness of path and\n"
-    "walk [%]; NE: mean distance to the goal at the end; TL: mean length walked.\n"
-    "Beneath a robot: how many of its paths did not go well; touched: an obstacle."
+    "walk [%]; NE: mean distance to the goal at the end; TL: mean length walked."
 )
+BENEATH = "Beneath a robot: how many of its paths did not go well; touched: an obstacle."
 # The widest name of a robot, and of a controller: the table fits 100 characters.
 ROBOT_WIDTH, CONTROLLER_WIDTH = 13, 26
 MOST_NAMES = 12  # datasets that have a line
 LEROBOT = "lerobot[dataset,viz]==0.6.1"
+REMOTE = "no display here: --mode distant serves it at ports 9090 and 9876"
 
 
 def show_summary(
@@ -65,8 +67,12 @@ def show_summary(
         }
         stream.write(json.dumps(value, allow_nan=False) + "\n")
         return code
-    stream.write("\n" + stage_table(summaries) + "\n\n" + robot_table(rows))
-    stream.write(f"\n{LEGEND}\n\n" if rows else "\n\n")
+    stream.write("\n" + stage_table(summaries) + "\n\n" + robot_table(rows) + "\n")
+    if rows:
+        stream.write(
+            "\n".join([*textwrap.wrap(shared_paths_note(ledger), 78), legend(rows)]) + "\n"
+        )
+    stream.write("\n")
     for one, command in zip(absent, again, strict=True):
         stream.write(
             f"Left out: {one.robot} {one.controller}, {one.paths} paths. It walked other paths, or "
@@ -129,6 +135,11 @@ def robot_table(rows: Sequence[RobotRow]) -> str:
     return "\n".join(lines)
 
 
+def legend(rows: Sequence[RobotRow]) -> str:
+    """Return what the columns of `robot_table` mean, and its lines beneath robots if it has any."""
+    return f"{LEGEND}\n{BENEATH}" if any(map(_troubles, rows)) else LEGEND
+
+
 def elided(name: str, most: int) -> str:
     """Return a name of at most `most` characters, without its middle where it is longer."""
     if len(name) <= most:
@@ -171,12 +182,21 @@ def looking_commands(ledger: Ledger, page: Path) -> str:
     if players:
         players[0] += "   (or drop it on app.foxglove.dev)"
     further = sum(map(len, episodes.values())) - len(players)
-    lines = ["View the results:", *_listed("LeRobot", viewers), *_listed("Foxglove", players)]
+    lines = ["View the results:", *_listed("LeRobot", viewers)]
+    if viewers and not has_display():
+        lines.append(f"{'':<12}({REMOTE})")
+    lines += _listed("Foxglove", players)
     if further > 0:
         beside = "it" if len(players) == 1 else "these"
         lines.append(f"            and {further} more beside {beside}")
     lines.append(f"  report    python3 -m webbrowser {shlex.quote(page.as_uri())}")
     return "\n".join(lines)
+
+
+def has_display() -> bool:
+    """Return whether a viewer can open a window here."""
+    displays = ("DISPLAY", "WAYLAND_DISPLAY")
+    return sys.platform != "linux" or any(os.environ.get(name) for name in displays)
 
 
 def _done(ledger: Ledger, stage: str) -> list[Row]:

@@ -13,7 +13,15 @@ from jinja2 import Environment, PackageLoader, select_autoescape
 from ..engine.ledger import Ledger, Row
 from .dataset import dataset_plots, dataset_rows, texts_of
 from .failures import failure_figures
-from .gather import RobotRow, diverged_rows, driven, left_out, replay_rows, robot_rows
+from .gather import (
+    RobotRow,
+    diverged_rows,
+    driven,
+    left_out,
+    replay_rows,
+    robot_rows,
+    shared_paths_note,
+)
 from .maps import ScenePaths, map_figure, path_name
 from .pictures import STAGE as PICTURES_STAGE
 from .pictures import Pictures, jpeg_uri
@@ -39,13 +47,14 @@ def build_page(root: Path, pictures: Pictures) -> str:
         colors=paths.colors,
         cards=_cards(rows, robots, quarantine),
         robot_rows=robots,
+        shared_paths_note=shared_paths_note(ledger),
         left_out=left_out(ledger),
         failures=failure_figures(rows, diverged_rows(ledger), pictures.clips),
         datasets=[_dataset(name, picture, ledger) for name, picture in pictures.strips.items()],
         maps=[map_figure(name, picture, paths) for name, picture in sorted(pictures.maps.items())],
         plots=dataset_plots(list(paths.episodes.values())),
         splits=dataset_rows(list(paths.episodes.values())),
-        episode_note=_episode_note(ledger),
+        episode_note=_episode_note(ledger, len(paths.episodes)),
         episodes=_episodes(rows, paths),
         scenes=[_scene(root, row) for row in ledger.rows("repair") if row.status == "done"],
         quarantine=[
@@ -83,15 +92,17 @@ def _dataset(name: str, picture: Path, ledger: Ledger) -> dict[str, Any]:
     }
 
 
-def _episode_note(ledger: Ledger) -> str:
-    parts = []
-    for row in ledger.rows("sample"):
+def _episode_note(ledger: Ledger, walked: int) -> str:
+    parts, sampled = [], ledger.rows("sample")
+    for row in sampled:
         dropped = {k: v for k, v in row.facts.get("dropped", {}).items() if v}
         reasons = ", ".join(f"{v} {k.replace('_', ' ')}" for k, v in sorted(dropped.items()))
         parts.append(
             f"{row.item}: {row.facts.get('episodes', 0)} sampled"
             + (f" (candidates dropped: {reasons})" if reasons else "")
         )
+    if sampled and walked > sum(row.facts.get("episodes", 0) for row in sampled):
+        parts.append(f"{walked} paths were walked: some are of earlier runs in this folder")
     for row in ledger.rows("filter"):
         parts += filter_notes(row.facts)
     for row in ledger.rows("align"):

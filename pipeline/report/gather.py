@@ -124,18 +124,44 @@ def diverged_rows(ledger: Ledger) -> list[Row]:
 
 def robot_rows(ledger: Ledger) -> list[RobotRow]:
     """Return one row per robot and controller, in name order."""
-    groups: dict[tuple[str, str], list[dict[str, Any]]] = defaultdict(list)
-    for row in replay_rows(ledger):
-        # Other seeds and actions of one controller are kept under labels of their own.
-        groups[_crew(row)].append(row.facts)
-    seeds = {facts.get("seed") for some in groups.values() for facts in some}
-    diverged: Counter[tuple[str, str]] = Counter()
-    for row in diverged_rows(ledger):
-        diverged[_crew(row)] += 1
-    names = sorted({*groups, *diverged})
+    return _robot_rows(_walks(ledger))
+
+
+def shared_paths_note(ledger: Ledger) -> str:
+    """Return what to say of rows that are averages over different paths; nothing if none are."""
+    walks = _walks(ledger)
+    seeds = {facts.get("seed") for some in walks.values() for facts in some.values() if facts}
+    paths = [set(some) for some in walks.values()]
+    shared = set[str]().union(*paths).intersection(*paths)
+    if all(some == shared for some in paths) and len(seeds) <= 1:
+        return ""
+    note = "The rows are averages over different paths"
+    if not shared or len(seeds) > 1:  # another seed may sample other paths of the same names
+        return f"{note}."
+    common = {crew: {name: some[name] for name in shared} for crew, some in walks.items()}
+    rates = ", ".join(f"{r.robot} {r.driven}: {r.sr:.1f}" for r in _robot_rows(common))
+    which = "1 path" if len(shared) == 1 else f"{len(shared)} paths"
+    return f"{note}. SR % on the {which} that all walked: {rates}."
+
+
+# The facts of a rollout; None of an episode whose physics diverged.
+_Facts = dict[str, Any] | None
+
+
+def _walks(ledger: Ledger) -> dict[tuple[str, str], dict[str, _Facts]]:
+    """Return what each robot did under each controller, by path."""
+    walks: dict[tuple[str, str], dict[str, _Facts]] = defaultdict(dict)
+    for row in [*replay_rows(ledger), *diverged_rows(ledger)]:
+        walks[_crew(row)][row.item.rsplit("/", 1)[-1]] = row.facts or None
+    return dict(sorted(walks.items()))
+
+
+def _robot_rows(walks: Mapping[tuple[str, str], Mapping[str, _Facts]]) -> list[RobotRow]:
+    facts = {crew: [one for one in some.values() if one] for crew, some in walks.items()}
+    seeds = {one.get("seed") for some in facts.values() for one in some}
     return [
-        _robot_row(robot, label, groups[(robot, label)], diverged[(robot, label)], len(seeds) > 1)
-        for robot, label in names
+        _robot_row(robot, label, known, len(walks[robot, label]) - len(known), len(seeds) > 1)
+        for (robot, label), known in facts.items()
     ]
 
 

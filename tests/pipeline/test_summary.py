@@ -6,9 +6,11 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from vlnpe.pipeline.engine.ledger import Ledger, Row
-from vlnpe.pipeline.report.gather import RobotRow
-from vlnpe.pipeline.summary import elided, looking_commands, robot_table
+from vlnpe.pipeline.report.gather import RobotRow, shared_paths_note
+from vlnpe.pipeline.summary import elided, legend, looking_commands, robot_table
 
 
 def robot(**values: Any) -> RobotRow:
@@ -35,6 +37,55 @@ def test_the_widest_table_fits_100_columns_and_tells_what_went_wrong() -> None:
     for words in ("6 blocked at the start", "7 touched", "8 diverged"):
         assert words in told
     assert "–" in lines[-1] and "fell" not in lines[-1]
+
+
+def test_the_legend_explains_what_is_shown() -> None:
+    assert "Beneath a robot" in legend([robot(), robot(stuck=1)])
+    assert "Beneath a robot" not in legend([robot(), robot()])
+
+
+def walk(ledger: Ledger, crew: str, path: str, success: bool, **facts: Any) -> None:
+    name, controller = crew.split("/")
+    metrics = {"success": success, "oracle_success": success, "spl": success, "fall": False}
+    metrics |= {"stuck": False, "trajectory_length_m": 1.0, "navigation_error_m": 1.0, "ndtw": 1.0}
+    facts |= {"robot": name, "controller": controller, "metrics": metrics, "contacts": []}
+    facts |= {"end_reason": "success" if success else "timeout"}
+    ledger.add(Row("replay", f"{crew}/{path}", "k", "done", facts=facts))
+
+
+def test_rows_of_different_paths_are_compared_on_those_that_all_walked(tmp_path: Path) -> None:
+    ledger = Ledger(tmp_path)
+    for path, success in (("a", True), ("b", False)):
+        walk(ledger, "h1/path", path, success, seed=0)
+    assert shared_paths_note(ledger) == ""
+    walk(ledger, "aliengo/path", "b", True, seed=0)
+    assert shared_paths_note(ledger) == (
+        "The rows are averages over different paths. SR % on the 1 path that all walked: "
+        "aliengo path: 100.0, h1 path: 0.0."
+    )
+    ledger.add(Row("replay", "aliengo/path/a", "k", "quarantined", error={"type": "DivergedError"}))
+    assert shared_paths_note(ledger) == ""  # it walked that path, too
+    walk(ledger, "jetbot/path", "c", True, seed=0)
+    assert shared_paths_note(ledger) == "The rows are averages over different paths."
+    # Another seed may have sampled other paths of the same names.
+    other = Ledger(tmp_path / "other")
+    other.root.mkdir()
+    for seed, crew in enumerate(("h1/path", "h1/path-seed-1")):
+        walk(other, crew, "a", True, seed=seed)
+    assert shared_paths_note(other) == "The rows are averages over different paths."
+
+
+def test_without_a_display_the_viewer_is_served(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ledger = Ledger(tmp_path)
+    ledger.add(Row("dataset", "d", "", "done", outputs=("lerobot/d",)))
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("sys.platform", "linux")
+    assert "--mode distant" in looking_commands(ledger, tmp_path / "index.html")
+    monkeypatch.setenv("WAYLAND_DISPLAY", "wayland-0")
+    assert "--mode distant" not in looking_commands(ledger, tmp_path / "index.html")
 
 
 def test_long_names_lose_their_middle() -> None:
