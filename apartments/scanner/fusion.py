@@ -34,7 +34,7 @@ def fuse(
         return depth, misplaced(stream, view, config)
 
     tasks = zip(true_views, rng.spawn(len(true_views)), strict=True)
-    for depth, at in in_order(scan, tasks, beside=True):
+    for depth, at in in_order(scan, tasks, busy=True):
         volume.integrate(
             depth, focal_px=camera.focal_px, position_m=at.position_m, rotation=at.rotation
         )

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.core.threads import begin
+from ...formats.core.threads import beside
 from ..home.true_scene import TrueScene
 from .appearance import Appearance
 from .tracing import Tracer
@@ -77,9 +77,9 @@ class Lighting:
         """Return irradiance (N, 3) without direct sun at points (N, 3) with unit normals (N, 3)."""
         start = points_m + np.float32(_LIFT_M) * normals
         turn = rng.random(len(start), dtype=np.float32)
-        reflected = begin(partial(self._reflected, turn, start, normals, rays))
-        windows, lamps = self._windows(rng, start, normals), self._lamps(rng, start, normals)
-        return reflected() + windows + lamps
+        with beside(partial(self._reflected, turn, start, normals, rays)) as reflected:
+            windows, lamps = self._windows(rng, start, normals), self._lamps(rng, start, normals)
+            return reflected() + windows + lamps
 
     def sun(
         self, points_m: NDArray[np.floating], normals: NDArray[np.floating]

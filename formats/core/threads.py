@@ -26,32 +26,33 @@ def allow_threads(count: int) -> Iterator[None]:
         _ALLOWED.reset(token)
 
 
-def begin[R](function: Callable[[], R]) -> Callable[[], R]:
-    """Begin a function in another thread if one is allowed.
+@contextmanager
+def beside[R](function: Callable[[], R]) -> Iterator[Callable[[], R]]:
+    """Run a function in another thread, if one is allowed, while the block does other work.
 
-    Returns:
+    Yields:
         A function to call once, which returns the result, or raises the error. With a single thread
         the work is done in that call.
     """
     if _ALLOWED.get() < 2:
-        return function
-    with_one = ThreadPoolExecutor(1)
-    future = with_one.submit(function)
-    with_one.shutdown(wait=False)
-    return future.result
+        yield function
+        return
+    # Leaving the block waits: an error in it must not leave a thread that still writes files.
+    with ThreadPoolExecutor(1) as pool:
+        yield pool.submit(function).result
 
 
 def in_order[I, R](
-    function: Callable[[I], R], items: Iterable[I], beside: bool = False
+    function: Callable[[I], R], items: Iterable[I], busy: bool = False
 ) -> Generator[R, None, None]:
     """Yield the results of a function for `items`, in their order, from the allowed threads.
 
     Args:
         function: what to do; must give the same in any order.
         items: its arguments, drawn a few ahead, in the caller's thread.
-        beside: the caller works on the results meanwhile, so that one thread is left to it.
+        busy: the caller works on the results meanwhile, so that one thread is left to it.
     """
-    count = _ALLOWED.get() - beside
+    count = _ALLOWED.get() - busy
     if _ALLOWED.get() < 2:
         yield from map(function, items)
         return

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.atomic import file_digest, write_json
-from ...formats.core.threads import begin
+from ...formats.core.threads import beside
 from ...formats.scene.bundle import (
     UNSOUND,
     Floor,
@@ -82,12 +82,22 @@ class Repaired:
 
 def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> SceneBundle:
     """Write the bundle into the existing folder `out_dir` and open it; the index goes last."""
-    source, way = repaired.source, repaired.way
-    scene_id = config.scene_id or source.stem
-    pictures = begin(
-        partial(_write_pictures, repaired, out_dir, scene_id=scene_id, width_px=config.picture_px)
+    scene_id = config.scene_id or repaired.source.stem
+    draw = partial(
+        _write_pictures, repaired, out_dir, scene_id=scene_id, width_px=config.picture_px
     )
-    materials = write_materials(repaired.materials, out_dir, config.max_texture_px)
+    with beside(draw) as pictures:
+        bundle = _write_bundle(repaired, out_dir, scene_id, config.max_texture_px)
+        pictures()
+    return bundle
+
+
+def _write_bundle(
+    repaired: Repaired, out_dir: Path, scene_id: str, max_texture_px: int
+) -> SceneBundle:
+    """Write all but the pictures, and open it."""
+    source, way = repaired.source, repaired.way
+    materials = write_materials(repaired.materials, out_dir, max_texture_px)
     heights = tuple(floor.floor_z_m for floor in repaired.floors)
     named, visual, levels = _by_object(repaired, heights)
     facts = {
@@ -139,7 +149,6 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
     bundle = load_bundle(out_dir)
     # Only what lies on the disk can be verified; the record then says what came out.
     proof = verify_scene(bundle, usd_checked=True)
-    pictures()
     write_json(out_dir / RECORD_NAME, {**record, "verification": proof})
     if not proof["sound"]:
         # Datasets made from it must be able to state this.

@@ -8,18 +8,18 @@ from collections.abc import Iterator
 
 import pytest
 
-from vlnpe.formats.core.threads import allow_threads, begin, in_order
+from vlnpe.formats.core.threads import allow_threads, beside, in_order
 
 
 @pytest.mark.parametrize("count", [1, 2, 4])
-@pytest.mark.parametrize("beside", [False, True])
-def test_results_come_in_the_order_of_their_items(count: int, beside: bool) -> None:
+@pytest.mark.parametrize("busy", [False, True])
+def test_results_come_in_the_order_of_their_items(count: int, busy: bool) -> None:
     def late(item: int) -> int:
         time.sleep(0.01 * (item % 3 == 0))
         return item * item
 
     with allow_threads(count):
-        assert list(in_order(late, range(20), beside)) == [item * item for item in range(20)]
+        assert list(in_order(late, range(20), busy)) == [item * item for item in range(20)]
 
 
 def test_no_more_threads_work_than_are_allowed() -> None:
@@ -69,12 +69,24 @@ def test_errors_reach_the_caller() -> None:
         with allow_threads(count):
             with pytest.raises(ValueError, match="the third"):
                 list(in_order(fail, range(6)))
-            with pytest.raises(ValueError, match="the third"):
-                begin(lambda: fail(3))()
+            with pytest.raises(ValueError, match="the third"), beside(lambda: fail(3)) as failed:
+                failed()
 
 
 def test_what_is_begun_works_beside_the_caller() -> None:
-    with allow_threads(2):
-        other = begin(threading.get_ident)()
-    assert other != threading.get_ident()
-    assert begin(threading.get_ident)() == threading.get_ident()
+    with allow_threads(2), beside(threading.get_ident) as other:
+        assert other() != threading.get_ident()
+    with beside(threading.get_ident) as other:
+        assert other() == threading.get_ident()
+
+
+def test_an_error_beside_waits_for_what_was_begun() -> None:
+    ended: list[bool] = []
+
+    def slowly() -> None:
+        time.sleep(0.05)
+        ended.append(True)
+
+    with allow_threads(2), pytest.raises(ValueError, match="meanwhile"), beside(slowly):
+        raise ValueError("meanwhile")
+    assert ended
