@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -21,9 +22,13 @@ OPTIONS = (
 def report(_: Path) -> str:
     """Collect some numbers of episodes; return a Markdown section."""
     lines = []
-    for count in COUNTS:
-        driver, worker, made = measure(count)
-        lines.append(f"| {made:,} | {driver:,.0f} | {worker:,.0f} |")
+    with tempfile.TemporaryDirectory(prefix="vlnpe-memory-") as folder:
+        prepared = Path(folder) / "prepared"
+        # Repairing the scene takes more memory than walking in it.
+        subprocess.run(_command(prepared, 2), cwd=ROOT, stdout=subprocess.DEVNULL, check=True)
+        for count in COUNTS:
+            driver, worker, made = measure(prepared, count)
+            lines.append(f"| {made:,} | {driver:,.0f} | {worker:,.0f} |")
     return "\n".join(
         [
             "## Memory and the number of episodes",
@@ -39,21 +44,32 @@ def report(_: Path) -> str:
     )
 
 
-def measure(episodes: int) -> tuple[float, float, int]:
-    """Return the peaks of driver and largest worker [MiB], and the number of rollouts."""
-    with tempfile.TemporaryDirectory(prefix="vlnpe-memory-") as folder:
-        command = [sys.executable, "-m", "vlnpe.pipeline.cli", "collect", *OPTIONS]
-        command += ["--splits", f"train={episodes}", "--out", folder, "--json"]
-        driver = worker = 0
-        with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL) as process:
-            while process.poll() is None:
-                driver = max(driver, _peak_kib(process.pid))
-                worker = max([worker, *map(_peak_kib, _children(process.pid))])
-                time.sleep(LOOKED_S)
-        if process.returncode:
-            raise RuntimeError(f"collect ended with code {process.returncode}")
-        made = sum(1 for _ in (Path(folder) / "rollouts").rglob("*.mcap"))
+def measure(prepared: Path, episodes: int) -> tuple[float, float, int]:
+    """Collect in a copy of a run folder.
+
+    Returns:
+        The peaks of driver and largest worker [MiB], and the number of episodes made.
+    """
+    run = prepared.with_name(f"run-{episodes}")
+    shutil.copytree(prepared, run)
+    shutil.rmtree(run / "rollouts")
+    driver = worker = 0
+    command = _command(run, episodes)
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL) as process:
+        while process.poll() is None:
+            driver = max(driver, _peak_kib(process.pid))
+            worker = max([worker, *map(_peak_kib, _children(process.pid))])
+            time.sleep(LOOKED_S)
+    if process.returncode:
+        raise RuntimeError(f"collect ended with code {process.returncode}")
+    made = sum(1 for _ in (run / "rollouts").rglob("*.mcap"))
+    shutil.rmtree(run)
     return driver / 1024, worker / 1024, made
+
+
+def _command(run: Path, episodes: int) -> list[str]:
+    command = [sys.executable, "-m", "vlnpe.pipeline.cli", "collect", *OPTIONS]
+    return [*command, "--splits", f"train={episodes}", "--out", str(run)]
 
 
 def _peak_kib(process: int) -> int:
@@ -71,9 +87,3 @@ def _children(process: int) -> list[int]:
         return [int(child) for task in tasks for child in task.read_text().split()]
     except OSError:
         return []
-
-
-if __name__ == "__main__":
-    for number in COUNTS:
-        sys.stdout.write(f"{number}: {measure(number)}\n")
-        sys.stdout.flush()

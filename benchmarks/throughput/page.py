@@ -113,13 +113,17 @@ def _speed_ups(runs: list[dict[str, Any]]) -> list[str]:
         if one is None or run["workers"] < 2:
             continue
         faster = episodes_per_hour(run) / episodes_per_hour(one)
-        dearer = (run["cpu_s"] / run["frames"]) / (one["cpu_s"] / one["frames"])
+        dearer = _cpu_per_frame(run) / _cpu_per_frame(one)
         lines.append(
             f"{run['scene']}, {run['robot']}: {run['workers']} workers on as many cores collect "
             f"{faster:.2f} times as fast as one on one core; a frame then costs {dearer:.2f} times "
             "the CPU time."
         )
     return [*lines, ""] if lines else []
+
+
+def _cpu_per_frame(run: dict[str, Any]) -> float:
+    return sum(stage["cpu_s"] for stage in run["stages"].values()) / run["frames"]
 
 
 def _part_line(label: str, parts: list[dict[str, Any]]) -> str:
