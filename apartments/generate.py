@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..formats.core.frames import world_to_habitat_position
+from ..formats.core.threads import beside
 from ..formats.fusion.surface import ScanMesh, extract
 from .config import ApartmentConfig
 from .glb import GlbNode, write_glb
@@ -58,16 +60,20 @@ def generate_scan(
     tracer = Tracer(scene.shape.corners)
     report("scanning")
     volume = fuse(rng, scene, tracer, config.scan)
-    report("meshing")
-    mesh = extract(volume, config.scan.target_faces)
+    with beside(partial(Baker, rng, scene, tracer, config.scan)) as get_baker:
+        report("meshing")
+        mesh = extract(volume, config.scan.target_faces)
+        baker = get_baker()
     del volume
-    report("unfolding")
-    label = label_faces(mesh, tracer, scene.face_object)
-    charts = cut(mesh, label, _texel_sizes(scene, config))
-    packing = pack(charts, config.scan.page_px)
-    split = chart_vertices(mesh, charts)
+    pose = scan_pose(config)
+    with beside(partial(write_truth, out_dir / "truth.npz", scene.storeys, mesh, pose)) as truth:
+        report("unfolding")
+        label = label_faces(mesh, tracer, scene.face_object)
+        charts = cut(mesh, label, _texel_sizes(scene, config))
+        packing = pack(charts, config.scan.page_px)
+        split = chart_vertices(mesh, charts)
+        truth()
     report("lighting")
-    baker = Baker(rng, scene, tracer, config.scan)
     light = baker.vertex_light(mesh, split)
     report("painting")
     pages = [
@@ -75,11 +81,9 @@ def generate_scan(
         for k in range(len(packing.page_size))
     ]
     report("writing")
-    pose = scan_pose(config)
     nodes = _nodes(scene, mesh, label, charts, packing, split, pose)
     write_glb(out_dir / "scan.glb", nodes, pages, {"seed": seed, "licence": "Apache-2.0"})
     write_labels(out_dir / "scan.labels.json", scene, pose)
-    write_truth(out_dir / "truth.npz", scene.storeys, mesh, pose)
     return out_dir / "scan.glb"
 
 

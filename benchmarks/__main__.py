@@ -24,6 +24,8 @@ from benchmarks import (
     labels,
     load,
     mcap,
+    memory,
+    obvious,
     physics,
     render,
     scaling,
@@ -41,6 +43,8 @@ PAGE = ROOT / "benchmarks" / "README.md"
 SECTIONS: dict[str, Callable[[Path], str]] = {
     "chain": chain.report,
     "throughput": throughput.report,
+    "obvious": lambda run: obvious.report(runs(run)[-1]),
+    "memory": memory.report,
     "physics": lambda run: physics.report(scenes(run)),
     "labels": lambda run: labels.report(scenes(run)),
     "render": lambda run: render.report(runs(run)),

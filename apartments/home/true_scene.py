@@ -89,6 +89,6 @@ class SceneBuilder:
             join(self._shapes),
             np.repeat(np.arange(len(counts)), counts).astype(np.int32),
             tuple(self._objects),
-            tuple(self.palette.materials),
+            self.palette.make(),
             np.asarray(lamps_m, dtype=np.float64).reshape(-1, 3),
         )

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
+from ...formats.core.threads import in_order
 from .noise import Image
 
 
@@ -31,7 +33,7 @@ PAINTER = Callable[[np.random.Generator, tuple[int, int]], Image]
 
 
 class Palette:
-    """Makes each material once, in the order of first use, from its own random stream.
+    """Lists each material once, in the order of first use, to be made from its own random stream.
 
     Args:
         rng: source of randomness of the images.
@@ -43,7 +45,7 @@ class Palette:
         self._rng = rng
         self._painted = painted
         self._index: dict[str, int] = {}
-        self.materials: list[Material] = []
+        self._makers: list[Callable[[], Material]] = []
 
     def get(
         self,
@@ -53,24 +55,26 @@ class Palette:
         pixels_per_m: float = 250.0,
         emissive: bool = False,
     ) -> int:
-        """Return the index of material `name`.
-
-        Painted by `paint(rng, (rows, columns))` when new.
-        """
+        """Return the index of material `name`, to be painted by `paint(rng, (rows, columns))`."""
         if name not in self._index:
             shape = (
                 max(round(size_m[1] * pixels_per_m), 8),
                 max(round(size_m[0] * pixels_per_m), 8),
             )
-            image = np.full((8, 8, 3), 128, dtype=np.uint8)
             if self._painted:
-                image = paint(self._rng.spawn(1)[0], shape)
-            self._index[name] = len(self.materials)
-            self.materials.append(Material(name, image, size_m, emissive))
+                draw = partial(paint, self._rng.spawn(1)[0], shape)
+            else:
+                draw = partial(np.full, (8, 8, 3), 128, dtype=np.uint8)
+            self._index[name] = len(self._makers)
+            self._makers.append(lambda: Material(name, draw(), size_m, emissive))
         return self._index[name]
+
+    def make(self) -> tuple[Material, ...]:
+        """Make all materials."""
+        return tuple(in_order(lambda make: make(), self._makers))
 
     def unique(
         self, stem: str, paint: PAINTER, size_m: tuple[float, float], emissive: bool = False
     ) -> int:
         """Return a new material that nothing else shares (a painting, a front)."""
-        return self.get(f"{stem} {len(self.materials)}", paint, size_m, emissive=emissive)
+        return self.get(f"{stem} {len(self._makers)}", paint, size_m, emissive=emissive)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.geometry import triangle_normals
+from ...formats.core.threads import in_order
 from ...formats.fusion.surface import ScanMesh
 from ..config import ScanConfig
 from ..home.true_scene import TrueScene
@@ -106,13 +107,18 @@ class Baker:
         corner_light = light[split.face[selected]]
         normals = charts.normal[selected]
 
-        for first in range(0, len(filled), _CHUNK):
+        def paint(first: int) -> None:
             part = filled[first : first + _CHUNK]
             which, b = flat_face[part], flat_bary[part]
             weight = np.stack([1 - b[:, 0] - b[:, 1], b[:, 0], b[:, 1]], axis=1)
-            position = np.einsum("nk,nki->ni", weight, points[which])
-            shade = np.einsum("nk,nki->ni", np.clip(weight, 0, 1), corner_light[which])
-            flat_image[part] = self._texels(position, normals[which], shade)
+            # `take` gathers rows several times faster than an index does.
+            position = np.einsum("nk,nki->ni", weight, points.take(which, axis=0))
+            bright = corner_light.take(which, axis=0)
+            shade = np.einsum("nk,nki->ni", np.clip(weight, 0, 1), bright)
+            flat_image[part] = self._texels(position, normals.take(which, axis=0), shade)
+
+        for _ in in_order(paint, range(0, len(filled), _CHUNK)):
+            pass
         image[face < 0] = image[face >= 0].mean(0) if len(filled) else 0
         return image
 
@@ -124,7 +130,7 @@ class Baker:
     ) -> NDArray[np.uint8]:
         hits = exact_surface(self._tracer, position, normal)
         color = self._looks.color(hits.face, hits.bary).astype(np.float32)
-        exact = self._normals[hits.face]
+        exact = self._normals.take(hits.face, axis=0)
         exact *= np.sign(np.einsum("ij,ij->i", exact, normal) + 1e-9)[:, None]
         total = shade + self._light.sun(position, exact)
         # Light adds up linearly while the textures are gamma-coded.

@@ -64,7 +64,7 @@ def measure(
     origins = np.broadcast_to(view.position_m.astype(np.float32), directions.shape)
     hits = tracer.first(origins, directions, RANGE_M[1] * 1.6)
     depth = hits.distance_m * camera.cosine
-    facing = np.abs(np.einsum("ij,ij->i", normals[hits.face], directions))
+    facing = np.abs(np.einsum("ij,ij->i", normals.take(hits.face, axis=0), directions))
     lost = facing < _GRAZING[0] + (_GRAZING[1] - _GRAZING[0]) * rng.random(len(facing)) ** 3
     bias = cv2.resize(
         rng.standard_normal((5, 7), dtype=np.float32),

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...formats.core.geometry import triangle_normals
+from ...formats.core.threads import in_order
 from ...formats.fusion.volume import DistanceVolume
 from ..config import ScanConfig
 from ..home.true_scene import TrueScene
 from .depth import DepthCamera, measure, misplaced
-from .stations import views
+from .stations import View, views
 from .tracing import Tracer
 
 _MARGIN_M = 0.28
@@ -25,9 +27,14 @@ def fuse(
     camera = DepthCamera.of(config)
     normals = triangle_normals(scene.shape.corners).astype(np.float32)
     true_views = [v for plan in scene.storeys for v in views(rng, plan, tracer, config)]
-    for view, stream in zip(true_views, rng.spawn(len(true_views)), strict=True):
+
+    def scan(task: tuple[View, np.random.Generator]) -> tuple[NDArray[np.float32], View]:
+        view, stream = task
         depth = measure(stream, tracer, normals, camera, view, config)
-        at = misplaced(stream, view, config)
+        return depth, misplaced(stream, view, config)
+
+    tasks = zip(true_views, rng.spawn(len(true_views)), strict=True)
+    for depth, at in in_order(scan, tasks, busy=True):
         volume.integrate(
             depth, focal_px=camera.focal_px, position_m=at.position_m, rotation=at.rotation
         )

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.threads import beside
 from ..home.true_scene import TrueScene
 from .appearance import Appearance
 from .tracing import Tracer
@@ -74,9 +76,10 @@ class Lighting:
     ) -> NDArray[np.floating]:
         """Return irradiance (N, 3) without direct sun at points (N, 3) with unit normals (N, 3)."""
         start = points_m + np.float32(_LIFT_M) * normals
-        total = self._reflected(rng, start, normals, rays)
-        total += self._windows(rng, start, normals)
-        return total + self._lamps(rng, start, normals)
+        turn = rng.random(len(start), dtype=np.float32)
+        with beside(partial(self._reflected, turn, start, normals, rays)) as reflected:
+            windows, lamps = self._windows(rng, start, normals), self._lamps(rng, start, normals)
+            return reflected() + windows + lamps
 
     def sun(
         self, points_m: NDArray[np.floating], normals: NDArray[np.floating]
@@ -96,15 +99,17 @@ class Lighting:
 
     def _reflected(
         self,
-        rng: np.random.Generator,
+        turn: NDArray[np.float32],
         start: NDArray[np.floating],
         normals: NDArray[np.floating],
         rays: int,
     ) -> NDArray[np.floating]:
-        """Return ambient irradiance, occluded and tinted by near surfaces."""
+        """Return ambient irradiance, occluded and tinted by near surfaces.
+
+        Rays leave in the same pattern everywhere, turned by `turn` (N,) in 0…1.
+        """
         total = np.zeros_like(start)
         across, beside = _tangents(normals)
-        turn = rng.random(len(start), dtype=np.float32)
         reach = 2.5
         for k in range(rays):
             # Cosine-weighted Fibonacci points, turned at random for each point.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -37,7 +38,8 @@ class Tracer:
         self._corners = np.ascontiguousarray(corners_m, dtype=np.float32)
         self._mesh = TriangleMesh(self._scene, self._corners)
         self._scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
-        # On one thread only: with two, scans on a busy machine have hung.
+        # By one thread at a time: with two, scans on a busy machine have hung.
+        self._lock = threading.Lock()
 
     def first(
         self, origins_m: NDArray[np.floating], directions: NDArray[np.floating], reach_m: float
@@ -48,7 +50,8 @@ class Tracer:
         distance = np.zeros(count, dtype=np.float32)
         bary = np.zeros((count, 2), dtype=np.float32)
         for part, o, d in _chunks(origins_m, directions):
-            found = self._scene.run(o, d, dists=np.full(len(o), reach_m, np.float32), output=1)
+            with self._lock:
+                found = self._scene.run(o, d, dists=np.full(len(o), reach_m, np.float32), output=1)
             face[part] = found["primID"]
             distance[part] = found["tfar"]
             bary[part, 0], bary[part, 1] = found["u"], found["v"]
@@ -61,7 +64,9 @@ class Tracer:
         result = np.empty(len(origins_m), dtype=np.float32)
         for part, o, d in _chunks(origins_m, directions):
             reach = np.full(len(o), reach_m, np.float32)
-            result[part] = np.minimum(self._scene.run(o, d, dists=reach, query="DISTANCE"), reach_m)
+            with self._lock:
+                found = self._scene.run(o, d, dists=reach, query="DISTANCE")
+            result[part] = np.minimum(found, reach_m)
         return result
 
     def blocked(
@@ -74,7 +79,9 @@ class Tracer:
         result = np.empty(len(origins_m), dtype=bool)
         for part, o, d in _chunks(origins_m, directions):
             reach = np.ascontiguousarray(reach_m[part], dtype=np.float32)
-            result[part] = self._scene.run(o, d, dists=reach, query="OCCLUDED") != -1
+            with self._lock:
+                found = self._scene.run(o, d, dists=reach, query="OCCLUDED")
+            result[part] = found != -1
         return result
 
 

@@ -69,6 +69,7 @@ def section() -> str:
             "| --- | --- |" + " ---: |" * (len(STAGES) + 7),
             *(_run_line(run) for run in known["runs"]),
             "",
+            *_speed_ups(known["runs"]),
         ]
     labels = sorted({label for one in known["parts"] for label in one["ms_per_frame"]})
     if labels:
@@ -101,6 +102,28 @@ def _run_line(run: dict[str, Any]) -> str:
         cells.append(f"{1e3 * sum(s[kind] for s in stages.values()) / run['frames']:.1f}")
     cells += [f"{run['peak_mib']:,.0f}", f"**{episodes_per_hour(run):,.0f}**"]
     return "| " + " | ".join(str(cell) for cell in cells) + " |"
+
+
+def _speed_ups(runs: list[dict[str, Any]]) -> list[str]:
+    """Return how much faster two workers on two cores are than one on one core."""
+    alone = {(r["scene"], r["robot"]): r for r in runs if r["workers"] == r.get("cores") == 1}
+    lines = []
+    for run in runs:
+        one = alone.get((run["scene"], run["robot"]))
+        if one is None or run["workers"] < 2:
+            continue
+        faster = episodes_per_hour(run) / episodes_per_hour(one)
+        dearer = _cpu_per_frame(run) / _cpu_per_frame(one)
+        lines.append(
+            f"{run['scene']}, {run['robot']}: {run['workers']} workers on as many cores collect "
+            f"{faster:.2f} times as fast as one on one core; a frame then costs {dearer:.2f} times "
+            "the CPU time."
+        )
+    return [*lines, ""] if lines else []
+
+
+def _cpu_per_frame(run: dict[str, Any]) -> float:
+    return sum(stage["cpu_s"] for stage in run["stages"].values()) / run["frames"]
 
 
 def _part_line(label: str, parts: list[dict[str, Any]]) -> str:

@@ -33,7 +33,12 @@ def prepared(scene: str) -> Path:
 
 
 def measure_run(scene: str, robot: str, workers: int, episodes: int) -> dict[str, Any]:
-    """Collect `episodes` with one robot in a fresh copy of a prepared run; seconds by stage."""
+    """Collect `episodes` with one robot in a fresh copy of a prepared run; seconds by stage.
+
+    The run may use as many cores as it has workers: a worker alone on two cores encodes depth on
+    the second one, and two could not be compared with it.
+    """
+    cores = sorted(os.sched_getaffinity(0))[:workers]
     with tempfile.TemporaryDirectory(dir=prepared(scene).parent) as folder:
         run = Path(folder) / "run"
         shutil.copytree(prepared(scene), run)
@@ -43,7 +48,7 @@ def measure_run(scene: str, robot: str, workers: int, episodes: int) -> dict[str
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         done = subprocess.run(
             command, stdout=subprocess.PIPE, text=True, check=True,
-            cwd=ROOT, env=ENVIRONMENT,
+            cwd=ROOT, env=ENVIRONMENT, preexec_fn=lambda: os.sched_setaffinity(0, cores),
         )  # fmt: skip
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         stages = json.loads(done.stdout.splitlines()[-1])["stages"]
@@ -66,6 +71,7 @@ def measure_run(scene: str, robot: str, workers: int, episodes: int) -> dict[str
             "scene": scene,
             "robot": robot,
             "workers": workers,
+            "cores": len(cores),
             "episodes": episodes,
             "frames": frames,
             "stages": items,

@@ -22,7 +22,9 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def kernel(**options: Any) -> Callable[[Function], Function]:
-    """Return `numba.njit(cache=True, **options)` with a cache for each state of the code.
+    """Return `numba.njit(cache=True, nogil=True, **options)`, cached for each state of the code.
+
+    Other threads of Python run while a kernel does.
 
     The cache is keyed by `code_digest` of the function's module: an edit of any module that it
     imports, transitively, compiles it again.
@@ -34,7 +36,7 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
         before = settings.CACHE_DIR
         settings.CACHE_DIR = str(cache_folder() / code_digest(function.__module__)[:16])
         try:
-            return cast(Function, numba.njit(cache=True, **options)(function))
+            return cast(Function, numba.njit(cache=True, nogil=True, **options)(function))
         finally:
             settings.CACHE_DIR = before
 

@@ -105,8 +105,10 @@ def without_specks(mesh: ScanMesh, least_faces: int) -> ScanMesh:
 
 
 def _compact(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> ScanMesh:
-    used, inverse = np.unique(faces, return_inverse=True)
-    return ScanMesh(vertices[used], inverse.reshape(-1, 3).astype(np.int32))
+    used = np.zeros(len(vertices), dtype=bool)
+    used[faces] = True
+    number = np.cumsum(used, dtype=np.int32) - np.int32(1)
+    return ScanMesh(vertices[used], number[faces])
 
 
 def neighbours(faces: NDArray[np.int32]) -> NDArray[np.int64]:

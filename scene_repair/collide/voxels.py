@@ -78,6 +78,8 @@ def voxelise(
         (np.stack([cut_below_m, cut_above_m]) - z0_m) / side,
         (lower, upper),
         owner,
+        # Not constants in the kernel: those it calls would be compiled for each axis.
+        (0, 1, 2),
     )
     return Voxels(grid, z0_m, lower, upper, owner)
 
@@ -148,7 +150,8 @@ def _mark(polygon, count, axis, base, extent, voxel):
 
 
 @kernel()
-def _clip_all(vertices, faces, face_owner, cut, extent, owner):
+def _clip_all(vertices, faces, face_owner, cut, extent, owner, axes):
+    x, y, z = axes
     rows, columns, layers = owner.shape
     triangle, scratch = np.empty((3, 3)), np.empty((16, 3))
     in_column, in_cell = np.empty((16, 3)), np.empty((16, 3))
@@ -157,25 +160,25 @@ def _clip_all(vertices, faces, face_owner, cut, extent, owner):
         for k in range(3):
             for a in range(3):
                 triangle[k, a] = vertices[faces[f, k], a]
-        j0, j1 = _slab_range(triangle, 3, 0, columns)
+        j0, j1 = _slab_range(triangle, len(triangle), x, columns)
         for j in range(j0, j1 + 1):
-            n = _slab(triangle, 3, 0, float(j), float(j + 1), scratch, in_column)
+            n = _slab(triangle, len(triangle), x, float(j), float(j + 1), scratch, in_column)
             if n == 0:
                 continue
-            i0, i1 = _slab_range(in_column, n, 1, rows)
+            i0, i1 = _slab_range(in_column, n, y, rows)
             for i in range(i0, i1 + 1):
-                m = _slab(in_column, n, 1, float(i), float(i + 1), scratch, in_cell)
+                m = _slab(in_column, n, y, float(i), float(i + 1), scratch, in_cell)
                 if m == 0:
                     continue
-                m = _slab(in_cell, m, 2, cut[0, i, j], cut[1, i, j], scratch, in_reach)
+                m = _slab(in_cell, m, z, cut[0, i, j], cut[1, i, j], scratch, in_reach)
                 if m == 0:
                     continue
-                k0, k1 = _slab_range(in_reach, m, 2, layers)
+                k0, k1 = _slab_range(in_reach, m, z, layers)
                 for k in range(k0, k1 + 1):
-                    q = _slab(in_reach, m, 2, float(k), float(k + 1), scratch, in_voxel)
+                    q = _slab(in_reach, m, z, float(k), float(k + 1), scratch, in_voxel)
                     if q > 0:
-                        _mark(in_voxel, q, 0, float(j), extent, (i, j, k))
-                        _mark(in_voxel, q, 1, float(i), extent, (i, j, k))
-                        _mark(in_voxel, q, 2, float(k), extent, (i, j, k))
+                        _mark(in_voxel, q, x, float(j), extent, (i, j, k))
+                        _mark(in_voxel, q, y, float(i), extent, (i, j, k))
+                        _mark(in_voxel, q, z, float(k), extent, (i, j, k))
                         if face_owner[f] >= 0:
                             owner[i, j, k] = face_owner[f]

@@ -18,6 +18,8 @@ from ...formats.scene.grid import GridSpec
 # Hits take 40 bytes each while they are sorted; tests of a cell with a face, a nanosecond or two.
 MAX_HITS, MAX_TESTS = 200_000_000, 20_000_000_000
 FACES_AT_ONCE = 1_000_000
+# So many hits of a cell are sorted by insertion; its time grows with their square.
+INSERTED = 64
 
 
 @dataclass(frozen=True)
@@ -76,9 +78,14 @@ def sample_columns(
     z = np.empty(start[-1], dtype=np.float32)
     face = np.empty(start[-1], dtype=np.int32)
     _raster(scaled, faces, grid.shape, cursor, z, face, True)
-    cell = np.repeat(np.arange(len(start) - 1), np.diff(start))
-    order = np.lexsort((z, cell))
-    return Columns(grid, start, z[order], face[order])
+    _sort(start, z, face)
+    crowded = np.diff(start) > INSERTED
+    if crowded.any():
+        cell = np.repeat(np.arange(len(crowded)), np.diff(start))
+        hits = np.flatnonzero(crowded[cell])
+        order = hits[np.lexsort((z[hits], cell[hits]))]
+        z[hits], face[hits] = z[order], face[order]
+    return Columns(grid, start, z, face)
 
 
 def _cell_tests(scaled: NDArray[np.float64], faces: NDArray[np.int64], grid: GridSpec) -> int:
@@ -151,6 +158,22 @@ def _top(vertices, faces, corner_uv, height, face, uv):
                                 + v * corner_uv[f, 1, k]
                                 + w * corner_uv[f, 2, k]
                             )
+
+
+@kernel()
+def _sort(start, z, face):
+    """Sort the hits of each cell upwards, keeping the order of equal ones; not in crowded cells."""
+    for cell in range(len(start) - 1):
+        first, end = start[cell], start[cell + 1]
+        if end - first > INSERTED:
+            continue
+        for k in range(first + 1, end):
+            height, hit = z[k], face[k]
+            m = k
+            while m > first and z[m - 1] > height:
+                z[m], face[m] = z[m - 1], face[m - 1]
+                m -= 1
+            z[m], face[m] = height, hit
 
 
 @kernel()

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from ...formats.core.threads import in_order
 from ...formats.scene.grid import GridSpec
 from ..grid.columns import top_faces
 from ..grid.morphology import Window, grow
@@ -54,11 +55,14 @@ def paint_floor(
     texels = GridSpec.covering(low, high, texel_m)
     picture = np.zeros((*texels.shape, 3), dtype=np.uint8)
     floor = _submesh(mesh, floor_faces)
-    for room in np.unique(rooms[region]).tolist():
+
+    def paint(room: int) -> tuple[Window, NDArray[np.float32], NDArray[np.bool_]]:
         own = rooms == room
-        window, image, wanted = _paint_room(
+        return _paint_room(
             floor, looks, region=region & own, others=region, room=own, grid=grid, texels=texels
         )
+
+    for window, image, wanted in in_order(paint, np.unique(rooms[region]).tolist()):
         picture[window][wanted] = np.rint(np.clip(image[wanted], 0.0, 1.0) * 255.0)
     return Image.fromarray(picture[::-1]), texels
 

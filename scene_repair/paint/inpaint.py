@@ -27,6 +27,8 @@ Image32 = NDArray[np.float32]
 
 # Pieces of this size, judged by a ring of this width around them, from a search this far around.
 PIECE_M, RING_M, SEARCH_M = 0.48, 0.08, 2.0
+# The next pending pixel is looked for among so many at once.
+LOOKED_AT = 4096
 # Where no floor so large is known smaller pieces are tried; they are searched for nearby.
 HALVINGS = 3
 SEARCH_PER_SIZE, LEAST_SEARCH_M = 8.0, 0.5
@@ -100,10 +102,18 @@ def inpaint(image: Image32, known: Mask, wanted: Mask, texel_m: float) -> Image3
     # From the rim inwards, so that a piece always touches what is known already.
     rows, columns = np.nonzero(todo)
     order = np.argsort(depth[rows, columns], kind="stable")
+    rows, columns = rows[order], columns[order]
     reach = round(PIECE_M / texel_m / 2)
-    for i, j in zip(rows[order].tolist(), columns[order].tolist(), strict=True):
-        if canvas.todo[i, j]:
-            _fill_piece(canvas, (i, j), reach, texel_m)
+    first = 0
+    while first < len(rows):
+        part = slice(first, first + LOOKED_AT)
+        left = np.flatnonzero(canvas.todo[rows[part], columns[part]])
+        if len(left):
+            first += int(left[0])
+            _fill_piece(canvas, (int(rows[first]), int(columns[first])), reach, texel_m)
+            first += 1
+        else:
+            first += LOOKED_AT
     result[todo] = split.joined(canvas.pattern, todo)
     return result
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from ...formats.core.errors import FileFormatError
+from ...formats.core.threads import in_order
 from ...formats.scene.bundle import Floor, SceneBundle, VisualMesh
 from ...formats.scene.freemap import Freemap
 from ..collide.level_collision import LevelCollision
@@ -157,10 +158,11 @@ def _verify_level(
     bundle: SceneBundle, index: int, surfaces: dict[str, Surface], listed: dict[str, Any]
 ) -> dict[str, Any]:
     floor, freemap = bundle.floor(index), bundle.freemap(index)
-    probed = {
-        name: shoot_down(_near(surface, floor), floor.grid, floor.height_m)
-        for name, surface in surfaces.items()
-    }
+
+    def probe(surface: Surface) -> Probes:
+        return shoot_down(_near(surface, floor), floor.grid, floor.height_m)
+
+    probed = dict(zip(surfaces, in_order(probe, surfaces.values()), strict=True))
     seen = probed["visual.npz"]
     covered = seen.spread(floor.covered)
     walked = seen.spread(freemap.traversable & floor.covered)
@@ -174,6 +176,8 @@ def _verify_level(
         if hole["action"] != "filled" and not hole.get("reason")
     ]
     steps = find_steps(seen, walked)
+    solid = ("visual.npz", "scene.usdc collision")
+    lost = in_order(lambda name: _balls_lost(surfaces[name], start, floor), solid)
     return {
         "probe_spacing_m": round(seen.grid.cell_m, 5),
         "floor_area_m2": round(float((covered & ~seen.fell).sum()) * seen.grid.cell_m**2, 3),
@@ -182,8 +186,7 @@ def _verify_level(
             for name, probes in probed.items()
         },
         "balls": {
-            name: _fallen(_balls_lost(surfaces[name], start, floor), len(start))
-            for name in ("visual.npz", "scene.usdc collision")
+            name: _fallen(where, len(start)) for name, where in zip(solid, lost, strict=True)
         },
         "steps_over_15_mm": steps[:MAX_LISTED],
         "steps_by_repair": sum(step["origin"] == "repair" for step in steps),

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.atomic import file_digest, write_json
+from ...formats.core.threads import beside
 from ...formats.scene.bundle import (
     UNSOUND,
     Floor,
@@ -79,11 +82,24 @@ class Repaired:
 
 def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> SceneBundle:
     """Write the bundle into the existing folder `out_dir` and open it; the index goes last."""
+    scene_id = config.scene_id or repaired.source.stem
+    draw = partial(
+        _write_pictures, repaired, out_dir, scene_id=scene_id, width_px=config.picture_px
+    )
+    with beside(draw) as pictures:
+        bundle = _write_bundle(repaired, out_dir, scene_id, config.max_texture_px)
+        pictures()
+    return bundle
+
+
+def _write_bundle(
+    repaired: Repaired, out_dir: Path, scene_id: str, max_texture_px: int
+) -> SceneBundle:
+    """Write all but the pictures, and open it."""
     source, way = repaired.source, repaired.way
-    materials = write_materials(repaired.materials, out_dir, config.max_texture_px)
+    materials = write_materials(repaired.materials, out_dir, max_texture_px)
     heights = tuple(floor.floor_z_m for floor in repaired.floors)
     named, visual, levels = _by_object(repaired, heights)
-    scene_id = config.scene_id or source.stem
     facts = {
         "path": source.name,
         "sha256": file_digest(source),
@@ -115,8 +131,8 @@ def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> Scen
             for floor, probes in zip(repaired.floors, repaired.probes, strict=True)
         ],
     }
-    write_json(out_dir / RECORD_NAME, record)
-    _write_pictures(repaired, out_dir, scene_id, config.picture_px)
+    # Quickly, without the indents of the last one: for the verification alone.
+    (out_dir / RECORD_NAME).write_text(json.dumps(record))
     bundle = SceneBundle(
         root=out_dir,
         scene_id=scene_id,
@@ -169,7 +185,7 @@ def _by_object(
     return named, visual, levels
 
 
-def _write_pictures(repaired: Repaired, out_dir: Path, scene_id: str, width_px: int) -> None:
+def _write_pictures(repaired: Repaired, out_dir: Path, *, scene_id: str, width_px: int) -> None:
     looks, floors = MaterialSampler(repaired.materials), repaired.floors
     fine = floors[0].fine
     known = np.concatenate([np.argwhere(np.isfinite(f.height_m)) for f in floors])

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ....formats.core.atomic import sweep_beside
 from ....formats.core.errors import VlnpeError
+from ....formats.core.threads import allow_threads
 from ..files import Records, all_records
 from ..work import ItemResult, Job, WorkItem
 from .base import Executor
@@ -150,7 +151,7 @@ def attempt_chain(
 
     Args:
         steps: Job, outputs, `needed` and `wants_success` of each.
-        threads: How many threads compiled kernels may use.
+        threads: How many threads each may use.
 
     Returns:
         The outcome of each; None where it was left out.
@@ -174,15 +175,12 @@ def attempt(job: Job, outputs: Sequence[Path], threads: int) -> Outcome:
     Args:
         job: What to do.
         outputs: What it writes.
-        threads: How many threads compiled kernels may use.
+        threads: How many threads it may use.
     """
-    import numba
-
-    most = numba.config.NUMBA_NUM_THREADS  # pyright: ignore
-    numba.set_num_threads(min(threads, most))
     started, cpu_started = time.perf_counter(), time.process_time()
     try:
-        result = job.run()
+        with allow_threads(threads):
+            result = job.run()
         seconds = time.perf_counter() - started
         cpu_seconds = time.process_time() - cpu_started
         # Now, while the files are still in the page cache.
