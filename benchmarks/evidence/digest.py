@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.evidence.cells import Bench, asked, results_of
 from benchmarks.evidence.judge import METRICS, Walks
-from benchmarks.evidence.records import Row, Table
+from benchmarks.evidence.records import Row, Table, Training
 from vlnpe.evaluation.policy import checkpoint_path
 from vlnpe.evaluation.results import COLUMNS, by_uid, read_results, uid_of
 from vlnpe.formats.core.atomic import atomic_file, file_digest
@@ -44,8 +44,8 @@ def collect(
         published: content of the compact file so far.
 
     Raises:
-        InputError: A results file does not hold the episodes that were asked for, or a published
-            cell is of other data than others of its training, or of another training.
+        InputError: A results file does not hold the episodes that were asked for, or a table's
+            cells are of different recordings of the same walks, or of different trainings.
     """
     episodes = asked(bench)
     uids = [uid_of(e.split, e.scene_id, e.episode_id) for e in episodes]
@@ -80,19 +80,18 @@ def _with_published(
         return value
     seeds = sorted({*value["seeds"], *published["seeds"]})
     cells = {**published["cells"], **value["cells"]}
-    data: dict[str, Any] = {}  # of every seed of a training
-    trained: dict[tuple[str, int], Any] = {}
-    for row, seed in product(_rows(tables), seeds):
-        cell = cells.get(row.cell(seed), {})
-        if "checkpoint_sha256" not in cell:
-            continue
-        name = row.policy_name
-        same_data = cell["data_sha"] == data.setdefault(name, cell["data_sha"])
-        if not same_data or not _same_training(cell, trained.setdefault((name, seed), cell)):
-            raise InputError(
-                f"{row.cell(seed)}: trained on other data, or in another way, than further cells "
-                f"of {name}; measure them again, or write to another --docs"
-            )
+    for table in tables.values():
+        data: dict[Any, str] = {}  # of every training on the same walks
+        trained: dict[tuple[str, int], Any] = {}
+        for cell, row, seed in _trained(cells, table, seeds):
+            shas = _data(cell, row).items()
+            same_data = all(sha == data.setdefault(walks, sha) for walks, sha in shas)
+            first = trained.setdefault((row.policy_name, seed), cell)
+            if not same_data or not _same_training(cell, first):
+                raise InputError(
+                    f"{row.cell(seed)}: trained on other data, or in another way, than further "
+                    f"cells of table {table.number}; measure them again, or write to another --docs"
+                )
     return {**value, "seeds": seeds, "cells": cells}
 
 
@@ -111,14 +110,48 @@ def _same_training(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
 
 
 def retrained(value: Mapping[str, Any], tables: Mapping[int, Table]) -> list[str]:
-    """Return the trainings, with seeds, whose cells are of more than one checkpoint."""
-    found: dict[str, set[str]] = {}
-    seeds: list[int] = value["seeds"]
-    for row, seed in product(_rows(tables), seeds):
-        cell = value["cells"].get(row.cell(seed), {})
+    """Return the trainings, with seeds, that were made again from the same data for some cells."""
+    found: dict[tuple[str, ...], set[str]] = {}
+    for table in tables.values():
+        for cell, row, seed in _trained(value["cells"], table, value["seeds"]):
+            training = (f"{row.policy_name}-s{seed}", *cell["data_sha"])
+            found.setdefault(training, set()).add(cell["checkpoint_sha256"])
+    return [name for (name, *_), checkpoints in found.items() if len(checkpoints) > 1]
+
+
+def other_collections(
+    value: Mapping[str, Any], tables: Mapping[int, Table]
+) -> dict[int, list[str]]:
+    """Return by table the walks, as `robot/controller`, of which tables before have others."""
+    first: dict[Any, str] = {}
+    found: dict[int, list[str]] = {}
+    for number, table in tables.items():
+        for cell, row, _ in _trained(value["cells"], table, value["seeds"]):
+            for walks, sha in _data(cell, row).items():
+                name = walks[0]
+                if sha != first.setdefault(walks, sha) and name not in found.get(number, []):
+                    found.setdefault(number, []).append(name)
+    return found
+
+
+def _trained(
+    cells: Mapping[str, Any], table: Table, seeds: list[int]
+) -> Iterator[tuple[Any, Row, int]]:
+    """Yield the measured cells of trained policies, with their rows and seeds."""
+    for row, seed in product(table.rows, seeds):
+        cell = cells.get(row.cell(seed), {})
         if "checkpoint_sha256" in cell:
-            found.setdefault(f"{row.policy_name}-s{seed}", set()).add(cell["checkpoint_sha256"])
-    return [name for name, checkpoints in found.items() if len(checkpoints) > 1]
+            yield cell, row, seed
+
+
+def _data(cell: Mapping[str, Any], row: Row) -> dict[tuple[str, int, float], str]:
+    """Return the digest of each robot's walks, by `robot/controller` and how many were taken."""
+    training = row.policy
+    assert isinstance(training, Training)
+    return {
+        (walks, training.scenes, training.fraction): sha
+        for walks, sha in zip(training.robots, cell["data_sha"], strict=True)
+    }
 
 
 def _rows(tables: Mapping[int, Table]) -> Iterator[Row]:

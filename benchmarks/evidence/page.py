@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from benchmarks.evidence.digest import SAME_LOSS, retrained, walks_of
+from benchmarks.evidence.digest import SAME_LOSS, other_collections, retrained, walks_of
 from benchmarks.evidence.judge import (
     UNMEASURED,
     difference,
@@ -57,6 +57,7 @@ def page(value: Mapping[str, Any], tables: Mapping[int, Table], figures: Collect
     rounds = settings["dagger_rounds"]
     judged = {n: [_judged(value, table, c) for c in table.claims] for n, table in tables.items()}
     measured = _measured(value, tables)
+    others = other_collections(value, tables)
     corrected = (
         f", and {rounds} rounds of DAgger with {settings['dagger_episodes']} walks each, followed "
         "by as many steps"
@@ -70,7 +71,10 @@ def page(value: Mapping[str, Any], tables: Mapping[int, Table], figures: Collect
         "## Summary\n",
         _summary(value, tables, judged),
         *(f"![{text}]({name})\n" for name, text in _CAPTIONS.items() if name in figures),
-        *(_section(value, table, judged[n], measured) for n, table in tables.items()),
+        *(
+            _section(value, table, judged[n], measured, others.get(n, []))
+            for n, table in tables.items()
+        ),
         _sources(value, tables),
     ]
     return "\n".join(parts).rstrip() + "\n"
@@ -113,6 +117,7 @@ def _section(
     table: Table,
     judged: list[tuple[str, str]],
     measured: Mapping[str, str],
+    others: list[str],
 ) -> str:
     heads = [f"{name} [{COLUMNS[name][0]}]" for name in SHOWN]
     rows = [
@@ -136,6 +141,11 @@ def _section(
         if found == UNMEASURED
     }
     lines = [f"## {table.number}. {table.title}\n"]
+    if others:
+        lines.append(
+            f"Trained on another collection of {', '.join(others)} than the tables before: compare "
+            "within this table only.\n"
+        )
     if rows:
         head = [f"| row | seeds | {' | '.join(heads)} |", "| --- | ---: |" + " ---: |" * len(SHOWN)]
         lines += [*head, *rows, ""]

@@ -161,6 +161,7 @@ def test_published_cells_of_the_same_bench_stay(run: Path, tmp_path: Path) -> No
     [
         ({"data_sha": ["b"]}, "cma-s1--vlnce-flash-baked"),
         ({"data_sha": ["b"]}, "cma-s0--h1-speed-baked"),
+        ({"data_sha": ["b"]}, "cma-depth-only-s0--vlnce-flash-baked"),
         (
             {"checkpoint_sha256": "2", "curve": [{"step": 600, "loss": 0.72}]},
             "cma-s0--h1-speed-baked",
@@ -188,6 +189,28 @@ def test_cells_of_one_training_are_of_the_same_data_and_losses(
     with pytest.raises(InputError, match="measure them again"):
         published = {first: cell, name: cell | change}
         digest.collect(bench, tables(3), {}, {**value, "cells": published})
+
+
+def test_a_table_of_another_collection_says_so(run: Path, tmp_path: Path) -> None:
+    bench = cells.Bench(run, run, "val_unseen", tmp_path, cells.read_settings(), ())
+    value = digest.collect(bench, tables(3), {})
+    walks = len(value["episodes"])
+    cell = {
+        "results_sha256": "0",
+        "values": [[0.0] * len(value["metrics"])] * walks,
+        "checkpoint_sha256": "1",
+        "curve": [],
+    }
+    both = {
+        "cma-s0--vlnce-flash-baked": cell | {"data_sha": ["a"]},
+        "cma-s0--vlnce-flash-DL300": cell | {"data_sha": ["b"], "checkpoint_sha256": "2"},
+    }
+    kept = digest.collect(bench, tables(3), {}, {**value, "cells": both})
+    assert kept["cells"] == both
+    assert digest.other_collections(kept, tables(3)) == {5: ["vlnce/flash"]}
+    assert digest.retrained(kept, tables(3)) == []
+    shown = page(kept, tables(3), ())
+    assert shown.count("Trained on another collection of vlnce/flash") == 1
 
 
 def test_data_of_all_scenes_is_one_training() -> None:
