@@ -122,7 +122,10 @@ def retrained(value: Mapping[str, Any], tables: Mapping[int, Table]) -> list[str
 def other_collections(
     value: Mapping[str, Any], tables: Mapping[int, Table]
 ) -> dict[int, list[str]]:
-    """Return by table the walks, as `robot/controller`, of which tables before have others."""
+    """Return what tables are trained on from another collection than the tables before them.
+
+    By number of the table: the walks, as `robot/controller`.
+    """
     first: dict[Any, str] = {}
     found: dict[int, list[str]] = {}
     for number, table in tables.items():

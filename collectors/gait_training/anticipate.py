@@ -34,7 +34,7 @@ from ..locomotion.observation import layout
 from ..locomotion.policy import GaitPolicy, policy_files
 from ..robots import POLICY_DECIMATION, RobotSpec, get_robot
 from .correction import PAST, Corrected, Correction, Samples, beside
-from .export import Array, layers_of, to_onnx
+from .export import Array, layers_of, plain_card, to_onnx
 from .randomize import ACTION_S, sample_actions, sample_commands
 
 log = logging.getLogger(__name__)
@@ -180,9 +180,8 @@ def anticipate(robot: RobotSpec, start: Path, out: Path, rounds: int, seed: int 
     """Walk and learn for so many rounds in all, going on from those in `out`."""
     torch.set_num_threads(1)
     torch.manual_seed(seed)
+    plain_card(robot, start)
     gait = GaitPolicy.load(robot, start)
-    if gait.card.past:
-        raise SystemExit(f"{start}: {robot.name}'s gait there anticipates already")
     out.mkdir(parents=True, exist_ok=True)
     correction, checkpoint = Correction(robot), out / "checkpoint.pt"
     done, samples, cpu_s = 0, 0, 0.0

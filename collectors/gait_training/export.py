@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
 from ...formats.core.atomic import atomic_file
-from ..locomotion.card import PolicyCard, save_card
+from ..locomotion.card import PolicyCard, load_card, save_card
 from ..locomotion.observation import layout
 from ..locomotion.policy import policy_files
 from ..robots import POLICY_DECIMATION, TIMESTEP_S, RobotSpec
@@ -145,6 +145,21 @@ def write_policy(
     save_card(card, folder / f"{robot.name}.json")
 
 
+def plain_card(robot: RobotSpec, folder: Path) -> PolicyCard:
+    """Return the card of the gait in a folder, to train on from it.
+
+    Raises:
+        SystemExit: it anticipates delays; what it was made of cannot be taken apart again.
+    """
+    card = load_card(policy_files(robot, folder)[1])
+    if card.past:
+        raise SystemExit(
+            f"{folder}: {robot.name}'s gait there anticipates delays already; start from the one "
+            "that it was made from (docs/gaits.md, Acting ahead of a delay)"
+        )
+    return card
+
+
 def start_from(robot: RobotSpec, folder: Path, env: GaitEnv, actor: Any) -> None:
     """Give a fresh actor the weights of `<robot>.onnx`, undoing what `export.py` folded in.
 
@@ -158,8 +173,8 @@ def start_from(robot: RobotSpec, folder: Path, env: GaitEnv, actor: Any) -> None
         env: walked for 4 s.
         actor: `rsl_rl`'s, with a normaliser and an ELU network of half the exported widths.
     """
-    path, _ = policy_files(robot, folder)
-    weights, biases = layers_of(path)
+    plain_card(robot, folder)
+    weights, biases = layers_of(policy_files(robot, folder)[0])
     linear = [layer for layer in actor.mlp if isinstance(layer, torch.nn.Linear)]
     for i, layer in enumerate(linear):
         rows, columns = layer.weight.shape

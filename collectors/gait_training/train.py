@@ -24,12 +24,11 @@ from rsl_rl.runners import OnPolicyRunner
 from ...formats.core.atomic import atomic_file
 from ...formats.core.errors import UnknownNameError, VlnpeError
 from ..gait_trials.terrain import Terrain, rough_terrain
-from ..locomotion.card import POLICY_FOLDER, load_card
-from ..locomotion.policy import policy_files
+from ..locomotion.card import POLICY_FOLDER
 from ..robots import RobotSpec, get_robot
 from .config import PHASES, REFINEMENTS, ppo_config, refinement_config
 from .env import GaitEnv
-from .export import start_from, write_policy
+from .export import plain_card, start_from, write_policy
 
 log = logging.getLogger(__name__)
 CRITIC_ITERATIONS = 25  # of a refinement, before the actor learns
@@ -186,7 +185,7 @@ def _facts(
     phases = (REFINEMENTS if refine else PHASES)[robot.name]
     start = {}
     if refine:
-        card = load_card(policy_files(robot, refine)[1])
+        card = plain_card(robot, refine)
         start = {"start": {"onnx_sha256": card.onnx_sha256, "training": card.training}}
     return {
         "algorithm": "PPO (rsl-rl-lib) over mujoco.batch",

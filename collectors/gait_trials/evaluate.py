@@ -75,14 +75,17 @@ def evaluation_table(policy: GaitPolicy, seed: int = SEED, scale: float = 1.0) -
     return table
 
 
-def publish(robot: RobotSpec, source: Path, target: Path) -> dict[str, Any]:
+def publish(robot: RobotSpec, source: Path, target: Path, scale: float = 1.0) -> dict[str, Any]:
     """Calibrate and evaluate the policy in `source`; write it and its card to `target`.
 
+    A calibration that it has, as one that anticipates has its first gait's, is kept.
+
     Returns:
-        The evaluation table.
+        The evaluation table, see `evaluation_table` for `scale`.
     """
-    policy = calibrated(GaitPolicy.load(robot, source))
-    card = replace(policy.card, evaluation=evaluation_table(policy))
+    policy = GaitPolicy.load(robot, source)
+    policy = policy if policy.card.gait.aim else calibrated(policy)
+    card = replace(policy.card, evaluation=evaluation_table(policy, scale=scale))
     network = (source / f"{robot.name}.onnx").read_bytes()
     with atomic_file(target / f"{robot.name}.onnx") as temporary:
         temporary.write_bytes(network)
@@ -143,7 +146,7 @@ def main(
             log.info("%s", path)
         return
     if publish_it:
-        evaluation = publish(spec, policy, POLICY_FOLDER)
+        evaluation = publish(spec, policy, POLICY_FOLDER, scale)
     else:
         evaluation = evaluation_table(GaitPolicy.load(spec, policy), seed, scale)
     log.info("%s\n\n%s", json.dumps(evaluation, indent=1), report(evaluation))

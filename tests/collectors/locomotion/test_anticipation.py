@@ -82,7 +82,7 @@ def test_a_tiny_training_resumes_and_its_gait_stands(
     np.testing.assert_allclose(late.infer(image), action, rtol=0, atol=1e-4)
     trial = Trial(late, Conditions(), np.zeros((1, 2)), np.zeros(1), np.random.default_rng(0))
     assert not trial.fallen.any()
-    with pytest.raises(SystemExit, match="anticipates already"):
+    with pytest.raises(SystemExit, match="anticipates delays already"):
         anticipate.anticipate(ROBOT, tmp_path / "parts", tmp_path / "again", rounds=1)
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from vlnpe.collectors.controllers import SpeedConfig
 from vlnpe.collectors.gait_training.gaits import GAITS
+from vlnpe.collectors.gait_trials import evaluate
 from vlnpe.collectors.gait_trials.driven import (
     StartedAction,
     action_errors,
@@ -24,6 +25,7 @@ from vlnpe.collectors.gait_trials.gates import CLOSED_LOOP, GATES, Gate, GateRes
 from vlnpe.collectors.gait_trials.measures import command_grid, velocity_errors
 from vlnpe.collectors.gait_trials.terrain import Terrain, noise_terrain
 from vlnpe.collectors.gait_trials.trial import STEP_S, Conditions, Trial
+from vlnpe.collectors.locomotion.card import POLICY_FOLDER
 from vlnpe.collectors.locomotion.policy import GaitPolicy
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.rollout import Action
@@ -237,3 +239,13 @@ def test_evaluation_ground_is_as_rough_as_it_says():
     assert terrain.height_m is not None
     assert terrain.height_m.max() == pytest.approx(0.06)
     assert Terrain().at(np.zeros((1, 2)))[0] == 0.0
+
+
+def test_publishing_keeps_a_calibration(tmp_path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(evaluate, "evaluation_table", lambda policy, scale: {"scale": scale})
+    robot = get_robot("aliengo")
+    assert evaluate.publish(robot, POLICY_FOLDER, tmp_path, 0.5) == {"scale": 0.5}
+    card = GaitPolicy.load(robot, tmp_path).card
+    assert card.gait == GaitPolicy.load(robot).card.gait
+    assert card.gait.aim
+    assert card.evaluation == {"scale": 0.5}

@@ -33,11 +33,9 @@ from vlnpe.collectors.gait_training.randomize import sample_commands
 from vlnpe.collectors.gait_trials.aim import command_bounds
 from vlnpe.collectors.gait_trials.terrain import Terrain, noise_terrain, rough_terrain
 from vlnpe.collectors.locomotion import GaitPolicy
-from vlnpe.collectors.locomotion.card import POLICY_FOLDER
 from vlnpe.collectors.locomotion.observation import layout
 from vlnpe.collectors.locomotion.onnx_file import OnnxFile
 from vlnpe.collectors.locomotion.onnx_mlp import read_mlp
-from vlnpe.collectors.locomotion.policy import policy_files
 from vlnpe.collectors.robots import RobotSpec, get_robot
 
 
@@ -124,7 +122,10 @@ def test_exported_with_its_mirror_image_it_is_symmetric(robot):
 def test_a_refinement_starts_as_the_gait_it_starts_from(robot, tmp_path: Path, monkeypatch):
     monkeypatch.setattr(export, "LOOK_STEPS", 20)
     monkeypatch.setattr(train, "CRITIC_ITERATIONS", 1)
+    monkeypatch.setattr(train, "PHASES", {robot.name: ((tiny(robot), 1),)})
     monkeypatch.setattr(train, "REFINEMENTS", {robot.name: ((tiny(robot), 1),)})
+    source = tmp_path / "start"
+    train.train(robot, source, seed=0, threads=1)
     started = []
     refining = train._start_refining
 
@@ -133,19 +134,19 @@ def test_a_refinement_starts_as_the_gait_it_starts_from(robot, tmp_path: Path, m
         started.append(actor_to_onnx(arguments[3].alg.actor, Symmetry.of(robot)))
 
     monkeypatch.setattr(train, "_start_refining", start)
-    train.train(robot, tmp_path, seed=0, threads=1, refine=POLICY_FOLDER)
-    installed = policy_files(robot)[0].read_bytes()
+    train.train(robot, tmp_path, seed=0, threads=1, refine=source)
+    first = (source / f"{robot.name}.onnx").read_bytes()
     inputs = sum(width for _, width in layout(robot.policy_joints))
     observation = np.random.default_rng(0).normal(0, 0.3, (32, inputs)).astype(np.float32)
-    np.testing.assert_allclose(act(started[0], observation), act(installed, observation), atol=2e-3)
+    np.testing.assert_allclose(act(started[0], observation), act(first, observation), atol=2e-3)
     # One iteration later it is another one, which says where it comes from.
     card = GaitPolicy.load(robot, tmp_path).card
     assert (tmp_path / f"{robot.name}.onnx").read_bytes() != started[0]
-    assert card.training["start"]["onnx_sha256"] == hashlib.sha256(installed).hexdigest()
+    assert card.training["start"]["onnx_sha256"] == hashlib.sha256(first).hexdigest()
     # Half of it is between both.
-    half = blended(installed, (tmp_path / f"{robot.name}.onnx").read_bytes(), 0.5)
-    assert blended(installed, half, 0.0) == blended(installed, installed, 1.0)
-    far = np.abs(act(half, observation) - act(installed, observation)).max()
+    half = blended(first, (tmp_path / f"{robot.name}.onnx").read_bytes(), 0.5)
+    assert blended(first, half, 0.0) == blended(first, first, 1.0)
+    far = np.abs(act(half, observation) - act(first, observation)).max()
     assert 0.0 < far < 0.5
 
 
