@@ -28,7 +28,7 @@ from ...formats.core.source import code_digest
 from ...formats.lerobot.layout import STATS_PATH
 from ..config import DISCRETE, TrainConfig, train_config
 from ..models.heads import FUTURE
-from ..training.cache import CachedSequences
+from ..training.cache import CachedSequences, decode_all
 from ..training.holdout import Holdout, hold_out, published_holdout
 from ..training.train import Watcher, train_model
 from .evaluate import EpisodeScore, score_constant, score_model, score_repeat
@@ -116,8 +116,9 @@ def run_ablation(
         for name in recipe.mixtures
     }
     trained = [source.selection for plan in plans.values() for source in plan.sources]
-    _decode([*trained, *held.values()], config, out, show)
     blank = training_tokens([], config.tokens)
+    needed = [_cached(chosen, blank, config, out) for chosen in (*trained, *held.values())]
+    decode_all(needed, show=show)
     baselines = {name: _cached(chosen, blank, config, out) for name, chosen in held.items()}
     rows = {}
     with progress_bar("train", len(plans) * config.seeds * config.steps, show=show) as bar:
@@ -149,18 +150,6 @@ def _cached(
 ) -> CachedSequences:
     how = SequenceConfig(config.size_px, config.max_steps, future=FUTURE)
     return CachedSequences(EpisodeSequences(selection, tokens, how), out / "cache")
-
-
-def _decode(selections: list[Selection], config: TrainConfig, out: Path, show: bool) -> None:
-    """Decode all episodes that will be needed, each once."""
-    blank = training_tokens([], config.tokens)
-    todo = [_cached(selection, blank, config, out) for selection in selections]
-    total = sum(len(episodes) for episodes in todo)
-    with progress_bar("decode", total, show=show) as bar:
-        for episodes in todo:
-            for number in range(len(episodes)):
-                episodes.prepare(number)
-                bar.update()
 
 
 def _row(

@@ -15,6 +15,7 @@ from torch.utils.data import Dataset
 from ...datasets.episode_index import EpisodeEntry
 from ...datasets.sequences import EpisodeSequences
 from ...formats.core.atomic import atomic_file
+from ...formats.core.progress import progress_bar
 from ..config import IMAGES
 
 _DEPTH_STEP_M = 0.001  # depth is kept in whole millimetres
@@ -93,3 +94,12 @@ class CachedSequences(Dataset[dict[str, Any]]):
             facts = path.stat()
             parts += [path.resolve(), entry.first_frame, facts.st_size, facts.st_mtime_ns]
         return hashlib.blake2b(repr(parts).encode(), digest_size=12).hexdigest()
+
+
+def decode_all(episodes: Collection[CachedSequences], *, show: bool) -> None:
+    """Decode all episodes that will be needed, each once; `show` a progress bar."""
+    with progress_bar("decode", sum(map(len, episodes)), show=show) as bar:
+        for some in episodes:
+            for number in range(len(some)):
+                some.prepare(number)
+                bar.update()

@@ -23,7 +23,7 @@ from ..card import Card
 from ..checkpoint import load_checkpoint
 from ..config import TrainConfig, train_config
 from ..models.heads import FUTURE
-from .cache import CachedSequences
+from .cache import CachedSequences, decode_all
 from .corrections import CorrectedEpisodes
 from .curves import TrainingLog, Validation
 from .holdout import Holdout, hold_out, published_holdout
@@ -107,7 +107,7 @@ def train_recipe(request: Request, *, show: bool = True) -> Result:
     seen = [_some(episodes, len(sources)) for episodes in sources]
     unseen = [_cached(s, tokens, config, cache) for s in held.values() if len(s)]
     unseen = [_some(episodes, len(unseen)) for episodes in unseen]
-    _decode([*sources, *unseen], show)
+    decode_all([*sources, *unseen], show=show)
     card = Card(
         config=config,
         words=tokens.vocabulary.words,
@@ -208,15 +208,6 @@ def _some(episodes: CachedSequences, sources: int) -> CachedSequences:
         chosen.take(mask), episodes.sequences.tokens, episodes.sequences.config
     )
     return CachedSequences(sequences, episodes.folder, episodes.images)
-
-
-def _decode(episodes: list[CachedSequences], show: bool) -> None:
-    """Decode all episodes that will be needed, each once."""
-    with progress_bar("decode", sum(map(len, episodes)), show=show) as bar:
-        for some in episodes:
-            for number in range(len(some)):
-                some.prepare(number)
-                bar.update()
 
 
 def _every(plan: MixturePlan, label: str) -> tuple[str, ...]:

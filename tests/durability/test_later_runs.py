@@ -107,19 +107,27 @@ def test_a_quarantined_item_is_run_alone_by_the_command_that_is_kept(
     assert not (run / error["traceback"]).exists()
 
 
+def aliengo_joins(scan: Path, run: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    done = tiny_run.collect(scan, run, "--robot", "aliengo", "--controller", "flash", *options)
+    assert done.returncode == 0, done.stderr[-2000:]
+    return done
+
+
+def paths_walked(run: Path) -> dict[str, int]:
+    return {row.robot: row.episodes for row in robot_rows(Ledger(run))}
+
+
 def test_a_robot_on_fewer_of_the_same_paths_joins_the_others(
     scan: Path, finished: Path, tmp_path: Path
 ):
     run = shutil.copytree(finished, tmp_path / "run")
-    fewer = ("--robot", "aliengo", "--controller", "flash", "--episodes", "1")
-    done = tiny_run.collect(scan, run, *fewer)
-    assert done.returncode == 0, done.stderr[-2000:]
-    assert [(r.robot, r.episodes) for r in robot_rows(Ledger(run))] == [
-        ("aliengo", 1),
-        ("vlnce", 2),
-    ]
+    done = aliengo_joins(scan, run, "--episodes", "1")
+    assert paths_walked(run) == {"aliengo": 1, "vlnce": 2}
     assert "Left out" not in done.stdout
+    assert "now hold 1 of the 2 paths" in done.stderr
+    assert "SR % on the 1 path that all walked: " in " ".join(done.stdout.split())
     page = (run / "report" / "index.html").read_text()
+    assert "that all walked" in page and "2 paths were walked: some are of earlier runs" in page
     for dataset in (run / "lerobot").iterdir():
         assert f"<h3>{dataset.name}</h3>" in page and f"--root {dataset} " in done.stdout
     own = tiny_run.collect(scan, run, "--episodes", "1", "--json")
@@ -131,10 +139,8 @@ def test_a_robot_on_other_paths_is_left_out_and_the_printed_command_brings_it_ba
     scan: Path, finished: Path, tmp_path: Path
 ):
     run = shutil.copytree(finished, tmp_path / "run")
-    other = ("--robot", "aliengo", "--controller", "flash", "--heading", "random")
-    done = tiny_run.collect(scan, run, *other)
-    assert done.returncode == 0, done.stderr[-2000:]
-    assert [r.robot for r in robot_rows(Ledger(run))] == ["aliengo"]
+    done = aliengo_joins(scan, run, "--heading", "random")
+    assert paths_walked(run) == {"aliengo": 2}
     assert "Left out: vlnce flash, 2 paths." in done.stdout
     page = (run / "report" / "index.html").read_text()
     assert "left out here" in page and "vlnce flash (2 paths; vlnce-flash-ego" in page
@@ -143,10 +149,7 @@ def test_a_robot_on_other_paths_is_left_out_and_the_printed_command_brings_it_ba
     assert back.returncode == 0, back.stderr[-2000:]
     # It walks again, and which field of the paths has changed is said.
     assert re.search(r"replay vlnce.* runs: .*Episode\.start_yaw_rad: \S+ → \S+", back.stderr)
-    assert [(r.robot, r.episodes) for r in robot_rows(Ledger(run))] == [
-        ("aliengo", 2),
-        ("vlnce", 2),
-    ]
+    assert paths_walked(run) == {"aliengo": 2, "vlnce": 2}
     assert "Left out" not in back.stdout
 
 
