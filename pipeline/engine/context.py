@@ -96,7 +96,7 @@ def _opened(
 
 
 @contextmanager
-def open_single(out: Path, workers: int = 1) -> Iterator[Context]:
+def open_single(out: Path, workers: int = 0) -> Iterator[Context]:
     """Open the ledger of one output, lock it, and start worker processes.
 
     For commands that run one stage and write the file or folder that the user names. The ledger
