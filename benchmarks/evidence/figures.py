@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import textwrap
 from collections import defaultdict
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal
@@ -55,7 +56,7 @@ def _rates(measured: Mapping[Table, Mapping[Row, Difference]]) -> Figure | None:
     total_in = drawn_in + gap_in * len(panels) + 0.2
     figure = _new((7.6, total_in), layout=None)
     figure.subplots_adjust(
-        left=0.36,
+        left=0.4,
         right=0.97,
         bottom=0.5 / total_in,
         top=1 - 0.3 / total_in,
@@ -134,7 +135,7 @@ def _curves(value: Mapping[str, Any]) -> Figure | None:
         return None
     columns = 3
     rows = -(-len(seeds) // columns)
-    figure = _new((7.6, 1.55 * rows + 0.7))
+    figure = _new((7.6, 1.7 * rows + 0.7))
     axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
     for unused in axes[len(seeds) :]:
         unused.remove()
@@ -148,7 +149,7 @@ def _curves(value: Mapping[str, Any]) -> Figure | None:
             ):
                 right = [100 * point.get(key, np.nan) for point in curve]
                 axis.plot(steps, right, color=colour, linewidth=1, marker=".", label=label)
-        axis.set_title(name, fontsize=7)
+        axis.set_title(textwrap.fill(name, 32), fontsize=7)
         axis.tick_params(labelbottom=True)
         tidy(axis, "y")
     handles, labels = axes[0].get_legend_handles_labels()
