@@ -141,6 +141,8 @@ def _section(
         if found == UNMEASURED
     }
     lines = [f"## {table.number}. {table.title}\n"]
+    if table.note:
+        lines.append(f"{table.note}\n")
     if others:
         lines.append(
             f"Trained on another collection of {', '.join(others)} than the tables before: compare "

@@ -143,6 +143,7 @@ class Table:
         rows: in order.
         claims: judged from the intervals.
         paper: what VLN-PE reports for the same question.
+        note: what its rows have in common, where that is not plain; else empty.
     """
 
     number: int
@@ -150,6 +151,7 @@ class Table:
     rows: tuple[Row, ...]
     claims: tuple[Claim, ...]
     paper: str
+    note: str = ""
 
     def __post_init__(self) -> None:
         labels = [row.label for row in self.rows]
