@@ -220,8 +220,8 @@ def _light() -> Table:
         "18.8 / 17.4 / 17.0; RDP (RGB-D) 22.0 / 22.3 / 22.8."
     )
     note = (
-        "Trained in baked light; rows differ in the light of the test: `DL5000` day, `DL300` night, "
-        "`CL` a lamp on the agent. Without a body, a model that sees no depth goes through walls."
+        "Trained in baked light; rows differ in the light of the test: `DL5000` day, `DL300` "
+        "night, `CL` a lamp on the agent. Without a body, a model that sees no depth goes through walls."
     )
     return Table(5, "Light", tuple(rows), tuple(claims), paper, note)
 
@@ -239,8 +239,8 @@ def _camera() -> Table:
         "the quadruped's 0.5 m models nearly fail (4.7)."
     )
     note = (
-        "Trained with the camera at 1.25 m; it is moved in the test alone. VLN-PE trains a model at "
-        "each height, and its 0.5 m is a quadruped's, under physics."
+        "Trained with the camera at 1.25 m; it is moved in the test alone. VLN-PE trains a model "
+        "at each height, and its 0.5 m is a quadruped's, under physics."
     )
     return Table(6, "Height and pitch of the camera", tuple(rows), claims, paper, note)
 
