@@ -25,14 +25,13 @@ from benchmarks import (
     load,
     mcap,
     memory,
-    obvious,
     physics,
     render,
     scaling,
     training,
-    write,
 )
 from benchmarks.throughput import page as throughput
+from benchmarks.writing import obvious, write
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.pipeline.engine.executors.base import available_cores
 

@@ -6,7 +6,6 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-import numba
 import numpy as np
 
 from vlnpe.collectors.rendering.camera.rollout_frames import RolloutFrames
@@ -30,7 +29,6 @@ def report(runs: Sequence[Path]) -> str:
     Embree is the reference. Times are processor time of all threads: on a machine without a card,
     OpenGL draws on the processor with threads of its own.
     """
-    numba.set_num_threads(1)
     lines = []
     for run in runs:
         scene = next(path for path in (run / "scenes").iterdir() if path.is_dir())

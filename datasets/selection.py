@@ -15,16 +15,10 @@ from numpy.typing import NDArray
 from ..formats.core.errors import InputError
 from .episode_index import DatasetIndex, EpisodeEntry, read_index
 
-# What identifies an episode, and its texts.
-_IDENTITY = (
-    "episode_uid",
-    "robot",
-    "controller",
-    "light",
-    "camera_name",
-    "end_reason",
-    "instructions",
-)
+# What tells recordings apart, but for the size of their images.
+RECORDING = ("episode_uid", "robot", "controller", "light", "camera_name")
+# What a digest of episodes holds: also how they ended, and their texts.
+_IDENTITY = (*RECORDING, "end_reason", "instructions")
 
 
 @dataclass(frozen=True)

@@ -109,14 +109,14 @@ class Lighting:
         Rays leave in the same pattern everywhere, turned by `turn` (N,) in 0…1.
         """
         total = np.zeros_like(start)
-        across, beside = _tangents(normals)
+        across, along = _tangents(normals)
         reach = 2.5
         for k in range(rays):
             # Cosine-weighted Fibonacci points, turned at random for each point.
             radius = np.float32(np.sqrt((k + 0.5) / rays))
             angle = 2 * np.pi * (turn + np.float32(k * 0.61803398875))
             x, y = radius * np.cos(angle), radius * np.sin(angle)
-            direction = x[:, None] * across + y[:, None] * beside + np.sqrt(1 - radius**2) * normals
+            direction = x[:, None] * across + y[:, None] * along + np.sqrt(1 - radius**2) * normals
             hits = self._tracer.first(start, direction, reach)
             near = hits.face >= 0
             openness = np.where(near, 0.28 + 0.72 * hits.distance_m / reach, 1.0)

@@ -15,7 +15,7 @@ from ...formats.core.errors import InputError, brief
 from ...formats.lerobot.layout import INFO_PATH
 from ...formats.lerobot.splits import is_published_holdout
 from ..episode_index import DatasetIndex, read_index
-from ..selection import Selection, select_all
+from ..selection import RECORDING, Selection, select_all
 from .recipe import Recipe, Source
 
 # Conditions in the order of their checks; an episode counts under the first that it fails.
@@ -29,15 +29,7 @@ _LABELS = {
     "end_reason": "outcomes",
 }
 # What distinguishes two recordings; any two that agree in all are copies of one.
-_IDENTITY = (
-    "episode_uid",
-    "robot",
-    "controller",
-    "light",
-    "camera_name",
-    "camera_width_px",
-    "camera_height_px",
-)
+_IDENTITY = (*RECORDING, "camera_width_px", "camera_height_px")
 COLLECTED = ("robot", "controller", "light", "camera")  # conditions that a collection can meet
 DUPLICATE, HELD_OUT, FRACTION = "duplicate", "held out", "fraction"
 

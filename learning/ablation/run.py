@@ -117,9 +117,9 @@ def run_ablation(
     }
     trained = [source.selection for plan in plans.values() for source in plan.sources]
     blank = training_tokens([], config.tokens)
-    needed = [_cached(chosen, blank, config, out) for chosen in (*trained, *held.values())]
-    decode_all(needed, show=show)
     baselines = {name: _cached(chosen, blank, config, out) for name, chosen in held.items()}
+    training = [_cached(chosen, blank, config, out) for chosen in trained]
+    decode_all([*training, *baselines.values()], show=show)
     rows = {}
     with progress_bar("train", len(plans) * config.seeds * config.steps, show=show) as bar:
         for name, plan in plans.items():

@@ -5,7 +5,7 @@ textured triangles and the robot, colour and depth drawn one after the other, ev
 `LeRobotDataset.add_frame`, and the default codecs of `save_episode`. Both get the same recorded
 walks: neither simulates. Neither is charged with loading: each has drawn before it is timed.
 
-python -m benchmarks.obvious RUN    # the script's side alone, as JSON
+python -m benchmarks.writing.obvious RUN    # the script's side alone, as JSON
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from benchmarks.write import DEPTH, RGB, _assemble, _features
+from benchmarks.writing.write import add_episode, assemble, features
 from vlnpe.collectors.rendering.camera.extras import Extras
 from vlnpe.collectors.rendering.camera.views import VIEWS, View
 from vlnpe.collectors.rendering.gl.probe import graphics_card, why_no_gl
@@ -44,7 +44,7 @@ from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.jobs.export import UnitJob
 from vlnpe.pipeline.jobs.render import RenderJob
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 REPEATS = 2  # each episode is made so often by us, so that the workers' ends weigh less
 COSTS = ("wall", "cpu")
 
@@ -56,7 +56,7 @@ def report(run: Path) -> str:
     if reason:
         return f"{title}\n\nLeft out: OpenGL cannot draw here ({reason})."
     done = subprocess.run(
-        [sys.executable, "-m", "benchmarks.obvious", str(run)],
+        [sys.executable, "-m", "benchmarks.writing.obvious", str(run)],
         cwd=ROOT,
         env={**os.environ, "MUJOCO_GL": "egl", "PYOPENGL_PLATFORM": "egl"},
         stdout=subprocess.PIPE,
@@ -123,7 +123,7 @@ def _ours(run: Path) -> dict[str, float]:
         outcomes = make("timed", REPEATS)
         count = len(episodes) * REPEATS
         units = [Path(temporary) / "timed" / str(k) / "unit" for k in range(count)]
-        _assemble(units, Path(temporary) / "dataset")
+        assemble(units, Path(temporary) / "dataset")
         wall, cpu = time.perf_counter() - started, time.process_time() - cpu
     for outcome in outcomes:
         if outcome.error:
@@ -161,16 +161,12 @@ def _script(run: Path) -> dict[str, float]:
         dataset = LeRobotDataset.create(
             "vlnpe/obvious",
             episodes[0][0].frames_per_second,
-            _features(tables[0], size),
+            features(tables[0], size),
             root=Path(temporary) / "dataset",
             robot_type=episodes[0][1].robot,
         )
         for (seen, rollout), table in zip(episodes, tables, strict=True):
-            for i, (rgb, depth) in enumerate(stage.pictures(renderer, seen, rollout)):
-                frame = {key: values[i] for key, values in table.columns.items()}
-                frame |= {RGB: rgb, DEPTH: depth[..., None]}
-                dataset.add_frame(frame | {"task": rollout.episode.instruction})
-            dataset.save_episode()
+            add_episode(dataset, rollout, table, stage.pictures(renderer, seen, rollout))
         dataset.finalize()
         wall, cpu = time.perf_counter() - started, _cpu_seconds() - cpu
     return {"wall": wall / len(episodes), "cpu": cpu / len(episodes)}

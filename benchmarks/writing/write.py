@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import replace
 from functools import cache
@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from vlnpe.formats.core.rollout import Rollout
 from vlnpe.formats.lerobot import assemble_dataset, write_episode_unit
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.rendered.folder import FrameFolder, read_frame_folder
@@ -151,7 +152,7 @@ def _ours(sources: Sequence[Path], out: Path, pool: Executor | None) -> None:
     units = [out / "units" / source.name for source in sources]
     jobs = zip(sources, units, strict=True)
     list((pool.map if pool else map)(_unit, *zip(*jobs, strict=True)))
-    _assemble(units, out / "dataset")
+    assemble(units, out / "dataset")
 
 
 def _unit(source: Path, unit: Path) -> None:
@@ -172,7 +173,7 @@ def _unit(source: Path, unit: Path) -> None:
     write_episode_unit(unit, rollout, encoded)
 
 
-def _assemble(units: Sequence[Path], out: Path) -> None:
+def assemble(units: Sequence[Path], out: Path) -> None:
     assemble_dataset(units, out, provenance={}, licence="apache-2.0", title="benchmark")
 
 
@@ -184,7 +185,7 @@ def _lerobot_way(sources: Sequence[Path], options: dict[str, Any]) -> Callable[[
     loaded = [_load(source) for source in sources]
     rate, far_m = loaded[0][1].frames_per_second, loaded[0][1].depth_range.far_m
     tables = [build_frame_table(rollout, seen.arrays, rate) for rollout, seen, *_ in loaded]
-    features = _features(tables[0], loaded[0][2].shape[1:3])
+    kept = features(tables[0], loaded[0][2].shape[1:3])
     if options.get("streaming_encoding"):
         options["encoder_queue_maxsize"] = max(len(table) for table in tables) + 1
     if own:
@@ -206,14 +207,10 @@ def _lerobot_way(sources: Sequence[Path], options: dict[str, Any]) -> Callable[[
 
     def write(out: Path) -> None:
         dataset = LeRobotDataset.create(
-            "vlnpe/benchmark", rate, features, root=out, robot_type="any", **codecs, **options
+            "vlnpe/benchmark", rate, kept, root=out, robot_type="any", **codecs, **options
         )
         for (rollout, _, rgb, depth), table in zip(loaded, tables, strict=True):
-            for i in range(len(table)):
-                frame = {key: values[i] for key, values in table.columns.items()}
-                frame |= {RGB: rgb[i], DEPTH: depth[i][..., None]}
-                dataset.add_frame(frame | {"task": rollout.episode.instruction})
-            dataset.save_episode()
+            add_episode(dataset, rollout, table, zip(rgb, depth, strict=True))
         dataset.finalize()
         written = dataset.meta.total_frames
         if written != sum(map(len, tables)):
@@ -222,7 +219,16 @@ def _lerobot_way(sources: Sequence[Path], options: dict[str, Any]) -> Callable[[
     return write
 
 
-def _features(table: Any, size: tuple[int, ...]) -> dict[str, Any]:
+def add_episode(dataset: Any, rollout: Rollout, table: Any, pictures: Iterable[Any]) -> None:
+    """Give LeRobot's writer an episode, whose pictures are colour (H, W, 3) and depth (H, W)."""
+    for i, (rgb, depth) in enumerate(pictures):
+        frame = {key: values[i] for key, values in table.columns.items()}
+        frame |= {RGB: rgb, DEPTH: depth[..., None]}
+        dataset.add_frame(frame | {"task": rollout.episode.instruction})
+    dataset.save_episode()
+
+
+def features(table: Any, size: tuple[int, ...]) -> dict[str, Any]:
     names = ["height", "width", "channels"]
     images = {
         RGB: {"dtype": "video", "shape": (*size, 3), "names": names},
@@ -252,15 +258,15 @@ def _peak_mib(source: Path, folder: Path, episodes: int) -> float:
     out = folder / f"many-{episodes}"
     code = (
         "from pathlib import Path\n"
-        "from benchmarks.write import _assemble\n"
-        f"_assemble([Path({str(unit)!r})] * {episodes}, Path({str(out)!r}))\n"
+        "from benchmarks.writing.write import assemble\n"
+        f"assemble([Path({str(unit)!r})] * {episodes}, Path({str(out)!r}))\n"
         # Unlike ru_maxrss it does not begin with what this process had when it forked.
         "status = Path('/proc/self/status').read_text().split()\n"
         "print(status[status.index('VmHWM:') + 1])"
     )
     done = subprocess.run(
         [sys.executable, "-c", code],
-        cwd=Path(__file__).resolve().parents[1],
+        cwd=Path(__file__).resolve().parents[2],
         env={**os.environ, "OMP_NUM_THREADS": "1"},
         stdout=subprocess.PIPE,
         text=True,
