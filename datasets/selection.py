@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..formats.core.errors import InputError
 from .episode_index import DatasetIndex, EpisodeEntry, read_index
 
-# What tells recordings apart, but for the size of their images.
+# What tells recordings apart, besides the size of their images.
 RECORDING = ("episode_uid", "robot", "controller", "light", "camera_name")
 # What a digest of episodes holds: also how they ended, and their texts.
 _IDENTITY = (*RECORDING, "end_reason", "instructions")

@@ -1,20 +1,26 @@
-"""The corpus: true texts written by hand about paths of some scenes, in parts.
+"""The corpus: true texts written by hand about paths of some scenes.
 
-`earlier` and `tuning` were looked at while the checker was written, `held_out` was set aside
-until then, `later` was written afterwards about two more apartments. `fresh` was written from maps
-and boxes alone about four more apartments and a villa, before the checker was worked on again,
-`last` about one more apartment after its failures were mended, `voices` about two more and a villa
-in eight manners of speaking, named beside the texts, by a writer who had not seen the checker.
-`sealed` was written about three more apartments by another such writer, and measured after the
-last change of the checker; its paths were sampled in the exact buildings (`vlnpe scan --exact`).
-`sealed2` was written likewise about three more apartments and a villa, and measured after the
-checker had been worked on with `voices` and `sealed`, and `sealed3` about three more apartments and
-a villa by two further writers in eight voices, measured once after work with most parts before it.
-`announced` was written by whoever mended the checker, about one more apartment and a villa, two
-thirds of it with the goal said first; three causes of its refusals were mended. `sealed4` was
-written about three more apartments and a villa by two writers who had seen neither parser nor
-checker, half of it with the goal said first, and measured once after that work, `sealed5` likewise
-by two more writers in eight voices about three more apartments and a villa.
+Parts, in the order in which they were written:
+
+- `earlier`, `tuning`: read while the checker was written.
+- `held_out`: set aside until the checker was finished.
+- `later`: written afterwards about two more apartments.
+- `fresh`: from maps and boxes alone, about four more apartments and a villa, before the checker was
+  worked on again.
+- `last`: about one more apartment, after the failures of `fresh` were corrected.
+- `voices`: about two more and a villa, in eight manners of speaking, named beside the texts, by a
+  writer who had not seen the checker.
+- `sealed`: about three more apartments by another such writer, measured after the last change of
+  the checker; its paths were sampled in the exact buildings (`vlnpe scan --exact`).
+- `sealed2`: likewise about three more apartments and a villa, measured after the checker had been
+  worked on with `voices` and `sealed`.
+- `sealed3`: about three more apartments and a villa by two further writers in eight voices,
+  measured once after work with most parts before it.
+- `announced`: by the author of the checker's corrections, about one more apartment and a villa, two
+  thirds of it with the goal said first; three causes of its refusals were corrected.
+- `sealed4`: about three more apartments and a villa by two writers who had seen neither parser nor
+  checker, half of it with the goal said first, measured once after that work.
+- `sealed5`: likewise by two more writers in eight voices about three more apartments and a villa.
 """
 
 from __future__ import annotations

@@ -185,7 +185,7 @@ def invented(text: str, facts: PathFacts, rng: np.random.Generator) -> str | Non
 
 
 def wrong_side(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
-    """Swap the side of a thing of which there is none on the other side."""
+    """Swap the side of a thing that has no like on the other side."""
     options = []
     for match in _SIDED.finditer(text):
         before = text[max(0, match.start() - 45) : match.start()].lower()
@@ -236,12 +236,12 @@ def distance(text: str, facts: PathFacts, rng: np.random.Generator) -> str | Non
 
 
 def count(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
-    """Say seven of a thing of which there are fewer."""
+    """Say seven where there are fewer."""
     return _renumbered(text, facts, "the seven {}s", 7)
 
 
 def ordinal(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
-    """Say the sixth of a thing of which there are fewer."""
+    """Say the sixth where there are fewer."""
     return _renumbered(text, facts, "the sixth {}", 6)
 
 

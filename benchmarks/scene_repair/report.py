@@ -43,8 +43,8 @@ TEXTS = {
     "{last}. Their true floor is the plane z = 0, rugs apart; besides the planted holes they have "
     "the gaps that scanning leaves under and behind furniture. Textures are painted coarser than "
     "the product does, which no hole depends on.",
-    HELD_OUT: "{count} homes (seeds {first} … {last}) that nobody looked at while the repair was "
-    "written.",
+    HELD_OUT: "{count} homes (seeds {first} … {last}) that were not looked at while the "
+    "repair was written.",
     REAL: f"`{HOUSE}`, planted {{rounds}} times, and {len(HEADSETS)} headset scans of single "
     "rooms, whose closed surface is floor where it is level within 2 cm of the labelled room's "
     "floor.",

@@ -44,7 +44,7 @@ class Site:
         parts: its meshes.
         grid: cells of the following masks.
         floor_z_m: height of the floor.
-        exact: whether the true floor is exactly a plane at that height, but for rugs.
+        exact: whether the true floor is exactly a plane at that height, except for rugs.
         true_floor: (rows, columns) where there is floor in truth.
         scanned: where the scan has it.
         building: everything inside the outer walls, and they.

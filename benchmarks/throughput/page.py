@@ -19,7 +19,7 @@ from benchmarks.throughput.runs import (
 
 KEPT = ROOT / "runs" / "bench" / "throughput.json"
 HISTORY = """History: small_house, Aliengo, 48 episodes in a prepared scene, two cores (idle for
-episodes/h; Xeon, Sapphire Rapids, but for the first line):
+episodes/h; Xeon, Sapphire Rapids, except for the first line):
 
 | what | episodes/h | render stage s | drawing, CPU-ms a frame |
 | --- | ---: | ---: | ---: |

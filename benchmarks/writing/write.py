@@ -47,7 +47,7 @@ FEW, MANY = 8, 64  # episodes whose peak memories are compared
 
 RGB, DEPTH = "observation.images.rgb", "observation.images.depth"
 
-# LeRobot's ways to write: options of `LeRobotDataset.create`, our codecs but for the first.
+# LeRobot's ways to write: options of `LeRobotDataset.create`, our codecs except for the first.
 # Encoding in batches of episodes (`batch_encoding_size`) breaks in LeRobot 0.6.1.
 WAYS: dict[str, dict[str, Any]] = {
     "as it comes (AV1, x265 medium)": {"own_codecs": True},

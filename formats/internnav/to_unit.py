@@ -1,6 +1,6 @@
 """An episode of the VLN-PE layout as an episode unit.
 
-Our own data comes back as it was, but for colours (encoded again) and depth beyond 10 m (lost by
+Our own data comes back as it was, except colours (encoded again) and depth beyond 10 m (lost by
 the layout). Others' data lacks much; `Assumptions.note` lists what is assumed, derived or missing.
 """
 

@@ -67,7 +67,7 @@ def write_scene(
 ) -> int:
     """Write one scene's folder, replaced as a whole; return the number of rows.
 
-    Memory does not grow with the number of frames, but for one episode's.
+    Memory is bounded by the longest episode, not by the number of frames.
 
     Args:
         out: `<root>/<scan>/<scene>`.

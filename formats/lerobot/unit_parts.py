@@ -31,7 +31,7 @@ class UnitParts:
         features: entries of info.json.
         task: the instruction.
         length: number of frames.
-        statistics: per feature, but for the columns that depend on the place in a dataset.
+        statistics: per feature, except the columns that depend on the place in a dataset.
         columns: values of `EPISODE_COLUMNS`.
     """
 

@@ -49,7 +49,7 @@ def depth_to_codes(depth_m: ArrayLike, depth_range: DepthRange) -> NDArray[np.ui
 
 
 def codes_to_depth(codes: NDArray[np.uint16], depth_range: DepthRange) -> NDArray[np.float32]:
-    """Convert codes (...) to depth (...) float32 [m], 0 = invalid; as LeRobot does, but for code 0.
+    """Convert codes (...) to depth (...) float32 [m], 0 = invalid; as LeRobot does except code 0.
 
     LeRobot's own reader gives below 1e-6 m for code 0.
     """

@@ -33,7 +33,7 @@ _COME_M = 0.9  # who comes through a door is about to be in the room behind it
 # How strong contradictions are; see `Contradiction`.
 _LOOSE = 0.5
 _OUT_OF_ORDER_M = 3.0  # a thing passed this much out of order
-_CLEAR_DEG = 75.0  # a turn of this much is one that nobody leaves out
+_CLEAR_DEG = 75.0  # texts always mention a turn of this much
 _DOOR_AFTER_M = 2.2  # unless a door is behind it that was told with its side
 _DOORS = frozenset(f"the {door}" for door in DOORS)
 

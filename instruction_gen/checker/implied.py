@@ -93,7 +93,7 @@ class Implied:
     def led(self, made: int, claim: Claim) -> int:
         """Return how many turns may be made on the way to what a claim names.
 
-        Nobody has to be told to turn towards the only opening that leads to a room, nor towards
+        A text need not mention a turn towards the only opening that leads to a room, nor towards
         the thing to stop at, when it is in view and cannot be mistaken for another one.
         """
         led = made

@@ -21,7 +21,7 @@ _ROUND_DEG = 140.0
 _JUST_INSIDE_M = 2.0
 _FAR_AHEAD_M = 2.5
 _PAST_M = 2.5
-_LONG_M = 4.0  # nobody should walk farther without having been told anything
+_LONG_M = 4.0  # the longest way that a text leaves undescribed
 
 
 @dataclass(frozen=True)

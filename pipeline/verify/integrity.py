@@ -30,7 +30,7 @@ class Check:
     Attributes:
         what: The output.
         problem: What is wrong.
-        unfinished: Whether no more is wrong than that a run has not ended: its command mends it.
+        unfinished: Whether the only problem is an unfinished run, which its command completes.
     """
 
     what: str

@@ -63,7 +63,7 @@ def test_a_good_episode_keeps_its_place_and_lies_on_the_floor(two_rooms):
     assert episode.instruction == "Go there."
     assert episode.extra["novel"] is True
     assert episode.extra["source_info"] == {"geodesic_distance": 99.0}
-    # Measured anew: √2 + 2 + 2.5 m of straight lines, the shortest a little less.
+    # Measured again: √2 + 2 + 2.5 m of straight lines, the shortest a little less.
     assert 5.5 < episode.geodesic_distance_m < 5.95
 
 

@@ -38,7 +38,7 @@ def test_theirs_becomes_units_with_what_is_known(layout: Path, tmp_path: Path) -
         assert (unit.robot, unit.frames_per_second) == ("h1", 4)
         rows = {k: np.array(v) for k, v in unit.rows().to_pydict().items()}
         expected = frame_columns(rollout)
-        # The same start frame, but for the floor, which is assumed below the base.
+        # The same start frame, except for the floor, which is assumed below the base.
         rows["observation.state"][:, 2] += rollout.position_world_m[0, 2] - rollout.floor_z_m[0] - 1
         rows["observation.camera_pose"][:, 2] += (
             rollout.position_world_m[0, 2] - rollout.floor_z_m[0] - 1

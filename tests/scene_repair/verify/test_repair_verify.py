@@ -288,7 +288,7 @@ def test_damaged_record_is_named(text: str, copied: SceneBundle) -> None:
 
 
 def test_command_shows_it(copied: SceneBundle, capsys: pytest.CaptureFixture[str]) -> None:
-    # A copy has no record of its files beside it; but for that, it is sound.
+    # A copy has no record of its files beside it; otherwise it is sound.
     assert run_verify(Verify(copied.root)) == 1
     shown = capsys.readouterr().out
     assert "no record of its files" in shown
