@@ -17,6 +17,17 @@ COLLECT = --robot "$(ROBOT)" --controller "$(CONTROLLER)" --scene "$(SCENE)" --e
           $(if $(SCENES),--scenes "$(SCENES)") $(if $(OUT),--out "$(OUT)") \
           $(if $(WORKERS),--workers "$(WORKERS)") $(ARGS)
 
+TARGETS = help setup collect dataset-bench evidence evaluate train-gait test test-fast test-slow lint audit docs bench \
+          report verify doctor clean
+# The closest of the words $2 to each of the words $1.
+CLOSEST = $(shell $(PYTHON) -c 'import difflib, sys; given, valid = (set(text.split()) for text in sys.argv[1:]); \
+          print(" or ".join(sorted({n for g in given for n in difflib.get_close_matches(g, valid, 2)})))' '$1' '$2')
+MEANT   = $(if $(CLOSEST), (did you mean $(CLOSEST)?))
+WRONG  := $(filter-out $(TARGETS),$(MAKECMDGOALS))
+ifneq ($(WRONG),)
+$(error make: unknown target $(WRONG)$(call MEANT,$(WRONG),$(TARGETS)); valid: $(TARGETS))
+endif
+
 # A misspelt variable would be ignored. Names with an underscore are those of libraries.
 collect_TAKES       = ROBOT CONTROLLER SCENE SCENES EPISODES CAMERA LIGHT SEED OUT WORKERS ARGS
 dataset-bench_TAKES = ROBOT CONTROLLER TRAIN UNSEEN KINDS PATHS IMAGE OUT WORKERS ARGS
@@ -31,15 +42,15 @@ GIVEN   := $(foreach name,$(.VARIABLES),$(if $(filter line,$(origin $(name))),$(
 TAKEN   := $(sort $(foreach goal,$(MAKECMDGOALS),$($(goal)_TAKES)))
 UNKNOWN := $(filter-out $(TAKEN) VERBOSE PYTHON SHELL MAKE%,$(GIVEN))
 ifneq ($(UNKNOWN),)
-$(error make $(MAKECMDGOALS): unknown variable $(UNKNOWN); valid: $(or $(TAKEN),none))
+$(error make $(MAKECMDGOALS): unknown variable $(UNKNOWN)$(call MEANT,$(UNKNOWN),$(TAKEN)); valid: $(or $(TAKEN),none))
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help setup collect dataset-bench evidence evaluate train-gait test test-fast test-slow lint audit docs bench report verify doctor clean
+.PHONY: $(TARGETS)
 
 help:  ## Show this help
 	@echo "usage: make <target> [VARIABLE=value …]"
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 	@echo "variables for collect: ROBOT=$(ROBOT) CONTROLLER=$(CONTROLLER) SCENE=$(SCENE) EPISODES=$(EPISODES)"
 	@echo "  CAMERA=$(CAMERA) LIGHT=$(LIGHT) SEED=$(SEED) SCENES=<folder> OUT=<folder> WORKERS=<processes>"
 	@echo "  ARGS=<any other option of vlnpe collect, see vlnpe collect --help>"

@@ -25,7 +25,8 @@ def report(run: Path) -> str:
     """Train each model on a dataset in `run`; return a Markdown section."""
     import torch
 
-    from vlnpe.datasets.mixture.recipe import read_recipe, recipe_path
+    from vlnpe.datasets.mixture.recipe import read_recipe
+    from vlnpe.datasets.mixture.shipped import recipe_path
     from vlnpe.datasets.selection import select_all
     from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig
     from vlnpe.datasets.tokens import training_tokens

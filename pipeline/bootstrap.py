@@ -12,6 +12,7 @@ usage: python pipeline/bootstrap.py core|test|full [extra,...]
 
 from __future__ import print_function
 
+import difflib
 import glob
 import hashlib
 import json
@@ -212,7 +213,9 @@ def main(arguments):
     extras = sorted(filter(None, ",".join(arguments[1:]).split(",")))
     for extra in extras:
         if extra not in known_extras():
-            say("unknown extra %s; valid: %s" % (extra, ", ".join(known_extras())))
+            near = difflib.get_close_matches(extra, known_extras(), 1)
+            hint = " (did you mean %s?)" % near[0] if near else ""
+            say("unknown extra %s%s; valid: %s" % (extra, hint, ", ".join(known_extras())))
             return 2
     # The stamp lives in the environment: deleting `.venv` deletes it too.
     names = ("full", "-".join(arguments[:1] + extras))

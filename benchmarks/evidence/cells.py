@@ -12,7 +12,8 @@ from typing import Any
 import yaml
 
 from benchmarks.evidence.records import Row, Training
-from vlnpe.datasets.mixture.recipe import read_recipe, recipe_path
+from vlnpe.datasets.mixture.recipe import read_recipe
+from vlnpe.datasets.mixture.shipped import recipe_path
 from vlnpe.evaluation.results import RESULTS_NAME, read_results
 from vlnpe.evaluation.rounds import spread
 from vlnpe.formats.core.atomic import atomic_file, file_digest

@@ -148,9 +148,10 @@ def _vlnce(folder: Path) -> Target:
 
 
 def _recipe(folder: Path) -> Target:
-    from vlnpe.datasets.mixture.recipe import FOLDER, read_recipe
+    from vlnpe.datasets.mixture.recipe import read_recipe
+    from vlnpe.datasets.mixture.shipped import SHIPPED
 
-    seeds = [path.read_bytes() for path in sorted(FOLDER.glob("*.yaml"))]
+    seeds = [path.read_bytes() for path in SHIPPED.values()]
     seeds.append(b"recipe: 1\ntitle: t\nsources: &s {a: {robots: [h1]}}\nmixtures: {m: {a: 1.5}}\n")
     return Target(seeds, _file(folder / "a.yaml", read_recipe))
 

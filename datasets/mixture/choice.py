@@ -123,21 +123,23 @@ def choose_all(
     """Return what `choose` returns of several of a recipe's sources, by name.
 
     Raises:
-        NoEpisodesError: Sources without any episode; names them all.
+        NoEpisodesError: Sources without any episode; names them all, and what they lack.
     """
     found: dict[str, Choice] = {}
-    without: dict[str, list[str]] = {}  # sources, by the reason
+    without: dict[str, list[str]] = {}  # what sources ask for, by the reason
     lacking: dict[str, Source] = {}
     for name in names:
         try:
             found[name] = choose(recipe.sources[name], name, library, held_out, training=training)
         except NoEpisodesError as error:
-            without.setdefault(str(error), []).append(name)
+            wanted = recipe.sources[name].collected
+            said = f"{wanted} (source {name!r})" if wanted else f"source {name!r}"
+            without.setdefault(str(error), []).append(said)
             lacking |= error.lacking
     if without:
-        lines = [f"{', '.join(map(repr, some))} ({why})" for why, some in without.items()]
+        lines = [f"{' and '.join(some)} ({why})" for why, some in without.items()]
         raise NoEpisodesError(
-            f"no episodes for {'; '.join(lines)}; collect what is missing, or change the recipe",
+            f"no episodes of {'; '.join(lines)}; collect what is missing, or change the recipe",
             lacking,
         )
     return found

@@ -59,6 +59,17 @@ class Source:
     outcomes: tuple[str, ...] = (str(EndReason.SUCCESS),)
     fraction: float = 1.0
 
+    @property
+    def collected(self) -> str:
+        """What a collection must have for it, in words: `robot h1, light CL`; may be empty."""
+        wanted = {
+            "robot": self.robots,
+            "controller": self.controllers,
+            "light": self.lights,
+            "camera": () if self.cameras == (OWN_VIEW,) else self.cameras,
+        }
+        return ", ".join(f"{what} {' or '.join(names)}" for what, names in wanted.items() if names)
+
 
 @dataclass(frozen=True)
 class Mixture:
@@ -243,21 +254,3 @@ def _number(what: str, value: Any) -> float:
 def _known(kind: str, names: Any, valid: Any) -> None:
     for name in names:
         check_name(kind, name, valid)
-
-
-FOLDER = Path(__file__).resolve().parents[1] / "recipes"
-
-
-def recipe_path(name: str) -> Path:
-    """Return the file of a recipe: the path `name`, or the built-in recipe of that name.
-
-    Raises:
-        InputError: neither.
-    """
-    path = Path(name)
-    if path.is_file():
-        return path
-    shipped = {p.stem: p for p in sorted(FOLDER.glob("*.yaml"))}
-    if name in shipped:
-        return shipped[name]
-    raise InputError(f"recipe {name}: no such file; shipped recipes: {', '.join(shipped)}")

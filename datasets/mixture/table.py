@@ -15,7 +15,8 @@ _HEAD = ("source", "dataset", "robot", "episodes", "frames", "weight", "share", 
 def plan_text(plan: MixturePlan) -> str:
     """Return a table in fixed columns: a line per dataset, with what was left out of it and why.
 
-    Datasets that a source takes nothing from share a line.
+    Datasets that a source takes nothing from share a line. Sources of different paths are named
+    beneath the table.
     """
     lines: list[tuple[str, ...]] = [_HEAD]
     for source in plan.sources:
@@ -43,13 +44,24 @@ def plan_text(plan: MixturePlan) -> str:
     lines.append(("all", "", "", str(episodes), str(frames), "", "100.0 %", ""))
     widths = [max(len(line[k]) for line in lines) for k in range(len(_HEAD))]
     numbers = {3, 4, 5, 6}
-    return "\n".join(
+    table = [
         "  ".join(
             cell.rjust(width) if k in numbers else cell.ljust(width)
             for k, (cell, width) in enumerate(zip(line, widths, strict=True))
         ).rstrip()
         for line in lines
-    )
+    ]
+    return "\n".join([*table, *_different_paths(plan)])
+
+
+def _different_paths(plan: MixturePlan) -> list[str]:
+    """Return a line that counts the paths of each source, unless all hold the same."""
+    paths = {source.name: {*source.selection.trajectories()} for source in plan.sources}
+    common = set.intersection(*paths.values())
+    if all(own == common for own in paths.values()):
+        return []
+    counts = ", ".join(f"{name} {len(own)}" for name, own in paths.items())
+    return [f"the sources hold different paths: {counts}; {len(common)} are in all of them"]
 
 
 def plan_json(plan: MixturePlan) -> dict[str, Any]:
@@ -64,6 +76,7 @@ def plan_json(plan: MixturePlan) -> dict[str, Any]:
                 "share": source.share,
                 "episodes": len(source.selection),
                 "frames": int(source.selection.lengths.sum()),
+                "paths": len({*source.selection.trajectories()}),
                 "datasets": [
                     {
                         "dataset": str(row.root),

@@ -7,6 +7,7 @@ runner and never ends the run.
 
 from __future__ import annotations
 
+import difflib
 import reprlib
 from collections.abc import Iterable
 from pathlib import Path
@@ -16,6 +17,7 @@ from .checkout import program, setup_command
 
 MAX_SHOWN = 100  # names in an error message
 MAX_REASON = 800  # characters
+MAX_SPELLED = 80  # characters of a name that is compared with the valid ones
 
 
 class VlnpeError(Exception):
@@ -61,13 +63,15 @@ class SceneError(InputError):
 class UnknownNameError(InputError):
     """A name is not registered.
 
-    The message lists the valid names, so that users can fix the call without reading the source.
+    The message suggests the closest valid name and lists all, so that users can fix the call
+    without reading the source.
     """
 
     def __init__(self, kind: str, name: str, valid: Iterable[str]):
         self.kind, self.name, self.valid = kind, name, sorted(valid)
         shown = self.valid if len(self.valid) <= MAX_SHOWN else [*self.valid[:MAX_SHOWN], "…"]
-        super().__init__(f"unknown {kind} {brief(name)}; valid: {', '.join(shown)}")
+        hint = did_you_mean(name, self.valid)
+        super().__init__(f"unknown {kind} {brief(name)}{hint}; valid: {', '.join(shown)}")
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
         """Support pickling, so that the error can be raised in a worker process."""
@@ -101,6 +105,13 @@ def check_name(kind: str, name: str, valid: Iterable[str]) -> None:
     names = tuple(valid)
     if name not in names:
         raise UnknownNameError(kind, name, names)
+
+
+def did_you_mean(name: str, valid: Iterable[str]) -> str:
+    """Return ` (did you mean x?)` for the closest of `valid`; nothing if none is close."""
+    spelled = {one.casefold(): one for one in valid}
+    near = difflib.get_close_matches(name[:MAX_SPELLED].casefold(), spelled, 1)
+    return f" (did you mean {spelled[near[0]]}?)" if near else ""
 
 
 def brief(value: Any) -> str:

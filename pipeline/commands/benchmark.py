@@ -18,7 +18,7 @@ from ...evaluation.results import COLUMNS, read_results
 from ...evaluation.rounds import spread
 from ...formats.core.atomic import atomic_file, write_json
 from ...formats.core.episode import Episode
-from ...formats.core.errors import InputError, check_name
+from ...formats.core.errors import InputError, check_name, did_you_mean
 from ...formats.core.source import code_digest
 from ...formats.vlnce.files import read_episodes, write_episodes
 from ..engine.context import open_context
@@ -130,7 +130,8 @@ def _splits(
     files = sorted((folder / "episodes").glob("*.json.gz"))
     if not files:
         raise InputError(
-            f"{folder}: contains no episodes/*.json.gz; valid: a run folder, or {', '.join(SETS)}"
+            f"{folder}{did_you_mean(str(folder), SETS)}: contains no episodes/*.json.gz; valid: a "
+            f"run folder, or {', '.join(SETS)}"
         )
     found: dict[str, list[Episode]] = {}
     for file in files:

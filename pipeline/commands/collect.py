@@ -9,7 +9,7 @@ from pathlib import Path
 from ...collectors.rendering.camera.extras import Extras
 from ...collectors.rendering.camera.views import CameraOverrides
 from ...collectors.robots import RobotSpec
-from ...formats.core.errors import InputError
+from ...formats.core.errors import InputError, did_you_mean
 from ...formats.video.mp4 import check_rgb_codec
 from ...formats.vlnce.files import read_vlnce
 from ...scene_repair.config import RepairConfig
@@ -25,7 +25,7 @@ from ..engine.context import open_context
 from ..engine.ledger import Ledger
 from ..engine.run_folder import RunFolder, safe_name
 from ..engine.runner import StageSummary
-from ..inputs.builtin import BuiltIn, parse_builtin
+from ..inputs.builtin import BuiltIn, no_scene, parse_builtin
 from ..inputs.crews import action_timing, chosen_robots, crews, keep_all, kept
 from ..inputs.folders import find_scans
 from ..inputs.sampling_plan import SamplingPlan, chosen_free_height, sample_config
@@ -182,7 +182,9 @@ def _sources(
                 built = built[0].and_next(get_preset(preset).scenes)
             return {building.name: building for building in built}
         source = Path(options.scene)
-        repair.source_digest(source)  # fails early if the file does not exist
+        if not source.exists():
+            raise no_scene(options.scene, SUFFIXES)
+        repair.check_scan(source)
         return {safe_name(source.stem): source}
     found = find_scans(options.scenes)
     if episode_files:
@@ -209,8 +211,8 @@ def _episodes(text: str) -> tuple[list[Path], str, int]:
             )
         return files, "", 1
     raise InputError(
-        f"EPISODES={text}: valid: a number above 0, {', '.join(PRESETS)}, or existing VLN-CE "
-        "files, one per split"
+        f"EPISODES={text}{did_you_mean(text, PRESETS)}: valid: a number above 0, "
+        f"{', '.join(PRESETS)}, or existing VLN-CE files, one per split"
     )
 
 

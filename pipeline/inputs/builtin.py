@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from ...formats.core.errors import InputError, check_name
+from ...formats.core.errors import InputError, check_name, did_you_mean
 
 BUILTIN = "builtin"
 _DEFAULT_KIND = "apartment"
@@ -89,6 +90,18 @@ def _buildings(text: str, found: re.Match[str], seed: int) -> list[BuiltIn]:
 
 def _is_number(text: str) -> bool:
     return text.isascii() and text.isdigit()
+
+
+def no_scene(text: str, suffixes: Sequence[str]) -> InputError:
+    """Return the error for a scene's name that is neither a file nor a built-in scene."""
+    from ...apartments.config import BUILDINGS
+
+    hint = did_you_mean(re.split("[:*@]", text)[0], (BUILTIN, f"{BUILTIN}-exact"))
+    kinds = ", ".join(f"{BUILTIN}:{kind}" for kind in BUILDINGS)
+    return InputError(
+        f"scene {text!r}{hint}: no such file; valid: {BUILTIN}, {kinds}, the same with "
+        f"{BUILTIN}-exact, or a scan ({', '.join(suffixes)})"
+    )
 
 
 def check_kind(kind: str) -> None:

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 
+from ...datasets.mixture.shipped import SHIPPED
 from .shared import Printing
+
+RECIPE = f"Recipe file (.yaml), or the name of a built-in recipe: {', '.join(SHIPPED)}."
 
 
 @dataclass(frozen=True)
@@ -18,9 +22,7 @@ class Mix(Printing):
     episode index.
     """
 
-    recipe: tyro.conf.Positional[str]
-    """Recipe file (.yaml), or the name of a built-in recipe: cross_embodiment, controller,
-    lighting."""
+    recipe: Annotated[tyro.conf.Positional[str], tyro.conf.arg(help=RECIPE)]
     data: Path = Path("runs")
     """Folder of the runs that contain the datasets."""
     mixture: str | None = None
@@ -49,9 +51,7 @@ class Train(Printing):
         --robot vlnce
     """
 
-    recipe: tyro.conf.Positional[str]
-    """Recipe file (.yaml), or the name of a built-in recipe: starter, cross_embodiment, controller,
-    lighting."""
+    recipe: Annotated[tyro.conf.Positional[str], tyro.conf.arg(help=RECIPE)]
     data: Path = Path("runs")
     """Folder of the runs that contain the datasets."""
     mixture: str | None = None
@@ -100,9 +100,7 @@ class Ablate(Printing):
     after an interruption.
     """
 
-    recipe: tyro.conf.Positional[str]
-    """Recipe file (.yaml), or the name of a built-in recipe: cross_embodiment, controller,
-    lighting."""
+    recipe: Annotated[tyro.conf.Positional[str], tyro.conf.arg(help=RECIPE)]
     data: Path = Path("runs")
     """Folder of the runs that contain the datasets."""
     out: Path = Path("runs/ablation")

@@ -14,7 +14,7 @@ from ...formats.splats.kind import is_splats
 from ...formats.untrusted.files import check_input
 from ...formats.untrusted.limits import limits
 from ...scene_repair.config import RepairConfig
-from ...scene_repair.scan.files import USD_SUFFIXES, side_names
+from ...scene_repair.scan.files import SUFFIXES, USD_SUFFIXES, side_names, why_not
 from ..engine.ledger import JOURNAL_NAME, MANIFEST_NAME, Row
 from ..engine.lock import LOCK_NAME
 from ..engine.work import Job, WorkItem, digest, work_item
@@ -68,8 +68,9 @@ def item(source: Path, out: Path, config: RepairConfig) -> WorkItem:
     """Repair one scan into the scene folder `out`.
 
     Raises:
-        FileFormatError: If the source does not exist or is not a file.
+        FileFormatError: If the source does not exist, is not a file, or is not a scan by its name.
     """
+    check_scan(source)
     job = (SplatRepairJob if is_splats(source) else RepairJob)(source, out, config)
     named: dict[str, object] = {"scan": source_digest(source)}
     if config.collision:
@@ -138,6 +139,16 @@ def demand(names: Iterable[str], scenes: Mapping[str, Row], folder: Path) -> Non
     missing = sorted(set(names) - scenes.keys())
     if missing:
         raise InputError(f"{folder}: contains no repaired scene {', '.join(missing)}")
+
+
+def check_scan(source: Path) -> None:
+    """Raise FileFormatError if `source` is missing, or cannot be a scan by its name."""
+    if not source.exists():
+        raise FileFormatError(source, f"no such file; valid: {', '.join(SUFFIXES)}")
+    if source.is_dir():
+        raise FileFormatError(source, "is a folder; valid: one scan, or SCENES=<folder>")
+    if source.suffix.lower() not in SUFFIXES:
+        raise FileFormatError(source, why_not(source.name))
 
 
 def source_digest(source: Path) -> str:

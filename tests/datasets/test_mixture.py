@@ -20,8 +20,9 @@ from tests.support.training_data import make_walk, write_dataset
 from vlnpe.datasets.mixture.choice import Library, choose
 from vlnpe.datasets.mixture.loader import MixtureLoader
 from vlnpe.datasets.mixture.plan import plan_mixture
-from vlnpe.datasets.mixture.recipe import FOLDER, Recipe, Source, read_recipe, recipe_of
+from vlnpe.datasets.mixture.recipe import Recipe, Source, read_recipe, recipe_of
 from vlnpe.datasets.mixture.sampler import MixtureSampler
+from vlnpe.datasets.mixture.shipped import SHIPPED, recipe_path
 from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig, collate_sequences
 from vlnpe.datasets.tokens import training_tokens
 from vlnpe.formats.core.errors import FileFormatError, InputError
@@ -29,6 +30,7 @@ from vlnpe.formats.lerobot import assemble_dataset
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.commands.training.missing import collect_command
 from vlnpe.pipeline.engine.ledger import Ledger
+from vlnpe.pipeline.engine.rows import Row
 
 EPISODES = {"h1": 6, "aliengo": 8, "vlnce": 5}
 
@@ -235,19 +237,28 @@ def test_a_larger_fraction_contains_a_smaller_one_for_every_robot(runs: Path) ->
     ("changes", "message"),
     [
         ({"recipe": 2}, "valid: 1"),
-        ({"surces": {}}, "unknown key in recipe: 'surces'; valid: compare, evaluate"),
-        ({"sources": {"humanoid": {"robot": "h1"}}}, "'robot'; valid: cameras, controllers, data"),
+        (
+            {"surces": {}},
+            "recipe: 'surces' (did you mean sources?); valid: compare",
+        ),
+        (
+            {"sources": {"humanoid": {"robot": "h1"}}},
+            "'robot' (did you mean robots?)",
+        ),
         ({"sources": {"humanoid": {"outcomes": ["won"]}}}, "'won'; valid: collision_start"),
         ({"sources": {"humanoid": {"fraction": 2}}}, "fraction 2"),
         ({"sources": {"humanoid": {"robots": [3]}}}, "a name, or a list of names"),
-        ({"mixtures": {"all": ["humanoids"]}}, "'humanoids'; valid: ghost, humanoid, quadruped"),
+        (
+            {"mixtures": {"all": ["humanoids"]}},
+            "(did you mean humanoid?); valid: ghost",
+        ),
         ({"mixtures": {"all": {"ghost": -1}}}, "weight -1"),
         ({"mixtures": {"all": {"ghost": "much"}}}, "'much'; valid: a number"),
         ({"mixtures": {"all": {"sources": ["ghost"], "shares": "fair"}}}, "'fair'; valid: equal"),
         ({"mixtures": {}}, "at least one mixture"),
         ({"evaluate": ["dog"]}, "unknown source to evaluate 'dog'"),
         ({"compare": [["all"]]}, "pairs"),
-        ({"compare": [["all", "none"]]}, "'none'; valid: all, alone, even"),
+        ({"compare": [["all", "none"]]}, "'none' (did you mean alone?); valid: all"),
         ({"holdout": "room"}, "'room'; valid: auto, none, scene, split, trajectory"),
         ({"holdout_fraction": 1.0}, "between 0 and 1"),
     ],
@@ -270,10 +281,22 @@ def test_files_that_are_no_recipes_are_refused(text: str, tmp_path: Path) -> Non
 
 
 def test_shipped_recipes_are_valid() -> None:
-    found = {path.stem: read_recipe(path) for path in FOLDER.glob("*.yaml")}
+    found = {name: read_recipe(recipe_path(name)) for name in SHIPPED}
     assert set(found) == {"starter", "cross_embodiment", "controller", "lighting"}
     table: Recipe = found["cross_embodiment"]
     assert len(table.mixtures) >= 6
+
+
+@pytest.mark.parametrize("command", ["mix", "train", "ablate"])
+def test_help_lists_all_shipped_recipes_and_a_misspelt_one_suggests_the_closest(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "built-in recipe: controller, cross_embodiment, lighting, starter." in shown
+    with pytest.raises(InputError, match=r"recipe startr \(did you mean starter\?\): no such file"):
+        recipe_path("startr")
 
 
 def test_the_command_shows_what_it_trains_on(
@@ -323,9 +346,10 @@ def test_sources_without_episodes_are_named_with_the_commands_that_collect_them(
     path.write_text(json.dumps(recipe(sources=sources, mixtures={"a": [*sources], "b": ["lamp"]})))
     assert main(["mix", str(path), "--data", str(runs), "--dry-run"]) == 2
     reason, humanoid, lamp = capsys.readouterr().err.splitlines()[-3:]
-    assert f"'humanoid', 'lamp' (left out of 3 datasets in {runs}: " in reason
+    asked = "robot g1 (source 'humanoid') and robot g1, light CL (source 'lamp')"
+    assert f"no episodes of {asked} (left out of 3 datasets in {runs}: " in reason
     assert "8 × robot aliengo, 6 × robot h1" in reason and "known" not in reason
-    new_run = f"--out {runs / 'apartment-0'}"
+    new_run = f"--episodes 24 --out {runs / 'apartment-0'}"
     assert humanoid.endswith(f"collect --robot g1 {new_run}  # humanoid")
     assert lamp.endswith(f"collect --robot g1 --light CL {new_run}  # lamp")
 
@@ -343,6 +367,51 @@ def test_missing_robots_join_the_run_at_hand(before: str, after: str, tmp_path: 
     ledger.finished = before
     ledger.save()
     assert collect_command(Source(robots=("g1",)), tmp_path) == after
+
+
+def walked(root: Path, finished: str, scenes: dict[str, int]) -> Path:
+    """Write the ledger of a run in which two robots walked paths, the second half as many."""
+    root.mkdir()
+    ledger = Ledger(root)
+    ledger.finished = finished
+    for scene, count in scenes.items():
+        for robot, paths in (("h1", count), ("aliengo", count // 2)):
+            for n in range(paths):
+                item, facts = f"{robot}/path/{scene}-{n}", {"scene": scene}
+                ledger.add(Row("replay", item, "k", "done", facts=facts))
+    ledger.save()
+    return root
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("collect", "collect --robot g1 --episodes 9"),
+        ("collect --episodes 2 --out a", "collect --out a --robot g1 --episodes 9"),
+        ("collect --episodes 12", "collect --episodes 12 --robot g1"),
+        ("collect --episodes gru_vln10", "collect --episodes gru_vln10 --robot g1"),
+        ("collect --splits train=9", "collect --splits train=9 --robot g1"),
+    ],
+)
+def test_missing_robots_get_all_paths_that_others_walked(
+    before: str, after: str, tmp_path: Path
+) -> None:
+    walked(tmp_path / "a-small", "vlnpe collect --episodes 3", {"flat": 3})
+    walked(tmp_path / "b-large", f"vlnpe {before}", {"flat": 9, "villa": 8})
+    assert collect_command(Source(robots=("g1",)), tmp_path) == f"vlnpe {after}"
+
+
+def test_sources_of_different_paths_are_named(
+    runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "recipe.yaml"
+    path.write_text(json.dumps(recipe()))
+    call = ["mix", str(path), "--data", str(runs), "--dry-run", "--mixture"]
+    assert main([*call, "even"]) == 0
+    said = "the sources hold different paths: humanoid 5, ghost 5; 4 are in all of them"
+    assert said in capsys.readouterr().out
+    assert main([*call, "alone"]) == 0
+    assert "different paths" not in capsys.readouterr().out
 
 
 def test_published_splits_are_not_trained_on(tmp_path: Path) -> None:

@@ -317,7 +317,7 @@ def test_published_splits_are_what_is_held_out() -> None:
 @pytest.mark.parametrize(
     ("train", "valid"),
     [
-        ({"step": 3}, "'step'; valid: batch"),
+        ({"step": 3}, "'step' (did you mean steps?); valid: batch"),
         ({"steps": 0}, "1 or more"),
         ({"steps": "many"}, "valid: like"),
         ({"device": "tpu"}, "valid: auto, cpu, cuda"),

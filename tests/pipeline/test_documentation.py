@@ -63,8 +63,8 @@ def test_targets_and_variables_of_make_exist(page: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "unknown", "valid"),
     [
-        (["collect", "EPISODE=3"], "EPISODE", "EPISODES"),
-        (["collect", "ROBOTS=h1", "SCENE=scan.glb"], "ROBOTS", "ROBOT"),
+        (["collect", "EPISODE=3"], "EPISODE (did you mean EPISODES?)", "EPISODES"),
+        (["collect", "ROBOTS=h1", "SCENE=scan.glb"], "ROBOTS (did you mean ROBOT?)", "ROBOT"),
         (["evaluate", "LIGHT=DL300"], "LIGHT", "POLICY"),
     ],
 )
@@ -75,6 +75,27 @@ def test_variables_that_a_target_does_not_take_are_refused(
     assert done.returncode == 2
     assert f"unknown variable {unknown}; valid: " in done.stderr
     assert valid in done.stderr.split("valid: ")[1].rstrip(". Stop\n").split()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["colect"], "unknown target colect (did you mean collect?); valid: help setup "),
+        (["colect", "ROBOT=h1"], "unknown target colect (did you mean collect?); valid: "),
+        (["collect", "tset"], "unknown target tset (did you mean setup or test?); valid: "),
+        (["xyzzy", "FOO=1"], "unknown target xyzzy; valid: "),
+    ],
+)
+def test_targets_that_do_not_exist_are_refused(words: list[str], said: str) -> None:
+    done = make(*words)
+    assert done.returncode == 2
+    assert said in done.stderr and "variable" not in done.stderr
+
+
+def test_every_target_is_known_as_one() -> None:
+    rules = re.findall(r"^([a-z-]+):.*## ", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    listed = make("xyzzy").stderr.split("valid: ")[1].rstrip(". Stop\n").split()
+    assert sorted(listed) == sorted(rules) and rules
 
 
 def test_values_and_variables_of_libraries_are_not_taken_for_variables() -> None:

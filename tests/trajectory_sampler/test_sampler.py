@@ -103,9 +103,12 @@ def test_no_episode_at_all_is_an_error_with_the_counts(two_rooms, changes):
         sample(two_rooms, **changes)
     assert "two_rooms" in str(caught.value)
     assert "m²" in str(caught.value)
+    config = replace(CONFIG, **changes)
+    assert f"{config.robot_radius_m:.2f} m of clearance along the way" in str(caught.value)
+    assert f"{config.end_clearance_m:.2f} m at both ends" in str(caught.value)
     if changes.get("min_length_m") == 30.0:
         # From corner to corner of the two rooms, round the jambs.
-        longest = re.search(r"longest way on it about ([\d.]+) m", str(caught.value))
+        longest = re.search(r"longest way .* is about ([\d.]+) m", str(caught.value))
         assert longest
         assert 7.0 < float(longest[1]) < 9.0
     assert "\n" not in str(caught.value)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from collections.abc import Sequence
@@ -11,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ....formats.core.camera import CameraModel
-from ....formats.core.errors import FileFormatError, brief
+from ....formats.core.errors import FileFormatError, brief, did_you_mean
 from ....formats.untrusted.documents import read_toml
 from ..parts import CommandLimits, FallThresholds, Foot, WheelDrive
 
@@ -102,8 +101,7 @@ class _Table:
     def refuse_unknown(self) -> None:
         for key in self.raw:
             if key not in self.known:
-                near = difflib.get_close_matches(key, self.known, 1)
-                hint = f" (did you mean {near[0]}?)" if near else ""
+                hint = did_you_mean(key, self.known)
                 valid = ", ".join(dict.fromkeys(self.known))
                 raise self.error(key, f"is unknown{hint}; valid: {valid}")
 

@@ -21,7 +21,8 @@ def run(options: Ablate) -> int:
         InputError: If the recipe, settings or data are invalid, or the extra `train` is missing.
     """
     start_torch(options.threads)
-    from ....datasets.mixture.recipe import read_recipe, recipe_path
+    from ....datasets.mixture.recipe import read_recipe
+    from ....datasets.mixture.shipped import recipe_path
     from ....learning.ablation.page import plot_png, report_html
     from ....learning.ablation.report import estimates, report_json, report_markdown
     from ....learning.ablation.run import run_ablation

@@ -5,15 +5,18 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import chain, pairwise
 from pathlib import Path
 
 from ....datasets.mixture.choice import NoEpisodesError
 from ....datasets.mixture.recipe import EVERYTHING, OWN_VIEW, Source
 from ....formats.core.checkout import program
 from ...engine.ledger import MANIFEST_NAME, Ledger
+from ...options.collect import Collect
 
 COLLECT = "collect"
 NEW_RUN = "apartment-0"  # of the built-in scene
+NEW_PATHS = 24  # as in the comments of the built-in recipes
 
 
 @contextmanager
@@ -33,7 +36,8 @@ def commands_for_missing(data: Path) -> Iterator[None]:
 def collect_command(source: Source, data: Path) -> str:
     """Return the command that collects a source's robots, controllers, lights and cameras.
 
-    They join the first run under `data`, on its paths; without one, a new run is made there.
+    They join the run under `data` that has the most paths, on all of them; without a run, a new one
+    is made there.
     """
     options = {
         "--robot": source.robots,
@@ -42,16 +46,31 @@ def collect_command(source: Source, data: Path) -> str:
         "--camera": () if source.cameras == (OWN_VIEW,) else source.cameras,
     }
     wanted = {option: ",".join(names) for option, names in options.items() if names}
-    added = [word for pair in wanted.items() for word in pair]
-    for run in (data, *sorted(data.glob("*"))):
-        before = Ledger(run).finished if (run / MANIFEST_NAME).is_file() else ""
-        command, known, rest = f"{before} ".partition(f" {COLLECT} ")
-        if known:
-            words = shlex.split(rest)
-            kept = [
-                word
-                for word, previous in zip(words, ["", *words], strict=False)
-                if word not in wanted and previous not in wanted
-            ]
-            return f"{command} {COLLECT} {shlex.join([*kept, *added])}"
-    return f"{program()} {COLLECT} {shlex.join([*added, '--out', str(data / NEW_RUN)])}"
+    runs = [run for run in (data, *sorted(data.glob("*"))) if (run / MANIFEST_NAME).is_file()]
+    ledgers = [ledger for ledger in map(Ledger, runs) if f" {COLLECT} " in f"{ledger.finished} "]
+    if not ledgers:
+        wanted |= {"--episodes": str(NEW_PATHS), "--out": str(data / NEW_RUN)}
+        return f"{program()} {COLLECT} {shlex.join(chain(*wanted.items()))}"
+    ledger = max(ledgers, key=lambda one: sum(_paths(one).values()))
+    command, _, rest = f"{ledger.finished} ".partition(f" {COLLECT} ")
+    words = shlex.split(rest)
+    # The last command may have asked for fewer paths than the robots before had walked.
+    given = dict(pairwise(words)).get("--episodes", "" if "--splits" in words else Collect.episodes)
+    walked = max(_paths(ledger).values(), default=0)
+    if given.isdecimal() and int(given) < walked:
+        wanted["--episodes"] = str(walked)
+    kept = [
+        word
+        for word, previous in zip(words, ["", *words], strict=False)
+        if word not in wanted and previous not in wanted
+    ]
+    return f"{command} {COLLECT} {shlex.join([*kept, *chain(*wanted.items())])}"
+
+
+def _paths(ledger: Ledger) -> dict[str, int]:
+    """Return on how many paths a run's robots have walked, by scene."""
+    found: dict[str, set[str]] = {}
+    for row in ledger.rows("replay"):
+        if row.status == "done":
+            found.setdefault(row.facts.get("scene", ""), set()).add(row.item.rpartition("/")[2])
+    return {scene: len(paths) for scene, paths in found.items()}

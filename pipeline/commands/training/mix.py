@@ -8,7 +8,8 @@ from typing import Any
 
 from ....datasets.mixture.choice import Library, choose_all
 from ....datasets.mixture.plan import MixturePlan, plan_chosen
-from ....datasets.mixture.recipe import read_recipe, recipe_path
+from ....datasets.mixture.recipe import read_recipe
+from ....datasets.mixture.shipped import recipe_path
 from ....datasets.mixture.table import plan_json, plan_text
 from ....formats.core.atomic import write_json
 from ....formats.core.errors import InputError, check_name

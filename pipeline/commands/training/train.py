@@ -35,7 +35,8 @@ def run(options: Train) -> int:
             "--validate and --dagger need the episodes of a run; name it with --run FOLDER"
         )
     start_torch(options.threads)
-    from ....datasets.mixture.recipe import read_recipe, recipe_path
+    from ....datasets.mixture.recipe import read_recipe
+    from ....datasets.mixture.shipped import recipe_path
     from ....learning.training.curves import CURVES
     from ....learning.training.session import Request, train_recipe
     from .loop import dagger, validation

@@ -96,9 +96,16 @@ def test_invalid_scenes_are_refused(tmp_path, refused, case):
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (("--robot", "aliengoo"), "aliengo"),
+        (("--robot", "Aliengoo"), "(did you mean aliengo?); valid: "),
         (("--controller", "telepathy"), "path"),
         (("--controller", "path,telepathy"), "telepathy"),
+        (("--controller", "sped"), "(did you mean speed?); valid: flash"),
+        (("--light", "DL500"), "(did you mean DL5000?); valid: CL"),
+        (("--camera", "chasse"), "(did you mean chase?); valid: chase"),
+        (("--episodes", "gru_vln1"), "EPISODES=gru_vln1 (did you mean gru_vln10?): valid"),
+        (("--scene", "bultin"), "(did you mean builtin?): no such file; valid: builtin, "),
+        (("--scene", "builtin-exct:villa*3"), "(did you mean builtin-exact?): no such file"),
+        (("--scene", "builtin:ofice"), "(did you mean office?); valid: apartment"),
         (("--robot", "vlnce", "--controller", "path"), "flash"),
         (("--camera", "rear"), "unknown camera 'rear'; valid: chase, ego, top"),
         (("--light", "disco"), "baked"),
@@ -113,6 +120,18 @@ def test_invalid_scenes_are_refused(tmp_path, refused, case):
 def test_invalid_options_list_the_valid_ones(tmp_path, refused, options, says):
     refused(says, *options, "--out", "run")
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("command", [("collect", "--scene"), ("repair",)])
+def test_what_is_no_scan_by_its_name_is_refused_before_any_work(
+    tmp_path, monkeypatch, capsys, command
+):
+    monkeypatch.chdir(tmp_path)
+    Path("README.md").write_text("# A project")
+    assert main([*command, "README.md", "--out", "run"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "README.md: unknown file type '.md'; valid: .glb, " in line
+    assert not Path("run").exists()
 
 
 def test_an_output_folder_that_is_a_file(tmp_path, refused):

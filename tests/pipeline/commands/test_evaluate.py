@@ -186,6 +186,7 @@ def test_the_same_id_in_two_splits_is_two_episodes(run, tmp_path) -> None:
     ("options", "message"),
     [
         (["--policy", "genius"], "policy 'genius'.*valid: .*random.*ws://"),
+        (["--policy", "ramdom"], "policy 'ramdom' .did you mean random.*; valid: "),
         (["--controller", "path"], "'path' does not support discrete.*valid: speed, flash"),
         (["--actions", "waypoints"], "policy random outputs discrete actions"),
         (["--split", "train"], "split 'train'.*valid: .*val_seen"),
