@@ -17,8 +17,6 @@ checker, half of it with the goal said first, and measured once after that work,
 by two more writers in eight voices about three more apartments and a villa.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
